@@ -1,0 +1,1 @@
+"""Floor 5: many runs through one compiled step, and the folder they leave."""

@@ -1,0 +1,25 @@
+"""Immutable records of arrays that JAX can map, scan and differentiate."""
+
+import dataclasses
+from typing import Any, TypeVar, dataclass_transform
+
+import jax
+
+T = TypeVar("T")
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+def pytree(cls: type[T]) -> type[T]:
+    """Makes `cls` a frozen keyword-only dataclass whose every field is a pytree child."""
+    frozen = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
+    return jax.tree_util.register_dataclass(frozen)
+
+
+def replace(record: T, **changes: Any) -> T:
+    """Returns a copy of the dataclass `record` with some fields changed."""
+    return dataclasses.replace(record, **changes)  # pyright: ignore[reportArgumentType, reportCallIssue]
+
+
+def select(condition: jax.Array, if_true: T, if_false: T) -> T:
+    """Returns one of two like pytrees by a scalar boolean; both are evaluated."""
+    return jax.tree.map(lambda a, b: jax.numpy.where(condition, a, b), if_true, if_false)

@@ -1,0 +1,21 @@
+"""The exceptions that the project raises on purpose. Each message is one line: what, found, expected."""
+
+
+class RpojaxError(Exception):
+    """Base of all errors that a user can cause and mend."""
+
+
+class ScenarioError(RpojaxError):
+    """A scenario, or an override of it, is not acceptable."""
+
+    def __init__(self, key: str, found: object, expected: str) -> None:
+        super().__init__(f"{key}: found {found!r}, expected {expected}")
+        self.key = key
+
+
+class OutputError(RpojaxError):
+    """An output folder or file cannot be used as asked."""
+
+
+class ResultError(RpojaxError):
+    """A campaign folder does not hold what was asked for."""

@@ -1,0 +1,212 @@
+"""The flight computer: tuning, memory, and the stages of flight software in the order in which they run."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core import quaternion, safe
+from rpojax.core.orbital_mechanics import mean_motion, semi_major_axis
+from rpojax.core.pytree import pytree, replace
+from rpojax.flight import attitude_control, attitude_estimator, formation_control, guidance, orbit_filter
+from rpojax.flight.attitude_control import AttitudeControl
+from rpojax.flight.attitude_estimator import AttitudeEstimate, AttitudeFilter
+from rpojax.flight.formation_control import Formation, FormationLaw
+from rpojax.flight.guidance import BurnPlan, Pointing, PointingState
+from rpojax.flight.onboard import Onboard
+from rpojax.flight.orbit_filter import BoxMeasurement, BoxTrack, Innovation, Navigation, OrbitEstimate
+
+Vector = Float[Array, "3"]
+Scalar = Float[Array, ""]
+
+
+@pytree
+class FlightParams:
+    """Everything that is tuned on board, and the vehicle data base."""
+
+    onboard: Onboard
+    navigation: Navigation
+    attitude_filter: AttitudeFilter
+    formation: Formation
+    pointing: Pointing
+    attitude_control: AttitudeControl
+
+
+@pytree
+class FlightMemory:
+    """State of the flight software.
+
+    Attributes:
+        orbit: estimate of both orbits
+        track: memory of the gate
+        attitude: estimate of the attitude
+        plan: the burn decided last
+        pointing: memory of the attitude guidance
+        gain: (3, 6) of the formation controller, solved once at start
+        allocation: (3, 3) body torque to wheel torques, solved once at start
+    """
+
+    orbit: OrbitEstimate
+    track: BoxTrack
+    attitude: AttitudeEstimate
+    plan: BurnPlan
+    pointing: PointingState
+    gain: Array
+    allocation: Array
+
+
+@pytree
+class Measurements:
+    """What the sensors give at one camera tick.
+
+    Attributes:
+        gps_N: (3,) [m]
+        star_tracker_q_BN: (4,)
+        box: bounding box
+    """
+
+    gps_N: Array
+    star_tracker_q_BN: Array
+    box: BoxMeasurement
+
+
+OrbitUpdate = Callable[
+    [Navigation, bool, Array, OrbitEstimate, BoxTrack, Array, Array, BoxMeasurement],
+    tuple[OrbitEstimate, BoxTrack, Innovation],
+]
+OrbitPrediction = Callable[[Navigation, OrbitEstimate, Array, Array, float], OrbitEstimate]
+WheelControl = Callable[[AttitudeControl, Onboard, Array, AttitudeEstimate, attitude_control.AttitudeCommand, Array], Array]
+
+
+@dataclass(frozen=True)
+class Stages:
+    """The replaceable parts of the flight software; pass functions of the same signature to put in your own.
+
+    Attributes:
+        orbit_update: filter update with GPS and box, as `orbit_filter.update`
+        orbit_predict: filter propagation, as `orbit_filter.predict`
+        formation_law: velocity change from the predicted deviation, as `formation_control.lqr`
+        wheel_torque: attitude control, as `attitude_control.wheel_torque`
+    """
+
+    orbit_update: OrbitUpdate = orbit_filter.update
+    orbit_predict: OrbitPrediction = orbit_filter.predict
+    formation_law: FormationLaw = formation_control.lqr
+    wheel_torque: WheelControl = attitude_control.wheel_torque
+
+
+def start(
+    params: FlightParams, period: float, orbit: OrbitEstimate, star_tracker_q_BN: Array, gyro_B: Vector
+) -> FlightMemory:
+    """Memory at the start of a run, from the hand-over's orbit estimate and the first attitude samples.
+
+    `period` [s] is the time between burns.
+    """
+    r_TN_N, v_TN_N = orbit.r_SN_N + orbit.r_TS_N, orbit.v_SN_N + orbit.v_TS_N
+    n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
+    return FlightMemory(
+        orbit=orbit,
+        track=orbit_filter.initial_track(),
+        attitude=attitude_estimator.initial(params.attitude_filter, star_tracker_q_BN, gyro_B),
+        plan=guidance.no_burn(),
+        pointing=guidance.initial_pointing(params.onboard, orbit),
+        gain=formation_control.lqr_gain(params.formation, n, period),
+        allocation=jnp.linalg.inv(params.onboard.wheel_axes.T),
+    )
+
+
+def navigate(
+    stages: Stages, params: FlightParams, gated: bool, memory: FlightMemory, measurements: Measurements
+) -> tuple[FlightMemory, Innovation]:
+    """Memory after the attitude and orbit filters have taken in one tick's measurements."""
+    attitude = attitude_estimator.update(params.attitude_filter, memory.attitude, measurements.star_tracker_q_BN)
+    q_KB = quaternion.normalize(params.onboard.camera_mounting)
+    orbit, track, innovation = stages.orbit_update(
+        params.navigation,
+        gated,
+        params.onboard.focal_px,
+        memory.orbit,
+        memory.track,
+        measurements.gps_N,
+        quaternion.multiply(q_KB, attitude.q_BN),
+        measurements.box,
+    )
+    return replace(memory, attitude=attitude, orbit=orbit, track=track), innovation
+
+
+def plan_burn(stages: Stages, params: FlightParams, memory: FlightMemory, time: Scalar) -> FlightMemory:
+    """Memory with a newly decided burn."""
+    lost = memory.pointing.unseen_time > params.pointing.search_after
+    plan = guidance.plan_burn(
+        stages.formation_law,
+        params.formation,
+        params.pointing,
+        params.onboard,
+        memory.gain,
+        memory.orbit,
+        lost,
+        time,
+    )
+    return replace(memory, plan=plan)
+
+
+def guide(
+    params: FlightParams, memory: FlightMemory, box_accepted: Bool[Array, ""], time: Scalar, dt: float
+) -> tuple[FlightMemory, Array]:
+    """Memory with the attitude reference for the next `dt` [s], and the mode."""
+    pointing, mode = guidance.guide(
+        params.pointing, params.onboard, memory.orbit, memory.plan, memory.pointing, box_accepted, time, dt
+    )
+    return replace(memory, pointing=pointing), mode
+
+
+def control_attitude(
+    stages: Stages, params: FlightParams, memory: FlightMemory, wheel_speed: Vector, age: Scalar
+) -> Vector:
+    """Wheel torque commands [N m] `age` [s] after the last guidance tick."""
+    command = guidance.evaluate(memory.pointing.reference, age)
+    return stages.wheel_torque(
+        params.attitude_control, params.onboard, memory.allocation, memory.attitude, command, wheel_speed
+    )
+
+
+def delta_v_between(params: FlightParams, memory: FlightMemory, begin: Scalar, end: Scalar) -> Vector:
+    """Velocity change in N [m/s] that flight software expects from the plan between two times [s]."""
+    on = jnp.clip(end, memory.plan.ignition, memory.plan.cutoff) - jnp.clip(
+        begin, memory.plan.ignition, memory.plan.cutoff
+    )
+    direction_N = quaternion.rotate(quaternion.conjugate(memory.attitude.q_BN), params.onboard.thrust_direction)
+    return on * params.onboard.thrust / params.onboard.mass * direction_N
+
+
+def predict(
+    stages: Stages,
+    params: FlightParams,
+    memory: FlightMemory,
+    q_BN_before: Float[Array, "4"],
+    delta_v_N: Vector,
+    dt: float,
+) -> FlightMemory:
+    """Memory with both filters carried over the `dt` [s] in which the thruster gave `delta_v_N` [m/s]."""
+    burn_delta_v = safe.norm(memory.plan.delta_v_N)
+    return replace(
+        memory,
+        orbit=stages.orbit_predict(params.navigation, memory.orbit, delta_v_N, burn_delta_v, dt),
+        attitude=attitude_estimator.predict_covariance(params.attitude_filter, memory.attitude, q_BN_before, dt),
+    )
+
+
+__all__ = [
+    "FlightMemory",
+    "FlightParams",
+    "Measurements",
+    "Stages",
+    "control_attitude",
+    "delta_v_between",
+    "guide",
+    "navigate",
+    "plan_burn",
+    "predict",
+    "start",
+]

@@ -1,0 +1,34 @@
+"""What the flight software believes about its own vehicle: nominal values, whatever the truth is."""
+
+from jaxtyping import Array
+
+from rpojax.core.pytree import pytree
+
+
+@pytree
+class Onboard:
+    """Vehicle data base.
+
+    Attributes:
+        mass: () [kg]
+        inertia: (3, 3) wheels locked [kg m^2]
+        thrust: () [N]
+        minimum_on_time: () of the thruster [s]
+        thrust_direction: (3,) force in B, unit
+        wheel_axes: (3, 3) one a row
+        wheel_inertia: (3,) [kg m^2]
+        wheel_torque_limit: (3,) [N m]
+        camera_mounting: (4,) q_KB
+        focal_px: () [px]
+    """
+
+    mass: Array
+    inertia: Array
+    thrust: Array
+    minimum_on_time: Array
+    thrust_direction: Array
+    wheel_axes: Array
+    wheel_inertia: Array
+    wheel_torque_limit: Array
+    camera_mounting: Array
+    focal_px: Array

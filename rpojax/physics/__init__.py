@@ -1,0 +1,1 @@
+"""Floor 2: truth. Orbits, attitudes and actuators as they really are."""

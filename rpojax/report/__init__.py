@@ -1,0 +1,1 @@
+"""Floor 7: results become pictures, one self-contained page for people and one JSON file for machines."""

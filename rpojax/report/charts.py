@@ -1,0 +1,184 @@
+"""Interactive charts of a campaign as plotly dictionaries, thinned so that the page stays small."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from rpojax.analysis.statistics import percentiles_over_runs
+from rpojax.report.labels import Channel, Metric
+from rpojax.report.style import BLUE, FONT, GREEN, GRID, INK, MUTED, VERMILLION
+
+Chart = dict[str, Any]
+
+_MOST_POINTS = 800
+_RUNS_FOR_5_95 = 20
+_RUNS_FOR_1_99 = 100
+_OUTER_FILL = "rgba(0, 114, 178, 0.13)"
+_INNER_FILL = "rgba(0, 114, 178, 0.26)"
+
+
+def compact(values: np.ndarray) -> list[float | None]:
+    """`values` as a list of numbers with five significant digits, None where not finite."""
+    return [float(f"{value:.5g}") if np.isfinite(value) else None for value in np.asarray(values, dtype=float)]
+
+
+def worst_run(channel: Channel, values: np.ndarray, completed: np.ndarray) -> int | None:
+    """Completed run with the largest mean of `values` (runs, m) over the last third, or the lowest value if low is bad."""
+    part = values if channel.low_is_bad else values[:, 2 * values.shape[1] // 3 :]
+    candidates = np.flatnonzero(completed & np.isfinite(part).any(axis=1))
+    if len(candidates) == 0:
+        return None
+    if channel.low_is_bad:
+        return int(candidates[np.argmin(np.nanmin(part[candidates], axis=1))])
+    return int(candidates[np.argmax(np.nanmean(part[candidates], axis=1))])
+
+
+def envelope(
+    channel: Channel, time_s: np.ndarray, values: np.ndarray, completed: np.ndarray, bound: np.ndarray | None = None
+) -> Chart | None:
+    """Chart of `values` (runs, m) over time: median, bands, worst run and the median of `bound` (runs, m); None if empty.
+
+    At each instant the percentiles are over the runs that have not failed yet. Bands appear when there are runs enough
+    to resolve them; below that the outer band is from the smallest to the largest run.
+    """
+    shown = np.flatnonzero(np.isfinite(values).any(axis=0))
+    if len(shown) == 0:
+        return None
+    shown = shown[:: -(-len(shown) // _MOST_POINTS)]
+    time, thinned = compact(time_s[shown]), values[:, shown]
+    traces = _bands(channel, time, thinned)
+    median_name = "run" if len(values) == 1 else "median"
+    traces.append(_line(channel, time, percentiles_over_runs(thinned, (50.0,))[0], median_name, BLUE, 2.0))
+    worst = worst_run(channel, values, completed)
+    if worst is not None and len(values) > 1:
+        traces.append(_line(channel, time, thinned[worst], f"worst run ({worst})", VERMILLION, 1.2))
+    if bound is not None:
+        middle = percentiles_over_runs(bound[:, shown], (50.0,))[0]
+        traces.append(_line(channel, time, middle, "3 sigma of the filter, median", GREEN, 1.8, "dash"))
+    return {"data": traces, "layout": _time_layout(channel)}
+
+
+def histogram(shown: Metric, values: np.ndarray) -> Chart:
+    """Chart of the distribution of `values` (n,), all finite, with median (solid) and 99th percentile (dashed)."""
+    counts, edges = binned(values)
+    bars = {
+        "type": "bar",
+        "x": compact((edges[:-1] + edges[1:]) / 2.0),
+        "y": counts.tolist(),
+        "width": compact(np.diff(edges)),
+        "marker": {"color": BLUE, "opacity": 0.75, "line": {"width": 0}},
+        "hovertemplate": "%{y} runs near %{x}<extra></extra>",
+    }
+    layout = _layout(shown.unit, "runs")
+    layout["bargap"] = 0
+    layout["shapes"] = [
+        _marker_line(float(np.percentile(values, 50)), "solid"),
+        _marker_line(float(np.percentile(values, 99)), "dash"),
+    ]
+    layout["margin"] = {"l": 42, "r": 10, "t": 6, "b": 36}
+    return {"data": [bars], "layout": layout}
+
+
+def binned(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Counts (k,) and bin edges (k + 1,) of `values` (n,), all finite; the bins stay open where the values are all alike."""
+    bins = int(np.clip(np.ceil(np.sqrt(len(values))), 6, 36))
+    low, high = float(values.min()), float(values.max())
+    margin = 0.5 if low == high == 0.0 else 1e-6 * max(abs(low), abs(high))
+    wide = high - low > margin
+    return np.histogram(values, bins=bins, range=(low, high) if wide else (low - margin, high + margin))
+
+
+def reference_lines(chart: Chart, levels: Sequence[tuple[float, str]]) -> Chart:
+    """`chart` with horizontal dotted lines at (value, text)."""
+    for value, text in levels:
+        name = f"{text} ({value:.3g})"
+        ends = [chart["data"][0]["x"][0], chart["data"][0]["x"][-1]]
+        line = {"color": GREEN, "width": 1.6, "dash": "dot"}
+        chart["data"].append(
+            {"type": "scatter", "mode": "lines", "x": ends, "y": [value, value], "name": name, "line": line, "hoverinfo": "skip"}
+        )
+    return chart
+
+
+def _bands(channel: Channel, time: list[float | None], values: np.ndarray) -> list[dict[str, Any]]:
+    runs = len(values)
+    if runs < 2:
+        return []
+    outer = (1.0, 99.0) if runs >= _RUNS_FOR_1_99 else (0.0, 100.0)
+    traces = _band(channel, time, values, outer, _OUTER_FILL)
+    if runs >= _RUNS_FOR_5_95:
+        traces += _band(channel, time, values, (5.0, 95.0), _INNER_FILL)
+    return traces
+
+
+def _band(
+    channel: Channel, time: list[float | None], values: np.ndarray, percents: tuple[float, float], fill: str
+) -> list[dict[str, Any]]:
+    low, high = percentiles_over_runs(values, percents)
+    whole = percents == (0.0, 100.0)
+    name = "smallest to largest" if whole else f"{percents[0]:.0f}\N{EN DASH}{percents[1]:.0f} %"
+    ends = ("smallest", "largest") if whole else tuple(f"{percent:.0f} %" for percent in percents)
+    edge = {"type": "scatter", "mode": "lines", "x": time, "line": {"width": 0, "color": BLUE}, "legendgroup": name}
+    return [
+        {**edge, "y": _drawable(channel, low), "name": name, "showlegend": False, "hovertemplate": _hover(channel, ends[0])},
+        {
+            **edge,
+            "y": _drawable(channel, high),
+            "name": name,
+            "fill": "tonexty",
+            "fillcolor": fill,
+            "hovertemplate": _hover(channel, ends[1]),
+        },
+    ]
+
+
+def _line(
+    channel: Channel, time: list[float | None], values: np.ndarray, name: str, color: str, width: float, dash: str = "solid"
+) -> dict[str, Any]:
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "x": time,
+        "y": _drawable(channel, values),
+        "name": name,
+        "line": {"color": color, "width": width, "dash": dash},
+        "hovertemplate": _hover(channel, name),
+    }
+
+
+def _drawable(channel: Channel, values: np.ndarray) -> list[float | None]:
+    return compact(np.where(values > 0.0, values, np.nan) if channel.logarithmic else values)
+
+
+def _hover(channel: Channel, name: str) -> str:
+    return f"{name}: %{{y:.4g}} {channel.unit}<extra></extra>"
+
+
+def _time_layout(channel: Channel) -> dict[str, Any]:
+    layout = _layout("time [s]", f"[{channel.unit}]" if channel.unit else "[-]")
+    layout["hovermode"] = "x unified"
+    layout["legend"] = {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom", "font": {"size": 11}}
+    if channel.logarithmic:
+        layout["yaxis"].update(type="log", dtick=1, minor={"showgrid": True, "gridcolor": "#f1f4f7"})
+    else:
+        layout["yaxis"]["rangemode"] = "tozero"
+    return layout
+
+
+def _layout(x_title: str, y_title: str) -> dict[str, Any]:
+    axis = {"gridcolor": GRID, "linecolor": MUTED, "zeroline": False, "ticks": "outside", "tickcolor": GRID, "ticklen": 4}
+    return {
+        "font": {"family": FONT, "size": 12, "color": INK},
+        "paper_bgcolor": "white",
+        "plot_bgcolor": "white",
+        "margin": {"l": 56, "r": 14, "t": 40, "b": 44},
+        "xaxis": {**axis, "title": {"text": x_title, "font": {"size": 12}}},
+        "yaxis": {**axis, "title": {"text": y_title, "font": {"size": 12}}},
+        "showlegend": True,
+    }
+
+
+def _marker_line(x: float, dash: str) -> dict[str, Any]:
+    line = {"color": VERMILLION, "width": 1.6, "dash": dash}
+    return {"type": "line", "xref": "x", "yref": "paper", "x0": x, "x1": x, "y0": 0, "y1": 1, "line": line}

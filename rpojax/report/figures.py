@@ -1,0 +1,154 @@
+"""Figures 6, 7 and 8 of the paper for one run with full history, as matplotlib figures."""
+
+import io
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from rpojax.report.files import write_atomically
+from rpojax.report.style import BLUE, GREEN, GRID, INK, MUTED, ORANGE, SHADE, VERMILLION
+
+History = Mapping[str, np.ndarray]
+
+_AXIS_NAMES = ("x radial", "y along-track", "z normal")
+_AWAY_MODES = (1, 2, 3)  # turn, burn, turn back
+_SEARCH_MODE = 4
+_PIXELS_PER_INCH = 150
+
+
+def bearing_and_range(history: History, title: str) -> Figure:
+    """Figure 6: measured bearing components [-] and coarse range [m] of the boxes of one run, truth as a thin line."""
+    figure = _figure(title, (12.0, 5.4))
+    grid = figure.add_gridspec(3, 2, width_ratios=(1.15, 1.0))
+    bearings = [figure.add_subplot(grid[row, 0]) for row in range(3)]
+    distance = figure.add_subplot(grid[:, 1])
+    true_range = np.linalg.norm(history["rho_H"], axis=1)
+    for axis, axes in enumerate(bearings):
+        _boxes(axes, history, history["box_bearing_H"][:, axis], -history["rho_H"][:, axis] / true_range)
+        _finish(axes, history, f"{_AXIS_NAMES[axis]} [-]", last=axis == 2)
+    _boxes(distance, history, history["box_range_m"], true_range)
+    _finish(distance, history, "range [m]", last=True)
+    bearings[0].set_title("Bearing unit vector, servicer to target, Hill frame", fontsize=10, color=INK)
+    distance.set_title("Range from the size of the box", fontsize=10, color=INK)
+    _legend(figure, distance)
+    return figure
+
+
+def estimation_error(history: History, title: str) -> Figure:
+    """Figure 7: position error [m] of target, servicer and relative state per Hill axis, with 3-sigma bounds."""
+    figure = _figure(title, (12.0, 6.4))
+    columns = (("target", "Target"), ("servicer", "Servicer"), ("relative", "Relative (servicer from target)"))
+    cells = figure.subplots(3, 3, sharex=True, sharey="col")
+    for column, (name, heading) in enumerate(columns):
+        error, bound = history[f"{name}_error_H"], 3.0 * history[f"{name}_sigma_H"]
+        for axis in range(3):
+            axes = cells[axis, column]
+            axes.plot(history["time_s"], error[:, axis], color=BLUE, lw=0.9, label="error")
+            axes.plot(history["time_s"], bound[:, axis], color=VERMILLION, lw=0.9, label="3-sigma bound")
+            axes.plot(history["time_s"], -bound[:, axis], color=VERMILLION, lw=0.9)
+            _finish(axes, history, f"{_AXIS_NAMES[axis]} [m]" if column == 0 else "", last=axis == 2)
+        limit = _settled_limit(history["time_s"], error, bound)
+        cells[0, column].set_ylim(-limit, limit)
+        cells[0, column].set_title(heading, fontsize=10, color=INK)
+    _legend(figure, cells[0, 0])
+    return figure
+
+
+def relative_position(history: History, title: str) -> Figure:
+    """Figure 8: position [m] of the TARGET from the servicer per Hill axis, the negative of rho used elsewhere."""
+    figure = _figure(title, (12.0, 6.0))
+    rows = figure.subplots(3, 1, sharex=True)
+    for axis, axes in enumerate(rows):
+        axes.plot(history["time_s"], -history["rho_estimate_H"][:, axis], color=BLUE, lw=1.0, label="estimate")
+        axes.plot(history["time_s"], -history["rho_H"][:, axis], color=ORANGE, lw=1.6, label="truth")
+        axes.axhline(-history["rho_desired_H"][axis], color=GREEN, lw=1.3, ls=(0, (5, 2)), label="desired")
+        axes.lines[0].set_zorder(axes.lines[1].get_zorder() + 0.5)
+        _finish(axes, history, f"{_AXIS_NAMES[axis]} [m]", last=axis == 2)
+    rows[0].set_title(
+        "Target relative to the servicer, Hill frame (sign flipped: elsewhere rho is the servicer from the target)",
+        fontsize=10,
+        color=INK,
+    )
+    _legend(figure, rows[0])
+    return figure
+
+
+FIGURES: dict[str, Callable[[History, str], Figure]] = {
+    "bearing_and_range.png": bearing_and_range,
+    "estimation_error.png": estimation_error,
+    "relative_position.png": relative_position,
+}
+
+
+def write_figures(history: History, directory: Path, title: str) -> dict[str, Path]:
+    """Writes the three figures of one run into `directory` as PNG; returns file name -> path."""
+    return {
+        name: write_atomically(directory / name, _png(draw(history, f"{draw_number}  {title}")))
+        for draw_number, (name, draw) in zip(("Fig. 6", "Fig. 7", "Fig. 8"), FIGURES.items(), strict=True)
+    }
+
+
+def _figure(title: str, size_inches: tuple[float, float]) -> Figure:
+    figure = Figure(figsize=size_inches, layout="constrained", facecolor="white")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color=INK)
+    return figure
+
+
+def _png(figure: Figure) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=_PIXELS_PER_INCH)
+    return buffer.getvalue()
+
+
+def _boxes(axes: Axes, history: History, measured: np.ndarray, truth: np.ndarray) -> None:
+    time, present = history["time_s"], history["box_present"].astype(bool)
+    accepted = present & history["box_accepted"].astype(bool)
+    rejected = present & ~accepted
+    axes.plot(time[accepted], measured[accepted], ".", ms=2.2, color=BLUE, label="accepted box")
+    axes.plot(time[rejected], measured[rejected], "x", ms=5, mew=1.1, color=VERMILLION, label="rejected box")
+    axes.plot(time, truth, color=INK, lw=0.7, label="truth")
+
+
+def _finish(axes: Axes, history: History, label: str, last: bool) -> None:
+    _shade(axes, history, np.isin(history["mode"], _AWAY_MODES), SHADE, "look-away (turn, burn, turn back)")
+    _shade(axes, history, history["mode"] == _SEARCH_MODE, ORANGE, "search")
+    axes.set_xlim(history["time_s"][0], history["time_s"][-1])
+    axes.set_ylabel(label, fontsize=9, color=INK)
+    axes.set_xlabel("time [s]" if last else "", fontsize=9, color=INK)
+    axes.tick_params(labelsize=8, colors=MUTED, labelbottom=last)
+    axes.grid(color=GRID, lw=0.6)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.spines[["left", "bottom"]].set_color(MUTED)
+
+
+def _shade(axes: Axes, history: History, where: np.ndarray, color: str, label: str) -> None:
+    if not np.any(where):
+        return
+    lasting = where.copy()
+    lasting[1:] |= where[:-1]  # a second lasts until the next one
+    across = axes.get_xaxis_transform()
+    axes.fill_between(
+        history["time_s"], 0.0, 1.0, where=lasting.tolist(), transform=across, color=color, alpha=0.25, lw=0, label=label
+    )
+
+
+def _legend(figure: Figure, axes: Axes) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=9, frameon=False)
+
+
+def _settled_limit(time_s: np.ndarray, error: np.ndarray, bound: np.ndarray) -> float:
+    """Half height [m] that shows all but the handover: the first tenth of the run may lie off scale."""
+    size = np.maximum(np.abs(error), bound)
+    settled = size[time_s >= time_s[0] + 0.1 * (time_s[-1] - time_s[0])]
+    for candidates in (settled, size):
+        finite = candidates[np.isfinite(candidates)]
+        if len(finite):
+            return 1.15 * float(finite.max()) or 1.0
+    return 1.0

@@ -1,0 +1,92 @@
+"""One self-contained page and its JSON twin for a campaign."""
+
+import base64
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+
+from rpojax.report import dispersions, sections
+from rpojax.report.charts import Chart
+from rpojax.report.figures import write_figures
+from rpojax.report.files import write_atomically
+from rpojax.report.labels import number
+from rpojax.report.results import Results
+from rpojax.report.summary import choose_run, summarise
+
+_CAPTIONS = {
+    "bearing_and_range.png": "Bearing unit vector from servicer to target in the Hill frame (left) and range from the size "
+    "of the box (right). Dots are boxes that the filter accepted, crosses boxes that it refused, the thin line is the "
+    "truth. Grey: the camera looks away for a burn. Orange: it searches.",
+    "estimation_error.png": "Position estimation error of target, servicer and relative state per Hill axis with 3-sigma "
+    "bounds. The vertical scale is that of the run after its first tenth, so the handover may lie off scale.",
+    "relative_position.png": "Position of the target from the servicer in the Hill frame: estimate, truth and desired. "
+    "The sign is flipped in this figure only; everywhere else the position is that of the servicer from the target.",
+}
+
+
+def write_report(campaign: Results, run_id: int | None = None) -> Path:
+    """Writes report.html, report.json and the figures of one run into the campaign's folder; returns the page's path.
+
+    `run_id` chooses the run shown in detail (default: the median one in formation error among kept histories). Raises
+    ValueError where no history of `run_id` is kept.
+    """
+    shown = choose_run(campaign, run_id)
+    summary = summarise(campaign)
+    figures: dict[str, Path] = {}
+    if shown is not None:
+        title = f"{campaign.info.get('name', 'campaign')}, run {shown}"
+        figures = write_figures(campaign.history(shown), campaign.directory / "figures", title)
+    page = _page(campaign, summary, shown, figures)
+    content = json.dumps(summary, indent=2, allow_nan=False) + "\n"
+    write_atomically(campaign.directory / "report.json", content.encode())
+    return write_atomically(campaign.directory / "report.html", page.encode())
+
+
+def _page(campaign: Results, summary: Mapping[str, Any], shown: int | None, figures: Mapping[str, Path]) -> str:
+    folder = jinja2.FileSystemLoader(Path(__file__).parent)
+    environment = jinja2.Environment(
+        loader=folder, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters["number"] = number
+    curves = sections.envelopes(campaign)
+    bars = sections.histograms(campaign, summary)
+    charts: dict[str, Chart] = {f"envelope-{name}": chart for name, (_, chart) in curves.items()}
+    charts.update({f"histogram-{entry['name']}": entry["chart"] for entry in bars if entry["chart"] is not None})
+    explorer = dispersions.explorer(campaign)
+    return environment.get_template("template.html").render(
+        name=campaign.info.get("name", "campaign"),
+        description=campaign.info.get("description", ""),
+        folder=campaign.directory.resolve().name,
+        runs=summary["runs"],
+        identity=sections.identity(campaign, summary),
+        tiles=sections.tiles(summary),
+        metric_rows=sections.metric_rows(campaign, summary),
+        envelopes=[channel for channel, _ in curves.values()],
+        consistency=sections.consistency(campaign, summary),
+        histograms=bars,
+        dispersions=dispersions.as_drawn(campaign),
+        explorer=explorer is not None,
+        failures=sections.failures(summary),
+        shown=shown,
+        shown_metrics=[] if shown is None else sections.chosen_metrics(campaign, shown),
+        figures=[(_CAPTIONS[name], _data_url(path)) for name, path in figures.items()],
+        scenario=sections.scenario_lines(campaign),
+        limits=sections.limits(campaign, summary),
+        page_data=_script_json({"charts": charts, "explorer": explorer}),
+        plotly=Markup(get_plotlyjs()),
+    )
+
+
+def _data_url(path: Path) -> str:
+    return "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode()
+
+
+def _script_json(value: Any) -> Markup:
+    """JSON that cannot end the script element around it."""
+    text = json.dumps(value, allow_nan=False, separators=(",", ":"))
+    return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))

@@ -1,0 +1,104 @@
+"""Names, meanings and number formats that readers see."""
+
+import math
+from dataclasses import dataclass
+
+from rpojax.simulation.metrics import UNITS
+
+
+@dataclass(frozen=True)
+class Metric:
+    """Title, meaning and unit of one metric, and whether a low value is the bad one."""
+
+    title: str
+    meaning: str
+    unit: str
+    low_is_bad: bool = False
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Title and unit of one trace over time, and how to draw it."""
+
+    name: str
+    title: str
+    unit: str
+    logarithmic: bool = False
+    low_is_bad: bool = False
+
+
+_LAST = "over the last 1000 s or third of the run"
+_SETTLED = "from 1000 s (or a third of a shorter run) to the end"
+
+_TEXTS: dict[str, tuple[str, str]] = {
+    "formation_error_rms_m": (
+        "Formation error",
+        f"RMS distance of the true relative position from the desired one, {_LAST}; estimation error is part of it.",
+    ),
+    "nav_relative_position_error_rms_m": (
+        "Relative navigation error",
+        f"RMS 3-D error of the estimated position of the servicer from the target, {_SETTLED}.",
+    ),
+    "nav_servicer_position_error_rms_m": (
+        "Servicer navigation error",
+        f"RMS 3-D error of the servicer's estimated absolute position, {_SETTLED}.",
+    ),
+    "nav_target_position_error_rms_m": (
+        "Target navigation error",
+        f"RMS 3-D error of the target's estimated absolute position, {_SETTLED}.",
+    ),
+    "nees_mean": (
+        "NEES, both spacecraft",
+        "Mean normalised estimation error squared of the 12 position and velocity components; 12 is consistent.",
+    ),
+    "nees_relative_mean": (
+        "NEES, relative",
+        "The same for the 6 components of the relative state; 6 is consistent.",
+    ),
+    "sigma3_coverage": (
+        "3-sigma coverage",
+        "Share of seconds and Hill axes in which the relative position error is inside 3 sigma; a normal error gives 0.9973.",
+    ),
+    "delta_v_m_s": ("Delta-v", "Velocity change that the thruster applied over the whole run."),
+    "min_range_m": ("Minimum range", "Smallest true distance of the two spacecraft."),
+    "detection_rate": ("Detection rate", "Boxes per frame in which the target could be seen."),
+    "visible_fraction": ("Tracked fraction", "Share of all frames with an accepted box."),
+    "boxes_rejected": ("Boxes rejected", "Number of boxes that the filter's gate refused."),
+    "time_to_acquire_s": ("Time to acquire", "Time until the first accepted box."),
+    "pointing_error_p95_deg": (
+        "Pointing error, p95",
+        "95th percentile of the angle from boresight to target while the camera is meant to be on it and settled.",
+    ),
+    "wheel_speed_peak_fraction": ("Peak wheel speed", "Highest reaction wheel speed as a fraction of its limit."),
+    "good_boxes_rejected_fraction": ("Good boxes rejected", "Share of true boxes that the gate refused."),
+    "outliers_accepted": ("Outliers accepted", "Number of false boxes that passed the gate."),
+    "look_away_peak_s": ("Longest look-away", "Longest time away from the target for one burn."),
+}
+_LOW_IS_BAD = {"min_range_m", "sigma3_coverage", "detection_rate", "visible_fraction"}
+
+CHANNELS = (
+    Channel("formation_error_m", "Formation error", "m", logarithmic=True),
+    Channel("nav_relative_error_m", "Relative navigation error and its 3 sigma", "m", logarithmic=True),
+    Channel("range_m", "Range between the spacecraft", "m", low_is_bad=True),
+    Channel("delta_v_m_s", "Delta-v applied", "m/s"),
+    Channel("nees", "NEES of 12 position and velocity components", "", logarithmic=True),
+)
+
+
+def metric(name: str) -> Metric:
+    """How to show the metric `name`; one that has no text here is shown by its own name."""
+    title, meaning = _TEXTS.get(name, (name.replace("_", " "), ""))
+    unit = UNITS.get(name, "-")
+    return Metric(title, meaning, "" if unit == "-" else unit, name in _LOW_IS_BAD)
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """`value` with `digits` significant digits, whole numbers without decimals, and a dash for None or NaN."""
+    if value is None or not math.isfinite(value):
+        return "\N{EN DASH}"
+    if value == 0.0 or (float(value).is_integer() and abs(value) < 1e6):
+        return f"{value:.0f}"
+    magnitude = math.floor(math.log10(abs(value)))
+    if magnitude < -4 or magnitude > 6:
+        return f"{value:.{digits - 1}e}"
+    return f"{value:.{max(0, digits - 1 - magnitude)}f}"

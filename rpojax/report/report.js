@@ -1,0 +1,99 @@
+(() => {
+  "use strict";
+  const data = JSON.parse(document.getElementById("page-data").textContent);
+  const config = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
+  const quiet = { ...config, displayModeBar: false };
+
+  function drawNext(waiting) {
+    const place = waiting.shift();
+    if (!place) return;
+    const chart = data.charts[place.dataset.chart];
+    Plotly.newPlot(place, chart.data, chart.layout, place.classList.contains("small") ? quiet : config);
+    setTimeout(() => drawNext(waiting), 0);
+  }
+
+  function fill(select, entries) {
+    for (const [value, text] of entries) select.add(new Option(text, value));
+  }
+
+  function explore(explorer) {
+    const metricPick = document.getElementById("pick-metric");
+    const inputPick = document.getElementById("pick-input");
+    const axis = { gridcolor: "#e3e8ee", zeroline: false, automargin: true };
+    const font = { family: getComputedStyle(document.body).fontFamily, size: 12, color: "#1a2433" };
+    const base = { font, paper_bgcolor: "white", plot_bgcolor: "white", showlegend: false, margin: { l: 60, r: 14, t: 10, b: 44 } };
+
+    function strongest(metric) {
+      return Object.entries(metric.rank).sort((a, b) => Math.abs(b[1]) - Math.abs(a[1]));
+    }
+
+    function drawRanks(metric, input) {
+      const ranks = strongest(metric).slice(0, 12).reverse();
+      const line = (x) => ({ type: "line", yref: "paper", y0: 0, y1: 1, x0: x, x1: x, line: { color: "#5b6776", dash: "dot", width: 1.5 } });
+      const colors = ranks.map(([key]) => (key === input ? "#D55E00" : "#0072B2"));
+      Plotly.react("rank-chart", [{
+        type: "bar", orientation: "h", x: ranks.map((r) => r[1]), y: ranks.map((r) => r[0]),
+        marker: { color: colors, opacity: 0.8 }, hovertemplate: "%{y}: %{x:.3f}<extra></extra>",
+      }], {
+        ...base, shapes: [line(metric.chance), line(-metric.chance)],
+        xaxis: { ...axis, range: [-1, 1], title: { text: "Spearman rank correlation" } }, yaxis: { ...axis, tickfont: { size: 11 } },
+      }, quiet);
+      document.getElementById("rank-note").textContent = "chance level \u00b1" + metric.chance.toFixed(3);
+    }
+
+    function drawScatter(metric, input) {
+      const title = metric.title + (metric.unit ? " [" + metric.unit + "]" : "");
+      Plotly.react("scatter-chart", [{
+        type: "scatter", mode: "markers", x: explorer.inputs[input], y: metric.values, text: metric.values.map((_, run) => "run " + run),
+        marker: { size: 5, color: "#0072B2", opacity: 0.5 }, hovertemplate: "%{text}<br>%{x}, %{y}<extra></extra>",
+      }], { ...base, xaxis: { ...axis, title: { text: input } }, yaxis: { ...axis, title: { text: title } } }, quiet);
+      const rank = metric.rank[input];
+      document.getElementById("scatter-note").textContent = rank === undefined ? "" : "rank correlation " + rank.toFixed(3);
+    }
+
+    function draw() {
+      const metric = explorer.metrics[metricPick.value];
+      drawRanks(metric, inputPick.value);
+      drawScatter(metric, inputPick.value);
+    }
+
+    function chooseStrongest() {
+      const first = strongest(explorer.metrics[metricPick.value])[0];
+      if (first) inputPick.value = first[0];
+      draw();
+    }
+
+    fill(metricPick, Object.entries(explorer.metrics).map(([name, metric]) => [name, metric.title]));
+    fill(inputPick, Object.keys(explorer.inputs).map((key) => [key, key]));
+    metricPick.addEventListener("change", chooseStrongest);
+    inputPick.addEventListener("change", draw);
+    chooseStrongest();
+    document.getElementById("rank-chart").on("plotly_click", (event) => {
+      inputPick.value = event.points[0].y;
+      draw();
+    });
+  }
+
+  function followScroll() {
+    const links = new Map([...document.querySelectorAll(".contents a")].map((a) => [a.hash.slice(1), a]));
+    const watcher = new IntersectionObserver((entries) => {
+      for (const entry of entries) {
+        if (!entry.isIntersecting) continue;
+        links.forEach((link) => link.classList.remove("here"));
+        links.get(entry.target.id).classList.add("here");
+      }
+    }, { rootMargin: "-10% 0px -80% 0px" });
+    links.forEach((_, id) => watcher.observe(document.getElementById(id)));
+  }
+
+  function resizeAll() {
+    document.querySelectorAll(".js-plotly-plot").forEach((place) => Plotly.Plots.resize(place));
+  }
+
+  if (window.matchMedia("(max-width: 700px)").matches) document.querySelector(".contents details").open = false;
+  window.addEventListener("beforeprint", resizeAll);
+  window.addEventListener("afterprint", resizeAll);
+  drawNext([...document.querySelectorAll("[data-chart]")]);
+  if (data.explorer) explore(data.explorer);
+  followScroll();
+})();

@@ -1,0 +1,263 @@
+"""The contents of the page's sections as plain records; the template only lays them out."""
+
+import json
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rpojax.analysis.statistics import mean_nees_interval, proportion_interval
+from rpojax.report.charts import Chart, envelope, histogram, reference_lines
+from rpojax.report.labels import CHANNELS, Channel, metric, number
+from rpojax.report.results import Results
+
+_MOST_FAILURES = 50
+_NEES_COMPONENTS = 12
+_NOMINAL_COVERAGE = 0.9973
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One headline number; `alert` marks one that needs attention."""
+
+    title: str
+    value: str
+    unit: str
+    note: str
+    alert: bool = False
+
+
+@dataclass(frozen=True)
+class MetricRow:
+    """One line of the metric table; `cells` are mean, sd, min, p50, p95, p99, bound of p99 and max."""
+
+    name: str
+    title: str
+    meaning: str
+    unit: str
+    cells: list[str]
+    defined: int
+    worst_run: int | None
+
+
+def identity(campaign: Results, summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Label and text of what identifies the campaign."""
+    info, runs = campaign.info, summary["runs"]
+    versions = ", ".join(f"{name} {version}" for name, version in info.get("versions", {}).items())
+    lines = [
+        ("Scenario hash", info.get("scenario_hash")),
+        ("Master seed", info.get("seed")),
+        ("Runs", f"{runs['requested']} requested, {runs['completed']} completed, {runs['failed']} failed"),
+        ("Versions", versions),
+        ("Device", " ".join(str(info[key]) for key in ("device", "dtype") if key in info)),
+        ("Block size", info.get("block_size")),
+        ("Created", info.get("created")),
+        ("Timing", _timing(info.get("timing") or {})),
+    ]
+    return [(label, str(text)) for label, text in lines if text not in (None, "")]
+
+
+def tiles(summary: Mapping[str, Any]) -> list[Tile]:
+    """Headline numbers of the campaign."""
+    metrics = summary["metrics"]
+    coverage = _statistic(metrics, "sigma3_coverage", "mean")
+    nees = _statistic(metrics, "nees_mean", "mean")
+    return [
+        _median_tile(metrics, "formation_error_rms_m"),
+        _median_tile(metrics, "nav_relative_position_error_rms_m"),
+        Tile("3-sigma coverage", number(coverage), "", f"mean; a normal error gives {_NOMINAL_COVERAGE}"),
+        Tile("NEES / 12", number(None if nees is None else nees / _NEES_COMPONENTS, 3), "", "mean; 1 is consistent"),
+        _median_tile(metrics, "delta_v_m_s"),
+        _failure_tile(summary["runs"]),
+    ]
+
+
+def metric_rows(campaign: Results, summary: Mapping[str, Any]) -> list[MetricRow]:
+    """Lines of the metric table in the order of report.json."""
+    rows = []
+    for name, entry in summary["metrics"].items():
+        shown = metric(name)
+        cells = [number(entry[key]) for key in ("mean", "std", "min", "p50", "p95", "p99", "p99_upper_95", "max")]
+        worst = _worst(campaign.metrics[name], shown.low_is_bad)
+        rows.append(MetricRow(name, shown.title, shown.meaning, shown.unit, cells, entry["defined"], worst))
+    return rows
+
+
+def envelopes(campaign: Results) -> dict[str, tuple[Channel, Chart]]:
+    """Chart over time of every channel that holds a finite value, by the channel's name."""
+    charts: dict[str, tuple[Channel, Chart]] = {}
+    for channel in CHANNELS:
+        values = campaign.traces.get(channel.name)
+        if values is None:
+            continue
+        bound = campaign.traces.get("nav_relative_sigma3_m") if channel.name == "nav_relative_error_m" else None
+        completed = np.asarray(campaign.completed, dtype=bool)
+        chart = envelope(channel, campaign.trace_time_s, values, completed, bound)
+        if chart is not None:
+            charts[channel.name] = (channel, chart)
+    if "nees" in charts:
+        low, high = mean_nees_interval(_NEES_COMPONENTS, 1)
+        levels = [(12.0, "expected"), (low, "2.5 % of a consistent filter"), (high, "97.5 %")]
+        reference_lines(charts["nees"][1], levels)
+    return charts
+
+
+def histograms(campaign: Results, summary: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Title, median, 99th percentile and chart of every metric; the chart is None where all runs agree or none has it."""
+    shown = []
+    for name, entry in summary["metrics"].items():
+        values = campaign.metrics[name]
+        defined = values[np.isfinite(values)]
+        varies = len(defined) > 1 and float(np.ptp(defined)) > 0.0
+        shown.append(
+            {
+                "name": name,
+                "metric": metric(name),
+                "p50": number(entry["p50"]),
+                "p99": number(entry["p99"]),
+                "defined": len(defined),
+                "chart": histogram(metric(name), defined) if varies else None,
+            }
+        )
+    return shown
+
+
+def consistency(campaign: Results, summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Quantity, value found and value expected of a filter whose covariance tells the truth."""
+    metrics = summary["metrics"]
+    rows = [
+        ("3-sigma coverage, mean over runs", number(_statistic(metrics, "sigma3_coverage", "mean")), "0.9973"),
+        ("NEES of both spacecraft, mean over runs", number(_statistic(metrics, "nees_mean", "mean")), "12"),
+        ("NEES of the relative state, mean over runs", number(_statistic(metrics, "nees_relative_mean", "mean")), "6"),
+    ]
+    inside = _share_inside(campaign)
+    if inside is not None:
+        share, low, high = inside
+        quantity = f"Instants at which the mean NEES over runs lies in [{low:.2f}, {high:.2f}]"
+        rows.append((quantity, f"{100.0 * share:.1f} %", "95 %"))
+    return rows
+
+
+def failures(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """Count of each reason, the first failed runs, and how many more there are."""
+    rows = summary["failures"]
+    return {
+        "reasons": Counter(row["reason"] for row in rows).most_common(),
+        "rows": [{**row, "at_s": number(row["at_s"])} for row in rows[:_MOST_FAILURES]],
+        "more": max(0, len(rows) - _MOST_FAILURES),
+    }
+
+
+def chosen_metrics(campaign: Results, run_id: int) -> list[tuple[str, str, str]]:
+    """Title, value and unit of every metric of one run."""
+    return [
+        (metric(name).title, number(float(values[run_id])), metric(name).unit)
+        for name, values in campaign.metrics.items()
+    ]
+
+
+def scenario_lines(campaign: Results) -> list[str]:
+    """The resolved scenario as `section.key = value` lines, the form in which one value can be set from outside."""
+    return _flatten(campaign.info.get("scenario", {}), "")
+
+
+def limits(campaign: Results, summary: Mapping[str, Any]) -> list[str]:
+    """Sentences that say how far the results reach."""
+    scenario, runs = campaign.info.get("scenario", {}), summary["runs"]
+    sentences = [_camera_limit(scenario.get("camera"))]
+    if "duration_s" in scenario:
+        sentences.append(f"Each run lasts {number(float(scenario['duration_s']))} s; nothing is said about later times.")
+    sentences.append(
+        "Only the quantities under Dispersions vary between runs, besides sensor noise. "
+        "A model error that simulation and flight software share does not show."
+    )
+    if runs["completed"] < 299:
+        sentences.append(
+            f"{runs['completed']} completed runs cannot bound a 99th percentile without assuming a distribution "
+            "(299 are needed for 95 % confidence); p99 is then a description of these runs only."
+        )
+    if runs["failed"]:
+        sentences.append(
+            "Metrics leave out runs in which they are undefined, as after a failure: "
+            "they describe the survivors and must be read together with the failures."
+        )
+    sentences.append("Intervals and bounds take the runs as independent, as they are when each has its own random draws.")
+    if not summary["requirements"]:
+        sentences.append("The campaign states no requirements, so this report gives no verdict.")
+    return sentences
+
+
+def _timing(timing: Mapping[str, Any]) -> str:
+    parts = [
+        ("compile_s", "{} s compiling"),
+        ("run_s", "{} s running"),
+        ("run_seconds_per_s", "{} simulated seconds per second"),
+        ("devices", "{} device(s)"),
+    ]
+    return ", ".join(text.format(number(timing[key], 3)) for key, text in parts if key in timing)
+
+
+def _statistic(metrics: Mapping[str, Any], name: str, key: str) -> float | None:
+    return metrics[name][key] if name in metrics else None
+
+
+def _median_tile(metrics: Mapping[str, Any], name: str) -> Tile:
+    shown = metric(name)
+    p99 = number(_statistic(metrics, name, "p99"), 3)
+    note = f"median; p99 {p99} {shown.unit}"
+    return Tile(shown.title, number(_statistic(metrics, name, "p50"), 3), shown.unit, note)
+
+
+def _failure_tile(runs: Mapping[str, int]) -> Tile:
+    failed, total = runs["failed"], runs["failed"] + runs["completed"]
+    if total == 0:
+        return Tile("Failed runs", "0", "", "no run has ended yet")
+    low, high = proportion_interval(failed, total)
+    note = f"95 % interval of the rate: {100.0 * low:.2g} to {100.0 * high:.2g} %"
+    return Tile("Failed runs", str(failed), f"of {total}", note, alert=failed > 0)
+
+
+def _worst(values: np.ndarray, low_is_bad: bool) -> int | None:
+    defined = np.flatnonzero(np.isfinite(values))
+    if len(defined) < 2 or float(np.ptp(values[defined])) == 0.0:
+        return None
+    return int(defined[np.argmin(values[defined]) if low_is_bad else np.argmax(values[defined])])
+
+
+def _share_inside(campaign: Results) -> tuple[float, float, float] | None:
+    """Share of the settled instants whose mean NEES over completed runs is in its 95 % interval, and the interval."""
+    completed = np.asarray(campaign.completed, dtype=bool)
+    values = campaign.traces.get("nees")
+    if values is None or not completed.any():
+        return None
+    time = campaign.trace_time_s
+    settled = time >= min(1000.0, float(time[-1]) / 3.0)
+    mean = np.mean(values[completed][:, settled], axis=0, dtype=np.float64)
+    mean = mean[np.isfinite(mean)]
+    if len(mean) == 0:
+        return None
+    low, high = mean_nees_interval(_NEES_COMPONENTS, int(completed.sum()))
+    return float(np.mean((mean >= low) & (mean <= high))), low, high
+
+
+def _flatten(value: Any, path: str) -> list[str]:
+    if isinstance(value, Mapping) and value:
+        return [line for key, item in value.items() for line in _flatten(item, f"{path}.{key}" if path else str(key))]
+    return [f"{path} = {json.dumps(value, default=str)}"] if path else []
+
+
+def _camera_limit(camera: Any) -> str:
+    model = camera.get("model") if isinstance(camera, Mapping) else None
+    texts = {
+        "geometric": "boxes are computed from the geometry of the target with modelled errors. No image is rendered and "
+        "no detector runs, so nothing is said about appearance, exposure or clutter",
+        "statistical": "boxes are drawn from an error model of the detector. No image is rendered, so nothing is said "
+        "about images unlike those from which the model was made",
+        "rendered": "images are rendered and a trained detector finds the boxes. Results hold as far as the rendered "
+        "images are like real ones",
+    }
+    if model not in texts:
+        return "The scenario names no known camera model; how boxes were made must be looked up in the scenario."
+    return f"The camera model is {model}: {texts[model]}."

@@ -1,0 +1,12 @@
+"""Colours that the page and the figures share: those of Okabe and Ito, told apart by colour-blind readers and in print."""
+
+INK = "#1a2433"
+MUTED = "#5b6776"
+GRID = "#e3e8ee"
+BLUE = "#0072B2"
+ORANGE = "#E69F00"
+GREEN = "#009E73"
+VERMILLION = "#D55E00"
+PURPLE = "#AA4499"
+SHADE = "#8a97a8"
+FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"

@@ -1,0 +1,34 @@
+"""GPS position of the servicer: white noise plus a slowly varying error."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rpojax.core.pytree import pytree
+
+Vector = Float[Array, "3"]
+
+
+@pytree
+class Gps:
+    """GPS receiver.
+
+    Attributes:
+        noise: () white noise, 1 sigma per axis [m]
+        bias_sigma: () slowly varying error, 1 sigma per axis [m]
+        bias_time_constant: () its correlation time [s]
+    """
+
+    noise: Array
+    bias_sigma: Array
+    bias_time_constant: Array
+
+
+def measure(gps: Gps, r_SN_N: Vector, bias_N: Vector, normals: Vector) -> Vector:
+    """Measured position [m] in N."""
+    return r_SN_N + bias_N + gps.noise * normals
+
+
+def advance_bias(gps: Gps, bias_N: Vector, normals: Vector, dt: float) -> Vector:
+    """Slowly varying error [m] after `dt` [s]: first-order Gauss-Markov, stationary."""
+    decay = jnp.exp(-dt / gps.bias_time_constant)
+    return decay * bias_N + gps.bias_sigma * jnp.sqrt(1.0 - decay * decay) * normals

@@ -1,0 +1,298 @@
+"""One closed-loop run: initial state, one tick, and a rollout of many. Pure functions of one run; campaigns batch them."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rpojax.core import quaternion, random, safe
+from rpojax.core.frames import hill_frame, inertial_to_hill
+from rpojax.core.pytree import pytree, replace, select
+from rpojax.core.random import Stream
+from rpojax.flight import computer, guidance, orbit_filter
+from rpojax.flight.computer import FlightMemory, Measurements, Stages
+from rpojax.flight.orbit_filter import BoxMeasurement, Innovation
+from rpojax.physics import actuators, plant
+from rpojax.physics.actuators import BurnError
+from rpojax.physics.plant import Burn, Truth
+from rpojax.sensors import box_camera, gps, gyro, star_tracker
+from rpojax.sensors.box_camera import Frame
+from rpojax.simulation.params import Params
+from rpojax.simulation.scenario import Scenario
+from rpojax.vision import box_model
+
+Scalar = Float[Array, ""]
+
+
+@pytree
+class SensorState:
+    """Errors that outlive a tick.
+
+    Attributes:
+        gps_bias_N: (3,) [m]
+        gyro_bias_B: (3,) [rad/s]
+    """
+
+    gps_bias_N: Array
+    gyro_bias_B: Array
+
+
+@pytree
+class State:
+    """Everything that changes during a run.
+
+    Attributes:
+        truth: the plant
+        flight: memory of the flight software
+        sensors: slowly varying sensor errors
+        burn_error: execution error of the present burn
+        keys: (streams, 2) one random key per stream
+        tick: () whole ticks since the start
+        failed_at: () time of failure [s], infinite while all is well
+        failure: () 0 none, 1 non-finite, 2 keep-out
+    """
+
+    truth: Truth
+    flight: FlightMemory
+    sensors: SensorState
+    burn_error: BurnError
+    keys: Array
+    tick: Array
+    failed_at: Array
+    failure: Array
+
+
+@pytree
+class Telemetry:
+    """One tick seen from outside, after sensing and navigation.
+
+    Attributes:
+        truth: the plant
+        flight: memory of the flight software
+        frame: the camera's frame
+        innovation: diagnostics of the orbit filter
+        mode: () guidance mode
+        running: () bool, the run had not failed
+    """
+
+    truth: Truth
+    flight: FlightMemory
+    frame: Frame
+    innovation: Innovation
+    mode: Array
+    running: Array
+
+
+FAILURES = ("", "non-finite state", "entered the keep-out sphere")
+"""Reasons by failure code."""
+
+
+def run_key(seed: int, run_id: int | Array) -> Array:
+    """Random key of one run of a campaign."""
+    return random.fold_in(random.master_key(seed), run_id)
+
+
+def init(scenario: Scenario, params: Params, key: Array) -> State:
+    """State at the start: truth as given, flight software from the hand-over with errors drawn from its covariance."""
+    streams = jax.vmap(lambda stream: random.fold_in(key, stream))(jnp.arange(len(Stream) + 1))
+    navigation = params.flight.navigation
+    identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
+    truth = plant.initial_truth(
+        params.plant, params.orbit, params.initial.relative_position, params.initial.relative_velocity, identity
+    )
+    biases = random.normal(streams[Stream.SENSOR_BIAS], 6)
+    sensors = SensorState(
+        gps_bias_N=params.gps.bias_sigma * biases[:3], gyro_bias_B=params.gyro.initial_bias_sigma * biases[3:]
+    )
+    error = orbit_filter.initial_sigma(navigation)[:12] * random.normal(streams[Stream.HANDOVER], 12)
+    orbit = orbit_filter.initial(
+        navigation,
+        truth.r_TN_N + truth.r_ST_N + error[0:3],
+        truth.v_TN_N + truth.v_ST_N + error[3:6],
+        -truth.r_ST_N + error[6:9],
+        -truth.v_ST_N + error[9:12],
+    )
+    q_BN, omega = guidance.look_attitude(params.flight.onboard, orbit)
+    truth = replace(truth, q_BN=q_BN, omega_BN_B=omega)
+    samples = random.normal(streams[Stream.STAR_TRACKER], 6)
+    star_q = star_tracker.measure(params.star_tracker, q_BN, samples[:3])
+    gyro_B = gyro.measure(params.gyro, omega, sensors.gyro_bias_B, samples[3:], scenario.step_s)
+    zero = jnp.zeros((), dtype=jnp.float64)
+    return State(
+        truth=truth,
+        flight=computer.start(params.flight, scenario.formation_period_s, orbit, star_q, gyro_B),
+        sensors=sensors,
+        burn_error=BurnError(magnitude=zero, direction=jnp.zeros(3)),
+        keys=streams,
+        tick=jnp.zeros((), dtype=jnp.int32),
+        failed_at=zero + jnp.inf,
+        failure=jnp.zeros((), dtype=jnp.int32),
+    )
+
+
+def tick(stages: Stages, scenario: Scenario, params: Params, state: State) -> tuple[State, Telemetry]:
+    """State one tick later, and what there was to see at its beginning."""
+    time = state.tick.astype(jnp.float64) * scenario.tick_s
+    with jax.named_scope("sense"):
+        measurements, frame = _sense(scenario, params, state)
+    with jax.named_scope("navigate"):
+        flight, innovation = computer.navigate(stages, params.flight, scenario.gated, state.flight, measurements)
+    with jax.named_scope("plan_burn"):
+        flight, burn_error = _plan_burn(stages, scenario, params, state, flight, time)
+    with jax.named_scope("guide"):
+        flight, mode = computer.guide(params.flight, flight, innovation.accepted, time, scenario.tick_s)
+    telemetry = Telemetry(
+        truth=state.truth,
+        flight=flight,
+        frame=frame,
+        innovation=innovation,
+        mode=mode,
+        running=jnp.isinf(state.failed_at),
+    )
+    with jax.named_scope("act"):
+        truth, flight, sensors = _act(stages, scenario, params, state, flight, burn_error, time)
+    after = replace(state, truth=truth, flight=flight, sensors=sensors, burn_error=burn_error)
+    with jax.named_scope("check"):
+        after = _freeze_if_failed(params, state, after, time)
+    return replace(after, tick=state.tick + 1), telemetry
+
+
+def rollout(
+    scenario: Scenario, params: Params, state: State, ticks: int, stages: Stages | None = None
+) -> tuple[State, Telemetry]:
+    """State after `ticks` ticks and their telemetry, time first."""
+    chosen = stages or Stages()
+
+    def body(carry: State, _: None) -> tuple[State, Telemetry]:
+        return tick(chosen, scenario, params, carry)
+
+    return jax.lax.scan(body, state, None, length=ticks)
+
+
+def _sense(scenario: Scenario, params: Params, state: State) -> tuple[Measurements, Frame]:
+    truth = state.truth
+    gps_key, star_key, box_key = (
+        random.fold_in(state.keys[stream], state.tick) for stream in (Stream.GPS, Stream.STAR_TRACKER, Stream.BOX_CAMERA)
+    )
+    gps_normals = random.normal(gps_key, 3)
+    star_normals = random.normal(random.fold_in(star_key, 1), 3)
+    frame = _expose(scenario, params, truth, box_key)
+    measurements = Measurements(
+        gps_N=gps.measure(params.gps, truth.r_TN_N + truth.r_ST_N, state.sensors.gps_bias_N, gps_normals),
+        star_tracker_q_BN=star_tracker.measure(params.star_tracker, truth.q_BN, star_normals),
+        box=_as_measurement(scenario, params, frame),
+    )
+    return measurements, frame
+
+
+def _expose(scenario: Scenario, params: Params, truth: Truth, key: Array) -> Frame:
+    camera = params.camera
+    sun_N = quaternion.normalize(params.plant.sun.direction)
+    observable = box_camera.has_light(camera, truth.r_TN_N, truth.r_ST_N, sun_N)
+    hull_K = box_camera.hull_in_camera(camera, params.plant.target.hull, truth.q_TN, truth.r_ST_N, truth.q_BN)
+    normals = random.normal(key, box_camera.NORMALS)
+    uniforms = random.uniform(random.fold_in(key, 1), box_camera.UNIFORMS)
+    return box_camera.measure(camera, scenario.width_px, scenario.height_px, hull_K, observable, normals, uniforms)
+
+
+def _as_measurement(scenario: Scenario, params: Params, frame: Frame) -> BoxMeasurement:
+    """The box in the flight software's terms, with the focal length that flight software believes in."""
+    focal = params.flight.onboard.focal_px
+    middle = jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=jnp.float64)
+    side = box_model.box_size(frame.box.edges)
+    return BoxMeasurement(
+        tangent=(box_model.box_center(frame.box.edges) - middle) / focal,
+        log_size=jnp.log(side / focal),
+        side_px=side,
+        present=frame.box.present,
+        truncated=frame.box.truncated,
+    )
+
+
+def _plan_burn(
+    stages: Stages, scenario: Scenario, params: Params, state: State, flight: FlightMemory, time: Scalar
+) -> tuple[FlightMemory, BurnError]:
+    """A new burn on decision ticks. The tick is the same for all runs of a batch, so this is a true branch."""
+
+    def decide(flight: FlightMemory) -> tuple[guidance.BurnPlan, BurnError]:
+        key = random.fold_in(state.keys[Stream.THRUSTER], state.tick)
+        error = actuators.draw_burn_error(params.plant.thruster, random.normal(key, 4))
+        return computer.plan_burn(stages, params.flight, flight, time).plan, error
+
+    def keep(flight: FlightMemory) -> tuple[guidance.BurnPlan, BurnError]:
+        return flight.plan, state.burn_error
+
+    due = state.tick % scenario.formation_ticks == 0
+    plan, error = jax.lax.cond(due, decide, keep, flight)
+    return replace(flight, plan=plan), error
+
+
+def _act(
+    stages: Stages,
+    scenario: Scenario,
+    params: Params,
+    state: State,
+    flight: FlightMemory,
+    burn_error: BurnError,
+    time: Scalar,
+) -> tuple[Truth, FlightMemory, SensorState]:
+    """Attitude control and plant over one tick, then both filters carried to its end."""
+    dt = scenario.step_s
+    plan = flight.plan
+    gyro_key = random.fold_in(state.keys[Stream.GYRO], state.tick)
+    normals = random.normal(gyro_key, 3 * scenario.substeps).reshape(scenario.substeps, 3)
+    offsets = jnp.arange(scenario.substeps, dtype=jnp.float64) * dt
+
+    def substep(
+        carry: tuple[Truth, computer.AttitudeEstimate, Array], inputs: tuple[Array, Array]
+    ) -> tuple[tuple[Truth, computer.AttitudeEstimate, Array], None]:
+        truth, attitude, delta_v_N = carry
+        offset, gyro_normals = inputs
+        now = replace(flight, attitude=attitude)
+        torque = computer.control_attitude(stages, params.flight, now, truth.wheel_speed, offset)
+        begin = time + offset
+        burn = Burn(ignition=plan.ignition - begin, cutoff=plan.cutoff - begin, error=burn_error)
+        delta_v_N = delta_v_N + computer.delta_v_between(params.flight, now, begin, begin + dt)
+        truth = plant.step(params.plant, truth, torque, burn, dt)
+        sample = gyro.measure(params.gyro, truth.omega_BN_B, state.sensors.gyro_bias_B, gyro_normals, dt)
+        return (truth, computer.attitude_estimator.integrate_gyro(attitude, sample, dt), delta_v_N), None
+
+    start = (state.truth, flight.attitude, jnp.zeros(3))
+    (truth, attitude, delta_v_N), _ = jax.lax.scan(substep, start, (offsets, normals))
+    moved = replace(flight, attitude=attitude)
+    flight = computer.predict(stages, params.flight, moved, flight.attitude.q_BN, delta_v_N, scenario.tick_s)
+    return truth, flight, _advance_sensors(scenario, params, state)
+
+
+def _advance_sensors(scenario: Scenario, params: Params, state: State) -> SensorState:
+    key = random.fold_in(state.keys[Stream.SENSOR_BIAS], state.tick + 1)
+    normals = random.normal(key, 6)
+    return SensorState(
+        gps_bias_N=gps.advance_bias(params.gps, state.sensors.gps_bias_N, normals[:3], scenario.tick_s),
+        gyro_bias_B=gyro.advance_bias(params.gyro, state.sensors.gyro_bias_B, normals[3:], scenario.tick_s),
+    )
+
+
+def _freeze_if_failed(params: Params, before: State, after: State, time: Scalar) -> State:
+    """The new state, or the old one for a run that has failed now or earlier."""
+    finite = safe.is_finite((after.truth, after.flight.orbit, after.flight.attitude))
+    inside = jnp.sum(after.truth.r_ST_N**2, axis=0) < params.limits.keep_out**2
+    code = jnp.where(~finite, 1, jnp.where(inside, 2, 0)).astype(jnp.int32)
+    was_running = before.failure == 0
+    running = was_running & (code == 0)
+    kept = select(running, after, replace(before, keys=after.keys))
+    return replace(
+        kept,
+        failure=jnp.where(was_running, code, before.failure),
+        failed_at=jnp.where(was_running & (code != 0), time, before.failed_at),
+        tick=before.tick,
+        keys=before.keys,
+    )
+
+
+def relative_state(truth: Truth) -> tuple[Array, Array]:
+    """True `rho_H` [m] and `rho_dot_H` [m/s]."""
+    R_HN, omega_HN_N = hill_frame(truth.r_TN_N, truth.v_TN_N)
+    return inertial_to_hill(truth.r_ST_N, truth.v_ST_N, R_HN, omega_HN_N)
+
+
+__all__ = ["FAILURES", "State", "Telemetry", "init", "relative_state", "rollout", "run_key", "tick"]

@@ -1,0 +1,161 @@
+"""The pytree of every number that may be dispersed or differentiated, and where a scenario key lives in it."""
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from rpojax.errors import ScenarioError
+from rpojax.core.orbital_mechanics import Elements
+from rpojax.core.pytree import pytree, replace
+from rpojax.flight.attitude_control import AttitudeControl
+from rpojax.flight.attitude_estimator import AttitudeFilter
+from rpojax.flight.computer import FlightParams
+from rpojax.flight.formation_control import Formation
+from rpojax.flight.guidance import Pointing
+from rpojax.flight.onboard import Onboard
+from rpojax.flight.orbit_filter import Navigation
+from rpojax.physics.actuators import Thruster, Wheels
+from rpojax.physics.environment import Sun
+from rpojax.physics.plant import PlantParams, Target
+from rpojax.physics.rigid_body import Body
+from rpojax.sensors.box_camera import BoxCamera
+from rpojax.sensors.gps import Gps
+from rpojax.sensors.gyro import Gyro
+from rpojax.sensors.star_tracker import StarTracker
+from rpojax.simulation import units
+from rpojax.vision import pinhole
+
+
+@pytree
+class Initial:
+    """Where the servicer starts.
+
+    Attributes:
+        relative_position: (3,) rho_H [m]
+        relative_velocity: (3,) rho_dot_H [m/s]
+    """
+
+    relative_position: Array
+    relative_velocity: Array
+
+
+@pytree
+class Limits:
+    """What ends a run.
+
+    Attributes:
+        keep_out: () radius of the sphere around the target that the servicer must not enter [m]
+    """
+
+    keep_out: Array
+
+
+@pytree
+class Params:
+    """Every number of a run, SI and radians."""
+
+    orbit: Elements
+    initial: Initial
+    plant: PlantParams
+    gps: Gps
+    star_tracker: StarTracker
+    gyro: Gyro
+    camera: BoxCamera
+    flight: FlightParams
+    limits: Limits
+
+
+_SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
+    "orbit": (("orbit",), Elements),
+    "initial": (("initial",), Initial),
+    "servicer": (("plant", "servicer"), Body),
+    "target": (("plant", "target"), Target),
+    "thruster": (("plant", "thruster"), Thruster),
+    "wheels": (("plant", "wheels"), Wheels),
+    "sun": (("plant", "sun"), Sun),
+    "gps": (("gps",), Gps),
+    "star_tracker": (("star_tracker",), StarTracker),
+    "gyro": (("gyro",), Gyro),
+    "camera": (("camera",), BoxCamera),
+    "navigation": (("flight", "navigation"), Navigation),
+    "attitude_filter": (("flight", "attitude_filter"), AttitudeFilter),
+    "formation": (("flight", "formation"), Formation),
+    "pointing": (("flight", "pointing"), Pointing),
+    "attitude_control": (("flight", "attitude_control"), AttitudeControl),
+    "limits": (("limits",), Limits),
+}
+"""Section of a scenario file -> where its record lives in `Params`, and its class."""
+
+
+def build(tables: Mapping[str, Mapping[str, Any]], width_px: int, height_px: int) -> Params:
+    """Params from the sections of a scenario in the user's units; flight software is told the nominal vehicle."""
+    records = {section: _record(cls, tables[section]) for section, (_, cls) in _SECTIONS.items()}
+    plant = PlantParams(**{name: records[name] for name in ("servicer", "target", "thruster", "wheels", "sun")})
+    flight = FlightParams(
+        onboard=_onboard(plant, records["camera"], width_px, height_px),
+        **{
+            name: records[name]
+            for name in ("navigation", "attitude_filter", "formation", "pointing", "attitude_control")
+        },
+    )
+    rest = ("orbit", "initial", "gps", "star_tracker", "gyro", "camera", "limits")
+    return Params(plant=plant, flight=flight, **{name: records[name] for name in rest})
+
+
+def _record(cls: type, table: Mapping[str, Any]) -> Any:
+    """One section as its dataclass; keys that are no fields are static settings and are left out."""
+    names = {field.name for field in fields(cls)}
+    values = {}
+    for key, value in table.items():
+        name, factor = units.split(key)
+        if name in names:
+            values[name] = jnp.asarray(value, dtype=jnp.float64) * factor
+    return cls(**values)
+
+
+def _onboard(plant: PlantParams, camera: BoxCamera, width_px: int, height_px: int) -> Onboard:
+    direction = plant.thruster.direction
+    return Onboard(
+        mass=plant.servicer.mass,
+        inertia=plant.servicer.inertia,
+        thrust=plant.thruster.force,
+        minimum_on_time=plant.thruster.minimum_on_time,
+        thrust_direction=direction / jnp.linalg.norm(direction),
+        wheel_axes=plant.wheels.axes,
+        wheel_inertia=plant.wheels.inertia,
+        wheel_torque_limit=plant.wheels.torque_limit,
+        camera_mounting=camera.mounting,
+        focal_px=pinhole.lens(camera.field_of_view, width_px, height_px).focal_px,
+    )
+
+
+def locate(key: str) -> tuple[tuple[str, ...], float]:
+    """Attribute path in `Params` of a scenario key such as `servicer.mass_kg`, and the factor from its unit to SI.
+
+    Raises:
+        ScenarioError: the key names no number of a scenario.
+    """
+    section, _, name = key.partition(".")
+    leaf, factor = units.split(name)
+    if section in _SECTIONS:
+        path, cls = _SECTIONS[section]
+        if leaf in {field.name for field in fields(cls)}:
+            return (*path, leaf), factor
+    raise ScenarioError("key", key, "the key of a number in the scenario, such as 'servicer.mass_kg'")
+
+
+def get(params: Params, path: tuple[str, ...]) -> Array:
+    """Leaf of `params` at an attribute path."""
+    node: Any = params
+    for name in path:
+        node = getattr(node, name)
+    return node
+
+
+def put(params: Any, path: tuple[str, ...], value: Any) -> Any:
+    """Copy of `params` with one leaf replaced."""
+    head, *rest = path
+    return replace(params, **{head: put(getattr(params, head), tuple(rest), value) if rest else value})

@@ -1,0 +1,191 @@
+"""Scenario files: found, merged, overridden, checked; then the static settings that a compiled loop is built for."""
+
+import difflib
+import hashlib
+import json
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from rpojax.errors import ScenarioError
+from rpojax.simulation.schema import ScenarioFile, check_together
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Static settings; changing one means compiling anew.
+
+    Attributes:
+        ticks: camera ticks of a run
+        tick_s: camera, filter and guidance period [s]
+        substeps: plant and attitude control steps per tick
+        formation_ticks: ticks between burn decisions
+        width_px: of the image
+        height_px: of the image
+        camera_model: where boxes come from
+        gated: boxes pass the covariance gate
+    """
+
+    ticks: int
+    tick_s: float
+    substeps: int
+    formation_ticks: int
+    width_px: int
+    height_px: int
+    camera_model: str
+    gated: bool
+
+    @property
+    def step_s(self) -> float:
+        """Plant step [s]."""
+        return self.tick_s / self.substeps
+
+    @property
+    def formation_period_s(self) -> float:
+        """Time between burn decisions [s]."""
+        return self.tick_s * self.formation_ticks
+
+
+def packaged() -> list[str]:
+    """Names of the scenarios that come with the package."""
+    folder = resources.files("rpojax.simulation") / "scenarios"
+    return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
+
+
+def load(source: str | Path, overrides: Sequence[str] = ()) -> ScenarioFile:
+    """Scenario from a packaged name or a TOML file, with `KEY=VALUE` overrides, checked.
+
+    A file may say `extends = NAME_OR_PATH` and then needs only the keys that differ.
+
+    Raises:
+        ScenarioError: the source is unknown or a key is not acceptable.
+    """
+    tables = _read(source)
+    for override in overrides:
+        _override(tables, override)
+    return validate(tables)
+
+
+def validate(tables: Mapping[str, Any]) -> ScenarioFile:
+    """Scenario from nested tables in the user's units, checked.
+
+    Raises:
+        ScenarioError: naming the key's path, what was found and what was expected.
+    """
+    try:
+        file = ScenarioFile.model_validate(tables)
+    except ValidationError as error:
+        raise _first_fault(error) from None
+    check_together(file)
+    return file
+
+
+def static(file: ScenarioFile) -> Scenario:
+    """Static settings of a checked scenario."""
+    rates = file.rates
+    return Scenario(
+        ticks=round(file.duration_s * rates.camera_hz),
+        tick_s=1.0 / rates.camera_hz,
+        substeps=round(rates.plant_hz / rates.camera_hz),
+        formation_ticks=round(rates.formation_period_s * rates.camera_hz),
+        width_px=file.camera.width_px,
+        height_px=file.camera.height_px,
+        camera_model=file.camera.model,
+        gated=file.navigation.gating == "covariance",
+    )
+
+
+def digest(file: ScenarioFile) -> str:
+    """Hash of everything in a scenario that can change a number (its name and description cannot)."""
+    content = file.model_dump(mode="json", exclude={"name", "description"})
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _read(source: str | Path, depth: int = 0) -> dict[str, Any]:
+    if depth > 8:
+        raise ScenarioError("extends", str(source), "a chain of scenarios that ends")
+    text, folder = _text(source)
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(str(source), str(error), "a valid TOML file") from None
+    base = tables.pop("extends", None)
+    if base is None:
+        return tables
+    if not isinstance(base, str):
+        raise ScenarioError("extends", base, "the name of a packaged scenario or the path of a TOML file")
+    return _merge(_read(base if base in packaged() else folder / base, depth + 1), tables)
+
+
+def _text(source: str | Path) -> tuple[str, Path]:
+    """Text of a scenario and the folder that relative paths in it start from."""
+    if str(source) in packaged():
+        return (resources.files("rpojax.simulation") / "scenarios" / f"{source}.toml").read_text(), Path()
+    path = Path(source)
+    try:
+        return path.read_text(encoding="utf-8"), path.parent
+    except (OSError, UnicodeDecodeError):
+        expected = f"a packaged scenario ({', '.join(packaged())}) or a readable TOML file"
+        raise ScenarioError("scenario", str(source), expected) from None
+
+
+def _merge(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(base)
+    for key, value in changes.items():
+        old = merged.get(key)
+        merged[key] = _merge(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
+    return merged
+
+
+def _override(tables: dict[str, Any], override: str) -> None:
+    """Applies one `KEY=VALUE`; the value is read as TOML, a bare word counts as text."""
+    key, equals, text = override.partition("=")
+    key, text = key.strip(), text.strip()
+    if not equals or not key or not text:
+        raise ScenarioError("--set", override, "KEY=VALUE, such as navigation.gate_sigma=4")
+    try:
+        value = tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        value = text
+    *path, leaf = key.split(".")
+    node: Any = tables
+    for name in path:
+        node = node.get(name) if isinstance(node, dict) else None
+    if not isinstance(node, dict) or leaf not in node:
+        raise ScenarioError("--set", key, f"a key of the scenario{_hint(node, leaf)}")
+    node[leaf] = value
+
+
+def _hint(node: Any, leaf: str) -> str:
+    close = difflib.get_close_matches(leaf, list(node), n=1) if isinstance(node, dict) else []
+    return f" (did you mean {close[0]!r}?)" if close else ""
+
+
+def _first_fault(error: ValidationError) -> ScenarioError:
+    """One line about the first fault that pydantic found."""
+    faults = error.errors()
+    fault = faults[0]
+    kinds = {"normal", "truncated_normal", "uniform", "log_normal", "choice"}
+    key = ".".join(str(part) for part in fault["loc"] if part not in kinds or len(fault["loc"]) == 1)
+    if fault["type"] == "extra_forbidden":
+        return ScenarioError(key, fault["input"], f"no such key{_known_keys(fault['loc'])}")
+    if fault["type"] == "missing":
+        return ScenarioError(key, "nothing", "a value for this key")
+    message = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ").removeprefix("expected ")
+    return ScenarioError(key, fault["input"], message)
+
+
+def _known_keys(location: tuple[int | str, ...]) -> str:
+    fields = ScenarioFile.model_fields
+    if len(location) == 2 and location[0] in fields:
+        section = fields[str(location[0])].annotation
+        names = list(getattr(section, "model_fields", {}))
+    else:
+        names = list(fields)
+    close = difflib.get_close_matches(str(location[-1]), names, n=1)
+    return f" (did you mean {close[0]!r}?)" if close else ""

@@ -1,0 +1,424 @@
+"""The form of a scenario file: strict models, one section each; free of jax, so that checking a file is instant."""
+
+import math
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from rpojax.errors import ScenarioError
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+Angle = Annotated[float, Field(gt=0.0, lt=180.0, allow_inf_nan=False)]
+Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+PositiveVector = Annotated[list[Positive], Field(min_length=3, max_length=3)]
+NonNegativeVector = Annotated[list[NonNegative], Field(min_length=3, max_length=3)]
+PositivePair = Annotated[list[Positive], Field(min_length=2, max_length=2)]
+
+
+def _nonzero(value: list[float]) -> list[float]:
+    if not any(value):
+        raise ValueError("expected a vector that is not zero")
+    return value
+
+
+def _inertia(value: list[list[float]]) -> list[list[float]]:
+    matrix = np.array(value)
+    if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0):
+        raise ValueError("expected a symmetric matrix")
+    principal = np.linalg.eigvalsh(matrix)
+    if principal[0] <= 0.0:
+        raise ValueError("expected a positive definite matrix")
+    if principal[2] > (principal[0] + principal[1]) * (1.0 + 1e-9):
+        raise ValueError("expected principal moments of a real body: the largest at most the sum of the others")
+    return value
+
+
+def _invertible(value: list[list[float]]) -> list[list[float]]:
+    rows = np.array(value)
+    if not np.allclose(np.linalg.norm(rows, axis=1), 1.0, atol=1e-6):
+        raise ValueError("expected unit vectors, one a row")
+    if abs(np.linalg.det(rows)) < 1e-3:
+        raise ValueError("expected three axes that span space")
+    return value
+
+
+Direction = Annotated[Vector, AfterValidator(_nonzero)]
+Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4), AfterValidator(_nonzero)]
+Rows3 = Annotated[list[Vector], Field(min_length=3, max_length=3)]
+Inertia = Annotated[Rows3, AfterValidator(_inertia)]
+Axes = Annotated[Rows3, AfterValidator(_invertible)]
+Hull = Annotated[list[Vector], Field(min_length=4, max_length=64)]
+
+
+class Section(BaseModel):
+    """Base of all sections: unknown keys are refused, types are not converted."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class Rates(Section):
+    """How often things happen."""
+
+    plant_hz: Positive
+    camera_hz: Positive
+    formation_period_s: Positive
+
+
+class OrbitSection(Section):
+    """Orbit of the target at the start."""
+
+    semi_major_axis_m: Annotated[float, Field(gt=6.5e6, lt=1e8, allow_inf_nan=False)]
+    eccentricity: Annotated[float, Field(ge=0.0, lt=0.9, allow_inf_nan=False)]
+    inclination_deg: Annotated[float, Field(ge=0.0, le=180.0, allow_inf_nan=False)]
+    raan_deg: Finite
+    argument_of_perigee_deg: Finite
+    true_anomaly_deg: Finite
+
+
+class InitialSection(Section):
+    """Servicer from target at the start, Hill frame."""
+
+    relative_position_m: Vector
+    relative_velocity_m_s: Vector
+
+
+class SunSection(Section):
+    """Direction to the Sun in inertial axes, fixed over a run."""
+
+    direction: Direction
+
+
+class ServicerSection(Section):
+    """Mass properties of the servicer."""
+
+    mass_kg: Positive
+    inertia_kg_m2: Inertia
+
+
+class TargetSection(Section):
+    """The target as it is."""
+
+    inertia_kg_m2: Inertia
+    hull_m: Hull
+    tumble_rate_deg_s: Finite
+    tumble_axis: Direction
+    attitude: Quaternion
+
+
+class ThrusterSection(Section):
+    """The servicer's one thruster."""
+
+    force_n: Positive
+    force_scale: Positive
+    specific_impulse_s: Positive
+    minimum_on_time_s: NonNegative
+    position_m: Vector
+    direction: Direction
+    misalignment_deg: Vector
+    magnitude_noise: NonNegative
+    direction_noise_deg: NonNegative
+
+
+class WheelsSection(Section):
+    """The servicer's three reaction wheels."""
+
+    axes: Axes
+    inertia_kg_m2: PositiveVector
+    torque_limit_n_m: PositiveVector
+    speed_limit_rad_s: PositiveVector
+    initial_speed_rad_s: Vector
+
+
+class CameraSection(Section):
+    """Camera and bounding-box detector."""
+
+    model: Literal["geometric"]
+    width_px: Annotated[int, Field(ge=16, le=4096)]
+    height_px: Annotated[int, Field(ge=16, le=4096)]
+    field_of_view_deg: Angle
+    mounting: Quaternion
+    misalignment_deg: Vector
+    edge_noise_px: NonNegative
+    miss_probability: Probability
+    minimum_size_px: NonNegative
+    outlier_probability: Probability
+    outlier_size_min_px: Positive
+    outlier_size_max_px: Positive
+    phase_limit_deg: Annotated[float, Field(gt=0.0, le=180.0, allow_inf_nan=False)]
+    sun_exclusion_deg: Annotated[float, Field(ge=0.0, lt=180.0, allow_inf_nan=False)]
+
+
+class GpsSection(Section):
+    """GPS receiver."""
+
+    noise_m: NonNegative
+    bias_sigma_m: NonNegative
+    bias_time_constant_s: Positive
+
+
+class StarTrackerSection(Section):
+    """Star tracker."""
+
+    noise_deg: NonNegativeVector
+    misalignment_deg: Vector
+
+
+class GyroSection(Section):
+    """Rate gyro."""
+
+    angle_random_walk_deg_sqrt_s: NonNegative
+    initial_bias_sigma_deg_s: NonNegative
+    bias_walk_deg_s_sqrt_s: NonNegative
+
+
+class NavigationSection(Section):
+    """Orbit filter and gate."""
+
+    gating: Literal["covariance", "none"]
+    gps_noise_m: Positive
+    gps_error_sigma_m: Positive
+    gps_error_time_constant_s: Positive
+    edge_noise_px: Positive
+    center_noise_m: NonNegative
+    target_size_m: Positive
+    scale_sigma: PositivePair
+    scale_time_constant_s: PositivePair
+    bearing_bias_sigma_deg: Positive
+    attitude_sigma_deg: NonNegative
+    acceleration_noise_m_s2_sqrt_hz: NonNegative
+    relative_acceleration_noise_m_s2_sqrt_hz: NonNegative
+    burn_magnitude_sigma: NonNegative
+    burn_direction_sigma_deg: NonNegative
+    gate_sigma: Positive
+    confirm_tolerance_px: Positive
+    confirm_above: Positive
+    rejections_before_recovery: Positive
+    recovery_position_sigma: NonNegative
+    recovery_velocity_sigma_m_s: NonNegative
+    initial_position_sigma_m: Positive
+    initial_velocity_sigma_m_s: Positive
+    initial_relative_position_sigma_m: Positive
+    initial_relative_velocity_sigma_m_s: Positive
+
+
+class AttitudeFilterSection(Section):
+    """Attitude estimator."""
+
+    star_tracker_noise_deg: PositiveVector
+    angle_random_walk_deg_sqrt_s: Positive
+    bias_walk_deg_s_sqrt_s: NonNegative
+    initial_bias_sigma_deg_s: Positive
+
+
+class FormationSection(Section):
+    """LQR and its limits."""
+
+    desired_position_m: Vector
+    position_weight: NonNegativeVector
+    velocity_weight: NonNegativeVector
+    delta_v_weight: PositiveVector
+    lead_s: NonNegative
+    dead_band_mm_s: NonNegative
+    range_uncertainty_limit: Positive
+
+
+class PointingSection(Section):
+    """Slews and search."""
+
+    slew_acceleration_mrad_s2: Positive
+    slew_minimum_time_s: Positive
+    settle_time_s: NonNegative
+    look_away_limit_s: Positive
+    search_after_s: Positive
+    search_pitch_deg: Positive
+    search_speed_deg_s: Positive
+    search_sigmas: Positive
+    search_radius_max_deg: Angle
+
+
+class AttitudeControlSection(Section):
+    """Attitude controller."""
+
+    bandwidth_rad_s: Positive
+    damping: Positive
+
+
+class LimitsSection(Section):
+    """What ends a run."""
+
+    keep_out_m: NonNegative
+
+
+class Normal(Section):
+    """Nominal value plus a normal error, per component."""
+
+    key: str
+    kind: Literal["normal"]
+    sigma: NonNegative | list[NonNegative]
+
+
+class TruncatedNormal(Section):
+    """Nominal value plus a normal error, redrawn beyond `limit_sigmas`."""
+
+    key: str
+    kind: Literal["truncated_normal"]
+    sigma: NonNegative | list[NonNegative]
+    limit_sigmas: Positive
+
+
+class Uniform(Section):
+    """Uniform between two values, per component."""
+
+    key: str
+    kind: Literal["uniform"]
+    low: Finite
+    high: Finite
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Uniform":
+        if self.low > self.high:
+            raise ValueError("expected low at most high")
+        return self
+
+
+class LogNormal(Section):
+    """Nominal value times the exponential of a normal number, per component."""
+
+    key: str
+    kind: Literal["log_normal"]
+    sigma: NonNegative | list[NonNegative]
+
+
+class Choice(Section):
+    """One of several values, all equally likely."""
+
+    key: str
+    kind: Literal["choice"]
+    values: Annotated[list[Finite] | list[list[Finite]], Field(min_length=1)]
+
+
+class RandomDirection(Section):
+    """Unit vector, uniform over the sphere."""
+
+    key: str
+    kind: Literal["direction"]
+
+
+class RandomAttitude(Section):
+    """Quaternion, uniform over all attitudes."""
+
+    key: str
+    kind: Literal["attitude"]
+
+
+class SmallRotation(Section):
+    """Nominal quaternion turned by a small normal rotation vector."""
+
+    key: str
+    kind: Literal["small_rotation"]
+    sigma_deg: NonNegative | list[NonNegative]
+
+
+Dispersion = Annotated[
+    Normal | TruncatedNormal | Uniform | LogNormal | Choice | RandomDirection | RandomAttitude | SmallRotation,
+    Field(discriminator="kind"),
+]
+
+
+class ScenarioFile(Section):
+    """A whole scenario, in the user's units."""
+
+    name: Annotated[str, Field(min_length=1)]
+    description: str
+    duration_s: Positive
+    rates: Rates
+    orbit: OrbitSection
+    initial: InitialSection
+    sun: SunSection
+    servicer: ServicerSection
+    target: TargetSection
+    thruster: ThrusterSection
+    wheels: WheelsSection
+    camera: CameraSection
+    gps: GpsSection
+    star_tracker: StarTrackerSection
+    gyro: GyroSection
+    navigation: NavigationSection
+    attitude_filter: AttitudeFilterSection
+    formation: FormationSection
+    pointing: PointingSection
+    attitude_control: AttitudeControlSection
+    limits: LimitsSection
+    dispersions: list[Dispersion]
+
+
+def check_together(file: ScenarioFile) -> None:
+    """Checks that span sections: rates that divide, sizes in order, dispersions of keys that exist.
+
+    Raises:
+        ScenarioError: naming the key, what was found and what was expected.
+    """
+    rates = file.rates
+    _whole(rates.plant_hz / rates.camera_hz, "rates.plant_hz", rates.plant_hz, "a whole multiple of rates.camera_hz")
+    _whole(
+        rates.formation_period_s * rates.camera_hz,
+        "rates.formation_period_s",
+        rates.formation_period_s,
+        "a whole number of camera periods",
+    )
+    _whole(file.duration_s * rates.camera_hz, "duration_s", file.duration_s, "a whole number of camera periods")
+    if file.camera.outlier_size_min_px > file.camera.outlier_size_max_px:
+        raise ScenarioError(
+            "camera.outlier_size_min_px", file.camera.outlier_size_min_px, "at most camera.outlier_size_max_px"
+        )
+    limit = rates.formation_period_s
+    if file.pointing.look_away_limit_s > limit:
+        raise ScenarioError(
+            "pointing.look_away_limit_s", file.pointing.look_away_limit_s, f"at most rates.formation_period_s = {limit}"
+        )
+    seen: set[str] = set()
+    for index, dispersion in enumerate(file.dispersions):
+        _check_dispersion(file, index, dispersion, seen)
+
+
+def _whole(ratio: float, key: str, found: float, expected: str) -> None:
+    if ratio < 0.5 or not math.isclose(ratio, round(ratio), rel_tol=1e-9):
+        raise ScenarioError(key, found, expected)
+
+
+def nominal(file: ScenarioFile, key: str) -> Any:
+    """Value of a key such as `servicer.mass_kg` as numbers, or None if the key names no dispersable number."""
+    section_name, _, name = key.partition(".")
+    section = getattr(file, section_name, None) if section_name in ScenarioFile.model_fields else None
+    if not isinstance(section, Section) or isinstance(section, Rates) or name not in type(section).model_fields:
+        return None
+    value = getattr(section, name)
+    return None if isinstance(value, str | int | bool) else value
+
+
+def _check_dispersion(file: ScenarioFile, index: int, dispersion: Any, seen: set[str]) -> None:
+    where = f"dispersions.{index}"
+    value = nominal(file, dispersion.key)
+    if value is None:
+        raise ScenarioError(
+            f"{where}.key", dispersion.key, "the key of a number in this scenario, such as 'servicer.mass_kg'"
+        )
+    if dispersion.key in seen:
+        raise ScenarioError(f"{where}.key", dispersion.key, "a key that no other dispersion draws")
+    seen.add(dispersion.key)
+    shape = np.shape(value)
+    expected = {"direction": (3,), "attitude": (4,), "small_rotation": (4,)}.get(dispersion.kind)
+    if expected is not None and shape != expected:
+        raise ScenarioError(f"{where}.kind", dispersion.kind, f"a key with {expected[0]} components")
+    sigma = getattr(dispersion, "sigma", getattr(dispersion, "sigma_deg", 0.0))
+    wanted = (3,) if dispersion.kind == "small_rotation" else shape
+    if np.ndim(sigma) and np.shape(sigma) != wanted:
+        raise ScenarioError(f"{where}.sigma", sigma, f"one number, or numbers of shape {wanted}")
+    if dispersion.kind == "choice" and any(np.shape(choice) != shape for choice in dispersion.values):
+        raise ScenarioError(f"{where}.values", dispersion.values, f"values of shape {shape}")
+    if dispersion.kind == "log_normal" and np.any(np.asarray(value) <= 0.0):
+        raise ScenarioError(f"{where}.key", dispersion.key, "a nominal value above zero for a log-normal")

@@ -1,0 +1,46 @@
+"""Bounding boxes: the message between a detector, real or modelled, and the flight software."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rpojax.core.pytree import pytree
+from rpojax.vision.pinhole import Lens, project
+
+
+@pytree
+class Box:
+    """One frame's bounding box.
+
+    Attributes:
+        edges: (4,) left, top, right, bottom [px]
+        present: () bool, whether there is a box at all
+        truncated: () bool, whether an edge of the frame cuts it
+    """
+
+    edges: Array
+    present: Array
+    truncated: Array
+
+
+def box_center(edges: Float[Array, "4"]) -> Float[Array, "2"]:
+    """Centre [px] of a box."""
+    return 0.5 * (edges[:2] + edges[2:])
+
+
+def box_size(edges: Float[Array, "4"]) -> Float[Array, ""]:
+    """Geometric mean of width and height [px], at least a tenth of a pixel each."""
+    sides = jnp.maximum(edges[2:] - edges[:2], 0.1)
+    return jnp.sqrt(sides[0] * sides[1])
+
+
+def outline(lens: Lens, hull_K: Float[Array, "n 3"]) -> Float[Array, "4"]:
+    """Box [px] around the projected hull vertices [m], not yet cut by the frame."""
+    pixels = project(lens, hull_K)
+    return jnp.concatenate([jnp.min(pixels, axis=1), jnp.max(pixels, axis=1)])
+
+
+def cut_to_frame(edges: Float[Array, "4"], width_px: int, height_px: int) -> tuple[Float[Array, "4"], Array]:
+    """Box cut to the frame, and whether the cut changed it."""
+    limits = jnp.array([width_px, height_px, width_px, height_px], dtype=edges.dtype)
+    cut = jnp.clip(edges, 0.0, limits)
+    return cut, jnp.any(cut != edges, axis=0)
