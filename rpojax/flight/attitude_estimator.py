@@ -91,7 +91,9 @@ def predict_covariance(
     return replace(estimate, covariance=jnp.concatenate([top, bottom], axis=0))
 
 
-def update(tuning: AttitudeFilter, estimate: AttitudeEstimate, star_tracker_q_BN: Float[Array, "4"]) -> AttitudeEstimate:
+def update(
+    tuning: AttitudeFilter, estimate: AttitudeEstimate, star_tracker_q_BN: Float[Array, "4"]
+) -> AttitudeEstimate:
     """Estimate after a star tracker measurement."""
     residual = quaternion.log(quaternion.multiply(star_tracker_q_BN, quaternion.conjugate(estimate.q_BN)))
     rows = Rows(

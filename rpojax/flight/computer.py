@@ -76,7 +76,9 @@ OrbitUpdate = Callable[
     tuple[OrbitEstimate, BoxTrack, Innovation],
 ]
 OrbitPrediction = Callable[[Navigation, OrbitEstimate, Array, Array, float], OrbitEstimate]
-WheelControl = Callable[[AttitudeControl, Onboard, Array, AttitudeEstimate, attitude_control.AttitudeCommand, Array], Array]
+WheelControl = Callable[
+    [AttitudeControl, Onboard, Array, AttitudeEstimate, attitude_control.AttitudeCommand, Array], Array
+]
 
 
 @dataclass(frozen=True)
@@ -137,7 +139,7 @@ def navigate(
 
 def plan_burn(stages: Stages, params: FlightParams, memory: FlightMemory, time: Scalar) -> FlightMemory:
     """Memory with a newly decided burn."""
-    lost = memory.pointing.unseen_time > params.pointing.search_after
+    lost = guidance.is_lost(params.pointing, memory.pointing)
     plan = guidance.plan_burn(
         stages.formation_law,
         params.formation,

@@ -44,8 +44,9 @@ class Pointing:
         settle_time: () between the end of a slew and the burn [s]
         look_away_limit: () from the start of the turn to the end of the turn back [s]
         search_after: () seconds without an accepted box, outside planned look-aways [s]
+        acquisition_wait: () the same before the first accepted box of the run [s]
         search_pitch: () distance between turns of the search spiral [rad]
-        search_speed: () along the spiral [rad/s]
+        search_acceleration: () centripetal acceleration along the spiral [rad/s^2]
         search_sigmas: () the spiral starts anew beyond this many sigma of projected uncertainty [-]
         search_radius_max: () and beyond this angle at any rate [rad]
     """
@@ -55,8 +56,9 @@ class Pointing:
     settle_time: Array
     look_away_limit: Array
     search_after: Array
+    acquisition_wait: Array
     search_pitch: Array
-    search_speed: Array
+    search_acceleration: Array
     search_sigmas: Array
     search_radius_max: Array
 
@@ -106,12 +108,14 @@ class PointingState:
     Attributes:
         reference: the present reference
         to_burn: () bool, the end attitude is the burn's
+        acquired: () bool, a box has been accepted in this run
         unseen_time: () since the last accepted box, planned look-aways left out [s]
         search_time: () since the search began; 0 when not searching [s]
     """
 
     reference: Reference
     to_burn: Array
+    acquired: Array
     unseen_time: Array
     search_time: Array
 
@@ -172,14 +176,13 @@ def plan_burn(
     on_time = jnp.minimum(size * onboard.mass / onboard.thrust, jnp.maximum(longest, 0.0))
     wanted = safe.gate(size - formation.dead_band, 0.05 * formation.dead_band + 1e-6)
     possible = (
-        (on_time >= onboard.minimum_on_time)
-        & (range_uncertainty(estimate) < formation.range_uncertainty_limit)
-        & ~lost
+        (on_time >= onboard.minimum_on_time) & (range_uncertainty(estimate) < formation.range_uncertainty_limit) & ~lost
     )
     on_time = wanted * jnp.where(possible, on_time, 0.0)
     ignition = time + formation.lead - 0.5 * on_time
     return BurnPlan(
-        turn_start=jnp.maximum(ignition - pointing.settle_time - turn_time, time),
+        # Without a burn there is no look-away: the turn "starts" when it is already over.
+        turn_start=jnp.where(on_time > 0.0, jnp.maximum(ignition - pointing.settle_time - turn_time, time), ignition),
         ignition=ignition,
         cutoff=ignition + on_time,
         delta_v_N=on_time * onboard.thrust / onboard.mass * direction_N,
@@ -187,8 +190,8 @@ def plan_burn(
     )
 
 
-_SCHEDULE_GRAIN = 2.0
-"""Turn and turn back begin on whole guidance ticks, which can add a second to each [s]."""
+_SCHEDULE_GRAIN = 3.0
+"""Turn and turn back begin on whole guidance ticks, which can add a second to each; one more for the target's own motion [s]."""
 
 
 def _deviation_at_burn(formation: Formation, estimate: OrbitEstimate) -> tuple[Float[Array, "6"], Float[Array, "3 3"]]:
@@ -227,9 +230,13 @@ def initial_pointing(onboard: Onboard, estimate: OrbitEstimate) -> PointingState
     reference = Reference(
         q_EN=q_EN, omega_EN_E=omega, remainder=jnp.zeros(3), slew_age=zero, slew_time=jnp.ones((), dtype=jnp.float64)
     )
-    return PointingState(
-        reference=reference, to_burn=jnp.zeros((), dtype=bool), unseen_time=zero, search_time=zero
-    )
+    never = jnp.zeros((), dtype=bool)
+    return PointingState(reference=reference, to_burn=never, acquired=never, unseen_time=zero, search_time=zero)
+
+
+def is_lost(pointing: Pointing, state: PointingState) -> Flag:
+    """True when the target has not been seen for too long, or not at all yet."""
+    return (state.unseen_time > pointing.search_after) | ~state.acquired
 
 
 def evaluate(reference: Reference, age: Scalar) -> AttitudeCommand:
@@ -262,23 +269,30 @@ def guide(
     """Reference for the next `dt` [s] and the present mode."""
     to_burn = (time >= plan.turn_start) & (time < plan.cutoff)
     looking_away = to_burn | (state.to_burn | _slewing_back(state)) & ~box_accepted
+    acquired = state.acquired | box_accepted
     unseen = jnp.where(box_accepted, 0.0, state.unseen_time + jnp.where(looking_away, 0.0, dt))
-    searching = (unseen > pointing.search_after) & ~to_burn
+    patience = jnp.where(acquired, pointing.search_after, pointing.acquisition_wait)
+    searching = (unseen > patience) & ~to_burn
     search_time = jnp.where(searching, _search_clock(pointing, estimate, state.search_time + dt), 0.0)
 
     q_look, omega_look = look_attitude(onboard, estimate)
-    offset_K = jnp.where(searching, _spiral(pointing, search_time), 0.0)
-    q_KB = quaternion.normalize(onboard.camera_mounting)
-    q_search = quaternion.multiply(quaternion.exp(rotate(quaternion.conjugate(q_KB), offset_K)), q_look)
-    q_end = jnp.where(to_burn, plan.q_burn, q_search)
-    omega_end = jnp.where(to_burn, 0.0, omega_look)
+    offset_K, offset_rate_K = _spiral(pointing, search_time)
+    q_BK = quaternion.conjugate(quaternion.normalize(onboard.camera_mounting))
+    q_search = quaternion.multiply(quaternion.exp(-rotate(q_BK, offset_K)), q_look)
+    q_home = jnp.where(searching, q_search, q_look)
+    omega_home = omega_look + jnp.where(searching, rotate(q_BK, offset_rate_K), 0.0)
+    q_end = jnp.where(to_burn, plan.q_burn, q_home)
+    omega_end = jnp.where(to_burn, 0.0, omega_home)
 
     reference = _retarget(pointing, state.reference, q_end, omega_end, to_burn != state.to_burn, dt)
     slewing = reference.slew_age < reference.slew_time
     away = jnp.where(time >= plan.ignition, Mode.BURN, Mode.TURN)
     home = jnp.where(slewing & (time < plan.cutoff + pointing.look_away_limit), Mode.TURN_BACK, Mode.LOOK)
     mode = jnp.where(to_burn, away, jnp.where(searching, Mode.SEARCH, home))
-    return PointingState(reference=reference, to_burn=to_burn, unseen_time=unseen, search_time=search_time), mode
+    after = PointingState(
+        reference=reference, to_burn=to_burn, acquired=acquired, unseen_time=unseen, search_time=search_time
+    )
+    return after, mode
 
 
 def _slewing_back(state: PointingState) -> Flag:
@@ -304,19 +318,31 @@ def _retarget(
     )
 
 
-_JUMP = math.radians(1.5)
+_JUMP = math.radians(5.0)
 """A larger step of the end attitude within one tick is flown as a slew [rad]."""
 
 
 def _search_clock(pointing: Pointing, estimate: OrbitEstimate, time: Scalar) -> Scalar:
     """Time along the spiral [s]; back to its start once it has left the projected uncertainty."""
     radius = jnp.minimum(pointing.search_sigmas * bearing_uncertainty(estimate), pointing.search_radius_max)
-    full = jnp.maximum(math.pi * radius**2 / (pointing.search_pitch * pointing.search_speed), 10.0)
+    full = jnp.maximum(radius**1.5 / _spiral_growth(pointing), 10.0)
     return jnp.where(time > full, 1.0, time)
 
 
-def _spiral(pointing: Pointing, time: Scalar) -> Vector:
-    """Offset of the boresight [rad] on an Archimedean spiral run through at constant speed."""
-    radius = safe.sqrt(pointing.search_pitch * pointing.search_speed * time / math.pi)
-    angle = 2.0 * math.pi * radius / pointing.search_pitch
-    return jnp.stack([radius * jnp.cos(angle), radius * jnp.sin(angle), jnp.zeros_like(radius)])
+def _spiral_growth(pointing: Pointing) -> Scalar:
+    """Rate of radius^(3/2) [rad^(3/2)/s] on an Archimedean spiral flown at constant centripetal acceleration."""
+    return 0.75 * pointing.search_pitch * jnp.sqrt(pointing.search_acceleration) / math.pi
+
+
+def _spiral(pointing: Pointing, time: Scalar) -> tuple[Vector, Vector]:
+    """Turn of the camera [rad] and its rate [rad/s] on the search spiral."""
+    growth = _spiral_growth(pointing)
+    # The first second is left out: there the spiral's radius would start at an infinite rate.
+    volume = growth * (time + 1.0)
+    radius = jnp.cbrt(volume * volume)
+    radius_rate = 2.0 / 3.0 * growth / jnp.sqrt(radius)
+    turns = 2.0 * math.pi / pointing.search_pitch
+    c, s = jnp.cos(turns * radius), jnp.sin(turns * radius)
+    none = jnp.zeros_like(radius)
+    outward, around = jnp.stack([c, s, none]), jnp.stack([-s, c, none])
+    return radius * outward, radius_rate * (outward + turns * radius * around)

@@ -28,6 +28,9 @@ ORBITS = 12
 # Width and height differ, so that the log of sqrt(w h) is somewhat noisier than that of a square of the same area.
 _ASPECT_FACTOR = 1.5
 
+# A target predicted more than 60 deg off the boresight cannot be what the camera sees, and tangents explode there.
+_LEAST_DEPTH = 0.5
+
 
 @pytree
 class Navigation:
@@ -51,6 +54,7 @@ class Navigation:
         gate_sigma: () boxes beyond this many sigma in bearing or log-range are rejected [-]
         confirm_tolerance: () two boxes closer than this confirm each other [px]
         confirm_above: () confirmation is asked for when bearing is less certain than this many box sigmas [-]
+        confirm_frames: () and only so many frames later [-]
         rejections_before_recovery: () rejections in a row after which the filter doubts itself [-]
         recovery_position_sigma: () position doubt added then, as a share of the range [-]
         recovery_velocity_sigma: () velocity doubt added then [m/s]
@@ -77,6 +81,7 @@ class Navigation:
     gate_sigma: Array
     confirm_tolerance: Array
     confirm_above: Array
+    confirm_frames: Array
     rejections_before_recovery: Array
     recovery_position_sigma: Array
     recovery_velocity_sigma: Array
@@ -136,12 +141,12 @@ class BoxTrack:
 
     Attributes:
         direction_N: (3,) unit vector of the last box
-        has_direction: () bool, there was a box in the last frame
+        age: () frames since that box [-]
         rejections: () boxes rejected in a row [-]
     """
 
     direction_N: Array
-    has_direction: Array
+    age: Array
     rejections: Array
 
 
@@ -183,9 +188,7 @@ def initial_sigma(tuning: Navigation) -> Float[Array, "19"]:
     )
 
 
-def initial(
-    tuning: Navigation, r_SN_N: Vector, v_SN_N: Vector, r_TS_N: Vector, v_TS_N: Vector
-) -> OrbitEstimate:
+def initial(tuning: Navigation, r_SN_N: Vector, v_SN_N: Vector, r_TS_N: Vector, v_TS_N: Vector) -> OrbitEstimate:
     """Estimate at hand-over from given means [m, m/s]."""
     return OrbitEstimate(
         r_SN_N=r_SN_N,
@@ -203,7 +206,7 @@ def initial_track() -> BoxTrack:
     """Memory of the gate before the first frame."""
     return BoxTrack(
         direction_N=jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64),
-        has_direction=jnp.zeros((), dtype=bool),
+        age=jnp.full((), 1e6, dtype=jnp.float64),
         rejections=jnp.zeros((), dtype=jnp.float64),
     )
 
@@ -307,15 +310,13 @@ class BoxModel:
     variance: Array
 
 
-def box_model(
-    tuning: Navigation, focal_px: Scalar, R_KN: Matrix, r_TS_N: Vector, box: BoxMeasurement
-) -> BoxModel:
+def box_model(tuning: Navigation, focal_px: Scalar, R_KN: Matrix, r_TS_N: Vector, box: BoxMeasurement) -> BoxModel:
     """Box of a target at `r_TS_N` [m] without its slowly varying errors, and how uncertain a measurement of it is."""
     r_K = apply(R_KN, r_TS_N)
-    depth = jnp.where(r_K[2] > 0.1, r_K[2], 0.1)
-    tangent = r_K[:2] / depth
     square = jnp.sum(r_TS_N * r_TS_N, axis=0)
     distance = jnp.sqrt(square)
+    depth = jnp.maximum(r_K[2], _LEAST_DEPTH * distance)
+    tangent = r_K[:2] / depth
     predicted = jnp.concatenate([tangent, jnp.log(tuning.target_size / distance)[None]])
     gradient = jnp.stack(
         [
@@ -353,7 +354,9 @@ def update(
     slow = jnp.concatenate([estimate.bearing_bias, jnp.sum(estimate.scale, axis=0)[None]])
     residual = measured - model.predicted - slow
     variance = _innovation_variance(estimate.covariance, model)
-    accepted = _gate(tuning, focal_px, R_KN, track, box, residual, variance, model) if gated else box.present * 1.0
+    accepted = (
+        _gate(tuning, focal_px, R_KN, estimate, track, box, residual, variance, model) if gated else box.present * 1.0
+    )
     size_used = jnp.where(box.truncated, 0.0, accepted)
 
     point = _iterated_position(tuning, focal_px, R_KN, estimate, box, measured - slow)
@@ -406,6 +409,7 @@ def _gate(
     tuning: Navigation,
     focal_px: Scalar,
     R_KN: Matrix,
+    estimate: OrbitEstimate,
     track: BoxTrack,
     box: BoxMeasurement,
     residual: Vector,
@@ -419,17 +423,20 @@ def _gate(
     inside = safe.gate(tuning.gate_sigma**2 - worst, jnp.asarray(0.25, dtype=worst.dtype))
     wide = jnp.any(variance[:2] > (1.0 + tuning.confirm_above**2) * model.variance[:2], axis=0)
     confirmed = _agrees(tuning, focal_px, R_KN, track, box)
-    return jnp.where(box.present & (confirmed | ~wide), inside, 0.0)
+    r_K = apply(R_KN, estimate.r_TS_N)
+    ahead = r_K[2] > _LEAST_DEPTH * safe.norm(r_K)
+    return jnp.where(box.present & ahead & (confirmed | ~wide), inside, 0.0)
 
 
 def _agrees(
     tuning: Navigation, focal_px: Scalar, R_KN: Matrix, track: BoxTrack, box: BoxMeasurement
 ) -> Bool[Array, ""]:
-    """True if the last frame had a box in nearly the same inertial direction."""
+    """True if a box of the last few frames had nearly the same inertial direction."""
     before = apply(R_KN, track.direction_N)
     depth = jnp.where(before[2] > 0.1, before[2], 0.1)
     apart = jnp.max(jnp.abs(before[:2] / depth - box.tangent), axis=0)
-    return track.has_direction & (apart * focal_px < tuning.confirm_tolerance) & (before[2] > 0.1)
+    recent = track.age <= tuning.confirm_frames
+    return recent & (apart * focal_px < tuning.confirm_tolerance * track.age) & (before[2] > 0.1)
 
 
 def _iterated_position(
@@ -479,7 +486,7 @@ def _remember(
     doubt = count >= tuning.rejections_before_recovery
     return BoxTrack(
         direction_N=jnp.where(box.present, direction_N, track.direction_N),
-        has_direction=box.present,
+        age=jnp.where(box.present, 1.0, track.age + 1.0),
         rejections=jnp.where(doubt, 0.0, count),
     ), doubt
 

@@ -81,9 +81,7 @@ class BurnError:
 
 def draw_burn_error(thruster: Thruster, normals: Float[Array, "4"]) -> BurnError:
     """Execution error of one burn from four standard normal numbers."""
-    return BurnError(
-        magnitude=thruster.magnitude_noise * normals[0], direction=thruster.direction_noise * normals[1:]
-    )
+    return BurnError(magnitude=thruster.magnitude_noise * normals[0], direction=thruster.direction_noise * normals[1:])
 
 
 def force_and_torque(thruster: Thruster, error: BurnError) -> tuple[Vector, Vector]:

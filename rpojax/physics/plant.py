@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import orbital_mechanics, quaternion
-from rpojax.core.frames import hill_to_inertial, hill_frame
+from rpojax.core.frames import hill_frame, hill_to_inertial
 from rpojax.core.integrate import rk4
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.quaternion import rotate
@@ -151,9 +151,7 @@ def step(params: PlantParams, truth: Truth, wheel_command: Vector, burn: Burn, d
             omega_BN_B=omega_dot,
             wheel_speed=wheel_acceleration,
             q_TN=quaternion.derivative(y.q_TN, y.omega_TN_T),
-            omega_TN_T=rigid_body.angular_acceleration(
-                params.target.inertia, inverse_target, y.omega_TN_T, torque_T
-            ),
+            omega_TN_T=rigid_body.angular_acceleration(params.target.inertia, inverse_target, y.omega_TN_T, torque_T),
             mass=-thrust * flow,
             delta_v=thrust / y.mass * jnp.sqrt(jnp.sum(force_B * force_B, axis=0)),
         )

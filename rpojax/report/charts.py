@@ -7,11 +7,12 @@ import numpy as np
 
 from rpojax.analysis.statistics import percentiles_over_runs
 from rpojax.report.labels import Channel, Metric
-from rpojax.report.style import BLUE, FONT, GREEN, GRID, INK, MUTED, VERMILLION
+from rpojax.report.style import BLUE, FAINT, FONT, GREEN, GRID, INK, MUTED, VERMILLION
 
 Chart = dict[str, Any]
 
 _MOST_POINTS = 800
+_MOST_BINS = 36
 _RUNS_FOR_5_95 = 20
 _RUNS_FOR_1_99 = 100
 _OUTER_FILL = "rgba(0, 114, 178, 0.13)"
@@ -24,7 +25,7 @@ def compact(values: np.ndarray) -> list[float | None]:
 
 
 def worst_run(channel: Channel, values: np.ndarray, completed: np.ndarray) -> int | None:
-    """Completed run with the largest mean of `values` (runs, m) over the last third, or the lowest value if low is bad."""
+    """Completed run with the largest mean of `values` (runs, m) over the last third, or the lowest if low is bad."""
     part = values if channel.low_is_bad else values[:, 2 * values.shape[1] // 3 :]
     candidates = np.flatnonzero(completed & np.isfinite(part).any(axis=1))
     if len(candidates) == 0:
@@ -37,7 +38,7 @@ def worst_run(channel: Channel, values: np.ndarray, completed: np.ndarray) -> in
 def envelope(
     channel: Channel, time_s: np.ndarray, values: np.ndarray, completed: np.ndarray, bound: np.ndarray | None = None
 ) -> Chart | None:
-    """Chart of `values` (runs, m) over time: median, bands, worst run and the median of `bound` (runs, m); None if empty.
+    """Chart of `values` (runs, m) over time [s]: median, bands, worst run, median of `bound` (runs, m); None if empty.
 
     At each instant the percentiles are over the runs that have not failed yet. Bands appear when there are runs enough
     to resolve them; below that the outer band is from the smallest to the largest run.
@@ -56,7 +57,7 @@ def envelope(
     if bound is not None:
         middle = percentiles_over_runs(bound[:, shown], (50.0,))[0]
         traces.append(_line(channel, time, middle, "3 sigma of the filter, median", GREEN, 1.8, "dash"))
-    return {"data": traces, "layout": _time_layout(channel)}
+    return {"data": traces, "layout": _time_layout(channel, traces)}
 
 
 def histogram(shown: Metric, values: np.ndarray) -> Chart:
@@ -72,6 +73,7 @@ def histogram(shown: Metric, values: np.ndarray) -> Chart:
     }
     layout = _layout(shown.unit, "runs")
     layout["bargap"] = 0
+    layout["showlegend"] = False
     layout["shapes"] = [
         _marker_line(float(np.percentile(values, 50)), "solid"),
         _marker_line(float(np.percentile(values, 99)), "dash"),
@@ -81,23 +83,25 @@ def histogram(shown: Metric, values: np.ndarray) -> Chart:
 
 
 def binned(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Counts (k,) and bin edges (k + 1,) of `values` (n,), all finite; the bins stay open where the values are all alike."""
-    bins = int(np.clip(np.ceil(np.sqrt(len(values))), 6, 36))
+    """Counts (k,) and bin edges (k + 1,) of `values` (n,), all finite; each bin of whole numbers is centred on one."""
     low, high = float(values.min()), float(values.max())
-    margin = 0.5 if low == high == 0.0 else 1e-6 * max(abs(low), abs(high))
+    if np.all(values == np.round(values)):
+        step = max(1.0, np.ceil((high - low + 1.0) / _MOST_BINS))
+        return np.histogram(values, bins=np.arange(low - 0.5, high + 0.5 + step, step))
+    bins = int(np.clip(np.ceil(np.sqrt(len(values))), 6, _MOST_BINS))
+    margin = 1e-6 * max(abs(low), abs(high))
     wide = high - low > margin
     return np.histogram(values, bins=bins, range=(low, high) if wide else (low - margin, high + margin))
 
 
-def reference_lines(chart: Chart, levels: Sequence[tuple[float, str]]) -> Chart:
-    """`chart` with horizontal dotted lines at (value, text)."""
+def reference_lines(chart: Chart, unit: str, levels: Sequence[tuple[float, str]]) -> Chart:
+    """`chart` with horizontal dotted lines at (value, text), values in `unit`, that of the chart."""
     for value, text in levels:
-        name = f"{text} ({value:.3g})"
+        name = f"{text}: {value:.3g} {unit}"
         ends = [chart["data"][0]["x"][0], chart["data"][0]["x"][-1]]
-        line = {"color": GREEN, "width": 1.6, "dash": "dot"}
-        chart["data"].append(
-            {"type": "scatter", "mode": "lines", "x": ends, "y": [value, value], "name": name, "line": line, "hoverinfo": "skip"}
-        )
+        line = {"color": INK, "width": 1.4, "dash": "dot"}
+        trace = {"type": "scatter", "mode": "lines", "x": ends, "y": [value, value], "name": name, "line": line}
+        chart["data"].append({**trace, "hoverinfo": "skip"})
     return chart
 
 
@@ -120,21 +124,21 @@ def _band(
     name = "smallest to largest" if whole else f"{percents[0]:.0f}\N{EN DASH}{percents[1]:.0f} %"
     ends = ("smallest", "largest") if whole else tuple(f"{percent:.0f} %" for percent in percents)
     edge = {"type": "scatter", "mode": "lines", "x": time, "line": {"width": 0, "color": BLUE}, "legendgroup": name}
-    return [
-        {**edge, "y": _drawable(channel, low), "name": name, "showlegend": False, "hovertemplate": _hover(channel, ends[0])},
-        {
-            **edge,
-            "y": _drawable(channel, high),
-            "name": name,
-            "fill": "tonexty",
-            "fillcolor": fill,
-            "hovertemplate": _hover(channel, ends[1]),
-        },
+    edges = [
+        {**edge, "y": _drawable(channel, values), "name": name, "hovertemplate": _hover(channel, end)}
+        for values, end in zip((low, high), ends, strict=True)
     ]
+    return [{**edges[0], "showlegend": False}, {**edges[1], "fill": "tonexty", "fillcolor": fill}]
 
 
 def _line(
-    channel: Channel, time: list[float | None], values: np.ndarray, name: str, color: str, width: float, dash: str = "solid"
+    channel: Channel,
+    time: list[float | None],
+    values: np.ndarray,
+    name: str,
+    color: str,
+    width: float,
+    dash: str = "solid",
 ) -> dict[str, Any]:
     return {
         "type": "scatter",
@@ -155,24 +159,33 @@ def _hover(channel: Channel, name: str) -> str:
     return f"{name}: %{{y:.4g}} {channel.unit}<extra></extra>"
 
 
-def _time_layout(channel: Channel) -> dict[str, Any]:
-    layout = _layout("time [s]", f"[{channel.unit}]" if channel.unit else "[-]")
+def _time_layout(channel: Channel, traces: list[dict[str, Any]]) -> dict[str, Any]:
+    layout = _layout("", f"[{channel.unit}]" if channel.unit else "[-]")
+    layout["xaxis"]["ticksuffix"] = " s"
     layout["hovermode"] = "x unified"
-    layout["legend"] = {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom", "font": {"size": 11}}
+    layout["legend"] = {"orientation": "h", "x": 0, "y": -0.13, "yanchor": "top", "font": {"size": 11}}
     if channel.logarithmic:
-        layout["yaxis"].update(type="log", dtick=1, minor={"showgrid": True, "gridcolor": "#f1f4f7"})
+        minor = {"showgrid": True, "gridcolor": FAINT}
+        layout["yaxis"].update(type="log", tickformat="~g", dtick=_log_step(traces), minor=minor)
     else:
         layout["yaxis"]["rangemode"] = "tozero"
     return layout
 
 
+def _log_step(traces: list[dict[str, Any]]) -> str | int:
+    """Plotly's tick step: 1, 2, 5 in each decade where few decades are shown, else one tick a decade."""
+    shown = [value for trace in traces for value in trace["y"] if value is not None]
+    return "D2" if shown and max(shown) < 3e3 * min(shown) else 1
+
+
 def _layout(x_title: str, y_title: str) -> dict[str, Any]:
-    axis = {"gridcolor": GRID, "linecolor": MUTED, "zeroline": False, "ticks": "outside", "tickcolor": GRID, "ticklen": 4}
+    ticks = {"ticks": "outside", "tickcolor": GRID, "ticklen": 4}
+    axis = {"gridcolor": GRID, "linecolor": MUTED, "zeroline": False, **ticks}
     return {
         "font": {"family": FONT, "size": 12, "color": INK},
         "paper_bgcolor": "white",
         "plot_bgcolor": "white",
-        "margin": {"l": 56, "r": 14, "t": 40, "b": 44},
+        "margin": {"l": 56, "r": 14, "t": 30, "b": 44},
         "xaxis": {**axis, "title": {"text": x_title, "font": {"size": 12}}},
         "yaxis": {**axis, "title": {"text": y_title, "font": {"size": 12}}},
         "showlegend": True,

@@ -1,5 +1,6 @@
 """What was dispersed, as drawn, and how the metrics follow it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -7,7 +8,7 @@ import numpy as np
 
 from rpojax.analysis.statistics import rank_correlation
 from rpojax.report.charts import binned, compact
-from rpojax.report.labels import metric
+from rpojax.report.labels import metric, number
 from rpojax.report.results import Results
 
 _FEWEST_RUNS = 10
@@ -16,9 +17,14 @@ _MOST_POINTS = 1500
 
 @dataclass(frozen=True)
 class Dispersion:
-    """One dispersed scalar over all runs, in the unit of its key; `bars` are bin heights from 0 to 1."""
+    """One dispersed scalar over all runs, in the unit of its key, and what the scenario says of it.
+
+    `nominal` and `declared` are texts, empty where the scenario is silent; `bars` are bin heights from 0 to 1.
+    """
 
     key: str
+    nominal: str
+    declared: str
     mean: float
     std: float | None
     minimum: float
@@ -39,7 +45,9 @@ def scalars(campaign: Results) -> dict[str, np.ndarray]:
 
 def as_drawn(campaign: Results) -> list[Dispersion]:
     """Mean, standard deviation, extremes and shape of every dispersed scalar, in drawing order."""
-    return [_describe(key, values[np.isfinite(values)]) for key, values in scalars(campaign).items() if len(values)]
+    scenario = campaign.info.get("scenario", {})
+    found = {key: values[np.isfinite(values)] for key, values in scalars(campaign).items()}
+    return [_describe(scenario, key, values) for key, values in found.items() if len(values)]
 
 
 def explorer(campaign: Results) -> dict[str, Any] | None:
@@ -78,13 +86,33 @@ def _ranks(values: np.ndarray, inputs: dict[str, np.ndarray]) -> dict[str, float
     return {key: round(rank, 4) for key, rank in found.items() if rank is not None}
 
 
-def _describe(key: str, values: np.ndarray) -> Dispersion:
+def _describe(scenario: Mapping[str, Any], key: str, values: np.ndarray) -> Dispersion:
     counts, _ = binned(values)
     return Dispersion(
         key=key,
+        nominal=_nominal(scenario, key),
+        declared=_declared(scenario, key.partition("[")[0]),
         mean=float(values.mean()),
         std=float(values.std(ddof=1)) if len(values) > 1 else None,
         minimum=float(values.min()),
         maximum=float(values.max()),
         bars=[round(float(count), 3) for count in counts / counts.max()],
     )
+
+
+def _nominal(scenario: Mapping[str, Any], key: str) -> str:
+    path, _, component = key.partition("[")
+    value: Any = scenario
+    for part in path.split("."):
+        value = value.get(part) if isinstance(value, Mapping) else None
+    if component and isinstance(value, list):
+        value = value[int(component.rstrip("]"))]
+    return number(float(value)) if isinstance(value, int | float) else ""
+
+
+def _declared(scenario: Mapping[str, Any], key: str) -> str:
+    for entry in scenario.get("dispersions", []):
+        if entry.get("key") == key:
+            rest = ", ".join(f"{name} {value}" for name, value in entry.items() if name not in ("key", "kind"))
+            return f"{entry.get('kind', '')} {rest}".strip()
+    return ""

@@ -17,12 +17,12 @@ History = Mapping[str, np.ndarray]
 _AXIS_NAMES = ("x radial", "y along-track", "z normal")
 _AWAY_MODES = (1, 2, 3)  # turn, burn, turn back
 _SEARCH_MODE = 4
-_PIXELS_PER_INCH = 150
+_PIXELS_PER_INCH = 160
 
 
 def bearing_and_range(history: History, title: str) -> Figure:
     """Figure 6: measured bearing components [-] and coarse range [m] of the boxes of one run, truth as a thin line."""
-    figure = _figure(title, (12.0, 5.4))
+    figure = _figure(title, (10.8, 5.2))
     grid = figure.add_gridspec(3, 2, width_ratios=(1.15, 1.0))
     bearings = [figure.add_subplot(grid[row, 0]) for row in range(3)]
     distance = figure.add_subplot(grid[:, 1])
@@ -31,6 +31,7 @@ def bearing_and_range(history: History, title: str) -> Figure:
         _boxes(axes, history, history["box_bearing_H"][:, axis], -history["rho_H"][:, axis] / true_range)
         _finish(axes, history, f"{_AXIS_NAMES[axis]} [-]", last=axis == 2)
     _boxes(distance, history, history["box_range_m"], true_range)
+    _limit_range(distance, history, true_range)
     _finish(distance, history, "range [m]", last=True)
     bearings[0].set_title("Bearing unit vector, servicer to target, Hill frame", fontsize=10, color=INK)
     distance.set_title("Range from the size of the box", fontsize=10, color=INK)
@@ -40,9 +41,9 @@ def bearing_and_range(history: History, title: str) -> Figure:
 
 def estimation_error(history: History, title: str) -> Figure:
     """Figure 7: position error [m] of target, servicer and relative state per Hill axis, with 3-sigma bounds."""
-    figure = _figure(title, (12.0, 6.4))
+    figure = _figure(title, (10.8, 6.2))
     columns = (("target", "Target"), ("servicer", "Servicer"), ("relative", "Relative (servicer from target)"))
-    cells = figure.subplots(3, 3, sharex=True, sharey="col")
+    cells = figure.subplots(3, 3, sharex=True)
     for column, (name, heading) in enumerate(columns):
         error, bound = history[f"{name}_error_H"], 3.0 * history[f"{name}_sigma_H"]
         for axis in range(3):
@@ -50,9 +51,9 @@ def estimation_error(history: History, title: str) -> Figure:
             axes.plot(history["time_s"], error[:, axis], color=BLUE, lw=0.9, label="error")
             axes.plot(history["time_s"], bound[:, axis], color=VERMILLION, lw=0.9, label="3-sigma bound")
             axes.plot(history["time_s"], -bound[:, axis], color=VERMILLION, lw=0.9)
+            limit = _settled_limit(history["time_s"], error[:, axis], bound[:, axis])
+            axes.set_ylim(-limit, limit)
             _finish(axes, history, f"{_AXIS_NAMES[axis]} [m]" if column == 0 else "", last=axis == 2)
-        limit = _settled_limit(history["time_s"], error, bound)
-        cells[0, column].set_ylim(-limit, limit)
         cells[0, column].set_title(heading, fontsize=10, color=INK)
     _legend(figure, cells[0, 0])
     return figure
@@ -60,7 +61,7 @@ def estimation_error(history: History, title: str) -> Figure:
 
 def relative_position(history: History, title: str) -> Figure:
     """Figure 8: position [m] of the TARGET from the servicer per Hill axis, the negative of rho used elsewhere."""
-    figure = _figure(title, (12.0, 6.0))
+    figure = _figure(title, (10.8, 5.8))
     rows = figure.subplots(3, 1, sharex=True)
     for axis, axes in enumerate(rows):
         axes.plot(history["time_s"], -history["rho_estimate_H"][:, axis], color=BLUE, lw=1.0, label="estimate")
@@ -114,6 +115,16 @@ def _boxes(axes: Axes, history: History, measured: np.ndarray, truth: np.ndarray
     axes.plot(time, truth, color=INK, lw=0.7, label="truth")
 
 
+def _limit_range(axes: Axes, history: History, true_range: np.ndarray) -> None:
+    """Shows twice the largest true range [m], since false boxes can be far out, and counts the boxes beyond."""
+    highest = 2.0 * float(np.max(true_range, initial=1.0, where=np.isfinite(true_range)))
+    axes.set_ylim(0.0, highest)
+    beyond = np.count_nonzero(history["box_present"].astype(bool) & (history["box_range_m"] > highest))
+    if beyond:
+        text = f"boxes above: {beyond}"
+        axes.text(0.99, 0.99, text, transform=axes.transAxes, ha="right", va="top", fontsize=8, color=MUTED)
+
+
 def _finish(axes: Axes, history: History, label: str, last: bool) -> None:
     _shade(axes, history, np.isin(history["mode"], _AWAY_MODES), SHADE, "look-away (turn, burn, turn back)")
     _shade(axes, history, history["mode"] == _SEARCH_MODE, ORANGE, "search")
@@ -128,17 +139,17 @@ def _finish(axes: Axes, history: History, label: str, last: bool) -> None:
 
 
 def _shade(axes: Axes, history: History, where: np.ndarray, color: str, label: str) -> None:
-    if not np.any(where):
+    shown = where & np.isfinite(history["rho_H"][:, 0])
+    if not np.any(shown):
         return
-    lasting = where.copy()
-    lasting[1:] |= where[:-1]  # a second lasts until the next one
-    across = axes.get_xaxis_transform()
-    axes.fill_between(
-        history["time_s"], 0.0, 1.0, where=lasting.tolist(), transform=across, color=color, alpha=0.25, lw=0, label=label
-    )
+    lasting = shown.copy()
+    lasting[1:] |= shown[:-1]  # a second lasts until the next one
+    across, look = axes.get_xaxis_transform(), {"color": color, "alpha": 0.25, "lw": 0.0, "label": label}
+    axes.fill_between(history["time_s"], 0.0, 1.0, where=lasting.tolist(), transform=across, **look)
 
 
 def _legend(figure: Figure, axes: Axes) -> None:
+    figure.align_ylabels()
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=9, frameon=False)
 

@@ -19,11 +19,11 @@ from rpojax.report.results import Results
 from rpojax.report.summary import choose_run, summarise
 
 _CAPTIONS = {
-    "bearing_and_range.png": "Bearing unit vector from servicer to target in the Hill frame (left) and range from the size "
-    "of the box (right). Dots are boxes that the filter accepted, crosses boxes that it refused, the thin line is the "
-    "truth. Grey: the camera looks away for a burn. Orange: it searches.",
-    "estimation_error.png": "Position estimation error of target, servicer and relative state per Hill axis with 3-sigma "
-    "bounds. The vertical scale is that of the run after its first tenth, so the handover may lie off scale.",
+    "bearing_and_range.png": "Bearing unit vector from servicer to target in the Hill frame (left) and range from the "
+    "size of the box (right). Dots are boxes that the filter accepted, crosses boxes that it refused, the thin line is "
+    "the truth. Grey: the camera looks away for a burn. Orange: it searches.",
+    "estimation_error.png": "Position estimation error of target, servicer and relative state per Hill axis with "
+    "3-sigma bounds. The vertical scale is that of the run after its first tenth, so the handover may lie off scale.",
     "relative_position.png": "Position of the target from the servicer in the Hill frame: estimate, truth and desired. "
     "The sign is flipped in this figure only; everywhere else the position is that of the servicer from the target.",
 }
@@ -33,7 +33,7 @@ def write_report(campaign: Results, run_id: int | None = None) -> Path:
     """Writes report.html, report.json and the figures of one run into the campaign's folder; returns the page's path.
 
     `run_id` chooses the run shown in detail (default: the median one in formation error among kept histories). Raises
-    ValueError where no history of `run_id` is kept.
+    ResultError where no history of `run_id` is kept.
     """
     shown = choose_run(campaign, run_id)
     summary = summarise(campaign)
@@ -69,6 +69,8 @@ def _page(campaign: Results, summary: Mapping[str, Any], shown: int | None, figu
         envelopes=[channel for channel, _ in curves.values()],
         consistency=sections.consistency(campaign, summary),
         histograms=bars,
+        constants=[entry for entry in bars if entry["chart"] is None and entry["defined"]],
+        undefined=[entry["metric"].title for entry in bars if not entry["defined"]],
         dispersions=dispersions.as_drawn(campaign),
         explorer=explorer is not None,
         failures=sections.failures(summary),

@@ -57,7 +57,8 @@ _TEXTS: dict[str, tuple[str, str]] = {
     ),
     "sigma3_coverage": (
         "3-sigma coverage",
-        "Share of seconds and Hill axes in which the relative position error is inside 3 sigma; a normal error gives 0.9973.",
+        "Share of seconds and Hill axes in which the relative position error is inside 3 sigma; "
+        "a normal error gives 0.9973.",
     ),
     "delta_v_m_s": ("Delta-v", "Velocity change that the thruster applied over the whole run."),
     "min_range_m": ("Minimum range", "Smallest true distance of the two spacecraft."),

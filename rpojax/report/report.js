@@ -1,7 +1,8 @@
 (() => {
   "use strict";
   const data = JSON.parse(document.getElementById("page-data").textContent);
-  const config = { responsive: true, displaylogo: false, modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
+  const buttons = [["toImage", "zoom2d", "pan2d", "resetScale2d"]];
+  const config = { responsive: true, displaylogo: false, plotlyServerURL: "", modeBarButtons: buttons };
   const quiet = { ...config, displayModeBar: false };
 
   function drawNext(waiting) {

@@ -97,15 +97,15 @@ def envelopes(campaign: Results) -> dict[str, tuple[Channel, Chart]]:
         chart = envelope(channel, campaign.trace_time_s, values, completed, bound)
         if chart is not None:
             charts[channel.name] = (channel, chart)
-    if "nees" in charts:
-        low, high = mean_nees_interval(_NEES_COMPONENTS, 1)
-        levels = [(12.0, "expected"), (low, "2.5 % of a consistent filter"), (high, "97.5 %")]
-        reference_lines(charts["nees"][1], levels)
+    for name, levels in _levels(campaign.info.get("scenario", {})).items():
+        if name in charts:
+            channel, chart = charts[name]
+            reference_lines(chart, channel.unit, levels)
     return charts
 
 
 def histograms(campaign: Results, summary: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Title, median, 99th percentile and chart of every metric; the chart is None where all runs agree or none has it."""
+    """Title, median, 99th percentile and chart of every metric; the chart is None where runs agree or none has it."""
     shown = []
     for name, entry in summary["metrics"].items():
         values = campaign.metrics[name]
@@ -168,7 +168,8 @@ def limits(campaign: Results, summary: Mapping[str, Any]) -> list[str]:
     scenario, runs = campaign.info.get("scenario", {}), summary["runs"]
     sentences = [_camera_limit(scenario.get("camera"))]
     if "duration_s" in scenario:
-        sentences.append(f"Each run lasts {number(float(scenario['duration_s']))} s; nothing is said about later times.")
+        duration = number(float(scenario["duration_s"]))
+        sentences.append(f"Each run lasts {duration} s; nothing is said about later times.")
     sentences.append(
         "Only the quantities under Dispersions vary between runs, besides sensor noise. "
         "A model error that simulation and flight software share does not show."
@@ -183,7 +184,7 @@ def limits(campaign: Results, summary: Mapping[str, Any]) -> list[str]:
             "Metrics leave out runs in which they are undefined, as after a failure: "
             "they describe the survivors and must be read together with the failures."
         )
-    sentences.append("Intervals and bounds take the runs as independent, as they are when each has its own random draws.")
+    sentences.append("Intervals and bounds take the runs as independent: each with its own random draws.")
     if not summary["requirements"]:
         sentences.append("The campaign states no requirements, so this report gives no verdict.")
     return sentences
@@ -234,25 +235,36 @@ def _share_inside(campaign: Results) -> tuple[float, float, float] | None:
         return None
     time = campaign.trace_time_s
     settled = time >= min(1000.0, float(time[-1]) / 3.0)
-    mean = np.mean(values[completed][:, settled], axis=0, dtype=np.float64)
-    mean = mean[np.isfinite(mean)]
+    means = np.asarray(values[completed][:, settled], dtype=np.float64).mean(axis=0)
+    mean = means[np.isfinite(means)]
     if len(mean) == 0:
         return None
     low, high = mean_nees_interval(_NEES_COMPONENTS, int(completed.sum()))
     return float(np.mean((mean >= low) & (mean <= high))), low, high
 
 
+def _levels(scenario: Mapping[str, Any]) -> dict[str, list[tuple[float, str]]]:
+    low, high = mean_nees_interval(_NEES_COMPONENTS, 1, 0.9)
+    levels = {"nees": [(low, "consistent filter, 5 %"), (12.0, "mean"), (high, "95 %")]}
+    keep_out = scenario.get("limits", {}).get("keep_out_m")
+    if keep_out is not None:
+        levels["range_m"] = [(float(keep_out), "keep-out sphere")]
+    return levels
+
+
 def _flatten(value: Any, path: str) -> list[str]:
     if isinstance(value, Mapping) and value:
         return [line for key, item in value.items() for line in _flatten(item, f"{path}.{key}" if path else str(key))]
+    if isinstance(value, list) and value and all(isinstance(item, Mapping) for item in value):
+        return [f"{path}[{index}] = {json.dumps(item, default=str)}" for index, item in enumerate(value)]
     return [f"{path} = {json.dumps(value, default=str)}"] if path else []
 
 
 def _camera_limit(camera: Any) -> str:
     model = camera.get("model") if isinstance(camera, Mapping) else None
     texts = {
-        "geometric": "boxes are computed from the geometry of the target with modelled errors. No image is rendered and "
-        "no detector runs, so nothing is said about appearance, exposure or clutter",
+        "geometric": "boxes are computed from the geometry of the target with modelled errors. No image is rendered "
+        "and no detector runs, so nothing is said about appearance, exposure or clutter",
         "statistical": "boxes are drawn from an error model of the detector. No image is rendered, so nothing is said "
         "about images unlike those from which the model was made",
         "rendered": "images are rendered and a trained detector finds the boxes. Results hold as far as the rendered "

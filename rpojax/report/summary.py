@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from rpojax.analysis.statistics import quantile_upper_bound
+from rpojax.errors import ResultError
 from rpojax.report.results import Results
 from rpojax.simulation.metrics import UNITS
 
@@ -26,13 +27,13 @@ def summarise(campaign: Results) -> dict[str, Any]:
 def choose_run(campaign: Results, run_id: int | None = None) -> int | None:
     """Run to show in detail: `run_id`, else the median one in formation error among kept histories, None without any.
 
-    Raises ValueError where no history of `run_id` is kept.
+    Raises ResultError where no history of `run_id` is kept.
     """
     kept = sorted(campaign.history_ids)
     if run_id is not None:
         if run_id not in kept:
             listed = ", ".join(map(str, kept[:20])) or "none"
-            raise ValueError(f"run {run_id} has no kept history (kept: {listed})")
+            raise ResultError(f"run {run_id}: no history is kept, expected one of: {listed}")
         return run_id
     errors = campaign.metrics.get(_CHOOSING_METRIC, np.full(len(campaign.completed), np.nan))
     ranked = sorted((run for run in kept if np.isfinite(errors[run])), key=lambda run: errors[run])
@@ -66,10 +67,16 @@ def _metric(name: str, values: np.ndarray) -> dict[str, Any]:
     if len(defined) == 0:
         return entry
     p50, p95, p99 = np.percentile(defined, [50, 95, 99])
-    entry.update(mean=np.mean(defined), std=np.std(defined, ddof=1) if len(defined) > 1 else None)
     entry.update(min=np.min(defined), p50=p50, p95=p95, p99=p99, max=np.max(defined))
-    entry["p99_upper_95"] = quantile_upper_bound(defined, 0.99, 0.95)
+    entry.update(mean=np.mean(defined), std=_deviation(defined), p99_upper_95=quantile_upper_bound(defined, 0.99, 0.95))
     return plain(entry)
+
+
+def _deviation(values: np.ndarray) -> float | None:
+    """Sample standard deviation; exactly 0 for equal values, where rounding of the mean would leave a trace."""
+    if len(values) < 2:
+        return None
+    return float(np.std(values, ddof=1)) if np.ptp(values) > 0.0 else 0.0
 
 
 def _failures(campaign: Results) -> list[dict[str, Any]]:

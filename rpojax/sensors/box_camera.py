@@ -112,9 +112,7 @@ def measure(
     return Frame(box=box, observable=observable, outlier=outlier)
 
 
-def _false_box(
-    camera: BoxCamera, frame_size: Float[Array, "2"], uniforms: Float[Array, "4"]
-) -> Float[Array, "4"]:
+def _false_box(camera: BoxCamera, frame_size: Float[Array, "2"], uniforms: Float[Array, "4"]) -> Float[Array, "4"]:
     """False box: centre uniform over the frame, sides log-uniform."""
     center = frame_size * uniforms[:2]
     half = 0.5 * camera.outlier_size_min * (camera.outlier_size_max / camera.outlier_size_min) ** uniforms[2:]
@@ -129,5 +127,3 @@ def hull_in_camera(
     R_KT = quaternion.to_matrix(quaternion.multiply(q_KN, quaternion.conjugate(q_TN)))
     r_TK_K = rotate(q_KN, -r_ST_N)
     return jnp.sum(R_KT[None, :, :] * hull_T[:, None, :], axis=2) + r_TK_K[None, :]
-
-

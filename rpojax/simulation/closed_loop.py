@@ -171,7 +171,8 @@ def rollout(
 def _sense(scenario: Scenario, params: Params, state: State) -> tuple[Measurements, Frame]:
     truth = state.truth
     gps_key, star_key, box_key = (
-        random.fold_in(state.keys[stream], state.tick) for stream in (Stream.GPS, Stream.STAR_TRACKER, Stream.BOX_CAMERA)
+        random.fold_in(state.keys[stream], state.tick)
+        for stream in (Stream.GPS, Stream.STAR_TRACKER, Stream.BOX_CAMERA)
     )
     gps_normals = random.normal(gps_key, 3)
     star_normals = random.normal(random.fold_in(star_key, 1), 3)

@@ -7,9 +7,9 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from rpojax.errors import ScenarioError
 from rpojax.core.orbital_mechanics import Elements
 from rpojax.core.pytree import pytree, replace
+from rpojax.errors import ScenarioError
 from rpojax.flight.attitude_control import AttitudeControl
 from rpojax.flight.attitude_estimator import AttitudeFilter
 from rpojax.flight.computer import FlightParams

@@ -196,6 +196,7 @@ class NavigationSection(Section):
     gate_sigma: Positive
     confirm_tolerance_px: Positive
     confirm_above: Positive
+    confirm_frames: Positive
     rejections_before_recovery: Positive
     recovery_position_sigma: NonNegative
     recovery_velocity_sigma_m_s: NonNegative
@@ -234,8 +235,9 @@ class PointingSection(Section):
     settle_time_s: NonNegative
     look_away_limit_s: Positive
     search_after_s: Positive
+    acquisition_wait_s: Positive
     search_pitch_deg: Positive
-    search_speed_deg_s: Positive
+    search_acceleration_mrad_s2: Positive
     search_sigmas: Positive
     search_radius_max_deg: Angle
 

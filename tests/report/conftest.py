@@ -1,4 +1,4 @@
-"""A made-up campaign with the attributes of a stored one, so that the report is tested without running the simulator."""
+"""A made-up campaign with the attributes of a stored one, to test the report without running the simulator."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -51,23 +51,30 @@ def make_campaign(
         failure_reason=np.where(completed, "", "entered the keep-out sphere"),
         drawn={
             "servicer.mass_kg": mass,
-            "camera.mount_error_deg": rng.normal(0.0, 0.1, (runs, 3)),
-            "gps.position_sigma_m": rng.uniform(1.0, 3.0, runs),
+            "camera.misalignment_deg": rng.normal(0.0, 0.1, (runs, 3)),
+            "gps.noise_m": rng.uniform(1.0, 3.0, runs),
             "thruster.on": np.ones(runs),
         },
         trace_time_s=time,
         traces=_traces(rng, time, failed_at),
-        histories={run: _history(rng, seconds, float(failed_at[run])) for run in kept},
+        histories={run: _history(rng, seconds, float(failed_at[run])) for run in kept if run < runs},
     )
 
 
 def _info(runs: int, seconds: int) -> dict[str, Any]:
     return {
         "name": "inspection",
-        "description": "A servicer holds 30 m behind an uncooperative target & watches it with a camera <visible light>.",
+        "description": "A servicer holds 30 m behind an uncooperative target & watches it, camera <visible light>.",
         "scenario": {
             "duration_s": seconds,
-            "camera": {"model": "geometric", "mount_deg": [0.0, 90.0, 0.0]},
+            "servicer": {"mass_kg": 24.0},
+            "camera": {"model": "geometric", "misalignment_deg": [0.0, 0.0, 0.0]},
+            "limits": {"keep_out_m": 10.0},
+            "dispersions": [
+                {"key": "servicer.mass_kg", "kind": "normal", "sigma": 0.4},
+                {"key": "camera.misalignment_deg", "kind": "normal", "sigma": 0.1},
+                {"key": "gps.noise_m", "kind": "uniform", "low": 1.0, "high": 3.0},
+            ],
             "note": "</script><script>alert(1)</script>",
         },
         "scenario_hash": "3f6c0a9d51e2",
@@ -148,6 +155,8 @@ def _history(rng: np.random.Generator, seconds: int, failed_at_s: float) -> dict
     outlier = present & (rng.random(steps) > 0.97)
     distance = np.linalg.norm(rho, axis=1)
     spread = np.where(outlier, 0.08, 0.004)[:, None]
+    bearing = -rho / distance[:, None] + spread * rng.normal(size=(steps, 3))
+    box_range = distance * np.where(outlier, rng.lognormal(0.0, 0.6, steps), rng.normal(1.0, 0.03, steps))
     history = {
         "rho_H": rho,
         "rho_estimate_H": rho + error,
@@ -159,8 +168,8 @@ def _history(rng: np.random.Generator, seconds: int, failed_at_s: float) -> dict
         "target_sigma_H": np.sqrt(0.25 + sigma**2),
         "nees": rng.chisquare(12, steps),
         "nees_relative": rng.chisquare(6, steps),
-        "box_bearing_H": np.where(present[:, None], -rho / distance[:, None] + spread * rng.normal(size=(steps, 3)), np.nan),
-        "box_range_m": np.where(present, distance * rng.normal(1.0, np.where(outlier, 0.25, 0.03)), np.nan),
+        "box_bearing_H": np.where(present[:, None], bearing, np.nan),
+        "box_range_m": np.where(present, box_range, np.nan),
         "box_px": np.full((steps, 4), 40.0),
         "pointing_error_deg": np.abs(rng.normal(0.3, 0.1, steps)),
         "wheel_speed_fraction": np.full((steps, 3), 0.2),

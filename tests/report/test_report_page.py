@@ -1,0 +1,191 @@
+"""The page: self-contained, well formed, and plain about what is missing."""
+
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import plotly.graph_objects
+import pytest
+
+from rpojax.errors import ResultError
+from rpojax.report.charts import binned, envelope, worst_run
+from rpojax.report.html import write_report
+from rpojax.report.labels import CHANNELS, number
+
+_DASH = "\N{EN DASH}"
+_VOID = {"meta", "img", "rect", "br", "link"}
+_SECTIONS = {
+    *("identity", "headline", "metrics", "envelopes", "consistency", "distributions", "dispersions"),
+    *("sensitivity", "failures", "run", "scenario", "limits"),
+}
+
+
+class Page(HTMLParser):
+    """Collects tags, text and data of a page, and checks that elements close in order."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text: list[str] = []
+        self.data = ""
+        self.feed(text)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in _VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if "script" not in self.open:
+            self.text.append(data)
+        elif self.tags[-1][1].get("id") == "page-data":
+            self.data += data
+
+
+def _page(campaign, run_id=None):
+    return Page(write_report(campaign, run_id).read_text())
+
+
+def _words(page):
+    return re.sub(r"\s+", " ", " ".join(page.text))
+
+
+def test_page_loads_nothing_from_outside(campaign):
+    page = _page(campaign)
+    for tag, attributes in page.tags:
+        for name in ("src", "href", "srcset", "data", "action"):
+            value = attributes.get(name)
+            assert value is None or value.startswith(("#", "data:image/png;base64,")), (tag, name)
+    policies = [a["content"] for _, a in page.tags if a.get("http-equiv") == "Content-Security-Policy"]
+    assert [str(policy).partition(";")[0] for policy in policies] == ["default-src 'none'"]
+
+
+def test_page_has_every_section_each_with_an_explanation_or_a_plain_word(campaign):
+    page = _page(campaign)
+    assert {attributes["id"] for tag, attributes in page.tags if tag == "section"} == _SECTIONS
+    links = {attributes["href"] for tag, attributes in page.tags if tag == "a"}
+    assert links == {f"#{name}" for name in _SECTIONS}
+    assert sum(attributes.get("class") == "how" for _, attributes in page.tags) == len(_SECTIONS)
+
+
+def test_every_chart_has_data_that_plotly_accepts(campaign):
+    page = _page(campaign)
+    charts = json.loads(page.data)["charts"]
+    placed = [str(attributes["data-chart"]) for _, attributes in page.tags if "data-chart" in attributes]
+    assert sorted(placed) == sorted(charts)
+    assert len(charts) > 15
+    for chart in charts.values():
+        plotly.graph_objects.Figure(chart)
+
+
+def test_text_from_the_scenario_cannot_become_markup(campaign):
+    campaign.drawn["<img src=http://x>"] = np.arange(40.0)
+    text = write_report(campaign).read_text()
+    assert "<script>alert(1)" not in text
+    assert "<img src=http" not in text
+    assert "<visible light>" not in text
+
+
+def test_folder_gets_page_json_and_figures_and_no_leftovers(campaign):
+    path = write_report(campaign)
+    assert path == campaign.directory / "report.html"
+    files = sorted(str(item.relative_to(path.parent)) for item in path.parent.rglob("*.*") if item.is_file())
+    names = ("bearing_and_range", "estimation_error", "relative_position")
+    assert files == [*(f"figures/{name}.png" for name in names), "report.html", "report.json"]
+    json.loads((campaign.directory / "report.json").read_text(), parse_constant=pytest.fail)
+
+
+def test_chosen_run_can_be_overridden(campaign):
+    assert "Run 1." in _words(_page(campaign, run_id=1))
+    with pytest.raises(ResultError):
+        write_report(campaign, run_id=35)
+
+
+def test_campaign_of_one_run(build):
+    words = _words(_page(build(runs=1, kept=(0,))))
+    assert "One run has no distribution" in words
+    assert "None failed." in words
+    assert "Run 0." in words
+
+
+@pytest.mark.parametrize("kept", [(), (0, 1)])
+def test_campaign_in_which_every_run_failed(build, kept):
+    words = _words(_page(build(runs=60, failed=range(60), kept=kept)))
+    assert "60 of 60 runs failed: 60 \N{MULTIPLICATION SIGN} entered the keep-out sphere." in words
+    assert "10 more are listed in report.json." in words
+    assert ("No full history was kept" in words) == (not kept)
+
+
+def test_bare_campaign_says_plainly_what_is_missing(build):
+    campaign = build(runs=3, kept=())
+    campaign.drawn, campaign.traces, campaign.info = {}, {}, {"name": "bare"}
+    words = _words(_page(campaign))
+    for sentence in ("No trace over time", "Nothing was dispersed", "Needs at least ten runs", "holds no scenario"):
+        assert sentence in words
+
+
+def test_page_of_a_large_campaign_stays_small(build):
+    path = write_report(build(runs=1000, seconds=3000, kept=(0,)))
+    assert path.stat().st_size < 8e6
+
+
+def test_envelope_bands_hold_the_stated_shares():
+    values = np.random.default_rng(5).uniform(1.0, 2.0, (2000, 50))
+    chart = envelope(CHANNELS[0], np.arange(50.0), values, np.ones(2000, bool))
+    assert chart is not None
+    low, high = (np.array(trace["y"]) for trace in chart["data"][2:4])
+    share = np.mean((values >= low) & (values <= high))
+    assert share == pytest.approx(0.90, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("runs", "names"), [(1, set()), (19, {"smallest to largest"}), (99, {"smallest to largest", "5\N{EN DASH}95 %"})]
+)
+def test_bands_that_too_few_runs_cannot_resolve_are_not_drawn(runs, names):
+    values = np.random.default_rng(6).uniform(1.0, 2.0, (runs, 50))
+    chart = envelope(CHANNELS[0], np.arange(50.0), values, np.ones(runs, bool))
+    assert chart is not None
+    assert {trace["legendgroup"] for trace in chart["data"] if "legendgroup" in trace} == names
+
+
+def test_worst_run_is_completed_and_low_range_is_the_bad_side():
+    error, distance = CHANNELS[0], CHANNELS[2]
+    values = np.array([[9.0, 1.0, 1.0], [0.0, 3.0, 3.0], [5.0, 8.0, np.nan]])
+    completed = np.array([True, True, False])
+    assert worst_run(error, values, completed) == 1
+    assert worst_run(distance, values, completed) == 1
+    assert worst_run(error, values, ~completed & False) is None
+
+
+@pytest.mark.parametrize("values", [[0.0], [0.3, 0.3 + 1e-16, 0.3], [1.0, 2.0, 5.0], [-1e9, 1e9], [1e-9, 2e-9]])
+def test_every_value_falls_into_a_bin(values):
+    counts, edges = binned(np.array(values))
+    assert counts.sum() == len(values)
+    assert len(edges) == len(counts) + 1
+    assert len(counts) <= 37
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (None, _DASH),
+        (np.nan, _DASH),
+        (0.0, "0"),
+        (12.0, "12"),
+        (0.41953, "0.4195"),
+        (12345.678, "12346"),
+        (3.2e-7, "3.200e-07"),
+    ],
+)
+def test_numbers_have_four_significant_digits(value, text):
+    assert number(value) == text

@@ -1,0 +1,79 @@
+"""The content of report.json."""
+
+import json
+
+import numpy as np
+import pytest
+
+from rpojax.errors import ResultError
+from rpojax.report.summary import choose_run, summarise
+
+_STATISTICS = ("mean", "std", "min", "p50", "p95", "p99", "p99_upper_95", "max")
+
+
+def test_metric_has_unit_and_the_statistics_of_its_defined_values(campaign):
+    campaign.metrics["formation_error_rms_m"][:3] = np.nan, np.inf, -np.inf
+    entry = summarise(campaign)["metrics"]["formation_error_rms_m"]
+    values = campaign.metrics["formation_error_rms_m"][3:]
+    assert entry["unit"] == "m"
+    assert entry["defined"] == len(values)
+    assert entry["mean"] == pytest.approx(values.mean())
+    assert entry["std"] == pytest.approx(values.std(ddof=1))
+    assert [entry[key] for key in ("min", "p50", "p95", "p99", "max")] == pytest.approx(
+        np.percentile(values, [0, 50, 95, 99, 100])
+    )
+
+
+def test_bound_of_p99_is_given_from_299_runs_on(build):
+    assert summarise(build(runs=298, seconds=30))["metrics"]["delta_v_m_s"]["p99_upper_95"] is None
+    enough = build(runs=299, seconds=30)
+    entry = summarise(enough)["metrics"]["delta_v_m_s"]
+    assert entry["p99_upper_95"] == entry["max"]
+
+
+def test_metric_defined_in_no_run_is_null_everywhere(campaign):
+    entry = summarise(campaign)["metrics"]["look_away_peak_s"]
+    assert all(entry[key] is None for key in _STATISTICS)
+    assert entry["defined"] == 0
+
+
+def test_one_run_has_no_standard_deviation_and_equal_runs_have_exactly_none(build):
+    assert summarise(build(runs=1, kept=()))["metrics"]["delta_v_m_s"]["std"] is None
+    assert summarise(build(runs=9, kept=()))["metrics"]["detection_rate"]["std"] == 0.0
+
+
+def test_runs_failures_and_provenance(build):
+    campaign = build(runs=12, failed=(4, 9))
+    summary = summarise(campaign)
+    assert summary["runs"] == {"requested": 12, "completed": 10, "failed": 2}
+    assert summary["failures"] == [
+        {"run_id": run, "at_s": 300.0, "reason": "entered the keep-out sphere"} for run in (4, 9)
+    ]
+    assert summary["provenance"]["scenario_hash"] == campaign.info["scenario_hash"]
+    assert summary["requirements"] == []
+
+
+@pytest.mark.parametrize("choices", [{}, {"runs": 1}, {"runs": 5, "failed": range(5)}, {"runs": 3, "kept": ()}])
+def test_is_strict_json(build, choices):
+    campaign = build(**choices)
+    campaign.info["timing"] = {"run_s": np.float32(1.5), "compile_s": np.nan, "devices": np.int64(2)}
+    text = json.dumps(summarise(campaign), allow_nan=False)
+    assert json.loads(text)["provenance"]["timing"] == {"run_s": 1.5, "compile_s": None, "devices": 2}
+
+
+def test_default_run_is_the_median_one_among_kept_histories(build):
+    campaign = build(runs=9, kept=(1, 4, 7))
+    campaign.metrics["formation_error_rms_m"] = np.array([0.0, 3.0, 0.0, 0.0, 1.0, 0.0, 0.0, 2.0, 0.0])
+    assert choose_run(campaign) == 7
+    assert choose_run(campaign, 4) == 4
+
+
+def test_failed_histories_are_chosen_only_if_there_is_no_other(build):
+    assert choose_run(build(runs=4, kept=(1, 2), failed=(1,))) == 2
+    assert choose_run(build(runs=4, kept=(1, 2), failed=(0, 1, 2, 3))) == 1
+    assert choose_run(build(runs=4, kept=())) is None
+
+
+def test_asking_for_a_run_without_history_is_an_error(campaign):
+    with pytest.raises(ResultError, match="run 30"):
+        choose_run(campaign, 30)
