@@ -1,3 +1,37 @@
-"""rpojax: differentiable, batched Monte Carlo simulation of vision-based rendezvous and proximity operations."""
+"""rpojax: differentiable, batched Monte Carlo simulation of vision-based rendezvous and proximity operations.
+
+The names below load on first use, so that importing the package (or asking the command line for help) is instant.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from rpojax.campaign.runner import campaign, resume
+    from rpojax.campaign.single import simulate
+    from rpojax.campaign.store import Campaign
+    from rpojax.errors import RpojaxError
+    from rpojax.flight.computer import Stages
+    from rpojax.report.html import write_report
+    from rpojax.simulation.scenario import load
+
+_HOMES = {
+    "Campaign": "rpojax.campaign.store",
+    "RpojaxError": "rpojax.errors",
+    "Stages": "rpojax.flight.computer",
+    "campaign": "rpojax.campaign.runner",
+    "load": "rpojax.simulation.scenario",
+    "resume": "rpojax.campaign.runner",
+    "simulate": "rpojax.campaign.single",
+    "write_report": "rpojax.report.html",
+}
+
+__all__ = ["Campaign", "RpojaxError", "Stages", "campaign", "load", "resume", "simulate", "write_report"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'rpojax' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOMES[name]), name)

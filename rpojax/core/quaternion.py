@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import safe
+from rpojax.core.series import cos_sinc
 
 Quaternion = Float[Array, "4"]
 Vector = Float[Array, "3"]
@@ -28,7 +29,7 @@ def conjugate(q: Quaternion) -> Quaternion:
     return jnp.stack([q[0], -q[1], -q[2], -q[3]])
 
 
-def normalize(q: Quaternion) -> Quaternion:
+def normalize(q: Float[Array, " n"]) -> Float[Array, " n"]:
     """Unit quaternion along `q`."""
     return q / jnp.sqrt(jnp.sum(q * q, axis=0))
 
@@ -78,12 +79,11 @@ def from_matrix(matrix: Float[Array, "3 3"]) -> Quaternion:
 
 
 def exp(rotation: Vector) -> Quaternion:
-    """Quaternion that turns components by the rotation vector [rad]: `R(exp(phi)) v` is v rotated by |phi| about phi."""
-    half_square = 0.25 * jnp.sum(rotation * rotation, axis=0)
-    small = half_square < 1e-8
-    half = jnp.sqrt(jnp.where(small, 1.0, half_square))
-    sinc = jnp.where(small, 1.0 - half_square / 6.0, jnp.sin(half) / half)
-    cosine = jnp.where(small, 1.0 - half_square / 2.0, jnp.cos(half))
+    """Quaternion that turns components by the rotation vector [rad], at most one full turn long.
+
+    `R(exp(phi)) v` is v rotated by |phi| about phi.
+    """
+    cosine, sinc = cos_sinc(0.25 * jnp.sum(rotation * rotation, axis=0))
     return jnp.concatenate([cosine[None], 0.5 * sinc * rotation])
 
 
@@ -118,6 +118,6 @@ def derivative(q_BN: Quaternion, omega_BN_B: Vector) -> Quaternion:
     return -0.5 * multiply(jnp.concatenate([zero, omega_BN_B]), q_BN)
 
 
-def propagate(q_BN: Quaternion, omega_BN_B: Vector, dt: float) -> Quaternion:
+def propagate(q_BN: Quaternion, omega_BN_B: Vector, dt: float | Float[Array, ""]) -> Quaternion:
     """`q_BN` after `dt` [s] of the constant rate `omega_BN_B` [rad/s], exactly."""
     return multiply(exp(-dt * omega_BN_B), q_BN)

@@ -55,7 +55,8 @@ def wheel_torque(
     the tachometers.
     """
     q_BC = quaternion.multiply(estimate.q_BN, quaternion.conjugate(command.q_CN))
-    turn_error = -quaternion.log(q_BC)
+    # Twice the vector part: the rotation vector for small errors, and bounded for large ones.
+    turn_error = -2.0 * jnp.where(q_BC[0] < 0.0, -q_BC[1:], q_BC[1:])
     omega = estimate.omega_BN_B
     rate_error = omega - rotate(q_BC, command.omega_CN_C)
     acceleration = (

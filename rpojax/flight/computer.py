@@ -7,15 +7,18 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion, safe
+from rpojax.core.materialise import materialise
 from rpojax.core.orbital_mechanics import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace
-from rpojax.flight import attitude_control, attitude_estimator, formation_control, guidance, orbit_filter
+from rpojax.flight import attitude_control, attitude_estimator, box_gate, formation_control, guidance, orbit_filter
 from rpojax.flight.attitude_control import AttitudeControl
 from rpojax.flight.attitude_estimator import AttitudeEstimate, AttitudeFilter
+from rpojax.flight.box_gate import BoxTrack
 from rpojax.flight.formation_control import Formation, FormationLaw
 from rpojax.flight.guidance import BurnPlan, Pointing, PointingState
+from rpojax.flight.navigation import BoxMeasurement, Navigation
 from rpojax.flight.onboard import Onboard
-from rpojax.flight.orbit_filter import BoxMeasurement, BoxTrack, Innovation, Navigation, OrbitEstimate
+from rpojax.flight.orbit_filter import Innovation, OrbitEstimate
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -105,11 +108,12 @@ def start(
 
     `period` [s] is the time between burns.
     """
-    r_TN_N, v_TN_N = orbit.r_SN_N + orbit.r_TS_N, orbit.v_SN_N + orbit.v_TS_N
+    r_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N
+    v_TN_N = orbit.servicer.v_SN_N + orbit.relative.v_TS_N
     n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
     return FlightMemory(
         orbit=orbit,
-        track=orbit_filter.initial_track(),
+        track=box_gate.initial_track(),
         attitude=attitude_estimator.initial(params.attitude_filter, star_tracker_q_BN, gyro_B),
         plan=guidance.no_burn(),
         pointing=guidance.initial_pointing(params.onboard, orbit),
@@ -167,7 +171,7 @@ def control_attitude(
     stages: Stages, params: FlightParams, memory: FlightMemory, wheel_speed: Vector, age: Scalar
 ) -> Vector:
     """Wheel torque commands [N m] `age` [s] after the last guidance tick."""
-    command = guidance.evaluate(memory.pointing.reference, age)
+    command = materialise(guidance.evaluate(memory.pointing.reference, age), age)
     return stages.wheel_torque(
         params.attitude_control, params.onboard, memory.allocation, memory.attitude, command, wheel_speed
     )

@@ -1,6 +1,6 @@
 """Formation keeping: an LQR on linearised relative motion, sampled once per burn."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -37,6 +37,7 @@ class Formation:
     range_uncertainty_limit: Array
 
 
+@runtime_checkable
 class FormationLaw(Protocol):
     """A formation controller that can take the place of `lqr`."""
 

@@ -14,10 +14,11 @@ from rpojax.core.frames import apply, apply_transposed, hill_frame, inertial_to_
 from rpojax.core.orbital_mechanics import mean_motion, relative_transition, semi_major_axis
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
+from rpojax.core.series import cos_sinc
 from rpojax.flight.attitude_control import AttitudeCommand
 from rpojax.flight.formation_control import Formation, FormationLaw
 from rpojax.flight.onboard import Onboard
-from rpojax.flight.orbit_filter import RELATIVE_POSITION, OrbitEstimate
+from rpojax.flight.orbit_filter import OrbitEstimate
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -135,10 +136,10 @@ def slew_duration(pointing: Pointing, angle: Scalar) -> Scalar:
 
 def look_attitude(onboard: Onboard, estimate: OrbitEstimate) -> tuple[Float[Array, "4"], Vector]:
     """Attitude `q_BN` with the camera on the estimated target and its x axis towards the orbit normal, and its rate."""
-    line = safe.normalize(estimate.r_TS_N)
-    distance = safe.norm(estimate.r_TS_N)
-    line_rate = (estimate.v_TS_N - jnp.sum(estimate.v_TS_N * line, axis=0) * line) / distance
-    normal = safe.normalize(quaternion.cross(estimate.r_SN_N, estimate.v_SN_N))
+    line = safe.normalize(estimate.relative.r_TS_N)
+    distance = safe.norm(estimate.relative.r_TS_N)
+    line_rate = (estimate.relative.v_TS_N - jnp.sum(estimate.relative.v_TS_N * line, axis=0) * line) / distance
+    normal = safe.normalize(quaternion.cross(estimate.servicer.r_SN_N, estimate.servicer.v_SN_N))
     R_KN = look_at(line, normal)
     elevation = jnp.sum(normal * line, axis=0)
     roll_rate = -elevation * jnp.sum(line_rate * R_KN[1], axis=0) / safe.norm(normal - elevation * line)
@@ -196,9 +197,12 @@ _SCHEDULE_GRAIN = 3.0
 
 def _deviation_at_burn(formation: Formation, estimate: OrbitEstimate) -> tuple[Float[Array, "6"], Float[Array, "3 3"]]:
     """Deviation of (rho, rho_dot) predicted to the burn's middle [m, m/s], and the Hill frame `R_CN` there."""
-    r_TN_N, v_TN_N = estimate.r_SN_N + estimate.r_TS_N, estimate.v_SN_N + estimate.v_TS_N
+    r_TN_N, v_TN_N = (
+        estimate.servicer.r_SN_N + estimate.relative.r_TS_N,
+        estimate.servicer.v_SN_N + estimate.relative.v_TS_N,
+    )
     R_HN, omega_HN_N = hill_frame(r_TN_N, v_TN_N)
-    rho, rho_dot = inertial_to_hill(-estimate.r_TS_N, -estimate.v_TS_N, R_HN, omega_HN_N)
+    rho, rho_dot = inertial_to_hill(-estimate.relative.r_TS_N, -estimate.relative.v_TS_N, R_HN, omega_HN_N)
     n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
     now = jnp.concatenate([rho - formation.desired_position, rho_dot])
     transition = relative_transition(n, formation.lead)
@@ -210,17 +214,17 @@ def _deviation_at_burn(formation: Formation, estimate: OrbitEstimate) -> tuple[F
 
 def range_uncertainty(estimate: OrbitEstimate) -> Scalar:
     """1-sigma of the range over the range [-]."""
-    line = safe.normalize(estimate.r_TS_N)
-    P = estimate.covariance[RELATIVE_POSITION, RELATIVE_POSITION]
-    return safe.sqrt(jnp.sum(line * apply(P, line), axis=0)) / safe.norm(estimate.r_TS_N)
+    line = safe.normalize(estimate.relative.r_TS_N)
+    P = estimate.relative.covariance[:3, :3]
+    return safe.sqrt(jnp.sum(line * apply(P, line), axis=0)) / safe.norm(estimate.relative.r_TS_N)
 
 
 def bearing_uncertainty(estimate: OrbitEstimate) -> Scalar:
     """1-sigma of the bearing in its worse direction, at most [rad]: the trace across the line of sight."""
-    line = safe.normalize(estimate.r_TS_N)
-    P = estimate.covariance[RELATIVE_POSITION, RELATIVE_POSITION]
+    line = safe.normalize(estimate.relative.r_TS_N)
+    P = estimate.relative.covariance[:3, :3]
     across = P[0, 0] + P[1, 1] + P[2, 2] - jnp.sum(line * apply(P, line), axis=0)
-    return safe.sqrt(across) / safe.norm(estimate.r_TS_N)
+    return safe.sqrt(across) / safe.norm(estimate.relative.r_TS_N)
 
 
 def initial_pointing(onboard: Onboard, estimate: OrbitEstimate) -> PointingState:
@@ -243,11 +247,14 @@ def evaluate(reference: Reference, age: Scalar) -> AttitudeCommand:
     """Command `age` [s] after the epoch of the reference."""
     q_EN = quaternion.propagate(reference.q_EN, reference.omega_EN_E, age)
     fraction = jnp.clip((reference.slew_age + age) / reference.slew_time, 0.0, 1.0)
-    phase = 2.0 * math.pi * fraction
-    done = fraction - jnp.sin(phase) / (2.0 * math.pi)
+    # The cycloid sin(2 pi f) with its argument shifted by pi, into the range of the series.
+    phase = 2.0 * math.pi * (fraction - 0.5)
+    cosine, sinc = cos_sinc(phase * phase)
+    sine = phase * sinc
+    done = fraction + sine / (2.0 * math.pi)
     moving = fraction < 1.0
-    rate = jnp.where(moving, (1.0 - jnp.cos(phase)) / reference.slew_time, 0.0)
-    acceleration = jnp.where(moving, 2.0 * math.pi * jnp.sin(phase) / reference.slew_time**2, 0.0)
+    rate = jnp.where(moving, (1.0 + cosine) / reference.slew_time, 0.0)
+    acceleration = jnp.where(moving, -2.0 * math.pi * sine / reference.slew_time**2, 0.0)
     q_CE = quaternion.exp((1.0 - done) * reference.remainder)
     return AttitudeCommand(
         q_CN=quaternion.multiply(q_CE, q_EN),

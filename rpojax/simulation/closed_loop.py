@@ -8,9 +8,10 @@ from rpojax.core import quaternion, random, safe
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.random import Stream
-from rpojax.flight import computer, guidance, orbit_filter
+from rpojax.flight import computer, guidance, orbit_filter, relative_filter, servicer_filter
 from rpojax.flight.computer import FlightMemory, Measurements, Stages
-from rpojax.flight.orbit_filter import BoxMeasurement, Innovation
+from rpojax.flight.navigation import BoxMeasurement
+from rpojax.flight.orbit_filter import Innovation
 from rpojax.physics import actuators, plant
 from rpojax.physics.actuators import BurnError
 from rpojax.physics.plant import Burn, Truth
@@ -103,7 +104,8 @@ def init(scenario: Scenario, params: Params, key: Array) -> State:
     sensors = SensorState(
         gps_bias_N=params.gps.bias_sigma * biases[:3], gyro_bias_B=params.gyro.initial_bias_sigma * biases[3:]
     )
-    error = orbit_filter.initial_sigma(navigation)[:12] * random.normal(streams[Stream.HANDOVER], 12)
+    sigma = [servicer_filter.initial_sigma(navigation)[:6], relative_filter.initial_sigma(navigation)[:6]]
+    error = jnp.concatenate(sigma) * random.normal(streams[Stream.HANDOVER], 12)
     orbit = orbit_filter.initial(
         navigation,
         truth.r_TN_N + truth.r_ST_N + error[0:3],
@@ -180,7 +182,7 @@ def _sense(scenario: Scenario, params: Params, state: State) -> tuple[Measuremen
     measurements = Measurements(
         gps_N=gps.measure(params.gps, truth.r_TN_N + truth.r_ST_N, state.sensors.gps_bias_N, gps_normals),
         star_tracker_q_BN=star_tracker.measure(params.star_tracker, truth.q_BN, star_normals),
-        box=_as_measurement(scenario, params, frame),
+        box=as_measurement(scenario, params, frame),
     )
     return measurements, frame
 
@@ -195,7 +197,7 @@ def _expose(scenario: Scenario, params: Params, truth: Truth, key: Array) -> Fra
     return box_camera.measure(camera, scenario.width_px, scenario.height_px, hull_K, observable, normals, uniforms)
 
 
-def _as_measurement(scenario: Scenario, params: Params, frame: Frame) -> BoxMeasurement:
+def as_measurement(scenario: Scenario, params: Params, frame: Frame) -> BoxMeasurement:
     """The box in the flight software's terms, with the focal length that flight software believes in."""
     focal = params.flight.onboard.focal_px
     middle = jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=jnp.float64)

@@ -15,8 +15,8 @@ from rpojax.flight.attitude_estimator import AttitudeFilter
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.formation_control import Formation
 from rpojax.flight.guidance import Pointing
+from rpojax.flight.navigation import Navigation
 from rpojax.flight.onboard import Onboard
-from rpojax.flight.orbit_filter import Navigation
 from rpojax.physics.actuators import Thruster, Wheels
 from rpojax.physics.environment import Sun
 from rpojax.physics.plant import PlantParams, Target
@@ -90,7 +90,7 @@ _SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
 """Section of a scenario file -> where its record lives in `Params`, and its class."""
 
 
-def build(tables: Mapping[str, Mapping[str, Any]], width_px: int, height_px: int) -> Params:
+def build(tables: Mapping[str, Any], width_px: int, height_px: int) -> Params:
     """Params from the sections of a scenario in the user's units; flight software is told the nominal vehicle."""
     records = {section: _record(cls, tables[section]) for section, (_, cls) in _SECTIONS.items()}
     plant = PlantParams(**{name: records[name] for name in ("servicer", "target", "thruster", "wheels", "sun")})

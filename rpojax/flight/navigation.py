@@ -1,0 +1,83 @@
+"""Tuning of the orbit filter and of its gate, and the box as the filter sees it."""
+
+from jaxtyping import Array
+
+from rpojax.core.pytree import pytree
+
+
+@pytree
+class Navigation:
+    """Tuning of the orbit filter and of its gate.
+
+    Attributes:
+        gps_noise: () white noise per axis, 1 sigma [m]
+        gps_error_sigma: () slowly varying error per axis, 1 sigma [m]
+        gps_error_time_constant: () [s]
+        edge_noise: () of a box edge, 1 sigma [px]
+        center_noise: () of the box centre against the centre of mass, 1 sigma [m]
+        target_size: () expected sqrt(width height) of the target's outline [m]
+        scale_sigma: (2,) log-size error, slow and fast part, 1 sigma [-]
+        scale_time_constant: (2,) [s]
+        bearing_bias_sigma: () per axis, 1 sigma [rad]
+        attitude_sigma: () camera attitude noise per axis, 1 sigma [rad]
+        acceleration_noise: () unmodelled absolute acceleration [m/s^2 per Hz^0.5]
+        relative_acceleration_noise: () unmodelled relative acceleration [m/s^2 per Hz^0.5]
+        burn_magnitude_sigma: () share of a burn's velocity change along it, 1 sigma [-]
+        burn_direction_sigma: () share across it, per axis, 1 sigma [rad]
+        gate_sigma: () boxes beyond this many sigma in bearing or log-range are rejected [-]
+        confirm_tolerance: () two boxes closer than this confirm each other [px]
+        confirm_above: () confirmation is asked for when bearing is less certain than this many box sigmas [-]
+        confirm_frames: () and only so many frames later [-]
+        rejections_before_recovery: () rejections in a row after which the filter doubts itself [-]
+        recovery_position_sigma: () position doubt added then, as a share of the range [-]
+        recovery_velocity_sigma: () velocity doubt added then [m/s]
+        initial_position_sigma: () servicer, per axis [m]
+        initial_velocity_sigma: () servicer, per axis [m/s]
+        initial_relative_position_sigma: () per axis [m]
+        initial_relative_velocity_sigma: () per axis [m/s]
+    """
+
+    gps_noise: Array
+    gps_error_sigma: Array
+    gps_error_time_constant: Array
+    edge_noise: Array
+    center_noise: Array
+    target_size: Array
+    scale_sigma: Array
+    scale_time_constant: Array
+    bearing_bias_sigma: Array
+    attitude_sigma: Array
+    acceleration_noise: Array
+    relative_acceleration_noise: Array
+    burn_magnitude_sigma: Array
+    burn_direction_sigma: Array
+    gate_sigma: Array
+    confirm_tolerance: Array
+    confirm_above: Array
+    confirm_frames: Array
+    rejections_before_recovery: Array
+    recovery_position_sigma: Array
+    recovery_velocity_sigma: Array
+    initial_position_sigma: Array
+    initial_velocity_sigma: Array
+    initial_relative_position_sigma: Array
+    initial_relative_velocity_sigma: Array
+
+
+@pytree
+class BoxMeasurement:
+    """A bounding box as the filter sees it.
+
+    Attributes:
+        tangent: (2,) of the ray through its centre in camera axes [-]
+        log_size: () log of its mean side over the focal length [-]
+        side_px: () mean side [px]
+        present: () bool
+        truncated: () bool, cut by the frame
+    """
+
+    tangent: Array
+    log_size: Array
+    side_px: Array
+    present: Array
+    truncated: Array

@@ -1,0 +1,245 @@
+"""The target half of the orbit filter: target relative to servicer from bounding boxes.
+
+State (10): position and velocity of the target from the servicer in N; log of the apparent size over its expected
+value, in a slow and a fast part (2); bearing bias (2).
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core import orbital_mechanics, quaternion, safe, scalar_update
+from rpojax.core.frames import apply
+from rpojax.core.pytree import pytree, replace
+from rpojax.core.scalar_update import Rows, Update
+from rpojax.flight import box_gate, covariance
+from rpojax.flight.box_gate import BoxTrack
+from rpojax.flight.navigation import BoxMeasurement, Navigation
+
+Vector = Float[Array, "3"]
+Scalar = Float[Array, ""]
+Matrix = Float[Array, "3 3"]
+
+# Width and height differ, so that the log of sqrt(w h) is somewhat noisier than that of a square of the same area.
+_ASPECT_FACTOR = 1.5
+
+# A target predicted more than 60 deg off the boresight cannot be what the camera sees, and tangents explode there.
+_LEAST_DEPTH = 0.5
+
+
+@pytree
+class RelativeEstimate:
+    """Mean and covariance of the target half.
+
+    Attributes:
+        r_TS_N: (3,) target from servicer [m]
+        v_TS_N: (3,) its inertial derivative [m/s]
+        scale: (2,) log-size error, slow and fast part [-]
+        bearing_bias: (2,) tangents in the camera [rad]
+        covariance: (10, 10) in this order
+    """
+
+    r_TS_N: Array
+    v_TS_N: Array
+    scale: Array
+    bearing_bias: Array
+    covariance: Array
+
+
+def initial_sigma(tuning: Navigation) -> Float[Array, "10"]:
+    """1-sigma of every state at hand-over."""
+    return jnp.concatenate(
+        [
+            jnp.full(3, tuning.initial_relative_position_sigma),
+            jnp.full(3, tuning.initial_relative_velocity_sigma),
+            tuning.scale_sigma,
+            jnp.full(2, tuning.bearing_bias_sigma),
+        ]
+    )
+
+
+def initial(tuning: Navigation, r_TS_N: Vector, v_TS_N: Vector) -> RelativeEstimate:
+    """Estimate at hand-over from given means [m, m/s]."""
+    return RelativeEstimate(
+        r_TS_N=r_TS_N,
+        v_TS_N=v_TS_N,
+        scale=jnp.zeros_like(tuning.scale_sigma),
+        bearing_bias=jnp.zeros(2, dtype=r_TS_N.dtype),
+        covariance=jnp.diag(initial_sigma(tuning) ** 2),
+    )
+
+
+def predict(
+    tuning: Navigation,
+    estimate: RelativeEstimate,
+    r_TS_N: Vector,
+    v_TS_N: Vector,
+    r_SN_N: Vector,
+    burn_covariance: Matrix,
+    dt: float,
+) -> RelativeEstimate:
+    """Estimate `dt` [s] later with its mean already propagated; `r_SN_N` [m] is the servicer's position before."""
+    decay = jnp.exp(-dt / tuning.scale_time_constant)
+    factors = jnp.concatenate([decay, jnp.ones(2, dtype=decay.dtype)])
+    growth = jnp.pad(tuning.scale_sigma**2 * (1.0 - decay**2), (0, 2))
+    identity = jnp.eye(3, dtype=decay.dtype)
+    velocity = burn_covariance + tuning.relative_acceleration_noise**2 * dt * identity
+    P = covariance.propagate(estimate.covariance, orbital_mechanics.gravity_gradient(r_SN_N), factors, dt)
+    return replace(
+        estimate,
+        r_TS_N=r_TS_N,
+        v_TS_N=v_TS_N,
+        scale=decay * estimate.scale,
+        covariance=P + covariance.process_noise(velocity, growth),
+    )
+
+
+@pytree
+class BoxModel:
+    """The box as predicted, linearised at some relative position.
+
+    Attributes:
+        predicted: (3,) tangents and log-size
+        gradient: (3, 3) their derivative to the relative position in N
+        variance: (3,) measurement noise
+    """
+
+    predicted: Array
+    gradient: Array
+    variance: Array
+
+
+def box_model(tuning: Navigation, focal_px: Scalar, R_KN: Matrix, r_TS_N: Vector, box: BoxMeasurement) -> BoxModel:
+    """Box of a target at `r_TS_N` [m] without its slowly varying errors, and how uncertain a measurement of it is."""
+    r_K = apply(R_KN, r_TS_N)
+    square = jnp.sum(r_TS_N * r_TS_N, axis=0)
+    distance = jnp.sqrt(square)
+    depth = jnp.maximum(r_K[2], _LEAST_DEPTH * distance)
+    tangent = r_K[:2] / depth
+    predicted = jnp.concatenate([tangent, jnp.log(tuning.target_size / distance)[None]])
+    gradient = jnp.stack(
+        [
+            (R_KN[0] - tangent[0] * R_KN[2]) / depth,
+            (R_KN[1] - tangent[1] * R_KN[2]) / depth,
+            -r_TS_N / square,
+        ]
+    )
+    # A cut box still says in which direction the target is, to about half of its own size.
+    doubt_px = jnp.where(box.truncated, 0.5 * box.side_px, 0.0)
+    bearing = (
+        (0.5 * tuning.edge_noise**2 + doubt_px**2) / focal_px**2
+        + (tuning.center_noise / distance) ** 2
+        + tuning.attitude_sigma**2
+    )
+    expected_px = focal_px * tuning.target_size / distance
+    size = _ASPECT_FACTOR * (tuning.edge_noise / expected_px) ** 2
+    return BoxModel(predicted=predicted, gradient=gradient, variance=jnp.stack([bearing, bearing, size]))
+
+
+def update(
+    tuning: Navigation,
+    gated: bool,
+    focal_px: Scalar,
+    estimate: RelativeEstimate,
+    track: BoxTrack,
+    q_KN: Float[Array, "4"],
+    box: BoxMeasurement,
+) -> tuple[RelativeEstimate, BoxTrack, Update, Bool[Array, ""]]:
+    """Estimate after a box, if it passes the gate; also whether it was used. `q_KN` is known from the attitude filter."""
+    R_KN = quaternion.to_matrix(q_KN)
+    slow = jnp.concatenate([estimate.bearing_bias, jnp.sum(estimate.scale, axis=0)[None]])
+    measured = jnp.concatenate([box.tangent, box.log_size[None]]) - slow
+    accepted = _accepted(tuning, focal_px, R_KN, estimate, track, box, measured) if gated else box.present * 1.0
+
+    point = _iterated_position(tuning, focal_px, R_KN, estimate, box, measured)
+    model = box_model(tuning, focal_px, R_KN, point, box)
+    rows = Rows(
+        residual=measured - model.predicted - apply(model.gradient, estimate.r_TS_N - point),
+        jacobian=_jacobian(model),
+        variance=model.variance,
+        weight=jnp.stack([accepted, accepted, jnp.where(box.truncated, 0.0, accepted)]),
+    )
+    result = scalar_update.update(estimate.covariance, rows)
+    used = accepted > 0.5
+    track, doubt = box_gate.remember(tuning, track, q_KN, box, box.present & ~used)
+    x, P = result.deviation, _add_doubt(tuning, estimate.r_TS_N, result.covariance, doubt)
+    corrected = RelativeEstimate(
+        r_TS_N=estimate.r_TS_N + x[:3],
+        v_TS_N=estimate.v_TS_N + x[3:6],
+        scale=estimate.scale + x[6:8],
+        bearing_bias=estimate.bearing_bias + x[8:],
+        covariance=P,
+    )
+    return corrected, track, result, used
+
+
+def _accepted(
+    tuning: Navigation,
+    focal_px: Scalar,
+    R_KN: Matrix,
+    estimate: RelativeEstimate,
+    track: BoxTrack,
+    box: BoxMeasurement,
+    measured: Vector,
+) -> Scalar:
+    model = box_model(tuning, focal_px, R_KN, estimate.r_TS_N, box)
+    variance = _innovation_variance(estimate.covariance, model)
+    r_K = apply(R_KN, estimate.r_TS_N)
+    ahead = r_K[2] > _LEAST_DEPTH * safe.norm(r_K)
+    residual = measured - model.predicted
+    return box_gate.accept(tuning, focal_px, R_KN, track, box, residual, variance, model.variance, ahead)
+
+
+def _jacobian(model: BoxModel) -> Float[Array, "3 10"]:
+    dtype = model.gradient.dtype
+    scale = jnp.array([[0.0, 0.0], [0.0, 0.0], [1.0, 1.0]], dtype=dtype)
+    return jnp.concatenate([model.gradient, jnp.zeros((3, 3), dtype=dtype), scale, jnp.eye(3, 2, dtype=dtype)], axis=1)
+
+
+def _innovation_variance(P: Float[Array, "10 10"], model: BoxModel) -> Vector:
+    """Variance of the box residuals before the update."""
+    H = _jacobian(model)
+    HP = jnp.sum(H[:, :, None] * P[None, :, :], axis=1)
+    return jnp.sum(HP * H, axis=1) + model.variance
+
+
+def _iterated_position(
+    tuning: Navigation,
+    focal_px: Scalar,
+    R_KN: Matrix,
+    estimate: RelativeEstimate,
+    box: BoxMeasurement,
+    measured: Vector,
+) -> Vector:
+    """Relative position near the posterior, where the box is linearised (two Gauss-Newton steps on the bearing).
+
+    A bearing far more certain than the prior must be linearised along the measured direction, or the squeezed
+    covariance points the wrong way.
+    """
+    P = estimate.covariance[:3, :3]
+    point = estimate.r_TS_N
+    for _ in range(2):
+        model = box_model(tuning, focal_px, R_KN, point, box)
+        G = model.gradient[:2]
+        residual = measured[:2] - model.predicted[:2] - jnp.sum(G * (estimate.r_TS_N - point)[None, :], axis=1)
+        PG = jnp.sum(P[:, None, :] * G[None, :, :], axis=2)
+        S = jnp.sum(G[:, :, None] * PG[None, :, :], axis=1)
+        noise = model.variance[:2] + tuning.bearing_bias_sigma**2
+        a, b, c = S[0, 0] + noise[0], S[0, 1], S[1, 1] + noise[1]
+        solved = jnp.stack([c * residual[0] - b * residual[1], a * residual[1] - b * residual[0]]) / (a * c - b * b)
+        point = estimate.r_TS_N + jnp.sum(PG * solved[None, :], axis=1)
+    return point
+
+
+def _add_doubt(
+    tuning: Navigation, r_TS_N: Vector, P: Float[Array, "10 10"], doubt: Bool[Array, ""]
+) -> Float[Array, "10 10"]:
+    """Covariance with more uncertainty when the filter doubts itself, so that it can find back."""
+    square = jnp.sum(r_TS_N * r_TS_N, axis=0)
+    added = jnp.concatenate(
+        [
+            jnp.full(3, tuning.recovery_position_sigma**2 * square),
+            jnp.full(3, tuning.recovery_velocity_sigma**2),
+            jnp.zeros(4, dtype=P.dtype),
+        ]
+    )
+    return P + jnp.diag(jnp.where(doubt, added, 0.0))

@@ -1,0 +1,180 @@
+"""Figures of merit of runs, from their recorded channels. An undefined metric is nan here and null in a report."""
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rpojax.flight.guidance import Mode
+from rpojax.simulation.schema import ScenarioFile
+
+Floats = NDArray[np.floating]
+Records = Mapping[str, np.ndarray]
+
+UNITS: Final[dict[str, str]] = {
+    "formation_error_rms_m": "m",
+    "nav_relative_position_error_rms_m": "m",
+    "nav_servicer_position_error_rms_m": "m",
+    "nav_target_position_error_rms_m": "m",
+    "nees_mean": "-",
+    "nees_relative_mean": "-",
+    "sigma3_coverage": "-",
+    "delta_v_m_s": "m/s",
+    "min_range_m": "m",
+    "detection_rate": "-",
+    "visible_fraction": "-",
+    "boxes_rejected": "-",
+    "time_to_acquire_s": "s",
+    "pointing_error_p95_deg": "deg",
+    "wheel_speed_peak_fraction": "-",
+    "good_boxes_rejected_fraction": "-",
+    "outliers_accepted": "-",
+    "look_away_peak_s": "s",
+    "longest_unseen_s": "s",
+}
+"""Name -> unit of every metric."""
+
+CHANNELS: Final = (
+    "rho_H",
+    "relative_error_H",
+    "relative_sigma_H",
+    "servicer_error_H",
+    "target_error_H",
+    "nees",
+    "nees_relative",
+    "range_m",
+    "box_present",
+    "box_accepted",
+    "box_outlier",
+    "observable",
+    "mode",
+    "pointing_error_deg",
+    "wheel_speed_fraction",
+    "delta_v_m_s",
+)
+"""Channels that the metrics need."""
+
+
+def evaluate(file: ScenarioFile, records: Records) -> dict[str, Floats]:
+    """Metrics (runs,) from channels of shape (runs, ticks) or (runs, ticks, components), at the camera rate.
+
+    Definitions: RMS of 3-D norms at every tick, target visible or not; formation error over the last 1000 s (a third of
+    a run shorter than 3000 s), navigation errors from 1000 s (a third) on.
+    """
+    tick_s = 1.0 / file.rates.camera_hz
+    ticks = records["range_m"].shape[1]
+    third = max(1, min(round(1000.0 / tick_s), ticks // 3))
+    late, last = slice(min(third, ticks - 1), None), slice(ticks - third, None)
+    desired = np.asarray(file.formation.desired_position_m)
+    inside = np.abs(records["relative_error_H"]) <= 3.0 * records["relative_sigma_H"]
+    return {
+        "formation_error_rms_m": _rms((records["rho_H"] - desired)[:, last]),
+        "nav_relative_position_error_rms_m": _rms(records["relative_error_H"][:, late]),
+        "nav_servicer_position_error_rms_m": _rms(records["servicer_error_H"][:, late]),
+        "nav_target_position_error_rms_m": _rms(records["target_error_H"][:, late]),
+        "nees_mean": records["nees"].mean(axis=1, dtype=float),
+        "nees_relative_mean": records["nees_relative"].mean(axis=1, dtype=float),
+        "sigma3_coverage": inside.mean(axis=(1, 2), dtype=float),
+        "delta_v_m_s": records["delta_v_m_s"][:, -1].astype(float),
+        "min_range_m": records["range_m"].min(axis=1).astype(float),
+        **_boxes(records, tick_s),
+        **_pointing(file, records, tick_s),
+    }
+
+
+def _rms(vectors: Floats) -> Floats:
+    return np.sqrt(np.mean(np.sum(vectors.astype(float) ** 2, axis=2), axis=1))
+
+
+def _boxes(records: Records, tick_s: float) -> dict[str, Floats]:
+    present, accepted = records["box_present"], records["box_accepted"]
+    outlier, observable = records["box_outlier"], records["observable"]
+    rejected = present & ~accepted
+    good = present & ~outlier
+    ever = accepted.any(axis=1)
+    return {
+        "detection_rate": _ratio((present & observable).sum(axis=1), observable.sum(axis=1)),
+        "visible_fraction": accepted.mean(axis=1, dtype=float),
+        "boxes_rejected": rejected.sum(axis=1).astype(float),
+        "good_boxes_rejected_fraction": _ratio((rejected & good).sum(axis=1), good.sum(axis=1)),
+        "outliers_accepted": (accepted & outlier).sum(axis=1).astype(float),
+        "time_to_acquire_s": np.where(ever, accepted.argmax(axis=1) * tick_s, np.nan),
+        "longest_unseen_s": tick_s * _longest(~accepted),
+    }
+
+
+def _pointing(file: ScenarioFile, records: Records, tick_s: float) -> dict[str, Floats]:
+    mode = records["mode"]
+    settle = round(file.pointing.settle_time_s / tick_s)
+    looking = mode == Mode.LOOK
+    settled = looking.copy()
+    for shift in range(1, settle + 1):
+        settled[:, shift:] &= looking[:, :-shift]
+    error = np.where(settled, records["pointing_error_deg"], np.nan).astype(float)
+    away = (mode == Mode.TURN) | (mode == Mode.BURN) | (mode == Mode.TURN_BACK)
+    period = round(file.rates.formation_period_s / tick_s)
+    return {
+        "pointing_error_p95_deg": _defined(lambda rows: np.nanpercentile(rows, 95.0, axis=1), error),
+        "wheel_speed_peak_fraction": np.abs(records["wheel_speed_fraction"]).max(axis=(1, 2)).astype(float),
+        "look_away_peak_s": tick_s
+        * np.add.reduceat(away, np.arange(0, away.shape[1], period), axis=1, dtype=float).max(1),
+    }
+
+
+def _ratio(part: Floats, whole: Floats) -> Floats:
+    return np.where(whole > 0, part / np.maximum(whole, 1), np.nan)
+
+
+def _defined(reduce: Callable[[Floats], Floats], rows: Floats) -> Floats:
+    """Applies `reduce` to the rows that have any number; the others stay nan."""
+    result = np.full(rows.shape[0], np.nan)
+    some = np.isfinite(rows).any(axis=1)
+    if some.any():
+        result[some] = reduce(rows[some])
+    return result
+
+
+def _longest(flags: NDArray[np.bool_]) -> Floats:
+    """Length of the longest unbroken stretch of true values in each row [ticks]."""
+    run = np.zeros(flags.shape[0])
+    longest = np.zeros(flags.shape[0])
+    for column in flags.T:
+        run = np.where(column, run + 1.0, 0.0)
+        longest = np.maximum(longest, run)
+    return longest
+
+
+TRACES: Final = {
+    "formation_error_m": "m",
+    "nav_relative_error_m": "m",
+    "nav_relative_sigma3_m": "m",
+    "nav_servicer_error_m": "m",
+    "nav_target_error_m": "m",
+    "range_m": "m",
+    "delta_v_m_s": "m/s",
+    "nees": "-",
+    "wheel_speed_fraction": "-",
+}
+"""Scalar channels kept of every run, decimated -> unit."""
+
+
+def traces(file: ScenarioFile, records: Records, every: int) -> dict[str, Floats]:
+    """Decimated scalar channels (runs, samples), float32."""
+
+    def norm(name: str) -> Floats:
+        return np.linalg.norm(records[name][:, ::every], axis=2)
+
+    desired = np.asarray(file.formation.desired_position_m, dtype=np.float32)
+    values = {
+        "formation_error_m": np.linalg.norm(records["rho_H"][:, ::every] - desired, axis=2),
+        "nav_relative_error_m": norm("relative_error_H"),
+        "nav_relative_sigma3_m": 3.0 * norm("relative_sigma_H"),
+        "nav_servicer_error_m": norm("servicer_error_H"),
+        "nav_target_error_m": norm("target_error_H"),
+        "range_m": records["range_m"][:, ::every],
+        "delta_v_m_s": records["delta_v_m_s"][:, ::every],
+        "nees": records["nees"][:, ::every],
+        "wheel_speed_fraction": np.abs(records["wheel_speed_fraction"][:, ::every]).max(axis=2),
+    }
+    return {name: value.astype(np.float32) for name, value in values.items()}

@@ -1,0 +1,125 @@
+"""What is recorded of a tick: named channels in the units in which people read them."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rpojax.core import quaternion, safe
+from rpojax.core.frames import apply, hill_frame
+from rpojax.core.quaternion import rotate
+from rpojax.sensors import box_camera
+from rpojax.simulation import closed_loop
+from rpojax.simulation.closed_loop import Telemetry
+from rpojax.simulation.params import Params
+from rpojax.simulation.scenario import Scenario
+
+Channels = dict[str, Array]
+Matrix = Float[Array, "3 3"]
+Vector = Float[Array, "3"]
+
+
+def observe(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channels:
+    """Channels of one tick: vectors in the true Hill frame, errors as estimate less truth, sigmas as 1 sigma."""
+    channels = {
+        **_motion(telemetry),
+        **_errors(telemetry),
+        **_camera(scenario, params, telemetry),
+        **_vehicle(params, telemetry),
+    }
+    return {name: _compact(value) for name, value in channels.items()}
+
+
+def _compact(value: Array) -> Array:
+    """Single precision is plenty for records, and halves what a campaign moves."""
+    return value.astype(jnp.float32) if jnp.issubdtype(value.dtype, jnp.floating) else value
+
+
+def _motion(telemetry: Telemetry) -> Channels:
+    truth, orbit = telemetry.truth, telemetry.flight.orbit
+    R_HN, _ = hill_frame(truth.r_TN_N, truth.v_TN_N)
+    return {
+        "rho_H": apply(R_HN, truth.r_ST_N),
+        "rho_estimate_H": apply(R_HN, -orbit.relative.r_TS_N),
+        "range_m": safe.norm(truth.r_ST_N),
+    }
+
+
+def _errors(telemetry: Telemetry) -> Channels:
+    truth, servicer, relative = telemetry.truth, telemetry.flight.orbit.servicer, telemetry.flight.orbit.relative
+    R_HN, _ = hill_frame(truth.r_TN_N, truth.v_TN_N)
+    servicer_error = servicer.r_SN_N - (truth.r_TN_N + truth.r_ST_N)
+    servicer_rate_error = servicer.v_SN_N - (truth.v_TN_N + truth.v_ST_N)
+    relative_error = relative.r_TS_N + truth.r_ST_N
+    relative_rate_error = relative.v_TS_N + truth.v_ST_N
+    P_servicer, P_relative = servicer.covariance[:6, :6], relative.covariance[:6, :6]
+    nees_relative = mahalanobis(P_relative, jnp.concatenate([relative_error, relative_rate_error]))
+    nees_servicer = mahalanobis(P_servicer, jnp.concatenate([servicer_error, servicer_rate_error]))
+    return {
+        "relative_error_H": apply(R_HN, relative_error),
+        "relative_sigma_H": _sigma(R_HN, P_relative[:3, :3]),
+        "servicer_error_H": apply(R_HN, servicer_error),
+        "servicer_sigma_H": _sigma(R_HN, P_servicer[:3, :3]),
+        "target_error_H": apply(R_HN, servicer_error + relative_error),
+        "target_sigma_H": _sigma(R_HN, P_servicer[:3, :3] + P_relative[:3, :3]),
+        "nees": nees_servicer + nees_relative,
+        "nees_relative": nees_relative,
+    }
+
+
+def _camera(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channels:
+    truth, frame = telemetry.truth, telemetry.frame
+    onboard = params.flight.onboard
+    R_HN, _ = hill_frame(truth.r_TN_N, truth.v_TN_N)
+    edges = frame.box.edges
+    measured = closed_loop.as_measurement(scenario, params, frame)
+    ray_K = jnp.concatenate([measured.tangent, jnp.ones(1, dtype=jnp.float64)])
+    q_KB = quaternion.normalize(onboard.camera_mounting)
+    q_KN = quaternion.multiply(q_KB, telemetry.flight.attitude.q_BN)
+    ray_N = rotate(quaternion.conjugate(q_KN), safe.normalize(ray_K))
+    size = params.flight.navigation.target_size
+    return {
+        "box_present": frame.box.present,
+        "box_accepted": telemetry.innovation.accepted,
+        "box_outlier": frame.box.present & frame.outlier,
+        "box_truncated": frame.box.present & frame.box.truncated,
+        "observable": frame.observable,
+        "box_bearing_H": apply(R_HN, ray_N),
+        "box_range_m": size * jnp.exp(-measured.log_size),
+        "box_px": jnp.concatenate([edges[:2], edges[2:] - edges[:2]]),
+    }
+
+
+def _vehicle(params: Params, telemetry: Telemetry) -> Channels:
+    truth = telemetry.truth
+    q_KN = box_camera.attitude(params.camera, truth.q_BN)
+    boresight_N = rotate(quaternion.conjugate(q_KN), jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64))
+    line_N = -safe.normalize(truth.r_ST_N)
+    off = safe.arctan2(safe.norm(quaternion.cross(boresight_N, line_N)), jnp.sum(boresight_N * line_N, axis=0))
+    return {
+        "mode": telemetry.mode.astype(jnp.int8),
+        "running": telemetry.running,
+        "pointing_error_deg": jnp.rad2deg(off),
+        "wheel_speed_fraction": truth.wheel_speed / params.plant.wheels.speed_limit,
+        "delta_v_m_s": truth.delta_v,
+        "mass_kg": truth.mass,
+    }
+
+
+def _sigma(R_HN: Matrix, P_N: Matrix) -> Vector:
+    """1-sigma along the Hill axes."""
+    PR = jnp.sum(P_N[None, :, :] * R_HN[:, None, :], axis=2)
+    return safe.sqrt(jnp.sum(R_HN * PR, axis=1))
+
+
+def mahalanobis(P: Float[Array, "n n"], error: Float[Array, " n"]) -> Float[Array, ""]:
+    """Squared error normalised by its covariance, `e' P^-1 e`, by conditioning on one component after the other."""
+
+    def condition(carry: tuple[Array, Array, Array], index: Array) -> tuple[tuple[Array, Array, Array], None]:
+        P, e, total = carry
+        column, variance, own = P[index], P[index, index], e[index]
+        gain = column / variance
+        return (P - gain[:, None] * column[None, :], e - gain * own, total + own * own / variance), None
+
+    start = (P, error, jnp.zeros((), dtype=error.dtype))
+    (_, _, total), _ = jax.lax.scan(condition, start, jnp.arange(error.shape[0]))
+    return total

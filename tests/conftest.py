@@ -1,0 +1,52 @@
+"""Settings of every test session, made before the package is imported, and the nominal scenario."""
+
+import os
+from pathlib import Path
+
+import jax
+import pytest
+from hypothesis import settings
+from jaxtyping import install_import_hook
+
+PACKAGE = Path(__file__).parents[1] / "rpojax"
+CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rpojax" / "jax-tests"
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_rank_promotion", "raise")
+jax.config.update("jax_numpy_dtype_promotion", "strict")
+jax.config.update("jax_compilation_cache_dir", str(CACHE))
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+
+# Every sub-package has its shapes checked; the command line and the errors hold no arrays.
+install_import_hook(
+    [f"rpojax.{folder.name}" for folder in sorted(PACKAGE.iterdir()) if (folder / "__init__.py").exists()],
+    "function_checks.checked",
+)
+
+settings.register_profile("rpojax", deadline=None, max_examples=20, derandomize=True, database=None)
+settings.load_profile("rpojax")
+
+from rpojax.simulation import params as parameters  # noqa: E402  (after the hook)
+from rpojax.simulation import scenario as scenarios  # noqa: E402
+from rpojax.simulation.params import Params  # noqa: E402
+from rpojax.simulation.scenario import Scenario  # noqa: E402
+from rpojax.simulation.schema import ScenarioFile  # noqa: E402
+
+
+@pytest.fixture(scope="session")
+def inspection_file() -> ScenarioFile:
+    """The packaged nominal scenario, as its file says it."""
+    return scenarios.load("inspection")
+
+
+@pytest.fixture(scope="session")
+def inspection(inspection_file: ScenarioFile) -> Scenario:
+    """Static settings of the nominal scenario."""
+    return scenarios.static(inspection_file)
+
+
+@pytest.fixture(scope="session")
+def params(inspection_file: ScenarioFile, inspection: Scenario) -> Params:
+    """Params of the nominal scenario, nothing dispersed."""
+    return parameters.build(inspection_file.model_dump(), inspection.width_px, inspection.height_px)

@@ -1,0 +1,121 @@
+"""Who may import whom: lower floors, or modules to the left in the same folder."""
+
+import ast
+import graphlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "rpojax"
+
+FLOORS = {
+    "errors": 0,
+    "core": 1,
+    "physics": 2,
+    "flight": 2,
+    "vision": 2,
+    "sensors": 3,
+    "training": 3,
+    "simulation": 4,
+    "campaign": 5,
+    "analysis": 6,
+    "report": 7,
+    "interop": 7,
+    "cli": 8,
+}
+"""Floor of every folder, and of the modules that lie beside them."""
+
+LEFT_TO_RIGHT = {
+    "core": "constants pytree safe series quaternion frames integrate orbital_mechanics",
+    "physics": "gravity environment actuators rigid_body plant",
+    "vision": "pinhole box_model field render detector imager",
+    "flight": "onboard orbit_filter attitude_estimator formation_control attitude_control guidance computer",
+    "sensors": "gps star_tracker gyro box_camera",
+    "simulation": "units schema scenario params closed_loop metrics",
+}
+"""Order inside a folder, for the modules whose order is fixed; the rest need only have one."""
+
+
+def modules() -> dict[str, Path]:
+    """Every module of the package by its dotted name below the package; a folder stands for its `__init__`."""
+    found = {}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        parts = path.relative_to(PACKAGE).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+MODULES = modules()
+
+
+def imports(module: str) -> Iterator[str]:
+    """Modules of the package that `module` imports, wherever in it the import stands."""
+    package = ["rpojax", *module.split(".")]
+    if MODULES[module].name != "__init__.py":
+        package.pop()
+    for node in ast.walk(ast.parse(MODULES[module].read_text())):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = [*package[: len(package) - node.level + 1]] if node.level else []
+            origin = ".".join([*base, *filter(None, [node.module])])
+            names = [f"{origin}.{alias.name}" for alias in node.names]
+        for name in names:
+            if name.partition(".")[0] == "rpojax":
+                yield deepest(name.removeprefix("rpojax").removeprefix("."))
+
+
+def deepest(name: str) -> str:
+    """The module that an imported name lives in: the name itself or the longest prefix that is a module."""
+    while name not in MODULES:
+        name = name.rpartition(".")[0]
+    return name
+
+
+def fault(importer: str, imported: str) -> str | None:
+    """Why `importer` may not import `imported`, or None if it may."""
+    folder, _, module = importer.partition(".")
+    other_folder, _, other_module = imported.partition(".")
+    if imported == "":
+        return None  # the package itself holds only its version
+    if folder != other_folder:
+        below = FLOORS[other_folder] < FLOORS[folder]
+        return None if below else f"{importer} (floor {FLOORS[folder]}) imports {imported} ({FLOORS[other_folder]})"
+    order = LEFT_TO_RIGHT.get(folder, "").split()
+    if module in order and other_module in order and order.index(other_module) >= order.index(module):
+        return f"{importer} imports {imported}, which stands to its right"
+    return None
+
+
+def test_every_folder_and_module_of_the_package_has_a_floor() -> None:
+    assert {name.partition(".")[0] for name in MODULES if name} <= set(FLOORS)
+
+
+@pytest.mark.parametrize("module", [name for name in MODULES if name])
+def test_a_module_imports_only_from_lower_floors_or_from_its_left(module: str) -> None:
+    assert [text for imported in imports(module) if (text := fault(module, imported))] == []
+
+
+@pytest.mark.parametrize("folder", sorted({name.partition(".")[0] for name in MODULES if name}))
+def test_the_modules_of_a_folder_can_be_put_in_an_order_from_left_to_right(folder: str) -> None:
+    inside = [name for name in MODULES if name.partition(".")[0] == folder]
+    graph = {name: {other for other in imports(name) if other in inside and other != name} for name in inside}
+    list(graphlib.TopologicalSorter(graph).static_order())  # raises CycleError
+
+
+@pytest.mark.parametrize(
+    ("importer", "imported"),
+    [
+        ("core.frames", "physics.plant"),
+        ("flight.computer", "physics.actuators"),
+        ("physics.plant", "vision.pinhole"),
+        ("flight.guidance", "sensors.gps"),
+        ("core.constants", "core.orbital_mechanics"),
+        ("simulation.scenario", "simulation.params"),
+    ],
+)
+def test_the_rules_refuse_what_they_are_meant_to_refuse(importer: str, imported: str) -> None:
+    assert fault(importer, imported) is not None
+    assert fault(imported, importer) is None or FLOORS[importer.split(".")[0]] == FLOORS[imported.split(".")[0]]
