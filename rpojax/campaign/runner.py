@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 
-from rpojax.campaign import store
+from rpojax.campaign import admission, engine, store
 from rpojax.campaign.engine import Block, Engine, Segment
 from rpojax.campaign.store import Campaign
 from rpojax.errors import RpojaxError
@@ -59,20 +60,26 @@ def campaign(
     """Runs numbers `first_run` to `first_run + runs - 1` of a scenario into a new folder.
 
     Raises:
-        RpojaxError: the number of runs is not positive, or the folder cannot be used.
+        RpojaxError: a number is out of range, the folder cannot be used, or memory or disk are too small.
     """
-    if runs < 1:
-        raise RpojaxError(f"--runs: found {runs}, expected at least 1")
-    if first_run < 0 or seed < 0:
-        raise RpojaxError(f"--seed, --run-id: found {seed}, {first_run}, expected numbers not below 0")
+    admission.check_numbers(runs, first_run, seed, block_size)
+    admission.check_folder(Path(out), force)
     kept = range(first_run, first_run + min(runs, HISTORIES)) if histories is None else histories
     outside = [i for i in kept if not first_run <= i < first_run + runs]
     if outside:
-        raise RpojaxError(f"histories: found run {outside[0]}, expected runs of this campaign")
-    engine = Engine(file, block_size, devices, stages)
-    result = store.create(Path(out), file, seed, runs, first_run, engine.size, sorted(set(kept)), force)
-    complete(result, engine, on_progress)
+        raise RpojaxError(f"--histories: found run {outside[0]}, expected runs of this campaign")
+    size = block_size or engine.block_size()
+    used = _enough(devices, -(-runs // size))
+    admission.check_size(file, runs, size, len(used), len(set(kept)), Path(out))
+    machine = Engine(file, size, used, stages)
+    result = store.create(Path(out), file, seed, runs, first_run, size, sorted(set(kept)), force)
+    complete(result, machine, on_progress)
     return result
+
+
+def _enough(devices: Sequence[Any] | None, blocks: int) -> list[Any]:
+    """As many of the devices as have a block to work on."""
+    return list(jax.devices() if devices is None else devices)[:blocks]
 
 
 def resume(directory: Path | str, *, stages: Stages | None = None, on_progress: Report | None = None) -> Campaign:
@@ -82,8 +89,9 @@ def resume(directory: Path | str, *, stages: Stages | None = None, on_progress: 
         RpojaxError: the folder is no campaign.
     """
     result = Campaign(directory)
-    if result.missing():
-        complete(result, Engine(result.file, result.info["block_size"], None, stages), on_progress)
+    if missing := result.missing():
+        machine = Engine(result.file, result.info["block_size"], _enough(None, len(missing)), stages)
+        complete(result, machine, on_progress)
     return result
 
 

@@ -3,7 +3,8 @@
 | path | holds |
 |---|---|
 | `campaign.json` | scenario, its hash, seed, runs, block size, versions, device; written before anything is compiled |
-| `results.zarr` | `metrics/NAME`, `status/failed_at_s`, `status/failure`, `drawn/KEY`, `used/KEY`, `traces/NAME`, `histories/NAME`; run-major |
+| `results.zarr` | of every run: `metrics/NAME`, `status/failed_at_s`, `status/failure`, `drawn/KEY`, `used/KEY`, `traces/NAME` |
+| `results.zarr/histories/RUN` | every channel of a kept run, time first |
 | `manifest/000000.json` | one per finished block, written last; a block without one is run again by a resume |
 | `report.html`, `report.json`, `figures/` | the report |
 """
@@ -21,6 +22,7 @@ import numpy as np
 import zarr
 
 from rpojax import __version__
+from rpojax.campaign import admission
 from rpojax.errors import OutputError, ResultError
 from rpojax.simulation import scenario
 from rpojax.simulation.closed_loop import FAILURES
@@ -46,7 +48,7 @@ def create(
     Raises:
         OutputError: the folder exists and `force` is not given, or it holds something that is no campaign.
     """
-    _make_room(directory, force)
+    admission.check_folder(directory, force)
     info = {
         "format": FORMAT,
         "name": file.name,
@@ -63,19 +65,15 @@ def create(
         "dtype": "float64",
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
-    directory.mkdir(parents=True)
-    write_json(directory / "campaign.json", info)
+    try:
+        if directory.exists():
+            shutil.rmtree(directory)
+        directory.mkdir(parents=True)
+        write_json(directory / "campaign.json", info)
+    except OSError as error:
+        reason = f"{str(directory)!r} ({error.strerror})"
+        raise OutputError(f"--out: found {reason}, expected a folder to write to") from None
     return Campaign(directory)
-
-
-def _make_room(directory: Path, force: bool) -> None:
-    if not directory.exists():
-        return
-    if not force:
-        raise OutputError(f"--out: found {str(directory)!r}, expected a folder that does not exist yet (or --force)")
-    if not (directory / "campaign.json").is_file():
-        raise OutputError(f"--out: found {str(directory)!r}, which is no campaign: --force does not remove it")
-    shutil.rmtree(directory)
 
 
 def _versions() -> dict[str, str]:
@@ -122,8 +120,9 @@ class Campaign:
             raise ResultError(
                 f"{self.directory}: found no readable campaign.json ({error}), expected a campaign folder"
             ) from None
-        if self.info.get("format") != FORMAT:
-            raise ResultError(f"{self.directory}: found format {self.info.get('format')!r}, expected {FORMAT}")
+        found = self.info.get("format") if isinstance(self.info, dict) else None
+        if found != FORMAT:
+            raise ResultError(f"{self.directory}: found format {found!r}, expected {FORMAT}")
 
     @property
     def file(self) -> ScenarioFile:

@@ -48,19 +48,18 @@ def accept(
     box: BoxMeasurement,
     residual: Vector,
     variance: Vector,
-    noise: Vector,
+    wide: Bool[Array, ""],
     ahead: Bool[Array, ""],
 ) -> Scalar:
     """1 if the box lies within the projected covariance and, while that is wide, a recent box agrees with it; else 0.
 
-    `residual` (tangents, log-size) has the given total `variance`, of which `noise` is the measurement's own; `ahead`
-    tells that the target is predicted in front of the camera.
+    `residual` (tangents, log-size) has the given total `variance`; `wide` tells that the prior is much less certain than
+    a box, `ahead` that the target is predicted in front of the camera.
     """
     ratio = residual**2 / variance
     bearing = jnp.maximum(ratio[0], ratio[1])
     worst = jnp.where(box.truncated, bearing, jnp.maximum(bearing, ratio[2]))
     inside = safe.gate(tuning.gate_sigma**2 - worst, jnp.asarray(_GATE_WIDTH, dtype=worst.dtype))
-    wide = jnp.any(variance[:2] > (1.0 + tuning.confirm_above**2) * noise[:2], axis=0)
     confirmed = _agrees(tuning, focal_px, R_KN, track, box)
     return jnp.where(box.present & ahead & (confirmed | ~wide), inside, 0.0)
 

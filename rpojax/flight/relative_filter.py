@@ -148,9 +148,19 @@ def update(
     R_KN = quaternion.to_matrix(q_KN)
     slow = jnp.concatenate([estimate.bearing_bias, jnp.sum(estimate.scale, axis=0)[None]])
     measured = jnp.concatenate([box.tangent, box.log_size[None]]) - slow
-    accepted = _accepted(tuning, focal_px, R_KN, estimate, track, box, measured) if gated else box.present * 1.0
+    prior = box_model(tuning, focal_px, R_KN, estimate.r_TS_N, box)
+    variance = _innovation_variance(estimate.covariance, prior)
+    wide = jnp.any(variance[:2] > (1.0 + tuning.confirm_above**2) * prior.variance[:2], axis=0)
+    accepted = box.present * 1.0
+    if gated:
+        ahead = _is_ahead(R_KN, estimate.r_TS_N)
+        residual = measured - prior.predicted
+        accepted = box_gate.accept(tuning, focal_px, R_KN, track, box, residual, variance, wide, ahead)
 
-    point = _iterated_position(tuning, focal_px, R_KN, estimate, box, measured)
+    # Linearising at the posterior lets the noise of a box turn its own Jacobian, which biases the range by a drift of
+    # decimetres per hour; so only while the prior is much wider than the box, where linearising there would be worse.
+    iterated = _iterated_position(tuning, focal_px, R_KN, estimate, box, measured)
+    point = jnp.where(wide, iterated, estimate.r_TS_N)
     model = box_model(tuning, focal_px, R_KN, point, box)
     rows = Rows(
         residual=measured - model.predicted - apply(model.gradient, estimate.r_TS_N - point),
@@ -172,21 +182,10 @@ def update(
     return corrected, track, result, used
 
 
-def _accepted(
-    tuning: Navigation,
-    focal_px: Scalar,
-    R_KN: Matrix,
-    estimate: RelativeEstimate,
-    track: BoxTrack,
-    box: BoxMeasurement,
-    measured: Vector,
-) -> Scalar:
-    model = box_model(tuning, focal_px, R_KN, estimate.r_TS_N, box)
-    variance = _innovation_variance(estimate.covariance, model)
-    r_K = apply(R_KN, estimate.r_TS_N)
-    ahead = r_K[2] > _LEAST_DEPTH * safe.norm(r_K)
-    residual = measured - model.predicted
-    return box_gate.accept(tuning, focal_px, R_KN, track, box, residual, variance, model.variance, ahead)
+def _is_ahead(R_KN: Matrix, r_TS_N: Vector) -> Bool[Array, ""]:
+    """True if the target is predicted well in front of the camera."""
+    r_K = apply(R_KN, r_TS_N)
+    return r_K[2] > _LEAST_DEPTH * safe.norm(r_K)
 
 
 def _jacobian(model: BoxModel) -> Float[Array, "3 10"]:

@@ -36,12 +36,18 @@ def worst_run(channel: Channel, values: np.ndarray, completed: np.ndarray) -> in
 
 
 def envelope(
-    channel: Channel, time_s: np.ndarray, values: np.ndarray, completed: np.ndarray, bound: np.ndarray | None = None
+    channel: Channel,
+    time_s: np.ndarray,
+    values: np.ndarray,
+    completed: np.ndarray,
+    bound: np.ndarray | None = None,
+    run_ids: np.ndarray | None = None,
 ) -> Chart | None:
     """Chart of `values` (runs, m) over time [s]: median, bands, worst run, median of `bound` (runs, m); None if empty.
 
     At each instant the percentiles are over the runs that have not failed yet. Bands appear when there are runs enough
-    to resolve them; below that the outer band is from the smallest to the largest run.
+    to resolve them; below that the outer band is from the smallest to the largest run. `run_ids` (runs,) are the
+    numbers of the runs, counted from 0 unless given.
     """
     shown = np.flatnonzero(np.isfinite(values).any(axis=0))
     if len(shown) == 0:
@@ -53,7 +59,8 @@ def envelope(
     traces.append(_line(channel, time, percentiles_over_runs(thinned, (50.0,))[0], median_name, BLUE, 2.0))
     worst = worst_run(channel, values, completed)
     if worst is not None and len(values) > 1:
-        traces.append(_line(channel, time, thinned[worst], f"worst run ({worst})", VERMILLION, 1.2))
+        number = worst if run_ids is None else int(run_ids[worst])
+        traces.append(_line(channel, time, thinned[worst], f"worst run ({number})", VERMILLION, 1.2))
     if bound is not None:
         middle = percentiles_over_runs(bound[:, shown], (50.0,))[0]
         traces.append(_line(channel, time, middle, "3 sigma of the filter, median", GREEN, 1.8, "dash"))

@@ -61,6 +61,7 @@ def explorer(campaign: Results) -> dict[str, Any] | None:
     if not inputs or not metrics:
         return None
     return {
+        "runs": campaign.run_ids[:_MOST_POINTS].tolist(),
         "metrics": {
             name: {
                 "title": metric(name).title,

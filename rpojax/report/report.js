@@ -45,7 +45,7 @@
     function drawScatter(metric, input) {
       const title = metric.title + (metric.unit ? " [" + metric.unit + "]" : "");
       Plotly.react("scatter-chart", [{
-        type: "scatter", mode: "markers", x: explorer.inputs[input], y: metric.values, text: metric.values.map((_, run) => "run " + run),
+        type: "scatter", mode: "markers", x: explorer.inputs[input], y: metric.values, text: explorer.runs.map((run) => "run " + run),
         marker: { size: 5, color: "#0072B2", opacity: 0.5 }, hovertemplate: "%{text}<br>%{x}, %{y}<extra></extra>",
       }], { ...base, xaxis: { ...axis, title: { text: input } }, yaxis: { ...axis, title: { text: title } } }, quiet);
       const rank = metric.rank[input];

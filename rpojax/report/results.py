@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 
+@runtime_checkable
 class Results(Protocol):
     """Results of a campaign on the host: one row per run, NaN where a value is undefined."""
 
@@ -18,6 +19,11 @@ class Results(Protocol):
     @property
     def info(self) -> Mapping[str, Any]:
         """Name, scenario, seed, versions and what else says where the results come from."""
+        ...
+
+    @property
+    def run_ids(self) -> np.ndarray:
+        """(runs,) number of the run of each row."""
         ...
 
     @property

@@ -80,7 +80,8 @@ def metric_rows(campaign: Results, summary: Mapping[str, Any]) -> list[MetricRow
     for name, entry in summary["metrics"].items():
         shown = metric(name)
         cells = [number(entry[key]) for key in ("mean", "std", "min", "p50", "p95", "p99", "p99_upper_95", "max")]
-        worst = _worst(campaign.metrics[name], shown.low_is_bad)
+        row = _worst(campaign.metrics[name], shown.low_is_bad)
+        worst = None if row is None else int(campaign.run_ids[row])
         rows.append(MetricRow(name, shown.title, shown.meaning, shown.unit, cells, entry["defined"], worst))
     return rows
 
@@ -94,7 +95,7 @@ def envelopes(campaign: Results) -> dict[str, tuple[Channel, Chart]]:
             continue
         bound = campaign.traces.get("nav_relative_sigma3_m") if channel.name == "nav_relative_error_m" else None
         completed = np.asarray(campaign.completed, dtype=bool)
-        chart = envelope(channel, campaign.trace_time_s, values, completed, bound)
+        chart = envelope(channel, campaign.trace_time_s, values, completed, bound, campaign.run_ids)
         if chart is not None:
             charts[channel.name] = (channel, chart)
     for name, levels in _levels(campaign.info.get("scenario", {})).items():
@@ -152,9 +153,11 @@ def failures(summary: Mapping[str, Any]) -> dict[str, Any]:
 
 def chosen_metrics(campaign: Results, run_id: int) -> list[tuple[str, str, str]]:
     """Title, value and unit of every metric of one run."""
+    rows = np.flatnonzero(campaign.run_ids == run_id)
     return [
-        (metric(name).title, number(float(values[run_id])), metric(name).unit)
+        (metric(name).title, number(float(value)), metric(name).unit)
         for name, values in campaign.metrics.items()
+        for value in values[rows]
     ]
 
 
@@ -197,7 +200,7 @@ def _timing(timing: Mapping[str, Any]) -> str:
         ("run_seconds_per_s", "{} simulated seconds per second"),
         ("devices", "{} device(s)"),
     ]
-    return ", ".join(text.format(number(timing[key], 3)) for key, text in parts if key in timing)
+    return ", ".join(text.format(number(float(timing[key]), 3)) for key, text in parts if key in timing)
 
 
 def _statistic(metrics: Mapping[str, Any], name: str, key: str) -> float | None:

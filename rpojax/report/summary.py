@@ -35,8 +35,9 @@ def choose_run(campaign: Results, run_id: int | None = None) -> int | None:
             listed = ", ".join(map(str, kept[:20])) or "none"
             raise ResultError(f"run {run_id}: no history is kept, expected one of: {listed}")
         return run_id
-    errors = campaign.metrics.get(_CHOOSING_METRIC, np.full(len(campaign.completed), np.nan))
-    ranked = sorted((run for run in kept if np.isfinite(errors[run])), key=lambda run: errors[run])
+    values = campaign.metrics.get(_CHOOSING_METRIC, np.full(len(campaign.completed), np.nan))
+    errors = dict(zip(campaign.run_ids.tolist(), values.tolist(), strict=True))
+    ranked = sorted((run for run in kept if np.isfinite(errors.get(run, np.nan))), key=lambda run: errors[run])
     if ranked:
         return ranked[(len(ranked) - 1) // 2]
     return kept[0] if kept else None
@@ -81,6 +82,7 @@ def _deviation(values: np.ndarray) -> float | None:
 
 def _failures(campaign: Results) -> list[dict[str, Any]]:
     return [
-        {"run_id": int(run), "at_s": plain(campaign.failed_at_s[run]), "reason": str(campaign.failure_reason[run])}
-        for run in np.flatnonzero(~np.asarray(campaign.completed, dtype=bool))
+        {"run_id": int(run), "at_s": plain(at_s), "reason": str(reason)}
+        for run, at_s, reason in zip(campaign.run_ids, campaign.failed_at_s, campaign.failure_reason, strict=True)
+        if reason
     ]
