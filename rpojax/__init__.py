@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from rpojax.campaign.runner import campaign, resume
+    from rpojax.campaign.runner import resume_campaign, run_campaign
     from rpojax.campaign.single import simulate
     from rpojax.campaign.store import Campaign
     from rpojax.errors import RpojaxError
@@ -21,14 +21,23 @@ _HOMES = {
     "Campaign": "rpojax.campaign.store",
     "RpojaxError": "rpojax.errors",
     "Stages": "rpojax.flight.computer",
-    "campaign": "rpojax.campaign.runner",
     "load": "rpojax.simulation.scenario",
-    "resume": "rpojax.campaign.runner",
+    "resume_campaign": "rpojax.campaign.runner",
+    "run_campaign": "rpojax.campaign.runner",
     "simulate": "rpojax.campaign.single",
     "write_report": "rpojax.report.html",
 }
 
-__all__ = ["Campaign", "RpojaxError", "Stages", "campaign", "load", "resume", "simulate", "write_report"]
+__all__ = [
+    "Campaign",
+    "RpojaxError",
+    "Stages",
+    "load",
+    "resume_campaign",
+    "run_campaign",
+    "simulate",
+    "write_report",
+]
 
 
 def __getattr__(name: str) -> Any:

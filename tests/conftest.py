@@ -47,6 +47,13 @@ def inspection(inspection_file: ScenarioFile) -> Scenario:
 
 
 @pytest.fixture(scope="session")
-def params(inspection_file: ScenarioFile, inspection: Scenario) -> Params:
+def inspection_params(inspection_file: ScenarioFile, inspection: Scenario) -> Params:
     """Params of the nominal scenario, nothing dispersed."""
     return parameters.build(inspection_file.model_dump(), inspection.width_px, inspection.height_px)
+
+
+@pytest.fixture(scope="session")
+def params() -> Params:
+    """The same with numbers that the tests can count on, whatever becomes of the mission's tuning."""
+    file = scenarios.load(Path(__file__).parent / "pinned.toml")
+    return parameters.build(file.model_dump(), file.camera.width_px, file.camera.height_px)

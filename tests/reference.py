@@ -43,6 +43,12 @@ def rotation_between(q: np.ndarray, p: np.ndarray) -> float:
     return 4.0 * float(np.arcsin(min(0.5 * chord, 1.0)))
 
 
+def rate_between(before: np.ndarray, after: np.ndarray, dt: float) -> np.ndarray:
+    """Mean rate [rad/s], in body axes, that takes the attitude `q_BN` from one to another nearby in `dt` [s]."""
+    step = matrix(after) @ matrix(before).T
+    return np.array([step[1, 2] - step[2, 1], step[2, 0] - step[0, 2], step[0, 1] - step[1, 0]]) / (2.0 * dt)
+
+
 def gravity(r: np.ndarray) -> np.ndarray:
     """Two-body and J2 acceleration [m/s^2], Vallado's component form."""
     distance = np.linalg.norm(r)

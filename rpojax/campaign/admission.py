@@ -103,5 +103,5 @@ def _available_memory() -> float:
         return float("inf")
 
 
-def _size(count: float) -> str:
-    return f"{count / 1e9:.1f} GB"
+def _size(count: float | int) -> str:
+    return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.0f} MB"

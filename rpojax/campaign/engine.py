@@ -3,20 +3,17 @@
 import dataclasses
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh, NamedSharding
-from jax.sharding import PartitionSpec as P
 from jaxtyping import Array
 
 from rpojax.campaign import dispersions
 from rpojax.campaign.dispersions import Values
-from rpojax.core.pytree import replace
 from rpojax.flight.computer import Stages
 from rpojax.simulation import closed_loop, params, scenario, telemetry
 from rpojax.simulation.closed_loop import State
@@ -40,15 +37,13 @@ class Block:
         ids: (runs,) run numbers
         drawn: values drawn for every dispersed key, in the user's units
         used: values that the runs really hold, read back
-        values: what goes into Params, on the device
-        state: state at the start
+        shares: for each device the nominal Params, the dispersed values and the states at the start
     """
 
     ids: np.ndarray
     drawn: dict[str, np.ndarray]
     used: dict[str, np.ndarray]
-    values: Values
-    state: State
+    shares: list[tuple[Params, Values, State]]
 
 
 @dataclass(frozen=True)
@@ -71,7 +66,9 @@ class Segment:
 class Engine:
     """A scenario compiled for blocks of a fixed size; one trace, however many blocks.
 
-    A device always works on `size` runs, whatever the number of devices, so a run's numbers do not depend on it.
+    Every device runs the same single-device program on `size` runs, so a run's numbers are the same to the last bit
+    however many devices there are. (One program sharded over the devices is compiled differently for each number of
+    them, and its last bits differ.)
     """
 
     def __init__(
@@ -92,8 +89,7 @@ class Engine:
         self.segment_ticks = -(-self.scenario.ticks // count)
         self.segments = count
         self._nominal = params.build(file.model_dump(), self.scenario.width_px, self.scenario.height_px)
-        self._mesh = Mesh(np.array(self.devices), ("runs",))
-        self._programs: tuple[Any, Any] | None = None
+        self._programs: tuple[Any, list[Any]] | None = None
 
     @property
     def capacity(self) -> int:
@@ -105,37 +101,53 @@ class Engine:
         if self._programs is not None:
             return
         begin = time.perf_counter()
-        ids = self._on_devices(np.zeros(self.capacity, dtype=np.int32))
-        key = jnp.asarray(closed_loop.random.master_key(seed))
-        prepare = jax.jit(self._sharded_prepare()).lower(self._nominal, key, ids).compile()
-        drawn, _, state = jax.eval_shape(self._sharded_prepare(), self._nominal, key, ids)
-        advance = jax.jit(self._sharded_advance(), donate_argnums=(2,))
-        shapes = jax.tree.map(self._shape, (drawn, state), self._specs(drawn, state))
-        self._programs = (prepare, advance.lower(self._nominal, *shapes).compile())
+        ids = np.zeros(self.size, dtype=np.int32)
+        prepare = jax.jit(self._prepare).lower(self._nominal, _master_key(seed), ids).compile()
+        drawn, _, state = prepare(self._nominal, _master_key(seed), ids)
+        advance = jax.jit(self._advance, donate_argnums=(2,))
+        lowered = [advance.lower(*jax.device_put((self._nominal, drawn, state), device)) for device in self.devices]
+        with ThreadPoolExecutor(len(lowered)) as pool:
+            self._programs = (prepare, list(pool.map(lambda program: program.compile(), lowered)))
         self.compile_s = time.perf_counter() - begin
 
     def prepare(self, seed: int, ids: np.ndarray) -> Block:
         """Dispersed values and initial states of `capacity` runs."""
         self.compile(seed)
         assert self._programs is not None
-        key = jnp.asarray(closed_loop.random.master_key(seed))
-        drawn, used, state = self._programs[0](self._nominal, key, self._on_devices(ids.astype(np.int32)))
-        host = partial(jax.tree.map, np.asarray)
-        return Block(ids=ids, drawn=host(drawn), used=host(used), values=drawn, state=state)
+        parts = [
+            self._programs[0](self._nominal, _master_key(seed), share)
+            for share in np.split(ids.astype(np.int32), len(self.devices))
+        ]
+        placed = [
+            jax.device_put((self._nominal, drawn, state), device)
+            for (drawn, _, state), device in zip(parts, self.devices, strict=True)
+        ]
+        return Block(
+            ids=ids,
+            drawn=_joined([drawn for drawn, _, _ in parts], axis=0),
+            used=_joined([used for _, used, _ in parts], axis=0),
+            shares=[(nominal, values, state) for nominal, values, state in placed],
+        )
 
     def run(self, block: Block) -> Iterator[Segment]:
         """Carries a block to the end of the scenario, segment by segment; the last one is cut at the end."""
         assert self._programs is not None
-        state = block.state
+        states = [state for _, _, state in block.shares]
         for number in range(self.segments):
-            state, channels = self._programs[1](self._nominal, block.values, state)
+            # Calls return at once, so all devices work at the same time until the first result is looked at.
+            results = [
+                program(nominal, values, state)
+                for program, (nominal, values, _), state in zip(self._programs[1], block.shares, states, strict=True)
+            ]
+            states = [state for state, _ in results]
+            channels = _joined([seen for _, seen in results], axis=1)
             first = number * self.segment_ticks
             keep = min(self.segment_ticks, self.scenario.ticks - first)
             yield Segment(
                 first_tick=first,
-                channels={name: np.asarray(value)[:keep] for name, value in channels.items()},
-                failure=np.asarray(state.failure),
-                failed_at=np.asarray(state.failed_at),
+                channels={name: value[:keep] for name, value in channels.items()},
+                failure=np.concatenate([np.asarray(state.failure) for state in states]),
+                failed_at=np.concatenate([np.asarray(state.failed_at) for state in states]),
             )
 
     def _prepare(self, nominal: Params, key: Array, ids: Array) -> tuple[Values, Values, State]:
@@ -159,37 +171,20 @@ class Engine:
         every = jax.vmap(one, in_axes=(0, axes), out_axes=(axes, 0))
         return jax.lax.scan(lambda carry, _: every(values, carry), state, None, length=self.segment_ticks)
 
-    def _sharded_prepare(self) -> Any:
-        out = (P("runs"), P("runs"), _run_axes(P("runs"), P()))
-        return jax.shard_map(
-            self._prepare, mesh=self._mesh, in_specs=(P(), P(), P("runs")), out_specs=out, check_vma=False
-        )
 
-    def _sharded_advance(self) -> Any:
-        state = _run_axes(P("runs"), P())
-        return jax.shard_map(
-            self._advance,
-            mesh=self._mesh,
-            in_specs=(P(), P("runs"), state),
-            out_specs=(state, P(None, "runs")),
-            check_vma=False,
-        )
-
-    def _specs(self, drawn: Any, state: Any) -> Any:
-        runs = jax.tree.map(lambda _: P("runs"), (drawn, state))
-        return runs[0], replace(runs[1], tick=P())
-
-    def _shape(self, leaf: jax.ShapeDtypeStruct, spec: P) -> jax.ShapeDtypeStruct:
-        return jax.ShapeDtypeStruct(leaf.shape, leaf.dtype, sharding=NamedSharding(self._mesh, spec))
-
-    def _on_devices(self, ids: np.ndarray) -> Array:
-        return jax.device_put(ids, NamedSharding(self._mesh, P("runs")))
+def _master_key(seed: int) -> Array:
+    return jnp.asarray(closed_loop.random.master_key(seed))
 
 
-def _run_axes(runs: Any = 0, shared: Any = None) -> State:
-    """One entry per field of State: `runs` where runs differ, `shared` for the tick, which all runs have in common.
+def _joined(parts: list[dict[str, Array]], axis: int) -> dict[str, np.ndarray]:
+    """The devices' shares of each array, one after the other along the axis of the runs."""
+    return {name: np.concatenate([np.asarray(part[name]) for part in parts], axis=axis) for name in parts[0]}
 
-    That the tick is shared makes the burn decision a true branch, taken on one tick in two hundred.
+
+def _run_axes() -> State:
+    """Batch axis of each field of State: none for the tick, which all runs have in common.
+
+    That makes the burn decision a true branch, taken on one tick in two hundred.
     """
-    names = [field.name for field in dataclasses.fields(State)]
-    return State(**{name: shared if name == "tick" else runs for name in names})
+    axes: dict[str, Any] = {field.name: 0 for field in dataclasses.fields(State)}
+    return State(**{**axes, "tick": None})

@@ -43,7 +43,7 @@ class Progress:
 Report = Callable[[Progress], None]
 
 
-def campaign(
+def run_campaign(
     file: ScenarioFile,
     runs: int,
     out: Path | str,
@@ -82,7 +82,9 @@ def _enough(devices: Sequence[Any] | None, blocks: int) -> list[Any]:
     return list(jax.devices() if devices is None else devices)[:blocks]
 
 
-def resume(directory: Path | str, *, stages: Stages | None = None, on_progress: Report | None = None) -> Campaign:
+def resume_campaign(
+    directory: Path | str, *, stages: Stages | None = None, on_progress: Report | None = None
+) -> Campaign:
     """Runs whatever blocks of a campaign are missing; a finished campaign is left as it is.
 
     Raises:
@@ -103,6 +105,7 @@ def complete(result: Campaign, engine: Engine, on_progress: Report | None = None
     tell = on_progress or (lambda _: None)
     tell(Progress(done=0.0, total=total, failed=0, compiled=False))
     engine.compile(result.info["seed"])
+    tell(Progress(done=0.0, total=total, failed=0, compiled=True))
     begin = time.perf_counter()
     done, failed = 0, 0
     for first in range(0, len(missing), len(engine.devices)):
@@ -150,7 +153,9 @@ def _run_wave(
         arrays = _results(result.file, block, recorder, failure, last.failed_at, rows)
         for row, run_id in wanted.items():
             if rows.start <= row < rows.stop:
-                result.write_history(run_id, recorder.history(row, result.file, failure[row], last.failed_at[row]))
+                result.write_history(
+                    run_id, recorder.history(row, result.file, int(failure[row]), float(last.failed_at[row]))
+                )
         result.write_block(number, arrays, {"failed": int((failure[rows][: real[place]] > 0).sum())})
     return int((failure[counted] > 0).sum())
 

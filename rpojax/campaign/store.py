@@ -3,7 +3,7 @@
 | path | holds |
 |---|---|
 | `campaign.json` | scenario, its hash, seed, runs, block size, versions, device; written before anything is compiled |
-| `results.zarr` | of every run: `metrics/NAME`, `status/failed_at_s`, `status/failure`, `drawn/KEY`, `used/KEY`, `traces/NAME` |
+| `results.zarr` | of every run: `metrics/NAME`, `status/NAME`, `drawn/KEY`, `used/KEY`, `traces/NAME` |
 | `results.zarr/histories/RUN` | every channel of a kept run, time first |
 | `manifest/000000.json` | one per finished block, written last; a block without one is run again by a resume |
 | `report.html`, `report.json`, `figures/` | the report |
@@ -114,6 +114,7 @@ class Campaign:
 
     def __init__(self, directory: Path | str) -> None:
         self.directory = Path(directory)
+        self._read_before: dict[str, tuple[int, dict[str, np.ndarray]]] = {}
         try:
             self.info: dict[str, Any] = json.loads((self.directory / "campaign.json").read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:
@@ -183,14 +184,24 @@ class Campaign:
         write_json(self.directory / "campaign.json", self.info)
 
     def _read(self, group: str) -> dict[str, np.ndarray]:
-        """Arrays of a group, rows of finished blocks only."""
+        """Arrays of a group, rows of finished blocks only; read again only when there are more of them."""
+        rows = self._rows()
+        known, arrays = self._read_before.get(group, (-1, {}))
+        if known != len(rows):
+            arrays = self._read_now(group, rows)
+            self._read_before[group] = (len(rows), arrays)
+        return dict(arrays)
+
+    def _read_now(self, group: str, rows: np.ndarray) -> dict[str, np.ndarray]:
         try:
             node = zarr.open_group(str(self.directory / "results.zarr"), mode="r")[group]
         except (FileNotFoundError, KeyError):
             return {}
         assert isinstance(node, zarr.Group)
-        rows = self._rows()
-        return {name: np.asarray(array[:])[rows] for name, array in sorted(node.arrays())}  # pyright: ignore[reportIndexIssue]
+        arrays = {name: np.asarray(array[:])[rows] for name, array in sorted(node.arrays())}  # pyright: ignore[reportIndexIssue]
+        for values in arrays.values():
+            values.setflags(write=False)
+        return arrays
 
     def _rows(self) -> np.ndarray:
         size, runs = self.info["block_size"], self.info["runs"]

@@ -33,7 +33,7 @@ def choose_run(campaign: Results, run_id: int | None = None) -> int | None:
     if run_id is not None:
         if run_id not in kept:
             listed = ", ".join(map(str, kept[:20])) or "none"
-            raise ResultError(f"run {run_id}: no history is kept, expected one of: {listed}")
+            raise ResultError(f"run {run_id}: found no history, expected one of: {listed}")
         return run_id
     values = campaign.metrics.get(_CHOOSING_METRIC, np.full(len(campaign.completed), np.nan))
     errors = dict(zip(campaign.run_ids.tolist(), values.tolist(), strict=True))

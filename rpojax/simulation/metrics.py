@@ -73,8 +73,8 @@ def evaluate(file: ScenarioFile, records: Records) -> dict[str, Floats]:
         "nav_relative_position_error_rms_m": _rms(records["relative_error_H"][:, late]),
         "nav_servicer_position_error_rms_m": _rms(records["servicer_error_H"][:, late]),
         "nav_target_position_error_rms_m": _rms(records["target_error_H"][:, late]),
-        "nees_mean": records["nees"].mean(axis=1, dtype=float),
-        "nees_relative_mean": records["nees_relative"].mean(axis=1, dtype=float),
+        "nees_mean": _mean(records["nees"]),
+        "nees_relative_mean": _mean(records["nees_relative"]),
         "sigma3_coverage": inside.mean(axis=(1, 2), dtype=float),
         "delta_v_m_s": records["delta_v_m_s"][:, -1].astype(float),
         "min_range_m": records["range_m"].min(axis=1).astype(float),
@@ -84,7 +84,17 @@ def evaluate(file: ScenarioFile, records: Records) -> dict[str, Floats]:
 
 
 def _rms(vectors: Floats) -> Floats:
-    return np.sqrt(np.mean(np.sum(vectors.astype(float) ** 2, axis=2), axis=1))
+    x, y, z = np.moveaxis(vectors.astype(float), 2, 0)
+    return np.sqrt(_mean(x * x + y * y + z * z))
+
+
+def _mean(values: Floats) -> Floats:
+    """Mean over time, added up in order of time.
+
+    numpy's own sum adds in an order that depends on where an array lies in memory, so the last bits of a run's metrics
+    would change from one campaign to the next.
+    """
+    return np.add.accumulate(values, axis=1, dtype=float)[:, -1] / values.shape[1]
 
 
 def _boxes(records: Records, tick_s: float) -> dict[str, Floats]:
@@ -122,7 +132,7 @@ def _pointing(file: ScenarioFile, records: Records, tick_s: float) -> dict[str, 
     }
 
 
-def _ratio(part: Floats, whole: Floats) -> Floats:
+def _ratio(part: NDArray[np.integer], whole: NDArray[np.integer]) -> Floats:
     return np.where(whole > 0, part / np.maximum(whole, 1), np.nan)
 
 

@@ -49,7 +49,7 @@ def test_a_wheel_at_or_beyond_its_speed_limit_can_only_slow_down(params: Params,
 
 
 def test_an_aligned_thruster_pushes_along_its_direction_with_its_true_force(params: Params) -> None:
-    thruster = replace(params.plant.thruster, direction=jnp.array([0.0, 3.0, 4.0]), force_scale=jnp.asarray(1.1))
+    thruster = replace(params.plant.thruster, direction=jnp.array([0.0, 3.0, 4.0]), force_scale=jnp.float64(1.1))
     force, torque = force_and_torque(thruster, NO_ERROR)
     np.testing.assert_allclose(force, 0.033 * np.array([0.0, 0.6, 0.8]), rtol=EXACT)
     np.testing.assert_allclose(torque, np.cross([-0.25, 0.0, 0.0], force), atol=EXACT)
@@ -57,7 +57,7 @@ def test_an_aligned_thruster_pushes_along_its_direction_with_its_true_force(para
 
 def test_misalignment_and_burn_error_turn_and_scale_the_force(params: Params) -> None:
     thruster = replace(params.plant.thruster, misalignment=jnp.array([0.0, 0.0, 0.02]))
-    error = BurnError(magnitude=jnp.asarray(-0.1), direction=jnp.array([0.0, 0.0, 0.03]))
+    error = BurnError(magnitude=jnp.float64(-0.1), direction=jnp.array([0.0, 0.0, 0.03]))
     force, _ = force_and_torque(thruster, error)
     np.testing.assert_allclose(force, 0.027 * np.array([np.cos(0.05), np.sin(0.05), 0.0]), atol=EXACT)
 

@@ -52,7 +52,7 @@ final_velocity_slope = jax.jit(jax.jacfwd(lambda *arguments: burn_through(*argum
 
 def burn(ignition: jax.Array | float, cutoff: jax.Array | float) -> Burn:
     none = BurnError(magnitude=jnp.zeros(()), direction=jnp.zeros(3))
-    return Burn(ignition=jnp.asarray(ignition), cutoff=jnp.asarray(cutoff), error=none)
+    return Burn(ignition=jnp.float64(ignition), cutoff=jnp.float64(cutoff), error=none)
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ def balanced(params: Params) -> PlantParams:
 @pytest.fixture(scope="module")
 def massless(balanced: PlantParams) -> PlantParams:
     """The same with an endless specific impulse, so that the mass is constant."""
-    return replace(balanced, thruster=replace(balanced.thruster, specific_impulse=jnp.asarray(1e18)))
+    return replace(balanced, thruster=replace(balanced.thruster, specific_impulse=jnp.float64(1e18)))
 
 
 def inertial(q: np.ndarray, vector_B: np.ndarray) -> np.ndarray:
@@ -206,7 +206,7 @@ def test_the_final_velocity_grows_by_the_acceleration_per_second_of_on_time(
 
 def test_propellant_and_velocity_change_obey_the_rocket_equation(balanced: PlantParams, at_rest: Truth) -> None:
     # A thousandth of the specific impulse makes the mass change ten per cent.
-    thirsty = replace(balanced, thruster=replace(balanced.thruster, specific_impulse=jnp.asarray(0.01)))
+    thirsty = replace(balanced, thruster=replace(balanced.thruster, specific_impulse=jnp.float64(0.01)))
     after = burn_through(thirsty, at_rest, np.float64(0.3), np.float64(3.3))
     used = 0.03 * 3.0 / (0.01 * G0)
     np.testing.assert_allclose(at_rest.mass - after.mass, used, rtol=1e-12)

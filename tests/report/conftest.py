@@ -25,6 +25,10 @@ class MadeUpCampaign:
     histories: dict[int, dict[str, np.ndarray]]
 
     @property
+    def run_ids(self) -> np.ndarray:
+        return np.arange(len(self.completed))
+
+    @property
     def history_ids(self) -> list[int]:
         return list(self.histories)
 

@@ -35,7 +35,7 @@ YES, NO = jnp.asarray(True), jnp.asarray(False)
 @pytest.fixture(scope="module")
 def wide(params: Params) -> BoxCamera:
     """The nominal camera with a 90 deg lens."""
-    return replace(params.camera, field_of_view=jnp.asarray(np.pi / 2))
+    return replace(params.camera, field_of_view=jnp.float64(np.pi / 2))
 
 
 def cube(x: float, y: float, z: float, scale: float = 1.0) -> np.ndarray:
@@ -176,7 +176,7 @@ def test_the_target_can_be_seen_where_it_is_lit_and_its_phase_is_small(
 
 @pytest.mark.parametrize(("off_sun_deg", "light"), [(29.0, False), (31.0, True)])
 def test_the_camera_is_blind_when_it_looks_near_the_sun(params: Params, off_sun_deg: float, light: bool) -> None:
-    patient = replace(params.camera, phase_limit=jnp.asarray(np.pi))  # so that only the exclusion counts
+    patient = replace(params.camera, phase_limit=jnp.float64(np.pi))  # so that only the exclusion counts
     angle = np.deg2rad(off_sun_deg)
     r_ST_N = -40.0 * np.array([np.cos(angle), np.sin(angle), 0.0])
     assert bool(has_light(patient, DAY, r_ST_N, SUN)) is light

@@ -20,7 +20,7 @@ def test_a_box_that_noise_has_turned_inside_out_still_has_a_positive_size() -> N
 
 
 def test_the_outline_spans_the_extreme_pixels_of_the_hull() -> None:
-    lens = pinhole.lens(jnp.asarray(np.pi / 2), 128, 128)
+    lens = pinhole.lens(jnp.float64(np.pi / 2), 128, 128)
     hull = jnp.array([[1.0, -2.0, 8.0], [-3.0, 0.0, 8.0], [0.0, 4.0, 16.0]])
     np.testing.assert_allclose(box_model.outline(lens, hull), [40.0, 48.0, 72.0, 80.0], rtol=1e-14)
 

@@ -11,7 +11,7 @@ from rpojax.vision import pinhole
 lens = jax.jit(pinhole.lens, static_argnums=(1, 2))
 project = jax.jit(pinhole.project)
 tangents = jax.jit(pinhole.tangents)
-RIGHT_ANGLE = jnp.asarray(np.pi / 2)
+RIGHT_ANGLE = jnp.float64(np.pi / 2)
 
 
 def test_a_right_angled_lens_has_half_the_width_as_focal_length_and_looks_through_the_middle() -> None:
@@ -21,7 +21,7 @@ def test_a_right_angled_lens_has_half_the_width_as_focal_length_and_looks_throug
 
 
 def test_the_field_of_view_spans_the_width_of_the_frame() -> None:
-    found = lens(jnp.asarray(np.deg2rad(10.0)), 128, 128)
+    found = lens(jnp.float64(np.deg2rad(10.0)), 128, 128)
     edge = np.array([[np.tan(np.deg2rad(5.0)), 0.0, 1.0], [-np.tan(np.deg2rad(5.0)), 0.0, 1.0]])
     np.testing.assert_allclose(project(found, edge)[0], [128.0, 0.0], atol=1e-12)
 

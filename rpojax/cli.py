@@ -1,0 +1,372 @@
+"""Monte Carlo simulation of vision-based spacecraft rendezvous.
+
+SCENARIO is the name of a packaged scenario, such as 'inspection', or a TOML file; `rpojax --version` tells the version.
+
+Exit status: 0 done, and all runs completed; 1 unexpected error; 2 bad input, nothing was written; 3 the campaign
+finished, but some of its runs failed; 130 interrupted, finished blocks are kept for `rpojax resume`.
+
+Environment: compiled programs are kept in the user's cache folder unless RPOJAX_CACHE=off. There is one host device for
+each core unless XLA_FLAGS says how many.
+"""
+
+import enum
+import json
+import os
+import shlex
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from tyro.conf import FlagCreatePairsOff, Positional, UseAppendAction, arg
+
+from rpojax import __version__, console
+from rpojax.errors import RpojaxError
+
+if TYPE_CHECKING:
+    from rpojax.campaign.store import Campaign
+    from rpojax.simulation.schema import ScenarioFile
+
+
+class Status(enum.IntEnum):
+    """Exit statuses; 1 is left to Python, for errors that nobody expected."""
+
+    DONE = 0
+    BAD_INPUT = 2
+    SOME_FAILED = 3
+    INTERRUPTED = 130
+
+
+Source = Annotated[Positional[str], arg(metavar="SCENARIO", help="Packaged name or TOML file.")]
+Folder = Annotated[Positional[Path], arg(metavar="DIR", help="Folder of a campaign.")]
+Out = Annotated[Path, arg(metavar="DIR", help="Folder to make for the results.")]
+Overrides = Annotated[
+    UseAppendAction[tuple[str, ...]],
+    arg(name="set", metavar="KEY=VALUE", help="Another value for a key of the scenario, in TOML; several may follow."),
+]
+Seed = Annotated[int, arg(metavar="S", help="Master seed.")]
+Force = Annotated[bool, arg(help="Replace the folder if it holds a campaign.")]
+AsJson = Annotated[bool, arg(name="json", help="JSON on stdout and no progress.")]
+NoCache = Annotated[bool, arg(help="Compile anew and keep nothing of it.")]
+
+_WORKER = "rpojax-worker"
+_DEVICE_FLAG = "--xla_force_host_platform_device_count"
+
+app = tyro.extras.SubcommandApp()
+
+
+@app.command
+def run(
+    scenario: Source,
+    *,
+    out: Out,
+    seed: Seed = 0,
+    run_id: Annotated[int, arg(metavar="I", help="Number of the run in its campaign.")] = 0,
+    overrides: Overrides = (),
+    block_size: Annotated[
+        int, arg(metavar="N", help="That of the campaign, for the very same numbers to the last digit.")
+    ] = 1,
+    force: Force = False,
+    as_json: AsJson = False,
+    no_cache: NoCache = False,
+) -> int:
+    """One run with its full history: a campaign of one run, with its report."""
+    file = _load(scenario, overrides)
+    prepare_jax(cache=not no_cache)
+    from rpojax.campaign import runner
+
+    def work(watch: console.Watch) -> "Campaign":
+        return runner.run_campaign(
+            file, 1, out, seed, first_run=run_id, block_size=block_size, force=force, on_progress=watch
+        )
+
+    with _keeping(out):
+        return _conclude(_fly(work, file.duration_s, as_json), report=True, as_json=as_json)
+
+
+@app.command
+def campaign(
+    scenario: Source,
+    *,
+    runs: Annotated[int, arg(metavar="N", help="Number of runs.")],
+    out: Out,
+    seed: Seed = 0,
+    overrides: Overrides = (),
+    block_size: Annotated[
+        int | None, arg(metavar="N", help="Runs at once on a device (default: 256 on a CPU, 4096 elsewhere).")
+    ] = None,
+    histories: Annotated[
+        str, arg(metavar="N|I,J,...", help="Full histories to keep: of the first N runs, or of the runs listed.")
+    ] = "8",
+    force: Force = False,
+    no_report: Annotated[bool, arg(help="Write no report.html, report.json and figures.")] = False,
+    as_json: AsJson = False,
+    no_cache: NoCache = False,
+) -> int:
+    """Many dispersed runs, with a report on them."""
+    file = _load(scenario, overrides)
+    kept = _histories(histories, runs)
+    prepare_jax(cache=not no_cache)
+    from rpojax.campaign import runner
+
+    def work(watch: console.Watch) -> "Campaign":
+        return runner.run_campaign(
+            file, runs, out, seed, block_size=block_size, histories=kept, force=force, on_progress=watch
+        )
+
+    with _keeping(out):
+        return _conclude(_fly(work, file.duration_s, as_json), report=not no_report, as_json=as_json)
+
+
+@app.command
+def resume(directory: Folder, *, as_json: AsJson = False, no_cache: NoCache = False) -> int:
+    """Complete an interrupted campaign and its report; one that is complete is left as it is, with exit status 0."""
+    prepare_jax(cache=not no_cache)
+    from rpojax.campaign import runner
+    from rpojax.campaign.store import Campaign
+
+    found = Campaign(directory)
+    if not found.missing():
+        _show(found, _report_of(found), as_json)
+        return Status.DONE
+    with _keeping(directory):
+        result = _fly(
+            lambda watch: runner.resume_campaign(directory, on_progress=watch), found.file.duration_s, as_json
+        )
+        return _conclude(result, report=True, as_json=as_json)
+
+
+@app.command
+def report(
+    directory: Folder,
+    *,
+    run_id: Annotated[int | None, arg(metavar="I", help="Run to show in detail (default: the median one).")] = None,
+    as_json: AsJson = False,
+) -> int:
+    """Write report.html, report.json and figures anew."""
+    from rpojax.campaign.store import Campaign
+    from rpojax.report.html import write_report
+    from rpojax.report.summary import choose_run
+
+    found = Campaign(directory)
+    choose_run(found, run_id)
+    with console.busy("writing the report", quiet=as_json):
+        path = write_report(found, run_id)
+    _show(found, path, as_json)
+    return Status.DONE
+
+
+@app.command
+def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = False) -> int:
+    """Check a scenario without running it."""
+    from rpojax.simulation import scenario as scenarios
+
+    file = _load(scenario, overrides)
+    content = {
+        "name": file.name,
+        "description": file.description,
+        "duration_s": file.duration_s,
+        "scenario_hash": scenarios.digest(file),
+        "dispersions": [dispersion.key for dispersion in file.dispersions],
+    }
+    if as_json:
+        _print_json(content)
+    else:
+        print(f"{file.name}: valid; {file.duration_s:g} s, {len(file.dispersions)} dispersions")
+    return Status.DONE
+
+
+@app.command
+def schema() -> int:
+    """JSON schema of a scenario, for editors and other tools."""
+    from rpojax.simulation.schema import ScenarioFile
+
+    _print_json(ScenarioFile.model_json_schema())
+    return Status.DONE
+
+
+@app.command
+def bench(
+    *,
+    runs: Annotated[tuple[int, ...], arg(metavar="N", help="Batch sizes.")] = (1, 64, 512),
+    duration_s: Annotated[float, arg(metavar="T", help="Simulated time of a run [s].")] = 200.0,
+    as_json: AsJson = False,
+) -> int:
+    """Measure the closed loop alone, without metrics and storage; programs are compiled anew, timed apart."""
+    file = _load("inspection", (f"duration_s={duration_s}",))
+    prepare_jax(cache=False)
+    from rpojax.campaign import benchmark
+
+    benchmark.check(runs)
+    with console.busy(f"timing batches of {', '.join(map(str, runs))} runs", quiet=as_json):
+        speeds = benchmark.measure(file, runs)
+    if as_json:
+        _print_json(speeds)
+    else:
+        console.show_speeds(speeds)
+    return Status.DONE
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Runs the command line `argv` (default: that of the process) and returns the exit status."""
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    if arguments[:1] == ["--version"]:
+        print(f"rpojax {__version__}")
+        return Status.DONE
+    try:
+        words = _spread(arguments)
+        return app.cli(prog="rpojax", description=__doc__, args=words, config=(FlagCreatePairsOff,))
+    except RpojaxError as error:
+        print(f"rpojax: error: {' '.join(str(error).split())}", file=sys.stderr)
+        return Status.BAD_INPUT
+    except KeyboardInterrupt as interrupt:
+        print(f"rpojax: interrupted; {str(interrupt) or 'nothing was written'}", file=sys.stderr)
+        _abandon_worker()
+        return Status.INTERRUPTED
+
+
+def prepare_jax(cache: bool) -> None:
+    """Makes the settings that jax reads once, when it is imported: host devices, and where compiled programs are kept.
+
+    Without effect where jax is imported already; what the user's environment says is left as it is.
+    """
+    if "jax" in sys.modules:
+        return
+    flags = os.environ.get("XLA_FLAGS", "")
+    if _DEVICE_FLAG not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} {_DEVICE_FLAG}={_cores()}".strip()
+    folder = _cache_folder() if cache and os.environ.get("RPOJAX_CACHE") != "off" else None
+    if folder is not None:
+        os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(folder))
+        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
+
+
+def _cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _cache_folder() -> Path | None:
+    """Folder for compiled programs, made if need be; None where it cannot be written to."""
+    try:
+        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rpojax" / "jax"
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):
+        return None
+    return folder if os.access(folder, os.W_OK | os.X_OK) else None
+
+
+def _spread(arguments: Sequence[str]) -> list[str]:
+    """`--set A=1 B=2` as `--set A=1 --set B=2`, so that a positional argument may follow."""
+    words: list[str] = []
+    inside = False
+    for word in arguments:
+        first = inside and words[-1] == "--set"
+        inside = word == "--set" or first or (inside and "=" in word and not word.startswith("-"))
+        if inside and not first and word != "--set":
+            words.append("--set")
+        words.append(word)
+    return words
+
+
+def _load(source: str, overrides: Sequence[str]) -> "ScenarioFile":
+    from rpojax.simulation import scenario
+
+    return scenario.load(source, overrides)
+
+
+def _histories(text: str, runs: int) -> list[int]:
+    """Run numbers meant by `N` (the first ones) or `I,J,...`."""
+    try:
+        numbers = [int(part) for part in text.split(",") if part.strip()]
+    except ValueError:
+        numbers = [-1]
+    if not numbers or min(numbers) < 0:
+        raise RpojaxError(f"--histories: found {text!r}, expected a number of runs, or run numbers such as 0,17")
+    return numbers if "," in text else list(range(min(numbers[0], runs)))
+
+
+def _fly(work: "Callable[[console.Watch], Campaign]", duration_s: float, as_json: bool) -> "Campaign":
+    """Result of `work`, which tells its progress and gives way to an interrupt at once, even while compiling."""
+    results: list[Campaign] = []
+    errors: list[BaseException] = []
+
+    def target(watch: console.Watch) -> None:
+        try:
+            results.append(work(watch))
+        except BaseException as error:
+            errors.append(error)
+
+    with console.watching(duration_s, quiet=as_json) as watch:
+        worker = threading.Thread(target=target, args=(watch,), name=_WORKER, daemon=True)
+        worker.start()
+        worker.join()
+    if errors:
+        raise errors[0]
+    return results[0]
+
+
+def _abandon_worker() -> None:
+    """Ends the process if a worker is still busy; an orderly end would wait for the compiler, or crash in it."""
+    if any(thread.name == _WORKER for thread in threading.enumerate()):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(Status.INTERRUPTED)
+
+
+@contextmanager
+def _keeping(directory: Path) -> Iterator[None]:
+    """On an interrupt, says what is kept and how to go on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(_kept(directory)) from None
+
+
+def _kept(directory: Path) -> str:
+    from rpojax.campaign.store import Campaign
+
+    try:
+        found = Campaign(directory)
+    except RpojaxError:
+        return "nothing was written"
+    missing, folder = len(found.missing()), shlex.quote(str(directory))
+    if missing == 0:
+        return f"all runs are kept; write the report with: rpojax report {folder}"
+    return f"{found.blocks - missing} of {found.blocks} blocks are kept; go on with: rpojax resume {folder}"
+
+
+def _conclude(result: "Campaign", report: bool, as_json: bool) -> int:
+    """Writes the report if it is wanted, shows the results and returns the exit status."""
+    from rpojax.report.html import write_report
+
+    path = None
+    if report:
+        with console.busy("writing the report", quiet=as_json):
+            path = write_report(result)
+    _show(result, path, as_json)
+    return Status.DONE if result.completed.all() else Status.SOME_FAILED
+
+
+def _report_of(result: "Campaign") -> Path | None:
+    path = result.directory / "report.html"
+    return path if path.is_file() else None
+
+
+def _show(result: "Campaign", path: Path | None, as_json: bool) -> None:
+    from rpojax.report.summary import summarise
+
+    summary = summarise(result)
+    if as_json:
+        _print_json({"directory": str(result.directory), "report": None if path is None else str(path), **summary})
+    else:
+        console.show_campaign(summary, result.directory, path)
+
+
+def _print_json(content: object) -> None:
+    print(json.dumps(content, indent=2, allow_nan=False))

@@ -1,0 +1,163 @@
+"""What a person sees: progress on stderr while runs are under way, tables on stdout when they are done."""
+
+import datetime
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+
+if TYPE_CHECKING:
+    from rpojax.campaign.runner import Progress
+
+_KEY_METRICS = (
+    "formation_error_rms_m",
+    "nav_relative_position_error_rms_m",
+    "nav_servicer_position_error_rms_m",
+    "nav_target_position_error_rms_m",
+    "nees_mean",
+    "sigma3_coverage",
+    "delta_v_m_s",
+    "min_range_m",
+    "detection_rate",
+    "pointing_error_p95_deg",
+)
+_COMPILING = "compiling (up to a minute, a few seconds the next time)"
+_PLAIN_SHARES = (0.25, 0.5, 0.75, 1.0)
+
+Watch = Callable[["Progress"], None]
+
+
+@contextmanager
+def watching(duration_s: float, quiet: bool) -> Iterator[Watch]:
+    """Something to tell the progress of runs of `duration_s` [s] to: a bar on a terminal, else a few lines."""
+    if quiet:
+        yield lambda _: None
+    elif Console(stderr=True).is_terminal:
+        with _bar(duration_s) as watch:
+            yield watch
+    else:
+        yield _Lines(duration_s)
+
+
+@contextmanager
+def busy(text: str, quiet: bool) -> Iterator[None]:
+    """Says what is being done until it is done."""
+    console = Console(stderr=True, quiet=quiet, highlight=False)
+    if not console.is_terminal:
+        console.print(f"rpojax: {text}", soft_wrap=True)
+    with console.status(text) if console.is_terminal else nullcontext():
+        yield
+
+
+class _Pace:
+    """How fast runs of a given duration are done, from when the programs were compiled."""
+
+    def __init__(self, duration_s: float) -> None:
+        self.duration_s = duration_s
+        self.begin: float | None = None
+
+    def text(self, progress: "Progress") -> str:
+        now = time.perf_counter()
+        if self.begin is None:
+            self.begin = now
+        rate = progress.done / max(now - self.begin, 1e-9)
+        if rate == 0.0:
+            return f"{_count(progress.total)} to do"
+        left = datetime.timedelta(seconds=round((progress.total - progress.done) / rate))
+        speed = f"{rate:.3g}/s, {rate * self.duration_s:,.0f} run-s/s"
+        return f"{progress.done:.0f}/{_count(progress.total)}, {speed}, {left} left, {progress.failed} failed"
+
+
+def _count(runs: int) -> str:
+    return f"{runs} run{'' if runs == 1 else 's'}"
+
+
+class _Lines:
+    """A line when something begins, and at every quarter."""
+
+    def __init__(self, duration_s: float) -> None:
+        self._pace = _Pace(duration_s)
+        self._console = Console(stderr=True, highlight=False)
+        self._shares = list(_PLAIN_SHARES)
+
+    def __call__(self, progress: "Progress") -> None:
+        text = self._pace.text(progress) if progress.compiled else _COMPILING
+        if progress.done == 0.0:
+            self._console.print(f"rpojax: {text}", soft_wrap=True)
+        passed = [share for share in self._shares if progress.done >= share * progress.total]
+        if passed:
+            self._shares = self._shares[len(passed) :]
+            self._console.print(f"rpojax: {text}", soft_wrap=True)
+
+
+@contextmanager
+def _bar(duration_s: float) -> Iterator[Watch]:
+    from rich.progress import BarColumn, SpinnerColumn, TextColumn
+    from rich.progress import Progress as Display
+
+    pace = _Pace(duration_s)
+    columns = (SpinnerColumn(), BarColumn(bar_width=10), TextColumn("{task.description}"))
+    with Display(*columns, console=Console(stderr=True, highlight=False)) as display:
+        task = display.add_task(_COMPILING, total=None)
+
+        def watch(progress: "Progress") -> None:
+            if progress.compiled:
+                display.update(task, total=progress.total, completed=progress.done, description=pace.text(progress))
+
+        yield watch
+
+
+def show_campaign(summary: Mapping[str, Any], directory: Path, report: Path | None) -> None:
+    """Table of key metrics, how many runs completed and why others did not, and where the results are."""
+    from rich.table import Table
+
+    from rpojax.report.labels import metric, number
+
+    console = Console(highlight=False)
+    runs = summary["runs"]
+    ended = runs["completed"] + runs["failed"]
+    table = Table(title=f"{summary['provenance'].get('name', 'campaign')}, {_count(ended)}")
+    table.add_column("metric")
+    table.add_column("unit")
+    for heading in ("median", "p95", "p99", "worst") if ended > 1 else ("value",):
+        table.add_column(heading, justify="right")
+    for name in _KEY_METRICS:
+        if entry := summary["metrics"].get(name):
+            shown = metric(name)
+            keys = ("p50", "p95", "p99", "min" if shown.low_is_bad else "max") if ended > 1 else ("p50",)
+            table.add_row(shown.title, shown.unit, *(number(entry[key]) for key in keys))
+    console.print(table)
+    console.print(f"runs: {runs['completed']} completed, {runs['failed']} failed, {runs['requested']} requested")
+    for reason, count in _reasons(summary).items():
+        console.print(f"failed: {count} x {reason}", markup=False)
+    console.print(f"results: {directory}", soft_wrap=True, markup=False)
+    if report is not None:
+        console.print(f"report: {report}", soft_wrap=True, markup=False)
+
+
+def _reasons(summary: Mapping[str, Any]) -> dict[str, int]:
+    reasons = [failure["reason"] for failure in summary["failures"]]
+    return {reason: reasons.count(reason) for reason in sorted(set(reasons))}
+
+
+def show_speeds(speeds: Mapping[str, Any]) -> None:
+    """Table of the closed loop's speed by batch size."""
+    from rich.table import Table
+
+    table = Table(title=f"closed loop, {speeds['scenario']}, {speeds['duration_s']:g} s")
+    for heading in ("batch", "devices", "compile [s]", "run [s]", "run-seconds per second"):
+        table.add_column(heading, justify="right")
+    for entry in speeds["batches"]:
+        table.add_row(
+            str(entry["batch"]),
+            str(entry["devices"]),
+            f"{entry['compile_s']:.1f}",
+            f"{entry['run_s']:.3g}",
+            f"{entry['run_seconds_per_s']:,.0f}",
+        )
+    console = Console(highlight=False)
+    console.print(table)
+    console.print(f"machine: {speeds['machine']}", soft_wrap=True, markup=False)

@@ -1,0 +1,148 @@
+"""The folder: whole or absent, manifest last, undefined numbers, refusals."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rpojax.campaign import store
+from rpojax.campaign.store import Campaign
+from rpojax.errors import OutputError, ResultError
+from rpojax.simulation.closed_loop import FAILURES
+from rpojax.simulation.schema import ScenarioFile
+
+RUNS, BLOCK = 5, 2
+
+
+@pytest.fixture
+def empty(mission: ScenarioFile, tmp_path: Path) -> Campaign:
+    """A campaign of five runs in three blocks, none of them done."""
+    return store.create(tmp_path / "runs", mission, 7, RUNS, 10, BLOCK, [10], force=False)
+
+
+def results(block: int) -> dict[str, np.ndarray]:
+    """Arrays of one block, padding included; the second run has failed."""
+    ids = np.arange(block * BLOCK, (block + 1) * BLOCK, dtype=float)
+    return {
+        "metrics/min_range_m": np.array([ids[0], np.nan]),
+        "drawn/target.tumble_axis": np.stack([ids, -ids, 0.0 * ids], axis=1),
+        "traces/range_m": np.array([[1.0, 2.0, 3.0], [1.0, np.nan, np.nan]], np.float32),
+        "status/failure": np.array([0, 2], np.int8),
+        "status/failed_at_s": np.array([np.nan, 12.0]),
+    }
+
+
+def test_a_new_folder_says_what_is_to_be_run_before_anything_is(empty: Campaign, mission: ScenarioFile) -> None:
+    info = json.loads((empty.directory / "campaign.json").read_text())
+    assert (info["seed"], info["runs"], info["first_run"], info["block_size"]) == (7, RUNS, 10, BLOCK)
+    assert {"rpojax", "jax", "numpy", "python"} <= set(info["versions"])
+    assert empty.file == mission
+    assert empty.missing() == [0, 1, 2]
+    assert empty.run_ids.tolist() == []
+    assert empty.metrics == {}
+    assert empty.history_ids == []
+
+
+def test_blocks_hold_consecutive_runs_and_the_last_is_padded_to_full_size(empty: Campaign) -> None:
+    assert [empty.block_ids(block).tolist() for block in range(empty.blocks)] == [[10, 11], [12, 13], [14, 15]]
+
+
+def test_rows_of_finished_blocks_are_read_back_whatever_order_they_came_in(empty: Campaign) -> None:
+    empty.write_block(2, results(2), {"failed": 0})
+    empty.write_block(0, results(0), {"failed": 1})
+    read = Campaign(empty.directory)
+    assert read.missing() == [1]
+    assert read.run_ids.tolist() == [10, 11, 14]
+    np.testing.assert_array_equal(read.metrics["min_range_m"], [0.0, np.nan, 4.0])
+    np.testing.assert_array_equal(read.drawn["target.tumble_axis"][:, 1], [0.0, -1.0, -4.0])
+    np.testing.assert_array_equal(read.failed_at_s, [np.nan, 12.0, np.nan])
+    assert read.failure_reason.tolist() == ["", FAILURES[2], ""]
+    assert read.completed.tolist() == [True, False, True]
+    assert read.traces["range_m"].dtype == np.float32
+
+
+def test_padding_is_not_stored(empty: Campaign, arrays: Callable[[Path], dict[str, np.ndarray]]) -> None:
+    for block in range(3):
+        empty.write_block(block, results(block), {"failed": 1})
+    assert all(len(values) == RUNS for values in arrays(empty.directory).values())
+    manifest = json.loads((empty.directory / "manifest" / "000002.json").read_text())
+    assert manifest == {"first": 4, "count": 1, "failed": 1}
+
+
+def test_a_block_counts_only_once_its_manifest_is_there(empty: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    def die(path: Path, content: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(store, "write_json", die)
+        with pytest.raises(KeyboardInterrupt):
+            empty.write_block(0, results(0), {"failed": 0})
+    read = Campaign(empty.directory)
+    assert read.missing() == [0, 1, 2]
+    assert read.metrics["min_range_m"].shape == (0,)
+    empty.write_block(0, results(0), {"failed": 0})
+    assert read.metrics["min_range_m"][0] == 0.0
+
+
+def test_json_is_replaced_as_a_whole_or_not_at_all(tmp_path: Path) -> None:
+    path = tmp_path / "some.json"
+    store.write_json(path, {"a": 1})
+    with pytest.raises(ValueError, match="not JSON compliant"):
+        store.write_json(path, {"a": 2, "b": float("nan")})
+    assert json.loads(path.read_text()) == {"a": 1}
+
+
+def test_a_history_is_read_back_and_can_be_written_again(empty: Campaign) -> None:
+    channels = {"time_s": np.arange(4.0), "mode": np.arange(4, dtype=np.int8), "rho_H": np.full((4, 3), np.nan)}
+    for _ in range(2):
+        empty.write_history(10, channels)
+    assert empty.history_ids == [10]
+    read = empty.history(10)
+    assert read.keys() == channels.keys()
+    for name, values in channels.items():
+        np.testing.assert_array_equal(read[name], values)
+        assert read[name].dtype == values.dtype
+    with pytest.raises(ResultError, match=r"run 11: found no history, expected one of \[10\]"):
+        empty.history(11)
+
+
+@pytest.mark.parametrize("text", [None, "not json", "[]", "{}", '{"format": 99}'])
+def test_a_folder_that_is_no_campaign_is_refused(tmp_path: Path, text: str | None) -> None:
+    if text is not None:
+        (tmp_path / "campaign.json").write_text(text)
+    with pytest.raises(ResultError):
+        Campaign(tmp_path)
+
+
+def test_an_existing_folder_is_left_alone_without_force(empty: Campaign, mission: ScenarioFile) -> None:
+    before = (empty.directory / "campaign.json").read_bytes()
+    with pytest.raises(OutputError, match="--force"):
+        store.create(empty.directory, mission, 8, 1, 0, 1, [], force=False)
+    assert (empty.directory / "campaign.json").read_bytes() == before
+
+
+def test_force_replaces_a_campaign_with_all_it_held(empty: Campaign, mission: ScenarioFile) -> None:
+    empty.write_block(0, results(0), {"failed": 0})
+    (empty.directory / "report.html").write_text("old")
+    new = store.create(empty.directory, mission, 8, 1, 0, 1, [], force=True)
+    assert [path.name for path in new.directory.iterdir()] == ["campaign.json"]
+    assert new.info["seed"] == 8
+
+
+@pytest.mark.parametrize("text", [None, '{"name": "of another tool"}'])
+def test_force_removes_nothing_but_campaigns(mission: ScenarioFile, tmp_path: Path, text: str | None) -> None:
+    folder = tmp_path / "precious"
+    folder.mkdir()
+    (folder / "thesis.tex").write_text("years of work")
+    if text is not None:
+        (folder / "campaign.json").write_text(text)
+    with pytest.raises(OutputError, match="no campaign"):
+        store.create(folder, mission, 8, 1, 0, 1, [], force=True)
+    assert (folder / "thesis.tex").read_text() == "years of work"
+
+
+def test_a_folder_that_cannot_be_made_is_an_error_of_its_own(mission: ScenarioFile, tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="expected a folder to write to"):
+        store.create(tmp_path / ("x" * 300), mission, 8, 1, 0, 1, [], force=False)

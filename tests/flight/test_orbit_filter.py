@@ -1,0 +1,206 @@
+"""Both halves of the orbit filter together: propagation of mean and covariance, and what an update consists of."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scene
+from reference import gravity, matrix, random_covariance
+from scipy.integrate import solve_ivp
+from scipy.stats import norm
+
+from rpojax.core.pytree import replace
+from rpojax.flight import box_gate, orbit_filter
+from rpojax.flight.computer import FlightParams
+from rpojax.flight.navigation import Navigation
+from rpojax.flight.orbit_filter import OrbitEstimate
+from rpojax.simulation.params import Params
+
+SERVICER_SIGMA = np.repeat([2.0, 0.02, 1.2], 3)
+RELATIVE_SIGMA = np.concatenate([np.full(3, 0.15), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4]])
+
+# Kick and drift differ from the exact transition by (n dt)^2 = 1e-6; the gradient leaves J2 out, 1e-3 of n^2 dt.
+FIRST_ORDER = 5e-6
+
+predict = jax.jit(orbit_filter.predict, static_argnums=4)
+update = jax.jit(orbit_filter.update, static_argnums=1)
+
+
+@pytest.fixture(scope="module")
+def flight(params: Params) -> FlightParams:
+    return params.flight
+
+
+@pytest.fixture(scope="module")
+def estimate(flight: FlightParams) -> OrbitEstimate:
+    """An estimate with correlated covariances and slow errors that are not zero."""
+    rng = np.random.default_rng(1)
+    known = scene.estimate(flight, v_TS_N=np.array([0.05, -0.03, 0.02]))
+    servicer = replace(
+        known.servicer, gps_error_N=rng.normal(size=3), covariance=random_covariance(rng, SERVICER_SIGMA)
+    )
+    relative = replace(
+        known.relative,
+        scale=0.1 * rng.normal(size=2),
+        bearing_bias=5e-4 * rng.normal(size=2),
+        covariance=random_covariance(rng, RELATIVE_SIGMA),
+    )
+    return OrbitEstimate(servicer=servicer, relative=relative)
+
+
+def means(estimate: OrbitEstimate) -> tuple[jax.Array, jax.Array]:
+    s, r = estimate.servicer, estimate.relative
+    return (
+        jnp.concatenate([s.r_SN_N, s.v_SN_N, s.gps_error_N]),
+        jnp.concatenate([r.r_TS_N, r.v_TS_N, r.scale, r.bearing_bias]),
+    )
+
+
+@jax.jit
+def transitions(tuning: Navigation, estimate: OrbitEstimate) -> tuple[jax.Array, jax.Array]:
+    """Dense derivative over one second of each half's mean to itself."""
+
+    def after(servicer: jax.Array, relative: jax.Array) -> tuple[jax.Array, jax.Array]:
+        moved = OrbitEstimate(
+            servicer=replace(estimate.servicer, r_SN_N=servicer[:3], v_SN_N=servicer[3:6], gps_error_N=servicer[6:]),
+            relative=replace(
+                estimate.relative,
+                r_TS_N=relative[:3],
+                v_TS_N=relative[3:6],
+                scale=relative[6:8],
+                bearing_bias=relative[8:],
+            ),
+        )
+        return means(orbit_filter.predict(tuning, moved, jnp.zeros(3), jnp.zeros(()), 1.0))
+
+    (servicer, _), (_, relative) = jax.jacfwd(after, argnums=(0, 1))(*means(estimate))
+    return servicer, relative
+
+
+def test_the_mean_follows_both_orbits_through_a_burn(flight: FlightParams, estimate: OrbitEstimate) -> None:
+    delta_v = np.array([1e-3, -2e-4, 5e-4])  # per second
+    found = estimate
+    for _ in range(10):
+        found = predict(flight.navigation, found, delta_v, np.float64(0.02), 1.0)
+
+    def slope(_: float, y: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        return np.concatenate([y[3:], gravity(y[:3]) + acceleration])
+
+    s, r = estimate.servicer, estimate.relative
+    orbits = []
+    for start, acceleration in (
+        (np.concatenate([s.r_SN_N, s.v_SN_N]), delta_v),
+        (np.concatenate([s.r_SN_N + r.r_TS_N, s.v_SN_N + r.v_TS_N]), np.zeros(3)),
+    ):
+        solution = solve_ivp(slope, (0.0, 10.0), start, "DOP853", rtol=1e-13, atol=1e-9, args=(acceleration,))
+        orbits.append(solution.y[:, -1])
+    servicer, target = orbits
+    np.testing.assert_allclose(found.servicer.r_SN_N, servicer[:3], atol=1e-7)
+    np.testing.assert_allclose(found.servicer.v_SN_N, servicer[3:], atol=1e-9)
+    # The reference is a difference of 7000 km vectors: 1e-9 m of rounding each step.
+    np.testing.assert_allclose(found.relative.r_TS_N, (target - servicer)[:3], atol=1e-7)
+    np.testing.assert_allclose(found.relative.v_TS_N, (target - servicer)[3:], atol=1e-9)
+
+
+def test_slow_errors_decay_with_their_time_constants(flight: FlightParams, estimate: OrbitEstimate) -> None:
+    found = predict(flight.navigation, estimate, np.zeros(3), np.float64(0.0), 1.0)
+    np.testing.assert_allclose(found.servicer.gps_error_N, estimate.servicer.gps_error_N * np.exp(-1.0 / 700.0))
+    np.testing.assert_allclose(found.relative.scale, estimate.relative.scale * np.exp([-1.0 / 600.0, -1.0 / 30.0]))
+    np.testing.assert_array_equal(found.relative.bearing_bias, estimate.relative.bearing_bias)
+
+
+@pytest.mark.parametrize("half", ["servicer", "relative"])
+def test_the_covariance_follows_the_derivative_of_the_mean_and_its_noise(
+    flight: FlightParams, estimate: OrbitEstimate, half: str
+) -> None:
+    found = np.asarray(
+        getattr(predict(flight.navigation, estimate, np.zeros(3), np.float64(0.0), 1.0), half).covariance
+    )
+    F = np.asarray(transitions(flight.navigation, estimate)[0 if half == "servicer" else 1])
+    P = np.asarray(getattr(estimate, half).covariance)
+    if half == "servicer":
+        noise = np.concatenate([np.zeros(3), np.full(3, 1e-6**2), np.full(3, 1.2**2 * (1 - np.exp(-2.0 / 700.0)))])
+    else:
+        scale = np.array([0.065, 0.14]) ** 2 * (1 - np.exp([-2.0 / 600.0, -2.0 / 30.0]))
+        noise = np.concatenate([np.zeros(3), np.full(3, 3e-7**2), scale, np.zeros(2)])
+    expected = F @ P @ F.T + np.diag(noise)
+    units = np.sqrt(np.outer(np.diag(P), np.diag(P)))
+    np.testing.assert_allclose(found / units, expected / units, atol=FIRST_ORDER)
+    assert np.max(np.abs(found - P) / units) > 100 * FIRST_ORDER  # so that it did change
+
+
+def test_acceleration_noise_makes_the_velocity_variance_grow_linearly(
+    flight: FlightParams, estimate: OrbitEstimate
+) -> None:
+    loud = replace(
+        flight.navigation, acceleration_noise=jnp.float64(0.01), relative_acceleration_noise=jnp.float64(0.003)
+    )
+    quiet = replace(loud, acceleration_noise=jnp.zeros(()), relative_acceleration_noise=jnp.zeros(()))
+    noisy, calm = (predict(tuning, estimate, np.zeros(3), np.float64(0.0), 1.0) for tuning in (loud, quiet))
+    servicer = np.asarray(noisy.servicer.covariance - calm.servicer.covariance)
+    relative = np.asarray(noisy.relative.covariance - calm.relative.covariance)
+    np.testing.assert_allclose(np.diag(servicer), [0.0] * 3 + [1e-4] * 3 + [0.0] * 3, atol=1e-12)
+    np.testing.assert_allclose(np.diag(relative), [0.0] * 3 + [9e-6] * 3 + [0.0] * 4, atol=1e-12)
+
+
+def test_a_burn_makes_both_halves_less_certain_by_its_execution_error(
+    flight: FlightParams, estimate: OrbitEstimate
+) -> None:
+    along, size = np.array([0.6, 0.0, 0.8]), 0.02
+    shares = np.array([0.1, 0.3, 0.3, 0.2, 0.1])
+    added = {"servicer": np.zeros((3, 3)), "relative": np.zeros((3, 3))}
+    for share in shares:
+        burning = predict(flight.navigation, estimate, share * size * along, np.float64(size), 1.0)
+        coasting = predict(flight.navigation, estimate, np.zeros(3), np.float64(size), 1.0)
+        for half in added:
+            change = getattr(burning, half).covariance - getattr(coasting, half).covariance
+            added[half] += np.asarray(change)[3:6, 3:6]
+    projection = np.outer(along, along)
+    expected = size**2 * (0.015**2 * projection + np.deg2rad(0.3) ** 2 * (np.eye(3) - projection))
+    for half, found in added.items():
+        # The difference of two velocity variances of (2 cm/s)^2 keeps nine digits of one of (0.3 mm/s)^2.
+        np.testing.assert_allclose(found, expected, atol=1e-8 * size**2, err_msg=half)
+
+
+def test_a_missing_box_leaves_the_relative_half_and_updates_the_servicer_by_gps(
+    flight: FlightParams, estimate: OrbitEstimate
+) -> None:
+    q_KN = scene.camera_attitude(flight, estimate)
+    absent = scene.box(flight, matrix(q_KN), scene.AHEAD, present=False)
+    present = scene.box(flight, matrix(q_KN), scene.AHEAD)
+    gps_N = scene.R_SN_N + np.array([3.0, -2.0, 1.0])
+
+    def after(box: orbit_filter.BoxMeasurement) -> tuple[OrbitEstimate, orbit_filter.Innovation]:
+        found, _, innovation = update(
+            flight.navigation, True, flight.onboard.focal_px, estimate, box_gate.initial_track(), gps_N, q_KN, box
+        )
+        return found, innovation
+
+    without, none = after(absent)
+    jax.tree.map(np.testing.assert_array_equal, without.relative, estimate.relative)
+    assert np.max(np.abs(np.asarray(without.servicer.r_SN_N) - scene.R_SN_N)) > 0.1
+    assert not none.accepted
+    assert not none.rejected
+    with_box, some = after(present)
+    jax.tree.map(np.testing.assert_array_equal, with_box.servicer, without.servicer)
+    assert some.accepted
+    assert np.trace(with_box.relative.covariance) < np.trace(estimate.relative.covariance)
+
+
+def test_the_log_likelihood_is_that_of_the_rows_that_were_used(flight: FlightParams, estimate: OrbitEstimate) -> None:
+    q_KN = scene.camera_attitude(flight, estimate)
+    for present in (True, False):
+        _, _, innovation = update(
+            flight.navigation,
+            True,
+            flight.onboard.focal_px,
+            estimate,
+            box_gate.initial_track(),
+            scene.R_SN_N + 1.0,
+            q_KN,
+            scene.box(flight, matrix(q_KN), scene.AHEAD, present=present),
+        )
+        used = slice(0, 6 if present else 3)
+        sigma = np.sqrt(np.asarray(innovation.variance))[used]
+        expected = norm.logpdf(np.asarray(innovation.innovation)[used], scale=sigma).sum()
+        np.testing.assert_allclose(innovation.log_likelihood, expected, rtol=1e-9)

@@ -1,0 +1,289 @@
+"""The target half of the orbit filter: its linearisation, the textbook update, and which boxes it takes."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scene
+from hypothesis import given
+from reference import SEEDS, matrix, random_covariance, random_unit, turn, unit
+
+from rpojax.core.pytree import replace
+from rpojax.flight import box_gate, relative_filter
+from rpojax.flight.box_gate import BoxTrack
+from rpojax.flight.computer import FlightParams
+from rpojax.flight.navigation import BoxMeasurement
+from rpojax.flight.relative_filter import RelativeEstimate
+from rpojax.simulation.params import Params
+
+TEXTBOOK = 1e-10  # conditioning of the joint innovation covariance times rounding
+
+box_model = jax.jit(relative_filter.box_model)
+box_slope = jax.jit(jax.jacfwd(lambda *arguments: relative_filter.box_model(*arguments).predicted, argnums=3))
+update = jax.jit(relative_filter.update, static_argnums=1)
+
+
+@pytest.fixture(scope="module")
+def flight(params: Params) -> FlightParams:
+    return params.flight
+
+
+@pytest.fixture(scope="module")
+def known(flight: FlightParams) -> RelativeEstimate:
+    """A target known to 20 cm at 30 m."""
+    return scene.estimate(flight).relative
+
+
+@pytest.fixture(scope="module")
+def q_KN(flight: FlightParams) -> np.ndarray:
+    """A camera that looks at it."""
+    return scene.camera_attitude(flight, scene.estimate(flight))
+
+
+def seen(flight: FlightParams, q_KN: np.ndarray, r_TS_N: np.ndarray = scene.AHEAD, **flags: bool) -> BoxMeasurement:
+    return scene.box(flight, matrix(q_KN), r_TS_N, **flags)
+
+
+def take(
+    flight: FlightParams,
+    estimate: RelativeEstimate,
+    q_KN: np.ndarray,
+    box: BoxMeasurement,
+    track: BoxTrack | None = None,
+    gated: bool = True,
+) -> tuple[RelativeEstimate, BoxTrack, bool]:
+    after, memory, _, used = update(
+        flight.navigation,
+        gated,
+        flight.onboard.focal_px,
+        estimate,
+        box_gate.initial_track() if track is None else track,
+        q_KN,
+        box,
+    )
+    return after, memory, bool(used)
+
+
+def moved(box: BoxMeasurement, pixels: float, focal_px: jax.Array) -> BoxMeasurement:
+    return replace(box, tangent=box.tangent + jnp.array([pixels, 0.0]) / focal_px)
+
+
+def assert_same(found: RelativeEstimate, expected: RelativeEstimate) -> None:
+    jax.tree.map(np.testing.assert_array_equal, found, expected)
+
+
+@given(SEEDS)
+def test_the_gradient_of_the_box_is_its_derivative_to_the_relative_position(params: Params, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    navigation, focal = params.flight.navigation, params.flight.onboard.focal_px
+    R_KN = matrix(random_unit(rng, 4))
+    # Anywhere within 45 deg of the boresight; beyond 60 deg the model holds the depth on purpose.
+    r_TS_N = rng.uniform(5.0, 100.0) * R_KN.T @ unit(np.array([*rng.uniform(-0.7, 0.7, 2), 1.0]))
+    box = scene.box(params.flight, R_KN, r_TS_N)
+
+    model = box_model(navigation, focal, R_KN, r_TS_N, box)
+    np.testing.assert_allclose(model.gradient, box_slope(navigation, focal, R_KN, r_TS_N, box), atol=1e-14)
+    r_K = R_KN @ r_TS_N
+    expected = [r_K[0] / r_K[2], r_K[1] / r_K[2], np.log(1.063 / np.linalg.norm(r_TS_N))]
+    np.testing.assert_allclose(model.predicted, expected, atol=1e-13)
+
+
+def test_the_noise_of_a_box_is_that_of_its_edges_its_centre_and_the_camera(
+    flight: FlightParams, q_KN: np.ndarray
+) -> None:
+    focal = float(flight.onboard.focal_px)
+
+    def noise(truncated: bool) -> np.ndarray:
+        box = seen(flight, q_KN, truncated=truncated)
+        return np.asarray(box_model(flight.navigation, focal, matrix(q_KN), scene.AHEAD, box).variance)
+
+    whole, cut = noise(False), noise(True)
+    # Two edges of 1 px make a centre of 1/sqrt(2) px; 7 cm at 30 m; 0.004 deg.
+    bearing = 0.5 / focal**2 + (0.07 / 30.0) ** 2 + np.deg2rad(0.004) ** 2
+    np.testing.assert_allclose(whole[:2], bearing, rtol=1e-12)
+    side = focal * 1.063 / 30.0
+    assert 0.5 < whole[2] * side**2 < 2.0  # a pixel or so of a side
+    np.testing.assert_allclose(cut[:2], bearing + (0.5 * side / focal) ** 2, rtol=1e-12)
+
+
+@given(SEEDS)
+def test_a_box_near_its_prediction_updates_all_states_as_in_the_textbook(params: Params, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    flight = params.flight
+    sigma = np.concatenate([np.full(3, 0.15), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4]])
+    P = random_covariance(rng, sigma)
+    q_KN = random_unit(rng, 4)
+    R_KN = matrix(q_KN)
+    r_TS_N = R_KN.T @ (rng.uniform(20.0, 60.0) * unit(np.array([*rng.uniform(-0.05, 0.05, 2), 1.0])))
+    v_TS_N, scale, bias = 0.02 * rng.normal(size=3), 0.1 * rng.normal(size=2), 5e-4 * rng.normal(size=2)
+    before = RelativeEstimate(r_TS_N=r_TS_N, v_TS_N=v_TS_N, scale=scale, bearing_bias=bias, covariance=P)
+    ideal = scene.box(flight, R_KN, r_TS_N)
+    residual = rng.normal(size=3) * [1e-3, 1e-3, 0.05]
+    box = replace(
+        ideal,
+        tangent=ideal.tangent + bias + residual[:2],
+        log_size=ideal.log_size + float(np.sum(scale)) + residual[2],
+    )
+    after, _, result, used = update(
+        flight.navigation, True, flight.onboard.focal_px, before, box_gate.initial_track(), q_KN, box
+    )
+    assert used
+    H = np.zeros((3, 10))
+    H[:, :3] = box_slope(flight.navigation, flight.onboard.focal_px, R_KN, r_TS_N, box)
+    H[2, 6:8] = 1.0
+    H[0, 8] = H[1, 9] = 1.0
+    R = np.diag(np.asarray(box_model(flight.navigation, flight.onboard.focal_px, R_KN, r_TS_N, box).variance))
+    S = H @ P @ H.T + R
+    K = np.linalg.solve(S, H @ P).T
+    x = K @ residual
+    for name, part in (("r_TS_N", x[:3]), ("v_TS_N", x[3:6]), ("scale", x[6:8]), ("bearing_bias", x[8:])):
+        change = np.asarray(getattr(after, name)) - np.asarray(getattr(before, name))
+        np.testing.assert_allclose(change, part, atol=TEXTBOOK * np.max(np.abs(x)), err_msg=name)
+    units = np.outer(sigma, sigma)
+    np.testing.assert_allclose(np.asarray(after.covariance) / units, (P - K @ S @ K.T) / units, atol=TEXTBOOK)
+    np.testing.assert_allclose(result.innovation[0], residual[0], atol=1e-12)
+    np.testing.assert_allclose(result.innovation_variance[0], S[0, 0], rtol=1e-9)
+
+
+def test_a_sharp_bearing_against_a_wide_prior_squeezes_the_covariance_across_the_measured_direction(
+    flight: FlightParams, q_KN: np.ndarray
+) -> None:
+    wide = scene.estimate(flight, position_sigma=5.0).relative
+    angle = np.deg2rad(4.0)
+    R_KN = matrix(q_KN)
+    line = R_KN.T @ np.array([np.sin(angle), 0.0, np.cos(angle)])
+    box = seen(flight, q_KN, 30.0 * line)
+    after, _, used = take(flight, wide, q_KN, box, gated=False)
+    assert used
+    variances, axes = np.linalg.eigh(np.asarray(after.covariance)[:3, :3])
+    across = np.arccos(min(abs(axes[:, 2] @ unit(np.asarray(after.r_TS_N))), 1.0))
+    # Linearised at the prior, the long axis would stay 4 deg off.
+    assert np.rad2deg(across) < 0.4
+    assert variances[1] < 0.2**2
+    assert variances[2] > 2.0**2
+    found = R_KN @ np.asarray(after.r_TS_N)
+    np.testing.assert_allclose(found[:2] / found[2], box.tangent, atol=5e-4)
+
+
+def test_a_good_box_is_accepted_and_pulls_the_estimate_towards_it(
+    flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
+) -> None:
+    box = moved(seen(flight, q_KN), 3.0, flight.onboard.focal_px)
+    after, track, used = take(flight, known, q_KN, box)
+    assert used
+    shift = matrix(q_KN) @ np.asarray(after.r_TS_N - known.r_TS_N)
+    assert 0.02 < shift[0] < 3.0 / 731.0 * 30.0
+    assert track.rejections == 0.0
+
+
+@pytest.mark.parametrize("fault", ["bearing", "size"])
+def test_an_outlier_is_rejected_and_changes_nothing_but_the_memory(
+    flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray, fault: str
+) -> None:
+    box = seen(flight, q_KN)
+    outlier = moved(box, 40.0, flight.onboard.focal_px)
+    if fault == "size":
+        outlier = replace(box, log_size=box.log_size + 1.2)
+    after, track, used = take(flight, known, q_KN, outlier)
+    assert not used
+    assert_same(after, known)
+    assert track.rejections == 1.0
+
+
+def test_without_the_gate_an_outlier_is_used(flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray) -> None:
+    outlier = moved(seen(flight, q_KN), 40.0, flight.onboard.focal_px)
+    after, _, used = take(flight, known, q_KN, outlier, gated=False)
+    assert used
+    assert np.linalg.norm(after.r_TS_N - known.r_TS_N) > 0.1
+
+
+@pytest.mark.parametrize("gated", [True, False])
+def test_a_frame_without_a_box_changes_nothing(
+    flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray, gated: bool
+) -> None:
+    after, track, used = take(flight, known, q_KN, seen(flight, q_KN, present=False), gated=gated)
+    assert not used
+    assert_same(after, known)
+    assert track.rejections == 0.0
+
+
+def test_a_truncated_box_gives_its_bearing_but_not_its_size(
+    flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
+) -> None:
+    box = seen(flight, q_KN, truncated=True)
+    wrong_size = replace(box, log_size=box.log_size - 1.0)
+    after, _, used = take(flight, known, q_KN, wrong_size)
+    assert used
+    line = unit(scene.AHEAD)
+    before = line @ np.asarray(known.covariance)[:3, :3] @ line
+    np.testing.assert_allclose(line @ np.asarray(after.covariance)[:3, :3] @ line, before, rtol=1e-9)
+    np.testing.assert_array_equal(after.scale, known.scale)
+    np.testing.assert_allclose(after.r_TS_N, known.r_TS_N, atol=1e-12)
+
+
+@pytest.mark.parametrize(("share", "believed"), [(0.99, True), (1.01, False)])
+def test_a_single_box_is_believed_up_to_three_of_its_sigmas_of_own_uncertainty(
+    flight: FlightParams, q_KN: np.ndarray, share: float, believed: bool
+) -> None:
+    box = seen(flight, q_KN)
+    noise = float(box_model(flight.navigation, flight.onboard.focal_px, matrix(q_KN), scene.AHEAD, box).variance[0])
+    border = 30.0 * np.sqrt(3.0**2 * noise - np.deg2rad(0.03) ** 2)  # the bearing's bias takes its share
+    _, _, used = take(flight, scene.estimate(flight, position_sigma=share * border).relative, q_KN, box)
+    assert used is believed
+
+
+def test_a_first_box_is_not_believed_while_the_prediction_is_wide_but_a_second_beside_it_is(
+    flight: FlightParams, q_KN: np.ndarray
+) -> None:
+    wide = scene.estimate(flight, position_sigma=3.0).relative
+    first = moved(seen(flight, q_KN), 10.0, flight.onboard.focal_px)
+    after, track, used = take(flight, wide, q_KN, first)
+    assert not used
+    assert_same(after, wide)
+    _, _, confirmed = take(flight, after, q_KN, moved(first, 3.0, flight.onboard.focal_px), track)
+    assert confirmed
+    _, _, elsewhere = take(flight, after, q_KN, moved(first, -30.0, flight.onboard.focal_px), track)
+    assert not elsewhere
+
+
+def test_confirmation_follows_the_inertial_direction_when_the_camera_turns(
+    flight: FlightParams, q_KN: np.ndarray
+) -> None:
+    wide = scene.estimate(flight, position_sigma=3.0).relative
+    _, track, _ = take(flight, wide, q_KN, seen(flight, q_KN))
+    R_turned = matrix(turn([0.0, 1.0, 0.0], np.deg2rad(2.0))) @ matrix(q_KN)
+    q_turned = np.asarray(scene.quaternion.from_matrix(jnp.asarray(R_turned)))
+    same_place = scene.box(flight, R_turned, scene.AHEAD)
+    _, _, same_target = take(flight, wide, q_turned, same_place, track)
+    assert same_target
+    _, _, same_pixel = take(flight, wide, q_turned, seen(flight, q_KN), track)
+    assert not same_pixel
+
+
+def test_a_target_predicted_behind_the_camera_accepts_no_box(
+    flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
+) -> None:
+    backwards = np.asarray(scene.quaternion.multiply(jnp.array([0.0, 1.0, 0.0, 0.0]), jnp.asarray(q_KN)))
+    _, _, used = take(flight, known, backwards, seen(flight, q_KN))
+    assert not used
+
+
+def test_after_repeated_rejections_the_filter_doubts_itself_and_finds_the_target_again(
+    flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
+) -> None:
+    lost = scene.AHEAD + matrix(q_KN).T @ np.array([1.5, 0.0, 0.0])  # 50 sigma of a box away, still in view
+    certain = replace(known, covariance=known.covariance * 0.01)
+    truth = seen(flight, q_KN, lost)
+    estimate, track = certain, box_gate.initial_track()
+    before = np.asarray(certain.covariance)
+    for rejection in range(1, 7):
+        estimate, track, used = take(flight, estimate, q_KN, truth, track)
+        assert not used
+        grown = np.diag(np.asarray(estimate.covariance) - before)
+        expected = [0.0] * 10 if rejection < 6 else [(0.03 * 30.0) ** 2] * 3 + [0.005**2] * 3 + [0.0] * 4
+        np.testing.assert_allclose(grown, expected, rtol=1e-9, atol=1e-15)
+    assert track.rejections == 0.0
+    estimate, track, used = take(flight, estimate, q_KN, truth, track)
+    assert used
+    off = matrix(q_KN) @ (np.asarray(estimate.r_TS_N) - lost)
+    assert np.max(np.abs(off[:2])) < 0.1

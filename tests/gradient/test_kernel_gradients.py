@@ -1,0 +1,458 @@
+"""Derivatives of the kernels in both modes against finite differences, at regular points and at the edges."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scene
+from jax.test_util import check_grads
+from reference import IDENTITY, matrix, random_covariance, random_unit, turn, unit
+
+from rpojax.core import frames, orbital_mechanics, quaternion, safe, scalar_update
+from rpojax.core.orbital_mechanics import Elements
+from rpojax.core.pytree import replace
+from rpojax.core.scalar_update import Rows
+from rpojax.flight import (
+    attitude_control,
+    attitude_estimator,
+    box_gate,
+    formation_control,
+    guidance,
+    orbit_filter,
+    relative_filter,
+    servicer_filter,
+)
+from rpojax.flight.attitude_control import AttitudeCommand
+from rpojax.flight.attitude_estimator import AttitudeEstimate
+from rpojax.flight.computer import FlightParams
+from rpojax.flight.guidance import Reference
+from rpojax.flight.navigation import BoxMeasurement
+from rpojax.physics import actuators, environment, plant, rigid_body
+from rpojax.physics.actuators import BurnError
+from rpojax.physics.plant import Burn, PlantParams, Truth
+from rpojax.simulation.params import Params
+from rpojax.vision import box_model, pinhole
+
+# Central differences with steps of 1e-6 of numbers near one: rounding 1e-10, and a margin for curvature.
+TOLERANCE = 1e-5
+
+RNG = np.random.default_rng(1)
+Q, P = random_unit(RNG, 4), random_unit(RNG, 4)
+V, W = random_unit(RNG), random_unit(RNG)
+POSITION = np.array([4.0e6, -3.0e6, 4.5e6])
+
+Kernel = Callable[..., Any]
+
+
+def check(kernel: Kernel, size: int, *constants: Any) -> None:
+    """Compares both derivatives of `kernel(x, *constants)` at x = 0 with finite differences.
+
+    `kernel` is compiled and takes `size` numbers, each scaled so that one means a large change; points that share a
+    kernel share its compilation.
+    """
+
+    def function(x: jax.Array) -> Any:
+        return kernel(x, *constants)
+
+    check_grads(function, (np.zeros(size),), order=1, modes=["fwd", "rev"], atol=TOLERANCE, rtol=TOLERANCE)
+
+
+def check_finite(kernel: Kernel, size: int, *constants: Any) -> None:
+    """Checks that both derivatives are finite where the kernel has a kink or a jump."""
+
+    def function(x: jax.Array) -> Any:
+        return kernel(x, *constants)
+
+    value, forward = jax.jvp(function, (np.zeros(size),), (np.ones(size),))
+    _, pull_back = jax.vjp(function, np.zeros(size))
+    backward = pull_back(jax.tree.map(jnp.ones_like, value))
+    for leaf in jax.tree.leaves((value, forward, backward)):
+        assert np.all(np.isfinite(leaf))
+
+
+# Quaternions
+
+
+@jax.jit
+def algebra(x: jax.Array, q: jax.Array, p: jax.Array, v: jax.Array) -> Any:
+    q, p, v = q + x[:4], p + x[4:8], v + x[8:]
+    return quaternion.multiply(q, p), quaternion.rotate(q, v), quaternion.to_matrix(p), quaternion.normalize(q)
+
+
+@jax.jit
+def exponential(x: jax.Array, phi: jax.Array) -> jax.Array:
+    return quaternion.exp(phi + x)
+
+
+@jax.jit
+def logarithm(x: jax.Array, phi: jax.Array) -> jax.Array:
+    return quaternion.log(quaternion.exp(phi + x))
+
+
+@jax.jit
+def from_matrix(x: jax.Array, phi: jax.Array) -> jax.Array:
+    return quaternion.from_matrix(quaternion.to_matrix(quaternion.exp(phi + x)))
+
+
+@jax.jit
+def turn_from(x: jax.Array, a: jax.Array, b: jax.Array) -> jax.Array:
+    """Turn from `a` to `b`, which the small rotation vector `x` moves."""
+    return quaternion.between(a, b + quaternion.cross(x, b))
+
+
+@jax.jit
+def propagated(x: jax.Array, q: jax.Array, omega: jax.Array) -> jax.Array:
+    return quaternion.propagate(q, omega + x[:3], 0.2 + x[3])
+
+
+def test_derivatives_of_quaternion_algebra_are_right() -> None:
+    check(algebra, 11, Q, P, V)
+
+
+@pytest.mark.parametrize("angle", [1.5, 0.0, 1e-5, 3.1], ids=["regular", "zero", "tiny", "nearly half a turn"])
+@pytest.mark.parametrize("kernel", [exponential, logarithm, from_matrix], ids=["exp", "log", "from_matrix"])
+def test_derivatives_between_rotation_vectors_quaternions_and_matrices_are_right(kernel: Kernel, angle: float) -> None:
+    check(kernel, 3, angle * V)
+
+
+def test_derivatives_of_a_propagated_attitude_are_right() -> None:
+    check(propagated, 4, Q, V)
+
+
+def test_derivatives_of_the_turn_between_directions_are_right() -> None:
+    check(turn_from, 3, V, W)
+
+
+@pytest.mark.parametrize("direction", [np.array([1.0, 0.0, 0.0]), V], ids=["an axis", "a skew direction"])
+def test_the_turn_between_equal_directions_follows_the_second_one(direction: np.ndarray) -> None:
+    found = jax.jacfwd(turn_from)(np.zeros(3), direction, direction)
+    # A small rotation x of the second direction is a turn by the part of x across it.
+    np.testing.assert_allclose(found, np.eye(3) - np.outer(direction, direction), atol=TOLERANCE)
+
+
+def test_the_turn_between_opposite_directions_has_a_finite_derivative() -> None:
+    check_finite(turn_from, 3, V, -V)
+
+
+# Orbits and frames
+
+
+@jax.jit
+def orbit_state(x: jax.Array) -> Any:
+    a, e, i, raan, w, nu = jnp.array([7.0e6, 0.0, 1.7, 1.3, 1.5, 0.4]) + x * jnp.array([1e6, 1, 1, 1, 1, 1.0])
+    elements = Elements(
+        semi_major_axis=a, eccentricity=e, inclination=i, raan=raan, argument_of_perigee=w, true_anomaly=nu
+    )
+    r_N, v_N = orbital_mechanics.state_from_elements(elements)
+    return r_N / 7e6, v_N / 7e3
+
+
+@jax.jit
+def gravities(x: jax.Array, r_N: jax.Array, d_N: jax.Array) -> Any:
+    r_N, d_N = r_N + 1e6 * x[:3], d_N + 10.0 * x[3:]
+    return (
+        orbital_mechanics.gravity(r_N),
+        1e4 * orbital_mechanics.differential_gravity(r_N, d_N),
+        1e6 * orbital_mechanics.gravity_gradient(r_N),
+    )
+
+
+@jax.jit
+def transition(x: jax.Array) -> Any:
+    phi = orbital_mechanics.relative_transition(1e-3 * (1.0 + x[0]), 200.0 * (1.0 + x[1]))
+    scale = jnp.repeat(jnp.array([1.0, 1e-2]), np.array([3, 3]), total_repeat_length=6)
+    return phi * scale[None, :] / scale[:, None]
+
+
+@jax.jit
+def axes(x: jax.Array, r_N: jax.Array, v_N: jax.Array) -> Any:
+    R_HN, omega_N = frames.hill_frame(r_N + 1e6 * x[:3], v_N + 1e3 * x[3:6])
+    return R_HN, 1e3 * omega_N, frames.look_at(v_N / 7e3 + x[6:9], r_N / 7e6 + x[9:])
+
+
+def test_derivatives_of_the_state_from_elements_are_right_on_a_circular_orbit() -> None:
+    check(orbit_state, 6)
+
+
+@pytest.mark.parametrize("distance", [50.0, 0.0], ids=["apart", "at the target"])
+@pytest.mark.parametrize("place", [POSITION, np.array([0.0, 0.0, 7e6])], ids=["anywhere", "over the pole"])
+def test_derivatives_of_gravity_and_its_differences_are_right(place: np.ndarray, distance: float) -> None:
+    check(gravities, 6, place, distance * V)
+
+
+def test_derivatives_of_the_relative_transition_are_right() -> None:
+    check(transition, 2)
+
+
+def test_derivatives_of_hill_and_camera_axes_are_right() -> None:
+    check(axes, 12, POSITION, 7e3 * W)
+
+
+# Measurement updates
+
+
+@jax.jit
+def measurement_update(x: jax.Array, covariance: jax.Array, z: jax.Array, H: jax.Array, R: jax.Array) -> Any:
+    rows = Rows(
+        residual=z + x[:3],
+        jacobian=H + x[3:15].reshape(3, 4),
+        variance=R * (1.0 + x[15:18]),
+        weight=jnp.array([1.0, 0.0, 1.0]),
+    )
+    return scalar_update.update(covariance * (1.0 + x[18]), rows)
+
+
+def test_derivatives_of_a_measurement_update_are_right() -> None:
+    rng = np.random.default_rng(2)
+    check(
+        measurement_update,
+        19,
+        random_covariance(rng, np.ones(4)),
+        rng.normal(size=3),
+        rng.normal(size=(3, 4)),
+        rng.uniform(0.5, 2.0, 3),
+    )
+
+
+# Physics
+
+
+@jax.jit
+def torques(x: jax.Array, plant_params: PlantParams, speed: jax.Array) -> Any:
+    """Wheel torques, what they do to body and wheels, and the gravity gradient."""
+    body, wheels = plant_params.servicer, plant_params.wheels
+    command = jnp.array([0.01, 0.1, 0.02]) + x[:3]
+    motor = actuators.limited_torque(wheels, command, speed + x[3:6], 0.2)
+    hub = rigid_body.inverse_without_wheels(body.inertia, wheels.axes, wheels.inertia)
+    omega = 0.1 * V + 0.1 * x[6:9]
+    torque = 1e4 * environment.gravity_gradient_torque(POSITION + 1e6 * x[9:], body.inertia)
+    found = rigid_body.accelerations_with_wheels(
+        body.inertia, hub, wheels.axes, wheels.inertia, omega, speed, motor, torque
+    )
+    return found[0], 1e-2 * found[1]
+
+
+@pytest.mark.parametrize("speed", [0.0, 627.5, 628.0], ids=["free", "near the speed limit", "at the speed limit"])
+def test_derivatives_of_wheel_and_body_torques_are_right_also_when_saturated(params: Params, speed: float) -> None:
+    if speed == 628.0:
+        check_finite(torques, 12, params.plant, np.array([0.0, 0.0, speed]))
+    else:
+        check(torques, 12, params.plant, np.array([0.0, 0.0, speed]))
+
+
+@jax.jit
+def plant_step(x: jax.Array, plant_params: PlantParams, truth: Truth, ignition: jax.Array, cutoff: jax.Array) -> Any:
+    """Parts of the truth after a step, each over what a large change of it would be."""
+    moved = replace(
+        truth,
+        r_ST_N=truth.r_ST_N + x[:3],
+        omega_BN_B=truth.omega_BN_B + 0.1 * x[3:6],
+        mass=truth.mass + 10.0 * x[6],
+    )
+    error = BurnError(magnitude=0.1 * x[8], direction=0.1 * x[9:12])
+    command = jnp.array([0.01, 0.1, 0.01]) + 0.01 * x[12:]
+    burn = Burn(ignition=ignition, cutoff=cutoff + 0.1 * x[7], error=error)
+    after = plant.step(plant_params, moved, command, burn, 0.2)
+    gained = (after.v_ST_N - truth.v_ST_N) * 1e3
+    turned = (after.omega_BN_B, after.q_BN, 1e-2 * (after.wheel_speed - truth.wheel_speed))
+    return after.r_ST_N - truth.r_ST_N, gained, *turned, 1e4 * (after.mass - truth.mass)
+
+
+@pytest.fixture(scope="module")
+def truth(params: Params) -> Truth:
+    start = plant.initial_truth(
+        params.plant, params.orbit, jnp.array([2.0, -30.0, 1.0]), jnp.array([0.01, 0.0, 0.0]), jnp.asarray(turn(V, 0.7))
+    )
+    return replace(start, wheel_speed=jnp.array([10.0, -20.0, 628.5]))  # the third beyond its limit
+
+
+@pytest.mark.parametrize(("ignition", "cutoff"), [(-1.0, 0.13), (0.4, 0.9)], ids=["burning", "coasting"])
+def test_derivatives_of_a_step_of_the_plant_are_right_with_a_saturated_wheel(
+    params: Params, truth: Truth, ignition: float, cutoff: float
+) -> None:
+    check(plant_step, 15, params.plant, truth, np.float64(ignition), np.float64(cutoff))
+
+
+def test_a_step_of_the_plant_has_finite_derivatives_with_a_burn_of_no_duration(params: Params, truth: Truth) -> None:
+    check_finite(plant_step, 15, params.plant, truth, np.float64(0.1), np.float64(0.1))
+
+
+# Vision
+
+
+@jax.jit
+def outline(x: jax.Array, hull_K: jax.Array) -> jax.Array:
+    lens = pinhole.lens(0.2 + 0.01 * x[12], 128, 128)
+    return 1e-2 * box_model.outline(lens, hull_K + x[:12].reshape(4, 3))
+
+
+def test_derivatives_of_the_outline_are_right() -> None:
+    check(outline, 13, np.array([[1.0, 0.2, 30.0], [-1.1, -0.3, 29.0], [0.1, 0.9, 31.0], [0.2, -1.2, 30.5]]))
+
+
+def test_the_outline_has_finite_derivatives_with_points_behind_the_camera_and_at_its_centre() -> None:
+    check_finite(outline, 13, np.array([[1.0, 0.2, -30.0], [0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.2, -1.2, 30.5]]))
+
+
+# Attitude
+
+
+@jax.jit
+def wheel_command(x: jax.Array, flight: FlightParams, q_BC: jax.Array) -> jax.Array:
+    q_BN = quaternion.multiply(quaternion.exp(0.1 * x[:3]), q_BC)
+    omega = 0.01 * x[3:6]
+    body = AttitudeEstimate(
+        q_BN=q_BN, omega_BN_B=omega, bias_B=jnp.zeros(3), gyro_B=omega, covariance=jnp.zeros((6, 6))
+    )
+    command = AttitudeCommand(q_CN=jnp.asarray(IDENTITY), omega_CN_C=0.01 * x[6:], acceleration_C=jnp.zeros(3))
+    speed = jnp.array([10.0, -20.0, 30.0])
+    return 10.0 * attitude_control.wheel_torque(
+        flight.attitude_control, flight.onboard, jnp.eye(3), body, command, speed
+    )
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.02, 2.0], ids=["no error", "small error", "saturated"])
+def test_derivatives_of_the_attitude_controller_are_right(params: Params, angle: float) -> None:
+    check(wheel_command, 9, params.flight, turn(V, angle))
+
+
+@jax.jit
+def attitude_update(x: jax.Array, flight: FlightParams, q_BN: jax.Array) -> Any:
+    tuning = flight.attitude_filter
+    before = attitude_estimator.initial(tuning, q_BN, 0.01 * jnp.asarray(V))
+    measured = quaternion.multiply(quaternion.exp(1e-3 * x[:3]), q_BN)
+    louder = replace(tuning, star_tracker_noise=tuning.star_tracker_noise * (1.0 + x[3:]))
+    after = attitude_estimator.update(louder, before, measured)
+    return 1e3 * after.q_BN, 1e3 * after.bias_B, 1e6 * after.covariance
+
+
+def test_derivatives_of_the_attitude_filters_update_are_right(params: Params) -> None:
+    check(attitude_update, 6, params.flight, Q)
+
+
+@jax.jit
+def slew(x: jax.Array, q_EN: jax.Array, remainder: jax.Array, age: jax.Array) -> AttitudeCommand:
+    reference = Reference(
+        q_EN=q_EN,
+        omega_EN_E=0.01 * x[:3],
+        remainder=remainder + x[3:6],
+        slew_age=jnp.zeros(()),
+        slew_time=20.0 + x[6],
+    )
+    return guidance.evaluate(reference, age)
+
+
+@pytest.mark.parametrize("size", [0.0, 1.0], ids=["no angle", "a radian"])
+@pytest.mark.parametrize("age", [0.0, 4.0, 30.0], ids=["its start", "its middle", "after its end"])
+def test_derivatives_of_a_slew_are_right(age: float, size: float) -> None:
+    check(slew, 7, Q, size * W, np.float64(age))
+
+
+@jax.jit
+def slew_duration(x: jax.Array, flight: FlightParams, angle: jax.Array) -> jax.Array:
+    return guidance.slew_duration(flight.pointing, angle + x[0])
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-12], ids=["zero", "nearly zero"])
+def test_the_duration_of_a_slew_over_no_angle_has_a_finite_derivative(params: Params, angle: float) -> None:
+    check_finite(slew_duration, 1, params.flight, np.float64(angle))
+
+
+@jax.jit
+def burn_plan(x: jax.Array, flight: FlightParams, r_TS_N: jax.Array, gain: jax.Array) -> Any:
+    known = scene.estimate(flight, r_TS_N + x[:3], 0.01 * jnp.asarray(V) + 0.01 * x[3:6])
+    law, gain = formation_control.lqr, gain * (1.0 + 0.1 * x[6])
+    never, time = jnp.asarray(False), jnp.asarray(0.0)
+    plan = guidance.plan_burn(law, flight.formation, flight.pointing, flight.onboard, gain, known, never, time)
+    q_BN, omega = guidance.look_attitude(flight.onboard, known)
+    return 0.1 * plan.ignition, 0.1 * plan.cutoff, 1e2 * plan.delta_v_N, plan.q_burn, q_BN, 1e2 * omega
+
+
+def test_derivatives_of_the_burn_plan_and_of_the_look_attitude_are_right(params: Params) -> None:
+    gain = formation_control.lqr_gain(params.flight.formation, jnp.asarray(1.1e-3), 200.0)
+    check(burn_plan, 7, params.flight, scene.AHEAD + np.array([1.0, -2.0, 3.0]), gain)
+
+
+# The orbit filter
+
+
+@jax.jit
+def prediction(x: jax.Array, flight: FlightParams, delta_v_N: jax.Array) -> Any:
+    known = scene.estimate(flight)
+    relative = replace(known.relative, r_TS_N=known.relative.r_TS_N + 10.0 * x[:3])
+    servicer = replace(known.servicer, v_SN_N=known.servicer.v_SN_N + 10.0 * x[3:6])
+    tuning = replace(flight.navigation, relative_acceleration_noise=1e-3 * (1.0 + x[6]))
+    moved = replace(known, relative=relative, servicer=servicer)
+    after = orbit_filter.predict(tuning, moved, delta_v_N + 1e-3 * x[7:], jnp.asarray(0.02), 1.0)
+    sigma = jnp.repeat(jnp.array([0.2, 1e-3, 0.1, 1e-3]), np.array([3, 3, 2, 2]), total_repeat_length=10)
+    return (
+        after.relative.r_TS_N - known.relative.r_TS_N,
+        after.servicer.r_SN_N - known.servicer.r_SN_N,
+        after.relative.covariance / (sigma[:, None] * sigma[None, :]),
+    )
+
+
+def test_derivatives_of_the_orbit_filters_prediction_are_right_during_a_burn(params: Params) -> None:
+    check(prediction, 10, params.flight, 1e-3 * V)
+
+
+def test_the_orbit_filters_prediction_has_finite_derivatives_to_a_velocity_change_of_zero(params: Params) -> None:
+    check_finite(prediction, 10, params.flight, np.zeros(3))
+
+
+@jax.jit
+def box_update(x: jax.Array, flight: FlightParams, q_KN: jax.Array, box: BoxMeasurement, sigma: jax.Array) -> Any:
+    """Update by a box that the one before it confirms, of a target known to `sigma` [m]."""
+    known = scene.estimate(flight).relative
+    spread = jnp.eye(10).at[:3, :3].multiply(sigma**2 / 0.2**2)
+    moved = replace(known, r_TS_N=known.r_TS_N + x[:3], covariance=known.covariance * spread)
+    measured = replace(box, tangent=box.tangent + 0.1 * x[3:5], log_size=box.log_size + x[5])
+    tuning = replace(flight.navigation, edge_noise=1.0 + x[6], scale_sigma=flight.navigation.scale_sigma + 0.1 * x[7:])
+    track = replace(box_gate.initial_track(), direction_N=jnp.asarray(unit(scene.AHEAD)), age=jnp.ones(()))
+    after, _, result, _ = relative_filter.update(tuning, True, flight.onboard.focal_px, moved, track, q_KN, measured)
+    return after.r_TS_N - known.r_TS_N, after.scale, 1e2 * after.covariance, 1e-3 * result.log_likelihood
+
+
+@pytest.fixture(scope="module")
+def q_KN(params: Params) -> np.ndarray:
+    """Attitude of a camera that looks at the target."""
+    return scene.camera_attitude(params.flight, scene.estimate(params.flight))
+
+
+@pytest.mark.parametrize("present", [True, False], ids=["with a box", "without a box"])
+@pytest.mark.parametrize("sigma", [0.05, 1.0], ids=["narrow prior", "wide prior"])
+def test_derivatives_of_a_box_update_are_right_far_from_the_gates_border(
+    params: Params, q_KN: np.ndarray, sigma: float, present: bool
+) -> None:
+    box = scene.box(params.flight, matrix(q_KN), scene.AHEAD, present=present)
+    check(box_update, 9, params.flight, q_KN, box, np.float64(sigma))
+
+
+@pytest.mark.parametrize("offset", [0.01, 0.05], ids=["near the border", "outlier"])
+def test_a_box_update_has_finite_derivatives_at_and_beyond_the_gates_border(
+    params: Params, q_KN: np.ndarray, offset: float
+) -> None:
+    box = scene.box(params.flight, matrix(q_KN), scene.AHEAD)
+    moved = replace(box, tangent=box.tangent + jnp.array([offset, 0.0]))
+    check_finite(box_update, 9, params.flight, q_KN, moved, np.float64(0.05))
+
+
+@jax.jit
+def gps_update(x: jax.Array, flight: FlightParams, gps_N: jax.Array) -> Any:
+    tuning = replace(flight.navigation, gps_noise=2.0 + x[3])
+    after, result = servicer_filter.update(tuning, scene.estimate(flight).servicer, gps_N + x[:3])
+    return after.r_SN_N - scene.R_SN_N, after.gps_error_N, result.log_likelihood
+
+
+def test_derivatives_of_a_gps_update_are_right(params: Params) -> None:
+    check(gps_update, 4, params.flight, scene.R_SN_N + 3.0 * V)
+
+
+def test_the_gate_passes_a_derivative_only_near_its_threshold() -> None:
+    slope = jax.jit(jax.grad(lambda x: safe.gate(x, jnp.asarray(0.1))))
+    assert float(slope(0.01)) > 1.0
+    assert float(slope(-0.01)) > 1.0
+    assert float(slope(50.0)) == 0.0

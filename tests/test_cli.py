@@ -1,0 +1,660 @@
+"""The command line as people and programs use it."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+import rpojax
+from rpojax import cli, console
+from rpojax.campaign import store
+from rpojax.campaign.engine import Engine
+from rpojax.campaign.runner import Progress
+from rpojax.campaign.store import Campaign
+from rpojax.simulation import scenario
+from rpojax.simulation.schema import ScenarioFile
+
+SHORT = ("--set", "duration_s=400")
+SINGLY = ("--block-size", "1")
+LONG = ("--runs", "40", *SHORT, *SINGLY, "--no-report")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a command left: exit status and both streams."""
+
+    status: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.out)
+
+
+Call = Callable[..., Outcome]
+
+
+@pytest.fixture
+def call(capsys: pytest.CaptureFixture[str]) -> Call:
+    """Runs a command line in this process."""
+
+    def run(*words: object) -> Outcome:
+        capsys.readouterr()
+        try:
+            status = cli.main([str(word) for word in words])
+        except SystemExit as end:
+            assert isinstance(end.code, int)
+            status = end.code
+        captured = capsys.readouterr()
+        return Outcome(status, captured.out, captured.err)
+
+    return run
+
+
+@pytest.fixture(scope="module", autouse=True)
+def shared_programs() -> Iterator[None]:
+    """Commands on the same scenario and block size use one pair of programs, compiled once."""
+    programs: dict[Any, Any] = {}
+    compile_anew = Engine.compile
+
+    def compile_once(engine: Engine, seed: int) -> None:
+        key = (engine.file.model_dump_json(), engine.size, tuple(engine.devices))
+        if key not in programs:
+            compile_anew(engine, seed)
+            programs[key] = engine._programs
+        engine._programs = programs[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Engine, "compile", compile_once)
+        yield
+
+
+def contents(directory: Path) -> dict[str, bytes]:
+    """Every file of a folder, by its path in it."""
+    return {str(path.relative_to(directory)): path.read_bytes() for path in directory.rglob("*") if path.is_file()}
+
+
+# Happy paths
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A campaign of three runs with its report; not to be changed by a test."""
+    out = tmp_path_factory.mktemp("finished") / "runs"
+    words = [
+        "campaign",
+        "inspection",
+        "--runs",
+        "3",
+        "--histories",
+        "0,2",
+        *SHORT,
+        *SINGLY,
+        "--out",
+        str(out),
+        "--json",
+    ]
+    assert cli.main(words) == 0
+    return out
+
+
+def test_a_campaign_leaves_results_and_report(finished: Path) -> None:
+    names = {path.name for path in finished.iterdir()}
+    assert names == {"campaign.json", "manifest", "results.zarr", "report.html", "report.json", "figures"}
+    report = json.loads((finished / "report.json").read_text())
+    assert report["runs"] == {"requested": 3, "completed": 3, "failed": 0}
+    assert report["metrics"]["min_range_m"]["unit"] == "m"
+    assert Campaign(finished).history_ids == [0, 2]
+    assert Campaign(finished).file.duration_s == 400.0
+
+
+def test_resuming_a_finished_campaign_changes_no_byte(call: Call, finished: Path) -> None:
+    before = contents(finished)
+    result = call("resume", finished, "--json")
+    assert result.status == 0
+    assert result.json["runs"]["completed"] == 3
+    assert result.json["report"] == str(finished / "report.html")
+    assert contents(finished) == before
+
+
+def test_a_report_can_show_another_run(call: Call, finished: Path, tmp_path: Path) -> None:
+    copy = shutil.copytree(finished, tmp_path / "copy")
+    (copy / "report.json").unlink()
+    result = call("report", copy, "--run-id", 2, "--json")
+    assert result.status == 0
+    assert result.err == ""
+    assert "Run 2." in (copy / "report.html").read_text()
+    assert {name: result.json[name] for name in ("runs", "metrics")}.items() <= json.loads(
+        (copy / "report.json").read_text()
+    ).items()
+
+
+def test_a_table_for_people_says_what_came_out_and_where_it_is(call: Call, finished: Path) -> None:
+    result = call("resume", finished)
+    assert result.status == 0
+    for text in ("inspection, 3 runs", "Formation error", "median", "p95", "p99", "3 completed, 0 failed"):
+        assert text in result.out
+    assert f"report: {finished / 'report.html'}" in result.out
+
+
+def test_one_run_by_its_number_is_that_run_of_the_campaign(call: Call, finished: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    result = call("run", "inspection", "--run-id", 2, *SHORT, "--out", out)
+    assert result.status == 0
+    assert "inspection, 1 run" in result.out
+    assert "value" in result.out
+    alone, whole = Campaign(out), Campaign(finished)
+    assert (alone.run_ids.tolist(), alone.history_ids, alone.info["block_size"]) == ([2], [2], 1)
+    for name, values in whole.metrics.items():
+        np.testing.assert_array_equal(alone.metrics[name], values[2:], err_msg=name)
+    for name, values in whole.history(2).items():
+        np.testing.assert_array_equal(alone.history(2)[name], values, err_msg=name)
+    assert "Run 2." in (out / "report.html").read_text()
+
+
+def test_progress_goes_to_stderr_and_json_keeps_it_silent(call: Call, tmp_path: Path) -> None:
+    words = ("campaign", "inspection", "--runs", 1, *SHORT, *SINGLY, "--no-report")
+    loud = call(*words, "--out", tmp_path / "loud")
+    assert [line.split()[1] for line in loud.err.splitlines()] == ["compiling", "1", "0/1", "1/1"]
+    assert "run-s/s" in loud.err
+    silent = call(*words, "--out", tmp_path / "silent", "--json")
+    assert silent.err == ""
+    assert silent.json["report"] is None
+    assert silent.json["directory"] == str(tmp_path / "silent")
+    assert not (tmp_path / "silent" / "report.html").exists()
+
+
+def test_force_replaces_a_campaign(call: Call, tmp_path: Path) -> None:
+    words = (
+        "campaign",
+        "inspection",
+        "--runs",
+        1,
+        *SHORT,
+        *SINGLY,
+        "--no-report",
+        "--json",
+        "--out",
+        tmp_path / "runs",
+    )
+    assert call(*words).status == 0
+    again = call(*words, "--seed", 5, "--force")
+    assert again.status == 0
+    assert again.json["provenance"]["seed"] == 5
+
+
+def test_an_interrupt_keeps_finished_blocks_and_resume_does_the_rest(
+    call: Call, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "broken off"
+    write = store.write_json
+
+    def interrupt(path: Path, content: Any) -> None:
+        if path.name == "000001.json":
+            raise KeyboardInterrupt
+        write(path, content)
+
+    words = ("campaign", "inspection", "--runs", 3, "--histories", "0,2", *SHORT, *SINGLY, "--out", out, "--json")
+    with monkeypatch.context() as patch:
+        patch.setattr(store, "write_json", interrupt)
+        result = call(*words)
+    assert result.status == 130
+    assert result.out == ""
+    assert f"1 of 3 blocks are kept; go on with: rpojax resume '{out}'" in result.err
+    assert not (out / "report.html").exists()
+
+    resumed = call("resume", out, "--json")
+    assert resumed.status == 0
+    assert (out / "report.html").is_file()
+    whole, mended = Campaign(finished), Campaign(out)
+    assert resumed.json["metrics"] == json.loads((finished / "report.json").read_text())["metrics"]
+    for group in ("metrics", "traces", "drawn", "used"):
+        for name, values in getattr(whole, group).items():
+            np.testing.assert_array_equal(getattr(mended, group)[name], values, err_msg=name)
+
+
+def test_an_interrupt_before_anything_is_written_says_so(
+    call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("rpojax.campaign.runner.run_campaign", interrupt)
+    result = call("campaign", "inspection", "--runs", 3, "--out", tmp_path / "runs")
+    assert (result.status, result.out) == (130, "")
+    assert result.err.splitlines()[-1] == "rpojax: interrupted; nothing was written"
+
+
+def test_failed_runs_are_reported_with_status_3_while_the_others_complete(call: Call, tmp_path: Path) -> None:
+    out = tmp_path / "runs"
+    dispersions = scenario.load("inspection").model_dump()["dispersions"]
+    for entry in dispersions:
+        if entry["key"] == "initial.relative_velocity_m_s":
+            entry.pop("sigma")
+            entry |= {"kind": "choice", "values": [[0.0, 0.0, 0.0], [0.0, 0.5, 0.0]]}
+    tables = ", ".join(
+        "{" + ", ".join(f"{k} = {json.dumps(v)}" for k, v in entry.items()) + "}" for entry in dispersions
+    )
+    words = (
+        "campaign",
+        "inspection",
+        "--runs",
+        4,
+        *SHORT,
+        f"dispersions=[{tables}]",
+        *SINGLY,
+        "--seed",
+        3,
+        "--out",
+        out,
+    )
+    result = call(*words)
+    assert result.status == 3
+    found = Campaign(out)
+    approaching = found.drawn["initial.relative_velocity_m_s"][:, 1] > 0.0
+    assert 0 < approaching.sum() < 4
+    np.testing.assert_array_equal(found.completed, ~approaching)
+    assert f"{4 - approaching.sum()} completed, {approaching.sum()} failed" in result.out
+    assert f"{approaching.sum()} x entered the keep-out sphere" in result.out
+
+    report = call("report", out, "--json")
+    assert report.status == 0
+    failures = report.json["failures"]
+    assert [entry["run_id"] for entry in failures] == np.flatnonzero(approaching).tolist()
+    assert all(60.0 < entry["at_s"] < 120.0 for entry in failures)
+    again = call("resume", out, "--json")
+    assert (again.status, again.json["runs"]["failed"]) == (0, approaching.sum())
+
+
+def test_validate_says_what_a_scenario_holds(call: Call) -> None:
+    result = call("validate", "inspection", "--set", "duration_s=120", "camera.width_px=64", "--json")
+    assert result.status == 0
+    assert result.json["duration_s"] == 120.0
+    assert "servicer.mass_kg" in result.json["dispersions"]
+    people = call("validate", "inspection")
+    assert people.out == f"inspection: valid; 6000 s, {len(result.json['dispersions'])} dispersions\n"
+
+
+def test_schema_describes_every_section(call: Call) -> None:
+    result = call("schema")
+    assert result.status == 0
+    assert set(result.json["properties"]) == set(ScenarioFile.model_fields)
+    assert result.json["additionalProperties"] is False
+
+
+def test_bench_states_speed_and_time_to_compile(call: Call) -> None:
+    result = call("bench", "--runs", 1, "--duration-s", 400, "--json")
+    assert result.status == 0
+    assert result.json["run_seconds_per_s"] > 0.0
+    assert (result.json["batch"], result.json["devices"]) == (1, 1)
+    assert {"compile_s", "machine", "versions", "batches"} <= set(result.json)
+    people = call("bench", "--runs", 1, "--duration-s", 400)
+    assert "run-seconds per second" in people.out
+
+
+def test_version_and_help(call: Call) -> None:
+    assert call("--version").out == f"rpojax {rpojax.__version__}\n"
+    top = call("--help")
+    assert top.status == 0
+    for verb in ("run", "campaign", "resume", "report", "validate", "schema", "bench"):
+        assert verb in top.out
+        assert call(verb, "--help").status == 0
+    for status in ("0 done", "1 unexpected", "2 bad input", "3 the campaign", "130 interrupted"):
+        assert status in top.out
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (["--set", "a=1", "b=2", "inspection"], ["--set", "a=1", "--set", "b=2", "inspection"]),
+        (
+            ["inspection", "--set", "a=1", "--set", "b=2", "--json"],
+            ["inspection", "--set", "a=1", "--set", "b=2", "--json"],
+        ),
+        (["--set", "bad", "inspection"], ["--set", "bad", "inspection"]),
+        (["--set", "a=1", "--out", "x=1"], ["--set", "a=1", "--out", "x=1"]),
+        (["inspection", "--set"], ["inspection", "--set"]),
+    ],
+)
+def test_several_values_may_follow_one_set(words: list[str], expected: list[str]) -> None:
+    assert cli._spread(words) == expected
+
+
+def test_histories_are_a_number_of_first_runs_or_a_list() -> None:
+    assert cli._histories("2", 5) == [0, 1]
+    assert cli._histories("8", 3) == [0, 1, 2]
+    assert cli._histories("0", 3) == []
+    assert cli._histories("0,17", 30) == [0, 17]
+    assert cli._histories("17,", 30) == [17]
+
+
+# Bad input
+
+BAD_SCENARIO = [
+    (["servicer.mas_kg=30"], "servicer.mas_kg", "did you mean 'mass_kg'"),
+    (["servicer.mass_kg=-1"], "servicer.mass_kg", "greater than 0"),
+    (["servicer.mass_kg=nan"], "servicer.mass_kg", "finite"),
+    (["servicer.mass_kg=heavy"], "servicer.mass_kg", "number"),
+    (["servicer.inertia_kg_m2=[[1, 0, 0], [0, 1, 0], [0, 0, -1]]"], "servicer.inertia_kg_m2", "positive definite"),
+    (["target.attitude=[0, 0, 0, 0]"], "target.attitude", "not zero"),
+    (["rates.plant_hz=2.5", "rates.camera_hz=1"], "rates.plant_hz", "whole multiple of rates.camera_hz"),
+    (["duration_s=400.5"], "duration_s", "whole number of camera periods"),
+    (["dispersions=[{key='servicer.mas_kg', kind='normal', sigma=1}]"], "dispersions.0.key", "servicer.mass_kg"),
+    (["dispersions=[{key='servicer.mass_kg', kind='gaussian', sigma=1}]"], "dispersions.0", "normal"),
+    (["duration_s"], "--set", "KEY=VALUE"),
+]
+
+
+@pytest.fixture
+def refused(call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Call:
+    """Runs a command line that must be refused in one line, with nothing compiled and nothing written."""
+    before = contents(tmp_path)
+
+    def compile_nothing(engine: Engine, seed: int) -> None:
+        pytest.fail("compiled before the input was checked")
+
+    monkeypatch.setattr(Engine, "compile", compile_nothing)
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words: object) -> Outcome:
+        result = call(*words)
+        assert (result.status, result.out) == (2, "")
+        assert result.err.startswith("rpojax: error: ")
+        assert result.err.count("\n") == 1
+        assert "found" in result.err
+        assert "expected" in result.err or "no campaign" in result.err
+        assert contents(tmp_path) == before
+        assert not (tmp_path / "runs").exists()
+        return result
+
+    return run
+
+
+@pytest.mark.parametrize(("overrides", "key", "expected"), BAD_SCENARIO)
+@pytest.mark.parametrize("verb", ["validate", "run", "campaign"])
+def test_a_scenario_that_is_not_acceptable_is_refused_by_key(
+    refused: Call, verb: str, overrides: list[str], key: str, expected: str
+) -> None:
+    rest = {"validate": [], "run": ["--out", "runs"], "campaign": ["--runs", 3, "--out", "runs"]}[verb]
+    result = refused(verb, "inspection", *rest, "--set", *overrides)
+    assert key in result.err
+    assert expected in result.err
+
+
+@pytest.mark.parametrize("text", [None, "name = ", 'name = "only a name"', 'extends = "nowhere"', "\x00\xff"])
+def test_a_file_that_is_no_scenario_is_refused(call: Call, tmp_path: Path, text: str | None) -> None:
+    path = tmp_path / "mine.toml"
+    if text is not None:
+        path.write_text(text, encoding="latin-1")
+    result = call("run", path, "--out", tmp_path / "runs")
+    assert (result.status, result.out, result.err.count("\n")) == (2, "", 1)
+    assert not (tmp_path / "runs").exists()
+
+
+def test_an_unknown_scenario_is_refused_with_the_names_there_are(refused: Call) -> None:
+    assert "inspection" in refused("campaign", "inspektion", "--runs", 3, "--out", "runs").err
+
+
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [
+        (("--runs", 0), "--runs"),
+        (("--runs", 3, "--block-size", 0), "--block-size"),
+        (("--runs", 3, "--block-size", -2), "--block-size"),
+        (("--runs", 3, "--seed", -1), "--seed"),
+        (("--runs", 3, "--histories", "0,3"), "--histories"),
+        (("--runs", 3, "--histories", "some"), "--histories"),
+        (("--runs", 3, "--histories", "-1,"), "--histories"),
+        (("--runs", 3, "--set", "duration_s=1e9"), "duration_s"),
+        (("--runs", 2000000000), "disk"),
+        (("--runs", 100000000, "--block-size", 50000000), "memory"),
+    ],
+)
+def test_a_campaign_that_is_not_acceptable_is_refused(refused: Call, words: tuple[Any, ...], option: str) -> None:
+    assert option in refused("campaign", "inspection", *words, "--out", "runs").err
+
+
+@pytest.mark.parametrize(
+    ("words", "option"),
+    [(("--run-id", -1), "--run-id"), (("--seed", -1), "--seed"), (("--block-size", 0), "--block-size")],
+)
+def test_a_run_that_is_not_acceptable_is_refused(refused: Call, words: tuple[Any, ...], option: str) -> None:
+    assert option in refused("run", "inspection", *words, "--out", "runs").err
+
+
+def test_output_is_refused_where_something_is_or_nothing_can_be(call: Call, refused: Call, tmp_path: Path) -> None:
+    for out in (".", "/dev/null/runs", "/dev/null"):
+        assert "--out" in refused("run", "inspection", "--out", out).err
+    assert "no campaign" in refused("run", "inspection", "--out", ".", "--force").err
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_output_is_refused_in_a_folder_that_cannot_be_written_to(refused: Call, tmp_path: Path) -> None:
+    tmp_path.chmod(0o500)
+    assert "can be written to" in refused("run", "inspection", "--out", "runs").err
+
+
+@pytest.mark.parametrize("verb", ["resume", "report"])
+def test_a_folder_that_is_no_campaign_is_refused(refused: Call, verb: str) -> None:
+    assert "expected a campaign folder" in refused(verb, ".").err
+
+
+def test_a_run_without_history_cannot_be_shown(refused: Call, finished: Path) -> None:
+    before = contents(finished)
+    assert "expected one of: 0, 2" in refused("report", finished, "--run-id", 1).err
+    assert contents(finished) == before
+
+
+def test_batches_that_make_no_sense_are_refused(refused: Call) -> None:
+    assert "--runs" in refused("bench", "--runs", 0).err
+    assert "duration_s" in refused("bench", "--duration-s", "nan").err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        (),
+        ("fly",),
+        ("run", "inspection"),
+        ("campaign", "inspection", "--out", "runs"),
+        ("campaign", "inspection", "--runs", "five", "--out", "runs"),
+        ("run", "inspection", "--out", "runs", "--sett", "a=1"),
+    ],
+)
+def test_wrong_usage_is_status_2_too(call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: Any) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = call(*words)
+    assert (result.status, result.out) == (2, "")
+    assert result.err
+    assert list(tmp_path.iterdir()) == []
+
+
+# Progress
+
+
+def tell(watch: console.Watch) -> None:
+    watch(Progress(done=0.0, total=4, failed=0, compiled=False))
+    for done in (0.0, 1.0, 1.5, 3.0, 4.0):
+        watch(Progress(done=done, total=4, failed=int(done > 2.0), compiled=True))
+
+
+def test_lines_for_a_file_come_at_the_quarters(capsys: pytest.CaptureFixture[str]) -> None:
+    with console.watching(100.0, quiet=False) as watch:
+        tell(watch)
+    captured = capsys.readouterr()
+    starts = [line.split()[1] for line in captured.err.splitlines()]
+    assert starts == ["compiling", "4", "1/4", "3/4", "4/4"]
+    assert "1 failed" in captured.err.splitlines()[-1]
+    assert captured.out == ""
+
+
+def test_a_terminal_gets_a_bar(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "80")
+    with console.watching(100.0, quiet=False) as watch:
+        tell(watch)
+    captured = capsys.readouterr()
+    assert "━" in captured.err
+    assert "4/4 runs" in captured.err
+    assert "1 failed" in captured.err
+    assert captured.out == ""
+
+
+def test_pace_counts_from_when_programs_were_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([100.0, 102.0])
+    monkeypatch.setattr(console.time, "perf_counter", lambda: next(clock))
+    pace = console._Pace(600.0)
+    assert pace.text(Progress(done=0.0, total=10, failed=0, compiled=True)) == "10 runs to do"
+    text = pace.text(Progress(done=4.0, total=10, failed=1, compiled=True))
+    assert text == "4/10 runs, 2/s, 1,200 run-s/s, 0:00:03 left, 1 failed"
+
+
+# What is imported and set when
+
+
+def python(*words: object, **environment: str) -> subprocess.CompletedProcess[str]:
+    """A fresh Python process."""
+    path = {"PYTHONPATH": str(Path(rpojax.__file__).parents[1])}
+    command = [sys.executable, *map(str, words)]
+    return subprocess.run(command, env=os.environ | path | environment, capture_output=True, text=True, check=False)
+
+
+WITHOUT_JAX = """
+import sys
+from rpojax.cli import main
+for words in (["--help"], ["campaign", "--help"], ["--version"], ["validate", "inspection"], ["schema"],
+              ["validate", "nowhere"], ["run", "inspection", "--out", "runs", "--set", "servicer.mass_kg=-1"]):
+    try:
+        main(words)
+    except SystemExit:
+        pass
+print("loaded:", *{"jax", "zarr", "plotly", "matplotlib", "scipy"} & set(sys.modules))
+"""
+
+
+def test_help_and_validation_load_nothing_heavy() -> None:
+    result = python("-c", WITHOUT_JAX)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.splitlines()[-1] == "loaded:"
+
+
+def test_help_does_not_even_load_numpy() -> None:
+    code = "import sys, rpojax.cli\ntry: rpojax.cli.main(['--help'])\nfinally: print('numpy' in sys.modules)"
+    assert python("-c", code).stdout.splitlines()[-1] == "False"
+
+
+def test_the_package_runs_as_a_module() -> None:
+    result = python("-m", "rpojax", "validate", "inspection", "--set", "servicer.mass_kg=0")
+    assert result.returncode == 2
+    assert result.stderr.startswith("rpojax: error: servicer.mass_kg")
+
+
+@pytest.fixture
+def environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, str]:
+    """Environment of a process that has not imported jax yet."""
+    variables = {"HOME": str(tmp_path)}
+    monkeypatch.delitem(sys.modules, "jax")
+    monkeypatch.setattr(os, "environ", variables)
+    return variables
+
+
+def test_jax_gets_a_device_per_core_and_a_cache(
+    environment: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cli, "_cores", lambda: 3)
+    environment["XLA_FLAGS"] = "--xla_dump_to=x"
+    cli.prepare_jax(cache=True)
+    assert environment["XLA_FLAGS"] == "--xla_dump_to=x --xla_force_host_platform_device_count=3"
+    assert environment["JAX_COMPILATION_CACHE_DIR"] == str(tmp_path / ".cache" / "rpojax" / "jax")
+    assert environment["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] == "0"
+    assert environment["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] == "-1"
+    assert (tmp_path / ".cache" / "rpojax" / "jax").is_dir()
+
+
+def test_what_the_user_set_for_jax_stays(environment: dict[str, str], tmp_path: Path) -> None:
+    flags = "--xla_force_host_platform_device_count=7"
+    environment |= {"XLA_FLAGS": flags, "JAX_COMPILATION_CACHE_DIR": "mine", "XDG_CACHE_HOME": str(tmp_path / "xdg")}
+    cli.prepare_jax(cache=True)
+    assert environment["XLA_FLAGS"] == flags
+    assert environment["JAX_COMPILATION_CACHE_DIR"] == "mine"
+
+
+@pytest.mark.parametrize("switch", ["argument", "variable", "unwritable"])
+def test_the_cache_can_be_off_and_need_not_be_there(environment: dict[str, str], tmp_path: Path, switch: str) -> None:
+    if switch == "variable":
+        environment["RPOJAX_CACHE"] = "off"
+    if switch == "unwritable":
+        (tmp_path / ".cache").write_text("a file where a folder should be")
+    cli.prepare_jax(cache=switch != "argument")
+    assert "JAX_COMPILATION_CACHE_DIR" not in environment
+
+
+def test_nothing_is_set_once_jax_is_imported(environment: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "jax", jax)
+    before = dict(environment)
+    cli.prepare_jax(cache=True)
+    assert environment == before
+
+
+# Signals
+
+
+def start(out: Path, *words: str) -> subprocess.Popen[str]:
+    """A campaign of many blocks in its own process."""
+    path = {
+        "PYTHONPATH": str(Path(rpojax.__file__).parents[1]),
+        "XLA_FLAGS": "--xla_force_host_platform_device_count=1",
+    }
+    return subprocess.Popen(
+        [sys.executable, "-m", "rpojax", "campaign", "inspection", *LONG, *words, "--out", str(out)],
+        env=os.environ | path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_for(path: Path, process: subprocess.Popen[str]) -> None:
+    while not path.exists():
+        assert process.poll() is None
+        time.sleep(0.02)
+
+
+@pytest.mark.slow
+def test_ctrl_c_while_compiling_ends_at_once_and_names_resume(tmp_path: Path) -> None:
+    out = tmp_path / "runs"
+    process = start(out, "--no-cache")
+    wait_for(out / "campaign.json", process)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=5.0)
+    assert process.returncode == 130
+    assert f"0 of 40 blocks are kept; go on with: rpojax resume {out}" in err
+
+
+@pytest.mark.slow
+def test_a_killed_campaign_resumes_to_what_an_uninterrupted_one_gives(call: Call, tmp_path: Path) -> None:
+    out, whole = tmp_path / "runs", tmp_path / "whole"
+    process = start(out)
+    wait_for(out / "manifest" / "000002.json", process)
+    process.kill()
+    process.communicate()
+    assert 0 < len(Campaign(out).missing()) < 40
+    assert call("resume", out, "--json").status == 0
+    assert call("campaign", "inspection", *LONG, "--out", whole, "--json").status == 0
+    expected, found = Campaign(whole), Campaign(out)
+    assert found.missing() == []
+    for group in ("metrics", "traces", "drawn", "used"):
+        for name, values in getattr(expected, group).items():
+            np.testing.assert_array_equal(getattr(found, group)[name], values, err_msg=name)

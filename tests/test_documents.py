@@ -1,0 +1,241 @@
+"""README, pages and scripts agree with the code and with each other."""
+
+import ast
+import json
+import os
+import re
+import subprocess
+from pathlib import Path
+from typing import get_args
+
+import jax
+import pytest
+
+import rpojax
+from rpojax import Stages
+from rpojax.campaign.single import dispersed
+from rpojax.core.random import Stream
+from rpojax.report.labels import metric
+from rpojax.simulation import closed_loop, metrics, scenario, schema, telemetry, units
+from rpojax.simulation.schema import ScenarioFile, Section
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+SCENARIO_PAGE = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
+FOLDER_PAGE = (ROOT / "docs" / "campaign_folder.md").read_text(encoding="utf-8")
+CONVENTIONS_PAGE = (ROOT / "docs" / "conventions.md").read_text(encoding="utf-8")
+MODEL_PAGE = (ROOT / "docs" / "model.md").read_text(encoding="utf-8")
+SCRIPT = ROOT / ".ci" / "run"
+
+MAIN_JOB = (
+    "python3 -m venv .venv && .venv/bin/pip install -q . && "
+    ".venv/bin/rpojax campaign inspection --runs 500 --seed 0 --out out/inspection"
+)
+TESTS = "python3 -m venv .venv && .venv/bin/pip install -q -e '.[dev]' && .venv/bin/python -m pytest -n 2"
+
+FOLDERS = ("docs", "notebooks", "experiments", "benchmarks", "tests")
+PAGES = sorted([*ROOT.glob("*.md"), *(page for folder in FOLDERS for page in (ROOT / folder).rglob("*.md"))])
+
+
+def section(text: str, heading: str) -> str:
+    """The part of a page under a heading, up to the next one of any level."""
+    found = re.search(rf"^#+ {re.escape(heading)}$\n(.*?)(?=^#|\Z)", text, re.MULTILINE | re.DOTALL)
+    assert found, f"no heading {heading!r}"
+    return found[1]
+
+
+def first_cells(text: str) -> list[str]:
+    """First cell of every row of the tables in a text, head and rule left out."""
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    cells = [row.strip("|").split("|")[0].strip() for row in rows]
+    return [cell for index, cell in enumerate(cells) if index > 1]
+
+
+def quoted(text: str) -> list[str]:
+    """Everything in single backquotes."""
+    return re.findall(r"`([^`\n]+)`", text)
+
+
+def blocks(text: str, language: str) -> list[str]:
+    """Fenced blocks of a language."""
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+
+
+def sections_of_the_schema() -> dict[str, type[Section]]:
+    """Name -> model of every section of a scenario."""
+    fields = ScenarioFile.model_fields.items()
+    models = {name: field.annotation for name, field in fields}
+    return {name: model for name, model in models.items() if isinstance(model, type) and issubclass(model, Section)}
+
+
+def kinds_of_dispersion() -> dict[str, set[str]]:
+    """Kind -> its settings, the key and the kind left out."""
+    union = get_args(schema.Dispersion)[0]
+    return {
+        get_args(model.model_fields["kind"].annotation)[0]: set(model.model_fields) - {"key", "kind"}
+        for model in get_args(union)
+    }
+
+
+@pytest.mark.parametrize("command", [MAIN_JOB, TESTS])
+def test_the_readme_has_each_of_its_two_command_lines_once_on_a_line_of_its_own(command: str) -> None:
+    assert README.splitlines().count(command) == 1
+
+
+def test_ci_runs_the_test_command_of_the_readme_in_another_environment() -> None:
+    commands = [line for line in SCRIPT.read_text(encoding="utf-8").splitlines() if "pytest" in line]
+    assert [command.replace('"', "").replace("$venv", ".venv") for command in commands] == [TESTS]
+
+
+def test_the_ci_script_is_executable_and_well_formed() -> None:
+    assert os.access(SCRIPT, os.X_OK)
+    subprocess.run(["bash", "-n", str(SCRIPT)], check=True)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_relative_links_lead_to_files_and_headings_that_are_there(page: Path) -> None:
+    links = re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))
+    broken = []
+    for link in links:
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        if not target.exists() or (anchor and anchor not in anchors(target)):
+            broken.append(link)
+    assert broken == []
+
+
+def anchors(page: Path) -> set[str]:
+    """Names by which the headings of a page can be linked to."""
+    headings = re.findall(r"^#+ (.+)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("name", scenario.packaged())
+def test_every_packaged_scenario_is_mentioned(name: str) -> None:
+    assert f"`{name}`" in README
+    assert f"`{name}`" in SCENARIO_PAGE
+
+
+def test_the_readme_lists_the_exit_statuses_that_the_command_line_has() -> None:
+    from rpojax import cli
+
+    rows = [cell for cell in first_cells(section(README, "Command line")) if cell.isdigit()]
+    assert rows == ["0", "1", "2", "3", "130"]
+    assert {1, *map(int, cli.Status)} == {int(row) for row in rows}
+    # The help of the command says the same numbers.
+    described = re.search(r"Exit status: (.*?)\n\n", cli.__doc__ or "", re.DOTALL)
+    assert described
+    assert re.findall(r"(?:^|; )(\d+) ", described[1].replace("\n", " ")) == rows
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_every_verb_that_a_page_uses_is_one_of_the_command_line(page: Path) -> None:
+    from rpojax import cli
+
+    text = "\n".join([*blocks(page.read_text(encoding="utf-8"), ""), *quoted(page.read_text(encoding="utf-8"))])
+    verbs = set(re.findall(r"\brpojax ([a-z]+)\b", text))
+    assert {verb for verb in verbs if not callable(getattr(cli, verb, None))} == set()
+
+
+def test_names_of_the_package_in_the_readme_exist() -> None:
+    code = "\n".join(blocks(README, "python"))
+    ast.parse(code)
+    assert {name for name in re.findall(r"\brpojax\.(\w+)", code) if name not in rpojax.__all__} == set()
+
+
+def test_the_replaceable_parts_in_the_readme_are_those_of_the_flight_software() -> None:
+    named = quoted(section(README, "Your own controller or filter"))
+    assert set(Stages.__dataclass_fields__) <= set(named)
+
+
+def test_the_scenario_files_in_the_readme_are_accepted(tmp_path: Path) -> None:
+    change, dispersion = blocks(README, "toml")
+    path = tmp_path / "closer.toml"
+    path.write_text(change)
+    assert scenario.load(path).name == "closer"
+    path.write_text('extends = "inspection"\n' + dispersion)
+    assert [drawn.key for drawn in scenario.load(path).dispersions] == ["gps.noise_m"]
+
+
+def test_the_scenario_page_lists_every_section_once() -> None:
+    headings = [heading.strip("`") for heading in re.findall(r"^## (`\w+`)$", SCENARIO_PAGE, re.MULTILINE)]
+    assert headings == [*sections_of_the_schema(), "dispersions"]
+
+
+@pytest.mark.parametrize("name", sections_of_the_schema())
+def test_the_scenario_page_lists_every_key_of_a_section_and_no_other(name: str) -> None:
+    listed = [cell.strip("`") for cell in first_cells(section(SCENARIO_PAGE, f"`{name}`"))]
+    assert sorted(listed) == sorted(sections_of_the_schema()[name].model_fields)
+
+
+def test_the_scenario_page_lists_the_keys_at_the_top_level() -> None:
+    listed = {cell.strip("`") for cell in first_cells(section(SCENARIO_PAGE, "Top level"))}
+    assert listed == set(ScenarioFile.model_fields) - set(sections_of_the_schema()) - {"dispersions"}
+
+
+def test_the_scenario_page_lists_every_kind_of_dispersion_with_its_settings() -> None:
+    rows = [line.strip("|").split("|") for line in section(SCENARIO_PAGE, "`dispersions`").splitlines()]
+    listed = {row[0].strip(" `"): set(quoted(row[1])) for row in rows if len(row) > 1 and "`" in row[0]}
+    assert listed == kinds_of_dispersion()
+
+
+def test_keys_named_anywhere_in_the_pages_exist() -> None:
+    names = "|".join(sections_of_the_schema())
+    for page in PAGES:
+        code = "\n".join(re.findall(r"`+[^`]+`+", page.read_text(encoding="utf-8")))
+        for name, key in re.findall(rf"(?<![\w/.])({names})\.([a-z]\w*)\b(?!\()(?!\.py)", code):
+            module = ROOT / "rpojax" / name
+            if not module.exists():
+                assert key in sections_of_the_schema()[name].model_fields, f"{page.name}: {name}.{key}"
+
+
+def test_the_conventions_list_every_unit_suffix() -> None:
+    rows = [line.split("|")[1] for line in section(CONVENTIONS_PAGE, "Units").splitlines() if line.startswith("| `")]
+    assert {suffix for row in rows for suffix in quoted(row)} == set(units.FACTORS)
+
+
+def test_the_model_page_lists_every_random_stream() -> None:
+    listed = [cell.strip("`") for cell in first_cells(section(MODEL_PAGE, "Randomness"))]
+    assert listed == [stream.name for stream in Stream]
+
+
+def test_the_folder_page_lists_every_metric_with_its_unit() -> None:
+    rows = [line.strip("|").split("|") for line in section(FOLDER_PAGE, "Metrics").splitlines() if "| `" in line]
+    assert {row[0].strip(" `"): row[1].strip() for row in rows} == metrics.UNITS
+
+
+@pytest.mark.parametrize("name", metrics.UNITS)
+def test_the_report_has_a_title_and_a_meaning_for_every_metric(name: str) -> None:
+    assert metric(name).meaning
+
+
+def test_the_folder_page_names_every_trace() -> None:
+    assert set(metrics.TRACES) == set(quoted(section(FOLDER_PAGE, "Traces")))
+
+
+def test_the_folder_page_lists_every_channel_of_a_history() -> None:
+    static, params, state = dispersed(scenario.load("inspection"))
+    seen = jax.eval_shape(
+        lambda: telemetry.observe(static, params, closed_loop.tick(Stages(), static, params, state)[1])
+    )
+    cells = first_cells(section(FOLDER_PAGE, "Channels of a history"))
+    listed = {name for cell in cells for name in quoted(cell)}
+    assert listed == {"time_s", "rho_desired_H", *seen} - {"running"}
+
+
+def test_the_licence_is_the_one_that_the_package_states() -> None:
+    assert "Apache License" in (ROOT / "LICENSE").read_text(encoding="utf-8")
+    assert 'license = "Apache-2.0"' in (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+
+
+def test_the_changelog_has_the_present_version() -> None:
+    assert f"## [{rpojax.__version__}]" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+
+
+def test_no_page_names_a_folder_of_one_machine() -> None:
+    notebook = json.loads((ROOT / "notebooks" / "inspection.ipynb").read_text(encoding="utf-8"))
+    texts = {page.name: page.read_text(encoding="utf-8") for page in PAGES}
+    texts["inspection.ipynb"] = json.dumps([cell.get("source") for cell in notebook["cells"]])
+    assert {name for name, text in texts.items() if re.search(r"(?<![\w.])/(tmp|home|root|Users|work)/", text)} == set()
