@@ -122,5 +122,12 @@ def test_the_committed_notebook_has_its_figures_and_a_moderate_size() -> None:
     assert NOTEBOOK.stat().st_size < LARGEST_BYTES
 
 
+def test_links_of_the_committed_notebook_lead_to_files_that_are_there() -> None:
+    text = "\n".join(cell.source for cell in committed().cells if cell.cell_type == "markdown")
+    links = [link for link in re.findall(r"\]\(([^)\s]+)\)", text) if not re.match(r"[a-z]+:", link)]
+    assert links
+    assert [link for link in links if not (NOTEBOOK.parent / link).exists()] == []
+
+
 def test_the_committed_notebook_is_a_valid_one() -> None:
     nbformat.validate(committed())

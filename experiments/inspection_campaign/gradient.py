@@ -66,7 +66,8 @@ def main() -> None:
     if options.events:
         return
     plain = jax.jit(loss)
-    print("| gain | reverse mode | central difference | relative difference | events unchanged |\n|---|---|---|---|---|")
+    print("| gain | reverse mode | central difference | relative difference | events unchanged |")
+    print("|---|---|---|---|---|")
     for index, name in enumerate(GAINS):
         up, events_up = plain(nominal.at[index].add(STEP))
         down, events_down = plain(nominal.at[index].add(-STEP))

@@ -1,6 +1,6 @@
 """Run 17 alone, in a batch of 64 and in a batch of 500; one device against two. Prints the largest differences.
 
-    python experiments/inspection_campaign/reproducibility.py
+python experiments/inspection_campaign/reproducibility.py
 """
 
 import os

@@ -56,7 +56,7 @@ def hill_to_inertial(rho_H: Vector, rho_dot_H: Vector, R_HN: Matrix, omega_HN_N:
 
 
 def look_at(direction_N: Vector, right_N: Vector) -> Matrix:
-    """`R_KN` of a camera that looks along the unit vector `direction_N` with its x axis as near to `right_N` as it can."""
+    """`R_KN` of a camera that looks along the unit vector `direction_N`, its x axis as near to `right_N` as can be."""
     along = jnp.sum(right_N * direction_N, axis=0)
     x = normalize(right_N - along * direction_N)
     return jnp.stack([x, cross(direction_N, x), direction_N])

@@ -1,4 +1,4 @@
-"""Orbits as truth and flight software both need them: two-body and J2 gravity, its differential form, relative motion."""
+"""Orbits as truth and flight software both need them: gravity with J2, its differential form, relative motion."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float

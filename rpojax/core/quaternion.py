@@ -107,9 +107,11 @@ def between(a: Vector, b: Vector) -> Vector:
     sine, cosine = safe.norm(axis), jnp.sum(a * b, axis=0)
     least = jnp.argmin(jnp.abs(a), axis=0)
     fallback = cross(a, jnp.where(jnp.arange(3) == least, 1.0, 0.0).astype(a.dtype))
-    degenerate = (sine < 1e-9) & (cosine < 0.0)
-    unit = jnp.where(degenerate, safe.normalize(fallback), safe.normalize(axis))
-    return safe.arctan2(sine, cosine) * unit
+    angle = safe.arctan2(sine, cosine)
+    small = sine < 1e-9
+    # Angle over sine tends to one for like vectors; for opposite ones the axis has to be chosen.
+    ratio = jnp.where(small, 1.0, angle / jnp.where(small, 1.0, sine))
+    return jnp.where(small & (cosine < 0.0), angle * safe.normalize(fallback), ratio * axis)
 
 
 def derivative(q_BN: Quaternion, omega_BN_B: Vector) -> Quaternion:

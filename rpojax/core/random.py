@@ -34,7 +34,7 @@ def fold_in(key: Key, number: int | Array) -> Key:
 
 
 def normal(key: Key, count: int) -> Float[Array, " {count}"]:
-    """Standard normal numbers, drawn in float32 (24 bits are plenty for noise and cost half) and returned in float64."""
+    """Standard normal numbers, drawn in float32 (plenty for noise, at half the cost) and returned in float64."""
     typed = jax.random.wrap_key_data(key, impl="threefry2x32")
     return jax.random.normal(typed, (count,), dtype=jnp.float32).astype(jnp.float64)
 

@@ -1,4 +1,4 @@
-"""Primitives whose derivative stays finite where the plain ones have none, and the one gate with a smooth derivative."""
+"""Primitives whose derivative stays finite where the plain ones have none, and a gate with a smooth derivative."""
 
 import jax
 import jax.numpy as jnp

@@ -1,4 +1,4 @@
-"""Sine and cosine as power series: vectorised, branch-free and smooth at zero, where library calls are none of these."""
+"""Sine and cosine as power series: vectorised, branch-free and smooth at zero, unlike library calls."""
 
 import math
 from typing import Final

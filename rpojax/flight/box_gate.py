@@ -1,4 +1,4 @@
-"""Which boxes to believe: the gate of the projected covariance, confirmation by a second box, and doubt after rejections."""
+"""Which boxes to believe: the gate, confirmation by a second box, and doubt after rejections."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -53,8 +53,8 @@ def accept(
 ) -> Scalar:
     """1 if the box lies within the projected covariance and, while that is wide, a recent box agrees with it; else 0.
 
-    `residual` (tangents, log-size) has the given total `variance`; `wide` tells that the prior is much less certain than
-    a box, `ahead` that the target is predicted in front of the camera.
+    `residual` (tangents, log-size) has the given total `variance`; `wide` tells that the prior is much less certain
+    than a box, `ahead` that the target is predicted in front of the camera.
     """
     ratio = residual**2 / variance
     bearing = jnp.maximum(ratio[0], ratio[1])

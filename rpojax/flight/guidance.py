@@ -192,7 +192,7 @@ def plan_burn(
 
 
 _SCHEDULE_GRAIN = 3.0
-"""Turn and turn back begin on whole guidance ticks, which can add a second to each; one more for the target's own motion [s]."""
+"""Turns begin on whole guidance ticks, which can add a second to each; one more for the target's own motion [s]."""
 
 
 def _deviation_at_burn(formation: Formation, estimate: OrbitEstimate) -> tuple[Float[Array, "6"], Float[Array, "3 3"]]:

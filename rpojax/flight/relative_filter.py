@@ -144,14 +144,14 @@ def update(
     q_KN: Float[Array, "4"],
     box: BoxMeasurement,
 ) -> tuple[RelativeEstimate, BoxTrack, Update, Bool[Array, ""]]:
-    """Estimate after a box, if it passes the gate; also whether it was used. `q_KN` is known from the attitude filter."""
+    """Estimate after a box, if it passes the gate, and whether it did. `q_KN` is known from the attitude filter."""
     R_KN = quaternion.to_matrix(q_KN)
     slow = jnp.concatenate([estimate.bearing_bias, jnp.sum(estimate.scale, axis=0)[None]])
     measured = jnp.concatenate([box.tangent, box.log_size[None]]) - slow
     prior = box_model(tuning, focal_px, R_KN, estimate.r_TS_N, box)
     variance = _innovation_variance(estimate.covariance, prior)
     wide = jnp.any(variance[:2] > (1.0 + tuning.confirm_above**2) * prior.variance[:2], axis=0)
-    accepted = box.present * 1.0
+    accepted = jnp.where(box.present, 1.0, 0.0)
     if gated:
         ahead = _is_ahead(R_KN, estimate.r_TS_N)
         residual = measured - prior.predicted

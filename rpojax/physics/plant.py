@@ -97,7 +97,7 @@ class Burn:
 def initial_truth(
     params: PlantParams, orbit: orbital_mechanics.Elements, rho_H: Vector, rho_dot_H: Vector, q_BN: Array
 ) -> Truth:
-    """Truth at the start of a run: target on its orbit, servicer at `rho_H` [m], `rho_dot_H` [m/s] at rest in attitude."""
+    """Truth at the start: target on its orbit, servicer at `rho_H` [m], `rho_dot_H` [m/s], not turning in H."""
     r_TN_N, v_TN_N = orbital_mechanics.state_from_elements(orbit)
     R_HN, omega_HN_N = hill_frame(r_TN_N, v_TN_N)
     r_ST_N, v_ST_N = hill_to_inertial(rho_H, rho_dot_H, R_HN, omega_HN_N)
@@ -118,7 +118,7 @@ def initial_truth(
 
 
 def step(params: PlantParams, truth: Truth, wheel_command: Vector, burn: Burn, dt: float) -> Truth:
-    """Truth after `dt` [s] of constant wheel torque commands [N m] and of the part of the burn that falls in the step."""
+    """Truth after `dt` [s] of constant wheel torque commands [N m] and of the burn's part that falls in the step."""
     torque = actuators.limited_torque(params.wheels, wheel_command, truth.wheel_speed, dt)
     force_B, lever_torque_B = actuators.force_and_torque(params.thruster, burn.error)
     flow = actuators.mass_flow(params.thruster, force_B)

@@ -61,7 +61,7 @@ def _page(campaign: Results, summary: Mapping[str, Any], shown: int | None, figu
     return environment.get_template("template.html").render(
         name=campaign.info.get("name", "campaign"),
         description=campaign.info.get("description", ""),
-        folder=campaign.directory.resolve().name,
+        again=_again(campaign.info),
         runs=summary["runs"],
         identity=sections.identity(campaign, summary),
         tiles=sections.tiles(summary),
@@ -82,6 +82,11 @@ def _page(campaign: Results, summary: Mapping[str, Any], shown: int | None, figu
         page_data=_script_json({"charts": charts, "explorer": explorer}),
         plotly=Markup(get_plotlyjs()),
     )
+
+
+def _again(info: Mapping[str, Any]) -> str:
+    """Command that flies one run again, bit-equal, but for the run's number and the folder."""
+    return f"rpojax run {info.get('name')} --seed {info.get('seed')} --block-size {info.get('block_size')}"
 
 
 def _data_url(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""One closed-loop run: initial state, one tick, and a rollout of many. Pure functions of one run; campaigns batch them."""
+"""One closed-loop run: initial state, one tick, a rollout of many. Pure functions of one run; campaigns batch them."""
 
 import jax
 import jax.numpy as jnp

@@ -169,15 +169,24 @@ def _hint(node: Any, leaf: str) -> str:
 def _first_fault(error: ValidationError) -> ScenarioError:
     """One line about the first fault that pydantic found."""
     faults = error.errors()
-    fault = faults[0]
-    kinds = {"normal", "truncated_normal", "uniform", "log_normal", "choice"}
-    key = ".".join(str(part) for part in fault["loc"] if part not in kinds or len(fault["loc"]) == 1)
+    first = _path(faults[0]["loc"])
+    # Where a value may be a number or a list, pydantic reports both; the fault that goes deepest is the apt one.
+    related = [fault for fault in faults if _path(fault["loc"])[: len(first)] == first]
+    fault = max(related, key=lambda fault: len(_path(fault["loc"])))
+    key = ".".join(_path(fault["loc"]))
     if fault["type"] == "extra_forbidden":
         return ScenarioError(key, fault["input"], f"no such key{_known_keys(fault['loc'])}")
     if fault["type"] == "missing":
         return ScenarioError(key, "nothing", "a value for this key")
     message = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ").removeprefix("expected ")
     return ScenarioError(key, fault["input"], message)
+
+
+def _path(location: tuple[int | str, ...]) -> list[str]:
+    """Key's path as a user wrote it: without the names that pydantic gives to the branches of a union."""
+    in_dispersion = len(location) > 2 and location[0] == "dispersions"
+    parts = [part for index, part in enumerate(location) if not (in_dispersion and index == 2)]
+    return [str(part) for part in parts if not str(part).startswith(("constrained-", "list["))]
 
 
 def _known_keys(location: tuple[int | str, ...]) -> str:

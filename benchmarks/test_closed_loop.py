@@ -1,0 +1,52 @@
+"""Speed of the closed loop by batch size, and the time to compile it."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from pytest_benchmark.fixture import BenchmarkFixture
+
+from rpojax.campaign import benchmark as closed_loop
+from rpojax.campaign.engine import Engine
+from rpojax.simulation import scenario
+from rpojax.simulation.schema import ScenarioFile
+
+BATCHES = (1, 16, 64, 256, 512, 2048)
+
+
+@cache
+def mission() -> ScenarioFile:
+    """The nominal mission, cut short."""
+    return scenario.load("inspection", ["duration_s=200"])
+
+
+@cache
+def engine(batch: int) -> Engine:
+    """Compiled engine for a batch."""
+    return closed_loop.prepare(mission(), batch)
+
+
+@pytest.mark.parametrize("batch", BATCHES)
+def test_closed_loop(benchmark: BenchmarkFixture, batch: int) -> None:
+    ready = engine(batch)
+    benchmark.group = "closed loop"
+    benchmark.pedantic(closed_loop.fly, args=(ready,), warmup_rounds=1, rounds=5)
+    speed = closed_loop.speed(ready, batch)
+    benchmark.extra_info |= {
+        "run_seconds_per_s": speed.run_seconds_per_s,
+        "compile_s": speed.compile_s,
+        "devices": speed.devices,
+    }
+
+
+def test_preparation(benchmark: BenchmarkFixture) -> None:
+    ready = engine(512)
+    ids = np.arange(ready.capacity)
+    benchmark.group = "dispersions and initial states of 512 runs"
+    benchmark.pedantic(lambda: ready.prepare(0, ids), warmup_rounds=1, rounds=5)
+
+
+@pytest.mark.parametrize("batch", [1, 512])
+def test_compilation(benchmark: BenchmarkFixture, batch: int) -> None:
+    benchmark.group = "tracing and compiling"
+    benchmark.pedantic(closed_loop.prepare, args=(mission(), batch), rounds=1)
