@@ -74,6 +74,7 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "good_boxes_rejected_fraction": ("Good boxes rejected", "Share of true boxes that the gate refused."),
     "outliers_accepted": ("Outliers accepted", "Number of false boxes that passed the gate."),
     "look_away_peak_s": ("Longest look-away", "Longest time away from the target for one burn."),
+    "longest_unseen_s": ("Longest time unseen", "Longest stretch without an accepted box, look-aways included."),
 }
 _LOW_IS_BAD = {"min_range_m", "sigma3_coverage", "detection_rate", "visible_fraction"}
 
