@@ -96,7 +96,10 @@ def campaign(
     seed: Seed = 0,
     overrides: Overrides = (),
     block_size: Annotated[
-        int | None, arg(metavar="N", help="Runs at once on a device (default: 256 on a CPU, 4096 elsewhere).")
+        int | None,
+        arg(
+            metavar="N", help="Runs at once on a device.", help_behavior_hint="(default: 256 on a CPU, 4096 elsewhere)"
+        ),
     ] = None,
     histories: Annotated[
         str, arg(metavar="N|I,J,...", help="Full histories to keep: of the first N runs, or of the runs listed.")
@@ -143,7 +146,9 @@ def resume(directory: Folder, *, as_json: AsJson = False, no_cache: NoCache = Fa
 def report(
     directory: Folder,
     *,
-    run_id: Annotated[int | None, arg(metavar="I", help="Run to show in detail (default: the median one).")] = None,
+    run_id: Annotated[
+        int | None, arg(metavar="I", help="Run to show in detail.", help_behavior_hint="(default: the median one)")
+    ] = None,
     as_json: AsJson = False,
 ) -> int:
     """Write report.html, report.json and figures anew."""

@@ -129,7 +129,8 @@ def show_campaign(summary: Mapping[str, Any], directory: Path, report: Path | No
             shown = metric(name)
             keys = ("p50", "p95", "p99", "min" if shown.low_is_bad else "max") if ended > 1 else ("p50",)
             table.add_row(shown.title, shown.unit, *(number(entry[key]) for key in keys))
-    console.print(table)
+    if table.row_count:
+        console.print(table)
     console.print(f"runs: {runs['completed']} completed, {runs['failed']} failed, {runs['requested']} requested")
     for reason, count in _reasons(summary).items():
         console.print(f"failed: {count} x {reason}", markup=False)

@@ -12,7 +12,7 @@ import jax
 import numpy as np
 
 from rpojax import __version__
-from rpojax.campaign.engine import Engine
+from rpojax.campaign.engine import Block, Engine
 from rpojax.errors import RpojaxError
 from rpojax.simulation.schema import ScenarioFile
 
@@ -60,13 +60,24 @@ def prepare(file: ScenarioFile, batch: int, devices: Sequence[Any] | None = None
     return engine
 
 
-def fly(engine: Engine) -> float:
-    """One pass of a full batch through the scenario, results brought to the host; returns the time it took [s]."""
-    block = engine.prepare(0, np.arange(engine.capacity))
-    jax.block_until_ready(block.shares)
-    begin = time.perf_counter()
-    for _ in engine.run(block):
+def block(engine: Engine) -> Block:
+    """A full batch of runs, ready on the devices."""
+    ready = engine.prepare(0, np.arange(engine.capacity))
+    jax.block_until_ready(ready.shares)
+    return ready
+
+
+def carry(engine: Engine, ready: Block) -> None:
+    """Carries a batch to the end of the scenario and its channels to the host."""
+    for _ in engine.run(ready):
         pass
+
+
+def fly(engine: Engine) -> float:
+    """Time of one pass of a full batch through the scenario [s]."""
+    ready = block(engine)
+    begin = time.perf_counter()
+    carry(engine, ready)
     return time.perf_counter() - begin
 
 
