@@ -9,6 +9,7 @@ from jaxtyping import Array
 
 from rpojax.core import quaternion, random
 from rpojax.core.random import Stream
+from rpojax.physics import faults
 from rpojax.simulation import params as parameters
 from rpojax.simulation import schema
 from rpojax.simulation.params import Params
@@ -51,7 +52,7 @@ def _draw_one(dispersion: schema.Dispersion, nominal: Array, key: Array) -> Arra
         case schema.LogNormal():
             return nominal * jnp.exp(jnp.asarray(dispersion.sigma, dtype=jnp.float64) * normals(nominal.shape))
         case schema.Choice():
-            choices = jnp.asarray(dispersion.values, dtype=jnp.float64)
+            choices = jnp.asarray([faults.code(value) for value in dispersion.values], dtype=jnp.float64)
             return choices[jax.random.randint(typed, (), 0, len(dispersion.values))]
         case schema.RandomDirection():
             return quaternion.normalize(normals((3,)))

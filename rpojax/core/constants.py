@@ -13,3 +13,24 @@ J2_EARTH: Final = 1.08262668e-3
 
 STANDARD_GRAVITY: Final = 9.80665
 """Standard gravity that defines specific impulse [m/s^2]."""
+
+ZONALS_EARTH: Final = (J2_EARTH, -2.53265649e-6, -1.61962159e-6, -2.27296083e-7, 5.40681239e-7)
+"""Zonal harmonics J2 to J6 of the Earth, unnormalised [-]."""
+
+ROTATION_EARTH: Final = 7.292115e-5
+"""Rotation rate of the Earth [rad/s]."""
+
+MU_SUN: Final = 1.32712440018e20
+"""Gravitational parameter of the Sun [m^3/s^2]."""
+
+MU_MOON: Final = 4.9028e12
+"""Gravitational parameter of the Moon [m^3/s^2]."""
+
+RADIUS_SUN: Final = 6.957e8
+"""Radius of the Sun's visible disc [m]."""
+
+ASTRONOMICAL_UNIT: Final = 1.495978707e11
+"""Distance at which the solar flux is stated [m]."""
+
+SPEED_OF_LIGHT: Final = 299792458.0
+"""[m/s]."""

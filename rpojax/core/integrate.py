@@ -1,32 +1,47 @@
-"""Fixed-step integration of pytrees."""
+"""Fixed-step integration of pytrees: the classical fourth-order method, and one of eighth order to check it with."""
 
+import math
 from collections.abc import Callable
-from typing import TypeVar
+from typing import Any, Literal, TypeVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 State = TypeVar("State")
-Scalar = Float[Array, ""]
+Method = Literal["rk4", "rk8"]
+Derivative = Callable[[State, Any], State]
+
+_S = math.sqrt(21.0)
+NODES: dict[Method, tuple[float, ...]] = {
+    "rk4": (0.0, 0.5, 1.0),
+    "rk8": (0.0, (7.0 - _S) / 14.0, 0.5, (7.0 + _S) / 14.0, 1.0),
+}
+"""Times within a step, as shares of it, at which a method asks for its inputs."""
 
 
-def rk4(
-    derivative: Callable[[State, Scalar], State], state: State, inputs: tuple[Scalar, Scalar, Scalar], dt: float
-) -> State:
-    """One step of the classical fourth-order Runge-Kutta method over `dt` [s].
+def step(method: Method, derivative: Derivative[State], state: State, inputs: Any, dt: float) -> State:
+    """State after one step of `dt` [s].
 
-    `inputs` are what `derivative` gets at the start, the middle and the end of the step. The four stages are a rolled
-    loop: a quarter of the code to compile, and each stage is computed once.
+    `inputs` is a pytree whose leaves hold what `derivative` gets at each of the method's `NODES` along their first
+    axis.
     """
-    start, middle, end = inputs
+    return rk4(derivative, state, inputs, dt) if method == "rk4" else rk8(derivative, state, inputs, dt)
+
+
+def rk4(derivative: Derivative[State], state: State, inputs: Any, dt: float) -> State:
+    """One step of the classical fourth-order Runge-Kutta method over `dt` [s]; see `step`.
+
+    The four stages are a rolled loop: a quarter of the code to compile, and each stage is computed once.
+    """
     stages = (
-        jnp.stack([start, middle, middle, end]),
+        jax.tree.map(lambda nodes: jnp.stack([nodes[0], nodes[1], nodes[1], nodes[2]]), inputs),
         jnp.array([0.5 * dt, 0.5 * dt, dt, 0.0], dtype=jnp.float64),
         jnp.array([dt / 6.0, dt / 3.0, dt / 3.0, dt / 6.0], dtype=jnp.float64),
     )
 
-    def stage(carry: tuple[State, State], inputs: tuple[Scalar, Scalar, Scalar]) -> tuple[tuple[State, State], None]:
+    def stage(carry: tuple[State, State], inputs: tuple[Any, Array, Array]) -> tuple[tuple[State, State], None]:
         at, total = carry
         value, reach, weight = inputs
         slope = derivative(at, value)
@@ -35,3 +50,72 @@ def rk4(
 
     (_, after), _ = jax.lax.scan(stage, (state, state), stages)
     return after
+
+
+_RK8_NODE = np.array([0, 2, 2, 3, 3, 2, 1, 1, 2, 3, 4])
+_RK8_WEIGHT = np.array([9, 0, 0, 0, 0, 0, 0, 49, 64, 49, 9]) / 180.0
+_RK8_REACH: dict[tuple[int, int], float] = {
+    (1, 0): 1 / 2,
+    (2, 0): 1 / 4,
+    (2, 1): 1 / 4,
+    (3, 0): 1 / 7,
+    (3, 1): -(7 + 3 * _S) / 98,
+    (3, 2): (21 + 5 * _S) / 49,
+    (4, 0): (11 + _S) / 84,
+    (4, 2): (18 + 4 * _S) / 63,
+    (4, 3): (21 - _S) / 252,
+    (5, 0): (5 + _S) / 48,
+    (5, 2): (9 + _S) / 36,
+    (5, 3): (-231 + 14 * _S) / 360,
+    (5, 4): (63 - 7 * _S) / 80,
+    (6, 0): (10 - _S) / 42,
+    (6, 2): (-432 + 92 * _S) / 315,
+    (6, 3): (633 - 145 * _S) / 90,
+    (6, 4): (-504 + 115 * _S) / 70,
+    (6, 5): (63 - 13 * _S) / 35,
+    (7, 0): 1 / 14,
+    (7, 4): (14 - 3 * _S) / 126,
+    (7, 5): (13 - 3 * _S) / 63,
+    (7, 6): 1 / 9,
+    (8, 0): 1 / 32,
+    (8, 4): (91 - 21 * _S) / 576,
+    (8, 5): 11 / 72,
+    (8, 6): -(385 + 75 * _S) / 1152,
+    (8, 7): (63 + 13 * _S) / 128,
+    (9, 0): 1 / 14,
+    (9, 4): 1 / 9,
+    (9, 5): -(733 + 147 * _S) / 2205,
+    (9, 6): (515 + 111 * _S) / 504,
+    (9, 7): -(51 + 11 * _S) / 56,
+    (9, 8): (132 + 28 * _S) / 245,
+    (10, 4): (-42 + 7 * _S) / 18,
+    (10, 5): (-18 + 28 * _S) / 45,
+    (10, 6): -(273 + 53 * _S) / 72,
+    (10, 7): (301 + 53 * _S) / 72,
+    (10, 8): (28 - 28 * _S) / 45,
+    (10, 9): (49 - 7 * _S) / 18,
+}
+
+
+def rk8(derivative: Derivative[State], state: State, inputs: Any, dt: float) -> State:
+    """One step of Cooper and Verner's eleven-stage method of order eight over `dt` [s]; see `step`.
+
+    Cooper and Verner, "Some explicit Runge-Kutta methods of high order", 1972.
+    """
+    count = len(_RK8_NODE)
+    reach = np.zeros((count, count))
+    for (row, column), value in _RK8_REACH.items():
+        reach[row, column] = value
+
+    def moved(slopes: State, weights: Float[Array, " stages"]) -> State:
+        return jax.tree.map(lambda y, k: y + dt * jnp.tensordot(weights, k, axes=1), state, slopes)
+
+    def stage(slopes: State, plan: tuple[Array, Array, Array]) -> tuple[State, None]:
+        number, weights, node = plan
+        slope = derivative(moved(slopes, weights), jax.tree.map(lambda nodes: nodes[node], inputs))
+        return jax.tree.map(lambda k, new: k.at[number].set(new), slopes, slope), None
+
+    none = jax.tree.map(lambda y: jnp.zeros((count, *y.shape), dtype=y.dtype), state)
+    plan = (jnp.arange(count), jnp.asarray(reach), jnp.asarray(_RK8_NODE))
+    slopes, _ = jax.lax.scan(stage, none, plan)
+    return moved(slopes, jnp.asarray(_RK8_WEIGHT))

@@ -1,15 +1,35 @@
-"""Orbits as truth and flight software both need them: gravity with J2, its differential form, relative motion."""
+"""Orbits as truth and flight software both need them: gravity, its differential form, relative motion."""
+
+from typing import Final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core.constants import J2_EARTH, MU_EARTH, RADIUS_EARTH
+from rpojax.core.constants import MU_EARTH, RADIUS_EARTH, ZONALS_EARTH
+from rpojax.core.difference import Difference, inverse_length
 from rpojax.core.pytree import pytree
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
 
-_K2 = 1.5 * J2_EARTH * MU_EARTH * RADIUS_EARTH**2
+
+@pytree
+class Field:
+    """The Earth's gravity.
+
+    Attributes:
+        mu: () gravitational parameter [m^3/s^2]
+        radius: () equatorial radius that the harmonics refer to [m]
+        zonals: (n,) J2 and up, unnormalised [-]
+    """
+
+    mu: Array | float
+    radius: Array | float
+    zonals: Array | tuple[float, ...]
+
+
+EARTH: Final = Field(mu=MU_EARTH, radius=RADIUS_EARTH, zonals=ZONALS_EARTH)
+"""The field as it is known to all."""
 
 
 @pytree
@@ -48,42 +68,38 @@ def state_from_elements(elements: Elements) -> tuple[Vector, Vector]:
     return radius * (cos_nu * p + sin_nu * q), speed * (-sin_nu * p + (e + cos_nu) * q)
 
 
-def gravity(r_N: Vector) -> Vector:
-    """Acceleration [m/s^2] of two-body and J2 gravity at the inertial position [m]."""
-    square = jnp.sum(r_N * r_N, axis=0)
-    inverse2 = 1.0 / square
-    inverse3 = inverse2 * jnp.sqrt(inverse2)
-    j2 = _K2 * inverse2 * inverse3
-    zz = 5.0 * r_N[2] * r_N[2] * inverse2
-    common = -MU_EARTH * inverse3 - j2 * (1.0 - zz)
-    return jnp.stack([common * r_N[0], common * r_N[1], (common - 2.0 * j2) * r_N[2]])
+def gravity(field: Field, degree: int, r: Difference) -> Difference:
+    """Acceleration [m/s^2] at an inertial position [m], with zonal harmonics up to `degree` (0: a point mass).
 
-
-def differential_gravity(r_N: Vector, d_N: Vector) -> Vector:
-    """Gravity at `r_N + d_N` less gravity at `r_N` [m/s^2], exact at any distance and without cancellation.
-
-    Each power of the ratio of radii is carried as its difference from one: with f_p = (|r + d|/|r|)^-p - 1, the
-    recurrence f_{p+q} = f_p + f_q + f_p f_q never subtracts two nearly equal numbers.
+    The change of `r` gives the difference of gravity between two craft, exact at any distance and without cancellation.
+    Each harmonic pulls along the radius with P'_{n+1} and along the pole with P'_n of the sine of latitude, derivatives
+    of Legendre polynomials that follow from one another (Kaula, Theory of Satellite Geodesy, 1966, in vector form).
     """
-    square = jnp.sum(r_N * r_N, axis=0)
-    inverse2 = 1.0 / square
-    inverse3 = inverse2 * jnp.sqrt(inverse2)
-    q = jnp.sum(d_N * (2.0 * r_N + d_N), axis=0) * inverse2
-    root = jnp.sqrt(1.0 + q)
-    f1 = -q / (root * (1.0 + root))
-    f2 = f1 * (2.0 + f1)
-    f3 = f1 + f2 + f1 * f2
-    f5 = f3 + f2 + f3 * f2
-    f7 = f5 + f2 + f5 * f2
-    moved = r_N + d_N
-    two_body = -MU_EARTH * inverse3 * (d_N + f3 * moved)
-    zz = r_N[2] * r_N[2] * inverse2
-    zz_moved = moved[2] * moved[2] * inverse2
-    zz_change = d_N[2] * (2.0 * r_N[2] + d_N[2]) * inverse2
-    in_plane = d_N + f5 * moved - 5.0 * (zz * d_N + (zz_change + zz_moved * f7) * moved)
-    along_pole = 2.0 * (d_N[2] + f5 * moved[2])
-    j2 = -_K2 * inverse2 * inverse3
-    return two_body + j2 * jnp.stack([in_plane[0], in_plane[1], in_plane[2] + along_pole])
+    inverse = inverse_length(r)
+    along_radius, along_pole = _zonal_sums(field, degree, inverse, r[2] * inverse)
+    strength = (inverse * inverse) * field.mu
+    outward = strength * (along_radius - 1.0) * inverse
+    polar = strength * along_pole
+    pull = outward.scale(r)
+    pole = jnp.array([0.0, 0.0, 1.0], dtype=r.value.dtype)
+    return Difference(value=pull.value - polar.value * pole, change=pull.change - polar.change * pole)
+
+
+def _zonal_sums(
+    field: Field, degree: int, inverse: Difference, sine: Difference
+) -> tuple[Difference, Difference]:
+    """Sums over the harmonics of J_n (R/r)^n P'_{n+1} and J_n (R/r)^n P'_n, relative to the two-body pull."""
+    zero = jnp.zeros_like(inverse.value)
+    radial = polar = Difference(value=zero, change=zero)
+    ratio = inverse * field.radius
+    power, slope_before, slope = ratio, Difference(value=zero + 1.0, change=zero), sine * 3.0  # P'_1, P'_2
+    for n in range(2, degree + 1):
+        power = power * ratio
+        slope_after = (sine * slope) * (2.0 + 1.0 / n) - slope_before * (1.0 + 1.0 / n)
+        weight = power * field.zonals[n - 2]
+        radial, polar = radial + weight * slope_after, polar + weight * slope
+        slope_before, slope = slope, slope_after
+    return radial, polar
 
 
 def gravity_gradient(r_N: Vector) -> Float[Array, "3 3"]:

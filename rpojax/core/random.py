@@ -21,6 +21,7 @@ class Stream(enum.IntEnum):
     BOX_CAMERA = 6
     THRUSTER = 7
     SENSOR_BIAS = 8
+    CHAMBER_PRESSURE = 9
 
 
 def master_key(seed: int) -> Key:

@@ -5,7 +5,7 @@ gyro bias. Lefferts, Markley, Shuster, "Kalman Filtering for Spacecraft Attitude
 """
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion, scalar_update
 from rpojax.core.pytree import pytree, replace
@@ -92,15 +92,18 @@ def predict_covariance(
 
 
 def update(
-    tuning: AttitudeFilter, estimate: AttitudeEstimate, star_tracker_q_BN: Float[Array, "4"]
+    tuning: AttitudeFilter,
+    estimate: AttitudeEstimate,
+    star_tracker_q_BN: Float[Array, "4"],
+    present: Bool[Array, ""],
 ) -> AttitudeEstimate:
-    """Estimate after a star tracker measurement."""
+    """Estimate after a star tracker measurement; without one the gyro carries on alone."""
     residual = quaternion.log(quaternion.multiply(star_tracker_q_BN, quaternion.conjugate(estimate.q_BN)))
     rows = Rows(
         residual=residual,
         jacobian=jnp.eye(3, 6, dtype=residual.dtype),
         variance=tuning.star_tracker_noise**2,
-        weight=jnp.ones_like(residual),
+        weight=jnp.full(3, jnp.where(present, 1.0, 0.0)),
     )
     result = scalar_update.update(estimate.covariance, rows)
     bias = estimate.bias_B + result.deviation[3:]

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion, safe
+from rpojax.core.frames import apply
 from rpojax.core.materialise import materialise
 from rpojax.core.orbital_mechanics import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace
@@ -16,7 +17,7 @@ from rpojax.flight.attitude_estimator import AttitudeEstimate, AttitudeFilter
 from rpojax.flight.box_gate import BoxTrack
 from rpojax.flight.formation_control import Formation, FormationLaw
 from rpojax.flight.guidance import BurnPlan, Pointing, PointingState
-from rpojax.flight.navigation import BoxMeasurement, Navigation
+from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement, Navigation
 from rpojax.flight.onboard import Onboard
 from rpojax.flight.orbit_filter import Innovation, OrbitEstimate
 
@@ -45,6 +46,7 @@ class FlightMemory:
         track: memory of the gate
         attitude: estimate of the attitude
         plan: the burn decided last
+        thruster_failed_at: () when a burn last gave no thrust [s], minus infinity before
         pointing: memory of the attitude guidance
         gain: (3, 6) of the formation controller, solved once at start
         allocation: (3, 3) body torque to wheel torques, solved once at start
@@ -54,6 +56,7 @@ class FlightMemory:
     track: BoxTrack
     attitude: AttitudeEstimate
     plan: BurnPlan
+    thruster_failed_at: Array
     pointing: PointingState
     gain: Array
     allocation: Array
@@ -64,21 +67,23 @@ class Measurements:
     """What the sensors give at one camera tick.
 
     Attributes:
-        gps_N: (3,) [m]
+        gps: position
         star_tracker_q_BN: (4,)
+        star_tracker_present: () bool
         box: bounding box
     """
 
-    gps_N: Array
+    gps: GpsMeasurement
     star_tracker_q_BN: Array
+    star_tracker_present: Array
     box: BoxMeasurement
 
 
 OrbitUpdate = Callable[
-    [Navigation, bool, Array, OrbitEstimate, BoxTrack, Array, Array, BoxMeasurement],
+    [Navigation, bool, Array, OrbitEstimate, BoxTrack, GpsMeasurement, Array, BoxMeasurement],
     tuple[OrbitEstimate, BoxTrack, Innovation],
 ]
-OrbitPrediction = Callable[[Navigation, OrbitEstimate, Array, Array, float], OrbitEstimate]
+OrbitPrediction = Callable[[Navigation, int, OrbitEstimate, Array, Array, Array, float], OrbitEstimate]
 WheelControl = Callable[
     [AttitudeControl, Onboard, Array, AttitudeEstimate, attitude_control.AttitudeCommand, Array], Array
 ]
@@ -116,6 +121,7 @@ def start(
         track=box_gate.initial_track(),
         attitude=attitude_estimator.initial(params.attitude_filter, star_tracker_q_BN, gyro_B),
         plan=guidance.no_burn(),
+        thruster_failed_at=jnp.full((), -jnp.inf, dtype=jnp.float64),
         pointing=guidance.initial_pointing(params.onboard, orbit),
         gain=formation_control.lqr_gain(params.formation, n, period),
         allocation=jnp.linalg.inv(params.onboard.wheel_axes.T),
@@ -126,7 +132,12 @@ def navigate(
     stages: Stages, params: FlightParams, gated: bool, memory: FlightMemory, measurements: Measurements
 ) -> tuple[FlightMemory, Innovation]:
     """Memory after the attitude and orbit filters have taken in one tick's measurements."""
-    attitude = attitude_estimator.update(params.attitude_filter, memory.attitude, measurements.star_tracker_q_BN)
+    attitude = attitude_estimator.update(
+        params.attitude_filter,
+        memory.attitude,
+        measurements.star_tracker_q_BN,
+        measurements.star_tracker_present,
+    )
     q_KB = quaternion.normalize(params.onboard.camera_mounting)
     orbit, track, innovation = stages.orbit_update(
         params.navigation,
@@ -134,16 +145,28 @@ def navigate(
         params.onboard.focal_px,
         memory.orbit,
         memory.track,
-        measurements.gps_N,
+        measurements.gps,
         quaternion.multiply(q_KB, attitude.q_BN),
-        measurements.box,
+        replace(measurements.box, attitude_variance=_attitude_variance(params.onboard, attitude)),
     )
     return replace(memory, attitude=attitude, orbit=orbit, track=track), innovation
 
 
-def plan_burn(stages: Stages, params: FlightParams, memory: FlightMemory, time: Scalar) -> FlightMemory:
-    """Memory with a newly decided burn."""
+def _attitude_variance(onboard: Onboard, estimate: AttitudeEstimate) -> Scalar:
+    """Variance of the camera's attitude [rad^2], mean of the two axes across its boresight."""
+    q_BK = quaternion.conjugate(quaternion.normalize(onboard.camera_mounting))
+    boresight = quaternion.rotate(q_BK, jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64))
+    P = estimate.covariance[:3, :3]
+    return 0.5 * (P[0, 0] + P[1, 1] + P[2, 2] - jnp.sum(boresight * apply(P, boresight), axis=0))
+
+
+def plan_burn(
+    stages: Stages, params: FlightParams, memory: FlightMemory, sun_N: Vector, time: Scalar
+) -> FlightMemory:
+    """Memory with a newly decided burn: none while the target is lost or dark, or the thruster has just failed."""
     lost = guidance.is_lost(params.pointing, memory.pointing)
+    visible = guidance.can_see(params.onboard, memory.orbit, sun_N)
+    works = time >= memory.thruster_failed_at + params.formation.thruster_retry
     plan = guidance.plan_burn(
         stages.formation_law,
         params.formation,
@@ -151,20 +174,27 @@ def plan_burn(stages: Stages, params: FlightParams, memory: FlightMemory, time: 
         params.onboard,
         memory.gain,
         memory.orbit,
-        lost,
+        visible & works & ~lost,
         time,
     )
     return replace(memory, plan=plan)
 
 
 def guide(
-    params: FlightParams, memory: FlightMemory, box_accepted: Bool[Array, ""], time: Scalar, dt: float
+    params: FlightParams,
+    memory: FlightMemory,
+    box_accepted: Bool[Array, ""],
+    sun_N: Vector,
+    time: Scalar,
+    dt: float,
 ) -> tuple[FlightMemory, Array]:
-    """Memory with the attitude reference for the next `dt` [s], and the mode."""
+    """Memory with the attitude reference for the next `dt` [s], and the mode; the Sun is at `sun_N` [m]."""
+    plan = guidance.inhibit(params.pointing, memory.plan, memory.attitude.q_BN, time, dt)
+    visible = guidance.can_see(params.onboard, memory.orbit, sun_N)
     pointing, mode = guidance.guide(
-        params.pointing, params.onboard, memory.orbit, memory.plan, memory.pointing, box_accepted, time, dt
+        params.pointing, params.onboard, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt
     )
-    return replace(memory, pointing=pointing), mode
+    return replace(memory, plan=plan, pointing=pointing), mode
 
 
 def control_attitude(
@@ -189,18 +219,42 @@ def delta_v_between(params: FlightParams, memory: FlightMemory, begin: Scalar, e
 def predict(
     stages: Stages,
     params: FlightParams,
+    zonal_degree: int,
     memory: FlightMemory,
     q_BN_before: Float[Array, "4"],
     delta_v_N: Vector,
+    thrust_ratio: Scalar,
+    end: Scalar,
     dt: float,
 ) -> FlightMemory:
-    """Memory with both filters carried over the `dt` [s] in which the thruster gave `delta_v_N` [m/s]."""
-    burn_delta_v = safe.norm(memory.plan.delta_v_N)
+    """Memory with both filters carried over the `dt` [s] up to `end` [s] in which the thruster was to give `delta_v_N`.
+
+    `thrust_ratio` is the chamber pressure over its nominal value while the valve was open: only when it is far from
+    one does flight software believe it more than the thruster's calibration. A burn without thrust marks the thruster
+    as failed.
+    """
+    abnormal = jnp.abs(thrust_ratio - 1.0) > _THRUST_TOLERANCE
+    ratio = jnp.where(abnormal, thrust_ratio, 1.0)
+    doubt = jnp.where(abnormal, _PRESSURE_DOUBT, 1.0)
+    burning = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0
+    delta_v_N = ratio * delta_v_N
+    burn_delta_v = ratio * safe.norm(memory.plan.delta_v_N)
     return replace(
         memory,
-        orbit=stages.orbit_predict(params.navigation, memory.orbit, delta_v_N, burn_delta_v, dt),
+        thruster_failed_at=jnp.where(burning & (ratio < _NO_THRUST), end, memory.thruster_failed_at),
+        orbit=stages.orbit_predict(
+            params.navigation, zonal_degree, memory.orbit, delta_v_N, burn_delta_v, doubt, dt
+        ),
         attitude=attitude_estimator.predict_covariance(params.attitude_filter, memory.attitude, q_BN_before, dt),
     )
+
+
+_THRUST_TOLERANCE = 0.15
+"""Chamber pressures within this share of nominal count as nominal: five sigma of the pressure sensor."""
+_PRESSURE_DOUBT = 3.0
+"""Thrust known from the pressure sensor alone is less certain by this factor."""
+_NO_THRUST = 0.3
+"""Below this ratio the thruster counts as failed."""
 
 
 __all__ = [

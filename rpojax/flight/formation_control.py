@@ -26,6 +26,7 @@ class Formation:
         lead: () from the decision to the middle of the burn [s]
         dead_band: () smaller velocity changes are not made [m/s]
         range_uncertainty_limit: () no burn above this ratio of 1-sigma range error to range [-]
+        thruster_retry: () after a burn that gave no thrust, the next try waits so long [s]
     """
 
     desired_position: Array
@@ -35,6 +36,7 @@ class Formation:
     lead: Array
     dead_band: Array
     range_uncertainty_limit: Array
+    thruster_retry: Array
 
 
 @runtime_checkable

@@ -9,10 +9,10 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.core import quaternion, safe
+from rpojax.core import light, quaternion, safe
 from rpojax.core.frames import apply, apply_transposed, hill_frame, inertial_to_hill, look_at
 from rpojax.core.orbital_mechanics import mean_motion, relative_transition, semi_major_axis
-from rpojax.core.pytree import pytree
+from rpojax.core.pytree import pytree, replace
 from rpojax.core.quaternion import rotate
 from rpojax.core.series import cos_sinc
 from rpojax.flight.attitude_control import AttitudeCommand
@@ -50,6 +50,7 @@ class Pointing:
         search_acceleration: () centripetal acceleration along the spiral [rad/s^2]
         search_sigmas: () the spiral starts anew beyond this many sigma of projected uncertainty [-]
         search_radius_max: () and beyond this angle at any rate [rad]
+        burn_attitude_limit: () no thrust while the attitude is further from the burn's [rad]
     """
 
     slew_acceleration: Array
@@ -62,6 +63,7 @@ class Pointing:
     search_acceleration: Array
     search_sigmas: Array
     search_radius_max: Array
+    burn_attitude_limit: Array
 
 
 @pytree
@@ -109,8 +111,8 @@ class PointingState:
     Attributes:
         reference: the present reference
         to_burn: () bool, the end attitude is the burn's
-        acquired: () bool, a box has been accepted in this run
-        unseen_time: () since the last accepted box, planned look-aways left out [s]
+        acquired: () bool, a box has been accepted since the target last came into the light
+        unseen_time: () since the last accepted box, planned look-aways and darkness left out [s]
         search_time: () since the search began; 0 when not searching [s]
     """
 
@@ -156,13 +158,13 @@ def plan_burn(
     onboard: Onboard,
     gain: Float[Array, "3 6"],
     estimate: OrbitEstimate,
-    lost: Flag,
+    allowed: Flag,
     time: Scalar,
 ) -> BurnPlan:
     """Next burn: deviation predicted to the burn's middle, control law there, thrust axis, on-time, turn.
 
-    No burn inside the dead band, below the thruster's minimum on-time, while the range is too uncertain or while the
-    target is lost; a burn too long for the look-away limit is shortened.
+    No burn inside the dead band, below the thruster's minimum on-time, while the range is too uncertain, or unless
+    `allowed`; a burn too long for the look-away limit is shortened.
     """
     deviation, R_CN = _deviation_at_burn(formation, estimate)
     delta_v_N = apply_transposed(R_CN, law(gain, deviation))
@@ -177,7 +179,9 @@ def plan_burn(
     on_time = jnp.minimum(size * onboard.mass / onboard.thrust, jnp.maximum(longest, 0.0))
     wanted = safe.gate(size - formation.dead_band, 0.05 * formation.dead_band + 1e-6)
     possible = (
-        (on_time >= onboard.minimum_on_time) & (range_uncertainty(estimate) < formation.range_uncertainty_limit) & ~lost
+        (on_time >= onboard.minimum_on_time)
+        & (range_uncertainty(estimate) < formation.range_uncertainty_limit)
+        & allowed
     )
     on_time = wanted * jnp.where(possible, on_time, 0.0)
     ignition = time + formation.lead - 0.5 * on_time
@@ -238,8 +242,27 @@ def initial_pointing(onboard: Onboard, estimate: OrbitEstimate) -> PointingState
     return PointingState(reference=reference, to_burn=never, acquired=never, unseen_time=zero, search_time=zero)
 
 
+def inhibit(
+    pointing: Pointing, plan: BurnPlan, q_BN: Float[Array, "4"], time: Scalar, dt: float
+) -> BurnPlan:
+    """The plan, cut off now if the thruster is to push within the next `dt` [s] and the attitude is not the burn's."""
+    # Half the chord between the quaternions is the sine of a quarter of the angle; small angles suffice here.
+    alike = jnp.abs(jnp.sum(plan.q_burn * q_BN, axis=0))
+    astray = alike < jnp.cos(0.5 * pointing.burn_attitude_limit)
+    due = (time + dt > plan.ignition) & (time < plan.cutoff)
+    stop = astray & due
+    ignition = jnp.where(stop, jnp.minimum(plan.ignition, time), plan.ignition)
+    return replace(plan, ignition=ignition, cutoff=jnp.where(stop, jnp.maximum(ignition, time), plan.cutoff))
+
+
+def can_see(onboard: Onboard, estimate: OrbitEstimate, sun_N: Vector) -> Flag:
+    """True while the target should be visible: by the estimate, the Sun at `sun_N` [m] and the camera's limits."""
+    r_TN_N = estimate.servicer.r_SN_N + estimate.relative.r_TS_N
+    return light.is_observable(r_TN_N, -estimate.relative.r_TS_N, sun_N, onboard.phase_limit, onboard.sun_exclusion)
+
+
 def is_lost(pointing: Pointing, state: PointingState) -> Flag:
-    """True when the target has not been seen for too long, or not at all yet."""
+    """True when the target has not been seen for too long, or not yet since it came into the light."""
     return (state.unseen_time > pointing.search_after) | ~state.acquired
 
 
@@ -270,14 +293,15 @@ def guide(
     plan: BurnPlan,
     state: PointingState,
     box_accepted: Flag,
+    visible: Flag,
     time: Scalar,
     dt: float,
 ) -> tuple[PointingState, Array]:
-    """Reference for the next `dt` [s] and the present mode."""
+    """Reference for the next `dt` [s] and the present mode; in the dark (not `visible`) nothing is searched for."""
     to_burn = (time >= plan.turn_start) & (time < plan.cutoff)
     looking_away = to_burn | (state.to_burn | _slewing_back(state)) & ~box_accepted
-    acquired = state.acquired | box_accepted
-    unseen = jnp.where(box_accepted, 0.0, state.unseen_time + jnp.where(looking_away, 0.0, dt))
+    acquired = (state.acquired & visible) | box_accepted
+    unseen = jnp.where(box_accepted | ~visible, 0.0, state.unseen_time + jnp.where(looking_away, 0.0, dt))
     patience = jnp.where(acquired, pointing.search_after, pointing.acquisition_wait)
     searching = (unseen > patience) & ~to_burn
     search_time = jnp.where(searching, _search_clock(pointing, estimate, state.search_time + dt), 0.0)

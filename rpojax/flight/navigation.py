@@ -1,4 +1,4 @@
-"""Tuning of the orbit filter and of its gate, and the box as the filter sees it."""
+"""Tuning of the orbit filter and of its gate, and its measurements as it sees them."""
 
 from jaxtyping import Array
 
@@ -19,7 +19,7 @@ class Navigation:
         scale_sigma: (2,) log-size error, slow and fast part, 1 sigma [-]
         scale_time_constant: (2,) [s]
         bearing_bias_sigma: () per axis, 1 sigma [rad]
-        attitude_sigma: () camera attitude noise per axis, 1 sigma [rad]
+        attitude_sigma: () camera attitude noise per axis, 1 sigma, at least [rad]
         acceleration_noise: () unmodelled absolute acceleration [m/s^2 per Hz^0.5]
         relative_acceleration_noise: () unmodelled relative acceleration [m/s^2 per Hz^0.5]
         burn_magnitude_sigma: () share of a burn's velocity change along it, 1 sigma [-]
@@ -65,6 +65,19 @@ class Navigation:
 
 
 @pytree
+class GpsMeasurement:
+    """A GPS fix.
+
+    Attributes:
+        position_N: (3,) of the servicer [m]
+        present: () bool
+    """
+
+    position_N: Array
+    present: Array
+
+
+@pytree
 class BoxMeasurement:
     """A bounding box as the filter sees it.
 
@@ -74,6 +87,7 @@ class BoxMeasurement:
         side_px: () mean side [px]
         present: () bool
         truncated: () bool, cut by the frame
+        attitude_variance: () of the camera's attitude across the boresight, as known on board [rad^2]
     """
 
     tangent: Array
@@ -81,3 +95,4 @@ class BoxMeasurement:
     side_px: Array
     present: Array
     truncated: Array
+    attitude_variance: Array

@@ -20,6 +20,8 @@ class Onboard:
         wheel_torque_limit: (3,) [N m]
         camera_mounting: (4,) q_KB
         focal_px: () [px]
+        phase_limit: () of the camera [rad]
+        sun_exclusion: () of the camera [rad]
     """
 
     mass: Array
@@ -32,3 +34,5 @@ class Onboard:
     wheel_torque_limit: Array
     camera_mounting: Array
     focal_px: Array
+    phase_limit: Array
+    sun_exclusion: Array

@@ -11,11 +11,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import orbital_mechanics
+from rpojax.core.difference import Difference
 from rpojax.core.integrate import rk4
 from rpojax.core.pytree import pytree
 from rpojax.flight import covariance, relative_filter, servicer_filter
 from rpojax.flight.box_gate import BoxTrack
-from rpojax.flight.navigation import BoxMeasurement, Navigation
+from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement, Navigation
 from rpojax.flight.relative_filter import RelativeEstimate
 from rpojax.flight.servicer_filter import ServicerEstimate
 
@@ -59,28 +60,35 @@ def initial(tuning: Navigation, r_SN_N: Vector, v_SN_N: Vector, r_TS_N: Vector, 
 
 
 def predict(
-    tuning: Navigation, estimate: OrbitEstimate, delta_v_N: Vector, burn_delta_v: Scalar, dt: float
+    tuning: Navigation,
+    zonal_degree: int,
+    estimate: OrbitEstimate,
+    delta_v_N: Vector,
+    burn_delta_v: Scalar,
+    doubt: Scalar,
+    dt: float,
 ) -> OrbitEstimate:
     """Estimate `dt` [s] later, with the known velocity change [m/s] spread over the step.
 
-    `burn_delta_v` [m/s] is the size of the whole burn that `delta_v_N` is a part of.
+    `burn_delta_v` [m/s] is the size of the whole burn that `delta_v_N` is a part of, `doubt` a factor on the filter's
+    idea of how well burns are executed.
     """
     acceleration = delta_v_N / dt
 
     def derivative(y: tuple[Vector, ...], _: Scalar) -> tuple[Vector, ...]:
         r, v, d, d_dot = y
+        pull = orbital_mechanics.gravity(orbital_mechanics.EARTH, zonal_degree, Difference(value=r, change=d))
         return (
             v,
-            orbital_mechanics.gravity(r) + acceleration,
+            pull.value + acceleration,
             d_dot,
-            orbital_mechanics.differential_gravity(r, d) - acceleration,
+            pull.change - acceleration,
         )
 
     servicer, relative = estimate.servicer, estimate.relative
     mean = (servicer.r_SN_N, servicer.v_SN_N, relative.r_TS_N, relative.v_TS_N)
-    none = jnp.zeros((), dtype=delta_v_N.dtype)
-    r, v, d, d_dot = rk4(derivative, mean, (none, none, none), dt)
-    burn = covariance.burn(delta_v_N, burn_delta_v, tuning.burn_magnitude_sigma, tuning.burn_direction_sigma)
+    r, v, d, d_dot = rk4(derivative, mean, jnp.zeros(3, dtype=delta_v_N.dtype), dt)
+    burn = covariance.burn(delta_v_N, burn_delta_v, doubt * tuning.burn_magnitude_sigma, tuning.burn_direction_sigma)
     return OrbitEstimate(
         servicer=servicer_filter.predict(tuning, servicer, r, v, burn, dt),
         relative=relative_filter.predict(tuning, relative, d, d_dot, servicer.r_SN_N, burn, dt),
@@ -93,19 +101,19 @@ def update(
     focal_px: Scalar,
     estimate: OrbitEstimate,
     track: BoxTrack,
-    gps_N: Vector,
+    gps: GpsMeasurement,
     q_KN: Float[Array, "4"],
     box: BoxMeasurement,
 ) -> tuple[OrbitEstimate, BoxTrack, Innovation]:
-    """Estimate after GPS [m] and, if it passes the gate, the box; `q_KN` is the camera's attitude as known on board."""
-    servicer, gps = servicer_filter.update(tuning, estimate.servicer, gps_N)
+    """Estimate after GPS, if there is any, and after the box, if it passes the gate; `q_KN` is the camera's attitude as known on board."""
+    servicer, gps_result = servicer_filter.update(tuning, estimate.servicer, gps)
     relative, track, box_result, used = relative_filter.update(
         tuning, gated, focal_px, estimate.relative, track, q_KN, box
     )
     innovation = Innovation(
-        innovation=jnp.concatenate([gps.innovation, box_result.innovation]),
-        variance=jnp.concatenate([gps.innovation_variance, box_result.innovation_variance]),
-        log_likelihood=gps.log_likelihood + box_result.log_likelihood,
+        innovation=jnp.concatenate([gps_result.innovation, box_result.innovation]),
+        variance=jnp.concatenate([gps_result.innovation_variance, box_result.innovation_variance]),
+        log_likelihood=gps_result.log_likelihood + box_result.log_likelihood,
         accepted=used,
         rejected=box.present & ~used,
     )

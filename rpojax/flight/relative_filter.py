@@ -128,7 +128,7 @@ def box_model(tuning: Navigation, focal_px: Scalar, R_KN: Matrix, r_TS_N: Vector
     bearing = (
         (0.5 * tuning.edge_noise**2 + doubt_px**2) / focal_px**2
         + (tuning.center_noise / distance) ** 2
-        + tuning.attitude_sigma**2
+        + jnp.maximum(tuning.attitude_sigma**2, box.attitude_variance)
     )
     expected_px = focal_px * tuning.target_size / distance
     size = _ASPECT_FACTOR * (tuning.edge_noise / expected_px) ** 2

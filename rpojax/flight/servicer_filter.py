@@ -10,7 +10,7 @@ from rpojax.core import orbital_mechanics, scalar_update
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.scalar_update import Rows, Update
 from rpojax.flight import covariance
-from rpojax.flight.navigation import Navigation
+from rpojax.flight.navigation import GpsMeasurement, Navigation
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
@@ -77,14 +77,15 @@ def predict(
     )
 
 
-def update(tuning: Navigation, estimate: ServicerEstimate, gps_N: Vector) -> tuple[ServicerEstimate, Update]:
-    """Estimate after a GPS position [m]."""
+def update(tuning: Navigation, estimate: ServicerEstimate, gps: GpsMeasurement) -> tuple[ServicerEstimate, Update]:
+    """Estimate after a GPS position; nothing changes when there is none."""
+    gps_N = gps.position_N
     identity = jnp.eye(3, dtype=gps_N.dtype)
     rows = Rows(
         residual=gps_N - estimate.r_SN_N - estimate.gps_error_N,
         jacobian=jnp.concatenate([identity, jnp.zeros((3, 3), dtype=gps_N.dtype), identity], axis=1),
         variance=jnp.full(3, tuning.gps_noise**2),
-        weight=jnp.ones_like(gps_N),
+        weight=jnp.full(3, jnp.where(gps.present, 1.0, 0.0)),
     )
     result = scalar_update.update(estimate.covariance, rows)
     x = result.deviation

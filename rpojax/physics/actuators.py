@@ -1,12 +1,14 @@
-"""Reaction wheels with limits, and an on-time commanded thruster that cuts off exactly inside a step."""
+"""Reaction wheels with limits and friction, and an on-time commanded thruster whose impulse in a step is exact."""
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.core import quaternion
 from rpojax.core.constants import STANDARD_GRAVITY
+from rpojax.core.integrate import NODES, Method
 from rpojax.core.pytree import pytree
-from rpojax.core.quaternion import cross
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -22,6 +24,10 @@ class Wheels:
         torque_limit: (3,) [N m]
         speed_limit: (3,) relative to the body [rad/s]
         initial_speed: (3,) [rad/s]
+        viscous_friction: (3,) torque per speed [N m s/rad]
+        coulomb_friction: (3,) torque of a turning wheel [N m]
+        stiction_speed: () below about this speed the Coulomb torque fades to zero [rad/s]
+        torque_step: () smallest difference of two torques that the drive can give [N m]
     """
 
     axes: Array
@@ -29,6 +35,24 @@ class Wheels:
     torque_limit: Array
     speed_limit: Array
     initial_speed: Array
+    viscous_friction: Array
+    coulomb_friction: Array
+    stiction_speed: Array
+    torque_step: Array
+
+
+def quantised(wheels: Wheels, command: Vector) -> Vector:
+    """Torque command [N m] rounded to the drive's steps; the derivative is that of the command itself."""
+    rounded = wheels.torque_step * jnp.round(command / wheels.torque_step)
+    return command + jax.lax.stop_gradient(rounded - command)
+
+
+def friction(wheels: Wheels, speed: Vector) -> Vector:
+    """Torque of the bearings on each wheel [N m] at its speed relative to the body [rad/s].
+
+    The Coulomb part follows the hyperbolic tangent of the speed, so that it has a derivative when the wheel reverses.
+    """
+    return -wheels.viscous_friction * speed - wheels.coulomb_friction * jnp.tanh(speed / wheels.stiction_speed)
 
 
 def limited_torque(wheels: Wheels, command: Vector, speed: Vector, dt: float) -> Vector:
@@ -48,9 +72,12 @@ class Thruster:
         force_scale: () true over nominal force [-]
         specific_impulse: () [s]
         minimum_on_time: () shorter commands give nothing [s]
+        rise_time: () from the opening of the valve to full force [s]
+        fall_time: () from its closing to none [s]
         position: (3,) lever arm from the centre of mass in B [m]
         direction: (3,) force on the servicer in B, unit
         misalignment: (3,) small rotation of the direction [rad]
+        tank_position: (3,) of the propellant, from the centre of mass of the full servicer in B [m]
         magnitude_noise: () burn-to-burn error of the force, 1 sigma [-]
         direction_noise: () burn-to-burn error of the direction, 1 sigma per axis [rad]
     """
@@ -59,9 +86,12 @@ class Thruster:
     force_scale: Array
     specific_impulse: Array
     minimum_on_time: Array
+    rise_time: Array
+    fall_time: Array
     position: Array
     direction: Array
     misalignment: Array
+    tank_position: Array
     magnitude_noise: Array
     direction_noise: Array
 
@@ -84,27 +114,101 @@ def draw_burn_error(thruster: Thruster, normals: Float[Array, "4"]) -> BurnError
     return BurnError(magnitude=thruster.magnitude_noise * normals[0], direction=thruster.direction_noise * normals[1:])
 
 
-def force_and_torque(thruster: Thruster, error: BurnError) -> tuple[Vector, Vector]:
-    """Force [N] and torque about the centre of mass [N m] of the open thruster, both in B."""
-    turn = quaternion.exp(thruster.misalignment + error.direction)
-    magnitude = thruster.force * thruster.force_scale * (1.0 + error.magnitude)
-    force = magnitude * quaternion.rotate(turn, quaternion.normalize(thruster.direction))
-    return force, cross(thruster.position, force)
+@pytree
+class Burn:
+    """When the valve is open.
 
-
-def mass_flow(thruster: Thruster, force_B: Vector) -> Scalar:
-    """Propellant flow [kg/s] at the given force [N]."""
-    return jnp.sqrt(jnp.sum(force_B * force_B, axis=0)) / (thruster.specific_impulse * STANDARD_GRAVITY)
-
-
-def stage_fractions(ignition: Scalar, cutoff: Scalar, dt: float) -> tuple[Scalar, Scalar, Scalar]:
-    """Factors on the thrust at the start, middle and end of a Runge-Kutta step, for thrust on part of the step.
-
-    `ignition` and `cutoff` [s] count from the start of the step and may lie outside of it. The factors make Simpson's
-    rule exact for the impulse and its first two moments, so that velocity and position after the step are those of
-    the true on and off times, and both are smooth in the on-time.
+    Attributes:
+        ignition: () [s] from the start of the step
+        cutoff: () [s] from the start of the step
+        error: execution error of this burn
     """
-    start = jnp.clip(ignition / dt, 0.0, 1.0)
-    end = jnp.maximum(jnp.clip(cutoff / dt, 0.0, 1.0), start)
-    m0, m1, m2 = end - start, (end**2 - start**2) / 2.0, (end**3 - start**3) / 3.0
-    return 6.0 * m0 - 18.0 * m1 + 12.0 * m2, 6.0 * (m1 - m2), 12.0 * m2 - 6.0 * m1
+
+    ignition: Array
+    cutoff: Array
+    error: BurnError
+
+
+@pytree
+class Thrust:
+    """A thruster over one step.
+
+    Attributes:
+        force_B: (3,) when fully open [N]
+        position_B: (3,) where it acts, from the centre of mass [m]
+        flow: () of propellant when fully open [kg/s]
+        opening: (nodes,) share of the full force at the integrator's nodes [-]
+    """
+
+    force_B: Array
+    position_B: Array
+    flow: Array
+    opening: Array
+
+
+def thrust(thruster: Thruster, burn: Burn, method: Method, ramps: bool, dt: float) -> Thrust:
+    """What the thruster does in a step of `dt` [s]; with `ramps` the force rises and falls, else it is on or off.
+
+    Commands shorter than the minimum on-time give nothing.
+    """
+    turn = quaternion.exp(thruster.misalignment + burn.error.direction)
+    magnitude = thruster.force * thruster.force_scale * (1.0 + burn.error.magnitude)
+    valid = burn.cutoff - burn.ignition >= thruster.minimum_on_time
+    return Thrust(
+        force_B=magnitude * quaternion.rotate(turn, quaternion.normalize(thruster.direction)),
+        position_B=thruster.position,
+        flow=jnp.abs(magnitude) / (thruster.specific_impulse * STANDARD_GRAVITY),
+        opening=jnp.where(valid, _openings(thruster, burn, method, ramps, dt), 0.0),
+    )
+
+
+def center_of_mass_shift(thruster: Thruster, mass_used: Scalar, mass: Scalar) -> Vector:
+    """Where the centre of mass has gone [m], in B, once `mass_used` [kg] of propellant has left; `mass` [kg] remains."""
+    return -mass_used / mass * thruster.tank_position
+
+
+def _openings(thruster: Thruster, burn: Burn, method: Method, ramps: bool, dt: float) -> Float[Array, " nodes"]:
+    """Factors at the integrator's nodes that make its quadrature exact for the true profile.
+
+    They reproduce the profile's impulse and its moments up to the degree that the nodes carry, so that velocity and
+    position after the step are those of the true times, and both are smooth in the on-time.
+    """
+    nodes = np.array(NODES[method])
+    powers = np.arange(nodes.size)
+    # Row i holds the coefficients of the i-th Lagrange polynomial, divided by its weight: its integral over the step.
+    lagrange = np.linalg.inv(nodes[:, None] ** powers[None, :]).T
+    weights = lagrange @ (1.0 / (powers + 1.0))
+    table = jnp.asarray(lagrange / weights[:, None])
+    ignition, cutoff = burn.ignition / dt, jnp.maximum(burn.cutoff, burn.ignition) / dt
+    if ramps:
+        rise = jnp.maximum(thruster.rise_time / dt, _INSTANT)
+        peak = jnp.minimum((cutoff - ignition) / rise, 1.0)
+        # A short burn is cut before the force is up, and falls from where it got to.
+        up = _ramp_moments(ignition, jnp.maximum(peak * rise, _INSTANT), nodes.size)
+        down = _ramp_moments(cutoff, jnp.maximum(thruster.fall_time / dt, _INSTANT), nodes.size)
+        moments = peak * (up - down)
+    else:
+        moments = _step_moments(ignition, nodes.size) - _step_moments(cutoff, nodes.size)
+    return jnp.sum(table * moments[None, :], axis=1)
+
+
+_INSTANT = 1e-9
+"""Shortest ramp, as a share of a step."""
+
+
+def _step_moments(begin: Scalar, count: int) -> Float[Array, " moments"]:
+    """Integrals over [0, 1] of t^k times a profile that jumps from 0 to 1 at `begin`."""
+    start = jnp.clip(begin, 0.0, 1.0)
+    return jnp.stack([(1.0 - start ** (k + 1)) / (k + 1.0) for k in range(count)])
+
+
+def _ramp_moments(begin: Scalar, width: Scalar, count: int) -> Float[Array, " moments"]:
+    """Integrals over [0, 1] of t^k times a profile that climbs evenly from 0 at `begin` to 1 at `begin + width`."""
+    low, high = jnp.clip(begin, 0.0, 1.0), jnp.clip(begin + width, 0.0, 1.0)
+    at_end = jnp.clip((1.0 - begin) / width, 0.0, 1.0)
+    climbed = at_end - jnp.clip(-begin / width, 0.0, 1.0)
+    moments = []
+    for k in range(count):
+        mean_power = sum(high**i * low ** (k + 1 - i) for i in range(k + 2)) / (k + 2.0)
+        moments.append((at_end - climbed * mean_power) / (k + 1.0))
+    return jnp.stack(moments)

@@ -1,16 +1,22 @@
 """The truth: both orbits, both attitudes, wheels and propellant, advanced together by one Runge-Kutta step."""
 
+from dataclasses import dataclass
+
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import orbital_mechanics, quaternion
+from rpojax.core import integrate, orbital_mechanics, quaternion
+from rpojax.core.constants import MU_MOON, MU_SUN
+from rpojax.core.difference import Difference
 from rpojax.core.frames import hill_frame, hill_to_inertial
-from rpojax.core.integrate import rk4
+from rpojax.core.orbital_mechanics import Field
 from rpojax.core.pytree import pytree, replace
-from rpojax.core.quaternion import rotate
-from rpojax.physics import actuators, rigid_body
-from rpojax.physics.actuators import BurnError, Thruster, Wheels
-from rpojax.physics.environment import Sun, gravity_gradient_torque
+from rpojax.core.quaternion import conjugate, cross, rotate
+from rpojax.physics import actuators, environment, gravity, rigid_body
+from rpojax.physics.actuators import Thrust, Thruster, Wheels
+from rpojax.physics.effects import Effects
+from rpojax.physics.environment import Atmosphere, Sky, Sunlight, Surface
+from rpojax.physics.faults import SEIZING_TIME, Fault, Health
 from rpojax.physics.rigid_body import Body
 
 Vector = Float[Array, "3"]
@@ -23,6 +29,7 @@ class Target:
     """The target as it is.
 
     Attributes:
+        mass: () [kg]
         inertia: (3, 3) [kg m^2]
         hull: (n, 3) vertices that span its outline, from its centre of mass in T [m]
         tumble_rate: () initial rate [rad/s]
@@ -30,6 +37,7 @@ class Target:
         attitude: (4,) initial q_TN
     """
 
+    mass: Array
     inertia: Array
     hull: Array
     tumble_rate: Array
@@ -42,10 +50,15 @@ class PlantParams:
     """Everything true about the two vehicles and their surroundings."""
 
     servicer: Body
+    servicer_surface: Surface
     target: Target
+    target_surface: Surface
     thruster: Thruster
     wheels: Wheels
-    sun: Sun
+    gravity: Field
+    atmosphere: Atmosphere
+    sunlight: Sunlight
+    fault: Fault
 
 
 @pytree
@@ -79,21 +92,6 @@ class Truth:
     delta_v: Array
 
 
-@pytree
-class Burn:
-    """When the thruster is open.
-
-    Attributes:
-        ignition: () [s] from the start of the step
-        cutoff: () [s] from the start of the step
-        error: execution error of this burn
-    """
-
-    ignition: Array
-    cutoff: Array
-    error: BurnError
-
-
 def initial_truth(
     params: PlantParams, orbit: orbital_mechanics.Elements, rho_H: Vector, rho_dot_H: Vector, q_BN: Array
 ) -> Truth:
@@ -117,44 +115,153 @@ def initial_truth(
     )
 
 
-def step(params: PlantParams, truth: Truth, wheel_command: Vector, burn: Burn, dt: float) -> Truth:
-    """Truth after `dt` [s] of constant wheel torque commands [N m] and of the burn's part that falls in the step."""
-    torque = actuators.limited_torque(params.wheels, wheel_command, truth.wheel_speed, dt)
-    force_B, lever_torque_B = actuators.force_and_torque(params.thruster, burn.error)
-    flow = actuators.mass_flow(params.thruster, force_B)
-    wheels = params.wheels
-    inverse_hub = rigid_body.inverse_without_wheels(params.servicer.inertia, wheels.axes, wheels.inertia)
+def step(
+    effects: Effects,
+    params: PlantParams,
+    truth: Truth,
+    wheel_command: Vector,
+    thrusts: tuple[Thrust, ...],
+    sky: Sky,
+    health: Health,
+    dt: float,
+) -> Truth:
+    """Truth after `dt` [s] of constant wheel torque commands [N m] and of what the thrusters do in the step.
+
+    The sky and the health of the equipment are taken as they are at the start of the step.
+    """
+    motor_torque = _motor_torque(effects, params.wheels, truth, wheel_command, health, dt)
+    inverse_hub = rigid_body.inverse_without_wheels(params.servicer.inertia, params.wheels.axes, params.wheels.inertia)
     inverse_target = rigid_body.inverse(params.target.inertia)
 
-    def derivative(y: Truth, thrust: Scalar) -> Truth:
-        acceleration_B = thrust / y.mass * force_B
-        r_SN_B = rotate(y.q_BN, y.r_TN_N + y.r_ST_N)
-        torque_B = thrust * lever_torque_B + gravity_gradient_torque(r_SN_B, params.servicer.inertia)
+    def derivative(y: Truth, openings: tuple[Scalar, ...]) -> Truth:
+        force_B, torque_B, flow = _propulsion(effects, params, y, thrusts, openings)
+        a_TN_N, a_ST_N = _orbital_accelerations(effects, params, y, sky)
+        surface = _surface_forces(effects, params, y, sky)
+        pull_B, torque_T = _gravity_gradient_torques(effects, params, y)
+        wheel_torque = motor_torque + _bearing_torque(effects, params.wheels, y.wheel_speed, health)
         omega_dot, wheel_acceleration = rigid_body.accelerations_with_wheels(
             params.servicer.inertia,
             inverse_hub,
-            wheels.axes,
-            wheels.inertia,
+            params.wheels.axes,
+            params.wheels.inertia,
             y.omega_BN_B,
             y.wheel_speed,
-            torque,
-            torque_B,
+            wheel_torque,
+            torque_B + pull_B + surface.servicer_torque_B,
         )
-        torque_T = gravity_gradient_torque(rotate(y.q_TN, y.r_TN_N), params.target.inertia)
+        torque_T = torque_T + surface.target_torque_T
         return Truth(
             r_TN_N=y.v_TN_N,
-            v_TN_N=orbital_mechanics.gravity(y.r_TN_N),
+            v_TN_N=a_TN_N + surface.target_acceleration_N,
             r_ST_N=y.v_ST_N,
-            v_ST_N=orbital_mechanics.differential_gravity(y.r_TN_N, y.r_ST_N)
-            + rotate(quaternion.conjugate(y.q_BN), acceleration_B),
+            v_ST_N=a_ST_N
+            + surface.servicer_acceleration_N
+            - surface.target_acceleration_N
+            + rotate(conjugate(y.q_BN), force_B) / y.mass,
             q_BN=quaternion.derivative(y.q_BN, y.omega_BN_B),
             omega_BN_B=omega_dot,
             wheel_speed=wheel_acceleration,
             q_TN=quaternion.derivative(y.q_TN, y.omega_TN_T),
             omega_TN_T=rigid_body.angular_acceleration(params.target.inertia, inverse_target, y.omega_TN_T, torque_T),
-            mass=-thrust * flow,
-            delta_v=thrust / y.mass * jnp.sqrt(jnp.sum(force_B * force_B, axis=0)),
+            mass=-flow,
+            delta_v=sum(opening * _length(each.force_B) for opening, each in zip(openings, thrusts, strict=True))
+            / y.mass,
         )
 
-    after = rk4(derivative, truth, actuators.stage_fractions(burn.ignition, burn.cutoff, dt), dt)
+    openings = tuple(health.thrust * thrust.opening for thrust in thrusts)
+    after = integrate.step(effects.integrator, derivative, truth, openings, dt)
     return replace(after, q_BN=quaternion.normalize(after.q_BN), q_TN=quaternion.normalize(after.q_TN))
+
+
+def _length(vector: Vector) -> Scalar:
+    return jnp.sqrt(jnp.sum(vector * vector, axis=0))
+
+
+def _motor_torque(
+    effects: Effects, wheels: Wheels, truth: Truth, command: Vector, health: Health, dt: float
+) -> Vector:
+    """Torque [N m] that the wheel drives really give."""
+    given = actuators.quantised(wheels, command) if effects.wheel_torque_steps else command
+    torque = actuators.limited_torque(wheels, given, truth.wheel_speed, dt)
+    return jnp.where(health.wheel_stuck, 0.0, torque) if effects.faults else torque
+
+
+def _bearing_torque(effects: Effects, wheels: Wheels, speed: Vector, health: Health) -> Vector:
+    """Torque [N m] of friction on the wheels, faults included."""
+    torque = actuators.friction(wheels, speed) if effects.wheel_friction else jnp.zeros_like(speed)
+    if not effects.faults:
+        return torque
+    rubbing = health.wheel_friction * wheels.torque_limit * jnp.tanh(speed / wheels.stiction_speed)
+    seizing = wheels.inertia * speed / SEIZING_TIME
+    return torque - rubbing - jnp.where(health.wheel_stuck, seizing, 0.0)
+
+
+def _propulsion(
+    effects: Effects, params: PlantParams, y: Truth, thrusts: tuple[Thrust, ...], openings: tuple[Scalar, ...]
+) -> tuple[Vector, Vector, Scalar]:
+    """Force [N] and torque about the centre of mass [N m] in B, and flow of propellant [kg/s]."""
+    force = torque = jnp.zeros_like(y.omega_BN_B)
+    flow = jnp.zeros_like(y.mass)
+    shift = jnp.zeros_like(force)
+    if effects.center_of_mass_shift:
+        shift = actuators.center_of_mass_shift(params.thruster, params.servicer.mass - y.mass, y.mass)
+    for each, opening in zip(thrusts, openings, strict=True):
+        own = opening * each.force_B
+        force, torque = force + own, torque + cross(each.position_B - shift, own)
+        flow = flow + opening * each.flow
+    return force, torque, flow
+
+
+def _orbital_accelerations(effects: Effects, params: PlantParams, y: Truth, sky: Sky) -> tuple[Vector, Vector]:
+    """Gravity [m/s^2] in N on the target, and on the servicer less that on the target."""
+    r = Difference(value=y.r_TN_N, change=y.r_ST_N)
+    pull = orbital_mechanics.gravity(params.gravity, effects.zonal_degree, r)
+    if effects.sun_gravity:
+        pull = pull + gravity.distant(MU_SUN, sky.sun_N, r)
+    if effects.moon_gravity:
+        pull = pull + gravity.distant(MU_MOON, sky.moon_N, r)
+    return pull.value, pull.change
+
+
+@dataclass(frozen=True)
+class _SurfaceForces:
+    """What air and light do to both craft: accelerations in N [m/s^2], torques in body axes [N m]."""
+
+    target_acceleration_N: Array
+    servicer_acceleration_N: Array
+    target_torque_T: Array
+    servicer_torque_B: Array
+
+
+def _surface_forces(effects: Effects, params: PlantParams, y: Truth, sky: Sky) -> _SurfaceForces:
+    def force(surface: Surface, r_N: Vector, v_N: Vector) -> Vector:
+        total = jnp.zeros_like(r_N)
+        if effects.drag:
+            total = total + environment.drag(params.atmosphere, surface, params.gravity.radius, r_N, v_N)
+        if effects.solar_pressure:
+            total = total + environment.light_pressure(params.sunlight, surface, r_N, sky.sun_N)
+        return total
+
+    none = jnp.zeros_like(y.r_TN_N)
+    if not (effects.drag or effects.solar_pressure):
+        return _SurfaceForces(none, none, none, none)
+    on_target = force(params.target_surface, y.r_TN_N, y.v_TN_N)
+    on_servicer = force(params.servicer_surface, y.r_TN_N + y.r_ST_N, y.v_TN_N + y.v_ST_N)
+    return _SurfaceForces(
+        target_acceleration_N=on_target / params.target.mass,
+        servicer_acceleration_N=on_servicer / y.mass,
+        target_torque_T=cross(params.target_surface.center_of_pressure, rotate(y.q_TN, on_target)),
+        servicer_torque_B=cross(params.servicer_surface.center_of_pressure, rotate(y.q_BN, on_servicer)),
+    )
+
+
+def _gravity_gradient_torques(effects: Effects, params: PlantParams, y: Truth) -> tuple[Vector, Vector]:
+    """Torque [N m] of the gravity gradient on the servicer in B and on the target in T."""
+    if not effects.gravity_gradient:
+        none = jnp.zeros_like(y.omega_BN_B)
+        return none, none
+    mu = params.gravity.mu
+    return (
+        environment.gravity_gradient_torque(rotate(y.q_BN, y.r_TN_N + y.r_ST_N), params.servicer.inertia, mu),
+        environment.gravity_gradient_torque(rotate(y.q_TN, y.r_TN_N), params.target.inertia, mu),
+    )

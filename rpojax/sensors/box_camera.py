@@ -6,7 +6,6 @@ from jaxtyping import Array, Bool, Float
 from rpojax.core import quaternion
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
-from rpojax.physics.environment import is_lit
 from rpojax.vision import box_model, pinhole
 from rpojax.vision.box_model import Box
 
@@ -70,25 +69,17 @@ def attitude(camera: BoxCamera, q_BN: Float[Array, "4"]) -> Float[Array, "4"]:
     return quaternion.multiply(q_KB, q_BN)
 
 
-def has_light(camera: BoxCamera, r_TN_N: Vector, r_ST_N: Vector, sun_N: Vector) -> Bool[Array, ""]:
-    """True where a visible camera can see the target: lit, phase angle small enough, Sun far enough from the view."""
-    to_servicer = quaternion.normalize(r_ST_N)
-    cos_phase = jnp.sum(to_servicer * sun_N, axis=0)
-    small_phase = cos_phase > jnp.cos(camera.phase_limit)
-    sun_away = -cos_phase < jnp.cos(camera.sun_exclusion)
-    return is_lit(r_TN_N, sun_N) & small_phase & sun_away
-
-
 def measure(
     camera: BoxCamera,
     width_px: int,
     height_px: int,
     hull_K: Float[Array, "n 3"],
     observable: Bool[Array, ""],
+    working: Bool[Array, ""],
     normals: Float[Array, "4"],
     uniforms: Float[Array, "6"],
 ) -> Frame:
-    """Box of one exposure of the hull vertices `hull_K` [m] in camera axes."""
+    """Box of one exposure of the hull vertices `hull_K` [m] in camera axes; a camera that does not work gives none."""
     lens = pinhole.lens(camera.field_of_view, width_px, height_px)
     true_edges = box_model.outline(lens, hull_K)
     in_front = jnp.min(hull_K[:, 2], axis=0) > 0.1
@@ -106,10 +97,10 @@ def measure(
     )
     box = Box(
         edges=jnp.where(outlier, false_edges, noisy),
-        present=detected | outlier,
+        present=(detected | outlier) & working,
         truncated=jnp.where(outlier, false_truncated, truncated),
     )
-    return Frame(box=box, observable=observable, outlier=outlier)
+    return Frame(box=box, observable=observable & working, outlier=outlier)
 
 
 def _false_box(camera: BoxCamera, frame_size: Float[Array, "2"], uniforms: Float[Array, "4"]) -> Float[Array, "4"]:

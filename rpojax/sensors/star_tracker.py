@@ -1,6 +1,7 @@
-"""Star tracker: inertial attitude of the body with noise and a fixed misalignment."""
+"""Star tracker: inertial attitude of the body with noise and a fixed misalignment, blind near the Sun."""
 
-from jaxtyping import Array, Float
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
 from rpojax.core.pytree import pytree
@@ -15,10 +16,20 @@ class StarTracker:
     Attributes:
         noise: (3,) white noise about each body axis, 1 sigma [rad]
         misalignment: (3,) small rotation of its axes [rad]
+        boresight: (3,) where it looks in B, any length
+        sun_exclusion: () blind when the Sun is nearer than this [rad]
     """
 
     noise: Array
     misalignment: Array
+    boresight: Array
+    sun_exclusion: Array
+
+
+def sees_stars(star_tracker: StarTracker, q_BN: Float[Array, "4"], r_sun_N: Vector) -> Bool[Array, ""]:
+    """True while the Sun is far enough from the boresight."""
+    boresight_N = quaternion.rotate(quaternion.conjugate(q_BN), quaternion.normalize(star_tracker.boresight))
+    return jnp.sum(boresight_N * quaternion.normalize(r_sun_N), axis=0) < jnp.cos(star_tracker.sun_exclusion)
 
 
 def measure(star_tracker: StarTracker, q_BN: Float[Array, "4"], normals: Vector) -> Float[Array, "4"]:

@@ -4,18 +4,20 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import quaternion, random, safe
+from rpojax.core import ephemeris, light, quaternion, random, safe
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.random import Stream
 from rpojax.flight import computer, guidance, orbit_filter, relative_filter, servicer_filter
 from rpojax.flight.computer import FlightMemory, Measurements, Stages
-from rpojax.flight.navigation import BoxMeasurement
+from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement
 from rpojax.flight.orbit_filter import Innovation
-from rpojax.physics import actuators, plant
-from rpojax.physics.actuators import BurnError
-from rpojax.physics.plant import Burn, Truth
-from rpojax.sensors import box_camera, gps, gyro, star_tracker
+from rpojax.physics import actuators, faults, plant
+from rpojax.physics.actuators import Burn, BurnError
+from rpojax.physics.environment import Sky
+from rpojax.physics.faults import Health
+from rpojax.physics.plant import Truth
+from rpojax.sensors import box_camera, chamber_pressure, gps, gyro, star_tracker
 from rpojax.sensors.box_camera import Frame
 from rpojax.simulation.params import Params
 from rpojax.simulation.scenario import Scenario
@@ -72,6 +74,7 @@ class Telemetry:
         frame: the camera's frame
         innovation: diagnostics of the orbit filter
         mode: () guidance mode
+        tick: () whole ticks since the start
         running: () bool, the run had not failed
     """
 
@@ -80,6 +83,7 @@ class Telemetry:
     frame: Frame
     innovation: Innovation
     mode: Array
+    tick: Array
     running: Array
 
 
@@ -134,24 +138,27 @@ def init(scenario: Scenario, params: Params, key: Array) -> State:
 def tick(stages: Stages, scenario: Scenario, params: Params, state: State) -> tuple[State, Telemetry]:
     """State one tick later, and what there was to see at its beginning."""
     time = state.tick.astype(jnp.float64) * scenario.tick_s
+    sky = _sky(scenario, time)
+    health = faults.health(params.plant.fault, time) if scenario.effects.faults else faults.healthy()
     with jax.named_scope("sense"):
-        measurements, frame = _sense(scenario, params, state)
+        measurements, frame = _sense(scenario, params, state, sky, health)
     with jax.named_scope("navigate"):
         flight, innovation = computer.navigate(stages, params.flight, scenario.gated, state.flight, measurements)
     with jax.named_scope("plan_burn"):
-        flight, burn_error = _plan_burn(stages, scenario, params, state, flight, time)
+        flight, burn_error = _plan_burn(stages, scenario, params, state, flight, sky, time)
     with jax.named_scope("guide"):
-        flight, mode = computer.guide(params.flight, flight, innovation.accepted, time, scenario.tick_s)
+        flight, mode = computer.guide(params.flight, flight, innovation.accepted, sky.sun_N, time, scenario.tick_s)
     telemetry = Telemetry(
         truth=state.truth,
         flight=flight,
         frame=frame,
         innovation=innovation,
         mode=mode,
+        tick=state.tick,
         running=jnp.isinf(state.failed_at),
     )
     with jax.named_scope("act"):
-        truth, flight, sensors = _act(stages, scenario, params, state, flight, burn_error, time)
+        truth, flight, sensors = _act(stages, scenario, params, state, flight, burn_error, sky, health, time)
     after = replace(state, truth=truth, flight=flight, sensors=sensors, burn_error=burn_error)
     with jax.named_scope("check"):
         after = _freeze_if_failed(params, state, after, time)
@@ -170,7 +177,15 @@ def rollout(
     return jax.lax.scan(body, state, None, length=ticks)
 
 
-def _sense(scenario: Scenario, params: Params, state: State) -> tuple[Measurements, Frame]:
+def _sky(scenario: Scenario, time: Scalar) -> Sky:
+    """Sun and Moon at `time` [s]; the same for all runs of a campaign, so they cost next to nothing."""
+    seconds = scenario.epoch_s + time
+    return Sky(sun_N=ephemeris.sun(seconds), moon_N=ephemeris.moon(seconds))
+
+
+def _sense(
+    scenario: Scenario, params: Params, state: State, sky: Sky, health: Health
+) -> tuple[Measurements, Frame]:
     truth = state.truth
     gps_key, star_key, box_key = (
         random.fold_in(state.keys[stream], state.tick)
@@ -178,23 +193,30 @@ def _sense(scenario: Scenario, params: Params, state: State) -> tuple[Measuremen
     )
     gps_normals = random.normal(gps_key, 3)
     star_normals = random.normal(random.fold_in(star_key, 1), 3)
-    frame = _expose(scenario, params, truth, box_key)
+    frame = _expose(scenario, params, truth, sky, health, box_key)
     measurements = Measurements(
-        gps_N=gps.measure(params.gps, truth.r_TN_N + truth.r_ST_N, state.sensors.gps_bias_N, gps_normals),
+        gps=GpsMeasurement(
+            position_N=gps.measure(params.gps, truth.r_TN_N + truth.r_ST_N, state.sensors.gps_bias_N, gps_normals),
+            present=health.gps,
+        ),
         star_tracker_q_BN=star_tracker.measure(params.star_tracker, truth.q_BN, star_normals),
+        star_tracker_present=health.star_tracker
+        & star_tracker.sees_stars(params.star_tracker, truth.q_BN, sky.sun_N),
         box=as_measurement(scenario, params, frame),
     )
     return measurements, frame
 
 
-def _expose(scenario: Scenario, params: Params, truth: Truth, key: Array) -> Frame:
+def _expose(scenario: Scenario, params: Params, truth: Truth, sky: Sky, health: Health, key: Array) -> Frame:
     camera = params.camera
-    sun_N = quaternion.normalize(params.plant.sun.direction)
-    observable = box_camera.has_light(camera, truth.r_TN_N, truth.r_ST_N, sun_N)
+    observable = light.is_observable(
+        truth.r_TN_N, truth.r_ST_N, sky.sun_N, camera.phase_limit, camera.sun_exclusion
+    )
     hull_K = box_camera.hull_in_camera(camera, params.plant.target.hull, truth.q_TN, truth.r_ST_N, truth.q_BN)
     normals = random.normal(key, box_camera.NORMALS)
     uniforms = random.uniform(random.fold_in(key, 1), box_camera.UNIFORMS)
-    return box_camera.measure(camera, scenario.width_px, scenario.height_px, hull_K, observable, normals, uniforms)
+    size = (scenario.width_px, scenario.height_px)
+    return box_camera.measure(camera, *size, hull_K, observable, health.camera, normals, uniforms)
 
 
 def as_measurement(scenario: Scenario, params: Params, frame: Frame) -> BoxMeasurement:
@@ -208,18 +230,19 @@ def as_measurement(scenario: Scenario, params: Params, frame: Frame) -> BoxMeasu
         side_px=side,
         present=frame.box.present,
         truncated=frame.box.truncated,
+        attitude_variance=jnp.zeros_like(side),
     )
 
 
 def _plan_burn(
-    stages: Stages, scenario: Scenario, params: Params, state: State, flight: FlightMemory, time: Scalar
+    stages: Stages, scenario: Scenario, params: Params, state: State, flight: FlightMemory, sky: Sky, time: Scalar
 ) -> tuple[FlightMemory, BurnError]:
     """A new burn on decision ticks. The tick is the same for all runs of a batch, so this is a true branch."""
 
     def decide(flight: FlightMemory) -> tuple[guidance.BurnPlan, BurnError]:
         key = random.fold_in(state.keys[Stream.THRUSTER], state.tick)
         error = actuators.draw_burn_error(params.plant.thruster, random.normal(key, 4))
-        return computer.plan_burn(stages, params.flight, flight, time).plan, error
+        return computer.plan_burn(stages, params.flight, flight, sky.sun_N, time).plan, error
 
     def keep(flight: FlightMemory) -> tuple[guidance.BurnPlan, BurnError]:
         return flight.plan, state.burn_error
@@ -236,6 +259,8 @@ def _act(
     state: State,
     flight: FlightMemory,
     burn_error: BurnError,
+    sky: Sky,
+    health: Health,
     time: Scalar,
 ) -> tuple[Truth, FlightMemory, SensorState]:
     """Attitude control and plant over one tick, then both filters carried to its end."""
@@ -243,6 +268,7 @@ def _act(
     plan = flight.plan
     gyro_key = random.fold_in(state.keys[Stream.GYRO], state.tick)
     normals = random.normal(gyro_key, 3 * scenario.substeps).reshape(scenario.substeps, 3)
+    effects = scenario.effects
     offsets = jnp.arange(scenario.substeps, dtype=jnp.float64) * dt
 
     def substep(
@@ -255,15 +281,26 @@ def _act(
         begin = time + offset
         burn = Burn(ignition=plan.ignition - begin, cutoff=plan.cutoff - begin, error=burn_error)
         delta_v_N = delta_v_N + computer.delta_v_between(params.flight, now, begin, begin + dt)
-        truth = plant.step(params.plant, truth, torque, burn, dt)
+        thrust = actuators.thrust(params.plant.thruster, burn, effects.integrator, effects.thruster_ramps, dt)
+        truth = plant.step(effects, params.plant, truth, torque, (thrust,), sky, health, dt)
         sample = gyro.measure(params.gyro, truth.omega_BN_B, state.sensors.gyro_bias_B, gyro_normals, dt)
         return (truth, computer.attitude_estimator.integrate_gyro(attitude, sample, dt), delta_v_N), None
 
     start = (state.truth, flight.attitude, jnp.zeros(3))
     (truth, attitude, delta_v_N), _ = jax.lax.scan(substep, start, (offsets, normals))
     moved = replace(flight, attitude=attitude)
-    flight = computer.predict(stages, params.flight, moved, flight.attitude.q_BN, delta_v_N, scenario.tick_s)
+    ratio = _chamber_pressure(params, state, burn_error, health) if effects.faults else jnp.ones_like(time)
+    end = time + scenario.tick_s
+    flight = computer.predict(
+        stages, params.flight, scenario.navigation_zonal_degree, moved, flight.attitude.q_BN, delta_v_N, ratio, end, scenario.tick_s
+    )
     return truth, flight, _advance_sensors(scenario, params, state)
+
+
+def _chamber_pressure(params: Params, state: State, burn_error: BurnError, health: Health) -> Scalar:
+    normal = random.normal(random.fold_in(state.keys[Stream.CHAMBER_PRESSURE], state.tick), 1)[0]
+    thrust = params.plant.thruster.force_scale * (1.0 + burn_error.magnitude) * health.thrust
+    return chamber_pressure.measure(thrust, normal)
 
 
 def _advance_sensors(scenario: Scenario, params: Params, state: State) -> SensorState:

@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from rpojax.core.orbital_mechanics import Elements
+from rpojax.core.orbital_mechanics import EARTH, Elements
 from rpojax.core.pytree import pytree, replace
 from rpojax.errors import ScenarioError
 from rpojax.flight.attitude_control import AttitudeControl
@@ -17,8 +18,10 @@ from rpojax.flight.formation_control import Formation
 from rpojax.flight.guidance import Pointing
 from rpojax.flight.navigation import Navigation
 from rpojax.flight.onboard import Onboard
+from rpojax.physics import faults
 from rpojax.physics.actuators import Thruster, Wheels
-from rpojax.physics.environment import Sun
+from rpojax.physics.environment import Atmosphere, Sunlight, Surface
+from rpojax.physics.faults import Fault
 from rpojax.physics.plant import PlantParams, Target
 from rpojax.physics.rigid_body import Body
 from rpojax.sensors.box_camera import BoxCamera
@@ -75,7 +78,11 @@ _SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
     "target": (("plant", "target"), Target),
     "thruster": (("plant", "thruster"), Thruster),
     "wheels": (("plant", "wheels"), Wheels),
-    "sun": (("plant", "sun"), Sun),
+    "servicer_surface": (("plant", "servicer_surface"), Surface),
+    "target_surface": (("plant", "target_surface"), Surface),
+    "atmosphere": (("plant", "atmosphere"), Atmosphere),
+    "sunlight": (("plant", "sunlight"), Sunlight),
+    "fault": (("plant", "fault"), Fault),
     "gps": (("gps",), Gps),
     "star_tracker": (("star_tracker",), StarTracker),
     "gyro": (("gyro",), Gyro),
@@ -93,7 +100,10 @@ _SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
 def build(tables: Mapping[str, Any], width_px: int, height_px: int) -> Params:
     """Params from the sections of a scenario in the user's units; flight software is told the nominal vehicle."""
     records = {section: _record(cls, tables[section]) for section, (_, cls) in _SECTIONS.items()}
-    plant = PlantParams(**{name: records[name] for name in ("servicer", "target", "thruster", "wheels", "sun")})
+    plant = PlantParams(
+        gravity=jax.tree.map(lambda value: jnp.asarray(value, dtype=jnp.float64), EARTH),
+        **{path[1]: records[name] for name, (path, _) in _SECTIONS.items() if path[0] == "plant"},
+    )
     flight = FlightParams(
         onboard=_onboard(plant, records["camera"], width_px, height_px),
         **{
@@ -112,7 +122,7 @@ def _record(cls: type, table: Mapping[str, Any]) -> Any:
     for key, value in table.items():
         name, factor = units.split(key)
         if name in names:
-            values[name] = jnp.asarray(value, dtype=jnp.float64) * factor
+            values[name] = jnp.asarray(faults.code(value), dtype=jnp.float64) * factor
     return cls(**values)
 
 
@@ -129,6 +139,8 @@ def _onboard(plant: PlantParams, camera: BoxCamera, width_px: int, height_px: in
         wheel_torque_limit=plant.wheels.torque_limit,
         camera_mounting=camera.mounting,
         focal_px=pinhole.lens(camera.field_of_view, width_px, height_px).focal_px,
+        phase_limit=camera.phase_limit,
+        sun_exclusion=camera.sun_exclusion,
     )
 
 

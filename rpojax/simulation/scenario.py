@@ -13,7 +13,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from rpojax.errors import ScenarioError
-from rpojax.simulation.schema import ScenarioFile, check_together
+from rpojax.physics.effects import Effects
+from rpojax.simulation.schema import ScenarioFile, check_together, epoch_seconds
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,9 @@ class Scenario:
         height_px: of the image
         camera_model: where boxes come from
         gated: boxes pass the covariance gate
+        navigation_zonal_degree: of the gravity that the orbit filter knows
+        epoch_s: start of a run, after 2000-01-01 12:00 terrestrial time [s]
+        effects: what the plant takes into account
     """
 
     ticks: int
@@ -39,6 +43,9 @@ class Scenario:
     height_px: int
     camera_model: str
     gated: bool
+    navigation_zonal_degree: int
+    epoch_s: float
+    effects: Effects
 
     @property
     def step_s(self) -> float:
@@ -60,7 +67,7 @@ def packaged() -> list[str]:
 def load(source: str | Path, overrides: Sequence[str] = ()) -> ScenarioFile:
     """Scenario from a packaged name or a TOML file, with `KEY=VALUE` overrides, checked.
 
-    A file may say `extends = NAME_OR_PATH` and then needs only the keys that differ.
+    A file may say `extends = NAME_OR_PATH` and then needs only the keys that differ; its dispersions join the others.
 
     Raises:
         ScenarioError: the source is unknown or a key is not acceptable.
@@ -97,6 +104,9 @@ def static(file: ScenarioFile) -> Scenario:
         height_px=file.camera.height_px,
         camera_model=file.camera.model,
         gated=file.navigation.gating == "covariance",
+        navigation_zonal_degree=file.navigation.zonal_degree,
+        epoch_s=epoch_seconds(file.epoch_utc),
+        effects=Effects(**file.effects.model_dump()),
     )
 
 
@@ -138,8 +148,18 @@ def _merge(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     merged = dict(base)
     for key, value in changes.items():
         old = merged.get(key)
+        if key == "dispersions" and isinstance(old, list) and isinstance(value, list):
+            merged[key] = _merge_dispersions(old, value)
+            continue
         merged[key] = _merge(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
     return merged
+
+
+def _merge_dispersions(base: list[Any], changes: list[Any]) -> list[Any]:
+    """The base's dispersions, those of the same key replaced, the others added."""
+    keys = [entry.get("key") if isinstance(entry, dict) else None for entry in changes]
+    kept = [entry for entry in base if not (isinstance(entry, dict) and entry.get("key") in keys)]
+    return kept + changes
 
 
 def _override(tables: dict[str, Any], override: str) -> None:

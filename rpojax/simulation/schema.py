@@ -1,7 +1,8 @@
 """The form of a scenario file: strict models, one section each; free of jax, so that checking a file is instant."""
 
 import math
-from typing import Annotated, Any, Literal
+from datetime import UTC, datetime
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
@@ -46,6 +47,26 @@ def _invertible(value: list[list[float]]) -> list[list[float]]:
     return value
 
 
+def _epoch(value: str) -> str:
+    try:
+        epoch_seconds(value)
+    except ValueError:
+        raise ValueError("expected a date and time such as '2026-03-20T14:46:00'") from None
+    return value
+
+
+def epoch_seconds(utc: str) -> float:
+    """Seconds of terrestrial time from 2000-01-01 12:00 to a date and time in UTC."""
+    moment = datetime.fromisoformat(utc)
+    if moment.tzinfo is not None:
+        moment = moment.astimezone(UTC).replace(tzinfo=None)
+    return (moment - datetime(2000, 1, 1, 12)).total_seconds() + _TERRESTRIAL_LESS_UTC_S
+
+
+_TERRESTRIAL_LESS_UTC_S = 69.184
+"""Since 2017; the Sun moves by three millionths of a radian in that time."""
+
+Epoch = Annotated[str, AfterValidator(_epoch)]
 Direction = Annotated[Vector, AfterValidator(_nonzero)]
 Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4), AfterValidator(_nonzero)]
 Rows3 = Annotated[list[Vector], Field(min_length=3, max_length=3)]
@@ -86,10 +107,70 @@ class InitialSection(Section):
     relative_velocity_m_s: Vector
 
 
-class SunSection(Section):
-    """Direction to the Sun in inertial axes, fixed over a run."""
+ZonalDegree = Literal[0, 2, 3, 4, 5, 6]
 
-    direction: Direction
+
+class EffectsSection(Section):
+    """What the plant takes into account; what is off costs nothing."""
+
+    integrator: Literal["rk4", "rk8"]
+    zonal_degree: ZonalDegree
+    sun_gravity: bool
+    moon_gravity: bool
+    drag: bool
+    solar_pressure: bool
+    gravity_gradient: bool
+    wheel_friction: bool
+    wheel_torque_steps: bool
+    thruster_ramps: bool
+    center_of_mass_shift: bool
+    faults: bool
+
+
+class AtmosphereSection(Section):
+    """Air that thins out exponentially."""
+
+    density_kg_m3: NonNegative
+    altitude_m: Finite
+    scale_height_m: Positive
+    rotation_rad_s: Finite
+
+
+class SunlightSection(Section):
+    """Strength of sunlight."""
+
+    flux_w_m2: NonNegative
+
+
+class SurfaceSection(Section):
+    """What air and light push on."""
+
+    area_m2: NonNegative
+    drag_coefficient: NonNegative
+    pressure_coefficient: NonNegative
+    center_of_pressure_m: Vector
+
+
+FaultKind = Literal[
+    "none",
+    "wheel_stuck",
+    "wheel_friction",
+    "thruster_off",
+    "thruster_weak",
+    "gps_outage",
+    "star_tracker_blind",
+    "camera_blackout",
+]
+
+
+class FaultSection(Section):
+    """A fault of the servicer's equipment."""
+
+    kind: FaultKind
+    start_s: NonNegative
+    duration_s: NonNegative
+    severity: Probability
+    wheel: Annotated[int, Field(ge=0, le=2)]
 
 
 class ServicerSection(Section):
@@ -102,6 +183,7 @@ class ServicerSection(Section):
 class TargetSection(Section):
     """The target as it is."""
 
+    mass_kg: Positive
     inertia_kg_m2: Inertia
     hull_m: Hull
     tumble_rate_deg_s: Finite
@@ -116,9 +198,12 @@ class ThrusterSection(Section):
     force_scale: Positive
     specific_impulse_s: Positive
     minimum_on_time_s: NonNegative
+    rise_time_s: NonNegative
+    fall_time_s: NonNegative
     position_m: Vector
     direction: Direction
     misalignment_deg: Vector
+    tank_position_m: Vector
     magnitude_noise: NonNegative
     direction_noise_deg: NonNegative
 
@@ -131,6 +216,10 @@ class WheelsSection(Section):
     torque_limit_n_m: PositiveVector
     speed_limit_rad_s: PositiveVector
     initial_speed_rad_s: Vector
+    viscous_friction_n_m_s: NonNegativeVector
+    coulomb_friction_n_m: NonNegativeVector
+    stiction_speed_rad_s: Positive
+    torque_step_n_m: Positive
 
 
 class CameraSection(Section):
@@ -165,6 +254,8 @@ class StarTrackerSection(Section):
 
     noise_deg: NonNegativeVector
     misalignment_deg: Vector
+    boresight: Direction
+    sun_exclusion_deg: Annotated[float, Field(ge=0.0, lt=180.0, allow_inf_nan=False)]
 
 
 class GyroSection(Section):
@@ -179,6 +270,7 @@ class NavigationSection(Section):
     """Orbit filter and gate."""
 
     gating: Literal["covariance", "none"]
+    zonal_degree: ZonalDegree
     gps_noise_m: Positive
     gps_error_sigma_m: Positive
     gps_error_time_constant_s: Positive
@@ -225,6 +317,7 @@ class FormationSection(Section):
     lead_s: NonNegative
     dead_band_mm_s: NonNegative
     range_uncertainty_limit: Positive
+    thruster_retry_s: NonNegative
 
 
 class PointingSection(Section):
@@ -240,6 +333,7 @@ class PointingSection(Section):
     search_acceleration_mrad_s2: Positive
     search_sigmas: Positive
     search_radius_max_deg: Angle
+    burn_attitude_limit_deg: Angle
 
 
 class AttitudeControlSection(Section):
@@ -300,7 +394,7 @@ class Choice(Section):
 
     key: str
     kind: Literal["choice"]
-    values: Annotated[list[Finite] | list[list[Finite]], Field(min_length=1)]
+    values: Annotated[list[Finite] | list[list[Finite]] | list[FaultKind], Field(min_length=1)]
 
 
 class RandomDirection(Section):
@@ -337,12 +431,17 @@ class ScenarioFile(Section):
     name: Annotated[str, Field(min_length=1)]
     description: str
     duration_s: Positive
+    epoch_utc: Epoch
+    effects: EffectsSection
     rates: Rates
     orbit: OrbitSection
     initial: InitialSection
-    sun: SunSection
+    atmosphere: AtmosphereSection
+    sunlight: SunlightSection
     servicer: ServicerSection
+    servicer_surface: SurfaceSection
     target: TargetSection
+    target_surface: SurfaceSection
     thruster: ThrusterSection
     wheels: WheelsSection
     camera: CameraSection
@@ -355,6 +454,7 @@ class ScenarioFile(Section):
     pointing: PointingSection
     attitude_control: AttitudeControlSection
     limits: LimitsSection
+    fault: FaultSection
     dispersions: list[Dispersion]
 
 
@@ -396,9 +496,13 @@ def nominal(file: ScenarioFile, key: str) -> Any:
     """Value of a key such as `servicer.mass_kg` as numbers, or None if the key names no dispersable number."""
     section_name, _, name = key.partition(".")
     section = getattr(file, section_name, None) if section_name in ScenarioFile.model_fields else None
-    if not isinstance(section, Section) or isinstance(section, Rates) or name not in type(section).model_fields:
+    if not isinstance(section, Section) or isinstance(section, Rates | EffectsSection) or name not in type(section).model_fields:
         return None
     value = getattr(section, name)
+    if isinstance(section, FaultSection) and name == "kind":
+        return float(get_args(FaultKind).index(value))
+    if isinstance(section, FaultSection) and name == "wheel":
+        return float(value)
     return None if isinstance(value, str | int | bool) else value
 
 
@@ -420,7 +524,14 @@ def _check_dispersion(file: ScenarioFile, index: int, dispersion: Any, seen: set
     wanted = (3,) if dispersion.kind == "small_rotation" else shape
     if np.ndim(sigma) and np.shape(sigma) != wanted:
         raise ScenarioError(f"{where}.sigma", sigma, f"one number, or numbers of shape {wanted}")
-    if dispersion.kind == "choice" and any(np.shape(choice) != shape for choice in dispersion.values):
-        raise ScenarioError(f"{where}.values", dispersion.values, f"values of shape {shape}")
+    if dispersion.kind == "choice":
+        named = any(isinstance(choice, str) for choice in dispersion.values)
+        if named != (dispersion.key == "fault.kind"):
+            expected_values = "kinds of fault" if dispersion.key == "fault.kind" else "numbers"
+            raise ScenarioError(f"{where}.values", dispersion.values, expected_values)
+        if any(np.shape(choice) != shape for choice in dispersion.values):
+            raise ScenarioError(f"{where}.values", dispersion.values, f"values of shape {shape}")
+    elif dispersion.key == "fault.kind":
+        raise ScenarioError(f"{where}.kind", dispersion.kind, "'choice' for a kind of fault")
     if dispersion.kind == "log_normal" and np.any(np.asarray(value) <= 0.0):
         raise ScenarioError(f"{where}.key", dispersion.key, "a nominal value above zero for a log-normal")

@@ -1,0 +1,97 @@
+"""Where the Sun and the Moon are: analytic series in the mean equator and equinox of J2000.
+
+The Sun is good to a hundredth of a degree, the Moon to a tenth (Montenbruck and Gill, Satellite Orbits, section 3.3.2).
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+Scalar = Float[Array, ""]
+Vector = Float[Array, "3"]
+
+_CENTURY = 36525.0 * 86400.0
+_OBLIQUITY = 0.40909280
+_ARCSECOND = 4.84813681109536e-6
+
+# Moon: multiples of l, l', F, D; longitude of the series' sine [arcsec], or distance of its cosine [km].
+_MOON_LONGITUDE = (
+    (22640, 1, 0, 0, 0),
+    (769, 2, 0, 0, 0),
+    (-4586, 1, 0, 0, -2),
+    (2370, 0, 0, 0, 2),
+    (-668, 0, 1, 0, 0),
+    (-412, 0, 0, 2, 0),
+    (-212, 2, 0, 0, -2),
+    (-206, 1, 1, 0, -2),
+    (192, 1, 0, 0, 2),
+    (-165, 0, 1, 0, -2),
+    (148, 1, -1, 0, 0),
+    (-125, 0, 0, 0, 1),
+    (-110, 1, 1, 0, 0),
+    (-55, 0, 0, 2, -2),
+)
+_MOON_LATITUDE = (
+    (-526, 0, 0, 1, -2),
+    (44, 1, 0, 1, -2),
+    (-31, -1, 0, 1, -2),
+    (-25, -2, 0, 1, 0),
+    (-23, 0, 1, 1, -2),
+    (21, -1, 0, 1, 0),
+    (11, 0, -1, 1, -2),
+)
+_MOON_DISTANCE = (
+    (-20905, 1, 0, 0, 0),
+    (-3699, -1, 0, 0, 2),
+    (-2956, 0, 0, 0, 2),
+    (-570, 2, 0, 0, 0),
+    (246, 2, 0, 0, -2),
+    (-205, 0, 1, 0, -2),
+    (-171, 1, 0, 0, 2),
+    (-152, 1, 1, 0, -2),
+)
+
+
+def sun(seconds: Scalar) -> Vector:
+    """Position [m] of the Sun from the Earth in N, `seconds` after 2000-01-01 12:00 terrestrial time."""
+    centuries = seconds / _CENTURY
+    anomaly = jnp.deg2rad(357.5256 + 35999.049 * centuries)
+    longitude = jnp.deg2rad(282.9400 + 0.3225 * centuries) + anomaly
+    longitude = longitude + _ARCSECOND * (6892.0 * jnp.sin(anomaly) + 72.0 * jnp.sin(2.0 * anomaly))
+    distance = 1e9 * (149.619 - 2.499 * jnp.cos(anomaly) - 0.021 * jnp.cos(2.0 * anomaly))
+    return _equatorial(longitude, jnp.zeros_like(longitude), distance)
+
+
+def moon(seconds: Scalar) -> Vector:
+    """Position [m] of the Moon from the Earth in N, `seconds` after 2000-01-01 12:00 terrestrial time."""
+    centuries = seconds / _CENTURY
+    mean = jnp.deg2rad(218.31617 + (481267.88088 - 1.3972) * centuries)
+    arguments = jnp.deg2rad(
+        jnp.stack(
+            [
+                134.96292 + 477198.86753 * centuries,
+                357.52543 + 35999.04944 * centuries,
+                93.27283 + 483202.01873 * centuries,
+                297.85027 + 445267.11135 * centuries,
+            ]
+        )
+    )
+    wobble = _ARCSECOND * _series(_MOON_LONGITUDE, arguments, jnp.sin)
+    tilt = _ARCSECOND * (412.0 * jnp.sin(2.0 * arguments[2]) + 541.0 * jnp.sin(arguments[1]))
+    latitude = _ARCSECOND * (
+        18520.0 * jnp.sin(arguments[2] + wobble + tilt) + _series(_MOON_LATITUDE, arguments, jnp.sin)
+    )
+    distance = 1e3 * (385000.0 + _series(_MOON_DISTANCE, arguments, jnp.cos))
+    return _equatorial(mean + wobble, latitude, distance)
+
+
+def _series(rows: tuple[tuple[int, ...], ...], arguments: Float[Array, "4"], wave: jnp.ufunc) -> Scalar:
+    table = jnp.array(rows, dtype=jnp.float64)
+    return jnp.sum(table[:, 0] * wave(jnp.sum(table[:, 1:] * arguments[None, :], axis=1)), axis=0)
+
+
+def _equatorial(longitude: Scalar, latitude: Scalar, distance: Scalar) -> Vector:
+    x = jnp.cos(latitude) * jnp.cos(longitude)
+    y = jnp.cos(latitude) * jnp.sin(longitude)
+    z = jnp.sin(latitude)
+    c, s = jnp.cos(_OBLIQUITY), jnp.sin(_OBLIQUITY)
+    return distance * jnp.stack([x, c * y - s * z, s * y + c * z])

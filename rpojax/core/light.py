@@ -1,0 +1,78 @@
+"""Sunlight as truth and flight software both need it: the Earth's shadow, and when a camera can see a target."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core import safe
+from rpojax.core.constants import RADIUS_EARTH, RADIUS_SUN
+from rpojax.core.safe import arctan2, normalize
+
+Vector = Float[Array, "3"]
+Scalar = Float[Array, ""]
+
+
+def illumination(
+    r_N: Vector, r_sun_N: Vector, radius: float | Scalar = RADIUS_EARTH, radius_sun: float | Scalar = RADIUS_SUN
+) -> Scalar:
+    """Share of the Sun's disc [-] that the Earth leaves free at an inertial position [m].
+
+    0 in the umbra, between in the penumbra, 1 in the light: overlap of the apparent discs (Montenbruck and Gill,
+    Satellite Orbits, section 3.4.2). The value is continuous, and so is its gradient.
+    """
+    to_sun = r_sun_N - r_N
+    sun_distance, distance = jnp.sqrt(jnp.sum(to_sun * to_sun, axis=0)), jnp.sqrt(jnp.sum(r_N * r_N, axis=0))
+    q = radius_sun / sun_distance
+    sun_angle = q * (1.0 + q * q * (1.0 / 6.0 + q * q * (3.0 / 40.0)))
+    sine = jnp.minimum(radius / distance, 1.0)
+    earth_angle = arctan2(sine, safe.sqrt(1.0 - sine * sine))
+    cosine = -jnp.sum(r_N * to_sun, axis=0) / (distance * sun_distance)
+    separation = safe.arccos(cosine)
+    return 1.0 - _overlap(sun_angle, earth_angle, separation) / (jnp.pi * sun_angle * sun_angle)
+
+
+@jax.custom_jvp
+def _overlap(a: Scalar, b: Scalar, c: Scalar) -> Scalar:
+    """Common area of two discs with radii `a`, `b` and centres `c` apart."""
+    half_chord, angle_a, angle_b = _chord(a, b, c)
+    lens = a * a * angle_a + b * b * angle_b - c * half_chord
+    least = jnp.minimum(a, b)
+    return jnp.where(c >= a + b, 0.0, jnp.where(c <= jnp.abs(a - b), jnp.pi * least * least, lens))
+
+
+@_overlap.defjvp
+def _overlap_jvp(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Array, Array]:
+    """The area grows with each radius by that disc's arc inside the other, and shrinks with distance by the chord."""
+    a, b, c = primals
+    half_chord, angle_a, angle_b = _chord(a, b, c)
+    inside = c <= jnp.abs(a - b)
+    slope_a = 2.0 * a * jnp.where(inside, jnp.where(a <= b, jnp.pi, 0.0), angle_a)
+    slope_b = 2.0 * b * jnp.where(inside, jnp.where(a <= b, 0.0, jnp.pi), angle_b)
+    slope = slope_a * tangents[0] + slope_b * tangents[1] - 2.0 * half_chord * tangents[2]
+    return _overlap(a, b, c), slope
+
+
+def _chord(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+    """Half the common chord of two circles and the half angles under which their centres see it; 0 if they miss."""
+    crossing = (c < a + b) & (c > jnp.abs(a - b))
+    safe_c = jnp.where(crossing, c, 1.0)
+    x = (c * c + (a - b) * (a + b)) / (2.0 * safe_c)
+    half_chord = jnp.where(crossing, safe.sqrt((a - x) * (a + x)), 0.0)
+    # From sine and cosine: an arc cosine would lose half of its digits for the larger disc.
+    return half_chord, arctan2(half_chord, x) * crossing, arctan2(half_chord, c - x) * crossing
+
+
+def is_lit(r_N: Vector, r_sun_N: Vector) -> Bool[Array, ""]:
+    """True while more than half of the Sun's disc is visible."""
+    return illumination(r_N, r_sun_N) > 0.5
+
+
+def is_observable(
+    r_TN_N: Vector, r_ST_N: Vector, r_sun_N: Vector, phase_limit: Scalar, sun_exclusion: Scalar
+) -> Bool[Array, ""]:
+    """True where a visible camera can see the target: lit, phase angle small enough, Sun far enough from the view.
+
+    `r_ST_N` is the servicer from the target [m], `phase_limit` and `sun_exclusion` [rad].
+    """
+    cos_phase = jnp.sum(normalize(r_ST_N) * normalize(r_sun_N), axis=0)
+    return is_lit(r_TN_N, r_sun_N) & (cos_phase > jnp.cos(phase_limit)) & (-cos_phase < jnp.cos(sun_exclusion))

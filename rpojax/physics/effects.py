@@ -1,0 +1,37 @@
+"""What the plant takes into account; static and free of jax, because it is part of a scenario."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Effects:
+    """Switches of the plant. What is off is not compiled.
+
+    Attributes:
+        integrator: "rk4", or "rk8" for checks
+        zonal_degree: of the Earth's gravity; 0 for a point mass
+        sun_gravity: pull of the Sun
+        moon_gravity: pull of the Moon
+        drag: force and torque of the air
+        solar_pressure: force and torque of sunlight, with the Earth's shadow
+        gravity_gradient: torque of the gravity gradient
+        wheel_friction: friction in the wheels' bearings
+        wheel_torque_steps: wheel drives give torque in steps
+        thruster_ramps: thrust rises and falls in finite times
+        center_of_mass_shift: propellant used moves the centre of mass
+        faults: equipment can fail
+    """
+
+    integrator: Literal["rk4", "rk8"] = "rk4"
+    zonal_degree: int = 2
+    sun_gravity: bool = False
+    moon_gravity: bool = False
+    drag: bool = False
+    solar_pressure: bool = False
+    gravity_gradient: bool = True
+    wheel_friction: bool = False
+    wheel_torque_steps: bool = False
+    thruster_ramps: bool = False
+    center_of_mass_shift: bool = False
+    faults: bool = False

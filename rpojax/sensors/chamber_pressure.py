@@ -1,0 +1,13 @@
+"""Pressure in the thruster's chamber: tells flight software how hard the thruster really pushes."""
+
+from jaxtyping import Array, Float
+
+Scalar = Float[Array, ""]
+
+NOISE = 0.03
+"""Error of the ratio, 1 sigma [-]."""
+
+
+def measure(thrust_ratio: Scalar, normal: Scalar) -> Scalar:
+    """Measured ratio of the thrust to its nominal value while the valve is open [-]."""
+    return thrust_ratio * (1.0 + NOISE * normal)
