@@ -27,12 +27,12 @@ FLOORS = {
 """Floor of every folder; the modules of the command line, which lie beside the folders, count as the folder `top`."""
 
 LEFT_TO_RIGHT = {
-    "core": "constants pytree safe series quaternion frames integrate orbital_mechanics",
-    "physics": "gravity environment actuators rigid_body plant",
+    "core": "constants pytree safe series quaternion frames difference orbital_mechanics ephemeris light integrate",
+    "physics": "effects gravity environment actuators rigid_body faults plant",
     "vision": "pinhole box_model field render detector imager",
     "flight": "onboard navigation covariance box_gate servicer_filter relative_filter orbit_filter attitude_estimator "
     "formation_control attitude_control guidance computer",
-    "sensors": "gps star_tracker gyro box_camera",
+    "sensors": "gps star_tracker gyro chamber_pressure box_camera",
     "simulation": "units schema scenario params closed_loop metrics",
     "campaign": "store dispersions runner",
     "analysis": "statistics linear_covariance worst_case tuning camera_calibration",

@@ -1,7 +1,11 @@
 """Where the Sun and the Moon are: analytic series in the mean equator and equinox of J2000.
 
-The Sun is good to a hundredth of a degree, the Moon to a tenth (Montenbruck and Gill, Satellite Orbits, section 3.3.2).
+The Sun is good to a hundredth of a degree and 1e-4 of its distance, the Moon to a tenth and 1e-3 (Montenbruck and Gill,
+Satellite Orbits, section 3.3.2, with four more terms of the Moon's distance from Meeus, Astronomical Algorithms, table
+47.A).
 """
+
+from collections.abc import Callable
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -48,6 +52,10 @@ _MOON_DISTANCE = (
     (-205, 0, 1, 0, -2),
     (-171, 1, 0, 0, 2),
     (-152, 1, 1, 0, -2),
+    (-130, 1, -1, 0, 0),
+    (109, 0, 0, 0, 1),
+    (105, 1, 1, 0, 0),
+    (80, 1, 0, -2, 0),
 )
 
 
@@ -84,7 +92,7 @@ def moon(seconds: Scalar) -> Vector:
     return _equatorial(mean + wobble, latitude, distance)
 
 
-def _series(rows: tuple[tuple[int, ...], ...], arguments: Float[Array, "4"], wave: jnp.ufunc) -> Scalar:
+def _series(rows: tuple[tuple[int, ...], ...], arguments: Float[Array, "4"], wave: Callable[[Array], Array]) -> Scalar:
     table = jnp.array(rows, dtype=jnp.float64)
     return jnp.sum(table[:, 0] * wave(jnp.sum(table[:, 1:] * arguments[None, :], axis=1)), axis=0)
 
