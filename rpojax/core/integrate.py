@@ -21,7 +21,7 @@ NODES: dict[Method, tuple[float, ...]] = {
 """Times within a step, as shares of it, at which a method asks for its inputs."""
 
 
-def step(method: Method, derivative: Derivative[State], state: State, inputs: Any, dt: float) -> State:
+def step(method: Method, derivative: Derivative[State], state: State, inputs: Any, dt: float | Float[Array, ""]) -> State:
     """State after one step of `dt` [s].
 
     `inputs` is a pytree whose leaves hold what `derivative` gets at each of the method's `NODES` along their first
@@ -30,7 +30,7 @@ def step(method: Method, derivative: Derivative[State], state: State, inputs: An
     return rk4(derivative, state, inputs, dt) if method == "rk4" else rk8(derivative, state, inputs, dt)
 
 
-def rk4(derivative: Derivative[State], state: State, inputs: Any, dt: float) -> State:
+def rk4(derivative: Derivative[State], state: State, inputs: Any, dt: float | Float[Array, ""]) -> State:
     """One step of the classical fourth-order Runge-Kutta method over `dt` [s]; see `step`.
 
     The four stages are a rolled loop: a quarter of the code to compile, and each stage is computed once.
@@ -97,7 +97,7 @@ _RK8_REACH: dict[tuple[int, int], float] = {
 }
 
 
-def rk8(derivative: Derivative[State], state: State, inputs: Any, dt: float) -> State:
+def rk8(derivative: Derivative[State], state: State, inputs: Any, dt: float | Float[Array, ""]) -> State:
     """One step of Cooper and Verner's eleven-stage method of order eight over `dt` [s]; see `step`.
 
     Cooper and Verner, "Some explicit Runge-Kutta methods of high order", 1972.

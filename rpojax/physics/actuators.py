@@ -55,7 +55,7 @@ def friction(wheels: Wheels, speed: Vector) -> Vector:
     return -wheels.viscous_friction * speed - wheels.coulomb_friction * jnp.tanh(speed / wheels.stiction_speed)
 
 
-def limited_torque(wheels: Wheels, command: Vector, speed: Vector, dt: float) -> Vector:
+def limited_torque(wheels: Wheels, command: Vector, speed: Vector, dt: float | Scalar) -> Vector:
     """Motor torque on each wheel [N m] over the next `dt` [s]: the command within the torque and speed limits."""
     torque = jnp.clip(command, -wheels.torque_limit, wheels.torque_limit)
     up = wheels.inertia * (wheels.speed_limit - speed) / dt
@@ -146,7 +146,7 @@ class Thrust:
     opening: Array
 
 
-def thrust(thruster: Thruster, burn: Burn, method: Method, ramps: bool, dt: float) -> Thrust:
+def thrust(thruster: Thruster, burn: Burn, method: Method, ramps: bool, dt: float | Scalar) -> Thrust:
     """What the thruster does in a step of `dt` [s]; with `ramps` the force rises and falls, else it is on or off.
 
     Commands shorter than the minimum on-time give nothing.
@@ -167,7 +167,7 @@ def center_of_mass_shift(thruster: Thruster, mass_used: Scalar, mass: Scalar) ->
     return -mass_used / mass * thruster.tank_position
 
 
-def _openings(thruster: Thruster, burn: Burn, method: Method, ramps: bool, dt: float) -> Float[Array, " nodes"]:
+def _openings(thruster: Thruster, burn: Burn, method: Method, ramps: bool, dt: float | Scalar) -> Float[Array, " nodes"]:
     """Factors at the integrator's nodes that make its quadrature exact for the true profile.
 
     They reproduce the profile's impulse and its moments up to the degree that the nodes carry, so that velocity and

@@ -123,7 +123,7 @@ def step(
     thrusts: tuple[Thrust, ...],
     sky: Sky,
     health: Health,
-    dt: float,
+    dt: float | Scalar,
 ) -> Truth:
     """Truth after `dt` [s] of constant wheel torque commands [N m] and of what the thrusters do in the step.
 
@@ -178,7 +178,7 @@ def _length(vector: Vector) -> Scalar:
 
 
 def _motor_torque(
-    effects: Effects, wheels: Wheels, truth: Truth, command: Vector, health: Health, dt: float
+    effects: Effects, wheels: Wheels, truth: Truth, command: Vector, health: Health, dt: float | Scalar
 ) -> Vector:
     """Torque [N m] that the wheel drives really give."""
     given = actuators.quantised(wheels, command) if effects.wheel_torque_steps else command
