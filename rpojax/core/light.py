@@ -59,7 +59,8 @@ def _chord(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     x = (c * c + (a - b) * (a + b)) / (2.0 * safe_c)
     half_chord = jnp.where(crossing, safe.sqrt((a - x) * (a + x)), 0.0)
     # From sine and cosine: an arc cosine would lose half of its digits for the larger disc.
-    return half_chord, arctan2(half_chord, x) * crossing, arctan2(half_chord, c - x) * crossing
+    angle_a, angle_b = arctan2(half_chord, x), arctan2(half_chord, c - x)
+    return half_chord, jnp.where(crossing, angle_a, 0.0), jnp.where(crossing, angle_b, 0.0)
 
 
 def is_lit(r_N: Vector, r_sun_N: Vector) -> Bool[Array, ""]:

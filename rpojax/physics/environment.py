@@ -8,6 +8,7 @@ from rpojax.core.frames import apply
 from rpojax.core.light import illumination
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import cross
+from rpojax.core.safe import norm
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -86,8 +87,7 @@ def drag(air: Atmosphere, surface: Surface, earth_radius: Scalar, r_N: Vector, v
     density = air.density * jnp.exp(-height / air.scale_height)
     wind = air.rotation * jnp.stack([-r_N[1], r_N[0], jnp.zeros_like(r_N[2])])
     flow = v_N - wind
-    speed = jnp.sqrt(jnp.sum(flow * flow, axis=0))
-    return -0.5 * density * surface.drag_coefficient * surface.area * speed * flow
+    return -0.5 * density * surface.drag_coefficient * surface.area * norm(flow) * flow
 
 
 def light_pressure(light: Sunlight, surface: Surface, r_N: Vector, r_sun_N: Vector) -> Vector:

@@ -91,7 +91,7 @@ def health(fault: Fault, time: Scalar) -> Health:
     def is_kind(name: str) -> Bool[Array, ""]:
         return active & (jnp.round(fault.kind) == KINDS.index(name))
 
-    struck = jnp.arange(3) == jnp.round(fault.wheel).astype(jnp.int32)
+    struck = jnp.arange(3, dtype=fault.wheel.dtype) == jnp.round(fault.wheel)
     lost_thrust = jnp.where(is_kind("thruster_off"), 1.0, jnp.where(is_kind("thruster_weak"), fault.severity, 0.0))
     return Health(
         thrust=1.0 - lost_thrust,

@@ -12,7 +12,8 @@ from rpojax.core.frames import hill_frame, hill_to_inertial
 from rpojax.core.orbital_mechanics import Field
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.quaternion import conjugate, cross, rotate
-from rpojax.physics import actuators, environment, gravity, rigid_body
+from rpojax.core.safe import norm
+from rpojax.physics import actuators, environment, rigid_body
 from rpojax.physics.actuators import Thrust, Thruster, Wheels
 from rpojax.physics.effects import Effects
 from rpojax.physics.environment import Atmosphere, Sky, Sunlight, Surface
@@ -164,17 +165,13 @@ def step(
             q_TN=quaternion.derivative(y.q_TN, y.omega_TN_T),
             omega_TN_T=rigid_body.angular_acceleration(params.target.inertia, inverse_target, y.omega_TN_T, torque_T),
             mass=-flow,
-            delta_v=sum(opening * _length(each.force_B) for opening, each in zip(openings, thrusts, strict=True))
+            delta_v=sum(opening * norm(each.force_B) for opening, each in zip(openings, thrusts, strict=True))
             / y.mass,
         )
 
     openings = tuple(health.thrust * thrust.opening for thrust in thrusts)
     after = integrate.step(effects.integrator, derivative, truth, openings, dt)
     return replace(after, q_BN=quaternion.normalize(after.q_BN), q_TN=quaternion.normalize(after.q_TN))
-
-
-def _length(vector: Vector) -> Scalar:
-    return jnp.sqrt(jnp.sum(vector * vector, axis=0))
 
 
 def _motor_torque(
@@ -217,9 +214,9 @@ def _orbital_accelerations(effects: Effects, params: PlantParams, y: Truth, sky:
     r = Difference(value=y.r_TN_N, change=y.r_ST_N)
     pull = orbital_mechanics.gravity(params.gravity, effects.zonal_degree, r)
     if effects.sun_gravity:
-        pull = pull + gravity.distant(MU_SUN, sky.sun_N, r)
+        pull = pull + orbital_mechanics.distant_pull(MU_SUN, sky.sun_N, r)
     if effects.moon_gravity:
-        pull = pull + gravity.distant(MU_MOON, sky.moon_N, r)
+        pull = pull + orbital_mechanics.distant_pull(MU_MOON, sky.moon_N, r)
     return pull.value, pull.change
 
 

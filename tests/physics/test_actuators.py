@@ -1,4 +1,4 @@
-"""Wheel limits, the thruster's force, and its exact cut-off inside a step."""
+"""Wheel limits, friction and steps of torque; the thruster's force, and its exact impulse inside a step."""
 
 import jax
 import jax.numpy as jnp
@@ -6,20 +6,28 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.polynomial import Polynomial
+from scipy.integrate import quad
 
+from rpojax.core.integrate import NODES, Method
 from rpojax.core.pytree import replace
 from rpojax.physics import actuators
-from rpojax.physics.actuators import BurnError
+from rpojax.physics.actuators import Burn, BurnError, Thruster
 from rpojax.simulation.params import Params
 
 EXACT = 1e-14  # a few roundings of numbers near one
 STEP = 0.2
+METHODS: tuple[Method, ...] = ("rk4", "rk8")
 
+friction = jax.jit(actuators.friction)
 limited_torque = jax.jit(actuators.limited_torque, static_argnums=3)
-force_and_torque = jax.jit(actuators.force_and_torque)
-stage_fractions = jax.jit(actuators.stage_fractions, static_argnums=2)
+quantised = jax.jit(actuators.quantised)
+thrust = jax.jit(actuators.thrust, static_argnums=(2, 3, 4))
+center_of_mass_shift = jax.jit(actuators.center_of_mass_shift)
 NO_ERROR = BurnError(magnitude=jnp.zeros(()), direction=jnp.zeros(3))
+
+
+def burn(ignition: float, cutoff: float, error: BurnError = NO_ERROR) -> Burn:
+    return Burn(ignition=jnp.float64(ignition), cutoff=jnp.float64(cutoff), error=error)
 
 
 def test_a_torque_command_within_the_limits_is_carried_out(params: Params) -> None:
@@ -48,17 +56,47 @@ def test_a_wheel_at_or_beyond_its_speed_limit_can_only_slow_down(params: Params,
     np.testing.assert_array_equal(found, [0.0, 0.0, -0.02])
 
 
+def test_friction_opposes_the_speed_and_tells_no_direction_of_turning_from_the_other(params: Params) -> None:
+    wheels = params.plant.wheels
+    speed = np.array([100.0, -100.0, 2.0])
+    found = np.asarray(friction(wheels, speed))
+    assert np.all(found * speed < 0.0)
+    assert found[0] == -found[1]
+    np.testing.assert_array_equal(friction(wheels, -speed), -found)
+
+
+def test_a_fast_wheel_feels_its_viscous_torque_and_all_of_its_coulomb_torque(params: Params) -> None:
+    found = friction(params.plant.wheels, np.array([100.0, -600.0, 0.0]))
+    np.testing.assert_allclose(found, [-2e-4 - 3e-4, 1.2e-3 + 3e-4, 0.0], rtol=EXACT)
+
+
+def test_a_wheel_that_reverses_feels_a_torque_that_grows_evenly_from_zero(params: Params) -> None:
+    slope = jax.jacfwd(lambda speed: friction(params.plant.wheels, speed))(np.zeros(3))
+    np.testing.assert_allclose(slope, -(2e-6 + 3e-4 / 1.0) * np.eye(3), rtol=EXACT)
+
+
+def test_a_torque_command_is_rounded_to_whole_steps(params: Params) -> None:
+    step = 2e-5
+    found = quantised(params.plant.wheels, np.array([7.4 * step, 7.6 * step, -0.4 * step]))
+    np.testing.assert_allclose(found, [7 * step, 8 * step, 0.0], atol=1e-18)
+
+
+def test_rounding_a_torque_command_is_invisible_to_derivatives(params: Params) -> None:
+    slope = jax.jacrev(lambda command: quantised(params.plant.wheels, command))(np.array([1.3e-4, 0.0, -0.02]))
+    np.testing.assert_array_equal(slope, np.eye(3))
+
+
 def test_an_aligned_thruster_pushes_along_its_direction_with_its_true_force(params: Params) -> None:
     thruster = replace(params.plant.thruster, direction=jnp.array([0.0, 3.0, 4.0]), force_scale=jnp.float64(1.1))
-    force, torque = force_and_torque(thruster, NO_ERROR)
-    np.testing.assert_allclose(force, 0.033 * np.array([0.0, 0.6, 0.8]), rtol=EXACT)
-    np.testing.assert_allclose(torque, np.cross([-0.25, 0.0, 0.0], force), atol=EXACT)
+    found = thrust(thruster, burn(0.0, 1.0), "rk4", False, STEP)
+    np.testing.assert_allclose(found.force_B, 0.033 * np.array([0.0, 0.6, 0.8]), rtol=EXACT)
+    np.testing.assert_array_equal(found.position_B, [-0.25, 0.0, 0.0])
 
 
 def test_misalignment_and_burn_error_turn_and_scale_the_force(params: Params) -> None:
     thruster = replace(params.plant.thruster, misalignment=jnp.array([0.0, 0.0, 0.02]))
     error = BurnError(magnitude=jnp.float64(-0.1), direction=jnp.array([0.0, 0.0, 0.03]))
-    force, _ = force_and_torque(thruster, error)
+    force = thrust(thruster, burn(0.0, 1.0, error), "rk4", False, STEP).force_B
     np.testing.assert_allclose(force, 0.027 * np.array([np.cos(0.05), np.sin(0.05), 0.0]), atol=EXACT)
 
 
@@ -69,24 +107,150 @@ def test_burn_errors_have_the_thrusters_standard_deviations(params: Params) -> N
 
 
 def test_the_flow_of_propellant_is_force_over_exhaust_speed(params: Params) -> None:
-    flow = actuators.mass_flow(params.plant.thruster, jnp.array([0.0, -0.03, 0.04]))
+    thruster = replace(params.plant.thruster, force=jnp.float64(0.04), force_scale=jnp.float64(1.25))
+    flow = thrust(thruster, burn(0.0, 1.0), "rk4", False, STEP).flow
     np.testing.assert_allclose(flow, 0.05 / (70.0 * 9.80665), rtol=EXACT)
 
 
-@given(st.floats(-1.0, 1.0), st.floats(0.0, 1.0))
-def test_the_thrust_of_a_step_has_the_moments_of_the_true_on_and_off_times(ignition: float, on_time: float) -> None:
-    cutoff = ignition + on_time
-    weights = np.array([1.0, 4.0, 1.0]) * STEP / 6.0  # Simpson's rule over the three stages
-    times = np.array([0.0, STEP / 2, STEP])
-    fractions = np.array([float(f) for f in stage_fractions(np.float64(ignition), np.float64(cutoff), STEP)])
-    begin, end = np.clip([ignition, cutoff], 0.0, STEP)
-    for power in range(3):
-        primitive = Polynomial([0.0] * power + [1.0]).integ()
-        expected = primitive(end) - primitive(begin)
-        np.testing.assert_allclose(weights @ (fractions * times**power), expected, atol=1e-15)
+def test_the_centre_of_mass_moves_away_from_a_tank_that_empties(params: Params) -> None:
+    # 28 kg are left of 30; the tank was at -0.1 m along x: 28 c = -2 (-0.1).
+    found = center_of_mass_shift(params.plant.thruster, np.float64(2.0), np.float64(28.0))
+    np.testing.assert_allclose(found, [0.2 / 28.0, 0.0, 0.0], rtol=EXACT)
 
 
+# Impulse in a step
+
+
+def opening_moments(
+    thruster: Thruster, begin: float, end: float, method: Method, ramps: bool, steps: int = 1
+) -> np.ndarray:
+    """Moments of the opening over steps from 0, up to the degree that the method's nodes carry."""
+    nodes = np.array(NODES[method])
+    powers = np.arange(nodes.size)
+    weights = np.linalg.solve(nodes[None, :] ** powers[:, None], 1.0 / (powers + 1.0))
+    moments = np.zeros(nodes.size)
+    for k in range(steps):
+        found = np.asarray(thrust(thruster, burn(begin - k * STEP, end - k * STEP), method, ramps, STEP).opening)
+        times = (k + nodes) * STEP
+        moments += STEP * (weights * found) @ times[:, None] ** powers[None, :]
+    return moments
+
+
+def true_moments(thruster: Thruster, begin: float, end: float, count: int, ramps: bool, steps: int = 1) -> np.ndarray:
+    """The same by quadrature of the true profile, piece by piece."""
+    rise, fall = (float(thruster.rise_time), float(thruster.fall_time)) if ramps else (0.0, 0.0)
+    peak = min((end - begin) / rise, 1.0) if rise > 0.0 else 1.0
+    corners = [begin, begin + peak * rise, end, end + fall]
+    pieces = np.unique(np.clip([0.0, *corners, steps * STEP], 0.0, steps * STEP))
+    levels = {"xp": corners, "fp": [0.0, peak, peak, 0.0]}
+    if not ramps:
+        levels = {"xp": [begin, end], "fp": [1.0, 1.0], "left": 0.0, "right": 0.0}
+    total = np.zeros(count)
+    for low, high in zip(pieces[:-1], pieces[1:], strict=True):
+        for power in range(count):
+            total[power] += quad(lambda t, p=power: t**p * np.interp(t, **levels), low, high, epsabs=1e-16)[0]
+    return total
+
+
+def ready(params: Params, rise: float = 0.05, fall: float = 0.08) -> Thruster:
+    """The thruster without a minimum on-time."""
+    return replace(
+        params.plant.thruster,
+        minimum_on_time=jnp.zeros(()),
+        rise_time=jnp.float64(rise),
+        fall_time=jnp.float64(fall),
+    )
+
+
+@pytest.mark.parametrize("ramps", [False, True], ids=["on or off", "ramps"])
+@pytest.mark.parametrize("method", METHODS)
+@given(st.floats(-0.5, 0.3), st.floats(0.001, 0.5))
+def test_the_thrust_of_a_step_has_the_impulse_and_the_moments_of_the_true_profile(
+    params: Params, method: Method, ramps: bool, ignition: float, on_time: float
+) -> None:
+    thruster = ready(params)
+    found = opening_moments(thruster, ignition, ignition + on_time, method, ramps)
+    expected = true_moments(thruster, ignition, ignition + on_time, found.size, ramps)
+    np.testing.assert_allclose(found, expected, atol=1e-15)
+
+
+@pytest.mark.parametrize(("rise", "fall"), [(0.05, 0.08), (0.5, 0.7), (0.0, 0.0), (0.0, 0.3)])
+@pytest.mark.parametrize("method", METHODS)
+@given(st.floats(0.0, 0.4), st.floats(0.01, 1.0))
+def test_the_moments_stay_right_over_steps_with_ramps_shorter_and_longer_than_a_step(
+    params: Params, method: Method, rise: float, fall: float, ignition: float, on_time: float
+) -> None:
+    thruster, steps = ready(params, rise, fall), 12
+    found = opening_moments(thruster, ignition, ignition + on_time, method, True, steps)
+    expected = true_moments(thruster, ignition, ignition + on_time, found.size, True, steps)
+    # A ramp of no time is taken as 1e-9 of a step.
+    np.testing.assert_allclose(found, expected, atol=1e-14 if rise and fall else 1e-9)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@given(st.floats(0.0, 1.0), st.floats(0.05, 1.0))
+def test_the_impulse_is_on_time_plus_half_of_fall_less_rise(
+    params: Params, method: Method, ignition: float, on_time: float
+) -> None:
+    impulse = opening_moments(ready(params), ignition, ignition + on_time, method, True, steps=12)[0]
+    np.testing.assert_allclose(impulse, on_time + 0.5 * (0.08 - 0.05), atol=1e-14)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_burn_cut_while_the_force_rises_falls_from_where_it_got_to(params: Params, method: Method) -> None:
+    # 20 of 50 ms: a peak of 0.4, half of it over 20 ms up and over 80 ms down.
+    impulse = opening_moments(ready(params), 0.03, 0.05, method, True, steps=2)[0]
+    np.testing.assert_allclose(impulse, 0.4 * 0.5 * (0.02 + 0.08), atol=1e-14)
+
+
+@pytest.mark.parametrize("ramps", [False, True], ids=["on or off", "ramps"])
 @pytest.mark.parametrize(("ignition", "cutoff"), [(-2.0, -1.0), (STEP, 1.0), (0.3, 0.9), (0.1, 0.1), (0.15, 0.05)])
-def test_a_burn_outside_of_the_step_or_without_duration_gives_no_thrust(ignition: float, cutoff: float) -> None:
-    fractions = stage_fractions(np.float64(ignition), np.float64(cutoff), STEP)
-    np.testing.assert_array_equal(fractions, [0.0, 0.0, 0.0])
+def test_a_burn_outside_of_the_step_or_without_duration_gives_no_thrust(
+    params: Params, ignition: float, cutoff: float, ramps: bool
+) -> None:
+    found = thrust(params.plant.thruster, burn(ignition, cutoff), "rk4", ramps, STEP)
+    np.testing.assert_array_equal(found.opening, [0.0, 0.0, 0.0])
+    # Without a minimum on-time, nothing is left but the rounding of two moments that cancel.
+    found = thrust(ready(params), burn(ignition, cutoff), "rk4", ramps, STEP)
+    np.testing.assert_allclose(found.opening, [0.0, 0.0, 0.0], atol=1e-15)
+
+
+@pytest.mark.parametrize("ramps", [False, True], ids=["on or off", "ramps"])
+def test_a_burn_below_the_minimum_on_time_gives_nothing(params: Params, ramps: bool) -> None:
+    thruster = params.plant.thruster
+    for begin in (-0.3, 0.0, 0.1):
+        short, long = (thrust(thruster, burn(begin, begin + t), "rk4", ramps, STEP) for t in (0.499, 0.501))
+        np.testing.assert_array_equal(short.opening, [0.0, 0.0, 0.0])
+        assert np.max(long.opening) > 0.5
+
+
+@jax.jit
+def _impulse(thruster: Thruster, ignition: jax.Array, on_time: jax.Array) -> jax.Array:
+    """Impulse [N s] over twelve steps with ramps."""
+
+    def part(begin: jax.Array) -> jax.Array:
+        cut = Burn(ignition=ignition - begin, cutoff=ignition + on_time - begin, error=NO_ERROR)
+        found = actuators.thrust(thruster, cut, "rk4", True, STEP)
+        return STEP / 6.0 * (found.opening @ jnp.array([1.0, 4.0, 1.0])) * found.force_B[0]
+
+    return jnp.sum(jax.vmap(part)(STEP * jnp.arange(12, dtype=jnp.float64)))
+
+
+_impulse_slopes = jax.jit(jax.grad(_impulse, argnums=(1, 2)))
+
+
+@pytest.mark.parametrize("on_time", [0.07, 0.513, 1.3])
+def test_the_impulse_grows_by_the_force_per_second_of_on_time_and_not_with_the_time_of_ignition(
+    params: Params, on_time: float
+) -> None:
+    to_ignition, to_on_time = _impulse_slopes(ready(params), jnp.float64(0.31), jnp.float64(on_time))
+    np.testing.assert_allclose(to_ignition, 0.0, atol=1e-15)
+    np.testing.assert_allclose(to_on_time, 0.03, atol=1e-15)
+
+
+@pytest.mark.parametrize(("on_time", "share"), [(1e-6, 1.0), (0.0, 0.5)], ids=["a microsecond", "no time"])
+def test_the_shortest_burns_have_a_finite_slope(params: Params, on_time: float, share: float) -> None:
+    to_ignition, to_on_time = _impulse_slopes(ready(params), jnp.float64(0.31), jnp.float64(on_time))
+    # Impulse t / 0.05 (t + 0.08) / 2 of the full force: a slope of 0.8 at zero, where it meets the slope 0 of no burn.
+    np.testing.assert_allclose(to_on_time, share * 0.03 * 0.8, rtol=1e-4)
+    np.testing.assert_allclose(to_ignition, 0.0, atol=1e-12)
