@@ -21,7 +21,9 @@ NODES: dict[Method, tuple[float, ...]] = {
 """Times within a step, as shares of it, at which a method asks for its inputs."""
 
 
-def step(method: Method, derivative: Derivative[State], state: State, inputs: Any, dt: float | Float[Array, ""]) -> State:
+def step(
+    method: Method, derivative: Derivative[State], state: State, inputs: Any, dt: float | Float[Array, ""]
+) -> State:
     """State after one step of `dt` [s].
 
     `inputs` is a pytree whose leaves hold what `derivative` gets at each of the method's `NODES` along their first

@@ -167,7 +167,9 @@ def center_of_mass_shift(thruster: Thruster, mass_used: Scalar, mass: Scalar) ->
     return -mass_used / mass * thruster.tank_position
 
 
-def _openings(thruster: Thruster, burn: Burn, method: Method, ramps: bool, dt: float | Scalar) -> Float[Array, " nodes"]:
+def _openings(
+    thruster: Thruster, burn: Burn, method: Method, ramps: bool, dt: float | Scalar
+) -> Float[Array, " nodes"]:
     """Factors at the integrator's nodes that make its quadrature exact for the true profile.
 
     They reproduce the profile's impulse and its moments up to the degree that the nodes carry, so that velocity and
