@@ -102,6 +102,21 @@ def _zonal_sums(
     return radial, polar
 
 
+def distant_pull(mu: float, r_body_N: Vector, r: Difference) -> Difference:
+    """Pull [m/s^2] of a distant body at `r_body_N` [m], less its pull on the Earth, at an inertial position [m].
+
+    The pull at the position less that at the Earth's centre is itself a difference, over the position vector.
+    """
+    from_earth = _point_mass(mu, Difference(value=-r_body_N, change=r.value))
+    between = _point_mass(mu, Difference(value=r.value - r_body_N, change=r.change))
+    return Difference(value=from_earth.change, change=between.change)
+
+
+def _point_mass(mu: float, d: Difference) -> Difference:
+    inverse = inverse_length(d)
+    return (inverse * inverse * inverse * -mu).scale(d)
+
+
 def gravity_gradient(r_N: Vector) -> Float[Array, "3 3"]:
     """Derivative of two-body gravity to position [1/s^2] (J2 changes it by a part in a thousand)."""
     square = jnp.sum(r_N * r_N, axis=0)

@@ -16,6 +16,10 @@ _GATE_WIDTH = 0.25
 """Width of the gate's smooth derivative, in squared sigmas."""
 
 
+_FADING = 0.95
+"""What is left of the count of rejections after a frame without a box."""
+
+
 @pytree
 class BoxTrack:
     """What the gate remembers.
@@ -23,7 +27,7 @@ class BoxTrack:
     Attributes:
         direction_N: (3,) unit vector of the last box
         age: () frames since that box [-]
-        rejections: () boxes rejected in a row [-]
+        rejections: () boxes rejected since the last accepted one, fading while there is no box [-]
     """
 
     direction_N: Array
@@ -49,19 +53,21 @@ def accept(
     residual: Vector,
     variance: Vector,
     wide: Bool[Array, ""],
-    ahead: Bool[Array, ""],
+    possible: Bool[Array, ""],
 ) -> Scalar:
     """1 if the box lies within the projected covariance and, while that is wide, a recent box agrees with it; else 0.
 
     `residual` (tangents, log-size) has the given total `variance`; `wide` tells that the prior is much less certain
-    than a box, `ahead` that the target is predicted in front of the camera.
+    than a box, `possible` that such a box can come from the target as predicted.
     """
     ratio = residual**2 / variance
     bearing = jnp.maximum(ratio[0], ratio[1])
-    worst = jnp.where(box.truncated, bearing, jnp.maximum(bearing, ratio[2]))
+    # The visible part of a cut target may be smaller than the target, but not larger.
+    size = jnp.where(box.truncated & (residual[2] < 0.0), 0.0, ratio[2])
+    worst = jnp.maximum(bearing, size)
     inside = safe.gate(tuning.gate_sigma**2 - worst, jnp.asarray(_GATE_WIDTH, dtype=worst.dtype))
     confirmed = _agrees(tuning, focal_px, R_KN, track, box)
-    return jnp.where(box.present & ahead & (confirmed | ~wide), inside, 0.0)
+    return jnp.where(box.present & possible & (confirmed | ~wide), inside, 0.0)
 
 
 def _agrees(
@@ -78,10 +84,15 @@ def _agrees(
 def remember(
     tuning: Navigation, track: BoxTrack, q_KN: Float[Array, "4"], box: BoxMeasurement, rejected: Bool[Array, ""]
 ) -> tuple[BoxTrack, Bool[Array, ""]]:
-    """Memory after a frame, and whether so many boxes in a row were rejected that the filter should doubt itself."""
+    """Memory after a frame, and whether so many boxes were rejected that the filter should doubt itself.
+
+    A frame without a box says nothing for or against the filter; the count only fades, so that false boxes with long
+    gaps between them do not add up.
+    """
     ray_K = jnp.concatenate([box.tangent, jnp.ones_like(box.tangent[:1])])
     direction_N = quaternion.rotate(quaternion.conjugate(q_KN), safe.normalize(ray_K))
-    count = jnp.where(rejected, track.rejections + 1.0, 0.0)
+    idle = jnp.where(box.present, 0.0, _FADING * track.rejections)
+    count = jnp.where(rejected, track.rejections + 1.0, idle)
     doubt = count >= tuning.rejections_before_recovery
     after = BoxTrack(
         direction_N=jnp.where(box.present, direction_N, track.direction_N),

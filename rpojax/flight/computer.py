@@ -83,7 +83,7 @@ OrbitUpdate = Callable[
     [Navigation, bool, Array, OrbitEstimate, BoxTrack, GpsMeasurement, Array, BoxMeasurement],
     tuple[OrbitEstimate, BoxTrack, Innovation],
 ]
-OrbitPrediction = Callable[[Navigation, int, OrbitEstimate, Array, Array, Array, float], OrbitEstimate]
+OrbitPrediction = Callable[[Navigation, int, OrbitEstimate, Array, Array, Array, Array, float], OrbitEstimate]
 WheelControl = Callable[
     [AttitudeControl, Onboard, Array, AttitudeEstimate, attitude_control.AttitudeCommand, Array], Array
 ]
@@ -129,9 +129,14 @@ def start(
 
 
 def navigate(
-    stages: Stages, params: FlightParams, gated: bool, memory: FlightMemory, measurements: Measurements
+    stages: Stages, params: FlightParams, gated: bool, memory: FlightMemory, measurements: Measurements, sun_N: Vector
 ) -> tuple[FlightMemory, Innovation]:
-    """Memory after the attitude and orbit filters have taken in one tick's measurements."""
+    """Memory after the attitude and orbit filters have taken in one tick's measurements; the Sun is at `sun_N` [m].
+
+    A box of a target that lies in the dark is not one.
+    """
+    visible = guidance.can_see(params.onboard, memory.orbit, sun_N)
+    box = measurements.box
     attitude = attitude_estimator.update(
         params.attitude_filter,
         memory.attitude,
@@ -147,7 +152,11 @@ def navigate(
         memory.track,
         measurements.gps,
         quaternion.multiply(q_KB, attitude.q_BN),
-        replace(measurements.box, attitude_variance=_attitude_variance(params.onboard, attitude)),
+        replace(
+            box,
+            present=box.present & visible,
+            attitude_variance=_attitude_variance(params.onboard, attitude),
+        ),
     )
     return replace(memory, attitude=attitude, orbit=orbit, track=track), innovation
 
@@ -224,6 +233,7 @@ def predict(
     q_BN_before: Float[Array, "4"],
     delta_v_N: Vector,
     thrust_ratio: Scalar,
+    pull_N: Vector,
     end: Scalar,
     dt: float,
 ) -> FlightMemory:
@@ -243,7 +253,7 @@ def predict(
         memory,
         thruster_failed_at=jnp.where(burning & (ratio < _NO_THRUST), end, memory.thruster_failed_at),
         orbit=stages.orbit_predict(
-            params.navigation, zonal_degree, memory.orbit, delta_v_N, burn_delta_v, doubt, dt
+            params.navigation, zonal_degree, memory.orbit, delta_v_N, burn_delta_v, doubt, pull_N, dt
         ),
         attitude=attitude_estimator.predict_covariance(params.attitude_filter, memory.attitude, q_BN_before, dt),
     )

@@ -111,7 +111,8 @@ class PointingState:
     Attributes:
         reference: the present reference
         to_burn: () bool, the end attitude is the burn's
-        acquired: () bool, a box has been accepted since the target last came into the light
+        acquired: () bool, the target has been seen for sure since it last came into the light
+        sightings: () accepted boxes of late, fading with every frame that looks and sees none [-]
         unseen_time: () since the last accepted box, planned look-aways and darkness left out [s]
         search_time: () since the search began; 0 when not searching [s]
     """
@@ -119,6 +120,7 @@ class PointingState:
     reference: Reference
     to_burn: Array
     acquired: Array
+    sightings: Array
     unseen_time: Array
     search_time: Array
 
@@ -239,7 +241,9 @@ def initial_pointing(onboard: Onboard, estimate: OrbitEstimate) -> PointingState
         q_EN=q_EN, omega_EN_E=omega, remainder=jnp.zeros(3), slew_age=zero, slew_time=jnp.ones((), dtype=jnp.float64)
     )
     never = jnp.zeros((), dtype=bool)
-    return PointingState(reference=reference, to_burn=never, acquired=never, unseen_time=zero, search_time=zero)
+    return PointingState(
+        reference=reference, to_burn=never, acquired=never, sightings=zero, unseen_time=zero, search_time=zero
+    )
 
 
 def inhibit(
@@ -263,7 +267,7 @@ def can_see(onboard: Onboard, estimate: OrbitEstimate, sun_N: Vector) -> Flag:
 
 def is_lost(pointing: Pointing, state: PointingState) -> Flag:
     """True when the target has not been seen for too long, or not yet since it came into the light."""
-    return (state.unseen_time > pointing.search_after) | ~state.acquired
+    return (state.unseen_time > pointing.search_after) | ~state.acquired | (state.sightings < _SURE)
 
 
 def evaluate(reference: Reference, age: Scalar) -> AttitudeCommand:
@@ -300,9 +304,14 @@ def guide(
     """Reference for the next `dt` [s] and the present mode; in the dark (not `visible`) nothing is searched for."""
     to_burn = (time >= plan.turn_start) & (time < plan.cutoff)
     looking_away = to_burn | (state.to_burn | _slewing_back(state)) & ~box_accepted
-    acquired = (state.acquired & visible) | box_accepted
-    unseen = jnp.where(box_accepted | ~visible, 0.0, state.unseen_time + jnp.where(looking_away, 0.0, dt))
+    sightings = _count_sightings(state.sightings, box_accepted, visible, looking_away)
+    sure = box_accepted & (sightings > _SURE)
+    acquired = (state.acquired & visible) | sure
     patience = jnp.where(acquired, pointing.search_after, pointing.acquisition_wait)
+    unseen = state.unseen_time + jnp.where(looking_away, 0.0, dt)
+    # One box may be false: it makes the camera stay for a while, the next one makes it believe.
+    unseen = jnp.where(box_accepted, jnp.minimum(unseen, patience - _STARE), unseen)
+    unseen = jnp.where(sure | ~visible, 0.0, unseen)
     searching = (unseen > patience) & ~to_burn
     search_time = jnp.where(searching, _search_clock(pointing, estimate, state.search_time + dt), 0.0)
 
@@ -321,9 +330,30 @@ def guide(
     home = jnp.where(slewing & (time < plan.cutoff + pointing.look_away_limit), Mode.TURN_BACK, Mode.LOOK)
     mode = jnp.where(to_burn, away, jnp.where(searching, Mode.SEARCH, home))
     after = PointingState(
-        reference=reference, to_burn=to_burn, acquired=acquired, unseen_time=unseen, search_time=search_time
+        reference=reference,
+        to_burn=to_burn,
+        acquired=acquired,
+        sightings=sightings,
+        unseen_time=unseen,
+        search_time=search_time,
     )
     return after, mode
+
+
+def _count_sightings(before: Scalar, accepted: Flag, visible: Flag, looking_away: Flag) -> Scalar:
+    """Accepted boxes of late; planned look-aways leave the count as it is, darkness ends it."""
+    count = jnp.where(accepted, before + 1.0, jnp.where(looking_away, before, _SIGHTING_FADES * before))
+    return jnp.where(visible, jnp.minimum(count, _SIGHTINGS_KEPT), 0.0)
+
+
+_SIGHTING_FADES = 0.8
+"""What is left of the count of sightings after a frame without one."""
+_SIGHTINGS_KEPT = 10.0
+"""The count goes no higher, so that it is forgotten within half a minute."""
+_SURE = 2.5
+"""From so many sightings on the target counts as seen: false boxes come once in twenty frames and rarely agree."""
+_STARE = 5.0
+"""How long a single box keeps the camera from searching [s]."""
 
 
 def _slewing_back(state: PointingState) -> Flag:

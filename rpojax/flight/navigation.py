@@ -14,7 +14,8 @@ class Navigation:
         gps_error_sigma: () slowly varying error per axis, 1 sigma [m]
         gps_error_time_constant: () [s]
         edge_noise: () of a box edge, 1 sigma [px]
-        center_noise: () of the box centre against the centre of mass, 1 sigma [m]
+        center_sigma: () place of the box centre from the centre of mass, per axis, 1 sigma [m]
+        center_time_constant: () with which it wanders: a sixth of a tumble [s]
         target_size: () expected sqrt(width height) of the target's outline [m]
         scale_sigma: (2,) log-size error, slow and fast part, 1 sigma [-]
         scale_time_constant: (2,) [s]
@@ -41,7 +42,8 @@ class Navigation:
     gps_error_sigma: Array
     gps_error_time_constant: Array
     edge_noise: Array
-    center_noise: Array
+    center_sigma: Array
+    center_time_constant: Array
     target_size: Array
     scale_sigma: Array
     scale_time_constant: Array
@@ -87,6 +89,7 @@ class BoxMeasurement:
         side_px: () mean side [px]
         present: () bool
         truncated: () bool, cut by the frame
+        half_frame: (2,) tangents of the edges of the frame [-]
         attitude_variance: () of the camera's attitude across the boresight, as known on board [rad^2]
     """
 
@@ -95,4 +98,5 @@ class BoxMeasurement:
     side_px: Array
     present: Array
     truncated: Array
+    half_frame: Array
     attitude_variance: Array

@@ -66,12 +66,13 @@ def predict(
     delta_v_N: Vector,
     burn_delta_v: Scalar,
     doubt: Scalar,
+    pull_N: Vector,
     dt: float,
 ) -> OrbitEstimate:
     """Estimate `dt` [s] later, with the known velocity change [m/s] spread over the step.
 
     `burn_delta_v` [m/s] is the size of the whole burn that `delta_v_N` is a part of, `doubt` a factor on the filter's
-    idea of how well burns are executed.
+    idea of how well burns are executed, `pull_N` [m/s^2] the pull of the Sun and the Moon on the servicer.
     """
     acceleration = delta_v_N / dt
 
@@ -80,7 +81,7 @@ def predict(
         pull = orbital_mechanics.gravity(orbital_mechanics.EARTH, zonal_degree, Difference(value=r, change=d))
         return (
             v,
-            pull.value + acceleration,
+            pull.value + pull_N + acceleration,
             d_dot,
             pull.change - acceleration,
         )

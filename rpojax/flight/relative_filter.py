@@ -1,7 +1,8 @@
 """The target half of the orbit filter: target relative to servicer from bounding boxes.
 
-State (10): position and velocity of the target from the servicer in N; log of the apparent size over its expected
-value, in a slow and a fast part (2); bearing bias (2).
+State (12): position and velocity of the target from the servicer in N; log of the apparent size over its expected
+value, in a slow and a fast part (2); bearing bias (2); place of the box centre from the centre of mass, which wanders
+as the target tumbles (2).
 """
 
 import jax.numpy as jnp
@@ -22,6 +23,9 @@ Matrix = Float[Array, "3 3"]
 # Width and height differ, so that the log of sqrt(w h) is somewhat noisier than that of a square of the same area.
 _ASPECT_FACTOR = 1.5
 
+# The longer side of a box over the geometric mean of its sides, at most.
+_WIDEST_ASPECT = 1.8
+
 # A target predicted more than 60 deg off the boresight cannot be what the camera sees, and tangents explode there.
 _LEAST_DEPTH = 0.5
 
@@ -35,17 +39,19 @@ class RelativeEstimate:
         v_TS_N: (3,) its inertial derivative [m/s]
         scale: (2,) log-size error, slow and fast part [-]
         bearing_bias: (2,) tangents in the camera [rad]
-        covariance: (10, 10) in this order
+        center: (2,) of the box from the centre of mass, image right and down [m]
+        covariance: (12, 12) in this order
     """
 
     r_TS_N: Array
     v_TS_N: Array
     scale: Array
     bearing_bias: Array
+    center: Array
     covariance: Array
 
 
-def initial_sigma(tuning: Navigation) -> Float[Array, "10"]:
+def initial_sigma(tuning: Navigation) -> Float[Array, "12"]:
     """1-sigma of every state at hand-over."""
     return jnp.concatenate(
         [
@@ -53,6 +59,7 @@ def initial_sigma(tuning: Navigation) -> Float[Array, "10"]:
             jnp.full(3, tuning.initial_relative_velocity_sigma),
             tuning.scale_sigma,
             jnp.full(2, tuning.bearing_bias_sigma),
+            jnp.full(2, tuning.center_sigma),
         ]
     )
 
@@ -64,6 +71,7 @@ def initial(tuning: Navigation, r_TS_N: Vector, v_TS_N: Vector) -> RelativeEstim
         v_TS_N=v_TS_N,
         scale=jnp.zeros_like(tuning.scale_sigma),
         bearing_bias=jnp.zeros(2, dtype=r_TS_N.dtype),
+        center=jnp.zeros(2, dtype=r_TS_N.dtype),
         covariance=jnp.diag(initial_sigma(tuning) ** 2),
     )
 
@@ -79,8 +87,11 @@ def predict(
 ) -> RelativeEstimate:
     """Estimate `dt` [s] later with its mean already propagated; `r_SN_N` [m] is the servicer's position before."""
     decay = jnp.exp(-dt / tuning.scale_time_constant)
-    factors = jnp.concatenate([decay, jnp.ones(2, dtype=decay.dtype)])
-    growth = jnp.pad(tuning.scale_sigma**2 * (1.0 - decay**2), (0, 2))
+    still = jnp.ones(2, dtype=decay.dtype)
+    wander = still * jnp.exp(-dt / tuning.center_time_constant)
+    factors = jnp.concatenate([decay, still, wander])
+    sigma = jnp.concatenate([tuning.scale_sigma, 0.0 * still, tuning.center_sigma * still])
+    growth = sigma**2 * (1.0 - factors**2)
     identity = jnp.eye(3, dtype=decay.dtype)
     velocity = burn_covariance + tuning.relative_acceleration_noise**2 * dt * identity
     P = covariance.propagate(estimate.covariance, orbital_mechanics.gravity_gradient(r_SN_N), factors, dt)
@@ -89,6 +100,7 @@ def predict(
         r_TS_N=r_TS_N,
         v_TS_N=v_TS_N,
         scale=decay * estimate.scale,
+        center=wander * estimate.center,
         covariance=P + covariance.process_noise(velocity, growth),
     )
 
@@ -100,11 +112,13 @@ class BoxModel:
     Attributes:
         predicted: (3,) tangents and log-size
         gradient: (3, 3) their derivative to the relative position in N
+        inverse_depth: () derivative of the tangents to the place of the box centre [1/m]
         variance: (3,) measurement noise
     """
 
     predicted: Array
     gradient: Array
+    inverse_depth: Array
     variance: Array
 
 
@@ -127,12 +141,13 @@ def box_model(tuning: Navigation, focal_px: Scalar, R_KN: Matrix, r_TS_N: Vector
     doubt_px = jnp.where(box.truncated, 0.5 * box.side_px, 0.0)
     bearing = (
         (0.5 * tuning.edge_noise**2 + doubt_px**2) / focal_px**2
-        + (tuning.center_noise / distance) ** 2
         + jnp.maximum(tuning.attitude_sigma**2, box.attitude_variance)
     )
     expected_px = focal_px * tuning.target_size / distance
     size = _ASPECT_FACTOR * (tuning.edge_noise / expected_px) ** 2
-    return BoxModel(predicted=predicted, gradient=gradient, variance=jnp.stack([bearing, bearing, size]))
+    return BoxModel(
+        predicted=predicted, gradient=gradient, inverse_depth=1.0 / depth, variance=jnp.stack([bearing, bearing, size])
+    )
 
 
 def update(
@@ -146,16 +161,20 @@ def update(
 ) -> tuple[RelativeEstimate, BoxTrack, Update, Bool[Array, ""]]:
     """Estimate after a box, if it passes the gate, and whether it did. `q_KN` is known from the attitude filter."""
     R_KN = quaternion.to_matrix(q_KN)
-    slow = jnp.concatenate([estimate.bearing_bias, jnp.sum(estimate.scale, axis=0)[None]])
-    measured = jnp.concatenate([box.tangent, box.log_size[None]]) - slow
     prior = box_model(tuning, focal_px, R_KN, estimate.r_TS_N, box)
+    bearing_error = estimate.bearing_bias + prior.inverse_depth * estimate.center
+    slow = jnp.concatenate([bearing_error, jnp.sum(estimate.scale, axis=0)[None]])
+    measured = jnp.concatenate([box.tangent, box.log_size[None]]) - slow
     variance = _innovation_variance(estimate.covariance, prior)
-    wide = jnp.any(variance[:2] > (1.0 + tuning.confirm_above**2) * prior.variance[:2], axis=0)
+    # What a whole box would know counts: a cut one is vague itself, and would make any prior look certain enough.
+    whole = box_model(tuning, focal_px, R_KN, estimate.r_TS_N, replace(box, truncated=jnp.zeros_like(box.truncated)))
+    doubt = variance - prior.variance
+    wide = jnp.any(doubt[:2] > tuning.confirm_above**2 * whole.variance[:2], axis=0)
     accepted = jnp.where(box.present, 1.0, 0.0)
     if gated:
-        ahead = _is_ahead(R_KN, estimate.r_TS_N)
+        possible = _is_ahead(R_KN, estimate.r_TS_N) & (~box.truncated | _may_be_cut(tuning, prior, doubt, box))
         residual = measured - prior.predicted
-        accepted = box_gate.accept(tuning, focal_px, R_KN, track, box, residual, variance, wide, ahead)
+        accepted = box_gate.accept(tuning, focal_px, R_KN, track, box, residual, variance, wide, possible)
 
     # Linearising at the posterior lets the noise of a box turn its own Jacobian, which biases the range by a drift of
     # decimetres per hour; so only while the prior is much wider than the box, where linearising there would be worse.
@@ -170,13 +189,14 @@ def update(
     )
     result = scalar_update.update(estimate.covariance, rows)
     used = accepted > 0.5
-    track, doubt = box_gate.remember(tuning, track, q_KN, box, box.present & ~used)
-    x, P = result.deviation, _add_doubt(tuning, estimate.r_TS_N, result.covariance, doubt)
+    track, lost = box_gate.remember(tuning, track, q_KN, box, box.present & ~used)
+    x, P = result.deviation, _add_doubt(tuning, estimate.r_TS_N, result.covariance, lost)
     corrected = RelativeEstimate(
         r_TS_N=estimate.r_TS_N + x[:3],
         v_TS_N=estimate.v_TS_N + x[3:6],
         scale=estimate.scale + x[6:8],
-        bearing_bias=estimate.bearing_bias + x[8:],
+        bearing_bias=estimate.bearing_bias + x[8:10],
+        center=estimate.center + x[10:],
         covariance=P,
     )
     return corrected, track, result, used
@@ -188,13 +208,24 @@ def _is_ahead(R_KN: Matrix, r_TS_N: Vector) -> Bool[Array, ""]:
     return r_K[2] > _LEAST_DEPTH * safe.norm(r_K)
 
 
-def _jacobian(model: BoxModel) -> Float[Array, "3 10"]:
+def _may_be_cut(
+    tuning: Navigation, prior: BoxModel, doubt: Vector, box: BoxMeasurement
+) -> Bool[Array, ""]:
+    """True if the frame may cut the predicted outline, as far as the prior (variance `doubt`) can tell."""
+    half_size = 0.5 * jnp.exp(prior.predicted[2] + tuning.gate_sigma * safe.sqrt(prior.variance[2] + doubt[2]))
+    reach = jnp.abs(prior.predicted[:2]) + tuning.gate_sigma * safe.sqrt(doubt[:2]) + _WIDEST_ASPECT * half_size
+    return jnp.any(reach > box.half_frame, axis=0)
+
+
+def _jacobian(model: BoxModel) -> Float[Array, "3 12"]:
     dtype = model.gradient.dtype
     scale = jnp.array([[0.0, 0.0], [0.0, 0.0], [1.0, 1.0]], dtype=dtype)
-    return jnp.concatenate([model.gradient, jnp.zeros((3, 3), dtype=dtype), scale, jnp.eye(3, 2, dtype=dtype)], axis=1)
+    bearing = jnp.eye(3, 2, dtype=dtype)
+    columns = [model.gradient, jnp.zeros((3, 3), dtype=dtype), scale, bearing, model.inverse_depth * bearing]
+    return jnp.concatenate(columns, axis=1)
 
 
-def _innovation_variance(P: Float[Array, "10 10"], model: BoxModel) -> Vector:
+def _innovation_variance(P: Float[Array, "12 12"], model: BoxModel) -> Vector:
     """Variance of the box residuals before the update."""
     H = _jacobian(model)
     HP = jnp.sum(H[:, :, None] * P[None, :, :], axis=1)
@@ -222,7 +253,7 @@ def _iterated_position(
         residual = measured[:2] - model.predicted[:2] - jnp.sum(G * (estimate.r_TS_N - point)[None, :], axis=1)
         PG = jnp.sum(P[:, None, :] * G[None, :, :], axis=2)
         S = jnp.sum(G[:, :, None] * PG[None, :, :], axis=1)
-        noise = model.variance[:2] + tuning.bearing_bias_sigma**2
+        noise = model.variance[:2] + tuning.bearing_bias_sigma**2 + (model.inverse_depth * tuning.center_sigma) ** 2
         a, b, c = S[0, 0] + noise[0], S[0, 1], S[1, 1] + noise[1]
         solved = jnp.stack([c * residual[0] - b * residual[1], a * residual[1] - b * residual[0]]) / (a * c - b * b)
         point = estimate.r_TS_N + jnp.sum(PG * solved[None, :], axis=1)
@@ -230,15 +261,15 @@ def _iterated_position(
 
 
 def _add_doubt(
-    tuning: Navigation, r_TS_N: Vector, P: Float[Array, "10 10"], doubt: Bool[Array, ""]
-) -> Float[Array, "10 10"]:
+    tuning: Navigation, r_TS_N: Vector, P: Float[Array, "12 12"], doubt: Bool[Array, ""]
+) -> Float[Array, "12 12"]:
     """Covariance with more uncertainty when the filter doubts itself, so that it can find back."""
     square = jnp.sum(r_TS_N * r_TS_N, axis=0)
     added = jnp.concatenate(
         [
             jnp.full(3, tuning.recovery_position_sigma**2 * square),
             jnp.full(3, tuning.recovery_velocity_sigma**2),
-            jnp.zeros(4, dtype=P.dtype),
+            jnp.zeros(6, dtype=P.dtype),
         ]
     )
     return P + jnp.diag(jnp.where(doubt, added, 0.0))

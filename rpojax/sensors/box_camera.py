@@ -79,7 +79,10 @@ def measure(
     normals: Float[Array, "4"],
     uniforms: Float[Array, "6"],
 ) -> Frame:
-    """Box of one exposure of the hull vertices `hull_K` [m] in camera axes; a camera that does not work gives none."""
+    """Box of one exposure of the hull vertices `hull_K` [m] in camera axes; there is none without light.
+
+    `observable` is the light, `working` the camera's health.
+    """
     lens = pinhole.lens(camera.field_of_view, width_px, height_px)
     true_edges = box_model.outline(lens, hull_K)
     in_front = jnp.min(hull_K[:, 2], axis=0) > 0.1
@@ -97,7 +100,7 @@ def measure(
     )
     box = Box(
         edges=jnp.where(outlier, false_edges, noisy),
-        present=(detected | outlier) & working,
+        present=(detected | outlier) & observable & working,
         truncated=jnp.where(outlier, false_truncated, truncated),
     )
     return Frame(box=box, observable=observable & working, outlier=outlier)

@@ -4,7 +4,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import ephemeris, light, quaternion, random, safe
+from rpojax.core import ephemeris, light, orbital_mechanics, quaternion, random, safe
+from rpojax.core.constants import MU_MOON, MU_SUN
+from rpojax.core.difference import Difference
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.random import Stream
@@ -143,7 +145,9 @@ def tick(stages: Stages, scenario: Scenario, params: Params, state: State) -> tu
     with jax.named_scope("sense"):
         measurements, frame = _sense(scenario, params, state, sky, health)
     with jax.named_scope("navigate"):
-        flight, innovation = computer.navigate(stages, params.flight, scenario.gated, state.flight, measurements)
+        flight, innovation = computer.navigate(
+            stages, params.flight, scenario.gated, state.flight, measurements, sky.sun_N
+        )
     with jax.named_scope("plan_burn"):
         flight, burn_error = _plan_burn(stages, scenario, params, state, flight, sky, time)
     with jax.named_scope("guide"):
@@ -230,6 +234,7 @@ def as_measurement(scenario: Scenario, params: Params, frame: Frame) -> BoxMeasu
         side_px=side,
         present=frame.box.present,
         truncated=frame.box.truncated,
+        half_frame=middle / focal,
         attitude_variance=jnp.zeros_like(side),
     )
 
@@ -290,11 +295,22 @@ def _act(
     (truth, attitude, delta_v_N), _ = jax.lax.scan(substep, start, (offsets, normals))
     moved = replace(flight, attitude=attitude)
     ratio = _chamber_pressure(params, state, burn_error, health) if effects.faults else jnp.ones_like(time)
+    pull_N = _luni_solar_pull(scenario, flight, sky)
     end = time + scenario.tick_s
     flight = computer.predict(
-        stages, params.flight, scenario.navigation_zonal_degree, moved, flight.attitude.q_BN, delta_v_N, ratio, end, scenario.tick_s
+        stages, params.flight, scenario.navigation_zonal_degree, moved, flight.attitude.q_BN, delta_v_N, ratio, pull_N, end, scenario.tick_s
     )
     return truth, flight, _advance_sensors(scenario, params, state)
+
+
+def _luni_solar_pull(scenario: Scenario, flight: FlightMemory, sky: Sky) -> Array:
+    """Pull [m/s^2] of Sun and Moon on the servicer, as flight software works it out from its almanac."""
+    r = Difference(value=flight.orbit.servicer.r_SN_N, change=jnp.zeros(3))
+    pull = jnp.zeros(3)
+    if scenario.navigation_luni_solar:
+        for mu, body_N in ((MU_SUN, sky.sun_N), (MU_MOON, sky.moon_N)):
+            pull = pull + orbital_mechanics.distant_pull(mu, body_N, r).value
+    return pull
 
 
 def _chamber_pressure(params: Params, state: State, burn_error: BurnError, health: Health) -> Scalar:

@@ -31,6 +31,7 @@ class Scenario:
         camera_model: where boxes come from
         gated: boxes pass the covariance gate
         navigation_zonal_degree: of the gravity that the orbit filter knows
+        navigation_luni_solar: the orbit filter knows the pull of the Sun and the Moon
         epoch_s: start of a run, after 2000-01-01 12:00 terrestrial time [s]
         effects: what the plant takes into account
     """
@@ -44,6 +45,7 @@ class Scenario:
     camera_model: str
     gated: bool
     navigation_zonal_degree: int
+    navigation_luni_solar: bool
     epoch_s: float
     effects: Effects
 
@@ -105,6 +107,7 @@ def static(file: ScenarioFile) -> Scenario:
         camera_model=file.camera.model,
         gated=file.navigation.gating == "covariance",
         navigation_zonal_degree=file.navigation.zonal_degree,
+        navigation_luni_solar=file.navigation.luni_solar,
         epoch_s=epoch_seconds(file.epoch_utc),
         effects=Effects(**file.effects.model_dump()),
     )

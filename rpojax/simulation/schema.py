@@ -271,11 +271,13 @@ class NavigationSection(Section):
 
     gating: Literal["covariance", "none"]
     zonal_degree: ZonalDegree
+    luni_solar: bool
     gps_noise_m: Positive
     gps_error_sigma_m: Positive
     gps_error_time_constant_s: Positive
     edge_noise_px: Positive
-    center_noise_m: NonNegative
+    center_sigma_m: NonNegative
+    center_time_constant_s: Positive
     target_size_m: Positive
     scale_sigma: PositivePair
     scale_time_constant_s: PositivePair
