@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from precise import Place, differential, precise
 from reference import SEEDS, random_unit, relative_error
 
+from rpojax.core import orbital_mechanics
 from rpojax.core.difference import Difference
-from rpojax.physics import gravity
 
 BODIES = {"sun": (1.32712440018e20, 1.496e11), "moon": (4.9028e12, 3.84e8)}
 """Gravitational parameter [m^3/s^2] and distance [m]."""
 
-distant = jax.jit(gravity.distant, static_argnums=0)
+distant = jax.jit(orbital_mechanics.distant_pull, static_argnums=0)
 
 
 def perturbation(mu: float, body: np.ndarray) -> Callable[[Place], Place]:

@@ -1,5 +1,7 @@
 """The plant against conservation laws, exact burns, and scipy's integrators."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,47 +14,77 @@ from scipy.integrate import solve_ivp
 from rpojax.core import orbital_mechanics
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.pytree import replace
-from rpojax.physics import plant
-from rpojax.physics.actuators import BurnError
-from rpojax.physics.plant import Burn, PlantParams, Truth
+from rpojax.physics import actuators, faults, plant
+from rpojax.physics.actuators import Burn, BurnError, Thrust
+from rpojax.physics.effects import Effects
+from rpojax.physics.environment import Sky
+from rpojax.physics.faults import Health
+from rpojax.physics.plant import PlantParams, Truth
 from rpojax.simulation.params import Params
 
 STEP = 0.2
 HOUR = round(3600.0 / STEP)
 BURN_STEPS = 20
 G0 = 9.80665
+EFFECTS = Effects()
+SKY = Sky(sun_N=jnp.array([1.0e11, 1.1e11, 2.0e10]), moon_N=jnp.array([-3.0e8, 2.0e8, 1.0e8]))
+HEALTHY = faults.healthy()
 
-step = jax.jit(plant.step, static_argnums=4)
+step = jax.jit(plant.step, static_argnums=(0, 7))
 initial_truth = jax.jit(plant.initial_truth)
 
 
-@jax.jit
-def fly(params: PlantParams, truth: Truth, commands: jax.Array) -> Truth:
-    """Truth after each step with the given wheel torque commands (n, 3) and no burn."""
+@functools.partial(jax.jit, static_argnums=0)
+def fly(
+    effects: Effects, params: PlantParams, truth: Truth, commands: jax.Array, health: Health = HEALTHY, sky: Sky = SKY
+) -> Truth:
+    """Truth after each step with the given wheel torque commands (n, 3) and no thruster."""
 
     def body(truth: Truth, command: jax.Array) -> tuple[Truth, Truth]:
-        after = plant.step(params, truth, command, burn(0.0, 0.0), STEP)
+        after = plant.step(effects, params, truth, command, (), sky, health, STEP)
         return after, after
 
     return jax.lax.scan(body, truth, commands)[1]
 
 
-@jax.jit
-def burn_through(params: PlantParams, truth: Truth, ignition: jax.Array, cutoff: jax.Array) -> Truth:
+@functools.partial(jax.jit, static_argnums=0)
+def burn_through(
+    effects: Effects, params: PlantParams, truth: Truth, ignition: jax.Array, cutoff: jax.Array
+) -> Truth:
     """Truth after `BURN_STEPS` steps with the thruster open from `ignition` to `cutoff` [s]."""
 
     def body(truth: Truth, begin: jax.Array) -> tuple[Truth, None]:
-        return plant.step(params, truth, jnp.zeros(3), burn(ignition - begin, cutoff - begin), STEP), None
+        pushes = (push(params, ignition - begin, cutoff - begin, effects),)
+        return plant.step(effects, params, truth, jnp.zeros(3), pushes, SKY, HEALTHY, STEP), None
 
     return jax.lax.scan(body, truth, STEP * jnp.arange(BURN_STEPS, dtype=jnp.float64))[0]
 
 
-final_velocity_slope = jax.jit(jax.jacfwd(lambda *arguments: burn_through(*arguments).v_ST_N, argnums=(2, 3)))
+final_velocity_slope = jax.jit(
+    jax.jacfwd(lambda *arguments: burn_through(*arguments).v_ST_N, argnums=(3, 4)), static_argnums=0
+)
 
 
-def burn(ignition: jax.Array | float, cutoff: jax.Array | float) -> Burn:
+def push(
+    params: PlantParams, ignition: jax.Array | float, cutoff: jax.Array | float, effects: Effects = EFFECTS
+) -> Thrust:
+    """The thruster open from `ignition` to `cutoff` [s] from the start of the step, without any error."""
     none = BurnError(magnitude=jnp.zeros(()), direction=jnp.zeros(3))
-    return Burn(ignition=jnp.float64(ignition), cutoff=jnp.float64(cutoff), error=none)
+    burn = Burn(ignition=jnp.float64(ignition), cutoff=jnp.float64(cutoff), error=none)
+    return actuators.thrust(params.thruster, burn, effects.integrator, effects.thruster_ramps, STEP)
+
+
+def advance(
+    effects: Effects,
+    params: PlantParams,
+    truth: Truth,
+    command: np.ndarray | None = None,
+    thrusts: tuple[Thrust, ...] = (),
+    health: Health = HEALTHY,
+    sky: Sky = SKY,
+) -> Truth:
+    """Truth one step later."""
+    return step(effects, params, truth, np.zeros(3) if command is None else command, thrusts, sky, health, STEP)
 
 
 @pytest.fixture(scope="module")
@@ -82,8 +114,9 @@ def at_rest(params: Params, far_away: Truth) -> Truth:
 
 @pytest.fixture(scope="module")
 def balanced(params: Params) -> PlantParams:
-    """The plant with its thruster through the centre of mass, so that a burn does not turn the servicer."""
-    return replace(params.plant, thruster=replace(params.plant.thruster, position=jnp.zeros(3)))
+    """The plant with its thruster through the centre of mass, so that a burn does not turn it, and ready for any time."""
+    thruster = replace(params.plant.thruster, position=jnp.zeros(3), minimum_on_time=jnp.zeros(()))
+    return replace(params.plant, thruster=thruster)
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +142,7 @@ def test_a_free_body_keeps_its_angular_momentum_and_energy_over_an_hour(params: 
         return inertial(truth.q_TN, inertia @ omega), float(omega @ inertia @ omega)
 
     start, start_energy = momentum_and_energy(far_away)
-    for truth in sampled(fly(params.plant, far_away, np.zeros((HOUR, 3)))):
+    for truth in sampled(fly(EFFECTS, params.plant, far_away, np.zeros((HOUR, 3)))):
         momentum, energy = momentum_and_energy(truth)
         assert np.linalg.norm(momentum - start) < 1e-10 * np.linalg.norm(start)
         assert abs(energy - start_energy) < 1e-10 * start_energy
@@ -126,7 +159,7 @@ def test_body_and_wheels_together_keep_their_angular_momentum_over_an_hour_of_to
         return inertial(truth.q_BN, inertia @ np.asarray(truth.omega_BN_B) + wheel)
 
     start = momentum(far_away)
-    history = sampled(fly(params.plant, far_away, 1e-4 * np.sin(phase)))
+    history = sampled(fly(EFFECTS, params.plant, far_away, 1e-4 * np.sin(phase)))
     for truth in history:
         assert np.linalg.norm(momentum(truth) - start) < 1e-10 * np.linalg.norm(start)
     moved = max(np.max(np.abs(truth.wheel_speed - far_away.wheel_speed)) for truth in history)
@@ -134,7 +167,7 @@ def test_body_and_wheels_together_keep_their_angular_momentum_over_an_hour_of_to
 
 
 def test_the_relative_motion_is_the_difference_of_two_absolute_orbits(params: Params, in_orbit: Truth) -> None:
-    truth = jax.tree.map(lambda leaf: leaf[-1], fly(params.plant, in_orbit, np.zeros((HOUR, 3))))
+    truth = jax.tree.map(lambda leaf: leaf[-1], fly(EFFECTS, params.plant, in_orbit, np.zeros((HOUR, 3))))
 
     def absolute(r: jax.Array, v: jax.Array) -> np.ndarray:
         solution = solve_ivp(
@@ -163,7 +196,7 @@ def test_the_relative_motion_is_the_difference_of_two_absolute_orbits(params: Pa
 def test_a_step_with_the_valve_switching_inside_ends_where_the_true_motion_ends(
     balanced: PlantParams, at_rest: Truth, ignition: float, cutoff: float
 ) -> None:
-    after = step(balanced, at_rest, jnp.zeros(3), burn(ignition, cutoff), STEP)
+    after = advance(EFFECTS, balanced, at_rest, thrusts=(push(balanced, ignition, cutoff),))
     force, flow = 0.03, 0.03 / (70.0 * G0)
     state = np.concatenate([[float(at_rest.mass)], at_rest.r_ST_N, at_rest.v_ST_N])
     events = np.clip([0.0, ignition, cutoff, STEP], 0.0, STEP)
@@ -184,7 +217,7 @@ def test_the_impulse_is_exactly_force_times_on_time_however_many_steps_it_spans(
     massless: PlantParams, at_rest: Truth, ignition: float, on_time: float
 ) -> None:
     cutoff = ignition + on_time
-    after = burn_through(massless, at_rest, np.float64(ignition), np.float64(cutoff))
+    after = burn_through(EFFECTS, massless, at_rest, np.float64(ignition), np.float64(cutoff))
     acceleration = 0.03 / 30.0
     gained = np.asarray(after.v_ST_N - at_rest.v_ST_N)
     moved = np.asarray(after.r_ST_N - at_rest.r_ST_N - BURN_STEPS * STEP * at_rest.v_ST_N)
@@ -199,7 +232,7 @@ def test_the_impulse_is_exactly_force_times_on_time_however_many_steps_it_spans(
 def test_the_final_velocity_grows_by_the_acceleration_per_second_of_on_time(
     massless: PlantParams, at_rest: Truth, ignition: float, cutoff: float
 ) -> None:
-    to_ignition, to_cutoff = final_velocity_slope(massless, at_rest, np.float64(ignition), np.float64(cutoff))
+    to_ignition, to_cutoff = final_velocity_slope(EFFECTS, massless, at_rest, np.float64(ignition), np.float64(cutoff))
     np.testing.assert_allclose(to_cutoff, [0.001, 0.0, 0.0], atol=1e-15)
     np.testing.assert_allclose(to_ignition, [-0.001 if ignition > 0.0 else 0.0, 0.0, 0.0], atol=1e-15)
 
@@ -207,7 +240,7 @@ def test_the_final_velocity_grows_by_the_acceleration_per_second_of_on_time(
 def test_propellant_and_velocity_change_obey_the_rocket_equation(balanced: PlantParams, at_rest: Truth) -> None:
     # A thousandth of the specific impulse makes the mass change ten per cent.
     thirsty = replace(balanced, thruster=replace(balanced.thruster, specific_impulse=jnp.float64(0.01)))
-    after = burn_through(thirsty, at_rest, np.float64(0.3), np.float64(3.3))
+    after = burn_through(EFFECTS, thirsty, at_rest, np.float64(0.3), np.float64(3.3))
     used = 0.03 * 3.0 / (0.01 * G0)
     np.testing.assert_allclose(at_rest.mass - after.mass, used, rtol=1e-12)
     expected = 0.01 * G0 * np.log(30.0 / (30.0 - used))
@@ -217,7 +250,7 @@ def test_propellant_and_velocity_change_obey_the_rocket_equation(balanced: Plant
 
 def test_a_burn_off_the_centre_of_mass_turns_the_servicer_by_its_lever(params: Params, at_rest: Truth) -> None:
     offset = replace(params.plant, thruster=replace(params.plant.thruster, position=jnp.array([-0.25, 0.002, 0.0])))
-    after = step(offset, at_rest, jnp.zeros(3), burn(-1.0, 1.0), STEP)
+    after = advance(EFFECTS, offset, at_rest, thrusts=(push(offset, -1.0, 1.0),))
     torque = np.cross([-0.25, 0.002, 0.0], [0.03, 0.0, 0.0])
     wheels = params.plant.wheels
     momentum = np.asarray(params.plant.servicer.inertia) @ after.omega_BN_B + wheels.inertia * after.wheel_speed
