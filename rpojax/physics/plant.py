@@ -139,7 +139,7 @@ def step(
         a_TN_N, a_ST_N = _orbital_accelerations(effects, params, y, sky)
         surface = _surface_forces(effects, params, y, sky)
         pull_B, torque_T = _gravity_gradient_torques(effects, params, y)
-        wheel_torque = motor_torque + _bearing_torque(effects, params.wheels, y.wheel_speed, health)
+        wheel_torque = motor_torque + _bearing_torque(effects, params.wheels, y.wheel_speed, health, dt)
         omega_dot, wheel_acceleration = rigid_body.accelerations_with_wheels(
             params.servicer.inertia,
             inverse_hub,
@@ -183,14 +183,18 @@ def _motor_torque(
     return jnp.where(health.wheel_stuck, 0.0, torque) if effects.faults else torque
 
 
-def _bearing_torque(effects: Effects, wheels: Wheels, speed: Vector, health: Health) -> Vector:
+def _bearing_torque(
+    effects: Effects, wheels: Wheels, speed: Vector, health: Health, dt: float | Scalar
+) -> Vector:
     """Torque [N m] of friction on the wheels, faults included."""
     torque = actuators.friction(wheels, speed) if effects.wheel_friction else jnp.zeros_like(speed)
     if not effects.faults:
         return torque
-    rubbing = health.wheel_friction * wheels.torque_limit * jnp.tanh(speed / wheels.stiction_speed)
+    rubbing = health.wheel_friction * wheels.torque_limit
+    # Below the speed that the torque takes away in a step it must fade, else the wheel would chatter about zero.
+    fading_speed = jnp.maximum(wheels.stiction_speed, rubbing / wheels.inertia * dt)
     seizing = wheels.inertia * speed / SEIZING_TIME
-    return torque - rubbing - jnp.where(health.wheel_stuck, seizing, 0.0)
+    return torque - rubbing * jnp.tanh(speed / fading_speed) - jnp.where(health.wheel_stuck, seizing, 0.0)
 
 
 def _propulsion(
