@@ -3,6 +3,7 @@
 from typing import Final
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.core.constants import MU_EARTH, RADIUS_EARTH, ZONALS_EARTH
@@ -152,3 +153,18 @@ def relative_transition(n: Scalar, t: Scalar) -> Float[Array, "6 6"]:
         [zero, zero, -n * s, zero, zero, c],
     ]
     return jnp.stack([jnp.stack(row) for row in rows])
+
+
+def closest_drift(n: Scalar, rho_H: Vector, rho_dot_H: Vector) -> Scalar:
+    """Least distance [m] over one orbit of free relative motion from the given state [m, m/s] in the Hill frame.
+
+    Clohessy-Wiltshire motion at mean motion `n` [rad/s], looked at every five degrees of orbit.
+    """
+    angle = np.radians(np.arange(0.0, 361.0, 5.0))
+    s, c = jnp.asarray(np.sin(angle)), jnp.asarray(np.cos(angle))
+    x, y, z = rho_H[0], rho_H[1], rho_H[2]
+    u, v, w = rho_dot_H[0] / n, rho_dot_H[1] / n, rho_dot_H[2] / n
+    radial = (4.0 - 3.0 * c) * x + s * u + 2.0 * (1.0 - c) * v
+    along = 6.0 * (s - angle) * x + y - 2.0 * (1.0 - c) * u + (4.0 * s - 3.0 * angle) * v
+    across = c * z + s * w
+    return jnp.sqrt(jnp.min(radial**2 + along**2 + across**2, axis=0))

@@ -45,6 +45,7 @@ class FlightMemory:
         orbit: estimate of both orbits
         track: memory of the gate
         attitude: estimate of the attitude
+        attitude_variance: () of the camera across its boresight at the last frame [rad^2]
         plan: the burn decided last
         thruster_failed_at: () when a burn last gave no thrust [s], minus infinity before
         pointing: memory of the attitude guidance
@@ -55,6 +56,7 @@ class FlightMemory:
     orbit: OrbitEstimate
     track: BoxTrack
     attitude: AttitudeEstimate
+    attitude_variance: Array
     plan: BurnPlan
     thruster_failed_at: Array
     pointing: PointingState
@@ -116,10 +118,12 @@ def start(
     r_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N
     v_TN_N = orbit.servicer.v_SN_N + orbit.relative.v_TS_N
     n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
+    attitude = attitude_estimator.initial(params.attitude_filter, star_tracker_q_BN, gyro_B)
     return FlightMemory(
         orbit=orbit,
         track=box_gate.initial_track(),
-        attitude=attitude_estimator.initial(params.attitude_filter, star_tracker_q_BN, gyro_B),
+        attitude=attitude,
+        attitude_variance=_attitude_variance(params.onboard, attitude),
         plan=guidance.no_burn(),
         thruster_failed_at=jnp.full((), -jnp.inf, dtype=jnp.float64),
         pointing=guidance.initial_pointing(params.onboard, orbit),
@@ -143,6 +147,7 @@ def navigate(
         measurements.star_tracker_q_BN,
         measurements.star_tracker_present,
     )
+    variance = _attitude_variance(params.onboard, attitude)
     q_KB = quaternion.normalize(params.onboard.camera_mounting)
     orbit, track, innovation = stages.orbit_update(
         params.navigation,
@@ -155,10 +160,12 @@ def navigate(
         replace(
             box,
             present=box.present & visible,
-            attitude_variance=_attitude_variance(params.onboard, attitude),
+            # It goes back as well as it came: once the stars are seen again the learnt drift is wrong.
+            attitude_drift=jnp.abs(variance - memory.attitude_variance),
         ),
     )
-    return replace(memory, attitude=attitude, orbit=orbit, track=track), innovation
+    after = replace(memory, attitude=attitude, attitude_variance=variance, orbit=orbit, track=track)
+    return after, innovation
 
 
 def _attitude_variance(onboard: Onboard, estimate: AttitudeEstimate) -> Scalar:

@@ -20,7 +20,7 @@ class Navigation:
         scale_sigma: (2,) log-size error, slow and fast part, 1 sigma [-]
         scale_time_constant: (2,) [s]
         bearing_bias_sigma: () per axis, 1 sigma [rad]
-        attitude_sigma: () camera attitude noise per axis, 1 sigma, at least [rad]
+        attitude_sigma: () camera attitude noise per axis, 1 sigma [rad]
         acceleration_noise: () unmodelled absolute acceleration [m/s^2 per Hz^0.5]
         relative_acceleration_noise: () unmodelled relative acceleration [m/s^2 per Hz^0.5]
         burn_magnitude_sigma: () share of a burn's velocity change along it, 1 sigma [-]
@@ -90,7 +90,7 @@ class BoxMeasurement:
         present: () bool
         truncated: () bool, cut by the frame
         half_frame: (2,) tangents of the edges of the frame [-]
-        attitude_variance: () of the camera's attitude across the boresight, as known on board [rad^2]
+        attitude_drift: () how much the variance of the camera's attitude has changed since the last frame [rad^2]
     """
 
     tangent: Array
@@ -99,4 +99,4 @@ class BoxMeasurement:
     present: Array
     truncated: Array
     half_frame: Array
-    attitude_variance: Array
+    attitude_drift: Array

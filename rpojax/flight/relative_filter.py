@@ -141,7 +141,7 @@ def box_model(tuning: Navigation, focal_px: Scalar, R_KN: Matrix, r_TS_N: Vector
     doubt_px = jnp.where(box.truncated, 0.5 * box.side_px, 0.0)
     bearing = (
         (0.5 * tuning.edge_noise**2 + doubt_px**2) / focal_px**2
-        + jnp.maximum(tuning.attitude_sigma**2, box.attitude_variance)
+        + tuning.attitude_sigma**2
     )
     expected_px = focal_px * tuning.target_size / distance
     size = _ASPECT_FACTOR * (tuning.edge_noise / expected_px) ** 2
@@ -161,6 +161,7 @@ def update(
 ) -> tuple[RelativeEstimate, BoxTrack, Update, Bool[Array, ""]]:
     """Estimate after a box, if it passes the gate, and whether it did. `q_KN` is known from the attitude filter."""
     R_KN = quaternion.to_matrix(q_KN)
+    estimate = replace(estimate, covariance=_with_attitude_drift(estimate.covariance, box.attitude_drift))
     prior = box_model(tuning, focal_px, R_KN, estimate.r_TS_N, box)
     bearing_error = estimate.bearing_bias + prior.inverse_depth * estimate.center
     slow = jnp.concatenate([bearing_error, jnp.sum(estimate.scale, axis=0)[None]])
@@ -200,6 +201,14 @@ def update(
         covariance=P,
     )
     return corrected, track, result, used
+
+
+def _with_attitude_drift(P: Float[Array, "12 12"], drift: Scalar) -> Float[Array, "12 12"]:
+    """Covariance in which the bearing bias has wandered by as much as the attitude.
+
+    Without stars the attitude error is one slow drift, not white noise; it enters where slow bearing errors live.
+    """
+    return P + jnp.diag(jnp.pad(jnp.full(2, drift), (8, 2)))
 
 
 def _is_ahead(R_KN: Matrix, r_TS_N: Vector) -> Bool[Array, ""]:

@@ -235,7 +235,7 @@ def as_measurement(scenario: Scenario, params: Params, frame: Frame) -> BoxMeasu
         present=frame.box.present,
         truncated=frame.box.truncated,
         half_frame=middle / focal,
-        attitude_variance=jnp.zeros_like(side),
+        attitude_drift=jnp.zeros_like(side),
     )
 
 

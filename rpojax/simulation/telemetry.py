@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import quaternion, safe
+from rpojax.core import orbital_mechanics, quaternion, safe
 from rpojax.core.frames import apply, hill_frame
 from rpojax.core.quaternion import rotate
 from rpojax.sensors import box_camera
@@ -15,6 +15,7 @@ from rpojax.simulation.scenario import Scenario
 
 Channels = dict[str, Array]
 Matrix = Float[Array, "3 3"]
+Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 
 
@@ -25,6 +26,7 @@ def observe(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channel
         **_errors(telemetry),
         **_camera(scenario, params, telemetry),
         **_vehicle(params, telemetry),
+        "passive_range_m": _passive_range(telemetry),
     }
     return {name: _compact(value) for name, value in channels.items()}
 
@@ -103,6 +105,22 @@ def _vehicle(params: Params, telemetry: Telemetry) -> Channels:
         "delta_v_m_s": truth.delta_v,
         "mass_kg": truth.mass,
     }
+
+
+def _passive_range(telemetry: Telemetry) -> Scalar:
+    """Least range over one orbit if thrust stopped now [m]; looked at once in ten ticks, infinite in between."""
+
+    def look(_: None) -> Scalar:
+        truth = telemetry.truth
+        n = orbital_mechanics.mean_motion(orbital_mechanics.semi_major_axis(truth.r_TN_N, truth.v_TN_N))
+        return orbital_mechanics.closest_drift(n, *closed_loop.relative_state(truth))
+
+    due = telemetry.tick % _PASSIVE_EVERY == 0
+    return jax.lax.cond(due, look, lambda _: jnp.full((), jnp.inf, dtype=jnp.float64), None)
+
+
+_PASSIVE_EVERY = 10
+"""Ticks between two looks at the free drift; a burn lasts about that long."""
 
 
 def _sigma(R_HN: Matrix, P_N: Matrix) -> Vector:
