@@ -108,12 +108,14 @@ def read(path: Path) -> Reference:
             raise
         raise FormatError(f"{path}: not a readable npz file ({' '.join(str(error).split())})") from error
     try:
-        return _checked(path.stem, arrays)
+        return checked(path.stem, arrays)
     except FormatError as error:
         raise FormatError(f"{path}: {error}") from None
 
 
-def _checked(stem: str, arrays: dict[str, Any]) -> Reference:
+def checked(stem: str, arrays: dict[str, Any]) -> Reference:
+    """A reference from the arrays of a file; raises `FormatError` if they make none."""
+    arrays = dict(arrays)
     meta = _meta(arrays.pop("meta_json", np.array("{}")))
     known = {key: _numbers(key, value) for key, value in arrays.items() if key in _SHAPES or key in _PER_ITEM}
     known = {key: value for key, value in known.items() if not _is_other(key, value)}

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from experiments.validation.reference import FormatError, Numbers, Reference, read
+from experiments.validation.shadow import arc_cosine_rounding
 from rpojax.core import light, quaternion
 from rpojax.core.constants import ASTRONOMICAL_UNIT, RADIUS_EARTH, SPEED_OF_LIGHT
 from rpojax.core.frames import hill_frame, inertial_to_hill
@@ -63,7 +64,12 @@ class Options:
 
 @dataclass(frozen=True)
 class Result:
-    """Largest differences between the plant and a file; None where the file has none."""
+    """Largest differences between the plant and a file; None where the file has none.
+
+    Attributes:
+        illumination_error_less_rounding: the same with the rounding error of Basilisk's formula, which takes arc
+            cosines next to 1 and so loses half of its digits, taken out of the file's value
+    """
 
     case: str
     position_error_m: float | None
@@ -72,6 +78,8 @@ class Result:
     rate_error_rad_s: float | None
     relative_position_error_m: float | None
     illumination_error: float | None
+    illumination_error_less_rounding: float | None
+    wheel_speed_error_rad_s: float | None
     integrator: str
     step_s: float
 
@@ -113,6 +121,15 @@ class Steps:
 def replay(reference: Reference, options: Options | None = None) -> Result:
     """Flies a reference and compares; raises `FormatError` if the file lacks something or cannot be flown."""
     chosen = options or Options()
+    truth, longest = fly(reference, chosen)
+    errors = _errors(reference, truth)
+    if any(value is not None and not np.isfinite(value) for value in errors.values()):
+        raise FormatError(f"{reference.case}: the replay did not stay finite")
+    return Result(case=reference.case, **errors, integrator=chosen.integrator, step_s=longest)
+
+
+def fly(reference: Reference, chosen: Options) -> tuple[Truth, float]:
+    """Truth at the samples of a reference, time first, and the longest step [s] that it took."""
     effects = _effects(reference, chosen.integrator)
     params = _params(reference)
     feedback = None if chosen.logged_commands else _feedback(reference)
@@ -120,10 +137,7 @@ def replay(reference: Reference, options: Options | None = None) -> Result:
     start = _initial(reference, params)
     flown = _fly(effects, params, _thrusters(reference), _sky(reference), feedback, start, steps)
     truth = jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest])[at_samples], start, flown)
-    errors = _errors(reference, truth, params)
-    if any(value is not None and not np.isfinite(value) for value in errors.values()):
-        raise FormatError(f"{reference.case}: the replay did not stay finite")
-    return Result(case=reference.case, **errors, integrator=chosen.integrator, step_s=float(jnp.max(steps.dt)))
+    return truth, float(jnp.max(steps.dt))
 
 
 # What the file describes, in the plant's terms.
@@ -143,7 +157,7 @@ def _effects(reference: Reference, integrator: Method) -> Effects:
 def _has_gravity_gradient(reference: Reference) -> bool:
     """A torque that no parameter of its own gives away: it is logged, or named in the description."""
     named = reference.mentions(r"gravity[-_ ]gradient|gg[-_ ]torque|3 ?\*? ?mu ?/")
-    return "r" in reference and "q" in reference and ("torque_gg" in reference or named)
+    return "mu" in reference and "q" in reference and ("torque_gg" in reference or named)
 
 
 def _params(reference: Reference) -> PlantParams:
@@ -187,7 +201,7 @@ def _gravity(reference: Reference) -> Field:
 
 def _wheels(reference: Reference) -> Wheels:
     """The file's wheels, or three without axes, which do nothing."""
-    present = "gs" in reference
+    present = any(key in reference for key in ("gs", "u_cmd", "K"))
     axes = reference["gs"] if present else np.zeros((3, 3))
     count = axes.shape[0]
     none, unlimited = jnp.zeros(count), jnp.full(count, jnp.inf)
@@ -397,7 +411,18 @@ def _body_rate(reference: Reference) -> float:
             spans = np.diff(np.append(reference["t_cmd"], max(reference["t"][-1], reference["t_cmd"][-1])))
             history = np.concatenate([history, history + np.cumsum(reference["u_cmd"] * spans[:, None], axis=0)])
         stored = float(np.max(np.linalg.norm(history, axis=1)))
-    return (float(np.linalg.norm(spin)) + stored) / least
+    return (float(np.linalg.norm(spin)) + stored + _angular_impulse(reference)) / least
+
+
+def _angular_impulse(reference: Reference) -> float:
+    """Bound on the angular momentum [N m s] that all burns together give."""
+    if "burns" not in reference:
+        return 0.0
+    directions = reference["thr_dir"]
+    force = _each(reference, "F_max", directions.shape[0])[:, None] * directions
+    torque = np.linalg.norm(np.cross(reference["thr_loc"], force), axis=1)
+    burns = reference["burns"]
+    return float(np.sum(torque[burns[:, 0].astype(int)] * burns[:, 2]))
 
 
 def _held_torque(reference: Reference, commands: Numbers, begin: Numbers) -> Numbers:
@@ -476,61 +501,72 @@ def _wanted(feedback: Feedback, params: PlantParams, truth: Truth) -> Float[Arra
 # Comparison.
 
 
-def _errors(reference: Reference, truth: Truth, params: PlantParams) -> dict[str, float | None]:
+def _errors(reference: Reference, truth: Truth) -> dict[str, float | None]:
     r_SN_N, v_SN_N = truth.r_TN_N + truth.r_ST_N, truth.v_TN_N + truth.v_ST_N
     position = {"r": r_SN_N, "r_target": truth.r_TN_N, "r_chaser": r_SN_N}
     velocity = {"v": v_SN_N, "v_target": truth.v_TN_N, "v_chaser": v_SN_N}
     return {
         "position_error_m": _largest(reference, position),
         "velocity_error_m_s": _largest(reference, velocity),
-        "attitude_error_rad": _attitude_error(reference, truth),
+        "attitude_error_rad": _largest_or_none(attitude_errors(reference, truth)),
         "rate_error_rad_s": _largest(reference, {"omega": truth.omega_BN_B}),
-        "relative_position_error_m": _relative_error(reference, truth),
-        "illumination_error": _illumination_error(reference, params),
+        "relative_position_error_m": _largest_or_none(relative_errors(reference, truth)),
+        **_illumination_errors(reference),
+        "wheel_speed_error_rad_s": _largest(reference, {"Omega": truth.wheel_speed}),
     }
 
 
 def _largest(reference: Reference, flown: dict[str, Array]) -> float | None:
     """Largest distance between any of the histories that the file has and what was flown."""
-    found = [
-        float(np.max(np.linalg.norm(np.asarray(ours) - reference[key], axis=1)))
-        for key, ours in flown.items()
-        if key in reference
-    ]
+    found = [float(np.max(_distances(ours, reference[key]))) for key, ours in flown.items() if key in reference]
     return max(found) if found else None
 
 
-def _attitude_error(reference: Reference, truth: Truth) -> float | None:
-    """Largest angle between attitudes; the file's quaternion is the conjugate of `q_BN`."""
+def _distances(ours: Array | Numbers, theirs: Numbers) -> Numbers:
+    return np.linalg.norm(np.asarray(ours) - theirs, axis=1)
+
+
+def _largest_or_none(values: Numbers | None) -> float | None:
+    return None if values is None else float(np.max(values))
+
+
+def attitude_errors(reference: Reference, truth: Truth) -> Numbers | None:
+    """Angles between attitudes at the samples [rad]; the file's quaternion is the conjugate of `q_BN`."""
     if "q" not in reference:
         return None
     between = jax.vmap(quaternion.multiply)(truth.q_BN, jnp.asarray(reference["q"]))
-    angle = 2.0 * jnp.arctan2(jnp.sqrt(jnp.sum(between[:, 1:] ** 2, axis=1)), jnp.abs(between[:, 0]))
-    return float(jnp.max(angle))
+    return np.asarray(2.0 * jnp.arctan2(jnp.sqrt(jnp.sum(between[:, 1:] ** 2, axis=1)), jnp.abs(between[:, 0])))
 
 
-def _relative_error(reference: Reference, truth: Truth) -> float | None:
-    """Largest difference of the chaser's position in the target's Hill frame."""
+def relative_errors(reference: Reference, truth: Truth) -> Numbers | None:
+    """Differences [m] of the chaser's position from the target, in the target's Hill frame, at the samples."""
     if "r_target" not in reference:
         return None
     if "rho" in reference:
         frames = jax.vmap(hill_frame)(truth.r_TN_N, truth.v_TN_N)
         rho_H, _ = jax.vmap(inertial_to_hill)(truth.r_ST_N, truth.v_ST_N, *frames)
-        return _largest(reference, {"rho": rho_H})
-    difference = reference["r_chaser"] - reference["r_target"] - np.asarray(truth.r_ST_N)
-    return float(np.max(np.linalg.norm(difference, axis=1)))
+        return _distances(rho_H, reference["rho"])
+    return _distances(truth.r_ST_N, reference["r_chaser"] - reference["r_target"])
 
 
-def _illumination_error(reference: Reference, params: PlantParams) -> float | None:
-    """Largest difference of the lit share of the Sun at the file's own positions.
+def _illumination_errors(reference: Reference) -> dict[str, float | None]:
+    """Largest differences of the lit share of the Sun at the file's own positions.
 
     A position error of a millimetre moves the share by 1e-8 in the penumbra, which would hide an error of the formula.
     """
     if "illumination" not in reference:
-        return None
-    sun, light_of = jnp.asarray(reference["r_sun"]), params.sunlight
+        return {"illumination_error": None, "illumination_error_less_rounding": None}
+    sun, light_of, theirs = jnp.asarray(reference["r_sun"]), _sunlight(reference), reference["illumination"]
     share = jax.vmap(lambda r: light.illumination(r, sun, light_of.shadow_radius, light_of.sun_radius))
-    return float(np.max(np.abs(np.asarray(share(jnp.asarray(reference["r"]))) - reference["illumination"])))
+    difference = np.asarray(share(jnp.asarray(reference["r"]))) - theirs
+    radii = float(light_of.shadow_radius), float(light_of.sun_radius)
+    partly = np.flatnonzero((theirs > 0.0) & (theirs < 1.0))
+    rounding = np.zeros_like(difference)
+    rounding[partly] = [arc_cosine_rounding(reference["r"][row], reference["r_sun"], *radii) for row in partly]
+    return {
+        "illumination_error": float(np.max(np.abs(difference))),
+        "illumination_error_less_rounding": float(np.max(np.abs(difference + rounding))),
+    }
 
 
 # Command line.
@@ -548,13 +584,13 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _as_row(result: Result) -> str:
-    cells = [f"{value:.2e}" if isinstance(value, float) else "-" for value in list(asdict(result).values())[1:7]]
+    cells = [f"{value:.2e}" if isinstance(value, float) else "-" for value in list(asdict(result).values())[1:9]]
     return f"| {result.case} | {' | '.join(cells)} | {result.integrator}, {result.step_s:.4g} s |"
 
 
 _HEAD = (
-    "| case | position m | velocity m/s | attitude rad | rate rad/s | relative m | illumination | step |\n"
-    "|---|---|---|---|---|---|---|---|"
+    "| case | position m | velocity m/s | attitude rad | rate rad/s | relative m | illumination | less rounding "
+    "| wheels rad/s | step |\n|---|---|---|---|---|---|---|---|---|---|"
 )
 
 

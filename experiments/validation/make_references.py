@@ -1,0 +1,196 @@
+"""Writes small reference trajectories of all families with Basilisk, which has to be installed.
+
+python -m experiments.validation.make_references tests/validation/references
+"""
+
+import argparse
+import json
+from collections.abc import Iterator
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.validation.peer import Arrays, Peer, Run
+from experiments.validation.reference import quaternion_of
+
+MU, RADIUS = 3.986004418e14, 6378137.0
+ZONALS = (1.08262668e-3, -2.53265649e-6, -1.61962159e-6, -2.27296083e-7, 5.40681239e-7)
+DAY = 86400.0
+INERTIA = np.array([[11.0, 0.5, -0.2], [0.5, 8.0, 0.3], [-0.2, 0.3, 6.0]])
+TILTED = np.array([[1.0, 0.1, 0.0], [0.0, 1.0, -0.1], [0.1, 0.0, 1.0]])
+
+
+def orbit(a: float, e: float, degrees: tuple[float, float, float, float]) -> Arrays:
+    """Initial position and velocity of an orbit: inclination, node, perigee and true anomaly in degrees."""
+    i, node, perigee, nu = np.deg2rad(degrees)
+    p = a * (1.0 - e * e)
+    cos_o, sin_o, cos_i, sin_i, cos_w, sin_w = *_cs(node), *_cs(i), *_cs(perigee)
+    x = np.array([cos_o * cos_w - sin_o * sin_w * cos_i, sin_o * cos_w + cos_o * sin_w * cos_i, sin_w * sin_i])
+    y = np.array([-cos_o * sin_w - sin_o * cos_w * cos_i, -sin_o * sin_w + cos_o * cos_w * cos_i, cos_w * sin_i])
+    r = p / (1.0 + e * np.cos(nu)) * (np.cos(nu) * x + np.sin(nu) * y)
+    v = np.sqrt(MU / p) * (-np.sin(nu) * x + (e + np.cos(nu)) * y)
+    return {"r0": r, "v0": v}
+
+
+def _cs(angle: float) -> tuple[float, float]:
+    return float(np.cos(angle)), float(np.sin(angle))
+
+
+LOW = orbit(6878137.0, 0.002, (97.4, 30.0, 20.0, 10.0))
+HIGH_APOGEE = orbit(24000e3, 0.7, (63.4, 100.0, 270.0, 40.0))
+
+
+def planet(degree: int) -> Arrays:
+    """Gravity with zonals up to a degree; 0 for a point mass."""
+    return {"mu": np.array(MU), "Re": np.array(RADIUS), "J": np.array(ZONALS[: max(degree - 1, 0)])}
+
+
+def body(sigma: tuple[float, float, float], omega: tuple[float, float, float], inertia: Arrays | None = None) -> Arrays:
+    """A rigid body and its initial attitude and rate."""
+    start = np.array(sigma)
+    return {
+        "I": INERTIA if inertia is None else inertia["I"],
+        "m": np.array(60.0),
+        "sigma0": start,
+        "q0": quaternion_of(start),
+        "omega0": np.array(omega),
+    }
+
+
+def wheels(axes: np.ndarray) -> Arrays:
+    """Three wheels with the given spin axes in rows."""
+    unit = axes / np.linalg.norm(axes, axis=1, keepdims=True)
+    return {"Js": np.array(0.008), "gs": unit, "Omega0": np.array([120.0, -80.0, 30.0])}
+
+
+def torques(period: float, duration: float) -> Arrays:
+    """Torque commands that change every so often: square waves of three amplitudes and lengths."""
+    times = np.arange(0.0, duration, period)
+    turn = np.stack([np.sign(np.sin(2.0 * np.pi * (times + 0.5 * period) / length)) for length in (90.0, 140.0, 70.0)])
+    return {"t_cmd": times, "u_cmd": turn.T * np.array([0.03, -0.02, 0.025])}
+
+
+def thrusters(burns: list[tuple[int, float, float]]) -> Arrays:
+    """Two thrusters, one with a lever arm, and their burns: index, start, on-time."""
+    return {
+        "F_max": np.array(0.6),
+        "thr_loc": np.array([[-0.25, 0.0, 0.0], [-0.25, 0.03, -0.015]]),
+        "thr_dir": np.array([[1.0, 0.0, 0.0], [0.8, 0.6, 0.0]]),
+        "burns": np.array(burns),
+    }
+
+
+def chaser() -> Arrays:
+    """A target and a chaser 80 m behind it, drifting."""
+    r, v = LOW["r0"], LOW["v0"]
+    radial, normal = r / np.linalg.norm(r), np.cross(r, v)
+    rate = normal / (r @ r)
+    along = np.cross(normal / np.linalg.norm(normal), radial)
+    rho = 10.0 * radial - 80.0 * along + 5.0 * normal / np.linalg.norm(normal)
+    drift = 0.01 * radial + np.cross(rate, rho)
+    return {"r0_target": r, "v0_target": v, "r0_chaser": r + rho, "v0_chaser": v + drift}
+
+
+def sunlight() -> Arrays:
+    """The Sun as Basilisk has it, and a sphere in its light."""
+    direction = np.array([0.9, -0.4, -0.17])
+    distance = 149597870693.0
+    return {
+        "r_sun": distance * direction / np.linalg.norm(direction),
+        "R_sun": np.array(695000e3),
+        "Re_eclipse": np.array(6378136.6),
+        "AU": np.array(distance),
+        "c": np.array(299792458.0),
+        "flux": np.array(1361.0),
+        "Cr": np.array(1.5),
+        "A": np.array(0.4),
+        "m": np.array(15.0),
+    }
+
+
+def air() -> Arrays:
+    """An exponential atmosphere from the ground up, and a sphere in it."""
+    return {
+        "Cd": np.array(2.1),
+        "A": np.array(0.3),
+        "m": np.array(30.0),
+        "H": np.array(60000.0),
+        "rho0": np.array(2.5e-9),
+    }
+
+
+def cases() -> Iterator[tuple[str, Run, dict[str, str]]]:
+    """Name, run and words of every reference."""
+    gradient = {"torque": "gravity gradient of a point mass"}
+    long_body = {"I": np.array([[30.0, 0.6, -0.5], [0.6, 120.0, 1.0], [-0.5, 1.0, 110.0]])}
+    middle = {"I": np.diag([11.0, 8.0, 6.0])}
+    feedback = {"K": np.array(0.3), "P": np.array(2.5), "dt_ctrl": np.array(0.25), "u_max": np.array(0.08)}
+    spin, slow = (0.03, -0.02, 0.04), (0.002, -0.003, 0.001)
+    burns = [(0, 11.0, 7.0), (1, 15.0, 9.5), (1, 120.0, 2.5), (0, 200.5, 0.5)]
+    angles, start = (0.15, -0.1, 0.2), (-0.3, 0.25, 0.2)
+    orbits = {**planet(0), **LOW}
+    yield "a_two_body", Run(orbits, False, DAY, 10.0, 900.0), {}
+    yield "a_two_body_eccentric", Run({**planet(0), **HIGH_APOGEE}, False, DAY, 2.0, 620.0), {}
+    yield "b_j2", Run({**planet(2), **LOW}, False, DAY, 10.0, 900.0), {}
+    yield "b_zonals_6", Run({**planet(6), **LOW}, False, DAY, 10.0, 900.0), {}
+    yield "c_relative", Run({**planet(2), **chaser()}, False, 28400.0, 10.0, 200.0), {}
+    yield "d_tumble", Run(body(angles, spin), False, 3600.0, 0.5, 37.0), {}
+    yield "d_middle_axis", Run(body(angles, (1e-4, 0.06, -1e-4), middle), False, 3600.0, 0.5, 37.0), {}
+    e = {**body(angles, slow), **wheels(TILTED), **torques(4.0, 600.0)}
+    yield "e_wheels", Run(e, False, 600.0, 0.1, 7.0), {}
+    f = {**orbits, **body(angles, (1e-4, 1.1e-3, -2e-4), long_body)}
+    yield "f_gravity_gradient", Run(f, True, 5700.0, 1.0, 60.0), gradient
+    g = {**orbits, **body(angles, slow), **thrusters(burns)}
+    yield "g_burns", Run(g, False, 300.0, 0.1, 4.0), {}
+    yield "h_drag", Run({**planet(2), **LOW, **air()}, False, DAY / 2.0, 0.5, 600.0), {}
+    yield "h_sunlight", Run({**orbits, **sunlight()}, False, 11400.0, 1.0, 30.0), {}
+    i = {**planet(2), **LOW, **body(angles, slow), **wheels(TILTED), **torques(4.0, 600.0), **thrusters(burns)}
+    yield "i_combined", Run(i, True, 600.0, 0.1, 7.0), gradient
+    j = {**body(start, (0.02, 0.01, -0.015)), **wheels(np.eye(3)), **feedback}
+    yield "j_attitude_loop", Run(j, False, 300.0, 0.25, 1.25), {}
+
+
+def with_hill(arrays: Arrays) -> Arrays:
+    """Adds the relative position in the target's Hill frame, where there are two craft."""
+    if "r_target" not in arrays:
+        return arrays
+    r, v = arrays["r_target"], arrays["v_target"]
+    x = r / np.linalg.norm(r, axis=1, keepdims=True)
+    momentum = np.cross(r, v)
+    z = momentum / np.linalg.norm(momentum, axis=1, keepdims=True)
+    frame = np.stack([x, np.cross(z, x), z], axis=1)
+    return {**arrays, "rho": np.einsum("tij,tj->ti", frame, arrays["r_chaser"] - r)}
+
+
+def write(folder: Path, name: str, run: Run, words: dict[str, str]) -> int:
+    """Flies one case and writes its file; the size in bytes."""
+    histories = with_hill(Peer(run).record())
+    histories.pop("u_last", None)
+    meta = {
+        "case": name,
+        "made_with": f"Basilisk {version('bsk')}",
+        "integrator": f"Basilisk {run.integrator}, outer step {run.step_s} s",
+        **words,
+    }
+    path = folder / f"{name}.npz"
+    arrays: dict[str, Any] = {"meta_json": np.array(json.dumps(meta)), **run.inputs, **histories}
+    np.savez_compressed(path, **arrays)
+    return path.stat().st_size
+
+
+def main() -> None:
+    """Writes all cases, or those named, and prints their sizes."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("names", nargs="*", help="only these cases")
+    given = parser.parse_args()
+    given.folder.mkdir(parents=True, exist_ok=True)
+    for name, run, words in cases():
+        if not given.names or name in given.names:
+            print(f"{name}: {write(given.folder, name, run, words)} bytes", flush=True)
+
+
+if __name__ == "__main__":
+    main()

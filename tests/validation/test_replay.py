@@ -1,0 +1,177 @@
+"""The plant follows trajectories that Basilisk has flown, and what is no such trajectory is refused."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from experiments.validation import replay
+from experiments.validation.reference import FormatError, checked, read
+from experiments.validation.replay import Options, Result
+
+ROOT = Path(__file__).parents[2]
+FILES = sorted((Path(__file__).parent / "references").glob("*.npz"))
+
+# Basilisk itself is good to some 1e-5 m a day, 1e-9 rad; it holds air density and shadow over a step, and loses digits
+# of the shadow in an arc cosine.
+BARS: dict[str, dict[str, float]] = {
+    "a_two_body": {"position_error_m": 1e-4, "velocity_error_m_s": 1e-7},
+    "a_two_body_eccentric": {"position_error_m": 1e-3, "velocity_error_m_s": 1e-6},
+    "b_j2": {"position_error_m": 1e-4, "velocity_error_m_s": 1e-7},
+    "b_zonals_6": {"position_error_m": 1e-4, "velocity_error_m_s": 1e-7},
+    "c_relative": {"position_error_m": 1e-4, "relative_position_error_m": 1e-5},
+    "d_middle_axis": {"attitude_error_rad": 1e-6, "rate_error_rad_s": 1e-7},
+    "d_tumble": {"attitude_error_rad": 1e-8, "rate_error_rad_s": 1e-9},
+    "e_wheels": {"attitude_error_rad": 1e-8, "rate_error_rad_s": 1e-9, "wheel_speed_error_rad_s": 1e-8},
+    "f_gravity_gradient": {"position_error_m": 1e-4, "attitude_error_rad": 1e-10, "rate_error_rad_s": 1e-13},
+    "g_burns": {"position_error_m": 1e-6, "velocity_error_m_s": 1e-8, "attitude_error_rad": 1e-9},
+    "h_drag": {"position_error_m": 0.1, "velocity_error_m_s": 1e-4},
+    "h_sunlight": {
+        "position_error_m": 0.01,
+        "illumination_error": 1e-8,
+        **({"illumination_error_less_rounding": 1e-10} if np.finfo(np.longdouble).eps < 1e-18 else {}),
+    },
+    "i_combined": {"position_error_m": 1e-6, "attitude_error_rad": 1e-8, "wheel_speed_error_rad_s": 1e-8},
+    "j_attitude_loop": {"attitude_error_rad": 1e-6, "rate_error_rad_s": 1e-7},
+}
+
+
+def over(result: Result, bars: dict[str, float]) -> dict[str, Any]:
+    """Errors that are missing or above their bars."""
+    errors = {key: getattr(result, key) for key in bars}
+    return {key: error for key, error in errors.items() if error is None or not error <= bars[key]}
+
+
+def file(case: str) -> Path:
+    return next(path for path in FILES if path.stem == case)
+
+
+def test_every_committed_reference_has_bars_and_all_together_are_small() -> None:
+    assert [path.stem for path in FILES] == sorted(BARS)
+    assert sum(path.stat().st_size for path in FILES) < 600_000
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_the_plant_follows_basilisk(path: Path) -> None:
+    assert over(replay.replay(read(path)), BARS[path.stem]) == {}
+
+
+def test_logged_commands_give_the_attitude_loop_as_well() -> None:
+    """With the feedback law flown once, its torques logged and flown again the result is the same."""
+    loop = read(file("j_attitude_loop"))
+    closed = replay.replay(loop)
+    period = loop.number("dt_ctrl")
+    times = np.arange(0.0, loop["t"][-1], period)
+    states, _ = replay.fly(checked("dense", {**loop.arrays, **_sampled_at(loop.arrays, times)}), Options())
+    law = loop.number("K") * _sigma(np.asarray(states.q_BN)) + loop.number("P") * np.asarray(states.omega_BN_B)
+    logged = checked("logged", {**loop.arrays, "t_cmd": times, "u_cmd": law @ loop["gs"].T})
+    opened = replay.replay(logged, Options(logged_commands=True))
+    assert closed.attitude_error_rad is not None and opened.attitude_error_rad is not None
+    assert opened.attitude_error_rad < 1e-9
+
+
+def _sampled_at(arrays: dict[str, np.ndarray], times: np.ndarray) -> dict[str, np.ndarray]:
+    """Histories that have the samples asked for; only the times count."""
+    histories = {key: arrays[key] for key in ("q", "omega", "Omega")}
+    return {"t": times, **{key: np.repeat(value[:1], times.size, axis=0) for key, value in histories.items()}}
+
+
+def _sigma(q_BN: np.ndarray) -> np.ndarray:
+    q = q_BN * np.array([1.0, -1.0, -1.0, -1.0]) * np.sign(q_BN[:, :1])
+    return q[:, 1:] / (1.0 + q[:, :1])
+
+
+def test_burn_edges_inside_steps_meet_the_bars_too() -> None:
+    """Without splitting, the plant's own treatment of a burn that ends inside a step."""
+    result = replay.replay(read(file("g_burns")), Options(step_s=0.2, whole_steps=True))
+    assert over(result, BARS["g_burns"]) == {}
+
+
+@pytest.mark.parametrize(
+    ("case", "key", "factor"),
+    [
+        ("b_zonals_6", "J", [1.0, 1.0, 1.0, 1.0, 1.01]),
+        ("e_wheels", "Js", 1.0 + 1e-5),
+        ("g_burns", "burns", [1.0, 1.0, 1.0 + 1e-5]),
+        ("f_gravity_gradient", "I", [[1.0 + 1e-5, 1.0, 1.0], [1.0, 1.0, 1.0], [1.0, 1.0, 1.0]]),
+        ("h_sunlight", "Cr", 1.01),
+        ("h_drag", "Cd", 1.001),
+    ],
+)
+def test_a_wrong_parameter_shows(case: str, key: str, factor: Any) -> None:
+    arrays = dict(read(file(case)).arrays)
+    arrays[key] = arrays[key] * np.array(factor)
+    words = {"meta_json": np.array(json.dumps({"torque": "gravity gradient"}))} if case.startswith("f") else {}
+    assert over(replay.replay(checked(case, {**arrays, **words})), BARS[case]) != {}
+
+
+def test_gravity_gradient_is_told_from_the_words_of_the_description() -> None:
+    arrays = read(file("f_gravity_gradient")).arrays
+    silent = {"meta_json": np.array(json.dumps({"torque": "no gravity gradient"}))}
+    assert over(replay.replay(checked("silent", {**arrays, **silent})), BARS["f_gravity_gradient"]) != {}
+
+
+def test_the_command_line_prints_one_json_object_per_file() -> None:
+    names = ["d_tumble", "g_burns"]
+    found = _run(*(str(file(name)) for name in names), "--json")
+    assert found.returncode == 0, found.stderr
+    lines = [json.loads(line) for line in found.stdout.splitlines()]
+    assert [line["case"] for line in lines] == names
+    assert lines[0]["position_error_m"] is None and lines[0]["attitude_error_rad"] < 1e-8
+    assert lines[1]["position_error_m"] < 1e-6 and lines[1]["illumination_error"] is None
+    assert all(line["integrator"] == "rk8" and line["step_s"] > 0.0 for line in lines)
+
+
+def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "experiments.validation.replay", *arguments]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+
+
+def test_the_command_line_refuses_what_is_no_reference_in_one_line_with_status_2(tmp_path: Path) -> None:
+    path = tmp_path / "words.npz"
+    path.write_text("no archive")
+    found = _run(str(path), "--json")
+    assert (found.returncode, found.stdout) == (2, "")
+    assert len(found.stderr.splitlines()) == 1 and "words.npz" in found.stderr
+
+
+def write(folder: Path, **changes: Any) -> Path:
+    """A short tumble with changed keys; None leaves one out."""
+    arrays: dict[str, Any] = {**read(file("d_tumble")).arrays, **changes}
+    path = folder / "changed.npz"
+    np.savez(path, **{key: value for key, value in arrays.items() if value is not None})
+    return path
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"t": None}, "'t' is missing"),
+        ({"I": None}, "'I' is missing"),
+        ({"q": None, "sigma_BN": None}, "nothing to compare"),
+        ({"q": np.ones((3, 4)) / 2.0}, "'q': found shape"),
+        ({"omega": np.full((99, 3), np.nan)}, "not finite"),
+        ({"t": np.arange(99.0)[::-1]}, "times that increase"),
+        ({"I": np.array([["a"] * 3] * 3)}, "expected numbers"),
+        ({"meta_json": np.array("{")}, "not JSON"),
+        ({"burns": np.array([[0.0, 1.0, 1.0]])}, "not one of the 0"),
+        ({"u_cmd": np.zeros((2, 3)), "t_cmd": np.array([0.0, 1.0])}, "'gs' is missing"),
+        ({"Cr": np.array(1.2)}, "is missing"),
+    ],
+)
+def test_a_file_that_is_not_of_the_format_is_refused_with_a_reason(
+    tmp_path: Path, changes: dict[str, Any], message: str
+) -> None:
+    path = write(tmp_path, **changes)
+    with pytest.raises(FormatError, match=message) as refused:
+        replay.replay(read(path))
+    assert "\n" not in str(refused.value)
+
+
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FormatError, match="nowhere"):
+        read(tmp_path / "nowhere.npz")
