@@ -1,6 +1,8 @@
 """Derivatives of the kernels in both modes against finite differences, at regular points and at the edges."""
 
+import functools
 from collections.abc import Callable
+from dataclasses import replace as static
 from typing import Any
 
 import jax
@@ -10,9 +12,12 @@ import pytest
 import scene
 from jax.test_util import check_grads
 from reference import IDENTITY, matrix, random_covariance, random_unit, turn, unit
+from scipy.optimize import brentq
 
-from rpojax.core import frames, orbital_mechanics, quaternion, safe, scalar_update
-from rpojax.core.orbital_mechanics import Elements
+from rpojax.core import ephemeris, frames, integrate, light, orbital_mechanics, quaternion, safe, scalar_update
+from rpojax.core.difference import Difference
+from rpojax.core.integrate import NODES, Method
+from rpojax.core.orbital_mechanics import EARTH, Elements
 from rpojax.core.pytree import replace
 from rpojax.core.scalar_update import Rows
 from rpojax.flight import (
@@ -29,10 +34,12 @@ from rpojax.flight.attitude_control import AttitudeCommand
 from rpojax.flight.attitude_estimator import AttitudeEstimate
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.guidance import Reference
-from rpojax.flight.navigation import BoxMeasurement
-from rpojax.physics import actuators, environment, plant, rigid_body
-from rpojax.physics.actuators import BurnError
-from rpojax.physics.plant import Burn, PlantParams, Truth
+from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement
+from rpojax.physics import actuators, environment, faults, plant, rigid_body
+from rpojax.physics.actuators import Burn, BurnError
+from rpojax.physics.effects import Effects
+from rpojax.physics.environment import Sky
+from rpojax.physics.plant import PlantParams, Truth
 from rpojax.simulation.params import Params
 from rpojax.vision import box_model, pinhole
 
@@ -152,12 +159,11 @@ def orbit_state(x: jax.Array) -> Any:
 
 @jax.jit
 def gravities(x: jax.Array, r_N: jax.Array, d_N: jax.Array) -> Any:
-    r_N, d_N = r_N + 1e6 * x[:3], d_N + 10.0 * x[3:]
-    return (
-        orbital_mechanics.gravity(r_N),
-        1e4 * orbital_mechanics.differential_gravity(r_N, d_N),
-        1e6 * orbital_mechanics.gravity_gradient(r_N),
-    )
+    r = Difference(value=r_N + 1e6 * x[:3], change=d_N + 10.0 * x[3:])
+    pull = orbital_mechanics.gravity(EARTH, 6, r)
+    moon = orbital_mechanics.distant_pull(4.9028e12, 3.84e8 * jnp.asarray(W), r)
+    gradient = orbital_mechanics.gravity_gradient(r.value)
+    return pull.value, 1e4 * pull.change, 1e6 * moon.value, 1e11 * moon.change, 1e6 * gradient
 
 
 @jax.jit
@@ -181,6 +187,104 @@ def test_derivatives_of_the_state_from_elements_are_right_on_a_circular_orbit() 
 @pytest.mark.parametrize("place", [POSITION, np.array([0.0, 0.0, 7e6])], ids=["anywhere", "over the pole"])
 def test_derivatives_of_gravity_and_its_differences_are_right(place: np.ndarray, distance: float) -> None:
     check(gravities, 6, place, distance * V)
+
+
+@jax.jit
+def harmonics(x: jax.Array, r_N: jax.Array) -> Any:
+    """What is left of gravity after the pull of a point, to its own constants."""
+    field = replace(EARTH, radius=EARTH.radius * (1.0 + 0.1 * x[3]), zonals=jnp.asarray(EARTH.zonals) + 1e-3 * x[4:])
+    r = Difference(value=r_N + 1e6 * x[:3], change=50.0 * jnp.asarray(V))
+    full, point = (orbital_mechanics.gravity(field, degree, r) for degree in (6, 0))
+    return 1e2 * (full.value - point.value), 1e6 * (full.change - point.change)
+
+
+@pytest.mark.parametrize("place", [POSITION, np.array([0.0, 0.0, 7e6]), np.array([0.0, -7e6, 0.0])],
+                         ids=["anywhere", "over the pole", "over the equator"])  # fmt: skip
+def test_derivatives_of_the_zonal_harmonics_are_right(place: np.ndarray) -> None:
+    check(harmonics, 9, place)
+
+
+@jax.jit
+def sky(x: jax.Array) -> Any:
+    seconds = 8e8 + 1e5 * x[0]
+    return ephemeris.sun(seconds) / 1e10, ephemeris.moon(seconds) / 1e8
+
+
+def test_derivatives_of_sun_and_moon_to_time_are_right() -> None:
+    check(sky, 1)
+
+
+def swing(x: jax.Array, method: Method) -> Any:
+    """A pendulum over one step, forced at the method's nodes."""
+    forces = 1.0 + x[2] * jnp.asarray(NODES[method])
+    start = (0.5 + x[0], 1.0 + x[1])
+    return integrate.step(method, lambda y, u: (y[1], u * (1.0 + x[3]) - jnp.sin(y[0])), start, forces, 0.5)
+
+
+rk4_swing, rk8_swing = (jax.jit(lambda x, method=method: swing(x, method)) for method in ("rk4", "rk8"))
+
+
+@pytest.mark.parametrize("kernel", [rk4_swing, rk8_swing], ids=["rk4", "rk8"])
+def test_derivatives_through_a_step_of_integration_are_right(kernel: Kernel) -> None:
+    check(kernel, 4)
+
+
+# Light
+
+
+SUN_N = np.array([1.2e11, 0.0, 9e10])
+
+
+@jax.jit
+def lit_share(x: jax.Array, r_N: jax.Array) -> jax.Array:
+    """One along each axis is a penumbra's width in low orbit."""
+    return light.illumination(r_N + 3e4 * x[:3], SUN_N * (1.0 + 0.01 * x[3]), 6378137.0 + 3e4 * x[4], 7e8 + 1e7 * x[5])
+
+
+def behind(distance: float, off_axis: float) -> np.ndarray:
+    """Place in the night at a distance from the Earth's centre and an angle off the shadow's axis."""
+    axis, across = -unit(SUN_N), unit(np.cross(SUN_N, V))
+    return distance * (np.cos(off_axis) * axis + np.sin(off_axis) * across)
+
+
+def touching(distance: float, inner: bool, sun_radius: float = 7e8) -> float:
+    """Angle off the axis of a border of the penumbra."""
+
+    def gap(angle: float) -> float:
+        r = behind(distance, angle)
+        to_sun = SUN_N - r
+        sun, earth = np.arcsin(sun_radius / np.linalg.norm(to_sun)), np.arcsin(6378137.0 / distance)
+        apart = np.arctan2(np.linalg.norm(np.cross(to_sun, r)), -to_sun @ r)
+        return apart - (abs(earth - sun) if inner else earth + sun)
+
+    return brentq(gap, 0.0, np.pi / 2, xtol=1e-15)
+
+
+@pytest.mark.parametrize("way", [-0.1, 0.05, 0.3, 0.5, 0.8, 0.95, 1.1],
+                         ids=["umbra", "just inside", "a third", "half", "nearly light", "almost light", "light"])  # fmt: skip
+@pytest.mark.parametrize("distance", [7.0e6, 4.2e7], ids=["low orbit", "geostationary"])
+def test_derivatives_of_the_light_are_right_in_and_beside_the_penumbra(distance: float, way: float) -> None:
+    inner, outer = touching(distance, True), touching(distance, False)
+    check(lit_share, 6, behind(distance, inner + way * (outer - inner)))
+
+
+@pytest.mark.parametrize("off_axis", [1e-3, 4e-3, 7e-3], ids=["ring", "partial", "light"])
+def test_derivatives_of_the_light_are_right_beyond_the_end_of_the_umbra(off_axis: float) -> None:
+    check(lit_share, 6, behind(3e9, off_axis))
+
+
+@pytest.mark.parametrize("inner", [True, False], ids=["inner border", "outer border"])
+@pytest.mark.parametrize("distance", [7.0e6, 3e9], ids=["low orbit", "beyond the umbra"])
+def test_the_light_has_finite_derivatives_on_the_borders_of_the_penumbra(distance: float, inner: bool) -> None:
+    edge = touching(distance, inner)
+    for off in (0.0, 1e-15, -1e-15, 1e-12, -1e-12):
+        check_finite(lit_share, 6, behind(distance, edge + off))
+
+
+@pytest.mark.parametrize("distance", [7.0e6, 1.3e9, 3e9], ids=["umbra", "its far end", "ring"])
+@pytest.mark.parametrize("side", [1.0, -1.0], ids=["night", "day"])
+def test_the_light_has_finite_derivatives_on_the_axis_of_the_shadow(distance: float, side: float) -> None:
+    check_finite(lit_share, 6, side * behind(distance, 0.0))
 
 
 def test_derivatives_of_the_relative_transition_are_right() -> None:
@@ -244,21 +348,150 @@ def test_derivatives_of_wheel_and_body_torques_are_right_also_when_saturated(par
 
 
 @jax.jit
-def plant_step(x: jax.Array, plant_params: PlantParams, truth: Truth, ignition: jax.Array, cutoff: jax.Array) -> Any:
+def surface_forces(x: jax.Array, plant_params: PlantParams, r_N: jax.Array, v_N: jax.Array, sun_N: jax.Array) -> Any:
+    air, sunlight, surface = plant_params.atmosphere, plant_params.sunlight, plant_params.servicer_surface
+    air = replace(air, density=air.density * (1.0 + x[6]), scale_height=air.scale_height * (1.0 + x[7]))
+    surface = replace(surface, area=surface.area * (1.0 + x[8]))
+    r_N, v_N = r_N + 1e4 * x[:3], v_N + 1e3 * x[3:6]
+    drag = environment.drag(air, surface, plant_params.gravity.radius, r_N, v_N)
+    return 1e5 * drag, 1e6 * environment.light_pressure(sunlight, surface, r_N, sun_N)
+
+
+@pytest.mark.parametrize("speed", [7.6e3, 1.0], ids=["in orbit", "nearly with the air"])
+@pytest.mark.parametrize("way", [0.0, 0.4, 2.0], ids=["umbra's border", "penumbra", "light"])
+def test_derivatives_of_drag_and_light_pressure_are_right(params: Params, way: float, speed: float) -> None:
+    inner, outer = (touching(7.0e6, border, 6.957e8) for border in (True, False))
+    r_N = behind(7.0e6, inner + way * (outer - inner))
+    wind = 7.292115e-5 * np.array([-r_N[1], r_N[0], 0.0])
+    compare = check_finite if way == 0.0 else check
+    compare(surface_forces, 9, params.plant, r_N, wind + speed * W, SUN_N)
+
+
+def test_drag_has_finite_derivatives_on_a_craft_that_rests_in_the_air(params: Params) -> None:
+    still = replace(params.plant, atmosphere=replace(params.plant.atmosphere, rotation=jnp.zeros(())))
+    check_finite(surface_forces, 9, still, POSITION, np.zeros(3), SUN_N)
+
+
+@jax.jit
+def wheel_drive(x: jax.Array, plant_params: PlantParams, command: jax.Array, speed: jax.Array) -> Any:
+    wheels, speed = plant_params.wheels, speed + 10.0 * x[3:6]
+    wheels = replace(
+        wheels,
+        coulomb_friction=wheels.coulomb_friction * (1.0 + x[6:9]),
+        stiction_speed=wheels.stiction_speed * (10.0 + x[9]),
+    )
+    motor = actuators.limited_torque(wheels, command + 0.01 * x[:3], speed, 0.2)
+    return 1e2 * motor, 1e3 * actuators.friction(wheels, speed)
+
+
+@pytest.mark.parametrize("speed", [0.0, 300.0, 627.0, -640.0], ids=["at rest", "fast", "near its limit", "beyond it"])
+def test_derivatives_of_motor_torque_and_friction_are_right(params: Params, speed: float) -> None:
+    check(wheel_drive, 10, params.plant, np.array([0.01, 0.04, 0.02]), np.array([0.0, 1.0, speed]))
+
+
+def test_motor_torque_and_friction_have_finite_derivatives_at_the_limits_of_torque_and_speed(params: Params) -> None:
+    check_finite(wheel_drive, 10, params.plant, np.array([0.025, -0.025, 0.0]), np.array([0.0, 628.0, -628.0]))
+
+
+@functools.partial(jax.jit, static_argnums=(4, 5))
+def valve(
+    x: jax.Array, plant_params: PlantParams, ignition: jax.Array, on_time: jax.Array, method: Method, ramps: bool
+) -> Any:
+    """Openings of a thruster of any on-time, and what it does."""
+    known = plant_params.thruster
+    thruster = replace(
+        known,
+        minimum_on_time=jnp.zeros(()),
+        rise_time=known.rise_time * (1.0 + 0.1 * x[0]),
+        fall_time=known.fall_time * (1.0 + 0.1 * x[1]),
+        misalignment=0.1 * x[2:5],
+        force=known.force * (1.0 + x[5]),
+    )
+    error = BurnError(magnitude=x[6], direction=0.1 * x[7:10])
+    begin = ignition + 0.02 * x[10]
+    burn = Burn(ignition=begin, cutoff=begin + on_time + 0.02 * x[11], error=error)
+    found = actuators.thrust(thruster, burn, method, ramps, 0.2)
+    shift = actuators.center_of_mass_shift(thruster, 1.0 + x[12], 30.0 - x[12])
+    return found.opening, 1e2 * found.force_B, 1e4 * found.flow, 1e2 * shift
+
+
+VALVES: tuple[tuple[Method, bool], ...] = (("rk4", False), ("rk4", True), ("rk8", True))
+
+
+@pytest.mark.parametrize(("method", "ramps"), VALVES, ids=["on or off", "ramps", "ramps for the checks"])
+@pytest.mark.parametrize(
+    ("ignition", "on_time"),
+    [(0.03, 0.02), (0.03, 0.11), (-1.0, 1.1), (0.17, 1.0), (-0.3, 0.27)],
+    ids=["cut while it rises", "inside", "ends inside", "starts inside", "falls inside"],
+)
+def test_derivatives_of_a_thruster_over_a_step_are_right(
+    params: Params, ignition: float, on_time: float, method: Method, ramps: bool
+) -> None:
+    check(lambda *arguments: valve(*arguments, method, ramps), 13, params.plant, np.float64(ignition),
+          np.float64(on_time))  # fmt: skip
+
+
+@pytest.mark.parametrize("ramps", [False, True], ids=["on or off", "ramps"])
+@pytest.mark.parametrize(
+    ("ignition", "on_time"),
+    [(0.1, 0.0), (0.1, 0.05), (0.0, 0.2), (0.2, 0.5), (-0.08, 0.0)],
+    ids=["no time", "just risen", "exactly the step", "from the end on", "just fallen"],
+)
+def test_a_thruster_has_finite_derivatives_where_its_profile_has_a_corner(
+    params: Params, ignition: float, on_time: float, ramps: bool
+) -> None:
+    check_finite(lambda *arguments: valve(*arguments, "rk4", ramps), 13, params.plant, np.float64(ignition),
+                 np.float64(on_time))  # fmt: skip
+
+
+NOMINAL = Effects()
+FULL = Effects(
+    zonal_degree=6,
+    sun_gravity=True,
+    moon_gravity=True,
+    drag=True,
+    solar_pressure=True,
+    wheel_friction=True,
+    thruster_ramps=True,
+    center_of_mass_shift=True,
+    faults=True,
+)
+"""All but the steps of torque, which no finite difference follows; their derivative has its own test."""
+SKY = Sky(sun_N=jnp.asarray(SUN_N), moon_N=3.84e8 * jnp.asarray(W))
+
+
+def plant_step(
+    effects: Effects, x: jax.Array, plant_params: PlantParams, truth: Truth, ignition: jax.Array, cutoff: jax.Array
+) -> Any:
     """Parts of the truth after a step, each over what a large change of it would be."""
     moved = replace(
         truth,
+        r_TN_N=truth.r_TN_N + 1e5 * x[15:18],
         r_ST_N=truth.r_ST_N + x[:3],
         omega_BN_B=truth.omega_BN_B + 0.1 * x[3:6],
         mass=truth.mass + 10.0 * x[6],
+        wheel_speed=truth.wheel_speed + x[18:],
     )
     error = BurnError(magnitude=0.1 * x[8], direction=0.1 * x[9:12])
-    command = jnp.array([0.01, 0.1, 0.01]) + 0.01 * x[12:]
+    command = jnp.array([0.01, 0.1, 0.01]) + 0.01 * x[12:15]
     burn = Burn(ignition=ignition, cutoff=cutoff + 0.1 * x[7], error=error)
-    after = plant.step(plant_params, moved, command, burn, 0.2)
+    thrust = actuators.thrust(plant_params.thruster, burn, effects.integrator, effects.thruster_ramps, 0.2)
+    failed = replace(
+        faults.healthy(),
+        thrust=jnp.asarray(0.6),
+        wheel_friction=jnp.array([0.1, 0.0, 0.0]),
+        wheel_stuck=jnp.array([False, True, False]),
+    )
+    after = plant.step(effects, plant_params, moved, command, (thrust,), SKY, failed, 0.2)
     gained = (after.v_ST_N - truth.v_ST_N) * 1e3
     turned = (after.omega_BN_B, after.q_BN, 1e-2 * (after.wheel_speed - truth.wheel_speed))
-    return after.r_ST_N - truth.r_ST_N, gained, *turned, 1e4 * (after.mass - truth.mass)
+    target = (1e-1 * (after.v_TN_N - truth.v_TN_N), 1e3 * (after.omega_TN_T - truth.omega_TN_T))
+    return after.r_ST_N - truth.r_ST_N, gained, *turned, *target, 1e4 * (after.mass - truth.mass)
+
+
+nominal_step, full_step, rk8_step = (
+    jax.jit(functools.partial(plant_step, effects)) for effects in (NOMINAL, FULL, static(FULL, integrator="rk8"))
+)
 
 
 @pytest.fixture(scope="module")
@@ -269,15 +502,73 @@ def truth(params: Params) -> Truth:
     return replace(start, wheel_speed=jnp.array([10.0, -20.0, 628.5]))  # the third beyond its limit
 
 
+@pytest.fixture(scope="module")
+def ready(params: Params) -> PlantParams:
+    """The plant with a thruster of any on-time, and with sunlight and air strong enough to be seen in a step."""
+    return replace(
+        params.plant,
+        thruster=replace(params.plant.thruster, minimum_on_time=jnp.zeros(())),
+        sunlight=replace(params.plant.sunlight, flux=jnp.float64(1e8)),
+        atmosphere=replace(params.plant.atmosphere, density=jnp.float64(1e-8)),
+    )
+
+
+STEPS = pytest.mark.parametrize("kernel", [nominal_step, full_step], ids=["nominal", "every effect"])
+
+
+@STEPS
 @pytest.mark.parametrize(("ignition", "cutoff"), [(-1.0, 0.13), (0.4, 0.9)], ids=["burning", "coasting"])
 def test_derivatives_of_a_step_of_the_plant_are_right_with_a_saturated_wheel(
-    params: Params, truth: Truth, ignition: float, cutoff: float
+    ready: PlantParams, truth: Truth, kernel: Kernel, ignition: float, cutoff: float
 ) -> None:
-    check(plant_step, 15, params.plant, truth, np.float64(ignition), np.float64(cutoff))
+    check(kernel, 21, ready, truth, np.float64(ignition), np.float64(cutoff))
 
 
-def test_a_step_of_the_plant_has_finite_derivatives_with_a_burn_of_no_duration(params: Params, truth: Truth) -> None:
-    check_finite(plant_step, 15, params.plant, truth, np.float64(0.1), np.float64(0.1))
+@pytest.mark.slow
+def test_derivatives_of_a_step_of_the_checking_integrator_are_right(ready: PlantParams, truth: Truth) -> None:
+    check(rk8_step, 21, ready, truth, np.float64(-1.0), np.float64(0.13))
+
+
+@STEPS
+def test_derivatives_of_a_step_of_the_plant_are_right_where_nothing_turns(
+    ready: PlantParams, truth: Truth, kernel: Kernel
+) -> None:
+    resting = replace(truth, omega_BN_B=jnp.zeros(3), omega_TN_T=jnp.zeros(3), wheel_speed=jnp.zeros(3))
+    check(kernel, 21, ready, resting, np.float64(-1.0), np.float64(0.13))
+
+
+def test_derivatives_of_a_step_of_the_plant_are_right_in_the_penumbra(ready: PlantParams, truth: Truth) -> None:
+    inner, outer = touching(7.0e6, True, 6.957e8), touching(7.0e6, False, 6.957e8)
+    there = replace(truth, r_TN_N=jnp.asarray(behind(7.0e6, 0.6 * inner + 0.4 * outer)))
+    check(full_step, 21, ready, there, np.float64(-1.0), np.float64(0.13))
+
+
+@STEPS
+def test_a_step_of_the_plant_has_finite_derivatives_with_a_burn_of_no_duration(
+    params: Params, ready: PlantParams, truth: Truth, kernel: Kernel
+) -> None:
+    for plant_params in (params.plant, ready):
+        check_finite(kernel, 21, plant_params, truth, np.float64(0.1), np.float64(0.1))
+
+
+@pytest.mark.parametrize("inner", [True, False], ids=["inner border", "outer border"])
+def test_a_step_of_the_plant_has_finite_derivatives_at_the_border_of_the_shadow_with_wheels_at_their_limits(
+    ready: PlantParams, truth: Truth, inner: bool
+) -> None:
+    edge = replace(
+        truth,
+        r_TN_N=jnp.asarray(behind(7.0e6, touching(7.0e6, inner, 6.957e8))),
+        r_ST_N=jnp.zeros(3),
+        wheel_speed=jnp.array([628.0, 0.0, -628.0]),
+    )
+    check_finite(full_step, 21, ready, edge, np.float64(0.1), np.float64(0.1))
+
+
+def test_a_step_of_the_plant_has_finite_derivatives_with_a_thruster_without_force(
+    ready: PlantParams, truth: Truth
+) -> None:
+    dead = replace(ready, thruster=replace(ready.thruster, force_scale=jnp.zeros(())))
+    check_finite(nominal_step, 21, dead, truth, np.float64(-1.0), np.float64(0.13))
 
 
 # Vision
@@ -325,7 +616,7 @@ def attitude_update(x: jax.Array, flight: FlightParams, q_BN: jax.Array) -> Any:
     before = attitude_estimator.initial(tuning, q_BN, 0.01 * jnp.asarray(V))
     measured = quaternion.multiply(quaternion.exp(1e-3 * x[:3]), q_BN)
     louder = replace(tuning, star_tracker_noise=tuning.star_tracker_noise * (1.0 + x[3:]))
-    after = attitude_estimator.update(louder, before, measured)
+    after = attitude_estimator.update(louder, before, measured, jnp.asarray(True))
     return 1e3 * after.q_BN, 1e3 * after.bias_B, 1e6 * after.covariance
 
 
@@ -365,8 +656,8 @@ def test_the_duration_of_a_slew_over_no_angle_has_a_finite_derivative(params: Pa
 def burn_plan(x: jax.Array, flight: FlightParams, r_TS_N: jax.Array, gain: jax.Array) -> Any:
     known = scene.estimate(flight, r_TS_N + x[:3], 0.01 * jnp.asarray(V) + 0.01 * x[3:6])
     law, gain = formation_control.lqr, gain * (1.0 + 0.1 * x[6])
-    never, time = jnp.asarray(False), jnp.asarray(0.0)
-    plan = guidance.plan_burn(law, flight.formation, flight.pointing, flight.onboard, gain, known, never, time)
+    allowed, time = jnp.asarray(True), jnp.asarray(0.0)
+    plan = guidance.plan_burn(law, flight.formation, flight.pointing, flight.onboard, gain, known, allowed, time)
     q_BN, omega = guidance.look_attitude(flight.onboard, known)
     return 0.1 * plan.ignition, 0.1 * plan.cutoff, 1e2 * plan.delta_v_N, plan.q_burn, q_BN, 1e2 * omega
 
@@ -386,8 +677,9 @@ def prediction(x: jax.Array, flight: FlightParams, delta_v_N: jax.Array) -> Any:
     servicer = replace(known.servicer, v_SN_N=known.servicer.v_SN_N + 10.0 * x[3:6])
     tuning = replace(flight.navigation, relative_acceleration_noise=1e-3 * (1.0 + x[6]))
     moved = replace(known, relative=relative, servicer=servicer)
-    after = orbit_filter.predict(tuning, moved, delta_v_N + 1e-3 * x[7:], jnp.asarray(0.02), 1.0)
-    sigma = jnp.repeat(jnp.array([0.2, 1e-3, 0.1, 1e-3]), np.array([3, 3, 2, 2]), total_repeat_length=10)
+    gained, doubt, pull_N = delta_v_N + 1e-3 * x[7:10], 2.0 + x[10], 1e-6 * x[11:]
+    after = orbit_filter.predict(tuning, 6, moved, gained, jnp.asarray(0.02), doubt, pull_N, 1.0)
+    sigma = jnp.repeat(jnp.array([0.2, 1e-3, 0.1, 1e-3, 5e-3]), np.array([3, 3, 2, 2, 2]), total_repeat_length=12)
     return (
         after.relative.r_TS_N - known.relative.r_TS_N,
         after.servicer.r_SN_N - known.servicer.r_SN_N,
@@ -396,18 +688,18 @@ def prediction(x: jax.Array, flight: FlightParams, delta_v_N: jax.Array) -> Any:
 
 
 def test_derivatives_of_the_orbit_filters_prediction_are_right_during_a_burn(params: Params) -> None:
-    check(prediction, 10, params.flight, 1e-3 * V)
+    check(prediction, 14, params.flight, 1e-3 * V)
 
 
 def test_the_orbit_filters_prediction_has_finite_derivatives_to_a_velocity_change_of_zero(params: Params) -> None:
-    check_finite(prediction, 10, params.flight, np.zeros(3))
+    check_finite(prediction, 14, params.flight, np.zeros(3))
 
 
 @jax.jit
 def box_update(x: jax.Array, flight: FlightParams, q_KN: jax.Array, box: BoxMeasurement, sigma: jax.Array) -> Any:
     """Update by a box that the one before it confirms, of a target known to `sigma` [m]."""
     known = scene.estimate(flight).relative
-    spread = jnp.eye(10).at[:3, :3].multiply(sigma**2 / 0.2**2)
+    spread = jnp.eye(12).at[:3, :3].multiply(sigma**2 / 0.2**2)
     moved = replace(known, r_TS_N=known.r_TS_N + x[:3], covariance=known.covariance * spread)
     measured = replace(box, tangent=box.tangent + 0.1 * x[3:5], log_size=box.log_size + x[5])
     tuning = replace(flight.navigation, edge_noise=1.0 + x[6], scale_sigma=flight.navigation.scale_sigma + 0.1 * x[7:])
@@ -443,7 +735,8 @@ def test_a_box_update_has_finite_derivatives_at_and_beyond_the_gates_border(
 @jax.jit
 def gps_update(x: jax.Array, flight: FlightParams, gps_N: jax.Array) -> Any:
     tuning = replace(flight.navigation, gps_noise=2.0 + x[3])
-    after, result = servicer_filter.update(tuning, scene.estimate(flight).servicer, gps_N + x[:3])
+    gps = GpsMeasurement(position_N=gps_N + x[:3], present=jnp.asarray(True))
+    after, result = servicer_filter.update(tuning, scene.estimate(flight).servicer, gps)
     return after.r_SN_N - scene.R_SN_N, after.gps_error_N, result.log_likelihood
 
 
