@@ -14,6 +14,7 @@ from jaxtyping import Array
 
 from rpojax.campaign import dispersions
 from rpojax.campaign.dispersions import Values
+from rpojax.core import random
 from rpojax.flight.computer import Stages
 from rpojax.simulation import closed_loop, params, scenario, telemetry
 from rpojax.simulation.closed_loop import State
@@ -152,7 +153,7 @@ class Engine:
 
     def _prepare(self, nominal: Params, key: Array, ids: Array) -> tuple[Values, Values, State]:
         def one(run_id: Array) -> tuple[Values, Values, State]:
-            run_key = closed_loop.random.fold_in(key, run_id)
+            run_key = random.fold_in(key, run_id)
             drawn = dispersions.draw(self.file, run_key)
             dispersed = dispersions.apply(nominal, drawn)
             used = dispersions.read_back(dispersed, self.keys)
@@ -173,7 +174,7 @@ class Engine:
 
 
 def _master_key(seed: int) -> Array:
-    return jnp.asarray(closed_loop.random.master_key(seed))
+    return jnp.asarray(random.master_key(seed))
 
 
 def _joined(parts: list[dict[str, Array]], axis: int) -> dict[str, np.ndarray]:

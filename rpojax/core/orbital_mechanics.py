@@ -86,9 +86,7 @@ def gravity(field: Field, degree: int, r: Difference) -> Difference:
     return Difference(value=pull.value - polar.value * pole, change=pull.change - polar.change * pole)
 
 
-def _zonal_sums(
-    field: Field, degree: int, inverse: Difference, sine: Difference
-) -> tuple[Difference, Difference]:
+def _zonal_sums(field: Field, degree: int, inverse: Difference, sine: Difference) -> tuple[Difference, Difference]:
     """Sums over the harmonics of J_n (R/r)^n P'_{n+1} and J_n (R/r)^n P'_n, relative to the two-body pull."""
     zero = jnp.zeros_like(inverse.value)
     radial = polar = Difference(value=zero, change=zero)

@@ -176,9 +176,7 @@ def _attitude_variance(onboard: Onboard, estimate: AttitudeEstimate) -> Scalar:
     return 0.5 * (P[0, 0] + P[1, 1] + P[2, 2] - jnp.sum(boresight * apply(P, boresight), axis=0))
 
 
-def plan_burn(
-    stages: Stages, params: FlightParams, memory: FlightMemory, sun_N: Vector, time: Scalar
-) -> FlightMemory:
+def plan_burn(stages: Stages, params: FlightParams, memory: FlightMemory, sun_N: Vector, time: Scalar) -> FlightMemory:
     """Memory with a newly decided burn: none while the target is lost or dark, or the thruster has just failed."""
     lost = guidance.is_lost(params.pointing, memory.pointing)
     visible = guidance.can_see(params.onboard, memory.orbit, sun_N)

@@ -26,7 +26,7 @@ Flag = Bool[Array, ""]
 
 
 class Mode(enum.IntEnum):
-    """What the body is doing."""
+    """What the body is doing; a turn to a target whose estimate has jumped counts as search."""
 
     LOOK = 0
     TURN = 1
@@ -202,7 +202,10 @@ _SCHEDULE_GRAIN = 3.0
 
 
 def _deviation_at_burn(formation: Formation, estimate: OrbitEstimate) -> tuple[Float[Array, "6"], Float[Array, "3 3"]]:
-    """Deviation of (rho, rho_dot) predicted to the burn's middle [m, m/s], and the Hill frame `R_CN` there."""
+    """Deviation of (rho, rho_dot) predicted to the burn's middle [m, m/s], and the Hill frame `R_CN` there.
+
+    The motion is predicted and then compared, since a place off the along-track axis does not stay where it is.
+    """
     r_TN_N, v_TN_N = (
         estimate.servicer.r_SN_N + estimate.relative.r_TS_N,
         estimate.servicer.v_SN_N + estimate.relative.v_TS_N,
@@ -210,12 +213,13 @@ def _deviation_at_burn(formation: Formation, estimate: OrbitEstimate) -> tuple[F
     R_HN, omega_HN_N = hill_frame(r_TN_N, v_TN_N)
     rho, rho_dot = inertial_to_hill(-estimate.relative.r_TS_N, -estimate.relative.v_TS_N, R_HN, omega_HN_N)
     n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
-    now = jnp.concatenate([rho - formation.desired_position, rho_dot])
+    now = jnp.concatenate([rho, rho_dot])
+    desired = jnp.pad(formation.desired_position, (0, 3))
     transition = relative_transition(n, formation.lead)
     angle = n * formation.lead
     c, s = jnp.cos(angle), jnp.sin(angle)
     R_CN = jnp.stack([c * R_HN[0] + s * R_HN[1], -s * R_HN[0] + c * R_HN[1], R_HN[2]])
-    return jnp.sum(transition * now[None, :], axis=1), R_CN
+    return jnp.sum(transition * now[None, :], axis=1) - desired, R_CN
 
 
 def range_uncertainty(estimate: OrbitEstimate) -> Scalar:
@@ -246,9 +250,7 @@ def initial_pointing(onboard: Onboard, estimate: OrbitEstimate) -> PointingState
     )
 
 
-def inhibit(
-    pointing: Pointing, plan: BurnPlan, q_BN: Float[Array, "4"], time: Scalar, dt: float
-) -> BurnPlan:
+def inhibit(pointing: Pointing, plan: BurnPlan, q_BN: Float[Array, "4"], time: Scalar, dt: float) -> BurnPlan:
     """The plan, cut off now if the thruster is to push within the next `dt` [s] and the attitude is not the burn's."""
     # Half the chord between the quaternions is the sine of a quarter of the angle; small angles suffice here.
     alike = jnp.abs(jnp.sum(plan.q_burn * q_BN, axis=0))
@@ -327,8 +329,10 @@ def guide(
     reference = _retarget(pointing, state.reference, q_end, omega_end, to_burn != state.to_burn, dt)
     slewing = reference.slew_age < reference.slew_time
     away = jnp.where(time >= plan.ignition, Mode.BURN, Mode.TURN)
-    home = jnp.where(slewing & (time < plan.cutoff + pointing.look_away_limit), Mode.TURN_BACK, Mode.LOOK)
-    mode = jnp.where(to_burn, away, jnp.where(searching, Mode.SEARCH, home))
+    after_burn = (plan.cutoff > plan.ignition) & (time < plan.cutoff + pointing.look_away_limit)
+    back = jnp.where(after_burn, Mode.TURN_BACK, Mode.SEARCH)
+    home = jnp.where(searching, Mode.SEARCH, jnp.where(slewing, back, Mode.LOOK))
+    mode = jnp.where(to_burn, away, home)
     after = PointingState(
         reference=reference,
         to_burn=to_burn,

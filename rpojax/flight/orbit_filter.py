@@ -106,7 +106,10 @@ def update(
     q_KN: Float[Array, "4"],
     box: BoxMeasurement,
 ) -> tuple[OrbitEstimate, BoxTrack, Innovation]:
-    """Estimate after GPS, if there is any, and after the box, if it passes the gate; `q_KN` is the camera's attitude as known on board."""
+    """Estimate after GPS, if there is any, and after the box, if it passes the gate.
+
+    `q_KN` is the camera's attitude as known on board.
+    """
     servicer, gps_result = servicer_filter.update(tuning, estimate.servicer, gps)
     relative, track, box_result, used = relative_filter.update(
         tuning, gated, focal_px, estimate.relative, track, q_KN, box

@@ -139,10 +139,7 @@ def box_model(tuning: Navigation, focal_px: Scalar, R_KN: Matrix, r_TS_N: Vector
     )
     # A cut box still says in which direction the target is, to about half of its own size.
     doubt_px = jnp.where(box.truncated, 0.5 * box.side_px, 0.0)
-    bearing = (
-        (0.5 * tuning.edge_noise**2 + doubt_px**2) / focal_px**2
-        + tuning.attitude_sigma**2
-    )
+    bearing = (0.5 * tuning.edge_noise**2 + doubt_px**2) / focal_px**2 + tuning.attitude_sigma**2
     expected_px = focal_px * tuning.target_size / distance
     size = _ASPECT_FACTOR * (tuning.edge_noise / expected_px) ** 2
     return BoxModel(
@@ -217,9 +214,7 @@ def _is_ahead(R_KN: Matrix, r_TS_N: Vector) -> Bool[Array, ""]:
     return r_K[2] > _LEAST_DEPTH * safe.norm(r_K)
 
 
-def _may_be_cut(
-    tuning: Navigation, prior: BoxModel, doubt: Vector, box: BoxMeasurement
-) -> Bool[Array, ""]:
+def _may_be_cut(tuning: Navigation, prior: BoxModel, doubt: Vector, box: BoxMeasurement) -> Bool[Array, ""]:
     """True if the frame may cut the predicted outline, as far as the prior (variance `doubt`) can tell."""
     half_size = 0.5 * jnp.exp(prior.predicted[2] + tuning.gate_sigma * safe.sqrt(prior.variance[2] + doubt[2]))
     reach = jnp.abs(prior.predicted[:2]) + tuning.gate_sigma * safe.sqrt(doubt[:2]) + _WIDEST_ASPECT * half_size

@@ -163,7 +163,7 @@ def thrust(thruster: Thruster, burn: Burn, method: Method, ramps: bool, dt: floa
 
 
 def center_of_mass_shift(thruster: Thruster, mass_used: Scalar, mass: Scalar) -> Vector:
-    """Where the centre of mass has gone [m], in B, once `mass_used` [kg] of propellant has left; `mass` [kg] remains."""
+    """Way of the centre of mass [m] in B once `mass_used` [kg] of propellant has left and `mass` [kg] remains."""
     return -mass_used / mass * thruster.tank_position
 
 

@@ -78,7 +78,7 @@ class Surface:
     center_of_pressure: Array
 
 
-def drag(air: Atmosphere, surface: Surface, earth_radius: Scalar, r_N: Vector, v_N: Vector) -> Vector:
+def drag(air: Atmosphere, surface: Surface, earth_radius: Scalar | float, r_N: Vector, v_N: Vector) -> Vector:
     """Force of the air [N] in N on a surface at an inertial position [m] and velocity [m/s].
 
     Vallado, Fundamentals of Astrodynamics and Applications, section 8.6.2.

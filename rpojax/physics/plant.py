@@ -165,8 +165,7 @@ def step(
             q_TN=quaternion.derivative(y.q_TN, y.omega_TN_T),
             omega_TN_T=rigid_body.angular_acceleration(params.target.inertia, inverse_target, y.omega_TN_T, torque_T),
             mass=-flow,
-            delta_v=sum(opening * norm(each.force_B) for opening, each in zip(openings, thrusts, strict=True))
-            / y.mass,
+            delta_v=sum(opening * norm(each.force_B) for opening, each in zip(openings, thrusts, strict=True)) / y.mass,
         )
 
     openings = tuple(health.thrust * thrust.opening for thrust in thrusts)
@@ -183,9 +182,7 @@ def _motor_torque(
     return jnp.where(health.wheel_stuck, 0.0, torque) if effects.faults else torque
 
 
-def _bearing_torque(
-    effects: Effects, wheels: Wheels, speed: Vector, health: Health, dt: float | Scalar
-) -> Vector:
+def _bearing_torque(effects: Effects, wheels: Wheels, speed: Vector, health: Health, dt: float | Scalar) -> Vector:
     """Torque [N m] of friction on the wheels, faults included."""
     torque = actuators.friction(wheels, speed) if effects.wheel_friction else jnp.zeros_like(speed)
     if not effects.faults:

@@ -4,13 +4,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import ephemeris, light, orbital_mechanics, quaternion, random, safe
+from rpojax.core import ephemeris, light, orbital_mechanics, random, safe
 from rpojax.core.constants import MU_MOON, MU_SUN
 from rpojax.core.difference import Difference
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.random import Stream
-from rpojax.flight import computer, guidance, orbit_filter, relative_filter, servicer_filter
+from rpojax.flight import attitude_estimator, computer, guidance, orbit_filter, relative_filter, servicer_filter
+from rpojax.flight.attitude_estimator import AttitudeEstimate
 from rpojax.flight.computer import FlightMemory, Measurements, Stages
 from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement
 from rpojax.flight.orbit_filter import Innovation
@@ -89,6 +90,9 @@ class Telemetry:
     running: Array
 
 
+_START = 0x7FFFFFFF
+"""Number of the draws before the first tick; ticks count from 0."""
+
 FAILURES = ("", "non-finite state", "entered the keep-out sphere")
 """Reasons by failure code."""
 
@@ -106,7 +110,7 @@ def init(scenario: Scenario, params: Params, key: Array) -> State:
     truth = plant.initial_truth(
         params.plant, params.orbit, params.initial.relative_position, params.initial.relative_velocity, identity
     )
-    biases = random.normal(streams[Stream.SENSOR_BIAS], 6)
+    biases = random.normal(random.fold_in(streams[Stream.SENSOR_BIAS], _START), 6)
     sensors = SensorState(
         gps_bias_N=params.gps.bias_sigma * biases[:3], gyro_bias_B=params.gyro.initial_bias_sigma * biases[3:]
     )
@@ -121,7 +125,7 @@ def init(scenario: Scenario, params: Params, key: Array) -> State:
     )
     q_BN, omega = guidance.look_attitude(params.flight.onboard, orbit)
     truth = replace(truth, q_BN=q_BN, omega_BN_B=omega)
-    samples = random.normal(streams[Stream.STAR_TRACKER], 6)
+    samples = random.normal(random.fold_in(streams[Stream.STAR_TRACKER], _START), 6)
     star_q = star_tracker.measure(params.star_tracker, q_BN, samples[:3])
     gyro_B = gyro.measure(params.gyro, omega, sensors.gyro_bias_B, samples[3:], scenario.step_s)
     zero = jnp.zeros((), dtype=jnp.float64)
@@ -187,9 +191,7 @@ def _sky(scenario: Scenario, time: Scalar) -> Sky:
     return Sky(sun_N=ephemeris.sun(seconds), moon_N=ephemeris.moon(seconds))
 
 
-def _sense(
-    scenario: Scenario, params: Params, state: State, sky: Sky, health: Health
-) -> tuple[Measurements, Frame]:
+def _sense(scenario: Scenario, params: Params, state: State, sky: Sky, health: Health) -> tuple[Measurements, Frame]:
     truth = state.truth
     gps_key, star_key, box_key = (
         random.fold_in(state.keys[stream], state.tick)
@@ -204,8 +206,7 @@ def _sense(
             present=health.gps,
         ),
         star_tracker_q_BN=star_tracker.measure(params.star_tracker, truth.q_BN, star_normals),
-        star_tracker_present=health.star_tracker
-        & star_tracker.sees_stars(params.star_tracker, truth.q_BN, sky.sun_N),
+        star_tracker_present=health.star_tracker & star_tracker.sees_stars(params.star_tracker, truth.q_BN, sky.sun_N),
         box=as_measurement(scenario, params, frame),
     )
     return measurements, frame
@@ -213,9 +214,7 @@ def _sense(
 
 def _expose(scenario: Scenario, params: Params, truth: Truth, sky: Sky, health: Health, key: Array) -> Frame:
     camera = params.camera
-    observable = light.is_observable(
-        truth.r_TN_N, truth.r_ST_N, sky.sun_N, camera.phase_limit, camera.sun_exclusion
-    )
+    observable = light.is_observable(truth.r_TN_N, truth.r_ST_N, sky.sun_N, camera.phase_limit, camera.sun_exclusion)
     hull_K = box_camera.hull_in_camera(camera, params.plant.target.hull, truth.q_TN, truth.r_ST_N, truth.q_BN)
     normals = random.normal(key, box_camera.NORMALS)
     uniforms = random.uniform(random.fold_in(key, 1), box_camera.UNIFORMS)
@@ -277,7 +276,7 @@ def _act(
     offsets = jnp.arange(scenario.substeps, dtype=jnp.float64) * dt
 
     def substep(
-        carry: tuple[Truth, computer.AttitudeEstimate, Array], inputs: tuple[Array, Array]
+        carry: tuple[Truth, AttitudeEstimate, Array], inputs: tuple[Array, Array]
     ) -> tuple[tuple[Truth, computer.AttitudeEstimate, Array], None]:
         truth, attitude, delta_v_N = carry
         offset, gyro_normals = inputs
@@ -289,7 +288,7 @@ def _act(
         thrust = actuators.thrust(params.plant.thruster, burn, effects.integrator, effects.thruster_ramps, dt)
         truth = plant.step(effects, params.plant, truth, torque, (thrust,), sky, health, dt)
         sample = gyro.measure(params.gyro, truth.omega_BN_B, state.sensors.gyro_bias_B, gyro_normals, dt)
-        return (truth, computer.attitude_estimator.integrate_gyro(attitude, sample, dt), delta_v_N), None
+        return (truth, attitude_estimator.integrate_gyro(attitude, sample, dt), delta_v_N), None
 
     start = (state.truth, flight.attitude, jnp.zeros(3))
     (truth, attitude, delta_v_N), _ = jax.lax.scan(substep, start, (offsets, normals))
@@ -298,7 +297,16 @@ def _act(
     pull_N = _luni_solar_pull(scenario, flight, sky)
     end = time + scenario.tick_s
     flight = computer.predict(
-        stages, params.flight, scenario.navigation_zonal_degree, moved, flight.attitude.q_BN, delta_v_N, ratio, pull_N, end, scenario.tick_s
+        stages,
+        params.flight,
+        scenario.navigation_zonal_degree,
+        moved,
+        flight.attitude.q_BN,
+        delta_v_N,
+        ratio,
+        pull_N,
+        end,
+        scenario.tick_s,
     )
     return truth, flight, _advance_sensors(scenario, params, state)
 

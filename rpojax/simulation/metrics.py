@@ -32,6 +32,9 @@ UNITS: Final[dict[str, str]] = {
     "outliers_accepted": "-",
     "look_away_peak_s": "s",
     "longest_unseen_s": "s",
+    "reacquisition_peak_s": "s",
+    "passive_range_m": "m",
+    "error_over_sigma3_peak": "-",
 }
 """Name -> unit of every metric."""
 
@@ -44,6 +47,7 @@ CHANNELS: Final = (
     "nees",
     "nees_relative",
     "range_m",
+    "passive_range_m",
     "box_present",
     "box_accepted",
     "box_outlier",
@@ -78,6 +82,8 @@ def evaluate(file: ScenarioFile, records: Records) -> dict[str, Floats]:
         "sigma3_coverage": inside.mean(axis=(1, 2), dtype=float),
         "delta_v_m_s": records["delta_v_m_s"][:, -1].astype(float),
         "min_range_m": records["range_m"].min(axis=1).astype(float),
+        "passive_range_m": records["passive_range_m"].min(axis=1).astype(float),
+        "error_over_sigma3_peak": _peak_ratio(records["relative_error_H"], 3.0 * records["relative_sigma_H"]),
         **_boxes(records, tick_s),
         **_pointing(file, records, tick_s),
     }
@@ -111,6 +117,7 @@ def _boxes(records: Records, tick_s: float) -> dict[str, Floats]:
         "outliers_accepted": (accepted & outlier).sum(axis=1).astype(float),
         "time_to_acquire_s": np.where(ever, accepted.argmax(axis=1) * tick_s, np.nan),
         "longest_unseen_s": tick_s * _longest(~accepted),
+        "reacquisition_peak_s": tick_s * _longest_wait(observable, accepted),
     }
 
 
@@ -153,6 +160,24 @@ def _longest(flags: NDArray[np.bool_]) -> Floats:
         run = np.where(column, run + 1.0, 0.0)
         longest = np.maximum(longest, run)
     return longest
+
+
+def _longest_wait(visible: NDArray[np.bool_], accepted: NDArray[np.bool_]) -> Floats:
+    """Longest wait in each row from `visible` becoming true to the next accepted box, or to the end [ticks]."""
+    waits = np.full(visible.shape[0], np.nan)
+    waiting = np.zeros(visible.shape[0], dtype=bool)
+    clock = np.zeros(visible.shape[0])
+    for before, now, seen in zip(visible.T[:-1], visible.T[1:], accepted.T[1:], strict=True):
+        clock = np.where(now & ~before, 0.0, clock + 1.0)
+        waiting = (waiting | (now & ~before)) & now
+        waits = np.where(waiting, np.fmax(waits, clock), waits)
+        waiting &= ~seen
+    return waits
+
+
+def _peak_ratio(error: Floats, bound: Floats) -> Floats:
+    """Largest share of its bound that an error reaches, any axis, any time."""
+    return (np.abs(error) / bound).max(axis=(1, 2)).astype(float)
 
 
 TRACES: Final = {

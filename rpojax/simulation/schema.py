@@ -498,7 +498,11 @@ def nominal(file: ScenarioFile, key: str) -> Any:
     """Value of a key such as `servicer.mass_kg` as numbers, or None if the key names no dispersable number."""
     section_name, _, name = key.partition(".")
     section = getattr(file, section_name, None) if section_name in ScenarioFile.model_fields else None
-    if not isinstance(section, Section) or isinstance(section, Rates | EffectsSection) or name not in type(section).model_fields:
+    if (
+        not isinstance(section, Section)
+        or isinstance(section, Rates | EffectsSection)
+        or name not in type(section).model_fields
+    ):
         return None
     value = getattr(section, name)
     if isinstance(section, FaultSection) and name == "kind":
