@@ -45,7 +45,7 @@ def forced_error() -> Callable[[Method, int], float]:
 
 @pytest.fixture(scope="module")
 def orbit_error() -> Callable[[Method, int], float]:
-    """Error of the position on an orbit of eccentricity 0.3, two units of time (2 pi are a revolution) after perigee."""
+    """Error of the position on an orbit of eccentricity 0.3, a third of a revolution after its perigee."""
     e, time = 0.3, 2.0
     anomaly = brentq(lambda E: E - e * np.sin(E) - time, 0.0, np.pi, xtol=1e-15)
     exact = np.array([np.cos(anomaly) - e, np.sqrt(1.0 - e * e) * np.sin(anomaly)])

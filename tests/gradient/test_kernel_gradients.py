@@ -260,8 +260,11 @@ def touching(distance: float, inner: bool, sun_radius: float = 7e8) -> float:
     return brentq(gap, 0.0, np.pi / 2, xtol=1e-15)
 
 
-@pytest.mark.parametrize("way", [-0.1, 0.05, 0.3, 0.5, 0.8, 0.95, 1.1],
-                         ids=["umbra", "just inside", "a third", "half", "nearly light", "almost light", "light"])  # fmt: skip
+@pytest.mark.parametrize(
+    "way",
+    [-0.1, 0.05, 0.3, 0.5, 0.8, 0.95, 1.1],
+    ids=["umbra", "just inside", "a third", "half", "most of it", "almost outside", "light"],
+)
 @pytest.mark.parametrize("distance", [7.0e6, 4.2e7], ids=["low orbit", "geostationary"])
 def test_derivatives_of_the_light_are_right_in_and_beside_the_penumbra(distance: float, way: float) -> None:
     inner, outer = touching(distance, True), touching(distance, False)

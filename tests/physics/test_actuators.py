@@ -1,5 +1,7 @@
 """Wheel limits, friction and steps of torque; the thruster's force, and its exact impulse inside a step."""
 
+import itertools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -146,7 +148,7 @@ def true_moments(thruster: Thruster, begin: float, end: float, count: int, ramps
     if not ramps:
         levels = {"xp": [begin, end], "fp": [1.0, 1.0], "left": 0.0, "right": 0.0}
     total = np.zeros(count)
-    for low, high in zip(pieces[:-1], pieces[1:], strict=True):
+    for low, high in itertools.pairwise(pieces):
         for power in range(count):
             total[power] += quad(lambda t, p=power: t**p * np.interp(t, **levels), low, high, epsabs=1e-16)[0]
     return total

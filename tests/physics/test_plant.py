@@ -48,9 +48,7 @@ def fly(
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def burn_through(
-    effects: Effects, params: PlantParams, truth: Truth, ignition: jax.Array, cutoff: jax.Array
-) -> Truth:
+def burn_through(effects: Effects, params: PlantParams, truth: Truth, ignition: jax.Array, cutoff: jax.Array) -> Truth:
     """Truth after `BURN_STEPS` steps with the thruster open from `ignition` to `cutoff` [s]."""
 
     def body(truth: Truth, begin: jax.Array) -> tuple[Truth, None]:
@@ -114,7 +112,7 @@ def at_rest(params: Params, far_away: Truth) -> Truth:
 
 @pytest.fixture(scope="module")
 def balanced(params: Params) -> PlantParams:
-    """The plant with its thruster through the centre of mass, so that a burn does not turn it, and ready for any time."""
+    """The plant with its thruster through the centre of mass, so that a burn of any length does not turn it."""
     thruster = replace(params.plant.thruster, position=jnp.zeros(3), minimum_on_time=jnp.zeros(()))
     return replace(params.plant, thruster=thruster)
 

@@ -52,9 +52,7 @@ initial_truth = jax.jit(plant.initial_truth)
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def fly(
-    effects: Effects, params: PlantParams, truth: Truth, commands: jax.Array, health: Health = HEALTHY
-) -> Truth:
+def fly(effects: Effects, params: PlantParams, truth: Truth, commands: jax.Array, health: Health = HEALTHY) -> Truth:
     """Truth after each step with the given wheel torque commands (n, 3) and no thruster."""
 
     def body(truth: Truth, command: jax.Array) -> tuple[Truth, Truth]:
@@ -196,9 +194,7 @@ def test_the_bare_plant_has_no_operation_of_any_effect(bare: list[str]) -> None:
 
 
 @pytest.mark.parametrize("name", ALONE)
-def test_an_effect_is_compiled_only_when_it_is_on(
-    params: Params, in_orbit: Truth, bare: list[str], name: str
-) -> None:
+def test_an_effect_is_compiled_only_when_it_is_on(params: Params, in_orbit: Truth, bare: list[str], name: str) -> None:
     found = operations(ALONE[name], params.plant, in_orbit)
     assert len(found) > len(bare)
     trace = {"drag": "exponential", "wheel_friction": "tanh", "faults": "tanh", "solar_pressure": "atan2"}
@@ -220,7 +216,7 @@ def test_ramps_are_compiled_only_when_they_are_on(params: Params) -> None:
 def test_relative_motion_in_air_is_the_difference_of_two_orbits_of_unlike_craft(
     params: Params, in_orbit: Truth
 ) -> None:
-    """A thousand times the air, ten minutes: the target, with twice the area on half as much more mass, falls behind."""
+    """Ten minutes in a thousand times the air, where the target with its larger area per mass falls behind."""
     dense = replace(params.plant, atmosphere=replace(params.plant.atmosphere, density=jnp.float64(5e-10)))
     truth = jax.tree.map(lambda leaf: leaf[-1], fly(ALONE["drag"], dense, in_orbit, np.zeros((3000, 3))))
     vacuum = jax.tree.map(lambda leaf: leaf[-1], fly(NOTHING, dense, in_orbit, np.zeros((3000, 3))))
@@ -389,7 +385,9 @@ def test_a_wheel_drive_gives_whole_steps_of_torque(params: Params, at_rest: Trut
     heavy = replace(params.plant, servicer=replace(params.plant.servicer, inertia=1e6 * jnp.eye(3)))
     command = 2e-5 * np.array([7.4, -7.6, 0.4])
     after = advance(ALONE["wheel_torque_steps"], heavy, at_rest, command)
-    np.testing.assert_allclose(after.wheel_speed, 2e-5 * np.array([7.0, -8.0, 0.0]) * STEP / 8e-4, rtol=1e-8, atol=1e-18)
+    np.testing.assert_allclose(
+        after.wheel_speed, 2e-5 * np.array([7.0, -8.0, 0.0]) * STEP / 8e-4, rtol=1e-8, atol=1e-18
+    )
 
 
 # Thrusters
