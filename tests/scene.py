@@ -25,6 +25,12 @@ AHEAD = 30.0 * unit(V_SN_N)
 HILL_RATE = np.cross(R_SN_N, V_SN_N) / (R_SN_N @ R_SN_N)
 """Rate of its Hill frame, inertial components [rad/s]."""
 
+SUN = 1.5e11 * unit(R_SN_N)
+"""The Sun overhead [m]: the target is lit and a quarter of it lies in its own shade."""
+
+NIGHT = -SUN
+"""The Sun behind the Earth [m]."""
+
 
 _initial = jax.jit(orbit_filter.initial)
 
@@ -69,4 +75,6 @@ def box(
         side_px=jnp.float64(size * float(flight.onboard.focal_px)),
         present=jnp.asarray(present),
         truncated=jnp.asarray(truncated),
+        half_frame=jnp.full(2, np.tan(np.deg2rad(5.0))),
+        attitude_drift=jnp.zeros(()),
     )

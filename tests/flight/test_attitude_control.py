@@ -14,9 +14,10 @@ from rpojax.flight.attitude_control import AttitudeCommand
 from rpojax.flight.attitude_estimator import AttitudeEstimate
 from rpojax.flight.guidance import Reference
 from rpojax.flight.onboard import Onboard
-from rpojax.physics import plant
-from rpojax.physics.actuators import BurnError
-from rpojax.physics.plant import Burn, Truth
+from rpojax.physics import faults, plant
+from rpojax.physics.effects import Effects
+from rpojax.physics.environment import Sky
+from rpojax.physics.plant import Truth
 from rpojax.simulation.params import Params
 
 STEP = 0.2
@@ -42,8 +43,7 @@ def fly(params: Params, truth: Truth, reference: Reference) -> tuple[Truth, Atti
     """Truth before each step of a minute under the controller, and what was commanded."""
     flight = params.flight
     allocation = jnp.linalg.inv(flight.onboard.wheel_axes.T)
-    zero = jnp.zeros(())
-    no_burn = Burn(ignition=zero, cutoff=zero, error=BurnError(magnitude=zero, direction=jnp.zeros(3)))
+    sky = Sky(sun_N=jnp.array([1.5e11, 0.0, 0.0]), moon_N=jnp.array([0.0, 3.8e8, 0.0]))
 
     def body(truth: Truth, t: jax.Array) -> tuple[Truth, tuple[Truth, AttitudeCommand]]:
         command = guidance.evaluate(reference, t)
@@ -55,7 +55,8 @@ def fly(params: Params, truth: Truth, reference: Reference) -> tuple[Truth, Atti
             command,
             truth.wheel_speed,
         )
-        return plant.step(params.plant, truth, torque, no_burn, STEP), (truth, command)
+        after = plant.step(Effects(), params.plant, truth, torque, (), sky, faults.healthy(), STEP)
+        return after, (truth, command)
 
     return jax.lax.scan(body, truth, STEP * jnp.arange(STEPS, dtype=jnp.float64))[1]
 

@@ -65,7 +65,7 @@ def errors(params: Params, key: jax.Array) -> tuple[jax.Array, jax.Array]:
             (q, estimate), _ = jax.lax.scan(substep, (q, estimate), (times, gyro_normals))
             estimate = attitude_estimator.predict_covariance(tuning, estimate, q_before, 1.0)
             measured = star_tracker.measure(params.star_tracker, q, star_normals)
-            estimate = attitude_estimator.update(tuning, estimate, measured)
+            estimate = attitude_estimator.update(tuning, estimate, measured, jnp.asarray(True))
             turn = quaternion.log(quaternion.multiply(q, quaternion.conjugate(estimate.q_BN)))
             error = jnp.concatenate([turn, bias - estimate.bias_B])
             nees = jnp.sum(error * jnp.linalg.solve(estimate.covariance, error))
@@ -144,7 +144,7 @@ def test_an_update_is_the_textbooks(params: Params) -> None:
     before = AttitudeEstimate(q_BN=q, omega_BN_B=gyro_B - bias_B, bias_B=bias_B, gyro_B=gyro_B, covariance=P)
     turn = 1e-4 * rng.normal(size=3)
     measured = quaternion.multiply(quaternion.exp(jnp.asarray(turn)), jnp.asarray(q))
-    after = update(params.flight.attitude_filter, before, measured)
+    after = update(params.flight.attitude_filter, before, measured, True)
     H = np.eye(3, 6)
     S = P[:3, :3] + np.diag(np.deg2rad([0.01, 0.003, 0.003]) ** 2)
     K = np.linalg.solve(S, H @ P).T

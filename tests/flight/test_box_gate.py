@@ -33,6 +33,8 @@ def box(x: float = 0.0, y: float = 0.0, present: jax.Array = YES, truncated: jax
         side_px=jnp.float64(32.0),
         present=present,
         truncated=truncated,
+        half_frame=jnp.full(2, 0.0875),
+        attitude_drift=jnp.zeros(()),
     )
 
 
@@ -42,7 +44,7 @@ def decide(
     track: BoxTrack | None = None,
     measured: BoxMeasurement | None = None,
     wide: jax.Array = NO,
-    ahead: jax.Array = YES,
+    possible: jax.Array = YES,
 ) -> float:
     """Verdict on a box whose residuals are so many sigmas of the total variance."""
     return float(
@@ -55,7 +57,7 @@ def decide(
             np.array(sigmas) * np.sqrt(VARIANCE),
             VARIANCE,
             wide,
-            ahead,
+            possible,
         )
     )
 
@@ -68,14 +70,17 @@ def test_four_sigma_of_bearing_or_size_is_the_border(tuning: Navigation, row: in
     assert decide(tuning, list(outside)) == 0.0
 
 
-def test_a_truncated_box_may_have_any_size(tuning: Navigation) -> None:
-    assert decide(tuning, [1.0, 1.0, 9.0], measured=box(truncated=YES)) == 1.0
-    assert decide(tuning, [5.0, 1.0, 0.0], measured=box(truncated=YES)) == 0.0
+def test_a_truncated_box_may_be_as_small_as_it_likes_but_no_larger_than_predicted(tuning: Navigation) -> None:
+    cut = box(truncated=YES)
+    assert decide(tuning, [1.0, 1.0, -9.0], measured=cut) == 1.0
+    assert decide(tuning, [1.0, 1.0, 3.99], measured=cut) == 1.0
+    assert decide(tuning, [1.0, 1.0, 4.01], measured=cut) == 0.0
+    assert decide(tuning, [5.0, 1.0, 0.0], measured=cut) == 0.0
 
 
-def test_no_box_and_a_target_out_of_view_are_never_accepted(tuning: Navigation) -> None:
+def test_no_box_and_a_target_that_cannot_give_the_box_are_never_accepted(tuning: Navigation) -> None:
     assert decide(tuning, [0.0, 0.0, 0.0], measured=box(present=NO)) == 0.0
-    assert decide(tuning, [0.0, 0.0, 0.0], ahead=NO) == 0.0
+    assert decide(tuning, [0.0, 0.0, 0.0], possible=NO) == 0.0
 
 
 def test_without_a_box_before_it_a_box_is_only_believed_when_the_prior_is_not_wide(tuning: Navigation) -> None:
@@ -131,3 +136,32 @@ def test_rejections_in_a_row_are_counted_until_the_sixth_raises_doubt_and_starts
         counts.append(float(track.rejections))
     assert counts == [1, 2, 0, 1, 2, 3, 4, 5, 0, 1]
     assert doubts == [False] * 8 + [True, False]
+
+
+@jax.jit
+def remember_all(tuning: Navigation, present: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Count of rejections and doubt after each frame; every box there is gets rejected."""
+
+    def frame(track: BoxTrack, present: jax.Array) -> tuple[BoxTrack, tuple[jax.Array, jax.Array]]:
+        after, doubt = box_gate.remember(tuning, track, jnp.asarray(IDENTITY), box(present=present), present)
+        return after, (after.rejections, doubt)
+
+    return jax.lax.scan(frame, box_gate.initial_track(), present)[1]
+
+
+def test_a_missed_frame_between_rejections_fades_their_count_by_a_twentieth_and_does_not_reset_it(
+    tuning: Navigation,
+) -> None:
+    counts, doubts = remember_all(tuning, np.arange(13) % 2 == 0)
+    expected = [(1.0 - 0.95**k) / 0.05 for k in range(1, 7)]  # 1, 1.95, 2.85, ... 5.30
+    np.testing.assert_allclose(counts[:11:2], expected, rtol=1e-12)
+    np.testing.assert_allclose(counts[1:12:2], 0.95 * np.array(expected), rtol=1e-12)
+    # The fading costs one more rejection than the six that raise doubt in a row: the seventh makes it 6.03.
+    assert np.asarray(doubts).tolist() == [False] * 12 + [True]
+    assert counts[12] == 0.0
+
+
+def test_false_boxes_once_in_twenty_frames_never_raise_doubt(tuning: Navigation) -> None:
+    counts, doubts = remember_all(tuning, np.arange(4000) % 20 == 0)
+    assert not np.any(doubts)
+    np.testing.assert_allclose(np.max(counts), 1.0 / (1.0 - 0.95**19), rtol=1e-9)

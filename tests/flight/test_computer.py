@@ -30,6 +30,12 @@ def memory(flight: FlightParams) -> FlightMemory:
     return start(flight, 200.0, scene.estimate(flight), IDENTITY, np.zeros(3))
 
 
+def sure(memory: FlightMemory) -> FlightMemory:
+    """The same with the target in sight."""
+    pointing = replace(memory.pointing, acquired=jnp.asarray(True), sightings=jnp.float64(5.0))
+    return replace(memory, pointing=pointing)
+
+
 def test_the_gain_is_solved_for_the_targets_mean_motion_and_the_burn_period(
     flight: FlightParams, memory: FlightMemory
 ) -> None:
@@ -62,8 +68,7 @@ def test_a_users_control_law_decides_the_burn(flight: FlightParams, memory: Flig
     def sideways(gain: jax.Array, deviation: jax.Array) -> jax.Array:
         return jnp.array([0.0, 0.0, 0.005])
 
-    acquired = replace(memory, pointing=replace(memory.pointing, acquired=jnp.asarray(True)))
-    found = plan_burn(Stages(formation_law=sideways), flight, acquired, np.float64(0.0)).plan
+    found = plan_burn(Stages(formation_law=sideways), flight, sure(memory), scene.SUN, np.float64(0.0)).plan
     normal = np.cross(scene.R_SN_N, scene.V_SN_N)
     np.testing.assert_allclose(found.delta_v_N, 0.005 * normal / np.linalg.norm(normal), atol=1e-8)
 

@@ -9,7 +9,7 @@ import pytest
 import scene
 from hypothesis import given
 from hypothesis import strategies as st
-from reference import MU, SEEDS, gravity, matrix, random_unit, rate_between, rotation_between, unit
+from reference import MU, SEEDS, gravity, matrix, random_unit, rate_between, rotation_between, turn, unit
 from scipy.integrate import solve_ivp
 
 from rpojax.core.frames import hill_frame, inertial_to_hill
@@ -23,11 +23,15 @@ from rpojax.simulation.params import Params
 
 EXACT = 1e-12  # roundings of unit vectors and angles
 GAIN = np.zeros((3, 6))
+YES, NO = jnp.asarray(True), jnp.asarray(False)
 SAMPLES = 5
 TIME = np.float64(1000.0)  # of the decision
 
+can_see = jax.jit(guidance.can_see)
 evaluate = jax.jit(guidance.evaluate)
+guide = jax.jit(guidance.guide, static_argnums=8)
 hill = jax.jit(hill_frame)
+inhibit = jax.jit(guidance.inhibit, static_argnums=4)
 look_attitude = jax.jit(guidance.look_attitude)
 to_hill = jax.jit(inertial_to_hill)
 plan_burn = jax.jit(guidance.plan_burn, static_argnums=0)
@@ -80,8 +84,10 @@ def known(flight: FlightParams) -> OrbitEstimate:
     return scene.estimate(flight)
 
 
-def plan(law: object, flight: FlightParams, estimate: OrbitEstimate, lost: bool = False) -> BurnPlan:
-    found = plan_burn(law, flight.formation, flight.pointing, flight.onboard, GAIN, estimate, np.asarray(lost), TIME)
+def plan(law: object, flight: FlightParams, estimate: OrbitEstimate, allowed: bool = True) -> BurnPlan:
+    found = plan_burn(
+        law, flight.formation, flight.pointing, flight.onboard, GAIN, estimate, np.asarray(allowed), TIME
+    )
     return jax.tree.map(np.asarray, found)
 
 
@@ -249,8 +255,8 @@ def test_there_is_no_burn_in_the_dead_band(flight: FlightParams, known: OrbitEst
     assert plan(push_briefly, flight, known).cutoff > plan(push_briefly, flight, known).ignition
 
 
-def test_there_is_no_burn_while_the_target_is_lost(flight: FlightParams, known: OrbitEstimate) -> None:
-    assert_no_burn(plan(push_back, flight, known, lost=True))
+def test_there_is_no_burn_unless_it_is_allowed(flight: FlightParams, known: OrbitEstimate) -> None:
+    assert_no_burn(plan(push_back, flight, known, allowed=False))
 
 
 @pytest.mark.parametrize(("sigma", "burns"), [(5.9, True), (6.1, False)])
@@ -287,6 +293,7 @@ def fly(
     state: PointingState,
     times: jax.Array,
     blind: jax.Array,
+    visible: jax.Array = YES,
 ) -> tuple[jax.Array, AttitudeCommand, jax.Array]:
     """Modes, commands five times a second, and whether a box was accepted, tick by tick.
 
@@ -300,7 +307,9 @@ def fly(
         q_BN = guidance.evaluate(state.reference, jnp.ones(())).q_CN
         looks = guidance.rotate(guidance.quaternion.conjugate(q_BN), jnp.array([1.0, 0.0, 0.0]))
         accepted = (jnp.sum(looks * line) > jnp.cos(jnp.deg2rad(5.0))) & ~blind
-        state, mode = guidance.guide(flight.pointing, flight.onboard, estimate, plan, state, accepted, time, 1.0)
+        state, mode = guidance.guide(
+            flight.pointing, flight.onboard, estimate, plan, state, accepted, visible, time, 1.0
+        )
         ages = jnp.arange(SAMPLES, dtype=jnp.float64) / SAMPLES
         return state, (mode, jax.vmap(lambda age: guidance.evaluate(state.reference, age))(ages), accepted)
 
@@ -422,7 +431,168 @@ def test_the_target_counts_as_lost_before_acquisition_and_after_a_minute_unseen(
 ) -> None:
     state = guidance.initial_pointing(flight.onboard, known)
     assert bool(guidance.is_lost(flight.pointing, state))
-    acquired = replace(state, acquired=jnp.asarray(True))
+    acquired = replace(state, acquired=jnp.asarray(True), sightings=jnp.float64(3.0))
     assert not bool(guidance.is_lost(flight.pointing, acquired))
     unseen = replace(acquired, unseen_time=jnp.float64(60.5))
     assert bool(guidance.is_lost(flight.pointing, unseen))
+
+
+# What counts as seen
+
+
+def look(
+    flight: FlightParams,
+    known: OrbitEstimate,
+    frames: str,
+    state: PointingState | None = None,
+    plan: BurnPlan | None = None,
+    visible: jax.Array = YES,
+) -> PointingState:
+    """State after frames with ('x') and without ('.') an accepted box."""
+    state = guidance.initial_pointing(flight.onboard, known) if state is None else state
+    for tick, frame in enumerate(frames):
+        accepted = np.asarray(frame == "x")
+        state, _ = guide(
+            flight.pointing,
+            flight.onboard,
+            known,
+            guidance.no_burn() if plan is None else plan,
+            state,
+            accepted,
+            visible,
+            TIME + tick,
+            1.0,
+        )
+    return state
+
+
+@pytest.mark.parametrize(
+    ("frames", "seen"),
+    [("x", False), ("xx", False), ("xxx", True), ("x.x.x", False), ("x.xx", True), ("x" + 19 * "." + "x", False)],
+)
+def test_one_box_may_be_false_but_three_in_a_row_are_the_target(
+    flight: FlightParams, known: OrbitEstimate, frames: str, seen: bool
+) -> None:
+    state = look(flight, known, frames)
+    assert bool(state.acquired) is seen
+    assert bool(guidance.is_lost(flight.pointing, state)) is not seen
+
+
+def test_sightings_fade_by_a_fifth_with_every_frame_that_looks_and_sees_nothing(
+    flight: FlightParams, known: OrbitEstimate
+) -> None:
+    state = look(flight, known, "xxxx..")
+    np.testing.assert_allclose(state.sightings, 4.0 * 0.8**2, rtol=1e-12)
+    full = look(flight, known, 15 * "x")
+    assert full.sightings == 10.0
+    # From ten sightings on the target is doubted after the seventh empty frame, long before a search begins.
+    assert not bool(guidance.is_lost(flight.pointing, look(flight, known, 6 * ".", full)))
+    doubted = look(flight, known, 7 * ".", full)
+    assert bool(guidance.is_lost(flight.pointing, doubted))
+    assert bool(doubted.acquired)
+    assert doubted.search_time == 0.0
+
+
+def test_a_planned_look_away_forgets_no_sightings_and_counts_no_time(
+    flight: FlightParams, known: OrbitEstimate
+) -> None:
+    away = replace(
+        jax.tree.map(jnp.asarray, plan(push_back, flight, known)), turn_start=jnp.float64(0.0), cutoff=jnp.float64(1e6)
+    )
+    before = look(flight, known, "xxxx")
+    after = look(flight, known, 20 * ".", before, away)
+    assert after.sightings == before.sightings == 4.0
+    assert after.unseen_time == 0.0
+
+
+def test_a_single_box_keeps_the_camera_from_searching_for_five_seconds(
+    flight: FlightParams, known: OrbitEstimate
+) -> None:
+    searching = replace(look(flight, known, ".."), unseen_time=jnp.float64(50.0), search_time=jnp.float64(4.0))
+    once = look(flight, known, "x", searching)
+    assert once.search_time == 0.0
+    assert look(flight, known, 5 * ".", once).search_time == 0.0
+    assert look(flight, known, 6 * ".", once).search_time > 0.0
+
+
+def test_in_the_dark_nothing_is_searched_for_and_the_target_must_be_acquired_anew(
+    flight: FlightParams, known: OrbitEstimate
+) -> None:
+    seen = look(flight, known, 5 * "x")
+    assert bool(seen.acquired)
+    dark = look(flight, known, ".", seen, visible=NO)
+    assert (float(dark.sightings), float(dark.unseen_time), bool(dark.acquired)) == (0.0, 0.0, False)
+    state = guidance.initial_pointing(flight.onboard, known)
+    times = TIME + np.arange(300.0)
+    modes, commands, _ = fly(flight, known, guidance.no_burn(), state, times, YES, NO)
+    assert set(np.asarray(modes).tolist()) == {Mode.LOOK}
+    off = [boresight(flight, q) @ unit(scene.AHEAD) for q in np.asarray(commands.q_CN)[:, 0]]
+    assert min(off) > np.cos(np.deg2rad(0.1))
+    # The first light: a search only after the wait for acquisition.
+    assert look(flight, known, "...", dark).search_time == 0.0
+    assert look(flight, known, "....", dark).search_time > 0.0
+
+
+def test_a_search_under_way_ends_at_sunset(flight: FlightParams, known: OrbitEstimate) -> None:
+    searching = look(flight, known, 30 * ".")
+    assert searching.search_time > 0.0
+    dark = look(flight, known, ".", searching, visible=NO)
+    assert (float(dark.search_time), float(dark.unseen_time)) == (0.0, 0.0)
+
+
+def test_the_target_can_be_seen_in_the_light_unless_the_sun_is_behind_it_or_beside_the_view(
+    flight: FlightParams, known: OrbitEstimate
+) -> None:
+    line, up = unit(scene.AHEAD), unit(scene.R_SN_N)
+
+    def seen(phase_deg: float) -> bool:
+        """The Sun at an angle from the direction target to servicer, leaning to the zenith."""
+        phase = np.deg2rad(phase_deg)
+        sun = 1.5e11 * (-np.cos(phase) * line + np.sin(phase) * up)
+        return bool(can_see(flight.onboard, known, sun))
+
+    assert seen(90.0)
+    assert seen(149.9)
+    assert not seen(150.1)  # both limits: a crescent, and the Sun 30 deg from the view
+    assert not bool(can_see(flight.onboard, known, scene.NIGHT))
+
+
+# Burns that are called off
+
+
+@pytest.mark.parametrize(("degrees", "flown"), [(0.1, True), (2.9, True), (3.1, False), (5.0, False), (180.0, False)])
+def test_no_thrust_while_the_attitude_is_further_from_the_burns_than_the_limit(
+    flight: FlightParams, known: OrbitEstimate, degrees: float, flown: bool
+) -> None:
+    found = plan(push_back, flight, known)
+    off = turn([0.3, -0.5, 0.8], np.deg2rad(degrees))
+    q_BN = np.asarray(scene.quaternion.multiply(jnp.asarray(off), jnp.asarray(found.q_burn)))
+    for sign in (1.0, -1.0):
+        after = inhibit(flight.pointing, found, sign * q_BN, found.ignition - 0.5, 1.0)
+        assert (float(after.cutoff) > float(after.ignition)) is flown
+    if flown:
+        jax.tree.map(np.testing.assert_array_equal, after, found)
+
+
+def test_a_burn_called_off_halfway_keeps_what_was_flown_and_gives_no_more(
+    flight: FlightParams, known: OrbitEstimate
+) -> None:
+    found = plan(push_back, flight, known)
+    tumbling = np.asarray(scene.quaternion.multiply(jnp.asarray(turn([0.0, 0.0, 1.0], 0.1)), jnp.asarray(found.q_burn)))
+    halfway = found.ignition + 7.0
+    after = inhibit(flight.pointing, found, tumbling, halfway, 1.0)
+    assert (float(after.ignition), float(after.cutoff)) == (float(found.ignition), float(halfway))
+    # No thrust later either, though the attitude is right again.
+    later = inhibit(flight.pointing, after, found.q_burn, halfway + 1.0, 1.0)
+    jax.tree.map(np.testing.assert_array_equal, later, after)
+
+
+def test_the_attitude_does_not_matter_long_before_a_burn_and_after_it(
+    flight: FlightParams, known: OrbitEstimate
+) -> None:
+    found = plan(push_back, flight, known)
+    elsewhere = np.asarray(look_attitude(flight.onboard, known)[0])
+    assert rotation_between(elsewhere, found.q_burn) > 1.0
+    for time in (found.ignition - 1.0, found.cutoff):
+        after = inhibit(flight.pointing, found, elsewhere, time, 1.0)
+        jax.tree.map(np.testing.assert_array_equal, after, found)

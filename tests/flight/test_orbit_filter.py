@@ -12,18 +12,38 @@ from scipy.stats import norm
 from rpojax.core.pytree import replace
 from rpojax.flight import box_gate, orbit_filter
 from rpojax.flight.computer import FlightParams
-from rpojax.flight.navigation import Navigation
+from rpojax.flight.navigation import GpsMeasurement, Navigation
 from rpojax.flight.orbit_filter import OrbitEstimate
 from rpojax.simulation.params import Params
 
 SERVICER_SIGMA = np.repeat([2.0, 0.02, 1.2], 3)
-RELATIVE_SIGMA = np.concatenate([np.full(3, 0.15), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4]])
+RELATIVE_SIGMA = np.concatenate([np.full(3, 0.05), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4], [5e-3, 5e-3]])
 
 # Kick and drift differ from the exact transition by (n dt)^2 = 1e-6; the gradient leaves J2 out, 1e-3 of n^2 dt.
 FIRST_ORDER = 5e-6
 
-predict = jax.jit(orbit_filter.predict, static_argnums=4)
+predict = jax.jit(orbit_filter.predict, static_argnums=(1, 7))
 update = jax.jit(orbit_filter.update, static_argnums=1)
+
+
+def coast(
+    tuning: Navigation,
+    estimate: OrbitEstimate,
+    delta_v_N: np.ndarray | None = None,
+    burn_delta_v: float = 0.0,
+    doubt: float = 1.0,
+    zonal_degree: int = 2,
+    pull_N: np.ndarray | None = None,
+) -> OrbitEstimate:
+    """Estimate a second later, without thrust and without the Sun and the Moon unless told."""
+    delta_v_N, pull_N = (np.zeros(3) if vector is None else vector for vector in (delta_v_N, pull_N))
+    return predict(
+        tuning, zonal_degree, estimate, delta_v_N, np.float64(burn_delta_v), np.float64(doubt), pull_N, 1.0
+    )
+
+
+def fix(position_N: np.ndarray, present: bool = True) -> GpsMeasurement:
+    return GpsMeasurement(position_N=jnp.asarray(position_N), present=jnp.asarray(present))
 
 
 @pytest.fixture(scope="module")
@@ -43,6 +63,7 @@ def estimate(flight: FlightParams) -> OrbitEstimate:
         known.relative,
         scale=0.1 * rng.normal(size=2),
         bearing_bias=5e-4 * rng.normal(size=2),
+        center=5e-3 * rng.normal(size=2),
         covariance=random_covariance(rng, RELATIVE_SIGMA),
     )
     return OrbitEstimate(servicer=servicer, relative=relative)
@@ -52,7 +73,7 @@ def means(estimate: OrbitEstimate) -> tuple[jax.Array, jax.Array]:
     s, r = estimate.servicer, estimate.relative
     return (
         jnp.concatenate([s.r_SN_N, s.v_SN_N, s.gps_error_N]),
-        jnp.concatenate([r.r_TS_N, r.v_TS_N, r.scale, r.bearing_bias]),
+        jnp.concatenate([r.r_TS_N, r.v_TS_N, r.scale, r.bearing_bias, r.center]),
     )
 
 
@@ -68,10 +89,11 @@ def transitions(tuning: Navigation, estimate: OrbitEstimate) -> tuple[jax.Array,
                 r_TS_N=relative[:3],
                 v_TS_N=relative[3:6],
                 scale=relative[6:8],
-                bearing_bias=relative[8:],
+                bearing_bias=relative[8:10],
+                center=relative[10:],
             ),
         )
-        return means(orbit_filter.predict(tuning, moved, jnp.zeros(3), jnp.zeros(()), 1.0))
+        return means(orbit_filter.predict(tuning, 2, moved, jnp.zeros(3), jnp.zeros(()), jnp.ones(()), jnp.zeros(3), 1.0))
 
     (servicer, _), (_, relative) = jax.jacfwd(after, argnums=(0, 1))(*means(estimate))
     return servicer, relative
@@ -81,7 +103,7 @@ def test_the_mean_follows_both_orbits_through_a_burn(flight: FlightParams, estim
     delta_v = np.array([1e-3, -2e-4, 5e-4])  # per second
     found = estimate
     for _ in range(10):
-        found = predict(flight.navigation, found, delta_v, np.float64(0.02), 1.0)
+        found = coast(flight.navigation, found, delta_v, 0.02)
 
     def slope(_: float, y: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
         return np.concatenate([y[3:], gravity(y[:3]) + acceleration])
@@ -103,26 +125,26 @@ def test_the_mean_follows_both_orbits_through_a_burn(flight: FlightParams, estim
 
 
 def test_slow_errors_decay_with_their_time_constants(flight: FlightParams, estimate: OrbitEstimate) -> None:
-    found = predict(flight.navigation, estimate, np.zeros(3), np.float64(0.0), 1.0)
+    found = coast(flight.navigation, estimate)
     np.testing.assert_allclose(found.servicer.gps_error_N, estimate.servicer.gps_error_N * np.exp(-1.0 / 700.0))
     np.testing.assert_allclose(found.relative.scale, estimate.relative.scale * np.exp([-1.0 / 600.0, -1.0 / 30.0]))
     np.testing.assert_array_equal(found.relative.bearing_bias, estimate.relative.bearing_bias)
+    np.testing.assert_allclose(found.relative.center, estimate.relative.center * np.exp(-1.0 / 60.0))
 
 
 @pytest.mark.parametrize("half", ["servicer", "relative"])
 def test_the_covariance_follows_the_derivative_of_the_mean_and_its_noise(
     flight: FlightParams, estimate: OrbitEstimate, half: str
 ) -> None:
-    found = np.asarray(
-        getattr(predict(flight.navigation, estimate, np.zeros(3), np.float64(0.0), 1.0), half).covariance
-    )
+    found = np.asarray(getattr(coast(flight.navigation, estimate), half).covariance)
     F = np.asarray(transitions(flight.navigation, estimate)[0 if half == "servicer" else 1])
     P = np.asarray(getattr(estimate, half).covariance)
     if half == "servicer":
         noise = np.concatenate([np.zeros(3), np.full(3, 1e-6**2), np.full(3, 1.2**2 * (1 - np.exp(-2.0 / 700.0)))])
     else:
         scale = np.array([0.065, 0.14]) ** 2 * (1 - np.exp([-2.0 / 600.0, -2.0 / 30.0]))
-        noise = np.concatenate([np.zeros(3), np.full(3, 3e-7**2), scale, np.zeros(2)])
+        center = np.full(2, 0.005**2 * (1 - np.exp(-2.0 / 60.0)))
+        noise = np.concatenate([np.zeros(3), np.full(3, 3e-7**2), scale, np.zeros(2), center])
     expected = F @ P @ F.T + np.diag(noise)
     units = np.sqrt(np.outer(np.diag(P), np.diag(P)))
     np.testing.assert_allclose(found / units, expected / units, atol=FIRST_ORDER)
@@ -136,11 +158,11 @@ def test_acceleration_noise_makes_the_velocity_variance_grow_linearly(
         flight.navigation, acceleration_noise=jnp.float64(0.01), relative_acceleration_noise=jnp.float64(0.003)
     )
     quiet = replace(loud, acceleration_noise=jnp.zeros(()), relative_acceleration_noise=jnp.zeros(()))
-    noisy, calm = (predict(tuning, estimate, np.zeros(3), np.float64(0.0), 1.0) for tuning in (loud, quiet))
+    noisy, calm = (coast(tuning, estimate) for tuning in (loud, quiet))
     servicer = np.asarray(noisy.servicer.covariance - calm.servicer.covariance)
     relative = np.asarray(noisy.relative.covariance - calm.relative.covariance)
     np.testing.assert_allclose(np.diag(servicer), [0.0] * 3 + [1e-4] * 3 + [0.0] * 3, atol=1e-12)
-    np.testing.assert_allclose(np.diag(relative), [0.0] * 3 + [9e-6] * 3 + [0.0] * 4, atol=1e-12)
+    np.testing.assert_allclose(np.diag(relative), [0.0] * 3 + [9e-6] * 3 + [0.0] * 6, atol=1e-12)
 
 
 def test_a_burn_makes_both_halves_less_certain_by_its_execution_error(
@@ -150,8 +172,8 @@ def test_a_burn_makes_both_halves_less_certain_by_its_execution_error(
     shares = np.array([0.1, 0.3, 0.3, 0.2, 0.1])
     added = {"servicer": np.zeros((3, 3)), "relative": np.zeros((3, 3))}
     for share in shares:
-        burning = predict(flight.navigation, estimate, share * size * along, np.float64(size), 1.0)
-        coasting = predict(flight.navigation, estimate, np.zeros(3), np.float64(size), 1.0)
+        burning = coast(flight.navigation, estimate, share * size * along, size)
+        coasting = coast(flight.navigation, estimate, np.zeros(3), size)
         for half in added:
             change = getattr(burning, half).covariance - getattr(coasting, half).covariance
             added[half] += np.asarray(change)[3:6, 3:6]
@@ -168,11 +190,11 @@ def test_a_missing_box_leaves_the_relative_half_and_updates_the_servicer_by_gps(
     q_KN = scene.camera_attitude(flight, estimate)
     absent = scene.box(flight, matrix(q_KN), scene.AHEAD, present=False)
     present = scene.box(flight, matrix(q_KN), scene.AHEAD)
-    gps_N = scene.R_SN_N + np.array([3.0, -2.0, 1.0])
+    gps = fix(scene.R_SN_N + np.array([3.0, -2.0, 1.0]))
 
     def after(box: orbit_filter.BoxMeasurement) -> tuple[OrbitEstimate, orbit_filter.Innovation]:
         found, _, innovation = update(
-            flight.navigation, True, flight.onboard.focal_px, estimate, box_gate.initial_track(), gps_N, q_KN, box
+            flight.navigation, True, flight.onboard.focal_px, estimate, box_gate.initial_track(), gps, q_KN, box
         )
         return found, innovation
 
@@ -196,7 +218,7 @@ def test_the_log_likelihood_is_that_of_the_rows_that_were_used(flight: FlightPar
             flight.onboard.focal_px,
             estimate,
             box_gate.initial_track(),
-            scene.R_SN_N + 1.0,
+            fix(scene.R_SN_N + 1.0),
             q_KN,
             scene.box(flight, matrix(q_KN), scene.AHEAD, present=present),
         )
