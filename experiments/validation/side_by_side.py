@@ -161,7 +161,8 @@ def plot(comparisons: list[Comparison], burns: Numbers, path: Path) -> None:
     titles = {"position": "position [m]", "relative": "relative position [m]", "attitude": "attitude [rad]"}
     for axis, (field, title) in zip(axes, titles.items(), strict=True):
         for one in comparisons:
-            axis.semilogy(one.time, np.maximum(getattr(one, field), 1e-17), label=one.name)
+            values = getattr(one, field)
+            axis.semilogy(one.time, np.where(values > 1e-15, values, np.nan), label=one.name)
         for _, begin, on_time in burns:
             axis.axvspan(begin, begin + on_time, color="0.85")
         axis.set_ylabel(title)
