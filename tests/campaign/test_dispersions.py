@@ -10,6 +10,8 @@ import pytest
 
 from rpojax.campaign import dispersions
 from rpojax.core import quaternion, random
+from rpojax.errors import ScenarioError
+from rpojax.physics import faults
 from rpojax.simulation import params, scenario, schema
 from rpojax.simulation.schema import ScenarioFile
 
@@ -95,6 +97,37 @@ def test_choice_takes_every_value_equally_often(drawn: dict[str, np.ndarray]) ->
     np.testing.assert_allclose(counts / RUNS, 1.0 / 3.0, atol=FIVE_SIGMA)
 
 
+def test_a_kind_of_fault_drawn_by_name_strikes_the_equipment_of_that_name(mission: ScenarioFile) -> None:
+    names = ["thruster_weak", "gps_outage", "camera_blackout"]
+    file = dispersed(mission, schema.Choice(key="fault.kind", kind="choice", values=names))
+    drawn = draw(file, np.arange(RUNS))["fault.kind"]
+    codes = [faults.KINDS.index(name) for name in names]
+    shares = [np.mean(drawn == code) for code in codes]
+    np.testing.assert_allclose(shares, 1 / 3, atol=FIVE_SIGMA * np.sqrt(2.0) / 3.0)
+    assert set(drawn) == set(codes)
+    settings = scenario.static(file)
+    nominal = params.build(file.model_dump(), settings.width_px, settings.height_px)
+    for code, name in zip(codes, names, strict=True):
+        plant = dispersions.apply(nominal, {"fault.kind": jnp.float64(code)}).plant
+        health = faults.health(plant.fault, jnp.asarray(10.0))
+        assert float(health.thrust) == (0.5 if name == "thruster_weak" else 1.0)
+        assert bool(health.gps) is (name != "gps_outage")
+        assert bool(health.camera) is (name != "camera_blackout")
+
+
+@pytest.mark.parametrize(
+    ("key", "values"),
+    [("fault.kind", ["wheel_stuck", "no_such_fault"]), ("fault.start_s", ["wheel_stuck"]), ("fault.kind", [1.0, 2.0])],
+    ids=["a name of no fault", "names for a number", "numbers for a name"],
+)
+def test_only_kinds_of_fault_are_drawn_by_name_and_only_by_name(
+    mission: ScenarioFile, key: str, values: list[Any]
+) -> None:
+    tables = mission.model_dump()
+    with pytest.raises(ScenarioError):
+        scenario.validate(tables | {"dispersions": [{"key": key, "kind": "choice", "values": values}]})
+
+
 @pytest.mark.parametrize(("key", "size"), [("target.tumble_axis", 3), ("target.attitude", 4)])
 def test_directions_and_attitudes_are_unit_and_prefer_none(drawn: dict[str, np.ndarray], key: str, size: int) -> None:
     values = drawn[key]
@@ -144,10 +177,17 @@ def every_key(file: ScenarioFile) -> list[str]:
     return [key for key in keys if schema.nominal(file, key) is not None]
 
 
+def _any_dispersion(key: str) -> Any:
+    """A dispersion that the key can have; kinds of fault have names and no sigma."""
+    if key == "fault.kind":
+        return schema.Choice(key=key, kind="choice", values=["gps_outage"])
+    return schema.Normal(key=key, kind="normal", sigma=0.01)
+
+
 def test_the_value_used_is_the_value_drawn_for_every_key_there_is(mission: ScenarioFile) -> None:
     keys = every_key(mission)
     assert len(keys) > 60
-    file = dispersed(mission, *(schema.Normal(key=key, kind="normal", sigma=0.01) for key in keys))
+    file = dispersed(mission, *(_any_dispersion(key) for key in keys))
     static = scenario.static(file)
     nominal = params.build(file.model_dump(), static.width_px, static.height_px)
     values = dispersions.draw(file, random.fold_in(random.master_key(0), 1))
