@@ -165,3 +165,22 @@ def test_the_attitude_is_carried_with_the_mean_of_two_samples_less_the_bias(para
     angle = (0.3 - 0.1) * 0.2
     np.testing.assert_allclose(after.q_BN, [np.cos(angle / 2), 0.0, 0.0, -np.sin(angle / 2)], atol=1e-15)
     np.testing.assert_allclose(after.omega_BN_B, [0.0, 0.0, 0.5], rtol=1e-15)
+
+
+def test_without_the_star_tracker_the_gyro_carries_on_and_the_attitude_becomes_less_certain(params: Params) -> None:
+    tuning = params.flight.attitude_filter
+    rate_B = np.array([0.0, 0.0, 1.1e-3])
+    wrong = random_unit(np.random.default_rng(4), 4)  # whatever a blind star tracker says
+    blind = attitude_estimator.initial(tuning, jnp.array([1.0, 0.0, 0.0, 0.0]), jnp.asarray(rate_B))
+    sigmas = [float(np.sqrt(blind.covariance[0, 0]))]
+    for _ in range(100):
+        q_before = blind.q_BN
+        blind = integrate_gyro(blind, rate_B, 1.0)
+        blind = predict_covariance(tuning, blind, q_before, 1.0)
+        blind = update(tuning, blind, wrong, False)
+        sigmas.append(float(np.sqrt(blind.covariance[0, 0])))
+    expected = np.array([np.cos(0.055), 0.0, 0.0, -np.sin(0.055)])  # 1.1 mrad/s for 100 s
+    assert rotation_between(np.asarray(blind.q_BN), expected) < 1e-12
+    assert np.all(np.diff(sigmas) > 0.0)
+    # 0.01 deg at the start; 0.003 deg/s of unknown bias make 0.3 deg; the random walk 0.025 deg.
+    np.testing.assert_allclose(sigmas[-1], np.deg2rad(np.sqrt(0.01**2 + 0.3**2 + 0.025**2)), rtol=0.01)

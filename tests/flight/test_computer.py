@@ -7,16 +7,23 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scene
-from reference import IDENTITY, MU, turn
+from reference import IDENTITY, MU, matrix, rotation_between, turn
 
+from rpojax.core import quaternion
 from rpojax.core.pytree import replace
 from rpojax.flight import computer, formation_control
-from rpojax.flight.computer import FlightMemory, FlightParams, Stages
+from rpojax.flight.computer import FlightMemory, FlightParams, Measurements, Stages
+from rpojax.flight.guidance import Mode
+from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement
+from rpojax.flight.orbit_filter import Innovation
 from rpojax.simulation.params import Params
 
 delta_v_between = jax.jit(computer.delta_v_between)
 start = jax.jit(computer.start, static_argnums=1)
+navigate = jax.jit(computer.navigate, static_argnums=(0, 2))
+guide = jax.jit(computer.guide, static_argnums=5)
 plan_burn = jax.jit(computer.plan_burn, static_argnums=0)
+predict = jax.jit(computer.predict, static_argnums=(0, 2, 9))
 control_attitude = jax.jit(computer.control_attitude, static_argnums=0)
 
 
@@ -79,3 +86,174 @@ def test_a_users_attitude_controller_commands_the_wheels(flight: FlightParams, m
 
     found = control_attitude(Stages(wheel_torque=constant), flight, memory, np.zeros(3), np.float64(0.0))
     np.testing.assert_array_equal(found, [1e-3, 2e-3, 3e-3])
+
+
+# Darkness, blindness and failed equipment
+
+
+@pytest.fixture(scope="module")
+def ready(flight: FlightParams) -> FlightMemory:
+    """In sight of a target known to 5 cm, the camera on it."""
+    known = scene.estimate(flight, position_sigma=0.05)
+    q_KN = jnp.asarray(scene.camera_attitude(flight, known))
+    q_KB = quaternion.normalize(flight.onboard.camera_mounting)
+    q_BN = quaternion.multiply(quaternion.conjugate(q_KB), q_KN)
+    return sure(start(flight, 200.0, known, q_BN, np.zeros(3)))
+
+
+def sense(
+    flight: FlightParams, memory: FlightMemory, sun_N: np.ndarray = scene.SUN, pixels: float = 0.0, stars: bool = True
+) -> tuple[FlightMemory, Innovation]:
+    """Memory after a tick whose box lies `pixels` beside the target, and whose other measurements are as expected."""
+    R_KN = matrix(scene.camera_attitude(flight, memory.orbit))
+    box: BoxMeasurement = scene.box(flight, R_KN, scene.AHEAD)
+    box = replace(box, tangent=box.tangent + jnp.array([pixels, 0.0]) / flight.onboard.focal_px)
+    measurements = Measurements(
+        gps=GpsMeasurement(position_N=memory.orbit.servicer.r_SN_N, present=jnp.asarray(True)),
+        star_tracker_q_BN=memory.attitude.q_BN,
+        star_tracker_present=jnp.asarray(stars),
+        box=box,
+    )
+    return navigate(Stages(), flight, True, memory, measurements, sun_N)
+
+
+def test_a_box_in_the_dark_is_not_used_and_not_held_against_the_filter(
+    flight: FlightParams, ready: FlightMemory
+) -> None:
+    light, used = sense(flight, ready, pixels=3.0)
+    assert bool(used.accepted)
+    assert np.linalg.norm(light.orbit.relative.r_TS_N - ready.orbit.relative.r_TS_N) > 0.01
+    dark, unused = sense(flight, ready, scene.NIGHT, pixels=3.0)
+    assert not bool(unused.accepted)
+    assert not bool(unused.rejected)
+    np.testing.assert_array_equal(dark.orbit.relative.r_TS_N, ready.orbit.relative.r_TS_N)
+    assert dark.track.rejections == 0.0
+
+
+def push(gain: jax.Array, deviation: jax.Array) -> jax.Array:
+    """20 mm/s backwards along the track."""
+    return jnp.array([0.0, -0.02, 0.0])
+
+
+def burns(
+    flight: FlightParams, memory: FlightMemory, sun_N: np.ndarray = scene.SUN, time: float = 0.0
+) -> bool:
+    """True if a burn is planned at `time` [s]."""
+    found = plan_burn(Stages(formation_law=push), flight, memory, sun_N, np.float64(time)).plan
+    return float(found.cutoff) > float(found.ignition)
+
+
+def test_burns_are_planned_in_sight_of_the_target_and_neither_in_the_dark_nor_after_one_box(
+    flight: FlightParams, ready: FlightMemory
+) -> None:
+    assert burns(flight, ready)
+    assert not burns(flight, ready, scene.NIGHT)
+    unseen = replace(ready, pointing=replace(ready.pointing, sightings=jnp.zeros(()), acquired=jnp.asarray(False)))
+    for boxes, allowed in ((1, False), (2, False), (3, True)):
+        memory = unseen
+        for tick in range(boxes):
+            memory, _ = guide(flight, memory, np.asarray(True), scene.SUN, np.float64(tick), 1.0)
+        assert burns(flight, memory) is allowed, boxes
+
+
+def test_in_the_dark_the_computer_keeps_the_camera_where_the_target_should_be(
+    flight: FlightParams, ready: FlightMemory
+) -> None:
+    memory, modes = ready, set()
+    for tick in range(80):
+        memory, mode = guide(flight, memory, np.asarray(False), scene.NIGHT, np.float64(tick), 1.0)
+        modes.add(int(mode))
+    assert modes == {Mode.LOOK}
+    assert memory.pointing.unseen_time == 0.0
+
+
+def test_a_burn_is_called_off_by_the_estimated_attitude(flight: FlightParams, ready: FlightMemory) -> None:
+    planned = plan_burn(Stages(formation_law=push), flight, ready, scene.SUN, np.float64(0.0))
+    ignition = float(planned.plan.ignition)
+    for degrees, flown in ((0.1, True), (5.0, False)):
+        off = jnp.asarray(turn([1.0, 0.0, 0.0], np.deg2rad(degrees)))
+        q_BN = quaternion.multiply(off, planned.plan.q_burn)
+        aiming = replace(planned, attitude=replace(planned.attitude, q_BN=q_BN))
+        after, _ = guide(flight, aiming, np.asarray(False), scene.SUN, np.float64(ignition), 1.0)
+        given = sum(np.asarray(delta_v_between(flight, after, a, b)) for a, b in itertools.pairwise(np.arange(0, 200.0)))
+        assert (np.linalg.norm(given) > 0.019) is np.bool_(flown)
+        if not flown:
+            np.testing.assert_array_equal(given, np.zeros(3))
+
+
+def test_without_stars_the_bearing_bias_becomes_less_certain_by_as_much_as_the_attitude(
+    flight: FlightParams, ready: FlightMemory
+) -> None:
+    def bias_variance(memory: FlightMemory) -> np.ndarray:
+        return np.diag(np.asarray(memory.orbit.relative.covariance))[8:10]
+
+    memory = ready
+    for tick in range(60):
+        memory = carry(flight, memory, end=tick + 1.0)
+        memory, _ = sense(flight, memory, scene.NIGHT, stars=False)  # no box helps either
+    grown = bias_variance(memory) - bias_variance(ready)
+    across = np.diag(np.asarray(memory.attitude.covariance - ready.attitude.covariance))[1:3]  # the camera looks along x
+    np.testing.assert_allclose(grown, across.mean(), rtol=1e-9)
+    # 0.003 deg/s of gyro bias for a minute, 0.0025 deg/sqrt(s) of random walk, less what the start knew.
+    np.testing.assert_allclose(np.sqrt(across), np.deg2rad(np.hypot(0.18, 0.0025 * np.sqrt(60.0))), rtol=0.01)
+    # What was learnt under drift is as wrong when the stars come back.
+    back, _ = sense(flight, memory, scene.NIGHT)
+    np.testing.assert_allclose(bias_variance(back) - bias_variance(ready), 2.0 * grown, rtol=0.01)
+
+
+def carry(
+    flight: FlightParams,
+    memory: FlightMemory,
+    delta_v_N: np.ndarray | None = None,
+    ratio: float = 1.0,
+    end: float = 1.0,
+) -> FlightMemory:
+    """Memory a second later; the thruster was to give `delta_v_N` and its chamber had `ratio` of nominal pressure."""
+    delta_v_N = np.zeros(3) if delta_v_N is None else delta_v_N
+    q_BN = memory.attitude.q_BN
+    numbers = np.float64(ratio), np.zeros(3), np.float64(end)
+    return predict(Stages(), flight, 2, memory, q_BN, delta_v_N, *numbers, 1.0)
+
+
+BURN = np.array([6e-4, 0.0, 8e-4])  # a second's worth of thrust
+
+
+@pytest.mark.parametrize(("ratio", "share"), [(1.0, 1.0), (1.1, 1.0), (0.9, 1.0), (0.6, 0.6), (1.3, 1.3), (0.0, 0.0)])
+def test_only_an_abnormal_chamber_pressure_scales_the_predicted_velocity_change(
+    flight: FlightParams, ready: FlightMemory, ratio: float, share: float
+) -> None:
+    coasting = carry(flight, ready)
+    burning = carry(flight, ready, BURN, ratio)
+    gained = np.asarray(burning.orbit.servicer.v_SN_N - coasting.orbit.servicer.v_SN_N)
+    # The way made in that second changes gravity: n^2 times a third of a millimetre, 4e-10 m/s.
+    np.testing.assert_allclose(gained, share * BURN, atol=1e-9)
+    closed = np.asarray(burning.orbit.relative.v_TS_N - coasting.orbit.relative.v_TS_N)
+    np.testing.assert_allclose(closed, -share * BURN, atol=1e-9)
+
+
+def test_a_thrust_known_from_the_pressure_alone_is_less_certain(flight: FlightParams, ready: FlightMemory) -> None:
+    planned = replace(ready, plan=replace(ready.plan, delta_v_N=jnp.array([0.0, 0.0, 0.02])))
+    along = BURN / 1e-3
+
+    def added(ratio: float) -> float:
+        burning, coasting = carry(flight, planned, BURN, ratio), carry(flight, planned)
+        change = np.asarray(burning.orbit.relative.covariance - coasting.orbit.relative.covariance)[3:6, 3:6]
+        return float(along @ change @ along)
+
+    np.testing.assert_allclose(added(1.0), 1e-3 * 0.02 * 0.015**2, rtol=1e-6)
+    np.testing.assert_allclose(added(0.5), (0.5 * 1e-3) * (0.5 * 0.02) * (3.0 * 0.015) ** 2, rtol=1e-6)
+
+
+def test_after_a_burn_without_thrust_none_is_planned_until_the_next_try(
+    flight: FlightParams, ready: FlightMemory
+) -> None:
+    assert np.isneginf(ready.thruster_failed_at)
+    failed = carry(flight, ready, BURN, 0.0, end=61.0)
+    assert float(failed.thruster_failed_at) == 61.0
+    assert not burns(flight, failed, time=200.0)
+    assert not burns(flight, failed, time=1060.9)
+    assert burns(flight, failed, time=1061.0)
+    weak = carry(flight, ready, BURN, 0.5, end=61.0)
+    assert burns(flight, weak, time=200.0)
+    idle = carry(flight, ready, None, 0.0, end=61.0)  # a cold chamber without a burn says nothing
+    assert burns(flight, idle, time=200.0)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scene
-from reference import gravity, matrix, random_covariance
+from reference import IDENTITY, gravity, matrix, random_covariance
 from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
@@ -14,6 +14,9 @@ from rpojax.flight import box_gate, orbit_filter
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.navigation import GpsMeasurement, Navigation
 from rpojax.flight.orbit_filter import OrbitEstimate
+from rpojax.physics import faults, plant
+from rpojax.physics.effects import Effects
+from rpojax.physics.environment import Sky
 from rpojax.simulation.params import Params
 
 SERVICER_SIGMA = np.repeat([2.0, 0.02, 1.2], 3)
@@ -22,6 +25,11 @@ RELATIVE_SIGMA = np.concatenate([np.full(3, 0.05), np.full(3, 0.01), [0.065, 0.1
 # Kick and drift differ from the exact transition by (n dt)^2 = 1e-6; the gradient leaves J2 out, 1e-3 of n^2 dt.
 FIRST_ORDER = 5e-6
 
+HEALTHY = faults.healthy()
+
+initial = jax.jit(orbit_filter.initial)
+initial_truth = jax.jit(plant.initial_truth)
+step = jax.jit(plant.step, static_argnums=(0, 7))
 predict = jax.jit(orbit_filter.predict, static_argnums=(1, 7))
 update = jax.jit(orbit_filter.update, static_argnums=1)
 
@@ -182,6 +190,90 @@ def test_a_burn_makes_both_halves_less_certain_by_its_execution_error(
     for half, found in added.items():
         # The difference of two velocity variances of (2 cm/s)^2 keeps nine digits of one of (0.3 mm/s)^2.
         np.testing.assert_allclose(found, expected, atol=1e-8 * size**2, err_msg=half)
+
+
+@pytest.mark.parametrize("luni_solar", [True, False])
+def test_with_all_that_it_knows_the_filter_stays_with_the_truth_to_millimetres(
+    params: Params, luni_solar: bool
+) -> None:
+    effects = Effects(zonal_degree=6, sun_gravity=True, moon_gravity=True)
+    sky = Sky(sun_N=jnp.array([1.2e11, 0.8e11, 0.3e11]), moon_N=jnp.array([-2.5e8, 2.6e8, 1.0e8]))
+    truth = initial_truth(params.plant, params.orbit, jnp.array([5.0, -50.0, 3.0]), jnp.zeros(3), jnp.asarray(IDENTITY))
+    tuning = params.flight.navigation
+    found = initial(
+        tuning, truth.r_TN_N + truth.r_ST_N, truth.v_TN_N + truth.v_ST_N, -truth.r_ST_N, -truth.v_ST_N
+    )
+    for _ in range(100):
+        position = found.servicer.r_SN_N
+        truth = step(effects, params.plant, truth, np.zeros(3), (), sky, HEALTHY, 1.0)
+        pull = luni_solar_pull(position, sky) if luni_solar else np.zeros(3)
+        found = coast(tuning, found, zonal_degree=6, pull_N=pull)
+    servicer = np.asarray(found.servicer.r_SN_N) - np.asarray(truth.r_TN_N + truth.r_ST_N)
+    relative = np.asarray(found.relative.r_TS_N) + np.asarray(truth.r_ST_N)
+    # The pull of Sun and Moon is 1e-6 m/s^2; after 100 s it makes 5 mm of the orbit and nothing of the difference.
+    assert (np.linalg.norm(servicer) < 1e-5) is np.bool_(luni_solar)
+    assert np.linalg.norm(servicer) < 0.01
+    assert np.linalg.norm(relative) < 1e-6
+
+
+def luni_solar_pull(r_N: jax.Array, sky: Sky) -> np.ndarray:
+    """Pull [m/s^2] of Sun and Moon on a craft less that on the Earth, by Battin's formula."""
+    r = np.asarray(r_N)
+    total = np.zeros(3)
+    for mu, body in ((1.32712440018e20, np.asarray(sky.sun_N)), (4.9028e12, np.asarray(sky.moon_N))):
+        q = r @ (r - 2.0 * body) / (body @ body)
+        f = q * (3.0 + 3.0 * q + q * q) / (1.0 + (1.0 + q) ** 1.5)
+        total -= mu / np.linalg.norm(r - body) ** 3 * (r + f * body)
+    return total
+
+
+def test_zonals_beyond_the_second_move_the_servicer_by_decimetres_in_100_s(
+    flight: FlightParams, estimate: OrbitEstimate
+) -> None:
+    full = plain = estimate
+    for _ in range(100):
+        full, plain = coast(flight.navigation, full, zonal_degree=6), coast(flight.navigation, plain)
+    apart = np.linalg.norm(full.servicer.r_SN_N - plain.servicer.r_SN_N)
+    assert 0.01 < apart < 0.5  # 2e-5 m/s^2 over 100 s
+
+
+def test_doubt_about_a_burn_widens_its_magnitude_and_not_its_direction(
+    flight: FlightParams, estimate: OrbitEstimate
+) -> None:
+    along, size = np.array([0.6, 0.0, 0.8]), 0.02
+    sure, doubtful = (coast(flight.navigation, estimate, size * along, size, doubt) for doubt in (1.0, 3.0))
+    for half in ("servicer", "relative"):
+        change = np.asarray(getattr(doubtful, half).covariance - getattr(sure, half).covariance)[3:6, 3:6]
+        expected = size**2 * (3.0**2 - 1.0) * 0.015**2 * np.outer(along, along)
+        np.testing.assert_allclose(change, expected, atol=1e-8 * size**2, err_msg=half)
+
+
+def test_without_gps_the_servicers_mean_is_only_propagated_and_its_covariance_grows(
+    flight: FlightParams, estimate: OrbitEstimate
+) -> None:
+    """A minute without a fix, whatever the receiver's output says, against a minute with one."""
+    q_KN = scene.camera_attitude(flight, estimate)
+    absent = scene.box(flight, matrix(q_KN), scene.AHEAD, present=False)
+
+    def minute(present: bool) -> list[OrbitEstimate]:
+        known, history = estimate, [estimate]
+        for _ in range(60):
+            gps = fix(known.servicer.r_SN_N + (0.0 if present else 1e5), present)
+            known = coast(flight.navigation, known)
+            known, _, _ = update(
+                flight.navigation, True, flight.onboard.focal_px, known, box_gate.initial_track(), gps, q_KN, absent
+            )
+            history.append(known)
+        return history
+
+    blind, sighted = minute(False), minute(True)
+    alone = estimate
+    for _ in range(60):
+        alone = coast(flight.navigation, alone)
+    jax.tree.map(np.testing.assert_array_equal, blind[-1].servicer, alone.servicer)
+    sigmas = [float(np.sqrt(np.trace(known.servicer.covariance[:3, :3]))) for known in blind]
+    assert np.all(np.diff(sigmas[5:]) > 0.0)  # the hand-over's correlations may shrink it at first
+    assert np.trace(sighted[-1].servicer.covariance[:3, :3]) < 0.5 * sigmas[-1] ** 2
 
 
 def test_a_missing_box_leaves_the_relative_half_and_updates_the_servicer_by_gps(

@@ -299,3 +299,97 @@ def test_after_repeated_rejections_the_filter_doubts_itself_and_finds_the_target
     assert used
     off = matrix(q_KN) @ (np.asarray(estimate.r_TS_N) - lost)
     assert np.max(np.abs(off[:2])) < 0.1
+
+
+# Boxes that the frame cuts, and false boxes
+
+
+def seen_before() -> BoxTrack:
+    """Memory of a box on the target one frame ago."""
+    return replace(box_gate.initial_track(), direction_N=jnp.asarray(unit(scene.AHEAD)), age=jnp.ones(()))
+
+
+@pytest.mark.parametrize(
+    ("sigma", "degrees", "possible"), [(0.05, 0.0, False), (0.05, 4.5, True), (0.05, -4.5, True), (1.0, 0.0, True)]
+)
+def test_a_truncated_box_is_only_possible_where_the_predicted_outline_reaches_the_edge_of_the_frame(
+    flight: FlightParams, q_KN: np.ndarray, sigma: float, degrees: float, possible: bool
+) -> None:
+    known = scene.estimate(flight, position_sigma=sigma).relative
+    for axis in ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)):  # sideways, up and down
+        aside = turned(q_KN, degrees, axis)
+        box = seen(flight, aside, truncated=True)
+        _, _, used = take(flight, known, aside, box, seen_before())
+        assert used is possible
+        # The same box whole is nothing strange.
+        _, _, whole = take(flight, known, aside, seen(flight, aside), seen_before())
+        assert whole
+
+
+def test_a_truncated_box_larger_than_the_target_can_be_is_refused(
+    flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
+) -> None:
+    aside = turned(q_KN, 4.5)
+    box = seen(flight, aside, truncated=True)
+    model = box_model(flight.navigation, flight.onboard.focal_px, matrix(aside), scene.AHEAD, box)
+    # The size's own noise, the target's two size errors, and the range.
+    sigma = np.sqrt(model.variance[2] + 0.065**2 + 0.14**2 + (0.05 / 30.0) ** 2)
+    for sigmas, believed in ((3.9, True), (4.1, False), (-9.0, True)):
+        _, _, used = take(flight, known, aside, replace(box, log_size=box.log_size + sigmas * sigma))
+        assert used is believed, sigmas
+
+
+def test_a_single_truncated_box_is_not_believed_while_the_prediction_is_wide(
+    flight: FlightParams, q_KN: np.ndarray
+) -> None:
+    wide = scene.estimate(flight, position_sigma=1.5).relative
+    # A false box as large as half the frame is as vague as the prior itself, which must not make the prior count as
+    # certain enough.
+    large = seen(flight, q_KN, truncated=True)
+    false = replace(moved(large, 40.0, flight.onboard.focal_px), side_px=jnp.float64(60.0))
+    after, track, used = take(flight, wide, q_KN, false)
+    assert not used
+    assert_same(after, wide)
+    _, _, elsewhere = take(flight, wide, q_KN, moved(false, -80.0, flight.onboard.focal_px), track)
+    assert not elsewhere
+    _, _, confirmed = take(flight, wide, q_KN, false, track)
+    assert confirmed
+
+
+def test_isolated_false_boxes_leave_the_estimate_as_it_is_for_as_long_as_they_come(
+    flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
+) -> None:
+    false = moved(seen(flight, q_KN), 45.0, flight.onboard.focal_px)
+    none = seen(flight, q_KN, present=False)
+    estimate, track = known, box_gate.initial_track()
+    for frame in range(200):
+        estimate, track, used = take(flight, estimate, q_KN, none if frame % 20 else false, track)
+        assert not used
+    assert_same(estimate, known)
+
+
+@given(SEEDS)
+def test_the_drift_of_the_attitude_joins_the_bearing_bias_and_nothing_else(params: Params, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    flight = params.flight
+    sigma = np.concatenate([np.full(3, 0.04), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4], [5e-3, 5e-3]])
+    before = replace(scene.estimate(flight).relative, covariance=random_covariance(rng, sigma))
+    drift = rng.uniform(0.1, 2.0) * 1e-6
+    absent = replace(
+        scene.box(flight, np.eye(3), np.array([0.0, 0.0, 30.0]), present=False), attitude_drift=jnp.float64(drift)
+    )
+    after, _, _ = take(flight, before, random_unit(rng, 4), absent)
+    grown = np.asarray(after.covariance) - np.asarray(before.covariance)
+    np.testing.assert_allclose(grown, np.diag([0.0] * 8 + [drift] * 2 + [0.0] * 2), atol=1e-21)
+
+
+def test_a_box_under_attitude_drift_moves_the_bearing_bias_instead_of_the_target(
+    flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
+) -> None:
+    box = moved(seen(flight, q_KN), 3.0, flight.onboard.focal_px)
+    drifted = replace(box, attitude_drift=jnp.float64(0.01**2))
+    steady, _, _ = take(flight, known, q_KN, box, seen_before())
+    drifting, _, used = take(flight, known, q_KN, drifted, seen_before())
+    assert used
+    assert np.linalg.norm(drifting.r_TS_N - known.r_TS_N) < 0.1 * np.linalg.norm(steady.r_TS_N - known.r_TS_N)
+    np.testing.assert_allclose(drifting.bearing_bias[0], box.tangent[0], rtol=0.1)
