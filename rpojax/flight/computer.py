@@ -139,7 +139,7 @@ def navigate(
 
     A box of a target that lies in the dark is not one.
     """
-    visible = guidance.can_see(params.onboard, memory.orbit, sun_N)
+    visible = guidance.can_see(params.onboard, memory.orbit, sun_N, guidance.LIGHT_TOLERANCE)
     box = measurements.box
     attitude = attitude_estimator.update(
         params.attitude_filter,

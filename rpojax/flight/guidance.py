@@ -261,10 +261,18 @@ def inhibit(pointing: Pointing, plan: BurnPlan, q_BN: Float[Array, "4"], time: S
     return replace(plan, ignition=ignition, cutoff=jnp.where(stop, jnp.maximum(ignition, time), plan.cutoff))
 
 
-def can_see(onboard: Onboard, estimate: OrbitEstimate, sun_N: Vector) -> Flag:
-    """True while the target should be visible: by the estimate, the Sun at `sun_N` [m] and the camera's limits."""
+def can_see(onboard: Onboard, estimate: OrbitEstimate, sun_N: Vector, tolerance: float = 0.0) -> Flag:
+    """True while the target should be visible: by the estimate, the Sun at `sun_N` [m] and the camera's limits.
+
+    `tolerance` [rad] widens the limits: what may just be visible is not to be disbelieved.
+    """
     r_TN_N = estimate.servicer.r_SN_N + estimate.relative.r_TS_N
-    return light.is_observable(r_TN_N, -estimate.relative.r_TS_N, sun_N, onboard.phase_limit, onboard.sun_exclusion)
+    phase, exclusion = onboard.phase_limit + tolerance, onboard.sun_exclusion - tolerance
+    return light.is_observable(r_TN_N, -estimate.relative.r_TS_N, sun_N, phase, exclusion)
+
+
+LIGHT_TOLERANCE = math.radians(10.0)
+"""Widening of the camera's light limits within which a box is believed [rad]: what a bearing may be wrong at worst."""
 
 
 def is_lost(pointing: Pointing, state: PointingState) -> Flag:
@@ -304,6 +312,7 @@ def guide(
     dt: float,
 ) -> tuple[PointingState, Array]:
     """Reference for the next `dt` [s] and the present mode; in the dark (not `visible`) nothing is searched for."""
+    visible = visible | box_accepted
     to_burn = (time >= plan.turn_start) & (time < plan.cutoff)
     looking_away = to_burn | (state.to_burn | _slewing_back(state)) & ~box_accepted
     sightings = _count_sightings(state.sightings, box_accepted, visible, looking_away)
