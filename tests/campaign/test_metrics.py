@@ -37,6 +37,7 @@ def still(ticks: int = TICKS, runs: int = 1) -> Records:
         "nees": scalar + np.float32(12.0),
         "nees_relative": scalar + np.float32(6.0),
         "range_m": scalar + np.float32(30.0),
+        "passive_range_m": scalar + np.float32(25.0),
         "box_present": flag.copy(),
         "box_accepted": flag.copy(),
         "box_outlier": ~flag,
@@ -132,9 +133,40 @@ def test_what_never_happens_is_undefined_and_not_zero(figures: Callable[[Records
     records["mode"][:] = Mode.SEARCH
     found = figures(records)
     undefined = {name for name, value in found.items() if np.isnan(value)}
-    expected = {"detection_rate", "good_boxes_rejected_fraction", "time_to_acquire_s", "pointing_error_p95_deg"}
+    expected = {
+        "detection_rate",
+        "good_boxes_rejected_fraction",
+        "time_to_acquire_s",
+        "pointing_error_p95_deg",
+        "reacquisition_peak_s",
+    }
     assert undefined == expected
+    assert np.isnan(figures(still())["reacquisition_peak_s"])  # a target that was never hidden is not found again
     assert found["longest_unseen_s"] == TICKS
+
+
+def test_reacquisition_is_the_longest_wait_from_first_light_to_an_accepted_box(
+    figures: Callable[[Records], dict[str, float]],
+) -> None:
+    records = still()
+    observable, accepted = records["observable"][0], records["box_accepted"][0]
+    observable[10:30], accepted[10:34] = False, False  # found four seconds after sunrise
+    observable[50:60], accepted[50:62] = False, False
+    assert figures(records)["reacquisition_peak_s"] == 4.0
+    accepted[60:] = False  # never found again: the wait lasts to the end
+    assert figures(records)["reacquisition_peak_s"] == 29.0
+    observable[65:] = False  # but not beyond the next sunset
+    assert figures(records)["reacquisition_peak_s"] == 4.0
+
+
+def test_the_largest_error_over_its_bound_is_that_of_the_worst_axis_at_the_worst_time(
+    figures: Callable[[Records], dict[str, float]],
+) -> None:
+    records = still()
+    records["relative_error_H"][0, 7] = [0.3, -2.4, 0.6]
+    records["relative_sigma_H"][0, 7] = [0.5, 0.4, 0.1]  # 0.2, 2 and 2 of three sigma
+    records["relative_error_H"][0, 8, 0] = 3.0
+    np.testing.assert_allclose(figures(records)["error_over_sigma3_peak"], 2.0, rtol=SINGLE)
 
 
 def test_pointing_counts_only_while_looking_and_settled(
@@ -152,10 +184,13 @@ def test_pointing_counts_only_while_looking_and_settled(
 def test_extremes_and_totals_are_over_the_whole_run(figures: Callable[[Records], dict[str, float]]) -> None:
     records = still()
     records["range_m"][0, 3] = 12.5
+    records["passive_range_m"][0] = np.where(np.arange(TICKS) % 10, np.inf, 20.0)  # looked at once in ten ticks
+    records["passive_range_m"][0, 40] = 7.5
     records["wheel_speed_fraction"][0, 5] = [0.1, -0.75, 0.2]
     records["delta_v_m_s"][0] = np.linspace(0.0, 0.25, TICKS)
     found = figures(records)
     assert (found["min_range_m"], found["wheel_speed_peak_fraction"], found["delta_v_m_s"]) == (12.5, 0.75, 0.25)
+    assert found["passive_range_m"] == 7.5
 
 
 def test_look_away_time_is_that_of_the_longest_decision_period(
