@@ -141,10 +141,10 @@ def test_unacceptable_requests_leave_nothing_behind(mission: ScenarioFile, tmp_p
 
 @pytest.fixture(scope="module")
 def dangerous(mission: ScenarioFile) -> ScenarioFile:
-    """The mission with runs that drift into the target, and runs whose mass is a bad number."""
+    """The mission with runs that drift into the target, and runs whose tumble is beyond all numbers."""
     replaced = {
         "initial.relative_velocity_m_s": {"kind": "choice", "values": [[0.0, 0.0, 0.0], [0.0, 0.5, 0.0]]},
-        "servicer.mass_kg": {"kind": "choice", "values": [30.0, 30.0, 0.0]},
+        "target.tumble_rate_deg_s": {"kind": "choice", "values": [1.0, 1.0, 1e300]},
     }
     tables = mission.model_dump()
     for entry in tables["dispersions"]:
@@ -163,9 +163,9 @@ def survivors(dangerous: ScenarioFile, tmp_path_factory: pytest.TempPathFactory)
 
 
 def test_failed_runs_are_flagged_with_reason_while_the_others_go_on(survivors: Campaign) -> None:
-    massless = survivors.drawn["servicer.mass_kg"] == 0.0
+    wild = survivors.drawn["target.tumble_rate_deg_s"] > 1.0
     approaching = survivors.drawn["initial.relative_velocity_m_s"][:, 1] == 0.5
-    expected = np.where(massless, "non-finite state", np.where(approaching, "entered the keep-out sphere", ""))
+    expected = np.where(wild, "non-finite state", np.where(approaching, "entered the keep-out sphere", ""))
     assert set(expected) == {"", "non-finite state", "entered the keep-out sphere"}
     np.testing.assert_array_equal(survivors.failure_reason, expected)
     np.testing.assert_array_equal(survivors.completed, expected == "")
