@@ -16,7 +16,7 @@ from rpojax import Stages
 from rpojax.campaign.single import dispersed
 from rpojax.core.random import Stream
 from rpojax.report.labels import metric
-from rpojax.simulation import closed_loop, metrics, scenario, schema, telemetry, units
+from rpojax.simulation import closed_loop, metrics, scenario, schema, telemetry, traces, units
 from rpojax.simulation.schema import ScenarioFile, Section
 
 ROOT = Path(__file__).parents[1]
@@ -212,7 +212,7 @@ def test_the_report_has_a_title_and_a_meaning_for_every_metric(name: str) -> Non
 
 
 def test_the_folder_page_names_every_trace() -> None:
-    assert set(metrics.TRACES) == set(quoted(section(FOLDER_PAGE, "Traces")))
+    assert set(traces.TRACES) == set(quoted(section(FOLDER_PAGE, "Traces")))
 
 
 def test_the_folder_page_lists_every_channel_of_a_history() -> None:

@@ -72,7 +72,7 @@ def uncertainty(which: str, growth: np.ndarray) -> None:
 
 
 def look_away_growth(history: dict[str, np.ndarray]) -> list[tuple[float, float, float]]:
-    """For each look-away: its tick, uncertainty at its blind end over that at its start, and a minute later over that."""
+    """For each look-away: its tick, uncertainty at its blind end over that at its start, a minute later over that."""
     sigma = history["relative_sigma_H"]
     bearing = np.hypot(sigma[:, 0], sigma[:, 2]) / np.linalg.norm(history["rho_estimate_H"], axis=1)
     seen = np.flatnonzero(history["box_accepted"])
@@ -82,7 +82,9 @@ def look_away_growth(history: dict[str, np.ndarray]) -> list[tuple[float, float,
         before, after = seen[seen < start + 3], seen[seen > start + 10]
         if before.size and after.size and after[0] + 60 < sigma.shape[0]:
             blind_end = after[0] - 1
-            pairs.append((start, bearing[blind_end] / bearing[before[-1]], bearing[blind_end + 60] / bearing[blind_end]))
+            pairs.append(
+                (start, bearing[blind_end] / bearing[before[-1]], bearing[blind_end + 60] / bearing[blind_end])
+            )
     return pairs
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rpojax.flight.guidance import Mode
-from rpojax.simulation import metrics, scenario
+from rpojax.simulation import metrics, scenario, traces
 from rpojax.simulation.schema import ScenarioFile
 
 TICKS = 90
@@ -182,8 +182,8 @@ def test_traces_are_every_nth_tick_as_norms(hour: ScenarioFile) -> None:
     records: dict[str, Any] = still(runs=2)
     records["relative_error_H"][1, 20] = [2.0, 3.0, 6.0]
     records["wheel_speed_fraction"][1, 20] = [0.1, -0.5, 0.2]
-    found = metrics.traces(hour, records, 10)
-    assert set(found) == set(metrics.TRACES)
+    found = traces.traces(hour, records, 10)
+    assert set(found) == set(traces.TRACES)
     assert all(values.shape == (2, 9) and values.dtype == np.float32 for values in found.values())
     assert found["nav_relative_error_m"][1, 2] == 7.0
     assert found["wheel_speed_fraction"][1, 2] == 0.5
