@@ -146,7 +146,7 @@ def show_campaign(summary: Mapping[str, Any], directory: Path, report: Path | No
 
 def _other_side(key: str) -> str:
     """Name of a percentile that stands under the heading of the other side, because low values are the bad ones."""
-    return f"{key}: " if key in ("p1", "p5") else ""
+    return f"{key} " if key in ("p1", "p5") else ""
 
 
 def _reasons(summary: Mapping[str, Any]) -> dict[str, int]:

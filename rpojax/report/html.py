@@ -26,9 +26,9 @@ _CAPTIONS = {
     "size of the box (right). Dots are boxes that the filter accepted, crosses boxes that it refused, triangles at an "
     "edge boxes beyond the scale, the thin line is the truth. Grey: the camera looks away for a burn. Orange: it "
     "searches.",
-    "estimation_error.png": "Position estimation error of target, of servicer, and of the servicer from the target, per "
-    "Hill axis with 3-sigma bounds. The vertical scale is that of the run after its first tenth, so the handover may lie "
-    "off scale.",
+    "estimation_error.png": "Position estimation error of target, of servicer, and of the servicer from the target, "
+    "per Hill axis with 3-sigma bounds. The vertical scale is that of the run after its first tenth, so the "
+    "hand-over may lie off scale.",
     "relative_position.png": "Position of the target from the servicer in the Hill frame: estimate, truth and desired. "
     "The sign is flipped in this figure only; elsewhere in this report the position is that of the servicer from the "
     "target.",

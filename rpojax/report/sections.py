@@ -114,7 +114,7 @@ def metric_rows(campaign: Results, summary: Mapping[str, Any]) -> list[MetricRow
 
 def _marked(key: str, text: str) -> str:
     """Text of a statistic under a heading of the other side, with its own name."""
-    return f"{key.partition('_')[0]}: {text}" if key in ("p5", "p1", "p1_lower_95") else text
+    return f"{key.partition('_')[0]} {text}" if key in ("p5", "p1", "p1_lower_95") else text
 
 
 def envelopes(campaign: Results) -> dict[str, tuple[Channel, Chart]]:

@@ -145,8 +145,8 @@ def test_replaced_stages_are_part_of_the_identity_and_have_to_be_given_to_fly_a_
 def test_where_low_is_bad_the_low_side_is_shown(campaign):
     campaign.metrics["min_range_m"] = np.linspace(20.0, 30.0, 40)
     rows = {row.name: row for row in sections.metric_rows(campaign, summarise(campaign))}
-    assert rows["min_range_m"].cells[4:7] == ["p5: 20.50", "p1: 20.10", f"p1: {_DASH}"]
-    assert not any(":" in cell for cell in rows["delta_v_m_s"].cells)
+    assert rows["min_range_m"].cells[4:7] == ["p5 20.50", "p1 20.10", f"p1 {_DASH}"]
+    assert not any("p" in cell for cell in rows["delta_v_m_s"].cells)
     shown = {entry["name"]: entry for entry in sections.histograms(campaign, summarise(campaign))}
     assert shown["min_range_m"]["tail"] == "p1 20.10"
     assert shown["min_range_m"]["chart"]["layout"]["shapes"][1]["x0"] == pytest.approx(20.1)
