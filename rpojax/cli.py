@@ -223,7 +223,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         return Status.DONE
     try:
         words = _spread(arguments)
-        return app.cli(prog="rpojax", description=__doc__, args=words, config=(FlagCreatePairsOff,))
+        status = app.cli(prog="rpojax", description=__doc__, args=words, config=(FlagCreatePairsOff,))
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:
+        # The reader, such as `head`, has seen enough. What is still buffered would fail again when Python ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return Status.DONE
     except RpojaxError as error:
         print(f"rpojax: error: {' '.join(str(error).split())}", file=sys.stderr)
         return Status.BAD_INPUT

@@ -113,13 +113,15 @@ def _bar(duration_s: float) -> Iterator[Watch]:
 def show_campaign(summary: Mapping[str, Any], directory: Path, report: Path | None) -> None:
     """Table of key metrics, how many runs completed and why others did not, and where the results are."""
     from rich.table import Table
+    from rich.text import Text
 
     from rpojax.report.labels import metric, number
 
     console = Console(highlight=False)
     runs = summary["runs"]
     ended = runs["completed"] + runs["failed"]
-    table = Table(title=f"{summary['provenance'].get('name', 'campaign')}, {_count(ended)}")
+    # A name is the user's text: in a Text, brackets are no markup.
+    table = Table(title=Text(f"{summary['provenance'].get('name', 'campaign')}, {_count(ended)}"))
     table.add_column("metric")
     table.add_column("unit")
     for heading in ("median", "p95", "p99", "worst") if ended > 1 else ("value",):
@@ -127,16 +129,24 @@ def show_campaign(summary: Mapping[str, Any], directory: Path, report: Path | No
     for name in _KEY_METRICS:
         if entry := summary["metrics"].get(name):
             shown = metric(name)
-            keys = ("p50", "p95", "p99", "min" if shown.low_is_bad else "max") if ended > 1 else ("p50",)
-            table.add_row(shown.title, shown.unit, *(number(entry[key]) for key in keys))
+            twentieth, hundredth, _, worst = shown.tail
+            keys = ("p50", twentieth, hundredth, worst) if ended > 1 else ("p50",)
+            table.add_row(shown.title, shown.unit, *(_other_side(key) + number(entry[key]) for key in keys))
     if table.row_count:
         console.print(table)
     console.print(f"runs: {runs['completed']} completed, {runs['failed']} failed, {runs['requested']} requested")
+    if runs["missing"]:
+        console.print(f"unfinished: {_count(runs['missing'])} missing", markup=False)
     for reason, count in _reasons(summary).items():
         console.print(f"failed: {count} x {reason}", markup=False)
     console.print(f"results: {directory}", soft_wrap=True, markup=False)
     if report is not None:
         console.print(f"report: {report}", soft_wrap=True, markup=False)
+
+
+def _other_side(key: str) -> str:
+    """Name of a percentile that stands under the heading of the other side, because low values are the bad ones."""
+    return f"{key} " if key in ("p1", "p5") else ""
 
 
 def _reasons(summary: Mapping[str, Any]) -> dict[str, int]:
@@ -147,8 +157,9 @@ def _reasons(summary: Mapping[str, Any]) -> dict[str, int]:
 def show_speeds(speeds: Mapping[str, Any]) -> None:
     """Table of the closed loop's speed by batch size."""
     from rich.table import Table
+    from rich.text import Text
 
-    table = Table(title=f"closed loop, {speeds['scenario']}, {speeds['duration_s']:g} s")
+    table = Table(title=Text(f"closed loop, {speeds['scenario']}, {speeds['duration_s']:g} s"))
     for heading in ("batch", "devices", "compile [s]", "run [s]", "run-seconds per second"):
         table.add_column(heading, justify="right")
     for entry in speeds["batches"]:

@@ -13,6 +13,14 @@ class ScenarioError(RpojaxError):
         self.key = key
 
 
+class UnknownKeyError(ScenarioError):
+    """A scenario has a key that no scenario has."""
+
+    def __init__(self, key: str, hint: str) -> None:
+        RpojaxError.__init__(self, f"{key}: unknown key{hint}")
+        self.key = key
+
+
 class OutputError(RpojaxError):
     """An output folder or file cannot be used as asked."""
 

@@ -1,7 +1,10 @@
 """The command line as people and programs use it."""
 
+import html
 import json
 import os
+import re
+import shlex
 import shutil
 import signal
 import subprocess
@@ -86,6 +89,17 @@ def contents(directory: Path) -> dict[str, bytes]:
     return {str(path.relative_to(directory)): path.read_bytes() for path in directory.rglob("*") if path.is_file()}
 
 
+@pytest.fixture
+def edit_info() -> Callable[..., None]:
+    """Changer of entries of a folder's campaign.json."""
+
+    def edit(directory: Path, **entries: Any) -> None:
+        path = directory / "campaign.json"
+        path.write_text(json.dumps(json.loads(path.read_text()) | entries))
+
+    return edit
+
+
 # Happy paths
 
 
@@ -112,9 +126,12 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_campaign_leaves_results_and_report(finished: Path) -> None:
     names = {path.name for path in finished.iterdir()}
-    assert names == {"campaign.json", "manifest", "results.zarr", "report.html", "report.json", "figures"}
+    assert names == {
+        *("campaign.json", "scenario.toml", "manifest", "results.zarr"),
+        *("report.html", "report.json", "figures"),
+    }
     report = json.loads((finished / "report.json").read_text())
-    assert report["runs"] == {"requested": 3, "completed": 3, "failed": 0}
+    assert report["runs"] == {"requested": 3, "completed": 3, "failed": 0, "missing": 0}
     assert report["metrics"]["min_range_m"]["unit"] == "m"
     assert Campaign(finished).history_ids == [0, 2]
     assert Campaign(finished).file.duration_s == 400.0
@@ -162,6 +179,58 @@ def test_one_run_by_its_number_is_that_run_of_the_campaign(call: Call, finished:
     for name, values in whole.history(2).items():
         np.testing.assert_array_equal(alone.history(2)[name], values, err_msg=name)
     assert "Run 2." in (out / "report.html").read_text()
+
+
+def test_the_reports_command_flies_a_run_again_to_the_last_bit_without_the_overrides(
+    call: Call, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = html.unescape((finished / "report.html").read_text())
+    found = re.search(r"<dd>rpojax (run [^<]*) --run-id I --out DIR</dd>", page)
+    assert found
+    result = call(*shlex.split(found[1]), "--run-id", 2, "--out", "again", "--json")
+    assert result.status == 0
+    alone, whole = Campaign("again"), Campaign(finished)
+    assert alone.info["scenario_hash"] == whole.info["scenario_hash"]
+    for name, values in whole.history(2).items():
+        np.testing.assert_array_equal(alone.history(2)[name], values, err_msg=name)
+    for name, values in whole.metrics.items():
+        np.testing.assert_array_equal(alone.metrics[name], values[2:], err_msg=name)
+
+
+@pytest.mark.parametrize("name", ["b[/x]", "[red]alarm", r"$\foo$"])
+def test_a_name_is_shown_as_it_is_written(
+    call: Call, finished: Path, tmp_path: Path, edit_info: Callable[..., None], name: str
+) -> None:
+    copy = shutil.copytree(finished, tmp_path / "copy")
+    edit_info(copy, name=name)
+    result = call("report", copy)
+    assert result.status == 0
+    assert f"{name}, 3 runs" in result.out
+
+
+def test_the_table_shows_the_bad_side_and_an_unfinished_campaign(call: Call, finished: Path, tmp_path: Path) -> None:
+    copy = shutil.copytree(finished, tmp_path / "copy")
+    (copy / "manifest" / "000001.json").unlink()
+    result = call("report", copy)
+    assert result.status == 0
+    rows = {line.split("│")[1].strip(): line for line in result.out.splitlines() if line.startswith("│")}
+    assert "p5 " in rows["Minimum range"]
+    assert "p1 " in rows["Minimum range"]
+    assert "p5 " not in rows["Formation error"]
+    assert "unfinished: 1 run missing" in result.out
+    assert "Unfinished campaign" in (copy / "report.html").read_text()
+
+
+def test_a_campaign_of_which_nothing_is_done_yet_has_a_report_that_says_so(
+    call: Call, finished: Path, tmp_path: Path
+) -> None:
+    copy = tmp_path / "begun"
+    copy.mkdir()
+    for name in ("campaign.json", "scenario.toml"):
+        shutil.copy(finished / name, copy / name)
+    result = call("report", copy, "--json")
+    assert (result.status, result.json["runs"]["missing"]) == (0, 3)
 
 
 def test_progress_goes_to_stderr_and_json_keeps_it_silent(call: Call, tmp_path: Path) -> None:
@@ -440,15 +509,77 @@ def test_output_is_refused_where_something_is_or_nothing_can_be(call: Call, refu
     assert "no campaign" in refused("run", "inspection", "--out", ".", "--force").err
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_output_is_refused_in_a_folder_that_cannot_be_written_to(refused: Call, tmp_path: Path) -> None:
-    tmp_path.chmod(0o500)
+def test_output_is_refused_in_a_folder_that_cannot_be_written_to(
+    refused: Call, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The system is asked, and says no: root could write to a folder of any mode.
+    monkeypatch.setattr(os, "access", lambda path, mode: not mode & os.W_OK)
     assert "can be written to" in refused("run", "inspection", "--out", "runs").err
 
 
 @pytest.mark.parametrize("verb", ["resume", "report"])
 def test_a_folder_that_is_no_campaign_is_refused(refused: Call, verb: str) -> None:
     assert "expected a campaign folder" in refused(verb, ".").err
+
+
+def spoil_manifest(folder: Path) -> None:
+    (folder / "manifest" / "000001.json").write_text("{")
+
+
+def lose_results(folder: Path) -> None:
+    shutil.rmtree(folder / "results.zarr")
+
+
+def garble_chunk(folder: Path) -> None:
+    next((folder / "results.zarr" / "metrics").rglob("c/0")).write_bytes(b"garbage")
+
+
+def garble_history(folder: Path) -> None:
+    for path in (folder / "results.zarr" / "histories").rglob("c/**/0"):
+        if path.is_file():
+            path.write_bytes(b"garbage")
+
+
+def lose_entry(folder: Path) -> None:
+    info = json.loads((folder / "campaign.json").read_text())
+    del info["runs"]
+    (folder / "campaign.json").write_text(json.dumps(info))
+
+
+def spoil_scenario(folder: Path) -> None:
+    info = json.loads((folder / "campaign.json").read_text())
+    info["scenario"]["servicer"]["mass_kg"] = -1.0
+    (folder / "campaign.json").write_text(json.dumps(info))
+
+
+def put_folder_for_page(folder: Path) -> None:
+    (folder / "report.html").unlink()
+    (folder / "report.html").mkdir()
+
+
+def put_file_for_figures(folder: Path) -> None:
+    shutil.rmtree(folder / "figures")
+    (folder / "figures").write_text("")
+
+
+SPOILT = (
+    *(spoil_manifest, lose_results, garble_chunk, garble_history, lose_entry, spoil_scenario),
+    *(put_folder_for_page, put_file_for_figures),
+)
+
+
+def test_a_spoilt_folder_is_refused_in_one_line(finished: Path, tmp_path: Path) -> None:
+    folders = [shutil.copytree(finished, tmp_path / spoil.__name__) for spoil in SPOILT]
+    for spoil, folder in zip(SPOILT, folders, strict=True):
+        spoil(folder)
+    # In a process without the run-time checks of shapes and types, which look at every property of a campaign first.
+    code = "import sys; from rpojax.cli import main; print([int(main(['report', f, '--json'])) for f in sys.argv[1:]])"
+    result = python("-c", code, *folders)
+    assert result.stdout == f"{[2] * len(SPOILT)}\n", result.stderr
+    lines = result.stderr.splitlines()
+    assert len(lines) == len(SPOILT)
+    for line in lines:
+        assert re.match("rpojax: error: .*found .*expected ", line)
 
 
 def test_a_run_without_history_cannot_be_shown(refused: Call, finished: Path) -> None:
@@ -559,6 +690,19 @@ def test_the_package_runs_as_a_module() -> None:
     result = python("-m", "rpojax", "validate", "inspection", "--set", "servicer.mass_kg=0")
     assert result.returncode == 2
     assert result.stderr.startswith("rpojax: error: servicer.mass_kg")
+
+
+def test_a_reader_that_has_seen_enough_is_no_error() -> None:
+    path = {"PYTHONPATH": str(Path(rpojax.__file__).parents[1])}
+    command = [sys.executable, "-m", "rpojax", "schema"]
+    with subprocess.Popen(
+        command, env=os.environ | path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout
+        assert process.stderr
+        process.stdout.close()
+        assert process.stderr.read() == ""
+    assert process.returncode == 0
 
 
 @pytest.fixture

@@ -15,8 +15,9 @@ import rpojax
 from rpojax import Stages
 from rpojax.campaign.single import dispersed
 from rpojax.core.random import Stream
+from rpojax.physics import faults
 from rpojax.report.labels import metric
-from rpojax.simulation import closed_loop, metrics, scenario, schema, telemetry, units
+from rpojax.simulation import closed_loop, metrics, scenario, schema, telemetry, traces, units
 from rpojax.simulation.schema import ScenarioFile, Section
 
 ROOT = Path(__file__).parents[1]
@@ -156,18 +157,32 @@ def test_the_scenario_files_in_the_readme_are_accepted(tmp_path: Path) -> None:
     path.write_text(change)
     assert scenario.load(path).name == "closer"
     path.write_text('extends = "inspection"\n' + dispersion)
-    assert [drawn.key for drawn in scenario.load(path).dispersions] == ["gps.noise_m"]
+    *base, added = [drawn.key for drawn in scenario.load(path).dispersions]
+    assert added == "gps.noise_m"
+    assert base == [drawn.key for drawn in scenario.load("inspection").dispersions]
+    assert scenario.load(path, ["dispersions=[]"]).dispersions == []
+
+
+def headings_of_sections() -> list[str]:
+    """Headings of the scenario page that name sections; like sections share one."""
+    return re.findall(r"^## (`.*`)$", SCENARIO_PAGE, re.MULTILINE)
 
 
 def test_the_scenario_page_lists_every_section_once() -> None:
-    headings = [heading.strip("`") for heading in re.findall(r"^## (`\w+`)$", SCENARIO_PAGE, re.MULTILINE)]
-    assert headings == [*sections_of_the_schema(), "dispersions"]
+    named = [name for heading in headings_of_sections() for name in quoted(heading)]
+    assert sorted(named) == sorted([*sections_of_the_schema(), "dispersions"])
 
 
 @pytest.mark.parametrize("name", sections_of_the_schema())
 def test_the_scenario_page_lists_every_key_of_a_section_and_no_other(name: str) -> None:
-    listed = [cell.strip("`") for cell in first_cells(section(SCENARIO_PAGE, f"`{name}`"))]
+    heading = next(heading for heading in headings_of_sections() if name in quoted(heading))
+    listed = [key for cell in first_cells(section(SCENARIO_PAGE, heading)) for key in quoted(cell)]
     assert sorted(listed) == sorted(sections_of_the_schema()[name].model_fields)
+
+
+def test_the_scenario_page_names_every_kind_of_fault() -> None:
+    text = section(SCENARIO_PAGE, "`fault`")
+    assert set(faults.KINDS) <= set(quoted(text.partition("Kinds:")[2]))
 
 
 def test_the_scenario_page_lists_the_keys_at_the_top_level() -> None:
@@ -212,7 +227,7 @@ def test_the_report_has_a_title_and_a_meaning_for_every_metric(name: str) -> Non
 
 
 def test_the_folder_page_names_every_trace() -> None:
-    assert set(metrics.TRACES) == set(quoted(section(FOLDER_PAGE, "Traces")))
+    assert set(traces.TRACES) == set(quoted(section(FOLDER_PAGE, "Traces")))
 
 
 def test_the_folder_page_lists_every_channel_of_a_history() -> None:

@@ -72,7 +72,7 @@ def committed() -> NotebookNode:
 def test_every_run_completes_with_either_controller(answers: dict[str, Any]) -> None:
     assert answers["ticks"] == 600
     assert answers["completed"] == [4, 4]
-    assert answers["report_runs"] == {"requested": 4, "completed": 4, "failed": 0}
+    assert answers["report_runs"] == {"requested": 4, "completed": 4, "failed": 0, "missing": 0}
     assert answers["report"] == "report.html"
 
 

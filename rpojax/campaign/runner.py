@@ -9,12 +9,13 @@ from typing import Any
 import jax
 import numpy as np
 
-from rpojax.campaign import admission, engine, store
+from rpojax.campaign import admission, engine, replaced, store
 from rpojax.campaign.engine import Block, Engine, Segment
 from rpojax.campaign.store import Campaign
 from rpojax.errors import RpojaxError
 from rpojax.flight.computer import Stages
 from rpojax.simulation import metrics
+from rpojax.simulation import traces as decimated
 from rpojax.simulation.schema import ScenarioFile
 
 HISTORIES = 8
@@ -72,7 +73,8 @@ def run_campaign(
     used = _enough(devices, -(-runs // size))
     admission.check_size(file, runs, size, len(used), len(set(kept)), Path(out))
     machine = Engine(file, size, used, stages)
-    result = store.create(Path(out), file, seed, runs, first_run, size, sorted(set(kept)), force)
+    described = replaced.describe(machine.stages)
+    result = store.create(Path(out), file, seed, runs, first_run, size, sorted(set(kept)), force, described)
     complete(result, machine, on_progress)
     return result
 
@@ -85,13 +87,14 @@ def _enough(devices: Sequence[Any] | None, blocks: int) -> list[Any]:
 def resume_campaign(
     directory: Path | str, *, stages: Stages | None = None, on_progress: Report | None = None
 ) -> Campaign:
-    """Runs whatever blocks of a campaign are missing; a finished campaign is left as it is.
+    """Runs whatever blocks of a campaign are missing, with the stages it began with; a finished one is left as it is.
 
     Raises:
-        RpojaxError: the folder is no campaign.
+        RpojaxError: the folder is no campaign, or `stages` are not those that it began with.
     """
     result = Campaign(directory)
     if missing := result.missing():
+        replaced.check_same(result.info["stages"], stages or Stages())
         machine = Engine(result.file, result.info["block_size"], _enough(None, len(missing)), stages)
         complete(result, machine, on_progress)
     return result
@@ -156,7 +159,7 @@ def _run_wave(
                 result.write_history(
                     run_id, recorder.history(row, result.file, int(failure[row]), float(last.failed_at[row]))
                 )
-        result.write_block(number, arrays, {"failed": int((failure[rows][: real[place]] > 0).sum())})
+        result.write_block(number, arrays)
     return int((failure[counted] > 0).sum())
 
 
@@ -216,7 +219,7 @@ def _results(
             results[f"metrics/{name}"] = np.where(failed, np.nan, values)
         time_s = np.arange(recorder.ticks)[:: store.trace_stride(file)] / file.rates.camera_hz
         gone = failed[:, None] & (time_s > failed_at[rows][:, None])
-        for name, values in metrics.traces(file, records, store.trace_stride(file)).items():
+        for name, values in decimated.traces(file, records, store.trace_stride(file)).items():
             results[f"traces/{name}"] = np.where(gone, np.float32(np.nan), values)
     results["status/failure"] = failure[rows].astype(np.int8)
     results["status/failed_at_s"] = np.where(failed, failed_at[rows], np.nan)

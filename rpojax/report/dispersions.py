@@ -8,7 +8,7 @@ import numpy as np
 
 from rpojax.analysis.statistics import rank_correlation
 from rpojax.report.charts import binned, compact
-from rpojax.report.labels import metric, number
+from rpojax.report.labels import metric, number, ordered
 from rpojax.report.results import Results
 
 _FEWEST_RUNS = 10
@@ -57,7 +57,8 @@ def explorer(campaign: Results) -> dict[str, Any] | None:
     pair over all runs, and the size below which a correlation of independent quantities lies in 95 % of the cases.
     """
     inputs = {key: values for key, values in scalars(campaign).items() if np.ptp(values) > 0.0}
-    metrics = {name: values for name, values in campaign.metrics.items() if _varies(values)}
+    found = campaign.metrics
+    metrics = {name: found[name] for name in ordered(found) if _varies(found[name])}
     if not inputs or not metrics:
         return None
     return {

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -21,31 +22,35 @@ _PIXELS_PER_INCH = 160
 
 
 def bearing_and_range(history: History, title: str) -> Figure:
-    """Figure 6: measured bearing components [-] and coarse range [m] of the boxes of one run, truth as a thin line."""
+    """As Figure 6: measured bearing components [-] and coarse range [m] of the boxes of one run, truth a thin line."""
     figure = _figure(title, (10.8, 5.2))
     grid = figure.add_gridspec(3, 2, width_ratios=(1.15, 1.0))
     bearings = [figure.add_subplot(grid[row, 0]) for row in range(3)]
     distance = figure.add_subplot(grid[:, 1])
     true_range = np.linalg.norm(history["rho_H"], axis=1)
     for axis, axes in enumerate(bearings):
-        _boxes(axes, history, history["box_bearing_H"][:, axis], -history["rho_H"][:, axis] / true_range)
+        measured, truth = history["box_bearing_H"][:, axis], -history["rho_H"][:, axis] / true_range
+        _boxes(axes, history, measured, truth, _bearing_limits(history, measured, truth))
         _finish(axes, history, f"{_AXIS_NAMES[axis]} [-]", last=axis == 2)
-    _boxes(distance, history, history["box_range_m"], true_range)
-    _limit_range(distance, history, true_range)
+    # Twice the largest true range: false boxes can be far out.
+    highest = 2.0 * float(np.max(true_range, initial=1.0, where=np.isfinite(true_range)))
+    _boxes(distance, history, history["box_range_m"], true_range, (0.0, highest))
     _finish(distance, history, "range [m]", last=True)
-    bearings[0].set_title("Bearing unit vector, servicer to target, Hill frame", fontsize=10, color=INK)
-    distance.set_title("Range from the size of the box", fontsize=10, color=INK)
-    _legend(figure, distance)
+    bearings[0].set_title("Bearing unit vector, servicer to target, Hill frame", fontsize=10, color=INK, loc="left")
+    distance.set_title("Range from the size of the box", fontsize=10, color=INK, loc="left")
+    _legend(figure, *bearings, distance)
     return figure
 
 
 def estimation_error(history: History, title: str) -> Figure:
-    """Figure 7: position error [m] of target, servicer and relative state per Hill axis, with 3-sigma bounds."""
+    """As Figure 7: position error [m] of target, servicer, servicer from target per Hill axis, with 3-sigma bounds."""
     figure = _figure(title, (10.8, 6.2))
     columns = (("target", "Target"), ("servicer", "Servicer"), ("relative", "Relative (servicer from target)"))
     cells = figure.subplots(3, 3, sharex=True)
     for column, (name, heading) in enumerate(columns):
         error, bound = history[f"{name}_error_H"], 3.0 * history[f"{name}_sigma_H"]
+        if name == "relative":
+            error = -error  # recorded as that of the target from the servicer
         for axis in range(3):
             axes = cells[axis, column]
             axes.plot(history["time_s"], error[:, axis], color=BLUE, lw=0.9, label="error")
@@ -60,7 +65,7 @@ def estimation_error(history: History, title: str) -> Figure:
 
 
 def relative_position(history: History, title: str) -> Figure:
-    """Figure 8: position [m] of the TARGET from the servicer per Hill axis, the negative of rho used elsewhere."""
+    """As Figure 8: position [m] of the TARGET from the servicer per Hill axis, the negative of rho used elsewhere."""
     figure = _figure(title, (10.8, 5.8))
     rows = figure.subplots(3, 1, sharex=True)
     for axis, axes in enumerate(rows):
@@ -78,6 +83,12 @@ def relative_position(history: History, title: str) -> Figure:
     return figure
 
 
+_HEADINGS = {
+    "bearing_and_range.png": "Bearing and range (as Figure 6 of the paper)",
+    "estimation_error.png": "Estimation error (as Figure 7 of the paper)",
+    "relative_position.png": "Relative position (as Figure 8 of the paper)",
+}
+
 FIGURES: dict[str, Callable[[History, str], Figure]] = {
     "bearing_and_range.png": bearing_and_range,
     "estimation_error.png": estimation_error,
@@ -88,15 +99,16 @@ FIGURES: dict[str, Callable[[History, str], Figure]] = {
 def write_figures(history: History, directory: Path, title: str) -> dict[str, Path]:
     """Writes the three figures of one run into `directory` as PNG; returns file name -> path."""
     return {
-        name: write_atomically(directory / name, _png(draw(history, f"{draw_number}  {title}")))
-        for draw_number, (name, draw) in zip(("Fig. 6", "Fig. 7", "Fig. 8"), FIGURES.items(), strict=True)
+        name: write_atomically(directory / name, _png(draw(history, f"{_HEADINGS[name]}: {title}")))
+        for name, draw in FIGURES.items()
     }
 
 
 def _figure(title: str, size_inches: tuple[float, float]) -> Figure:
     figure = Figure(figsize=size_inches, layout="constrained", facecolor="white")
     FigureCanvasAgg(figure)
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color=INK)
+    # The title holds the scenario's name, in which a dollar is no mathematics.
+    figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color=INK, parse_math=False)
     return figure
 
 
@@ -106,23 +118,37 @@ def _png(figure: Figure) -> bytes:
     return buffer.getvalue()
 
 
-def _boxes(axes: Axes, history: History, measured: np.ndarray, truth: np.ndarray) -> None:
+def _boxes(axes: Axes, history: History, measured: np.ndarray, truth: np.ndarray, limits: tuple[float, float]) -> None:
+    """Boxes as dots and crosses within `limits`, those beyond as small triangles at the edge, and their count."""
     time, present = history["time_s"], history["box_present"].astype(bool)
     accepted = present & history["box_accepted"].astype(bool)
-    rejected = present & ~accepted
-    axes.plot(time[accepted], measured[accepted], ".", ms=2.2, color=BLUE, label="accepted box")
-    axes.plot(time[rejected], measured[rejected], "x", ms=5, mew=1.1, color=VERMILLION, label="rejected box")
-    axes.plot(time, truth, color=INK, lw=0.7, label="truth")
+    inside = (measured >= limits[0]) & (measured <= limits[1])
+    kinds = (("accepted", accepted, ".", 2.2, BLUE, 3.0), ("rejected", present & ~accepted, "x", 5.0, VERMILLION, 2.5))
+    for name, boxes, marker, size, color, order in kinds:
+        drawn = boxes & inside
+        look = {"ls": "", "color": color, "zorder": order, "mew": 1.1 if marker == "x" else 0.0}
+        axes.plot(time[drawn], measured[drawn], marker=marker, ms=size, label=f"{name} box", **look)
+        for edge, off, arrow in ((limits[1], measured > limits[1], "^"), (limits[0], measured < limits[0], "v")):
+            if not np.any(boxes & off):
+                continue
+            beyond = time[boxes & off]
+            edges = {**look, "marker": arrow, "ms": 3.0, "mew": 0.0, "clip_on": False, "gid": f"{name} beyond {arrow}"}
+            axes.plot(beyond, np.full(len(beyond), edge), **edges)
+    axes.plot(time, truth, color=INK, lw=0.7, zorder=3.5, label="truth")
+    axes.set_ylim(*limits)
+    if count := np.count_nonzero(present & ~inside):
+        text = f"beyond the scale: {count}"
+        axes.text(1.0, 1.02, text, transform=axes.transAxes, ha="right", va="bottom", fontsize=8, color=MUTED)
 
 
-def _limit_range(axes: Axes, history: History, true_range: np.ndarray) -> None:
-    """Shows twice the largest true range [m], since false boxes can be far out, and counts the boxes beyond."""
-    highest = 2.0 * float(np.max(true_range, initial=1.0, where=np.isfinite(true_range)))
-    axes.set_ylim(0.0, highest)
-    beyond = np.count_nonzero(history["box_present"].astype(bool) & (history["box_range_m"] > highest))
-    if beyond:
-        text = f"boxes above: {beyond}"
-        axes.text(0.99, 0.99, text, transform=axes.transAxes, ha="right", va="top", fontsize=8, color=MUTED)
+def _bearing_limits(history: History, measured: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
+    """Range of the accepted boxes and of the truth with a margin: one false box would make all else a line."""
+    accepted = history["box_present"].astype(bool) & history["box_accepted"].astype(bool)
+    shown = np.concatenate([measured[accepted], truth])
+    shown = shown[np.isfinite(shown)]
+    low, high = (float(shown.min()), float(shown.max())) if len(shown) else (-1.0, 1.0)
+    margin = max(0.08 * (high - low), 1e-3)
+    return low - margin, high + margin
 
 
 def _finish(axes: Axes, history: History, label: str, last: bool) -> None:
@@ -148,10 +174,16 @@ def _shade(axes: Axes, history: History, where: np.ndarray, color: str, label: s
     axes.fill_between(history["time_s"], 0.0, 1.0, where=lasting.tolist(), transform=across, **look)
 
 
-def _legend(figure: Figure, axes: Axes) -> None:
+def _legend(figure: Figure, *axes: Axes) -> None:
+    """One legend for some axes, each label once."""
     figure.align_ylabels()
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=9, frameon=False)
+    entries: dict[str, Artist] = {}
+    for part in axes:
+        handles, labels = part.get_legend_handles_labels()
+        entries.update(zip(labels, handles, strict=True))
+    names = list(entries)
+    handles = list(entries.values())
+    figure.legend(handles, names, loc="outside lower center", ncols=len(names), fontsize=9, frameon=False)
 
 
 def _settled_limit(time_s: np.ndarray, error: np.ndarray, bound: np.ndarray) -> float:

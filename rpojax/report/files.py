@@ -3,11 +3,24 @@
 import os
 from pathlib import Path
 
+from rpojax.errors import OutputError
+
 
 def write_atomically(path: Path, content: bytes) -> Path:
-    """Writes `content` to a temporary file beside `path`, flushes it to disk and renames it; returns `path`."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f"{path.name}.{os.getpid()}.partial")
+    """Writes `content` to a temporary file beside `path`, flushes it to disk and renames it; returns `path`.
+
+    Raises:
+        OutputError: there cannot be such a file.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _write(path, path.with_name(f"{path.name}.{os.getpid()}.partial"), content)
+    except OSError as error:
+        raise OutputError(f"{path}: found {error.strerror or error}, expected a file that can be written") from None
+    return path
+
+
+def _write(path: Path, partial: Path, content: bytes) -> None:
     try:
         with partial.open("wb") as file:
             file.write(content)
@@ -16,4 +29,3 @@ def write_atomically(path: Path, content: bytes) -> Path:
         partial.replace(path)
     finally:
         partial.unlink(missing_ok=True)
-    return path

@@ -2,12 +2,15 @@
 
 import base64
 import json
+import re
+import shlex
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import jinja2
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
 from rpojax.report import dispersions, sections
@@ -20,12 +23,15 @@ from rpojax.report.summary import choose_run, summarise
 
 _CAPTIONS = {
     "bearing_and_range.png": "Bearing unit vector from servicer to target in the Hill frame (left) and range from the "
-    "size of the box (right). Dots are boxes that the filter accepted, crosses boxes that it refused, the thin line is "
-    "the truth. Grey: the camera looks away for a burn. Orange: it searches.",
-    "estimation_error.png": "Position estimation error of target, servicer and relative state per Hill axis with "
-    "3-sigma bounds. The vertical scale is that of the run after its first tenth, so the handover may lie off scale.",
+    "size of the box (right). Dots are boxes that the filter accepted, crosses boxes that it refused, triangles at an "
+    "edge boxes beyond the scale, the thin line is the truth. Grey: the camera looks away for a burn. Orange: it "
+    "searches.",
+    "estimation_error.png": "Position estimation error of target, of servicer, and of the servicer from the target, "
+    "per Hill axis with 3-sigma bounds. The vertical scale is that of the run after its first tenth, so the "
+    "hand-over may lie off scale.",
     "relative_position.png": "Position of the target from the servicer in the Hill frame: estimate, truth and desired. "
-    "The sign is flipped in this figure only; everywhere else the position is that of the servicer from the target.",
+    "The sign is flipped in this figure only; elsewhere in this report the position is that of the servicer from the "
+    "target.",
 }
 
 
@@ -53,6 +59,7 @@ def _page(campaign: Results, summary: Mapping[str, Any], shown: int | None, figu
         loader=folder, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["number"] = number
+    environment.filters["breakable"] = _breakable
     curves = sections.envelopes(campaign)
     bars = sections.histograms(campaign, summary)
     charts: dict[str, Chart] = {f"envelope-{name}": chart for name, (_, chart) in curves.items()}
@@ -61,7 +68,8 @@ def _page(campaign: Results, summary: Mapping[str, Any], shown: int | None, figu
     return environment.get_template("template.html").render(
         name=campaign.info.get("name", "campaign"),
         description=campaign.info.get("description", ""),
-        again=_again(campaign.info),
+        again=partial(sections.again, campaign),
+        resume=f"rpojax resume {shlex.quote(str(campaign.directory))}",
         runs=summary["runs"],
         identity=sections.identity(campaign, summary),
         tiles=sections.tiles(summary),
@@ -84,9 +92,9 @@ def _page(campaign: Results, summary: Mapping[str, Any], shown: int | None, figu
     )
 
 
-def _again(info: Mapping[str, Any]) -> str:
-    """Command that flies one run again, bit-equal, but for the run's number and the folder."""
-    return f"rpojax run {info.get('name')} --seed {info.get('seed')} --block-size {info.get('block_size')}"
+def _breakable(text: str) -> Markup:
+    """A name that breaks into lines after its underscores and dots, and nowhere else."""
+    return Markup(re.sub(r"([_.])", r"\1<wbr>", str(escape(text))))
 
 
 def _data_url(path: Path) -> str:

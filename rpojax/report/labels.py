@@ -1,6 +1,7 @@
 """Names, meanings and number formats that readers see."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from rpojax.simulation.metrics import UNITS
@@ -14,6 +15,11 @@ class Metric:
     meaning: str
     unit: str
     low_is_bad: bool = False
+
+    @property
+    def tail(self) -> tuple[str, str, str, str]:
+        """Names in report.json of what one run in 20, in 100 is beyond, its bound, and the worst, on the bad side."""
+        return ("p5", "p1", "p1_lower_95", "min") if self.low_is_bad else ("p95", "p99", "p99_upper_95", "max")
 
 
 @dataclass(frozen=True)
@@ -62,20 +68,27 @@ _TEXTS: dict[str, tuple[str, str]] = {
     ),
     "delta_v_m_s": ("Delta-v", "Velocity change that the thruster applied over the whole run."),
     "min_range_m": ("Minimum range", "Smallest true distance of the two spacecraft."),
-    "detection_rate": ("Detection rate", "Boxes per frame in which the target could be seen."),
-    "visible_fraction": ("Tracked fraction", "Share of all frames with an accepted box."),
-    "boxes_rejected": ("Boxes rejected", "Number of boxes that the filter's gate refused."),
-    "time_to_acquire_s": ("Time to acquire", "Time until the first accepted box."),
     "pointing_error_p95_deg": (
         "Pointing error, p95",
         "95th percentile of the angle from boresight to target while the camera is meant to be on it and settled.",
     ),
     "wheel_speed_peak_fraction": ("Peak wheel speed", "Highest reaction wheel speed as a fraction of its limit."),
+    "look_away_peak_s": (
+        "Look-away in a burn period",
+        "Time turned away from the target (turn, burn, turn back), summed over one burn period; the largest such sum.",
+    ),
+    "longest_unseen_s": ("Longest time unseen", "Longest stretch without an accepted box, look-aways included."),
+    "time_to_acquire_s": ("Time to acquire", "Time until the first accepted box."),
+    "visible_fraction": ("Tracked fraction", "Share of all frames with an accepted box."),
+    "detection_rate": (
+        "Detection rate",
+        "Boxes per frame whose light allows to see the target, frames of look-aways included.",
+    ),
+    "boxes_rejected": ("Boxes rejected", "Number of boxes that the filter's gate refused."),
     "good_boxes_rejected_fraction": ("Good boxes rejected", "Share of true boxes that the gate refused."),
     "outliers_accepted": ("Outliers accepted", "Number of false boxes that passed the gate."),
-    "look_away_peak_s": ("Longest look-away", "Longest time away from the target for one burn."),
-    "longest_unseen_s": ("Longest time unseen", "Longest stretch without an accepted box, look-aways included."),
 }
+"""Title and meaning of every metric, in the order in which a reader wants them."""
 _LOW_IS_BAD = {"min_range_m", "sigma3_coverage", "detection_rate", "visible_fraction"}
 
 CHANNELS = (
@@ -94,6 +107,12 @@ def metric(name: str) -> Metric:
     return Metric(title, meaning, "" if unit == "-" else unit, name in _LOW_IS_BAD)
 
 
+def ordered(names: Iterable[str]) -> list[str]:
+    """Names of metrics in the order in which a reader wants them: formation, navigation, consistency, ..., boxes."""
+    places = {name: place for place, name in enumerate(_TEXTS)}
+    return sorted(names, key=lambda name: (places.get(name, len(places)), name))
+
+
 def number(value: float | None, digits: int = 4) -> str:
     """`value` with `digits` significant digits, whole numbers without decimals, and a dash for None or NaN."""
     if value is None or not math.isfinite(value):
@@ -101,6 +120,6 @@ def number(value: float | None, digits: int = 4) -> str:
     if value == 0.0 or (float(value).is_integer() and abs(value) < 1e6):
         return f"{value:.0f}"
     magnitude = math.floor(math.log10(abs(value)))
-    if magnitude < -4 or magnitude > 6:
+    if magnitude < -6 or magnitude > 6:
         return f"{value:.{digits - 1}e}"
     return f"{value:.{max(0, digits - 1 - magnitude)}f}"

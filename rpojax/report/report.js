@@ -20,7 +20,7 @@
   function explore(explorer) {
     const metricPick = document.getElementById("pick-metric");
     const inputPick = document.getElementById("pick-input");
-    const axis = { gridcolor: "#e3e8ee", zeroline: false, automargin: true };
+    const axis = { gridcolor: "#e3e8ee", zeroline: false, automargin: true, exponentformat: "none" };
     const font = { family: getComputedStyle(document.body).fontFamily, size: 12, color: "#1a2433" };
     const base = { font, paper_bgcolor: "white", plot_bgcolor: "white", showlegend: false, margin: { l: 60, r: 14, t: 10, b: 44 } };
 

@@ -1,6 +1,7 @@
 """The contents of the page's sections as plain records; the template only lays them out."""
 
 import json
+import shlex
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ import numpy as np
 
 from rpojax.analysis.statistics import mean_nees_interval, proportion_interval
 from rpojax.report.charts import Chart, envelope, histogram, reference_lines
-from rpojax.report.labels import CHANNELS, Channel, metric, number
+from rpojax.report.labels import CHANNELS, Channel, metric, number, ordered
 from rpojax.report.results import Results
 
 _MOST_FAILURES = 50
@@ -31,7 +32,10 @@ class Tile:
 
 @dataclass(frozen=True)
 class MetricRow:
-    """One line of the metric table; `cells` are mean, sd, min, p50, p95, p99, bound of p99 and max."""
+    """One line of the metric table; `cells` are mean, sd, min, p50, p95, p99, bound of p99 and max.
+
+    Where a low value is the bad one, p5, p1 and the bound of p1 stand in place of p95, p99 and its bound, and say so.
+    """
 
     name: str
     title: str
@@ -46,17 +50,38 @@ def identity(campaign: Results, summary: Mapping[str, Any]) -> list[tuple[str, s
     """Label and text of what identifies the campaign."""
     info, runs = campaign.info, summary["runs"]
     versions = ", ".join(f"{name} {version}" for name, version in info.get("versions", {}).items())
+    missing = f", {runs['missing']} missing" if runs["missing"] else ""
     lines = [
         ("Scenario hash", info.get("scenario_hash")),
         ("Master seed", info.get("seed")),
-        ("Runs", f"{runs['requested']} requested, {runs['completed']} completed, {runs['failed']} failed"),
+        ("Runs", f"{runs['requested']} requested, {runs['completed']} completed, {runs['failed']} failed{missing}"),
+        ("Replaced stages", _replaced(info.get("stages") or {})),
         ("Versions", versions),
         ("Device", " ".join(str(info[key]) for key in ("device", "dtype") if key in info)),
         ("Block size", info.get("block_size")),
         ("Created", info.get("created")),
         ("Timing", _timing(info.get("timing") or {})),
+        ("Any run again", again(campaign, "I", "DIR")),
     ]
     return [(label, str(text)) for label, text in lines if text not in (None, "")]
+
+
+def again(campaign: Results, run: int | str, out: str) -> str:
+    """Command that flies one run again, bit for bit on the same kind of device; in Python if stages were replaced."""
+    info, file = campaign.info, campaign.directory / "scenario.toml"
+    seed, size = info.get("seed"), info.get("block_size")
+    if info.get("stages"):
+        return (
+            f"rpojax.run_campaign(rpojax.load({str(file)!r}), 1, {out!r}, {seed}, first_run={run}, "
+            f"block_size={size}, stages=...)"
+        )
+    return f"rpojax run {shlex.quote(str(file))} --seed {seed} --block-size {size} --run-id {run} --out {out}"
+
+
+def _replaced(stages: Mapping[str, Any]) -> str:
+    return "; ".join(
+        f"{name} = {stage['function']}, source {stage['source_sha256'] or 'unknown'}" for name, stage in stages.items()
+    )
 
 
 def tiles(summary: Mapping[str, Any]) -> list[Tile]:
@@ -79,11 +104,17 @@ def metric_rows(campaign: Results, summary: Mapping[str, Any]) -> list[MetricRow
     rows = []
     for name, entry in summary["metrics"].items():
         shown = metric(name)
-        cells = [number(entry[key]) for key in ("mean", "std", "min", "p50", "p95", "p99", "p99_upper_95", "max")]
+        keys = ("mean", "std", "min", "p50", *shown.tail[:3], "max")
+        cells = [_marked(key, number(entry[key])) for key in keys]
         row = _worst(campaign.metrics[name], shown.low_is_bad)
         worst = None if row is None else int(campaign.run_ids[row])
         rows.append(MetricRow(name, shown.title, shown.meaning, shown.unit, cells, entry["defined"], worst))
     return rows
+
+
+def _marked(key: str, text: str) -> str:
+    """Text of a statistic under a heading of the other side, with its own name."""
+    return f"{key.partition('_')[0]} {text}" if key in ("p5", "p1", "p1_lower_95") else text
 
 
 def envelopes(campaign: Results) -> dict[str, tuple[Channel, Chart]]:
@@ -106,20 +137,21 @@ def envelopes(campaign: Results) -> dict[str, tuple[Channel, Chart]]:
 
 
 def histograms(campaign: Results, summary: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Title, median, 99th percentile and chart of every metric; the chart is None where runs agree or none has it."""
+    """Title, median, p99 (p1 where low is bad) and chart of every metric; no chart where runs agree or none has it."""
     shown = []
     for name, entry in summary["metrics"].items():
         values = campaign.metrics[name]
         defined = values[np.isfinite(values)]
+        shown_as, tail = metric(name), metric(name).tail[1]
         varies = len(defined) > 1 and float(np.ptp(defined)) > 0.0
         shown.append(
             {
                 "name": name,
-                "metric": metric(name),
+                "metric": shown_as,
                 "p50": number(entry["p50"]),
-                "p99": number(entry["p99"]),
+                "tail": f"{tail} {number(entry[tail])}",
                 "defined": len(defined),
-                "chart": histogram(metric(name), defined) if varies else None,
+                "chart": histogram(shown_as, defined) if varies else None,
             }
         )
     return shown
@@ -154,10 +186,11 @@ def failures(summary: Mapping[str, Any]) -> dict[str, Any]:
 def chosen_metrics(campaign: Results, run_id: int) -> list[tuple[str, str, str]]:
     """Title, value and unit of every metric of one run."""
     rows = np.flatnonzero(campaign.run_ids == run_id)
+    metrics = campaign.metrics
     return [
         (metric(name).title, number(float(value)), metric(name).unit)
-        for name, values in campaign.metrics.items()
-        for value in values[rows]
+        for name in ordered(metrics)
+        for value in metrics[name][rows]
     ]
 
 
@@ -174,9 +207,12 @@ def limits(campaign: Results, summary: Mapping[str, Any]) -> list[str]:
         duration = number(float(scenario["duration_s"]))
         sentences.append(f"Each run lasts {duration} s; nothing is said about later times.")
     sentences.append(
-        "Only the quantities under Dispersions vary between runs, besides sensor noise. "
+        "From run to run vary the quantities under Dispersions, the error of the hand-over, the execution errors of "
+        "burns, and the noise and slowly varying errors of the sensors; nothing else does. "
         "A model error that simulation and flight software share does not show."
     )
+    if runs["missing"]:
+        sentences.append(f"{runs['missing']} of {runs['requested']} runs are missing; nothing here is about them.")
     if runs["completed"] < 299:
         sentences.append(
             f"{runs['completed']} completed runs cannot bound a 99th percentile without assuming a distribution "
@@ -185,7 +221,8 @@ def limits(campaign: Results, summary: Mapping[str, Any]) -> list[str]:
     if runs["failed"]:
         sentences.append(
             "Metrics leave out runs in which they are undefined, as after a failure: "
-            "they describe the survivors and must be read together with the failures."
+            "they describe the survivors and must be read together with the failures. "
+            "Only the bounds of p99 and p1 count failed runs, as worse than any other."
         )
     sentences.append("Intervals and bounds take the runs as independent: each with its own random draws.")
     if not summary["requirements"]:
@@ -209,8 +246,8 @@ def _statistic(metrics: Mapping[str, Any], name: str, key: str) -> float | None:
 
 def _median_tile(metrics: Mapping[str, Any], name: str) -> Tile:
     shown = metric(name)
-    p99 = number(_statistic(metrics, name, "p99"), 3)
-    note = f"median; p99 {p99} {shown.unit}"
+    tail = shown.tail[1]
+    note = f"median; {tail} {number(_statistic(metrics, name, tail), 3)} {shown.unit}"
     return Tile(shown.title, number(_statistic(metrics, name, "p50"), 3), shown.unit, note)
 
 

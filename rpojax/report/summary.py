@@ -6,18 +6,22 @@ import numpy as np
 
 from rpojax.analysis.statistics import quantile_upper_bound
 from rpojax.errors import ResultError
+from rpojax.report.labels import ordered
 from rpojax.report.results import Results
 from rpojax.simulation.metrics import UNITS
 
 _CHOOSING_METRIC = "formation_error_rms_m"
-_STATISTICS = ("mean", "std", "min", "p50", "p95", "p99", "p99_upper_95", "max")
+_PERCENTILES = (0.0, 1.0, 5.0, 50.0, 95.0, 99.0, 100.0)
+_STATISTICS = ("mean", "std", "min", "p1", "p5", "p50", "p95", "p99", "max", "p1_lower_95", "p99_upper_95")
 
 
 def summarise(campaign: Results) -> dict[str, Any]:
     """Content of report.json: runs, metrics in their units, requirements, provenance and failures, without NaN."""
+    failed = int(np.sum(~np.asarray(campaign.completed, dtype=bool)))
+    metrics = campaign.metrics
     return {
         "runs": _run_counts(campaign),
-        "metrics": {name: _metric(name, values) for name, values in campaign.metrics.items()},
+        "metrics": {name: _metric(name, metrics[name], failed) for name in ordered(metrics)},
         "requirements": [],
         "provenance": plain({key: value for key, value in campaign.info.items() if key != "scenario"}),
         "failures": _failures(campaign),
@@ -58,19 +62,33 @@ def plain(value: Any) -> Any:
 
 def _run_counts(campaign: Results) -> dict[str, int]:
     completed, known = int(np.sum(campaign.completed)), len(campaign.completed)
-    return {"requested": int(campaign.info.get("runs", known)), "completed": completed, "failed": known - completed}
+    requested = int(campaign.info.get("runs", known))
+    return {
+        "requested": requested,
+        "completed": completed,
+        "failed": known - completed,
+        "missing": requested - known,
+    }
 
 
-def _metric(name: str, values: np.ndarray) -> dict[str, Any]:
+def _metric(name: str, values: np.ndarray, failed: int) -> dict[str, Any]:
     defined = np.asarray(values, dtype=np.float64)
     defined = defined[np.isfinite(defined)]
     entry: dict[str, Any] = {"unit": UNITS.get(name, "-"), **dict.fromkeys(_STATISTICS), "defined": len(defined)}
     if len(defined) == 0:
         return entry
-    p50, p95, p99 = np.percentile(defined, [50, 95, 99])
-    entry.update(min=np.min(defined), p50=p50, p95=p95, p99=p99, max=np.max(defined))
-    entry.update(mean=np.mean(defined), std=_deviation(defined), p99_upper_95=quantile_upper_bound(defined, 0.99, 0.95))
+    names = ("min", "p1", "p5", "p50", "p95", "p99", "max")
+    entry.update(zip(names, np.percentile(defined, _PERCENTILES), strict=True))
+    entry.update(mean=np.mean(defined), std=_deviation(defined))
+    below = _bound(-defined, failed)
+    entry.update(p1_lower_95=None if below is None else -below, p99_upper_95=_bound(defined, failed))
     return plain(entry)
+
+
+def _bound(badness: np.ndarray, failed: int) -> float | None:
+    """Upper 95 % bound of the 99th percentile, each failed run being worse than all others; None if it is one."""
+    bound = quantile_upper_bound(np.concatenate([badness, np.full(failed, np.inf)]), 0.99, 0.95)
+    return bound if bound is not None and np.isfinite(bound) else None
 
 
 def _deviation(values: np.ndarray) -> float | None:

@@ -12,7 +12,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from rpojax.errors import ScenarioError
+from rpojax.errors import ScenarioError, UnknownKeyError
 from rpojax.physics.effects import Effects
 from rpojax.simulation.schema import ScenarioFile, check_together, epoch_seconds
 
@@ -141,7 +141,8 @@ def _text(source: str | Path) -> tuple[str, Path]:
         return (resources.files("rpojax.simulation") / "scenarios" / f"{source}.toml").read_text(), Path()
     path = Path(source)
     try:
-        return path.read_text(encoding="utf-8"), path.parent
+        # With or without the mark that some Windows editors put first.
+        return path.read_text(encoding="utf-8-sig"), path.parent
     except (OSError, UnicodeDecodeError):
         expected = f"a packaged scenario ({', '.join(packaged())}) or a readable TOML file"
         raise ScenarioError("scenario", str(source), expected) from None
@@ -198,9 +199,11 @@ def _first_fault(error: ValidationError) -> ScenarioError:
     fault = max(related, key=lambda fault: len(_path(fault["loc"])))
     key = ".".join(_path(fault["loc"]))
     if fault["type"] == "extra_forbidden":
-        return ScenarioError(key, fault["input"], f"no such key{_known_keys(fault['loc'])}")
+        return UnknownKeyError(key, _known_keys(fault["loc"]))
     if fault["type"] == "missing":
         return ScenarioError(key, "nothing", "a value for this key")
+    if fault["type"] in ("model_type", "model_attributes_type"):
+        return ScenarioError(key, fault["input"], "a table")
     message = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ").removeprefix("expected ")
     return ScenarioError(key, fault["input"], message)
 

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from rpojax.errors import ScenarioError
 
@@ -20,9 +20,15 @@ NonNegativeVector = Annotated[list[NonNegative], Field(min_length=3, max_length=
 PositivePair = Annotated[list[Positive], Field(min_length=2, max_length=2)]
 
 
+_SHORTEST = 1e-6
+"""A direction or quaternion shorter than this is taken for a zero: its unit vector would be noise."""
+_LOWEST_PERIGEE_M = 6.47e6
+"""Some 100 km above the ground; nothing stays in orbit below [m]."""
+
+
 def _nonzero(value: list[float]) -> list[float]:
-    if not any(value):
-        raise ValueError("expected a vector that is not zero")
+    if math.hypot(*value) < _SHORTEST:
+        raise ValueError(f"expected a vector that is not zero, at least {_SHORTEST:g} long")
     return value
 
 
@@ -84,7 +90,7 @@ class Section(BaseModel):
 class Rates(Section):
     """How often things happen."""
 
-    plant_hz: Positive
+    plant_hz: Annotated[float, Field(gt=0.0, le=1000.0, allow_inf_nan=False)]
     camera_hz: Positive
     formation_period_s: Positive
 
@@ -479,18 +485,39 @@ def check_together(file: ScenarioFile) -> None:
         raise ScenarioError(
             "camera.outlier_size_min_px", file.camera.outlier_size_min_px, "at most camera.outlier_size_max_px"
         )
-    limit = rates.formation_period_s
-    if file.pointing.look_away_limit_s > limit:
+    _check_orbit(file.orbit)
+    _check_burns(file)
+    distance = math.hypot(*file.formation.desired_position_m)
+    if distance <= file.limits.keep_out_m:
         raise ScenarioError(
-            "pointing.look_away_limit_s", file.pointing.look_away_limit_s, f"at most rates.formation_period_s = {limit}"
+            "formation.desired_position_m",
+            file.formation.desired_position_m,
+            f"a place farther from the target than limits.keep_out_m = {file.limits.keep_out_m:g}",
         )
     seen: set[str] = set()
     for index, dispersion in enumerate(file.dispersions):
         _check_dispersion(file, index, dispersion, seen)
 
 
+def _check_orbit(orbit: OrbitSection) -> None:
+    perigee = orbit.semi_major_axis_m * (1.0 - orbit.eccentricity)
+    if perigee <= _LOWEST_PERIGEE_M:
+        expected = f"a perigee above {_LOWEST_PERIGEE_M:g} m, and semi_major_axis_m makes it {perigee:.6g} m"
+        raise ScenarioError("orbit.eccentricity", orbit.eccentricity, expected)
+
+
+def _check_burns(file: ScenarioFile) -> None:
+    """A look-away, centred on the burn, lies between two burn decisions."""
+    period, limit, lead = file.rates.formation_period_s, file.pointing.look_away_limit_s, file.formation.lead_s
+    if limit > period:
+        raise ScenarioError("pointing.look_away_limit_s", limit, f"at most rates.formation_period_s = {period:g}")
+    if not 0.5 * limit <= lead <= period - 0.5 * limit:
+        between = f"{0.5 * limit:g} to {period - 0.5 * limit:g}"
+        raise ScenarioError("formation.lead_s", lead, f"{between}, to fit pointing.look_away_limit_s = {limit:g} in")
+
+
 def _whole(ratio: float, key: str, found: float, expected: str) -> None:
-    if ratio < 0.5 or not math.isclose(ratio, round(ratio), rel_tol=1e-9):
+    if not 0.5 <= ratio < math.inf or not math.isclose(ratio, round(ratio), rel_tol=1e-9):
         raise ScenarioError(key, found, expected)
 
 
@@ -541,3 +568,33 @@ def _check_dispersion(file: ScenarioFile, index: int, dispersion: Any, seen: set
         raise ScenarioError(f"{where}.kind", dispersion.kind, "'choice' for a kind of fault")
     if dispersion.kind == "log_normal" and np.any(np.asarray(value) <= 0.0):
         raise ScenarioError(f"{where}.key", dispersion.key, "a nominal value above zero for a log-normal")
+    _check_drawn_values(file, where, dispersion, value)
+
+
+def _check_drawn_values(file: ScenarioFile, where: str, dispersion: Any, value: Any) -> None:
+    """Values that a dispersion is sure to draw, or to come near to, must be acceptable for their key."""
+    candidates: dict[str, list[Any]] = {}
+    if dispersion.kind == "uniform":
+        candidates = {end: [np.full(np.shape(value), getattr(dispersion, end)).tolist()] for end in ("low", "high")}
+    elif dispersion.kind == "choice":
+        candidates = {"values": dispersion.values}
+    for name, drawn in candidates.items():
+        for candidate in drawn:
+            # The ends of a uniform, all components at once, are drawn by no run: only their limits one by one count.
+            fault = _fault(file, dispersion.key, candidate, whole=dispersion.kind == "choice")
+            if fault is not None:
+                found = getattr(dispersion, name) if dispersion.kind == "uniform" else candidate
+                raise ScenarioError(f"{where}.{name}", found, f"what {dispersion.key} can be: {fault}")
+
+
+def _fault(file: ScenarioFile, key: str, value: Any, whole: bool) -> str | None:
+    """Why a key cannot hold a value, or None if it can; `whole` counts checks of all components together too."""
+    section_name, _, name = key.partition(".")
+    section = getattr(file, section_name)
+    try:
+        type(section).model_validate({**section.model_dump(), name: value})
+    except ValidationError as error:
+        for fault in error.errors():
+            if whole or fault["type"] != "value_error":
+                return fault["msg"].removeprefix("Value error, expected ").removeprefix("Input should be ")
+    return None

@@ -1,5 +1,7 @@
 """A campaign from start to finish, interrupted, resumed, and with runs that fail."""
 
+import hashlib
+import inspect
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -8,11 +10,13 @@ import jax
 import numpy as np
 import pytest
 
-from rpojax.campaign import runner, store
+from rpojax.campaign import replaced, runner, store
 from rpojax.campaign.runner import Progress, resume_campaign, run_campaign
 from rpojax.campaign.store import Campaign
 from rpojax.errors import OutputError, ResultError, RpojaxError
-from rpojax.simulation import metrics, scenario
+from rpojax.flight import formation_control
+from rpojax.flight.computer import Stages
+from rpojax.simulation import metrics, scenario, traces
 from rpojax.simulation.schema import ScenarioFile
 
 ONE_DEVICE = jax.devices()[:1]
@@ -33,7 +37,7 @@ def test_every_run_has_every_metric_trace_and_dispersed_value(three_runs: Campai
     assert np.isnan(three_runs.failed_at_s).all()
     assert set(three_runs.metrics) == set(metrics.UNITS)
     assert all(values.shape == (3,) for values in three_runs.metrics.values())
-    assert set(three_runs.traces) == set(metrics.TRACES)
+    assert set(three_runs.traces) == set(traces.TRACES)
     assert all(values.shape == (3, 40) for values in three_runs.traces.values())
     np.testing.assert_array_equal(three_runs.trace_time_s, np.arange(0.0, 400.0, 10.0))
     assert set(three_runs.drawn) == {dispersion.key for dispersion in mission.dispersions}
@@ -115,6 +119,47 @@ def test_resuming_what_is_no_campaign_is_refused(tmp_path: Path) -> None:
         resume_campaign(tmp_path)
 
 
+def cautious(gain: jax.Array, deviation: jax.Array) -> jax.Array:
+    """A law of one's own."""
+    return 0.5 * formation_control.lqr(gain, deviation)
+
+
+def test_a_campaign_goes_on_only_with_the_stages_it_began_with(
+    mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stages = Stages(formation_law=cautious)
+    flown: list[Stages] = []
+    monkeypatch.setattr(runner, "complete", lambda result, machine, tell: flown.append(machine.stages))
+    begun = run_campaign(mission, 2, tmp_path / "own", block_size=1, devices=ONE_DEVICE, stages=stages)
+    source = hashlib.sha256(inspect.getsource(cautious).encode()).hexdigest()
+    assert begun.info["stages"] == {"formation_law": {"function": f"{__name__}.cautious", "source_sha256": source}}
+    for others in (None, Stages(formation_law=lambda gain, deviation: cautious(gain, deviation))):
+        with pytest.raises(
+            RpojaxError, match=r"^stages: found .* for formation_law, expected .*cautious.*stages="
+        ) as no:
+            resume_campaign(begun.directory, stages=others)
+        assert "\n" not in str(no.value)
+    resume_campaign(begun.directory, stages=stages)
+    assert flown == [stages, stages]
+
+    plain = run_campaign(mission, 2, tmp_path / "plain", block_size=1, devices=ONE_DEVICE)
+    assert plain.info["stages"] == {}
+    with pytest.raises(RpojaxError, match="expected the default"):
+        resume_campaign(plain.directory, stages=stages)
+
+
+def test_stages_of_any_kind_have_a_name_and_a_source_where_there_is_one() -> None:
+    class Law:
+        def __call__(self, gain: jax.Array, deviation: jax.Array) -> jax.Array:
+            return -deviation[3:]
+
+    described = replaced.describe(Stages(formation_law=Law(), wheel_torque=eval("lambda *_: 0.0")))
+    assert set(described) == {"formation_law", "wheel_torque"}
+    assert str(described["formation_law"]["function"]).endswith("<locals>.Law")
+    assert described["formation_law"]["source_sha256"]
+    assert described["wheel_torque"]["source_sha256"] is None
+
+
 def test_progress_begins_with_compiling_and_only_grows(mission: ScenarioFile, tmp_path: Path) -> None:
     told: list[Progress] = []
     run_campaign(mission, 2, tmp_path / "runs", block_size=1, devices=ONE_DEVICE, on_progress=told.append)
@@ -141,10 +186,10 @@ def test_unacceptable_requests_leave_nothing_behind(mission: ScenarioFile, tmp_p
 
 @pytest.fixture(scope="module")
 def dangerous(mission: ScenarioFile) -> ScenarioFile:
-    """The mission with runs that drift into the target, and runs whose mass is a bad number."""
+    """The mission with runs that drift into the target, and runs whose tumble is beyond all numbers."""
     replaced = {
         "initial.relative_velocity_m_s": {"kind": "choice", "values": [[0.0, 0.0, 0.0], [0.0, 0.5, 0.0]]},
-        "servicer.mass_kg": {"kind": "choice", "values": [30.0, 30.0, 0.0]},
+        "target.tumble_rate_deg_s": {"kind": "choice", "values": [1.0, 1.0, 1e300]},
     }
     tables = mission.model_dump()
     for entry in tables["dispersions"]:
@@ -163,9 +208,9 @@ def survivors(dangerous: ScenarioFile, tmp_path_factory: pytest.TempPathFactory)
 
 
 def test_failed_runs_are_flagged_with_reason_while_the_others_go_on(survivors: Campaign) -> None:
-    massless = survivors.drawn["servicer.mass_kg"] == 0.0
+    wild = survivors.drawn["target.tumble_rate_deg_s"] > 1.0
     approaching = survivors.drawn["initial.relative_velocity_m_s"][:, 1] == 0.5
-    expected = np.where(massless, "non-finite state", np.where(approaching, "entered the keep-out sphere", ""))
+    expected = np.where(wild, "non-finite state", np.where(approaching, "entered the keep-out sphere", ""))
     assert set(expected) == {"", "non-finite state", "entered the keep-out sphere"}
     np.testing.assert_array_equal(survivors.failure_reason, expected)
     np.testing.assert_array_equal(survivors.completed, expected == "")

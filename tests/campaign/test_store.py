@@ -1,15 +1,18 @@
 """The folder: whole or absent, manifest last, undefined numbers, refusals."""
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import zarr
 
 from rpojax.campaign import store
 from rpojax.campaign.store import Campaign
 from rpojax.errors import OutputError, ResultError
+from rpojax.simulation import scenario
 from rpojax.simulation.closed_loop import FAILURES
 from rpojax.simulation.schema import ScenarioFile
 
@@ -50,8 +53,8 @@ def test_blocks_hold_consecutive_runs_and_the_last_is_padded_to_full_size(empty:
 
 
 def test_rows_of_finished_blocks_are_read_back_whatever_order_they_came_in(empty: Campaign) -> None:
-    empty.write_block(2, results(2), {"failed": 0})
-    empty.write_block(0, results(0), {"failed": 1})
+    empty.write_block(2, results(2))
+    empty.write_block(0, results(0))
     read = Campaign(empty.directory)
     assert read.missing() == [1]
     assert read.run_ids.tolist() == [10, 11, 14]
@@ -65,10 +68,10 @@ def test_rows_of_finished_blocks_are_read_back_whatever_order_they_came_in(empty
 
 def test_padding_is_not_stored(empty: Campaign, arrays: Callable[[Path], dict[str, np.ndarray]]) -> None:
     for block in range(3):
-        empty.write_block(block, results(block), {"failed": 1})
+        empty.write_block(block, results(block))
     assert all(len(values) == RUNS for values in arrays(empty.directory).values())
     manifest = json.loads((empty.directory / "manifest" / "000002.json").read_text())
-    assert manifest == {"first": 4, "count": 1, "failed": 1}
+    assert manifest == {"first": 4, "count": 1, "completed": 1, "failed": 0}
 
 
 def test_a_block_counts_only_once_its_manifest_is_there(empty: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,12 +81,90 @@ def test_a_block_counts_only_once_its_manifest_is_there(empty: Campaign, monkeyp
     with monkeypatch.context() as patch:
         patch.setattr(store, "write_json", die)
         with pytest.raises(KeyboardInterrupt):
-            empty.write_block(0, results(0), {"failed": 0})
+            empty.write_block(0, results(0))
     read = Campaign(empty.directory)
     assert read.missing() == [0, 1, 2]
-    assert read.metrics["min_range_m"].shape == (0,)
-    empty.write_block(0, results(0), {"failed": 0})
+    assert read.metrics == {}
+    empty.write_block(0, results(0))
     assert read.metrics["min_range_m"][0] == 0.0
+
+
+def test_the_scenario_lies_beside_the_results_as_a_file_that_loads_to_the_same(
+    empty: Campaign, mission: ScenarioFile
+) -> None:
+    assert scenario.load(empty.directory / "scenario.toml") == mission
+
+
+def lost(path: Path) -> str:
+    path.unlink()
+    return "found nothing"
+
+
+def garbled(path: Path) -> str:
+    path.write_bytes(b"garbage")
+    return "readable arrays"
+
+
+@pytest.mark.parametrize("group", ["metrics", "traces", "drawn", "status"])
+@pytest.mark.parametrize("spoil", [lost, garbled])
+def test_chunks_that_are_lost_or_garbled_are_never_read_as_results(
+    empty: Campaign, group: str, spoil: Callable[[Path], str]
+) -> None:
+    empty.write_block(0, results(0))
+    chunk = next(path for path in (empty.directory / "results.zarr" / group).rglob("c/**/0") if path.is_file())
+    words = spoil(chunk)
+    read = Campaign(empty.directory)
+    with pytest.raises(ResultError, match=words) as caught:
+        _ = read.completed if group == "status" else getattr(read, group)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_chunk_of_fill_values_alone_is_there_too(empty: Campaign) -> None:
+    empty.write_block(0, {**results(0), "metrics/time_to_acquire_s": np.full(2, np.nan)})
+    assert np.isnan(Campaign(empty.directory).metrics["time_to_acquire_s"]).all()
+    empty.write_history(10, {"delta_v_m_s": np.zeros(3), "box_present": np.zeros(3, bool)})
+    assert empty.history(10)["delta_v_m_s"].tolist() == [0.0, 0.0, 0.0]
+    lost(empty.directory / "results.zarr" / "histories" / "10" / "delta_v_m_s" / "c" / "0")
+    with pytest.raises(ResultError, match="found nothing"):
+        empty.history(10)
+
+
+def test_a_status_that_was_never_written_is_unknown_and_no_success(empty: Campaign) -> None:
+    empty.write_block(0, results(0))
+    status = zarr.open_group(str(empty.directory / "results.zarr"), mode="r+")["status/failure"]
+    assert isinstance(status, zarr.Array)
+    assert status.fill_value == -1
+    status[:2] = np.array([0, 0], np.int8)
+    with pytest.raises(ResultError, match=r"found \{'completed': 2, 'failed': 0\} in block 0, expected"):
+        _ = Campaign(empty.directory).completed
+
+
+def test_results_that_are_gone_are_missed_once_a_block_is_done(empty: Campaign) -> None:
+    assert empty.metrics == {}
+    empty.write_block(0, results(0))
+    shutil.rmtree(empty.directory / "results.zarr")
+    for group in ("metrics", "drawn", "traces", "completed"):
+        with pytest.raises(ResultError, match=r"results\.zarr"):
+            getattr(Campaign(empty.directory), group)
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"first": 0}'])
+def test_a_manifest_that_counts_nothing_is_refused(empty: Campaign, text: str) -> None:
+    empty.write_block(0, results(0))
+    (empty.directory / "manifest" / "000000.json").write_text(text)
+    with pytest.raises(ResultError, match="runs the block again"):
+        _ = Campaign(empty.directory).completed
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("runs", None), ("runs", 0), ("block_size", 0), ("seed", "1"), ("scenario", []), ("stages", 3)]
+)
+def test_a_campaign_without_one_of_its_entries_is_refused_by_its_name(
+    empty: Campaign, edit_info: Callable[..., None], key: str, value: object
+) -> None:
+    edit_info(empty.directory, **{key: value})
+    with pytest.raises(ResultError, match=f"{key!r}, expected the"):
+        Campaign(empty.directory)
 
 
 def test_json_is_replaced_as_a_whole_or_not_at_all(tmp_path: Path) -> None:
@@ -124,10 +205,10 @@ def test_an_existing_folder_is_left_alone_without_force(empty: Campaign, mission
 
 
 def test_force_replaces_a_campaign_with_all_it_held(empty: Campaign, mission: ScenarioFile) -> None:
-    empty.write_block(0, results(0), {"failed": 0})
+    empty.write_block(0, results(0))
     (empty.directory / "report.html").write_text("old")
     new = store.create(empty.directory, mission, 8, 1, 0, 1, [], force=True)
-    assert [path.name for path in new.directory.iterdir()] == ["campaign.json"]
+    assert sorted(path.name for path in new.directory.iterdir()) == ["campaign.json", "scenario.toml"]
     assert new.info["seed"] == 8
 
 

@@ -8,13 +8,15 @@ import numpy as np
 import plotly.graph_objects
 import pytest
 
-from rpojax.errors import ResultError
+from rpojax.errors import OutputError, ResultError
+from rpojax.report import sections
 from rpojax.report.charts import binned, envelope, worst_run
 from rpojax.report.html import write_report
 from rpojax.report.labels import CHANNELS, number
+from rpojax.report.summary import summarise
 
 _DASH = "\N{EN DASH}"
-_VOID = {"meta", "img", "rect", "br", "link"}
+_VOID = {"meta", "img", "rect", "br", "wbr", "link"}
 _SECTIONS = {
     *("identity", "headline", "metrics", "envelopes", "consistency", "distributions", "dispersions"),
     *("sensitivity", "failures", "run", "scenario", "limits"),
@@ -111,6 +113,76 @@ def test_chosen_run_can_be_overridden(campaign):
         write_report(campaign, run_id=35)
 
 
+def test_a_report_of_an_unfinished_campaign_says_so_at_its_head_and_how_to_go_on(build):
+    campaign = build(runs=12)
+    assert "Unfinished" not in _words(_page(campaign))
+    campaign.info["runs"] = 20
+    page = _page(campaign)
+    words = _words(page)
+    head = words[: words.index("What was run.")]
+    assert "Unfinished campaign: 8 of 20 runs are missing" in head
+    assert f"rpojax resume {campaign.directory}" in head
+    assert any(attributes.get("class") == "banner" for _, attributes in page.tags)
+
+
+def test_the_command_that_flies_a_run_again_names_the_folders_own_scenario(build):
+    campaign = build(runs=12, failed=(4,))
+    command = f"rpojax run {campaign.directory / 'scenario.toml'} --seed 1 --block-size 256 --run-id"
+    words = _words(_page(campaign))
+    assert f"Any run again {command} I --out DIR" in words
+    assert f"{command} 4 --out run_4" in words
+
+
+def test_replaced_stages_are_part_of_the_identity_and_have_to_be_given_to_fly_a_run_again(build):
+    campaign = build(runs=12, failed=(4,))
+    campaign.info["stages"] = {"formation_law": {"function": "mine.pd_law", "source_sha256": "ab" * 32}}
+    words = _words(_page(campaign))
+    assert f"Replaced stages formation_law = mine.pd_law, source {'ab' * 32}" in words
+    assert "rpojax run " not in words
+    assert "'run_4', 1, first_run=4, block_size=256, stages=...)" in words
+
+
+def test_where_low_is_bad_the_low_side_is_shown(campaign):
+    campaign.metrics["min_range_m"] = np.linspace(20.0, 30.0, 40)
+    rows = {row.name: row for row in sections.metric_rows(campaign, summarise(campaign))}
+    assert rows["min_range_m"].cells[4:7] == ["p5 20.50", "p1 20.10", f"p1 {_DASH}"]
+    assert not any("p" in cell for cell in rows["delta_v_m_s"].cells)
+    shown = {entry["name"]: entry for entry in sections.histograms(campaign, summarise(campaign))}
+    assert shown["min_range_m"]["tail"] == "p1 20.10"
+    assert shown["min_range_m"]["chart"]["layout"]["shapes"][1]["x0"] == pytest.approx(20.1)
+    assert shown["delta_v_m_s"]["tail"].startswith("p99 ")
+
+
+def test_names_break_after_underscores_only(campaign):
+    text = write_report(campaign).read_text()
+    assert "<code>formation_<wbr>error_<wbr>rms_<wbr>m</code>" in text
+    assert "<code>servicer.<wbr>mass_<wbr>kg</code>" in text
+
+
+def test_the_sensitivity_opens_on_the_formation_error_and_shares_are_plain_decimals(campaign):
+    campaign.metrics = dict(sorted(campaign.metrics.items()))
+    data = json.loads(_page(campaign).data)
+    assert next(iter(data["explorer"]["metrics"])) == "formation_error_rms_m"
+    axis = data["charts"]["histogram-good_boxes_rejected_fraction"]["layout"]["xaxis"]
+    assert axis["exponentformat"] == "none"
+
+
+def test_what_varies_is_said_in_full(build):
+    campaign = build(runs=3, kept=())
+    words = _words(_page(campaign))
+    for cause in ("Dispersions", "hand-over", "execution errors of burns", "slowly varying errors"):
+        assert cause in words.partition("From run to run vary")[2][:250]
+    campaign.drawn = {}
+    assert "the runs differ by the error of the hand-over" in _words(_page(campaign))
+
+
+def test_a_folder_in_place_of_the_page_is_refused_in_one_line(campaign):
+    (campaign.directory / "report.html").mkdir(parents=True)
+    with pytest.raises(OutputError, match=r"report\.html: found .*, expected a file") as caught:
+        write_report(campaign)
+    assert "\n" not in str(caught.value)
+
+
 def test_campaign_of_one_run(build):
     words = _words(_page(build(runs=1, kept=(0,))))
     assert "One run has no distribution" in words
@@ -184,6 +256,7 @@ def test_every_value_falls_into_a_bin(values):
         (12.0, "12"),
         (0.41953, "0.4195"),
         (12345.678, "12346"),
+        (2.5e-6, "0.000002500"),
         (3.2e-7, "3.200e-07"),
     ],
 )

@@ -8,7 +8,7 @@ import pytest
 from rpojax.errors import ResultError
 from rpojax.report.summary import choose_run, summarise
 
-_STATISTICS = ("mean", "std", "min", "p50", "p95", "p99", "p99_upper_95", "max")
+_STATISTICS = ("mean", "std", "min", "p1", "p5", "p50", "p95", "p99", "max", "p1_lower_95", "p99_upper_95")
 
 
 def test_metric_has_unit_and_the_statistics_of_its_defined_values(campaign):
@@ -19,8 +19,8 @@ def test_metric_has_unit_and_the_statistics_of_its_defined_values(campaign):
     assert entry["defined"] == len(values)
     assert entry["mean"] == pytest.approx(values.mean())
     assert entry["std"] == pytest.approx(values.std(ddof=1))
-    assert [entry[key] for key in ("min", "p50", "p95", "p99", "max")] == pytest.approx(
-        np.percentile(values, [0, 50, 95, 99, 100])
+    assert [entry[key] for key in ("min", "p1", "p5", "p50", "p95", "p99", "max")] == pytest.approx(
+        np.percentile(values, [0, 1, 5, 50, 95, 99, 100])
     )
 
 
@@ -29,6 +29,25 @@ def test_bound_of_p99_is_given_from_299_runs_on(build):
     enough = build(runs=299, seconds=30)
     entry = summarise(enough)["metrics"]["delta_v_m_s"]
     assert entry["p99_upper_95"] == entry["max"]
+    assert entry["p1_lower_95"] == entry["min"]
+
+
+@pytest.mark.parametrize(("failed", "from_the_end"), [(0, 3), (1, 2), (2, 1), (3, None)])
+def test_a_failed_run_counts_as_worse_than_any_other_in_the_bounds(build, failed, from_the_end):
+    # Of 700 runs the 698th is the bound: P(Bin(700, 0.99) <= 697) = 0.971, and 0.919 for one less.
+    campaign = build(runs=700, seconds=30, kept=(), failed=tuple(range(failed)))
+    entry = summarise(campaign)["metrics"]["delta_v_m_s"]
+    values = np.sort(campaign.metrics["delta_v_m_s"])[: 700 - failed]
+    assert entry["p99_upper_95"] == (None if from_the_end is None else values[-from_the_end])
+    assert entry["p1_lower_95"] == (None if from_the_end is None else values[from_the_end - 1])
+
+
+def test_metrics_come_in_the_order_in_which_a_reader_wants_them(campaign):
+    campaign.metrics = {"of_ones_own": np.ones(40), **dict(sorted(campaign.metrics.items()))}
+    names = list(summarise(campaign)["metrics"])
+    assert names[:2] == ["formation_error_rms_m", "nav_relative_position_error_rms_m"]
+    assert names[-2:] == ["outliers_accepted", "of_ones_own"]
+    assert names.index("nees_mean") < names.index("delta_v_m_s") < names.index("boxes_rejected")
 
 
 def test_metric_defined_in_no_run_is_null_everywhere(campaign):
@@ -45,12 +64,18 @@ def test_one_run_has_no_standard_deviation_and_equal_runs_have_exactly_none(buil
 def test_runs_failures_and_provenance(build):
     campaign = build(runs=12, failed=(4, 9))
     summary = summarise(campaign)
-    assert summary["runs"] == {"requested": 12, "completed": 10, "failed": 2}
+    assert summary["runs"] == {"requested": 12, "completed": 10, "failed": 2, "missing": 0}
     assert summary["failures"] == [
         {"run_id": run, "at_s": 300.0, "reason": "entered the keep-out sphere"} for run in (4, 9)
     ]
     assert summary["provenance"]["scenario_hash"] == campaign.info["scenario_hash"]
     assert summary["requirements"] == []
+
+
+def test_runs_of_unfinished_blocks_are_missing(build):
+    campaign = build(runs=12, failed=(4,))
+    campaign.info["runs"] = 20
+    assert summarise(campaign)["runs"] == {"requested": 20, "completed": 11, "failed": 1, "missing": 8}
 
 
 @pytest.mark.parametrize("choices", [{}, {"runs": 1}, {"runs": 5, "failed": range(5)}, {"runs": 3, "kept": ()}])

@@ -8,7 +8,7 @@ import pytest
 from pydantic import BaseModel
 from reference import matrix, random_unit, turn, unit
 
-from rpojax.errors import ScenarioError
+from rpojax.errors import ScenarioError, UnknownKeyError
 from rpojax.simulation import params as parameters
 from rpojax.simulation import scenario as scenarios
 from rpojax.simulation.params import Params
@@ -107,7 +107,7 @@ BAD_VALUES = {
     "a flag for a number": ("thruster.force_n=true", "thruster.force_n", "number"),
     "a number for a vector": ("wheels.inertia_kg_m2=0.1", "wheels.inertia_kg_m2", "list"),
     "a fraction for a whole number": ("camera.width_px=128.5", "camera.width_px", "integer"),
-    "a list for a section": ("servicer=[1.0]", "servicer", "dictionary"),
+    "a list for a section": ("servicer=[1.0]", "servicer", "a table"),
     "a vector too short": ("initial.relative_position_m=[0.0, -50.0]", "initial.relative_position_m", "3"),
     "a vector too long": ("wheels.torque_limit_n_m=[0.1, 0.1, 0.1, 0.1]", "wheels.torque_limit_n_m", "3"),
     "a quaternion too short": ("target.attitude=[1.0, 0.0, 0.0]", "target.attitude", "4"),
@@ -155,6 +155,16 @@ BAD_VALUES = {
     "looking away longer than a burn period": (
         "pointing.look_away_limit_s=500.0", "pointing.look_away_limit_s", "rates.formation_period_s"
     ),
+    "a lead shorter than half a look-away": ("formation.lead_s=54.9", "formation.lead_s", "55 to 145"),
+    "a look-away that runs into the next decision": ("formation.lead_s=145.1", "formation.lead_s", "55 to 145"),
+    "a ratio beyond all numbers": ("rates.camera_hz=1e-308", "rates.plant_hz", "whole multiple of rates.camera_hz"),
+    "a number of ticks beyond all numbers": ("rates.camera_hz=5e-324", "rates.plant_hz", "whole multiple"),
+    "a plant too fast for any machine": ("rates.plant_hz=1001.0", "rates.plant_hz", "less than or equal to 1000"),
+    "a place inside the keep-out sphere": (
+        "formation.desired_position_m=[6.0, -8.0, 0.0]", "formation.desired_position_m", "limits.keep_out_m = 10"
+    ),
+    "a perigee in the atmosphere": ("orbit.eccentricity=0.06", "orbit.eccentricity", "perigee above 6.47e+06 m"),
+    "a direction of rounding errors": ("thruster.direction=[1e-9, -9e-7, 0.0]", "thruster.direction", "not zero"),
 }  # fmt: skip
 
 
@@ -196,7 +206,10 @@ def test_a_misspelt_key_in_a_file_is_refused_with_the_one_that_was_meant(
     (tables[section] if section else tables)[misspelt] = 1.0
     with pytest.raises(ScenarioError) as caught:
         scenarios.validate(tables)
-    assert_one_line(caught.value, f"{section}.{misspelt}" if section else misspelt, "no such key", f"{meant!r}")
+    key = f"{section}.{misspelt}" if section else misspelt
+    assert isinstance(caught.value, UnknownKeyError)
+    assert caught.value.key == key
+    assert str(caught.value) == f"{key}: unknown key (did you mean {meant!r}?)"
 
 
 @pytest.mark.parametrize("key", ["servicer.mass_kg", "camera", "duration_s"])
@@ -266,6 +279,36 @@ BAD_DISPERSIONS: dict[str, tuple[dict[str, Any], str, tuple[str, ...]]] = {
 }  # fmt: skip
 
 
+BAD_DRAWS: dict[str, tuple[dict[str, Any], str, tuple[str, ...]]] = {
+    "a mass that may be negative": (
+        {"key": "servicer.mass_kg", "kind": "uniform", "low": -1.0, "high": 30.0},
+        "dispersions.0.low", ("servicer.mass_kg", "greater than 0"),
+    ),
+    "a probability that may exceed one": (
+        {"key": "camera.miss_probability", "kind": "uniform", "low": 0.5, "high": 1.5},
+        "dispersions.0.high", ("less than or equal to 1",),
+    ),
+    "components that may be negative": (
+        {"key": "wheels.torque_limit_n_m", "kind": "uniform", "low": -0.1, "high": 0.1},
+        "dispersions.0.low", ("greater than 0",),
+    ),
+    "one mass of several that is none": (
+        {"key": "servicer.mass_kg", "kind": "choice", "values": [30.0, 0.0]},
+        "dispersions.0.values", ("greater than 0",),
+    ),
+    "one direction of several that is none": (
+        {"key": "sun.direction", "kind": "choice", "values": [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]},
+        "dispersions.0.values", ("not zero",),
+    ),
+}  # fmt: skip
+BAD_DISPERSIONS |= BAD_DRAWS
+
+
+def test_a_uniform_may_end_where_all_components_at_once_would_be_no_direction(tables: dict[str, Any]) -> None:
+    tables["dispersions"] = [{"key": "target.tumble_axis", "kind": "uniform", "low": 0.0, "high": 1.0}]
+    assert scenarios.validate(tables).dispersions[0].key == "target.tumble_axis"
+
+
 @pytest.mark.parametrize("case", BAD_DISPERSIONS.values(), ids=BAD_DISPERSIONS.keys())
 def test_a_bad_dispersion_is_refused_with_its_place_in_the_list(
     tables: dict[str, Any], case: tuple[dict[str, Any], str, tuple[str, ...]]
@@ -292,6 +335,12 @@ def test_an_unknown_scenario_is_refused_with_the_names_of_the_packaged_ones(sour
         scenarios.load(source)
     assert_one_line(caught.value, "scenario", "inspection", "inspection_cold")
     assert source in str(caught.value)
+
+
+def test_a_file_may_begin_with_the_mark_that_some_editors_put_first(tmp_path: Path) -> None:
+    path = tmp_path / "marked.toml"
+    path.write_text('extends = "inspection"\nname = "marked"\n', encoding="utf-8-sig")
+    assert scenarios.load(path).name == "marked"
 
 
 def test_a_file_that_is_no_toml_is_refused_by_its_name(tmp_path: Path) -> None:
