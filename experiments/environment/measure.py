@@ -114,8 +114,8 @@ def faults(result: Campaign) -> bool:
             result.metrics[name][chosen] for name in ("formation_error_rms_m", "min_range_m", "sigma3_coverage")
         )
         print(
-            f"| `{KINDS[code]}` | {chosen.sum()} | {(~result.completed[chosen]).sum()} | {np.nanmedian(formation):.2f}, "
-            f"{np.nanpercentile(formation, 95):.1f} | {np.nanmin(closest):.1f} | {100 * np.nanmean(coverage):.1f} % |"
+            f"| `{KINDS[code]}` | {chosen.sum()} | {(~result.completed[chosen]).sum()} "
+            f"| {np.nanmedian(formation):.2f}, {np.nanpercentile(formation, 95):.1f} | {np.nanmin(closest):.1f} | {100 * np.nanmean(coverage):.1f} % |"
         )
     return bool(result.completed.all())
 

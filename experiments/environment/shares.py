@@ -24,9 +24,7 @@ from rpojax.simulation.params import Params
 STEP_S = 2.0
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
-FULL = Effects(
-    integrator="rk8", zonal_degree=6, sun_gravity=True, moon_gravity=True, drag=True, solar_pressure=True
-)
+FULL = Effects(integrator="rk8", zonal_degree=6, sun_gravity=True, moon_gravity=True, drag=True, solar_pressure=True)
 WITHOUT = {
     "J2 to J6 (against a point mass)": replace(FULL, zonal_degree=0),
     "J3 to J6": replace(FULL, zonal_degree=2),
@@ -48,9 +46,7 @@ def fly(params: Params, effects: Effects, epoch_s: float, steps: int) -> np.ndar
 
     def step(truth: plant.Truth, time: jax.Array) -> tuple[plant.Truth, jax.Array]:
         sky = Sky(sun_N=ephemeris.sun(epoch_s + time), moon_N=ephemeris.moon(epoch_s + time))
-        after = plant.step(
-            effects, params.plant, truth, jnp.zeros(3), (thrust,), sky, faults.healthy(), STEP_S
-        )
+        after = plant.step(effects, params.plant, truth, jnp.zeros(3), (thrust,), sky, faults.healthy(), STEP_S)
         R_HN, _ = hill_frame(after.r_TN_N, after.v_TN_N)
         return after, apply(R_HN, after.r_ST_N)
 

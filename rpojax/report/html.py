@@ -13,7 +13,7 @@ import jinja2
 from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
-from rpojax.report import dispersions, sections
+from rpojax.report import dispersions, faults, sections
 from rpojax.report.charts import Chart
 from rpojax.report.figures import write_figures
 from rpojax.report.files import write_atomically
@@ -82,6 +82,7 @@ def _page(campaign: Results, summary: Mapping[str, Any], shown: int | None, figu
         dispersions=dispersions.as_drawn(campaign),
         explorer=explorer is not None,
         failures=sections.failures(summary),
+        faults={"rows": faults.by_kind(campaign), "headings": faults.headings()},
         shown=shown,
         shown_metrics=[] if shown is None else sections.chosen_metrics(campaign, shown),
         figures=[(_CAPTIONS[name], _data_url(path)) for name, path in figures.items()],

@@ -66,8 +66,16 @@ _TEXTS: dict[str, tuple[str, str]] = {
         "Share of seconds and Hill axes in which the relative position error is inside 3 sigma; "
         "a normal error gives 0.9973.",
     ),
+    "error_over_sigma3_peak": (
+        "Worst error over 3 sigma",
+        "Largest relative position error over its own 3-sigma bound, any axis and time.",
+    ),
     "delta_v_m_s": ("Delta-v", "Velocity change that the thruster applied over the whole run."),
     "min_range_m": ("Minimum range", "Smallest true distance of the two spacecraft."),
+    "passive_range_m": (
+        "Passive range",
+        "Smallest distance within one orbit of free drift, had thrust stopped at any time.",
+    ),
     "pointing_error_p95_deg": (
         "Pointing error, p95",
         "95th percentile of the angle from boresight to target while the camera is meant to be on it and settled.",
@@ -76,6 +84,10 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "look_away_peak_s": (
         "Look-away in a burn period",
         "Time turned away from the target (turn, burn, turn back), summed over one burn period; the largest such sum.",
+    ),
+    "reacquisition_peak_s": (
+        "Longest reacquisition",
+        "Longest wait from the target coming into the light to the next accepted box.",
     ),
     "longest_unseen_s": ("Longest time unseen", "Longest stretch without an accepted box, look-aways included."),
     "time_to_acquire_s": ("Time to acquire", "Time until the first accepted box."),
@@ -89,7 +101,7 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "outliers_accepted": ("Outliers accepted", "Number of false boxes that passed the gate."),
 }
 """Title and meaning of every metric, in the order in which a reader wants them."""
-_LOW_IS_BAD = {"min_range_m", "sigma3_coverage", "detection_rate", "visible_fraction"}
+_LOW_IS_BAD = {"min_range_m", "passive_range_m", "sigma3_coverage", "detection_rate", "visible_fraction"}
 
 CHANNELS = (
     Channel("formation_error_m", "Formation error", "m", logarithmic=True),

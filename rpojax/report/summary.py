@@ -6,6 +6,7 @@ import numpy as np
 
 from rpojax.analysis.statistics import quantile_upper_bound
 from rpojax.errors import ResultError
+from rpojax.report import faults
 from rpojax.report.labels import ordered
 from rpojax.report.results import Results
 from rpojax.simulation.metrics import UNITS
@@ -25,6 +26,7 @@ def summarise(campaign: Results) -> dict[str, Any]:
         "requirements": [],
         "provenance": plain({key: value for key, value in campaign.info.items() if key != "scenario"}),
         "failures": _failures(campaign),
+        "faults": faults.counts(campaign),
     }
 
 

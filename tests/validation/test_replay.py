@@ -32,8 +32,8 @@ BARS: dict[str, dict[str, float]] = {
     "h_drag": {"position_error_m": 0.1, "velocity_error_m_s": 1e-4},
     "h_sunlight": {
         "position_error_m": 0.01,
-        "illumination_error": 1e-8,
-        **({"illumination_error_less_rounding": 1e-10} if np.finfo(np.longdouble).eps < 1e-18 else {}),
+        "illumination_difference": 1e-8,
+        **({"illumination_error": 1e-10} if np.finfo(np.longdouble).eps < 1e-18 else {}),
     },
     "i_combined": {"position_error_m": 1e-6, "attitude_error_rad": 1e-8, "wheel_speed_error_rad_s": 1e-8},
     "j_attitude_loop": {"attitude_error_rad": 1e-6, "rate_error_rad_s": 1e-7},
@@ -122,7 +122,7 @@ def test_the_command_line_prints_one_json_object_per_file() -> None:
     lines = [json.loads(line) for line in found.stdout.splitlines()]
     assert [line["case"] for line in lines] == names
     assert lines[0]["position_error_m"] is None and lines[0]["attitude_error_rad"] < 1e-8
-    assert lines[1]["position_error_m"] < 1e-6 and lines[1]["illumination_error"] is None
+    assert lines[1]["position_error_m"] < 1e-6 and lines[1]["illumination_difference"] is None
     assert all(line["integrator"] == "rk8" and line["step_s"] > 0.0 for line in lines)
 
 
