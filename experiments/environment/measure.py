@@ -113,10 +113,15 @@ def faults(result: Campaign) -> bool:
         formation, closest, coverage = (
             result.metrics[name][chosen] for name in ("formation_error_rms_m", "min_range_m", "sigma3_coverage")
         )
-        print(
-            f"| `{KINDS[code]}` | {chosen.sum()} | {(~result.completed[chosen]).sum()} "
-            f"| {np.nanmedian(formation):.2f}, {np.nanpercentile(formation, 95):.1f} | {np.nanmin(closest):.1f} | {100 * np.nanmean(coverage):.1f} % |"
-        )
+        cells = [
+            f"`{KINDS[code]}`",
+            f"{chosen.sum()}",
+            f"{(~result.completed[chosen]).sum()}",
+            f"{np.nanmedian(formation):.2f}, {np.nanpercentile(formation, 95):.1f}",
+            f"{np.nanmin(closest):.1f}",
+            f"{100 * np.nanmean(coverage):.1f} %",
+        ]
+        print(f"| {' | '.join(cells)} |")
     return bool(result.completed.all())
 
 

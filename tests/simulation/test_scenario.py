@@ -1,5 +1,6 @@
 """Scenario files: what loads, what is refused and how it says so, and where every number ends up."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,8 @@ from pydantic import BaseModel
 from reference import matrix, random_unit, turn, unit
 
 from rpojax.errors import ScenarioError, UnknownKeyError
+from rpojax.physics import faults
+from rpojax.physics.effects import Effects
 from rpojax.simulation import params as parameters
 from rpojax.simulation import scenario as scenarios
 from rpojax.simulation.params import Params
@@ -33,8 +36,62 @@ def test_every_packaged_scenario_loads_and_is_named_after_its_file(name: str) ->
     assert static.ticks * static.tick_s == pytest.approx(file.duration_s)
 
 
-def test_the_nominal_scenario_and_its_cold_start_are_packaged() -> None:
-    assert {"inspection", "inspection_cold"} <= set(scenarios.packaged())
+def test_the_nominal_scenario_and_its_variants_are_packaged() -> None:
+    variants = {"inspection_cold", "inspection_full", "inspection_eclipse", "inspection_faults"}
+    assert {"inspection", *variants} <= set(scenarios.packaged())
+
+
+def test_switches_of_the_plant_and_of_the_filter_are_static_settings() -> None:
+    nominal = scenarios.static(scenarios.load("inspection"))
+    assert nominal.effects == Effects()
+    changed = scenarios.static(
+        scenarios.load(
+            "inspection",
+            ["effects.drag=true", "effects.integrator=rk8", "effects.zonal_degree=6", "effects.faults=true"]
+            + ["navigation.zonal_degree=4", "navigation.luni_solar=true"],
+        )
+    )
+    assert changed.effects == Effects(drag=True, integrator="rk8", zonal_degree=6, faults=True)
+    assert (changed.navigation_zonal_degree, changed.navigation_luni_solar) == (4, True)
+    assert (nominal.navigation_zonal_degree, nominal.navigation_luni_solar) == (2, False)
+    assert hash(changed) != hash(nominal)
+
+
+def test_the_full_scenario_has_every_effect_but_faults_which_another_adds() -> None:
+    full, faulty = (scenarios.static(scenarios.load(f"inspection_{name}")).effects for name in ("full", "faults"))
+    assert {name for name, value in vars(full).items() if value is False} == {"faults"}
+    assert full.zonal_degree == 6
+    assert faulty == replace(full, faults=True)
+
+
+@pytest.mark.parametrize(
+    ("utc", "days"),
+    [
+        ("2000-01-01T12:00:00", 0.0),
+        ("2000-01-02T12:00", 1.0),
+        ("2026-03-20T14:46:00", 9575.0 + 2.0 / 24.0 + 46.0 / 1440.0),
+        ("2026-03-20T15:46:00+01:00", 9575.0 + 2.0 / 24.0 + 46.0 / 1440.0),
+        ("2026-03-20", 9574.5),
+    ],
+)
+def test_an_epoch_is_seconds_of_terrestrial_time_from_noon_of_the_first_day_of_2000(utc: str, days: float) -> None:
+    static = scenarios.static(scenarios.load("inspection", [f'epoch_utc="{utc}"']))
+    # 37 leap seconds by 2017 and 32.184 s between atomic and terrestrial time.
+    assert static.epoch_s == pytest.approx(days * 86400.0 + 69.184, abs=1e-6)
+
+
+def test_dispersions_of_a_file_join_those_of_its_base_and_replace_those_of_the_same_key(tmp_path: Path) -> None:
+    path = tmp_path / "child.toml"
+    path.write_text(
+        'extends = "inspection"\nname = "child"\n'
+        '[[dispersions]]\nkey = "servicer.mass_kg"\nkind = "uniform"\nlow = 29.0\nhigh = 31.0\n'
+        '[[dispersions]]\nkey = "gps.noise_m"\nkind = "normal"\nsigma = 0.1\n'
+    )
+    before = {drawn.key: drawn for drawn in scenarios.load("inspection").dispersions}
+    after = {drawn.key: drawn for drawn in scenarios.load(path).dispersions}
+    assert set(after) == set(before) | {"gps.noise_m"}
+    assert (before["servicer.mass_kg"].kind, after["servicer.mass_kg"].kind) == ("normal", "uniform")
+    assert {key for key in before if after[key] != before[key]} == {"servicer.mass_kg"}
 
 
 def test_static_settings_are_whole_numbers_of_ticks_and_steps() -> None:
@@ -142,6 +199,16 @@ BAD_VALUES = {
     "orbit under the ground": ("orbit.semi_major_axis_m=6e6", "orbit.semi_major_axis_m", "greater than"),
     "probability above one": ("camera.miss_probability=1.5", "camera.miss_probability", "less than or equal to 1"),
     "unknown camera": ("camera.model=thermal", "camera.model", "'geometric'"),
+    "an epoch that is no date": ("epoch_utc=tomorrow", "epoch_utc", "date and time", "2026-03-20T14:46:00"),
+    "an epoch with a thirteenth month": ('epoch_utc="2026-13-20T14:46:00"', "epoch_utc", "date and time"),
+    "an epoch that is a number": ("epoch_utc=2026", "epoch_utc", "string"),
+    "a zonal degree of one": ("effects.zonal_degree=1", "effects.zonal_degree", "0, 2"),
+    "a zonal degree beyond the model": ("navigation.zonal_degree=7", "navigation.zonal_degree", "0, 2"),
+    "a number for a switch": ("effects.drag=1", "effects.drag", "boolean"),
+    "an unknown integrator": ("effects.integrator=euler", "effects.integrator", "'rk4'", "'rk8'"),
+    "an unknown fault": ("fault.kind=gremlins", "fault.kind", "'none'", "'gps_outage'"),
+    "a fourth wheel": ("fault.wheel=3", "fault.wheel", "less than or equal to 2"),
+    "air without a scale": ("atmosphere.scale_height_m=0.0", "atmosphere.scale_height_m", "greater than 0"),
     "unknown gating": ("navigation.gating=maybe", "navigation.gating", "'covariance'", "'none'"),
     "plant slower than the camera": ("rates.plant_hz=0.5", "rates.plant_hz", "whole multiple of rates.camera_hz"),
     "plant rate that does not divide": ("rates.plant_hz=5.5", "rates.plant_hz", "whole multiple of rates.camera_hz"),
@@ -265,10 +332,25 @@ BAD_DISPERSIONS: dict[str, tuple[dict[str, Any], str, tuple[str, ...]]] = {
         {"key": "gps.noise_m", "kind": "uniform", "low": 2.0, "high": 1.0}, "dispersions.0", ("low at most high",)
     ),
     "an attitude for a vector": (
-        {"key": "sun.direction", "kind": "attitude"}, "dispersions.0.kind", ("4 components",)
+        {"key": "target.tumble_axis", "kind": "attitude"}, "dispersions.0.kind", ("4 components",)
     ),
     "a direction for a quaternion": (
         {"key": "target.attitude", "kind": "direction"}, "dispersions.0.kind", ("3 components",)
+    ),
+    "a kind of fault by number": (
+        {"key": "fault.kind", "kind": "choice", "values": [1.0, 2.0]}, "dispersions.0.values", ("kinds of fault",)
+    ),
+    "names for a number": (
+        {"key": "fault.severity", "kind": "choice", "values": ["gps_outage"]}, "dispersions.0.values", ("numbers",)
+    ),
+    "a kind of fault that is no choice": (
+        {"key": "fault.kind", "kind": "uniform", "low": 0.0, "high": 7.0}, "dispersions.0.kind", ("'choice'",)
+    ),
+    "a switch of the plant": (
+        {"key": "effects.drag", "kind": "normal", "sigma": 1.0}, "dispersions.0.key", ("key of a number",)
+    ),
+    "what the filter knows": (
+        {"key": "navigation.zonal_degree", "kind": "normal", "sigma": 1.0}, "dispersions.0.key", ("key of a number",)
     ),
     "choices of the wrong shape": (
         {"key": "gps.noise_m", "kind": "choice", "values": [[1.0, 2.0]]}, "dispersions.0.values", ("shape ()",)
@@ -297,7 +379,7 @@ BAD_DRAWS: dict[str, tuple[dict[str, Any], str, tuple[str, ...]]] = {
         "dispersions.0.values", ("greater than 0",),
     ),
     "one direction of several that is none": (
-        {"key": "sun.direction", "kind": "choice", "values": [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]},
+        {"key": "target.tumble_axis", "kind": "choice", "values": [[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]},
         "dispersions.0.values", ("not zero",),
     ),
 }  # fmt: skip
@@ -371,7 +453,7 @@ def test_a_chain_that_does_not_end_in_a_scenario_is_refused(tmp_path: Path, exte
 # Where the numbers end up
 
 
-STATIC = {"model", "width_px", "height_px", "gating"}
+STATIC = {"model", "width_px", "height_px", "gating", "zonal_degree", "luni_solar"}
 """Keys that shape the compiled program instead of being data."""
 
 
@@ -380,7 +462,7 @@ def numeric_keys() -> list[str]:
     keys = []
     for name, field in ScenarioFile.model_fields.items():
         section = field.annotation
-        if name != "rates" and isinstance(section, type) and issubclass(section, BaseModel):
+        if name not in ("rates", "effects") and isinstance(section, type) and issubclass(section, BaseModel):
             keys += [f"{name}.{key}" for key in section.model_fields if key not in STATIC]
     return keys
 
@@ -397,7 +479,8 @@ def test_every_number_of_the_scenario_lands_in_the_params_in_si_units(
     inspection_file: ScenarioFile, inspection_params: Params, key: str
 ) -> None:
     section, _, name = key.partition(".")
-    value = np.asarray(getattr(getattr(inspection_file, section), name), dtype=float)
+    value = getattr(getattr(inspection_file, section), name)
+    value = np.asarray(faults.KINDS.index(value) if key == "fault.kind" else value, dtype=float)
     path, found_factor = parameters.locate(key)
     leaf = np.asarray(parameters.get(inspection_params, path))
     assert found_factor == pytest.approx(factor(key), rel=1e-15)
