@@ -338,7 +338,8 @@ def guide(
     reference = _retarget(pointing, state.reference, q_end, omega_end, to_burn != state.to_burn, dt)
     slewing = reference.slew_age < reference.slew_time
     away = jnp.where(time >= plan.ignition, Mode.BURN, Mode.TURN)
-    after_burn = (plan.cutoff > plan.ignition) & (time < plan.cutoff + pointing.look_away_limit)
+    # A burn that was called off has a turn, too.
+    after_burn = (plan.cutoff > plan.turn_start) & (time < plan.cutoff + pointing.look_away_limit)
     back = jnp.where(after_burn, Mode.TURN_BACK, Mode.SEARCH)
     home = jnp.where(searching, Mode.SEARCH, jnp.where(slewing, back, Mode.LOOK))
     mode = jnp.where(to_burn, away, home)

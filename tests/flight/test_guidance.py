@@ -587,6 +587,14 @@ def test_a_burn_called_off_halfway_keeps_what_was_flown_and_gives_no_more(
     jax.tree.map(np.testing.assert_array_equal, later, after)
 
 
+def test_the_way_back_from_a_burn_that_was_called_off_is_no_search(flight: FlightParams, known: OrbitEstimate) -> None:
+    found = plan(push_back, flight, known)
+    off = replace(found, cutoff=found.ignition)
+    _, modes, _ = fly_plan(flight, known, off)
+    sequence = [Mode(mode) for mode, _ in itertools.groupby(modes)]
+    assert sequence == [Mode.LOOK, Mode.TURN, Mode.TURN_BACK, Mode.LOOK]
+
+
 def test_the_attitude_does_not_matter_long_before_a_burn_and_after_it(
     flight: FlightParams, known: OrbitEstimate
 ) -> None:

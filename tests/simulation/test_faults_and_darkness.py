@@ -1,0 +1,237 @@
+"""Failed equipment and darkness in the closed loop: one batch of short runs that differ in their numbers alone."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.core.pytree import replace
+from rpojax.flight.guidance import Mode
+from rpojax.physics import faults
+from rpojax.simulation import closed_loop
+from rpojax.simulation import params as parameters
+from rpojax.simulation import scenario as scenarios
+from rpojax.simulation.closed_loop import State, Telemetry
+from rpojax.simulation.params import Params
+from rpojax.simulation.scenario import Scenario
+
+TICKS, BEGIN, END = 400, 100, 300
+"""Length of a run, and start and end of the fault [s]."""
+
+OVERRIDES = (
+    f"duration_s={TICKS}.0",
+    "rates.formation_period_s=100.0",
+    "pointing.look_away_limit_s=80.0",
+    "formation.lead_s=40.0",
+    "wheels.initial_speed_rad_s=[20.0, 20.0, 20.0]",
+    f"fault.start_s={BEGIN}.0",
+    f"fault.duration_s={END - BEGIN}.0",
+)
+"""Burns decided every 100 s and flown 40 s later."""
+
+ECLIPSE_RAAN = np.deg2rad(30.3)
+"""The Sun 30 deg out of the orbit plane, as in the packaged scenario: sunset at 30 deg of anomaly, sunrise at 159."""
+
+SUNSET, SUNRISE = "sunset", "sunrise"
+CASES = (*faults.KINDS, SUNSET, SUNRISE)
+
+
+
+
+def case(nominal: Params, name: str) -> Params:
+    """Params of one case."""
+    if name in faults.KINDS:
+        return parameters.put(nominal, ("plant", "fault", "kind"), jnp.float64(faults.KINDS.index(name)))
+    # 0.063 deg of orbit a second: sunset or sunrise some 150 s after the start.
+    anomaly = np.deg2rad(20.5 if name == SUNSET else 149.5)
+    orbit = replace(nominal.orbit, raan=jnp.float64(ECLIPSE_RAAN), true_anomaly=jnp.float64(anomaly))
+    return replace(nominal, orbit=orbit)
+
+
+@partial(jax.jit, static_argnums=0)
+def fly(scenario: Scenario, params: Params, key: jax.Array) -> tuple[State, Telemetry]:
+    """All cases at once, with the same random numbers."""
+
+    def one(params: Params) -> tuple[State, Telemetry]:
+        return closed_loop.rollout(scenario, params, closed_loop.init(scenario, params, key), TICKS)
+
+    return jax.vmap(one)(params)
+
+
+@pytest.fixture(scope="module")
+def runs() -> dict[str, tuple[State, Telemetry]]:
+    """State at the end and telemetry of every case."""
+    file = scenarios.load("inspection_faults", OVERRIDES)
+    static = scenarios.static(file)
+    nominal = parameters.build(file.model_dump(), static.width_px, static.height_px)
+    batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(case(nominal, name) for name in CASES))
+    flown = jax.tree.map(np.asarray, fly(static, batch, closed_loop.run_key(1, 0)))
+    return {name: jax.tree.map(lambda leaf, place=place: leaf[place], flown) for place, name in enumerate(CASES)}
+
+
+Runs = dict[str, tuple[State, Telemetry]]
+
+
+def sigma(telemetry: Telemetry, what: str) -> np.ndarray:
+    """1-sigma, root of the sum over the axes, at each tick."""
+    orbit = telemetry.flight.orbit
+    covariance, part = {
+        "servicer": (orbit.servicer.covariance, slice(0, 3)),
+        "relative": (orbit.relative.covariance, slice(0, 3)),
+        "velocity": (orbit.relative.covariance, slice(3, 6)),
+        "bearing": (orbit.relative.covariance, slice(8, 10)),
+        "attitude": (telemetry.flight.attitude.covariance, slice(0, 3)),
+    }[what]
+    return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)[:, part].sum(axis=1))
+
+
+def planned(telemetry: Telemetry) -> np.ndarray:
+    """Whether a burn was planned at each decision."""
+    plan = telemetry.flight.plan
+    return (plan.cutoff > plan.ignition)[::100]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_run_stays_finite_whatever_happens(runs: Runs, name: str) -> None:
+    state, telemetry = runs[name]
+    assert int(state.failure) == 0
+    assert np.all(telemetry.running)
+    for leaf in jax.tree.leaves((state.truth, state.sensors, telemetry.truth, telemetry.flight.orbit)):
+        assert np.all(np.isfinite(leaf))
+
+
+@pytest.mark.parametrize("name", faults.KINDS)
+def test_until_the_fault_all_runs_are_the_same_and_then_not(runs: Runs, name: str) -> None:
+    healthy, struck = runs["none"][1].truth, runs[name][1].truth
+    # One program for all: equal numbers give equal results.
+    np.testing.assert_array_equal(struck.q_BN[:BEGIN], healthy.q_BN[:BEGIN])
+    if name != "none":
+        assert np.max(np.abs(struck.q_BN - healthy.q_BN)) > 1e-9
+
+
+def test_a_healthy_run_burns_and_keeps_its_target_in_view(runs: Runs) -> None:
+    _, telemetry = runs["none"]
+    assert planned(telemetry)[1:].sum() >= 2
+    looking = (telemetry.mode == Mode.LOOK) & (np.arange(TICKS) > 20)
+    assert telemetry.innovation.accepted[looking].mean() > 0.7
+
+
+@pytest.mark.parametrize(
+    ("name", "what", "growth"),
+    [
+        ("gps_outage", "servicer", 1.5),
+        ("star_tracker_blind", "attitude", 2.0),
+        ("star_tracker_blind", "bearing", 1.2),
+        ("camera_blackout", "relative", 1.3),
+    ],
+)
+def test_an_outage_makes_what_is_no_longer_measured_less_certain_until_it_ends(
+    runs: Runs, name: str, what: str, growth: float
+) -> None:
+    healthy, blind = (sigma(runs[kind][1], what) for kind in ("none", name))
+    assert blind[END - 1] > growth * blind[BEGIN - 1]
+    assert blind[END - 1] > growth * healthy[END - 1]
+    if what != "bearing":
+        assert blind[-1] < 0.7 * blind[END - 1]
+
+
+def test_a_blackout_gives_no_boxes_and_no_burns(runs: Runs) -> None:
+    _, telemetry = runs["camera_blackout"]
+    assert not np.any(telemetry.frame.box.present[BEGIN:END])
+    assert not np.any(telemetry.innovation.accepted[BEGIN:END])
+    assert not np.any(planned(telemetry)[2:])  # at 100 s the target has only just gone
+    assert telemetry.innovation.accepted[END:].any()
+
+
+def test_a_dead_thruster_is_noticed_and_left_alone(runs: Runs) -> None:
+    _, telemetry = runs["thruster_off"]
+    gained = telemetry.truth.delta_v
+    assert gained[END - 1] == gained[BEGIN]
+    assert BEGIN < telemetry.flight.thruster_failed_at[END - 1] < BEGIN + 80.0  # the last second of the one burn
+    assert planned(telemetry).tolist()[2:] == [False, False]
+    # The filter was told of the missing thrust: its velocity is no worse than that of the healthy run by a burn.
+    error = np.linalg.norm(telemetry.flight.orbit.relative.v_TS_N + telemetry.truth.v_ST_N, axis=1)
+    assert error[BEGIN + 60] < 3.0 * sigma(telemetry, "velocity")[BEGIN + 60]
+
+
+def test_a_weak_thruster_gives_less_and_the_filter_becomes_less_certain_of_the_velocity(runs: Runs) -> None:
+    healthy, weak = runs["none"][1], runs["thruster_weak"][1]
+    after = BEGIN + 60
+    first = [telemetry.truth.delta_v[after] - telemetry.truth.delta_v[BEGIN] for telemetry in (weak, healthy)]
+    np.testing.assert_allclose(first[0] / first[1], 0.5, rtol=0.02)
+    assert sigma(weak, "velocity")[after] > sigma(healthy, "velocity")[after]
+    error = np.linalg.norm(weak.flight.orbit.relative.v_TS_N + weak.truth.v_ST_N, axis=1)
+    assert error[after] < 3.0 * sigma(weak, "velocity")[after]
+
+
+def test_a_stuck_wheel_stops_and_the_others_go_on(runs: Runs) -> None:
+    speed = runs["wheel_stuck"][1].truth.wheel_speed
+    assert np.max(np.abs(speed[BEGIN + 30 : END, 0])) < 0.1  # fifteen time constants
+    assert np.max(np.abs(speed[BEGIN + 30 : END, 1:])) > 1.0
+
+
+def test_a_burn_is_called_off_when_the_attitude_cannot_follow(runs: Runs) -> None:
+    _, telemetry = runs["wheel_stuck"]
+    assert planned(telemetry)[1]
+    assert telemetry.truth.delta_v[BEGIN + 90] == 0.0
+    assert Mode.TURN_BACK in telemetry.mode[BEGIN : BEGIN + 90]
+
+
+def test_a_rubbing_wheel_is_overcome_by_the_controller(runs: Runs) -> None:
+    _, telemetry = runs["wheel_friction"]
+    looking = telemetry.mode == Mode.LOOK
+    assert telemetry.innovation.accepted[looking & (np.arange(TICKS) > BEGIN)].mean() > 0.5
+
+
+def dark(telemetry: Telemetry) -> np.ndarray:
+    return ~telemetry.frame.observable
+
+
+def test_the_sun_sets_and_rises_once_in_the_runs_at_its_edges(runs: Runs) -> None:
+    for name, first in ((SUNSET, False), (SUNRISE, True)):
+        flags = dark(runs[name][1])
+        assert flags[0] == first
+        assert flags[-1] != first
+        assert np.count_nonzero(np.diff(flags)) == 1
+        assert 50 < np.flatnonzero(np.diff(flags))[0] < 250
+
+
+@pytest.mark.parametrize("name", [SUNSET, SUNRISE])
+def test_in_the_dark_there_are_no_boxes_no_search_and_no_decisions_to_burn(runs: Runs, name: str) -> None:
+    _, telemetry = runs[name]
+    flags = dark(telemetry)
+    assert not np.any(telemetry.frame.box.present[flags])
+    assert not np.any(telemetry.innovation.accepted[flags])
+    assert not np.any(planned(telemetry)[flags[::100]])
+    # The computer's own idea of sunset and sunrise differs by a second or two.
+    deep = flags & np.roll(flags, 3) & np.roll(flags, -3)
+    assert np.all(telemetry.mode[deep] != Mode.SEARCH)
+    assert np.all(telemetry.flight.pointing.unseen_time[deep] == 0.0)
+    assert np.all(telemetry.flight.pointing.sightings[deep] == 0.0)
+
+
+def test_after_sunset_the_target_is_tracked_blindly_with_growing_uncertainty(runs: Runs) -> None:
+    _, telemetry = runs[SUNSET]
+    flags = dark(telemetry)
+    last = np.flatnonzero(~flags)[-1]
+    looking = (telemetry.mode == Mode.LOOK) & ~flags & (np.arange(TICKS) > 20)
+    assert telemetry.innovation.accepted[looking].mean() > 0.5
+    assert telemetry.flight.pointing.acquired[last - 5]
+    uncertain = sigma(telemetry, "relative")
+    assert uncertain[-1] > 1.2 * uncertain[last]
+    gained = telemetry.truth.delta_v
+    assert gained[-1] == gained[last + 60]  # a burn decided in the light may still be flown
+
+
+def test_after_sunrise_the_target_is_acquired_and_burns_begin(runs: Runs) -> None:
+    state, telemetry = runs[SUNRISE]
+    sunrise = np.flatnonzero(~dark(telemetry))[0]
+    assert state.truth.delta_v > 0.0
+    assert np.all(telemetry.truth.delta_v[:sunrise] == 0.0)
+    accepted = np.flatnonzero(telemetry.innovation.accepted)
+    assert sunrise <= accepted[0] < sunrise + 60
+    acquired = telemetry.flight.pointing.acquired
+    assert not acquired[sunrise - 1]
+    assert acquired[-1]
