@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scene
-from reference import IDENTITY, MU, matrix, rotation_between, turn
+from reference import IDENTITY, MU, matrix, turn
 
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
@@ -135,9 +135,7 @@ def push(gain: jax.Array, deviation: jax.Array) -> jax.Array:
     return jnp.array([0.0, -0.02, 0.0])
 
 
-def burns(
-    flight: FlightParams, memory: FlightMemory, sun_N: np.ndarray = scene.SUN, time: float = 0.0
-) -> bool:
+def burns(flight: FlightParams, memory: FlightMemory, sun_N: np.ndarray = scene.SUN, time: float = 0.0) -> bool:
     """True if a burn is planned at `time` [s]."""
     found = plan_burn(Stages(formation_law=push), flight, memory, sun_N, np.float64(time)).plan
     return float(found.cutoff) > float(found.ignition)
@@ -175,7 +173,9 @@ def test_a_burn_is_called_off_by_the_estimated_attitude(flight: FlightParams, re
         q_BN = quaternion.multiply(off, planned.plan.q_burn)
         aiming = replace(planned, attitude=replace(planned.attitude, q_BN=q_BN))
         after, _ = guide(flight, aiming, np.asarray(False), scene.SUN, np.float64(ignition), 1.0)
-        given = sum(np.asarray(delta_v_between(flight, after, a, b)) for a, b in itertools.pairwise(np.arange(0, 200.0)))
+        given = sum(
+            np.asarray(delta_v_between(flight, after, a, b)) for a, b in itertools.pairwise(np.arange(0, 200.0))
+        )
         assert (np.linalg.norm(given) > 0.019) is np.bool_(flown)
         if not flown:
             np.testing.assert_array_equal(given, np.zeros(3))
@@ -192,7 +192,8 @@ def test_without_stars_the_bearing_bias_becomes_less_certain_by_as_much_as_the_a
         memory = carry(flight, memory, end=tick + 1.0)
         memory, _ = sense(flight, memory, scene.NIGHT, stars=False)  # no box helps either
     grown = bias_variance(memory) - bias_variance(ready)
-    across = np.diag(np.asarray(memory.attitude.covariance - ready.attitude.covariance))[1:3]  # the camera looks along x
+    turned = np.asarray(memory.attitude.covariance - ready.attitude.covariance)
+    across = np.diag(turned)[1:3]  # the camera looks along x
     np.testing.assert_allclose(grown, across.mean(), rtol=1e-9)
     # 0.003 deg/s of gyro bias for a minute, 0.0025 deg/sqrt(s) of random walk, less what the start knew.
     np.testing.assert_allclose(np.sqrt(across), np.deg2rad(np.hypot(0.18, 0.0025 * np.sqrt(60.0))), rtol=0.01)

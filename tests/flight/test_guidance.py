@@ -85,9 +85,7 @@ def known(flight: FlightParams) -> OrbitEstimate:
 
 
 def plan(law: object, flight: FlightParams, estimate: OrbitEstimate, allowed: bool = True) -> BurnPlan:
-    found = plan_burn(
-        law, flight.formation, flight.pointing, flight.onboard, GAIN, estimate, np.asarray(allowed), TIME
-    )
+    found = plan_burn(law, flight.formation, flight.pointing, flight.onboard, GAIN, estimate, np.asarray(allowed), TIME)
     return jax.tree.map(np.asarray, found)
 
 

@@ -45,9 +45,7 @@ def coast(
 ) -> OrbitEstimate:
     """Estimate a second later, without thrust and without the Sun and the Moon unless told."""
     delta_v_N, pull_N = (np.zeros(3) if vector is None else vector for vector in (delta_v_N, pull_N))
-    return predict(
-        tuning, zonal_degree, estimate, delta_v_N, np.float64(burn_delta_v), np.float64(doubt), pull_N, 1.0
-    )
+    return predict(tuning, zonal_degree, estimate, delta_v_N, np.float64(burn_delta_v), np.float64(doubt), pull_N, 1.0)
 
 
 def fix(position_N: np.ndarray, present: bool = True) -> GpsMeasurement:
@@ -101,7 +99,9 @@ def transitions(tuning: Navigation, estimate: OrbitEstimate) -> tuple[jax.Array,
                 center=relative[10:],
             ),
         )
-        return means(orbit_filter.predict(tuning, 2, moved, jnp.zeros(3), jnp.zeros(()), jnp.ones(()), jnp.zeros(3), 1.0))
+        return means(
+            orbit_filter.predict(tuning, 2, moved, jnp.zeros(3), jnp.zeros(()), jnp.ones(()), jnp.zeros(3), 1.0)
+        )
 
     (servicer, _), (_, relative) = jax.jacfwd(after, argnums=(0, 1))(*means(estimate))
     return servicer, relative
@@ -200,9 +200,7 @@ def test_with_all_that_it_knows_the_filter_stays_with_the_truth_to_millimetres(
     sky = Sky(sun_N=jnp.array([1.2e11, 0.8e11, 0.3e11]), moon_N=jnp.array([-2.5e8, 2.6e8, 1.0e8]))
     truth = initial_truth(params.plant, params.orbit, jnp.array([5.0, -50.0, 3.0]), jnp.zeros(3), jnp.asarray(IDENTITY))
     tuning = params.flight.navigation
-    found = initial(
-        tuning, truth.r_TN_N + truth.r_ST_N, truth.v_TN_N + truth.v_ST_N, -truth.r_ST_N, -truth.v_ST_N
-    )
+    found = initial(tuning, truth.r_TN_N + truth.r_ST_N, truth.v_TN_N + truth.v_ST_N, -truth.r_ST_N, -truth.v_ST_N)
     for _ in range(100):
         position = found.servicer.r_SN_N
         truth = step(effects, params.plant, truth, np.zeros(3), (), sky, HEALTHY, 1.0)

@@ -88,9 +88,7 @@ def test_the_gradient_of_the_box_is_its_derivative_to_the_relative_position(para
     np.testing.assert_allclose(model.predicted, expected, atol=1e-13)
 
 
-def test_the_noise_of_a_box_is_that_of_its_edges_and_of_the_camera(
-    flight: FlightParams, q_KN: np.ndarray
-) -> None:
+def test_the_noise_of_a_box_is_that_of_its_edges_and_of_the_camera(flight: FlightParams, q_KN: np.ndarray) -> None:
     focal = float(flight.onboard.focal_px)
 
     def noise(truncated: bool) -> np.ndarray:

@@ -38,8 +38,6 @@ SUNSET, SUNRISE = "sunset", "sunrise"
 CASES = (*faults.KINDS, SUNSET, SUNRISE)
 
 
-
-
 def case(nominal: Params, name: str) -> Params:
     """Params of one case."""
     if name in faults.KINDS:

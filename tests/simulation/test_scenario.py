@@ -44,13 +44,9 @@ def test_the_nominal_scenario_and_its_variants_are_packaged() -> None:
 def test_switches_of_the_plant_and_of_the_filter_are_static_settings() -> None:
     nominal = scenarios.static(scenarios.load("inspection"))
     assert nominal.effects == Effects()
-    changed = scenarios.static(
-        scenarios.load(
-            "inspection",
-            ["effects.drag=true", "effects.integrator=rk8", "effects.zonal_degree=6", "effects.faults=true"]
-            + ["navigation.zonal_degree=4", "navigation.luni_solar=true"],
-        )
-    )
+    plant = ["effects.drag=true", "effects.integrator=rk8", "effects.zonal_degree=6", "effects.faults=true"]
+    onboard = ["navigation.zonal_degree=4", "navigation.luni_solar=true"]
+    changed = scenarios.static(scenarios.load("inspection", [*plant, *onboard]))
     assert changed.effects == Effects(drag=True, integrator="rk8", zonal_degree=6, faults=True)
     assert (changed.navigation_zonal_degree, changed.navigation_luni_solar) == (4, True)
     assert (nominal.navigation_zonal_degree, nominal.navigation_luni_solar) == (2, False)
