@@ -1,11 +1,11 @@
 """The form of a scenario file: strict models, one section each; free of jax, so that checking a file is instant."""
 
 import math
-from datetime import UTC, datetime
+from datetime import UTC, date, datetime
 from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from rpojax.errors import ScenarioError
 
@@ -53,6 +53,11 @@ def _invertible(value: list[list[float]]) -> list[list[float]]:
     return value
 
 
+def _as_text(value: Any) -> Any:
+    """TOML has dates of its own; unquoted they arrive as such."""
+    return value.isoformat() if isinstance(value, date) else value
+
+
 def _epoch(value: str) -> str:
     try:
         epoch_seconds(value)
@@ -72,7 +77,7 @@ def epoch_seconds(utc: str) -> float:
 _TERRESTRIAL_LESS_UTC_S = 69.184
 """Since 2017; the Sun moves by three millionths of a radian in that time."""
 
-Epoch = Annotated[str, AfterValidator(_epoch)]
+Epoch = Annotated[str, BeforeValidator(_as_text), AfterValidator(_epoch)]
 Direction = Annotated[Vector, AfterValidator(_nonzero)]
 Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4), AfterValidator(_nonzero)]
 Rows3 = Annotated[list[Vector], Field(min_length=3, max_length=3)]

@@ -71,9 +71,10 @@ def test_the_full_scenario_has_every_effect_but_faults_which_another_adds() -> N
     ],
 )
 def test_an_epoch_is_seconds_of_terrestrial_time_from_noon_of_the_first_day_of_2000(utc: str, days: float) -> None:
-    static = scenarios.static(scenarios.load("inspection", [f'epoch_utc="{utc}"']))
-    # 37 leap seconds by 2017 and 32.184 s between atomic and terrestrial time.
-    assert static.epoch_s == pytest.approx(days * 86400.0 + 69.184, abs=1e-6)
+    for written in (f'"{utc}"', utc):  # as text, and as the date that TOML knows
+        static = scenarios.static(scenarios.load("inspection", [f"epoch_utc={written}"]))
+        # 37 leap seconds by 2017 and 32.184 s between atomic and terrestrial time.
+        assert static.epoch_s == pytest.approx(days * 86400.0 + 69.184, abs=1e-6)
 
 
 def test_dispersions_of_a_file_join_those_of_its_base_and_replace_those_of_the_same_key(tmp_path: Path) -> None:
