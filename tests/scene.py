@@ -7,7 +7,7 @@ from reference import MU, unit
 
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
-from rpojax.flight import guidance, orbit_filter
+from rpojax.flight import looking, orbit_filter
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.navigation import BoxMeasurement
 from rpojax.flight.onboard import Onboard
@@ -37,7 +37,7 @@ _initial = jax.jit(orbit_filter.initial)
 
 @jax.jit
 def _camera_attitude(onboard: Onboard, known: OrbitEstimate) -> jax.Array:
-    q_BN, _ = guidance.look_attitude(onboard, known)
+    q_BN, _ = looking.look_attitude(onboard, known)
     return quaternion.multiply(quaternion.normalize(onboard.camera_mounting), q_BN)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import rpojax
 from rpojax.analysis.statistics import quantile_upper_bound
 from rpojax.campaign.store import Campaign
-from rpojax.flight.guidance import Mode
+from rpojax.flight.pointing import Mode
 
 HISTORIES = 64
 SETTLED_S = 1000.0

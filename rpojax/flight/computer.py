@@ -11,15 +11,27 @@ from rpojax.core.frames import apply
 from rpojax.core.materialise import materialise
 from rpojax.core.orbital_mechanics import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace
-from rpojax.flight import attitude_control, attitude_estimator, box_gate, formation_control, guidance, orbit_filter
+from rpojax.flight import (
+    attitude_control,
+    attitude_estimator,
+    box_gate,
+    burn_plan,
+    formation_control,
+    guidance,
+    looking,
+    orbit_filter,
+    slew,
+)
 from rpojax.flight.attitude_control import AttitudeControl
 from rpojax.flight.attitude_estimator import AttitudeEstimate, AttitudeFilter
 from rpojax.flight.box_gate import BoxTrack
+from rpojax.flight.burn_plan import BurnPlan
 from rpojax.flight.formation_control import Formation, FormationLaw
-from rpojax.flight.guidance import BurnPlan, Pointing, PointingState
+from rpojax.flight.guidance import PointingState
 from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement, Navigation
 from rpojax.flight.onboard import Onboard
 from rpojax.flight.orbit_filter import Innovation, OrbitEstimate
+from rpojax.flight.pointing import Pointing
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -124,7 +136,7 @@ def start(
         track=box_gate.initial_track(),
         attitude=attitude,
         attitude_variance=_attitude_variance(params.onboard, attitude),
-        plan=guidance.no_burn(),
+        plan=burn_plan.no_burn(),
         thruster_failed_at=jnp.full((), -jnp.inf, dtype=jnp.float64),
         pointing=guidance.initial_pointing(params.onboard, orbit),
         gain=formation_control.lqr_gain(params.formation, n, period),
@@ -139,7 +151,7 @@ def navigate(
 
     A box of a target that lies in the dark is not one.
     """
-    visible = guidance.can_see(params.onboard, memory.orbit, sun_N, guidance.LIGHT_TOLERANCE)
+    visible = looking.can_see(params.onboard, memory.orbit, sun_N, looking.LIGHT_TOLERANCE)
     box = measurements.box
     attitude = attitude_estimator.update(
         params.attitude_filter,
@@ -179,9 +191,9 @@ def _attitude_variance(onboard: Onboard, estimate: AttitudeEstimate) -> Scalar:
 def plan_burn(stages: Stages, params: FlightParams, memory: FlightMemory, sun_N: Vector, time: Scalar) -> FlightMemory:
     """Memory with a newly decided burn: none while the target is lost or dark, or the thruster has just failed."""
     lost = guidance.is_lost(params.pointing, memory.pointing)
-    visible = guidance.can_see(params.onboard, memory.orbit, sun_N)
+    visible = looking.can_see(params.onboard, memory.orbit, sun_N)
     works = time >= memory.thruster_failed_at + params.formation.thruster_retry
-    plan = guidance.plan_burn(
+    plan = burn_plan.plan_burn(
         stages.formation_law,
         params.formation,
         params.pointing,
@@ -203,8 +215,8 @@ def guide(
     dt: float,
 ) -> tuple[FlightMemory, Array]:
     """Memory with the attitude reference for the next `dt` [s], and the mode; the Sun is at `sun_N` [m]."""
-    plan = guidance.inhibit(params.pointing, memory.plan, memory.attitude.q_BN, time, dt)
-    visible = guidance.can_see(params.onboard, memory.orbit, sun_N)
+    plan = burn_plan.inhibit(params.pointing, memory.plan, memory.attitude.q_BN, time, dt)
+    visible = looking.can_see(params.onboard, memory.orbit, sun_N)
     pointing, mode = guidance.guide(
         params.pointing, params.onboard, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt
     )
@@ -215,7 +227,7 @@ def control_attitude(
     stages: Stages, params: FlightParams, memory: FlightMemory, wheel_speed: Vector, age: Scalar
 ) -> Vector:
     """Wheel torque commands [N m] `age` [s] after the last guidance tick."""
-    command = materialise(guidance.evaluate(memory.pointing.reference, age), age)
+    command = materialise(slew.evaluate(memory.pointing.reference, age), age)
     return stages.wheel_torque(
         params.attitude_control, params.onboard, memory.allocation, memory.attitude, command, wheel_speed
     )

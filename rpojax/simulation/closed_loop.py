@@ -10,7 +10,15 @@ from rpojax.core.difference import Difference
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.random import Stream
-from rpojax.flight import attitude_estimator, computer, guidance, orbit_filter, relative_filter, servicer_filter
+from rpojax.flight import (
+    attitude_estimator,
+    burn_plan,
+    computer,
+    looking,
+    orbit_filter,
+    relative_filter,
+    servicer_filter,
+)
 from rpojax.flight.attitude_estimator import AttitudeEstimate
 from rpojax.flight.computer import FlightMemory, Measurements, Stages
 from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement
@@ -123,7 +131,7 @@ def init(scenario: Scenario, params: Params, key: Array) -> State:
         -truth.r_ST_N + error[6:9],
         -truth.v_ST_N + error[9:12],
     )
-    q_BN, omega = guidance.look_attitude(params.flight.onboard, orbit)
+    q_BN, omega = looking.look_attitude(params.flight.onboard, orbit)
     truth = replace(truth, q_BN=q_BN, omega_BN_B=omega)
     samples = random.normal(random.fold_in(streams[Stream.STAR_TRACKER], _START), 6)
     star_q = star_tracker.measure(params.star_tracker, q_BN, samples[:3])
@@ -243,12 +251,12 @@ def _plan_burn(
 ) -> tuple[FlightMemory, BurnError]:
     """A new burn on decision ticks. The tick is the same for all runs of a batch, so this is a true branch."""
 
-    def decide(flight: FlightMemory) -> tuple[guidance.BurnPlan, BurnError]:
+    def decide(flight: FlightMemory) -> tuple[burn_plan.BurnPlan, BurnError]:
         key = random.fold_in(state.keys[Stream.THRUSTER], state.tick)
         error = actuators.draw_burn_error(params.plant.thruster, random.normal(key, 4))
         return computer.plan_burn(stages, params.flight, flight, sky.sun_N, time).plan, error
 
-    def keep(flight: FlightMemory) -> tuple[guidance.BurnPlan, BurnError]:
+    def keep(flight: FlightMemory) -> tuple[burn_plan.BurnPlan, BurnError]:
         return flight.plan, state.burn_error
 
     due = state.tick % scenario.formation_ticks == 0

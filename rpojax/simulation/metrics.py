@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rpojax.flight.guidance import Mode
+from rpojax.flight.pointing import Mode
 from rpojax.simulation.schema import ScenarioFile
 
 Floats = NDArray[np.floating]

@@ -15,9 +15,9 @@ from rpojax.flight.attitude_control import AttitudeControl
 from rpojax.flight.attitude_estimator import AttitudeFilter
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.formation_control import Formation
-from rpojax.flight.guidance import Pointing
 from rpojax.flight.navigation import Navigation
 from rpojax.flight.onboard import Onboard
+from rpojax.flight.pointing import Pointing
 from rpojax.physics import faults
 from rpojax.physics.actuators import Thruster, Wheels
 from rpojax.physics.environment import Atmosphere, Sunlight, Surface

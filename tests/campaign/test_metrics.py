@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rpojax.flight.guidance import Mode
+from rpojax.flight.pointing import Mode
 from rpojax.simulation import metrics, scenario, traces
 from rpojax.simulation.schema import ScenarioFile
 

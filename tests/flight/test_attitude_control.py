@@ -9,11 +9,11 @@ from reference import IDENTITY, SEEDS, random_unit, rotation_between, turn
 
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
-from rpojax.flight import attitude_control, guidance
+from rpojax.flight import attitude_control, slew
 from rpojax.flight.attitude_control import AttitudeCommand
 from rpojax.flight.attitude_estimator import AttitudeEstimate
-from rpojax.flight.guidance import Reference
 from rpojax.flight.onboard import Onboard
+from rpojax.flight.slew import Reference
 from rpojax.physics import faults, plant
 from rpojax.physics.effects import Effects
 from rpojax.physics.environment import Sky
@@ -46,7 +46,7 @@ def fly(params: Params, truth: Truth, reference: Reference) -> tuple[Truth, Atti
     sky = Sky(sun_N=jnp.array([1.5e11, 0.0, 0.0]), moon_N=jnp.array([0.0, 3.8e8, 0.0]))
 
     def body(truth: Truth, t: jax.Array) -> tuple[Truth, tuple[Truth, AttitudeCommand]]:
-        command = guidance.evaluate(reference, t)
+        command = slew.evaluate(reference, t)
         torque = attitude_control.wheel_torque(
             flight.attitude_control,
             flight.onboard,
@@ -158,7 +158,7 @@ def test_a_large_step_saturates_and_still_settles_with_a_small_overshoot(params:
 def test_a_planned_slew_is_followed_closely_with_spinning_wheels(params: Params, start: Truth) -> None:
     angle = np.deg2rad(90.0)
     end = turn([0.0, 0.6, 0.8], angle)
-    time = float(guidance.slew_duration(params.flight.pointing, jnp.float64(angle)))
+    time = float(slew.slew_duration(params.flight.pointing, jnp.float64(angle)))
     remainder = quaternion.log(quaternion.conjugate(jnp.asarray(end)))
     reference = replace(hold(end), remainder=remainder, slew_age=jnp.zeros(()), slew_time=jnp.float64(time))
     flown = fly(params, start, reference)

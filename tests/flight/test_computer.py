@@ -13,9 +13,9 @@ from rpojax.core import quaternion
 from rpojax.core.pytree import replace
 from rpojax.flight import computer, formation_control
 from rpojax.flight.computer import FlightMemory, FlightParams, Measurements, Stages
-from rpojax.flight.guidance import Mode
 from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement
 from rpojax.flight.orbit_filter import Innovation
+from rpojax.flight.pointing import Mode
 from rpojax.simulation.params import Params
 
 delta_v_between = jax.jit(computer.delta_v_between)

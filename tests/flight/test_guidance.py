@@ -14,11 +14,14 @@ from scipy.integrate import solve_ivp
 
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.pytree import replace
-from rpojax.flight import guidance
+from rpojax.flight import burn_plan, guidance, looking, slew
 from rpojax.flight.attitude_control import AttitudeCommand
+from rpojax.flight.burn_plan import BurnPlan
 from rpojax.flight.computer import FlightParams
-from rpojax.flight.guidance import BurnPlan, Mode, PointingState, Reference
+from rpojax.flight.guidance import PointingState
 from rpojax.flight.orbit_filter import OrbitEstimate
+from rpojax.flight.pointing import Mode
+from rpojax.flight.slew import Reference
 from rpojax.simulation.params import Params
 
 EXACT = 1e-12  # roundings of unit vectors and angles
@@ -27,17 +30,17 @@ YES, NO = jnp.asarray(True), jnp.asarray(False)
 SAMPLES = 5
 TIME = np.float64(1000.0)  # of the decision
 
-can_see = jax.jit(guidance.can_see)
-evaluate = jax.jit(guidance.evaluate)
+can_see = jax.jit(looking.can_see)
+evaluate = jax.jit(slew.evaluate)
 guide = jax.jit(guidance.guide, static_argnums=8)
 hill = jax.jit(hill_frame)
-inhibit = jax.jit(guidance.inhibit, static_argnums=4)
-look_attitude = jax.jit(guidance.look_attitude)
+inhibit = jax.jit(burn_plan.inhibit, static_argnums=4)
+look_attitude = jax.jit(looking.look_attitude)
 to_hill = jax.jit(inertial_to_hill)
-plan_burn = jax.jit(guidance.plan_burn, static_argnums=0)
-range_uncertainty = jax.jit(guidance.range_uncertainty)
-bearing_uncertainty = jax.jit(guidance.bearing_uncertainty)
-slew_duration = jax.jit(guidance.slew_duration)
+plan_burn = jax.jit(burn_plan.plan_burn, static_argnums=0)
+range_uncertainty = jax.jit(looking.range_uncertainty)
+bearing_uncertainty = jax.jit(looking.bearing_uncertainty)
+slew_duration = jax.jit(slew.slew_duration)
 
 
 ALWAYS = np.array([0.01, 0.0, 0.0])
@@ -97,7 +100,7 @@ def boresight(flight: FlightParams, q_BN: np.ndarray) -> np.ndarray:
 # Slew profile
 
 
-def slew(angle: float, end_rate: np.ndarray, flight: FlightParams, seed: int = 0) -> Reference:
+def slew_of(angle: float, end_rate: np.ndarray, flight: FlightParams, seed: int = 0) -> Reference:
     rng = np.random.default_rng(seed)
     return Reference(
         q_EN=random_unit(rng, 4),
@@ -112,7 +115,7 @@ def slew(angle: float, end_rate: np.ndarray, flight: FlightParams, seed: int = 0
 def test_a_slew_starts_and_ends_at_rest_relative_to_its_end_and_turns_by_its_angle(
     flight: FlightParams, angle: float
 ) -> None:
-    reference = slew(angle, np.zeros(3), flight)
+    reference = slew_of(angle, np.zeros(3), flight)
     first, last = evaluate(reference, np.float64(0.0)), evaluate(reference, reference.slew_time)
     for command in (first, last):
         np.testing.assert_allclose(command.omega_CN_C, np.zeros(3), atol=EXACT)
@@ -125,7 +128,7 @@ def test_a_slew_starts_and_ends_at_rest_relative_to_its_end_and_turns_by_its_ang
 
 @given(st.floats(0.5, 3.1))
 def test_the_largest_acceleration_of_a_slew_is_the_planned_one(params: Params, angle: float) -> None:
-    reference = slew(angle, np.zeros(3), params.flight)
+    reference = slew_of(angle, np.zeros(3), params.flight)
     peak = evaluate(reference, 0.25 * reference.slew_time).acceleration_C
     np.testing.assert_allclose(np.linalg.norm(peak), 0.016, rtol=1e-12)
 
@@ -140,7 +143,7 @@ def test_commanded_rate_and_acceleration_are_the_derivatives_of_the_commanded_at
     params: Params, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
-    reference = slew(rng.uniform(0.3, 3.0), 1e-3 * rng.normal(size=3), params.flight, seed)
+    reference = slew_of(rng.uniform(0.3, 3.0), 1e-3 * rng.normal(size=3), params.flight, seed)
     age, h = rng.uniform(0.05, 0.95) * float(reference.slew_time), 1e-4
     before, now, after = (evaluate(reference, np.float64(age + shift)) for shift in (-h, 0.0, h))
     omega = rate_between(np.asarray(before.q_CN), np.asarray(after.q_CN), 2 * h)
@@ -302,14 +305,14 @@ def fly(
     def body(
         state: PointingState, time: jax.Array
     ) -> tuple[PointingState, tuple[jax.Array, AttitudeCommand, jax.Array]]:
-        q_BN = guidance.evaluate(state.reference, jnp.ones(())).q_CN
+        q_BN = slew.evaluate(state.reference, jnp.ones(())).q_CN
         looks = guidance.rotate(guidance.quaternion.conjugate(q_BN), jnp.array([1.0, 0.0, 0.0]))
         accepted = (jnp.sum(looks * line) > jnp.cos(jnp.deg2rad(5.0))) & ~blind
         state, mode = guidance.guide(
             flight.pointing, flight.onboard, estimate, plan, state, accepted, visible, time, 1.0
         )
         ages = jnp.arange(SAMPLES, dtype=jnp.float64) / SAMPLES
-        return state, (mode, jax.vmap(lambda age: guidance.evaluate(state.reference, age))(ages), accepted)
+        return state, (mode, jax.vmap(lambda age: slew.evaluate(state.reference, age))(ages), accepted)
 
     return jax.lax.scan(body, state, times)[1]
 
@@ -369,7 +372,9 @@ def fly_search(flight: FlightParams, position_sigma: float, ticks: int) -> tuple
     """Modes and commanded attitudes (ticks, samples, 4) of a search for a target that is never seen."""
     known = scene.estimate(flight, v_TS_N=np.zeros(3), position_sigma=position_sigma)
     state = guidance.initial_pointing(flight.onboard, known)
-    modes, commands, _ = fly(flight, known, guidance.no_burn(), state, TIME + np.arange(float(ticks)), np.asarray(True))
+    modes, commands, _ = fly(
+        flight, known, burn_plan.no_burn(), state, TIME + np.arange(float(ticks)), np.asarray(True)
+    )
     return np.asarray(modes), np.asarray(commands.q_CN)
 
 
@@ -404,14 +409,14 @@ def test_the_search_starts_after_the_wait_for_acquisition_and_later_after_the_pa
     assert modes[:10].tolist() == [Mode.LOOK] * 4 + [Mode.SEARCH] * 6
     acquired = replace(guidance.initial_pointing(flight.onboard, known), acquired=jnp.asarray(True))
     times = TIME + np.arange(300.0)
-    later, _, _ = fly(flight, known, guidance.no_burn(), acquired, times, np.asarray(True))
+    later, _, _ = fly(flight, known, burn_plan.no_burn(), acquired, times, np.asarray(True))
     assert np.asarray(later)[:70].tolist() == [Mode.LOOK] * 61 + [Mode.SEARCH] * 9
 
 
 def test_a_search_ends_when_the_target_is_seen(flight: FlightParams, known: OrbitEstimate) -> None:
     state = guidance.initial_pointing(flight.onboard, known)
     searching = replace(state, unseen_time=jnp.float64(99.0), search_time=jnp.float64(4.0))
-    modes, _, accepted = fly(flight, known, guidance.no_burn(), searching, TIME + np.arange(300.0), np.asarray(False))
+    modes, _, accepted = fly(flight, known, burn_plan.no_burn(), searching, TIME + np.arange(300.0), np.asarray(False))
     assert accepted[0]
     assert np.all(np.asarray(modes) == Mode.LOOK)
 
@@ -454,7 +459,7 @@ def look(
             flight.pointing,
             flight.onboard,
             known,
-            guidance.no_burn() if plan is None else plan,
+            burn_plan.no_burn() if plan is None else plan,
             state,
             accepted,
             visible,
@@ -522,7 +527,7 @@ def test_in_the_dark_nothing_is_searched_for_and_the_target_must_be_acquired_ane
     assert (float(dark.sightings), float(dark.unseen_time), bool(dark.acquired)) == (0.0, 0.0, False)
     state = guidance.initial_pointing(flight.onboard, known)
     times = TIME + np.arange(300.0)
-    modes, commands, _ = fly(flight, known, guidance.no_burn(), state, times, YES, NO)
+    modes, commands, _ = fly(flight, known, burn_plan.no_burn(), state, times, YES, NO)
     assert set(np.asarray(modes).tolist()) == {Mode.LOOK}
     off = [boresight(flight, q) @ unit(scene.AHEAD) for q in np.asarray(commands.q_CN)[:, 0]]
     assert min(off) > np.cos(np.deg2rad(0.1))

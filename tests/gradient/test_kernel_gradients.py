@@ -24,17 +24,19 @@ from rpojax.flight import (
     attitude_control,
     attitude_estimator,
     box_gate,
+    burn_plan,
     formation_control,
-    guidance,
+    looking,
     orbit_filter,
     relative_filter,
     servicer_filter,
+    slew,
 )
 from rpojax.flight.attitude_control import AttitudeCommand
 from rpojax.flight.attitude_estimator import AttitudeEstimate
 from rpojax.flight.computer import FlightParams
-from rpojax.flight.guidance import Reference
 from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement
+from rpojax.flight.slew import Reference
 from rpojax.physics import actuators, environment, faults, plant, rigid_body
 from rpojax.physics.actuators import Burn, BurnError
 from rpojax.physics.effects import Effects
@@ -628,7 +630,7 @@ def test_derivatives_of_the_attitude_filters_update_are_right(params: Params) ->
 
 
 @jax.jit
-def slew(x: jax.Array, q_EN: jax.Array, remainder: jax.Array, age: jax.Array) -> AttitudeCommand:
+def slew_command(x: jax.Array, q_EN: jax.Array, remainder: jax.Array, age: jax.Array) -> AttitudeCommand:
     reference = Reference(
         q_EN=q_EN,
         omega_EN_E=0.01 * x[:3],
@@ -636,18 +638,18 @@ def slew(x: jax.Array, q_EN: jax.Array, remainder: jax.Array, age: jax.Array) ->
         slew_age=jnp.zeros(()),
         slew_time=20.0 + x[6],
     )
-    return guidance.evaluate(reference, age)
+    return slew.evaluate(reference, age)
 
 
 @pytest.mark.parametrize("size", [0.0, 1.0], ids=["no angle", "a radian"])
 @pytest.mark.parametrize("age", [0.0, 4.0, 30.0], ids=["its start", "its middle", "after its end"])
 def test_derivatives_of_a_slew_are_right(age: float, size: float) -> None:
-    check(slew, 7, Q, size * W, np.float64(age))
+    check(slew_command, 7, Q, size * W, np.float64(age))
 
 
 @jax.jit
 def slew_duration(x: jax.Array, flight: FlightParams, angle: jax.Array) -> jax.Array:
-    return guidance.slew_duration(flight.pointing, angle + x[0])
+    return slew.slew_duration(flight.pointing, angle + x[0])
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-12], ids=["zero", "nearly zero"])
@@ -656,18 +658,18 @@ def test_the_duration_of_a_slew_over_no_angle_has_a_finite_derivative(params: Pa
 
 
 @jax.jit
-def burn_plan(x: jax.Array, flight: FlightParams, r_TS_N: jax.Array, gain: jax.Array) -> Any:
+def planned_burn(x: jax.Array, flight: FlightParams, r_TS_N: jax.Array, gain: jax.Array) -> Any:
     known = scene.estimate(flight, r_TS_N + x[:3], 0.01 * jnp.asarray(V) + 0.01 * x[3:6])
     law, gain = formation_control.lqr, gain * (1.0 + 0.1 * x[6])
     allowed, time = jnp.asarray(True), jnp.asarray(0.0)
-    plan = guidance.plan_burn(law, flight.formation, flight.pointing, flight.onboard, gain, known, allowed, time)
-    q_BN, omega = guidance.look_attitude(flight.onboard, known)
+    plan = burn_plan.plan_burn(law, flight.formation, flight.pointing, flight.onboard, gain, known, allowed, time)
+    q_BN, omega = looking.look_attitude(flight.onboard, known)
     return 0.1 * plan.ignition, 0.1 * plan.cutoff, 1e2 * plan.delta_v_N, plan.q_burn, q_BN, 1e2 * omega
 
 
 def test_derivatives_of_the_burn_plan_and_of_the_look_attitude_are_right(params: Params) -> None:
     gain = formation_control.lqr_gain(params.flight.formation, jnp.asarray(1.1e-3), 200.0)
-    check(burn_plan, 7, params.flight, scene.AHEAD + np.array([1.0, -2.0, 3.0]), gain)
+    check(planned_burn, 7, params.flight, scene.AHEAD + np.array([1.0, -2.0, 3.0]), gain)
 
 
 # The orbit filter

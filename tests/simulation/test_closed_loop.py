@@ -11,7 +11,7 @@ import pytest
 from rpojax.core.pytree import replace
 from rpojax.flight import formation_control
 from rpojax.flight.computer import Stages
-from rpojax.flight.guidance import Mode
+from rpojax.flight.pointing import Mode
 from rpojax.simulation import closed_loop
 from rpojax.simulation import params as parameters
 from rpojax.simulation import scenario as scenarios

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rpojax.core.pytree import replace
-from rpojax.flight.guidance import Mode
+from rpojax.flight.pointing import Mode
 from rpojax.physics import faults
 from rpojax.simulation import closed_loop
 from rpojax.simulation import params as parameters

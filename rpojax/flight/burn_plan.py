@@ -1,0 +1,126 @@
+"""The next burn: when to turn, when to fire, in which attitude; and when to hold fire."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core import quaternion, safe
+from rpojax.core.frames import apply_transposed, hill_frame, inertial_to_hill
+from rpojax.core.orbital_mechanics import mean_motion, relative_transition, semi_major_axis
+from rpojax.core.pytree import pytree, replace
+from rpojax.core.quaternion import rotate
+from rpojax.flight.formation_control import Formation, FormationLaw
+from rpojax.flight.looking import look_attitude, range_uncertainty
+from rpojax.flight.onboard import Onboard
+from rpojax.flight.orbit_filter import OrbitEstimate
+from rpojax.flight.pointing import Pointing
+from rpojax.flight.slew import slew_duration
+
+Vector = Float[Array, "3"]
+Scalar = Float[Array, ""]
+Flag = Bool[Array, ""]
+
+
+@pytree
+class BurnPlan:
+    """The burn decided last. Times count from the start of the run.
+
+    Attributes:
+        turn_start: () [s]
+        ignition: () [s]
+        cutoff: () equal to ignition when there is no burn [s]
+        delta_v_N: (3,) [m/s]
+        q_burn: (4,) attitude during the burn
+    """
+
+    turn_start: Array
+    ignition: Array
+    cutoff: Array
+    delta_v_N: Array
+    q_burn: Array
+
+
+def no_burn() -> BurnPlan:
+    """Plan before the first decision."""
+    zero = jnp.zeros((), dtype=jnp.float64)
+    identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
+    return BurnPlan(turn_start=zero, ignition=zero, cutoff=zero, delta_v_N=jnp.zeros(3), q_burn=identity)
+
+
+def plan_burn(
+    law: FormationLaw,
+    formation: Formation,
+    pointing: Pointing,
+    onboard: Onboard,
+    gain: Float[Array, "3 6"],
+    estimate: OrbitEstimate,
+    allowed: Flag,
+    time: Scalar,
+) -> BurnPlan:
+    """Next burn: deviation predicted to the burn's middle, control law there, thrust axis, on-time, turn.
+
+    No burn inside the dead band, below the thruster's minimum on-time, while the range is too uncertain, or unless
+    `allowed`; a burn too long for the look-away limit is shortened.
+    """
+    deviation, R_CN = _deviation_at_burn(formation, estimate)
+    delta_v_N = apply_transposed(R_CN, law(gain, deviation))
+    size, direction_N = safe.norm(delta_v_N), safe.normalize(delta_v_N)
+
+    q_look, _ = look_attitude(onboard, estimate)
+    thrust_now_N = rotate(quaternion.conjugate(q_look), onboard.thrust_direction)
+    turn_N = quaternion.between(thrust_now_N, direction_N)
+    turn_time = slew_duration(pointing, safe.norm(turn_N))
+
+    longest = pointing.look_away_limit - 2.0 * turn_time - pointing.settle_time - _SCHEDULE_GRAIN
+    on_time = jnp.minimum(size * onboard.mass / onboard.thrust, jnp.maximum(longest, 0.0))
+    wanted = safe.gate(size - formation.dead_band, 0.05 * formation.dead_band + 1e-6)
+    possible = (
+        (on_time >= onboard.minimum_on_time)
+        & (range_uncertainty(estimate) < formation.range_uncertainty_limit)
+        & allowed
+    )
+    on_time = wanted * jnp.where(possible, on_time, 0.0)
+    ignition = time + formation.lead - 0.5 * on_time
+    return BurnPlan(
+        # Without a burn there is no look-away: the turn "starts" when it is already over.
+        turn_start=jnp.where(on_time > 0.0, jnp.maximum(ignition - pointing.settle_time - turn_time, time), ignition),
+        ignition=ignition,
+        cutoff=ignition + on_time,
+        delta_v_N=on_time * onboard.thrust / onboard.mass * direction_N,
+        q_burn=quaternion.multiply(q_look, quaternion.exp(-turn_N)),
+    )
+
+
+_SCHEDULE_GRAIN = 3.0
+"""Turns begin on whole guidance ticks, which can add a second to each; one more for the target's own motion [s]."""
+
+
+def _deviation_at_burn(formation: Formation, estimate: OrbitEstimate) -> tuple[Float[Array, "6"], Float[Array, "3 3"]]:
+    """Deviation of (rho, rho_dot) predicted to the burn's middle [m, m/s], and the Hill frame `R_CN` there.
+
+    The motion is predicted and then compared, since a place off the along-track axis does not stay where it is.
+    """
+    r_TN_N, v_TN_N = (
+        estimate.servicer.r_SN_N + estimate.relative.r_TS_N,
+        estimate.servicer.v_SN_N + estimate.relative.v_TS_N,
+    )
+    R_HN, omega_HN_N = hill_frame(r_TN_N, v_TN_N)
+    rho, rho_dot = inertial_to_hill(-estimate.relative.r_TS_N, -estimate.relative.v_TS_N, R_HN, omega_HN_N)
+    n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
+    now = jnp.concatenate([rho, rho_dot])
+    desired = jnp.pad(formation.desired_position, (0, 3))
+    transition = relative_transition(n, formation.lead)
+    angle = n * formation.lead
+    c, s = jnp.cos(angle), jnp.sin(angle)
+    R_CN = jnp.stack([c * R_HN[0] + s * R_HN[1], -s * R_HN[0] + c * R_HN[1], R_HN[2]])
+    return jnp.sum(transition * now[None, :], axis=1) - desired, R_CN
+
+
+def inhibit(pointing: Pointing, plan: BurnPlan, q_BN: Float[Array, "4"], time: Scalar, dt: float) -> BurnPlan:
+    """The plan, cut off now if the thruster is to push within the next `dt` [s] and the attitude is not the burn's."""
+    # Half the chord between the quaternions is the sine of a quarter of the angle; small angles suffice here.
+    alike = jnp.abs(jnp.sum(plan.q_burn * q_BN, axis=0))
+    astray = alike < jnp.cos(0.5 * pointing.burn_attitude_limit)
+    due = (time + dt > plan.ignition) & (time < plan.cutoff)
+    stop = astray & due
+    ignition = jnp.where(stop, jnp.minimum(plan.ignition, time), plan.ignition)
+    return replace(plan, ignition=ignition, cutoff=jnp.where(stop, jnp.maximum(ignition, time), plan.cutoff))
