@@ -6,7 +6,7 @@ The names below load on first use, so that importing the package (or asking the 
 import importlib
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from rpojax.version import __version__
 
 if TYPE_CHECKING:
     from rpojax.campaign.runner import resume_campaign, run_campaign
@@ -32,6 +32,7 @@ __all__ = [
     "Campaign",
     "RpojaxError",
     "Stages",
+    "__version__",
     "load",
     "resume_campaign",
     "run_campaign",

@@ -23,8 +23,9 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import FlagCreatePairsOff, Positional, UseAppendAction, arg
 
-from rpojax import __version__, console
+from rpojax import console
 from rpojax.errors import RpojaxError
+from rpojax.version import __version__
 
 if TYPE_CHECKING:
     from rpojax.campaign.store import Campaign

@@ -11,6 +11,7 @@ PACKAGE = Path(__file__).parents[1] / "rpojax"
 
 FLOORS = {
     "errors": 0,
+    "version": 0,
     "core": 1,
     "physics": 2,
     "flight": 2,

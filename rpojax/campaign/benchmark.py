@@ -11,10 +11,10 @@ from typing import Any
 import jax
 import numpy as np
 
-from rpojax import __version__
 from rpojax.campaign.engine import Block, Engine
 from rpojax.errors import RpojaxError
 from rpojax.simulation.schema import ScenarioFile
+from rpojax.version import __version__
 
 BATCHES = (1, 64, 512)
 """Batch sizes measured by default: one run, a small campaign, a full block for each of two devices."""

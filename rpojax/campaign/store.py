@@ -24,12 +24,12 @@ import numpy as np
 import tomli_w
 import zarr
 
-from rpojax import __version__
 from rpojax.campaign import admission
 from rpojax.errors import OutputError, ResultError, RpojaxError
 from rpojax.simulation import scenario
 from rpojax.simulation.closed_loop import FAILURES
 from rpojax.simulation.schema import ScenarioFile
+from rpojax.version import __version__
 
 FORMAT = 2
 TRACE_EVERY_S = 10.0
