@@ -153,7 +153,8 @@ def thrust(thruster: Thruster, burn: Burn, method: Method, ramps: bool, dt: floa
     """
     turn = quaternion.exp(thruster.misalignment + burn.error.direction)
     magnitude = thruster.force * thruster.force_scale * (1.0 + burn.error.magnitude)
-    valid = burn.cutoff - burn.ignition >= thruster.minimum_on_time
+    # A hair of tolerance: the two times are differences from a step that moves along, and round differently in each.
+    valid = burn.cutoff - burn.ignition >= thruster.minimum_on_time - 1e-9
     return Thrust(
         force_B=magnitude * quaternion.rotate(turn, quaternion.normalize(thruster.direction)),
         position_B=thruster.position,

@@ -200,14 +200,19 @@ def _propulsion(
     """Force [N] and torque about the centre of mass [N m] in B, and flow of propellant [kg/s]."""
     force = torque = jnp.zeros_like(y.omega_BN_B)
     flow = jnp.zeros_like(y.mass)
-    shift = jnp.zeros_like(force)
-    if effects.center_of_mass_shift:
-        shift = actuators.center_of_mass_shift(params.thruster, params.servicer.mass - y.mass, y.mass)
+    shift = _center_of_mass_shift(effects, params, y)
     for each, opening in zip(thrusts, openings, strict=True):
         own = opening * each.force_B
         force, torque = force + own, torque + cross(each.position_B - shift, own)
         flow = flow + opening * each.flow
     return force, torque, flow
+
+
+def _center_of_mass_shift(effects: Effects, params: PlantParams, y: Truth) -> Vector:
+    """Way of the servicer's centre of mass since the start [m] in B; every lever arm is shorter by it."""
+    if not effects.center_of_mass_shift:
+        return jnp.zeros_like(y.omega_BN_B)
+    return actuators.center_of_mass_shift(params.thruster, params.servicer.mass - y.mass, y.mass)
 
 
 def _orbital_accelerations(effects: Effects, params: PlantParams, y: Truth, sky: Sky) -> tuple[Vector, Vector]:
@@ -245,11 +250,12 @@ def _surface_forces(effects: Effects, params: PlantParams, y: Truth, sky: Sky) -
         return _SurfaceForces(none, none, none, none)
     on_target = force(params.target_surface, y.r_TN_N, y.v_TN_N)
     on_servicer = force(params.servicer_surface, y.r_TN_N + y.r_ST_N, y.v_TN_N + y.v_ST_N)
+    lever_B = params.servicer_surface.center_of_pressure - _center_of_mass_shift(effects, params, y)
     return _SurfaceForces(
         target_acceleration_N=on_target / params.target.mass,
         servicer_acceleration_N=on_servicer / y.mass,
         target_torque_T=cross(params.target_surface.center_of_pressure, rotate(y.q_TN, on_target)),
-        servicer_torque_B=cross(params.servicer_surface.center_of_pressure, rotate(y.q_BN, on_servicer)),
+        servicer_torque_B=cross(lever_B, rotate(y.q_BN, on_servicer)),
     )
 
 
