@@ -42,7 +42,7 @@ def _overlap(a: Scalar, b: Scalar, c: Scalar) -> Scalar:
     """Common area of two discs with radii `a`, `b` and centres `c` apart."""
     crossing = (c < a + b) & (c > jnp.abs(a - b))
     # As published, arc cosines and all: next to 1 they lose half of their digits, and the light is good to 5e-9
-    # (1e-7 at the very borders).
+    # (3e-7 at the very borders).
     # Other simulators do the same, so with the same operations in the same order the values agree to 1e-13.
     x = (c * c + a * a - b * b) / (2.0 * jnp.where(crossing, c, 1.0))
     angle_a, angle_b = _arc_cosine(jnp.clip(x / a, -1.0, 1.0)), _arc_cosine(jnp.clip((c - x) / b, -1.0, 1.0))
