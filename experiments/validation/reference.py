@@ -3,6 +3,7 @@
 import json
 import re
 import zipfile
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,6 +54,23 @@ _PER_ITEM = ("Js", "F_max", "u_max")
 """One number for all, or one for each wheel or thruster."""
 
 _POSITIVE = ("mu", "Re", "m", "H", "AU", "c", "R_sun", "Re_eclipse", "dt_ctrl", "Js")
+
+_TOGETHER = (
+    ("burns", "F_max", "thr_loc", "thr_dir"),
+    ("t_cmd", "u_cmd"),
+    ("gs", "Js", "Omega0"),
+    ("Re_eclipse", "R_sun"),
+)
+"""Keys that mean something together only."""
+
+_NEEDS = {
+    **dict.fromkeys(("u_cmd", "u_max", "Omega", "K"), "gs"),
+    **dict.fromkeys(("omega", "torque_gg"), "q"),
+    **dict.fromkeys(("v", "illumination"), "r"),
+    **dict.fromkeys(("v_target", "r_chaser", "v_chaser", "rho"), "r_target"),
+    "r_target": "r_chaser",
+}
+"""Keys that mean nothing without another one."""
 
 
 class FormatError(ValueError):
@@ -186,12 +204,29 @@ def _check_values(arrays: dict[str, Numbers]) -> None:
             raise FormatError(f"key {key!r}: expected unit quaternions")
     if not {"r", "q", "r_target"} & arrays.keys():
         raise FormatError("nothing to compare: none of the keys 'r', 'q', 'r_target'")
+    _check_groups(arrays)
+    if "illumination" in arrays and "R_sun" not in arrays:
+        raise FormatError("key 'R_sun' is missing: found 'illumination', expected 'Re_eclipse' and 'R_sun' with it")
     if "burns" in arrays:
         _check_burns(arrays)
 
 
+def _check_groups(arrays: dict[str, Numbers]) -> None:
+    for group in _TOGETHER:
+        found, missing = [key for key in group if key in arrays], [key for key in group if key not in arrays]
+        if found and missing:
+            raise FormatError(f"key {missing[0]!r} is missing: found {_list(found)}, expected {_list(group)} together")
+    for key, needed in _NEEDS.items():
+        if key in arrays and needed not in arrays:
+            raise FormatError(f"key {needed!r} is missing: found {key!r}, expected {needed!r} with it")
+
+
+def _list(keys: Iterable[str]) -> str:
+    return ", ".join(map(repr, keys))
+
+
 def _check_burns(arrays: dict[str, Numbers]) -> None:
-    count = arrays["thr_loc"].shape[0] if "thr_loc" in arrays else 0
+    count = arrays["thr_loc"].shape[0]
     index = arrays["burns"][:, 0]
     if np.any(index != np.round(index)) or np.any(index < 0) or np.any(index >= count):
         raise FormatError(f"key 'burns': found a thruster that is not one of the {count} of 'thr_loc'")

@@ -277,8 +277,8 @@ def _sunlight(reference: Reference) -> Sunlight:
     return Sunlight(
         # The plant divides by its own speed of light.
         flux=jnp.asarray(reference.number("flux") * SPEED_OF_LIGHT / own_speed if present else 0.0),
-        shadow_radius=jnp.asarray(reference.number("Re_eclipse") if "illumination" in reference else 1e-3),
-        sun_radius=jnp.asarray(reference.number("R_sun") if "illumination" in reference else 6.957e8),
+        shadow_radius=jnp.asarray(reference.number("Re_eclipse") if "Re_eclipse" in reference else 1e-3),
+        sun_radius=jnp.asarray(reference.number("R_sun") if "R_sun" in reference else 6.957e8),
         astronomical_unit=jnp.asarray(reference.number("AU", ASTRONOMICAL_UNIT)),
     )
 

@@ -104,6 +104,13 @@ def test_a_wrong_parameter_shows(case: str, key: str, factor: Any) -> None:
     assert over(replay.replay(checked(case, {**arrays, **words})), BARS[case]) != {}
 
 
+def test_the_shadow_needs_no_logged_share() -> None:
+    arrays = read(file("h_sunlight")).arrays
+    unlogged = replay.replay(checked("unlogged", {key: arrays[key] for key in arrays if key != "illumination"}))
+    assert unlogged.illumination_error is None
+    assert over(unlogged, {"position_error_m": 0.01}) == {}
+
+
 def test_gravity_gradient_is_told_from_the_words_of_the_description() -> None:
     arrays = read(file("f_gravity_gradient")).arrays
     silent = {"meta_json": np.array(json.dumps({"torque": "no gravity gradient"}))}
@@ -142,6 +149,9 @@ def write(folder: Path, **changes: Any) -> Path:
     return path
 
 
+ONE_THRUSTER = {"thr_loc": np.zeros((1, 3)), "thr_dir": np.eye(3)[:1], "F_max": np.ones(1)}
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -153,7 +163,12 @@ def write(folder: Path, **changes: Any) -> Path:
         ({"t": np.arange(99.0)[::-1]}, "times that increase"),
         ({"I": np.array([["a"] * 3] * 3)}, "expected numbers"),
         ({"meta_json": np.array("{")}, "not JSON"),
-        ({"burns": np.array([[0.0, 1.0, 1.0]])}, "not one of the 0"),
+        ({"burns": np.array([[0.0, 1.0, 1.0]])}, "'F_max' is missing: found 'burns', expected"),
+        (ONE_THRUSTER, "'burns' is missing"),
+        ({**ONE_THRUSTER, "burns": np.array([[1.0, 1.0, 1.0]])}, "not one of the 1"),
+        ({"t_cmd": np.array([0.0, 1.0])}, "'u_cmd' is missing: found 't_cmd'"),
+        ({"Omega": np.zeros((99, 3))}, "'gs' is missing: found 'Omega'"),
+        ({"R_sun": np.array(7e8)}, "'Re_eclipse' is missing: found 'R_sun'"),
         ({"u_cmd": np.zeros((2, 3)), "t_cmd": np.array([0.0, 1.0])}, "'gs' is missing"),
         ({"Cr": np.array(1.2)}, "is missing"),
     ],
