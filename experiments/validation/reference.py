@@ -1,7 +1,6 @@
 """Reference trajectories in npz files: what a file may hold, and how it is read and checked."""
 
 import json
-import re
 import zipfile
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -83,13 +82,15 @@ class Reference:
 
     Attributes:
         case: its name
-        words: the free text of its description
+        meta: its description
         arrays: key -> array
+        other: key -> array of the keys that are not of the format
     """
 
     case: str
-    words: str
+    meta: dict[str, Any]
     arrays: dict[str, Numbers]
+    other: dict[str, Numbers]
 
     def __contains__(self, key: str) -> bool:
         return key in self.arrays
@@ -108,10 +109,6 @@ class Reference:
         if key not in self and history in self and self["t"][0] == 0.0:
             return self[history][0]
         return self[key]
-
-    def mentions(self, pattern: str) -> bool:
-        """True if the description has the words, and not as something that is left out."""
-        return re.search(rf"(?<!no )(?<!without )(?:{pattern})", self.words, re.IGNORECASE) is not None
 
 
 def read(path: Path) -> Reference:
@@ -147,8 +144,10 @@ def checked(stem: str, arrays: dict[str, Any]) -> Reference:
     if "q0" not in known and "sigma0" in known:
         known["q0"] = quaternion_of(known["sigma0"])
     _check_values(known)
-    words = " ".join(str(value) for key, value in meta.items() if key != "made_with")
-    return Reference(case=str(meta.get("case", stem)), words=words, arrays=known)
+    case = " ".join(str(meta.get("case", stem)).split())
+    return Reference(
+        case=case, meta=meta, arrays=known, other={key: arrays[key] for key in arrays.keys() - known.keys()}
+    )
 
 
 def _meta(value: Numbers) -> dict[str, Any]:

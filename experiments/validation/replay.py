@@ -10,12 +10,14 @@ import sys
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from experiments.validation.gradient import has_gravity_gradient
 from experiments.validation.reference import FormatError, Numbers, Reference, read
 from rpojax.core import light, quaternion
 from rpojax.core.constants import ASTRONOMICAL_UNIT, RADIUS_EARTH, SPEED_OF_LIGHT
@@ -53,17 +55,23 @@ class Options:
         step_s: longest step [s], or None for one that suits the file
         logged_commands: fly the logged wheel torques even where the file has a feedback law
         whole_steps: do not split steps where a burn begins or ends
+        gravity_gradient: the torque acts ("on"), does not ("off"), or as the file has it ("auto")
     """
 
     integrator: Method = "rk8"
     step_s: float | None = None
     logged_commands: bool = False
     whole_steps: bool = False
+    gravity_gradient: Literal["on", "off", "auto"] = "auto"
 
 
 @dataclass(frozen=True)
 class Result:
-    """Largest differences between the plant and a file; None where the file has none."""
+    """Largest differences between the plant and a file; None where the file has none.
+
+    Attributes:
+        effects: names of what was found in the file and flown
+    """
 
     case: str
     position_error_m: float | None
@@ -75,6 +83,7 @@ class Result:
     wheel_speed_error_rad_s: float | None
     integrator: str
     step_s: float
+    effects: list[str]
 
 
 @pytree
@@ -118,12 +127,13 @@ def replay(reference: Reference, options: Options | None = None) -> Result:
     errors = _errors(reference, truth)
     if any(value is not None and not np.isfinite(value) for value in errors.values()):
         raise FormatError(f"{reference.case}: the replay did not stay finite")
-    return Result(case=reference.case, **errors, integrator=chosen.integrator, step_s=longest)
+    acting = _names(reference, _effects(reference, chosen), "K" in reference and not chosen.logged_commands)
+    return Result(reference.case, **errors, integrator=chosen.integrator, step_s=longest, effects=acting)
 
 
 def fly(reference: Reference, chosen: Options) -> tuple[Truth, float]:
     """Truth at the samples of a reference, time first, and the longest step [s] that it took."""
-    effects = _effects(reference, chosen.integrator)
+    effects = _effects(reference, chosen)
     params = _params(reference)
     feedback = None if chosen.logged_commands else _feedback(reference)
     steps, at_samples = _steps(reference, effects, chosen, feedback is not None)
@@ -136,21 +146,33 @@ def fly(reference: Reference, chosen: Options) -> tuple[Truth, float]:
 # What the file describes, in the plant's terms.
 
 
-def _effects(reference: Reference, integrator: Method) -> Effects:
+def _effects(reference: Reference, chosen: Options) -> Effects:
     zonals = reference["J"].size if "J" in reference else 0
     return Effects(
-        integrator=integrator,
+        integrator=chosen.integrator,
         zonal_degree=zonals + 1 if zonals else 0,
-        gravity_gradient=_has_gravity_gradient(reference),
+        gravity_gradient=has_gravity_gradient(reference, chosen.gravity_gradient),
         drag="Cd" in reference,
         solar_pressure="Cr" in reference,
     )
 
 
-def _has_gravity_gradient(reference: Reference) -> bool:
-    """A torque that no parameter of its own gives away: it is logged, or named in the description."""
-    named = reference.mentions(r"gravity[-_ ]gradient|gg[-_ ]torque|3 ?\*? ?mu ?/")
-    return "mu" in reference and "q" in reference and ("torque_gg" in reference or named)
+def _names(reference: Reference, effects: Effects, feedback: bool) -> list[str]:
+    """What acts in a replay."""
+    acting = {
+        "gravity": "r" in reference or "r_target" in reference,
+        "zonals": effects.zonal_degree > 0,
+        "attitude": "q" in reference,
+        "gravity_gradient": effects.gravity_gradient,
+        "wheels": "gs" in reference,
+        "wheel_commands": "u_cmd" in reference and not feedback,
+        "feedback": feedback,
+        "burns": "burns" in reference,
+        "drag": effects.drag,
+        "sunlight": effects.solar_pressure,
+        "shadow": effects.solar_pressure and "R_sun" in reference,
+    }
+    return [name for name, acts in acting.items() if acts]
 
 
 def _params(reference: Reference) -> PlantParams:
@@ -567,6 +589,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--commands", action="store_true", help="fly logged wheel torques, not the file's feedback law")
     parser.add_argument("--integrator", choices=("rk4", "rk8"), default="rk8")
     parser.add_argument("--step", type=float, metavar="S", help="longest step [s]; default: one that suits the file")
+    parser.add_argument(
+        "--gravity-gradient", choices=("on", "off", "auto"), default="auto", help="auto: as in the file"
+    )
     parser.add_argument("--whole-steps", action="store_true", help="leave burn edges inside steps to the plant")
     return parser
 
@@ -585,7 +610,7 @@ _HEAD = (
 def main(arguments: list[str] | None = None) -> int:
     """Replays the files named on the command line; 2 with one line of explanation for one that is not of the format."""
     given = _parser().parse_args(arguments)
-    options = Options(given.integrator, given.step, given.commands, given.whole_steps)
+    options = Options(given.integrator, given.step, given.commands, given.whole_steps, given.gravity_gradient)
     try:
         if given.step is not None and not given.step > 0.0:
             raise FormatError(f"--step: found {given.step}, expected more than 0")

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from experiments.validation import replay
+from experiments.validation.gradient import has_gravity_gradient
 from experiments.validation.reference import FormatError, checked, read
 from experiments.validation.replay import Options, Result
 
@@ -111,10 +112,52 @@ def test_the_shadow_needs_no_logged_share() -> None:
     assert over(unlogged, {"position_error_m": 0.01}) == {}
 
 
-def test_gravity_gradient_is_told_from_the_words_of_the_description() -> None:
+@pytest.mark.parametrize(
+    ("acts", "meta"),
+    [
+        (True, {"torque": "gravity gradient of a point mass"}),
+        (True, {"torque": "tau_B = 3 mu / r^5 * r_B x (I r_B); logged late, compare loosely"}),
+        (True, {"gravity": "J2 + gravity-gradient torque (point-mass term)", "note": "no drag"}),
+        (True, {"note": "no drag, gravity gradient on"}),
+        (True, {"note": "the gravity gradient is not negligible"}),
+        (True, {"effects": ["J2", "gravity_gradient"]}),
+        (True, {"gravity_gradient": True, "note": "no gravity gradient in the first half"}),
+        (True, {"case": "wheels_with_gravity_gradient"}),
+        (False, {"note": "no gravity gradient"}),
+        (False, {"note": "gravity-gradient torque not modelled"}),
+        (False, {"note": "gravity gradient: off"}),
+        (False, {"note": "point mass, without drag or gravity gradient"}),
+        (False, {"note": "no drag, sunlight or gravity gradient"}),
+        (False, {"note": "gravity gradient (off)"}),
+        (False, {"note": "gravity-gradient-free orbit"}),
+        (True, {"note": "J2, gravity gradient, no drag"}),
+        (True, {"note": "gravity gradient (not logged exactly at the sample)"}),
+        (False, {"note": "free of drag and gravity gradient"}),
+        (False, {"note": "not modelled: drag, gravity gradient"}),
+        (False, {"note": "gravity gradient torque is disabled", "case": "f_gravity_gradient"}),
+        (False, {"case": "f_no_gravity_gradient"}),
+        (False, {"gravity_gradient": "off"}),
+        (False, {"effects": {"gravity_gradient": False}}),
+        (False, {"no_gravity_gradient": True}),
+        (False, {"case": "f_low_orbit"}),
+        (False, {}),
+    ],
+)
+def test_gravity_gradient_is_told_from_a_key_or_the_words_of_the_description(acts: bool, meta: dict[str, Any]) -> None:
     arrays = read(file("f_gravity_gradient")).arrays
-    silent = {"meta_json": np.array(json.dumps({"torque": "no gravity gradient"}))}
-    assert over(replay.replay(checked("silent", {**arrays, **silent})), BARS["f_gravity_gradient"]) != {}
+    described = checked("described", {**arrays, "meta_json": np.array(json.dumps(meta))})
+    assert has_gravity_gradient(described) is acts
+    assert [has_gravity_gradient(described, wish) for wish in ("on", "off")] == [True, False]
+
+
+def test_gravity_gradient_is_told_from_a_logged_torque_unless_an_array_switches_it_off() -> None:
+    arrays = read(file("f_gravity_gradient")).arrays
+    logged = {**arrays, "torque_gg": np.zeros_like(arrays["r"])}
+    assert has_gravity_gradient(checked("logged", logged))
+    assert not has_gravity_gradient(checked("off", {**logged, "gravity_gradient": np.array(False)}))
+    assert (
+        over(replay.replay(checked("off", logged), Options(gravity_gradient="off")), BARS["f_gravity_gradient"]) != {}
+    )
 
 
 def test_the_command_line_prints_one_json_object_per_file() -> None:
@@ -125,6 +168,7 @@ def test_the_command_line_prints_one_json_object_per_file() -> None:
     assert [line["case"] for line in lines] == names
     assert lines[0]["position_error_m"] is None and lines[0]["attitude_error_rad"] < 1e-8
     assert lines[1]["position_error_m"] < 1e-6 and lines[1]["illumination_error"] is None
+    assert lines[1]["effects"] == ["gravity", "attitude", "burns"]
     assert all(line["integrator"] == "rk8" and line["step_s"] > 0.0 for line in lines)
 
 
