@@ -2,6 +2,7 @@
 
 import json
 import zipfile
+import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -72,6 +73,10 @@ _NEEDS = {
 """Keys that mean nothing without another one."""
 
 
+_UNREADABLE = (OSError, EOFError, ValueError, KeyError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error)
+"""What numpy and zipfile raise for a damaged archive; `RuntimeError` for one that is encrypted or oddly compressed."""
+
+
 class FormatError(ValueError):
     """A file is not a reference of the known format; the message is one line."""
 
@@ -118,7 +123,7 @@ def read(path: Path) -> Reference:
             if not isinstance(file, np.lib.npyio.NpzFile):
                 raise FormatError(f"{path}: found a bare array, expected an npz file of named arrays")
             arrays = {key: file[key] for key in file.files}
-    except (OSError, EOFError, ValueError, zipfile.BadZipFile) as error:
+    except _UNREADABLE as error:
         if isinstance(error, FormatError):
             raise
         raise FormatError(f"{path}: not a readable npz file ({' '.join(str(error).split())})") from error
@@ -153,7 +158,7 @@ def checked(stem: str, arrays: dict[str, Any]) -> Reference:
 def _meta(value: Numbers) -> dict[str, Any]:
     try:
         meta = json.loads(str(value))
-    except json.JSONDecodeError as error:
+    except (json.JSONDecodeError, RecursionError) as error:
         raise FormatError(f"key 'meta_json' is not JSON ({error})") from error
     if not isinstance(meta, dict):
         raise FormatError("key 'meta_json': expected a JSON object")
@@ -197,17 +202,35 @@ def _check_values(arrays: dict[str, Numbers]) -> None:
         raise FormatError("key 't': expected a sample after 0")
     for key in _POSITIVE:
         if key in arrays and np.any(arrays[key] <= 0.0):
-            raise FormatError(f"key {key!r}: expected positive")
+            raise FormatError(f"key {key!r}: found {np.min(arrays[key]):g}, expected more than 0")
     for key in ("q", "q0"):
         if key in arrays and np.any(np.abs(np.linalg.norm(arrays[key], axis=-1) - 1.0) > 1e-6):
             raise FormatError(f"key {key!r}: expected unit quaternions")
     if not {"r", "q", "r_target"} & arrays.keys():
         raise FormatError("nothing to compare: none of the keys 'r', 'q', 'r_target'")
+    if "I" in arrays:
+        _check_inertia(arrays["I"])
+    if "thr_dir" in arrays and np.any(np.linalg.norm(arrays["thr_dir"], axis=1) == 0.0):
+        raise FormatError("key 'thr_dir': found a direction of length 0, expected none")
     _check_groups(arrays)
     if "illumination" in arrays and "R_sun" not in arrays:
         raise FormatError("key 'R_sun' is missing: found 'illumination', expected 'Re_eclipse' and 'R_sun' with it")
     if "burns" in arrays:
         _check_burns(arrays)
+
+
+def _check_inertia(inertia: Numbers) -> None:
+    """A tensor that some body may have, within 1e-9 of its size."""
+    slack = 1e-9 * float(np.max(np.abs(inertia)))
+    if np.any(np.abs(inertia - inertia.T) > slack):
+        raise FormatError("key 'I': found a tensor that is not symmetric, expected one of a body")
+    small, middle, large = np.linalg.eigvalsh(inertia)
+    if not small > 0.0:
+        raise FormatError(f"key 'I': found a principal moment of {small:g}, expected more than 0")
+    if large > small + middle + slack:
+        raise FormatError(
+            f"key 'I': found moments {small:g}, {middle:g}, {large:g}, expected the sum of two above the third"
+        )
 
 
 def _check_groups(arrays: dict[str, Numbers]) -> None:

@@ -45,6 +45,9 @@ BODY_ANGLE = 0.1
 SHADOW_STEP = 1.0
 """Longest step where sunlight pushes [s]: an edge of the penumbra lies somewhere inside a step."""
 
+MOST_STEPS = 5e6
+"""A file that needs more steps than these is refused."""
+
 
 @dataclass(frozen=True)
 class Options:
@@ -105,6 +108,7 @@ class Steps:
 
     Attributes:
         dt: (n,) [s]
+        row: (n,) which kept row holds the state after the step; out of range if none
         torque: (n, wheels) logged command [N m]
         decide: (n,) bool, the feedback law computes a new command at the start of the step
         thruster: (n, slots) which thruster a burn in this step uses
@@ -113,6 +117,7 @@ class Steps:
     """
 
     dt: Array
+    row: Array
     torque: Array
     decide: Array
     thruster: Array
@@ -136,11 +141,11 @@ def fly(reference: Reference, chosen: Options) -> tuple[Truth, float]:
     effects = _effects(reference, chosen)
     params = _params(reference)
     feedback = None if chosen.logged_commands else _feedback(reference)
-    steps, at_samples = _steps(reference, effects, chosen, feedback is not None)
+    steps, rows_of_samples = _steps(reference, effects, chosen, feedback is not None)
     start = _initial(reference, params)
-    flown = _fly(effects, params, _thrusters(reference), _sky(reference), feedback, start, steps)
-    truth = jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest])[at_samples], start, flown)
-    return truth, float(jnp.max(steps.dt))
+    rows = int(rows_of_samples[-1]) + 1
+    kept = _fly(effects, rows, params, _thrusters(reference), _sky(reference), feedback, start, steps)
+    return jax.tree.map(lambda history: history[rows_of_samples], kept), float(jnp.max(steps.dt))
 
 
 # What the file describes, in the plant's terms.
@@ -351,29 +356,35 @@ def _initial(reference: Reference, params: PlantParams) -> Truth:
 
 
 def _steps(reference: Reference, effects: Effects, options: Options, closed_loop: bool) -> tuple[Steps, Numbers]:
-    """The steps, and for each sample the number of steps before it."""
+    """The steps, and for each sample the row of what they keep that belongs to it."""
     samples = reference["t"]
     decisions = _decision_times(reference) if closed_loop else np.zeros(0)
     commands = reference["t_cmd"] if "u_cmd" in reference and not closed_loop else np.zeros(0)
     burns = reference["burns"] if "burns" in reference else np.zeros((0, 3))
     edges = np.zeros(0) if options.whole_steps else np.concatenate([burns[:, 1], burns[:, 1] + burns[:, 2]])
     knots = _distinct(np.concatenate([[0.0], samples, decisions, commands, edges]), float(samples[-1]))
-    times = _subdivided(knots, options.step_s or _longest_step(reference, effects))
+    times = _subdivided(reference.case, knots, options.step_s or _longest_step(reference, effects))
     begin, dt = times[:-1], np.diff(times)
     thruster, ignition, cutoff = _burn_slots(burns, begin, dt)
+    # Two samples at one time share a row; a sample at the start is row 0 before any step.
+    ends, rows_of_samples = np.unique(np.searchsorted(times, samples - SAME_TIME), return_inverse=True)
+    row = np.full(dt.size + 1, ends.size)
+    row[ends] = np.arange(ends.size)
     steps = Steps(
         dt=jnp.asarray(dt),
+        row=jnp.asarray(row[1:]),
         torque=jnp.asarray(_held_torque(reference, commands, begin)),
         decide=jnp.asarray(_nearest_distance(decisions, begin) < SAME_TIME),
         thruster=jnp.asarray(thruster),
         ignition=jnp.asarray(ignition),
         cutoff=jnp.asarray(cutoff),
     )
-    return steps, np.searchsorted(times, samples - SAME_TIME)
+    return steps, rows_of_samples
 
 
 def _decision_times(reference: Reference) -> Numbers:
     period = reference.number("dt_ctrl")
+    _refuse_too_many(reference.case, reference["t"][-1] / period)
     return np.arange(int(reference["t"][-1] / period) + 1) * period
 
 
@@ -382,8 +393,14 @@ def _distinct(times: Numbers, end: float) -> Numbers:
     return ordered[np.concatenate([[True], np.diff(ordered) > SAME_TIME])]
 
 
-def _subdivided(knots: Numbers, longest: float) -> Numbers:
+def _refuse_too_many(case: str, steps: float) -> None:
+    if not steps <= MOST_STEPS:
+        raise FormatError(f"{case}: found {steps:.3g} steps to fly, expected {MOST_STEPS:.0g} at most")
+
+
+def _subdivided(case: str, knots: Numbers, longest: float) -> Numbers:
     """Knots with each interval divided evenly into as many parts as the longest step asks for."""
+    _refuse_too_many(case, float(np.sum(np.maximum(1.0, np.ceil(np.diff(knots) / longest - 1e-9)))))
     parts = [
         np.linspace(begin, end, max(1, int(np.ceil((end - begin) / longest - 1e-9))), endpoint=False)
         for begin, end in itertools.pairwise(knots)
@@ -458,26 +475,29 @@ def _nearest_distance(times: Numbers, points: Numbers) -> Numbers:
 
 def _burn_slots(burns: Numbers, begin: Numbers, dt: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     """Thruster, ignition and cutoff of the burns that touch each step, as many as ever touch one."""
-    ignition = burns[None, :, 1] - begin[:, None]
-    cutoff = ignition + burns[None, :, 2]
-    touches = (ignition < dt[:, None] - SAME_TIME) & (cutoff > SAME_TIME) & (burns[None, :, 2] > 0.0)
-    slots = int(np.max(np.sum(touches, axis=1), initial=0))
-    order = np.argsort(~touches, axis=1, kind="stable")[:, :slots]
-    used = np.take_along_axis(touches, order, axis=1)
-    thruster = np.where(used, burns[:, 0].astype(np.int32)[order], 0)
-    return (
-        thruster,
-        np.where(used, np.take_along_axis(ignition, order, axis=1), 0.0),
-        np.where(used, np.take_along_axis(cutoff, order, axis=1), 0.0),
-    )
+    end = begin + dt
+    used = np.zeros(begin.size, dtype=np.int64)
+    touched = []
+    for which, start, on_time in burns[burns[:, 2] > 0.0]:
+        first = int(np.searchsorted(end, start + SAME_TIME, side="right"))
+        rows = np.arange(first, max(first, int(np.searchsorted(begin, start + on_time - SAME_TIME))))
+        touched.append((rows, used[rows].copy(), int(which), start, start + on_time))
+        used[rows] += 1
+    shape = (begin.size, int(np.max(used)))
+    thruster, ignition, cutoff = np.zeros(shape, dtype=np.int32), np.zeros(shape), np.zeros(shape)
+    for rows, slot, which, start, stop in touched:
+        thruster[rows, slot] = which
+        ignition[rows, slot], cutoff[rows, slot] = start - begin[rows], stop - begin[rows]
+    return thruster, ignition, cutoff
 
 
 # The flight itself.
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(jax.jit, static_argnums=(0, 1))
 def _fly(
     effects: Effects,
+    rows: int,
     params: PlantParams,
     thrusters: Thruster,
     sky: Sky,
@@ -485,16 +505,18 @@ def _fly(
     start: Truth,
     steps: Steps,
 ) -> Truth:
-    """Truth after every step."""
+    """Truth at the rows that are kept; the first is the start unless a step writes it."""
 
-    def body(carry: tuple[Truth, Array], step: Steps) -> tuple[tuple[Truth, Array], Truth]:
-        truth, torque = carry
+    def body(carry: tuple[Truth, Array, Truth], step: Steps) -> tuple[tuple[Truth, Array, Truth], None]:
+        truth, torque, kept = carry
         torque = step.torque if feedback is None else jnp.where(step.decide, _wanted(feedback, params, truth), torque)
         thrusts = tuple(_thrust(effects, thrusters, step, slot) for slot in range(step.thruster.shape[0]))
         truth = plant.step(effects, params, truth, torque, thrusts, sky, healthy(), step.dt)
-        return (truth, torque), truth
+        kept = jax.tree.map(lambda history, now: history.at[step.row].set(now, mode="drop"), kept, truth)
+        return (truth, torque, kept), None
 
-    return jax.lax.scan(body, (start, jnp.zeros_like(params.wheels.initial_speed)), steps)[1]
+    kept = jax.tree.map(lambda value: jnp.broadcast_to(value, (rows, *value.shape)), start)
+    return jax.lax.scan(body, (start, jnp.zeros_like(params.wheels.initial_speed), kept), steps)[0][2]
 
 
 def _thrust(effects: Effects, thrusters: Thruster, step: Steps, slot: int) -> Thrust:
@@ -608,22 +630,29 @@ _HEAD = (
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Replays the files named on the command line; 2 with one line of explanation for one that is not of the format."""
-    given = _parser().parse_args(arguments)
+    """Replays the files named on the command line; 2 if one cannot be, with one line on stderr."""
+    parser = _parser()
+    given = parser.parse_args(arguments)
+    if given.step is not None and not given.step > 0.0:
+        parser.error(f"--step: found {given.step}, expected more than 0")
     options = Options(given.integrator, given.step, given.commands, given.whole_steps, given.gravity_gradient)
+    if not given.json:
+        print(_HEAD)
+    refused = [path for path in given.files if not _replayed(path, options, given.json)]
+    return 2 if refused else 0
+
+
+def _replayed(path: Path, options: Options, as_json: bool) -> bool:
+    """True if a file could be replayed."""
     try:
-        if given.step is not None and not given.step > 0.0:
-            raise FormatError(f"--step: found {given.step}, expected more than 0")
-        references = [read(path) for path in given.files]
-        if not given.json:
-            print(_HEAD)
-        for reference in references:
-            result = replay(reference, options)
-            print(json.dumps(asdict(result)) if given.json else _as_row(result), flush=True)
-    except FormatError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+        result = replay(read(path), options)
+    except (ValueError, ArithmeticError, RuntimeError, MemoryError) as error:
+        message = " ".join(str(error).split()) or type(error).__name__
+        known = isinstance(error, FormatError) and str(path) in message
+        print(f"error: {message}" if known else f"error: {path}: {message}", file=sys.stderr, flush=True)
+        return False
+    print(json.dumps(asdict(result)) if as_json else _as_row(result), flush=True)
+    return True
 
 
 if __name__ == "__main__":

@@ -193,6 +193,35 @@ def write(folder: Path, **changes: Any) -> Path:
     return path
 
 
+def test_a_refused_file_does_not_silence_the_others(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words, damaged = tmp_path / "words.npz", tmp_path / "damaged.npz"
+    words.write_text("no archive")
+    content = bytearray(file("d_tumble").read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    damaged.write_bytes(content)
+    assert replay.main([str(words), str(file("d_tumble")), str(damaged), "--json"]) == 2
+    found = capsys.readouterr()
+    assert [json.loads(line)["case"] for line in found.out.splitlines()] == ["d_tumble"]
+    assert [Path(line.split(":")[1].strip()).name for line in found.err.splitlines()] == ["words.npz", "damaged.npz"]
+
+
+def test_any_damage_to_an_archive_is_refused_or_harmless(tmp_path: Path) -> None:
+    content = write(tmp_path).read_bytes()
+    path = tmp_path / "damaged.npz"
+    for place in range(0, len(content), 97):
+        path.write_bytes(content[:place] + bytes([content[place] ^ 0xFF]) + content[place + 1 :])
+        try:
+            read(path)
+        except FormatError as refused:
+            assert "\n" not in str(refused)
+
+
+def test_samples_are_kept_whether_or_not_the_first_is_the_start() -> None:
+    arrays = read(file("d_tumble")).arrays
+    later = {key: value[3:] if key in ("t", "q", "omega") else value for key, value in arrays.items()}
+    assert over(replay.replay(checked("later", later)), BARS["d_tumble"]) == {}
+
+
 ONE_THRUSTER = {"thr_loc": np.zeros((1, 3)), "thr_dir": np.eye(3)[:1], "F_max": np.ones(1)}
 
 
@@ -206,6 +235,12 @@ ONE_THRUSTER = {"thr_loc": np.zeros((1, 3)), "thr_dir": np.eye(3)[:1], "F_max": 
         ({"omega": np.full((99, 3), np.nan)}, "not finite"),
         ({"t": np.arange(99.0)[::-1]}, "times that increase"),
         ({"I": np.array([["a"] * 3] * 3)}, "expected numbers"),
+        ({"I": np.array([[2.0, 0.1, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]])}, "'I': found a tensor that is not symm"),
+        ({"I": np.diag([1.0, -1.0, 1.0])}, "'I': found a principal moment of -1"),
+        ({"I": np.diag([1.0, 1.0, 2.1])}, "'I': found moments 1, 1, 2.1, expected"),
+        ({"m": np.array(0.0)}, "'m': found 0, expected more than 0"),
+        ({"omega0": np.array([1e4, 0.0, 0.0])}, "steps to fly, expected 5e"),
+        ({**ONE_THRUSTER, "thr_dir": np.zeros((1, 3)), "burns": np.zeros((1, 3))}, "'thr_dir': found a direction of"),
         ({"meta_json": np.array("{")}, "not JSON"),
         ({"burns": np.array([[0.0, 1.0, 1.0]])}, "'F_max' is missing: found 'burns', expected"),
         (ONE_THRUSTER, "'burns' is missing"),
