@@ -32,7 +32,7 @@ LEFT_TO_RIGHT = {
     "physics": "effects environment actuators rigid_body faults plant",
     "vision": "pinhole box_model field render detector imager",
     "flight": "onboard navigation covariance box_gate servicer_filter relative_filter orbit_filter attitude_estimator "
-    "formation_control attitude_control pointing slew looking burn_plan search guidance computer",
+    "formation_control attitude_control pointing slew looking burn_plan search guidance thrust_gauge computer",
     "sensors": "gps star_tracker gyro chamber_pressure box_camera",
     "simulation": "units schema scenario params closed_loop metrics",
     "campaign": "store dispersions runner",

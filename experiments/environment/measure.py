@@ -88,8 +88,8 @@ def accuracy(table: Table, full: Campaign) -> None:
 
 
 def eclipse(table: Table, result: Campaign) -> None:
-    failed = int((~result.completed).sum())
-    lost = int((result.metrics["reacquisition_peak_s"] > 200.0).sum()) + failed
+    unseen = (result.metrics["reacquisition_peak_s"] > 200.0) | (result.metrics["longest_unseen_s"] > 2500.0)
+    lost = int((unseen | ~result.completed).sum())
     table.row("`inspection_eclipse`: lost or failed runs", "0", f"{lost} of {result.completed.size}", lost == 0)
     coverage = float(np.nanmean(result.metrics["sigma3_coverage"]))
     table.row("`inspection_eclipse`: `sigma3_coverage`", ">= 97 %", f"{100 * coverage:.2f} %", coverage >= 0.97)

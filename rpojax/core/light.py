@@ -86,4 +86,4 @@ def is_observable(
     `r_ST_N` is the servicer from the target [m], `phase_limit` and `sun_exclusion` [rad].
     """
     cos_phase = jnp.sum(normalize(r_ST_N) * normalize(r_sun_N), axis=0)
-    return is_lit(r_TN_N, r_sun_N) & (cos_phase > jnp.cos(phase_limit)) & (-cos_phase < jnp.cos(sun_exclusion))
+    return is_lit(r_TN_N, r_sun_N) & (cos_phase >= jnp.cos(phase_limit)) & (-cos_phase <= jnp.cos(sun_exclusion))

@@ -10,7 +10,7 @@ from rpojax.core import quaternion, safe
 from rpojax.core.frames import apply
 from rpojax.core.materialise import materialise
 from rpojax.core.orbital_mechanics import mean_motion, semi_major_axis
-from rpojax.core.pytree import pytree, replace
+from rpojax.core.pytree import pytree, replace, select
 from rpojax.flight import (
     attitude_control,
     attitude_estimator,
@@ -21,6 +21,7 @@ from rpojax.flight import (
     looking,
     orbit_filter,
     slew,
+    thrust_gauge,
 )
 from rpojax.flight.attitude_control import AttitudeControl
 from rpojax.flight.attitude_estimator import AttitudeEstimate, AttitudeFilter
@@ -32,6 +33,7 @@ from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement, Navigation
 from rpojax.flight.onboard import Onboard
 from rpojax.flight.orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.pointing import Pointing
+from rpojax.flight.thrust_gauge import ThrustGauge
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -59,6 +61,7 @@ class FlightMemory:
         attitude: estimate of the attitude
         attitude_variance: () of the camera across its boresight at the last frame [rad^2]
         plan: the burn decided last
+        thrust: how hard the thruster pushes
         thruster_failed_at: () when a burn last gave no thrust [s], minus infinity before
         pointing: memory of the attitude guidance
         gain: (3, 6) of the formation controller, solved once at start
@@ -70,6 +73,7 @@ class FlightMemory:
     attitude: AttitudeEstimate
     attitude_variance: Array
     plan: BurnPlan
+    thrust: ThrustGauge
     thruster_failed_at: Array
     pointing: PointingState
     gain: Array
@@ -137,6 +141,7 @@ def start(
         attitude=attitude,
         attitude_variance=_attitude_variance(params.onboard, attitude),
         plan=burn_plan.no_burn(),
+        thrust=thrust_gauge.initial(),
         thruster_failed_at=jnp.full((), -jnp.inf, dtype=jnp.float64),
         pointing=guidance.initial_pointing(params.onboard, orbit),
         gain=formation_control.lqr_gain(params.formation, n, period),
@@ -256,32 +261,31 @@ def predict(
 ) -> FlightMemory:
     """Memory with both filters carried over the `dt` [s] up to `end` [s] in which the thruster was to give `delta_v_N`.
 
-    `thrust_ratio` is the chamber pressure over its nominal value while the valve was open: only when it is far from
-    one does flight software believe it more than the thruster's calibration. A burn without thrust marks the thruster
-    as failed.
+    `thrust_ratio` is the chamber pressure over its nominal value while the valve was open. A burn without thrust marks
+    the thruster as failed.
     """
-    abnormal = jnp.abs(thrust_ratio - 1.0) > _THRUST_TOLERANCE
-    ratio = jnp.where(abnormal, thrust_ratio, 1.0)
-    doubt = jnp.where(abnormal, _PRESSURE_DOUBT, 1.0)
     burning = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0
-    delta_v_N = ratio * delta_v_N
-    burn_delta_v = ratio * safe.norm(memory.plan.delta_v_N)
+    gauge = select(burning, thrust_gauge.update(memory.thrust, thrust_ratio), memory.thrust)
     return replace(
         memory,
-        thruster_failed_at=jnp.where(burning & (ratio < _NO_THRUST), end, memory.thruster_failed_at),
+        thrust=gauge,
+        thruster_failed_at=jnp.where(burning & (gauge.ratio < _NO_THRUST), end, memory.thruster_failed_at),
         orbit=stages.orbit_predict(
-            params.navigation, zonal_degree, memory.orbit, delta_v_N, burn_delta_v, doubt, pull_N, dt
+            params.navigation,
+            zonal_degree,
+            memory.orbit,
+            gauge.ratio * delta_v_N,
+            gauge.ratio * safe.norm(memory.plan.delta_v_N),
+            thrust_gauge.doubt(gauge),
+            pull_N,
+            dt,
         ),
         attitude=attitude_estimator.predict_covariance(params.attitude_filter, memory.attitude, q_BN_before, dt),
     )
 
 
-_THRUST_TOLERANCE = 0.15
-"""Chamber pressures within this share of nominal count as nominal: five sigma of the pressure sensor."""
-_PRESSURE_DOUBT = 3.0
-"""Thrust known from the pressure sensor alone is less certain by this factor."""
 _NO_THRUST = 0.3
-"""Below this ratio the thruster counts as failed."""
+"""Below this ratio of thrust to its nominal value the thruster counts as failed."""
 
 
 __all__ = [

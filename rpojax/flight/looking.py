@@ -52,7 +52,9 @@ def can_see(onboard: Onboard, estimate: OrbitEstimate, sun_N: Vector, tolerance:
     `tolerance` [rad] widens the limits: what may just be visible is not to be disbelieved.
     """
     r_TN_N = estimate.servicer.r_SN_N + estimate.relative.r_TS_N
-    phase, exclusion = onboard.phase_limit + tolerance, onboard.sun_exclusion - tolerance
+    # Cosines turn round beyond a half circle and at zero.
+    phase = jnp.minimum(onboard.phase_limit + tolerance, math.pi)
+    exclusion = jnp.maximum(onboard.sun_exclusion - tolerance, 0.0)
     return light.is_observable(r_TN_N, -estimate.relative.r_TS_N, sun_N, phase, exclusion)
 
 

@@ -117,7 +117,7 @@ def _boxes(records: Records, tick_s: float) -> dict[str, Floats]:
         "outliers_accepted": (accepted & outlier).sum(axis=1).astype(float),
         "time_to_acquire_s": np.where(ever, accepted.argmax(axis=1) * tick_s, np.nan),
         "longest_unseen_s": tick_s * _longest(~accepted),
-        "reacquisition_peak_s": tick_s * _longest_wait(observable, accepted),
+        "reacquisition_peak_s": tick_s * _longest_wait(observable, accepted & ~outlier),
     }
 
 

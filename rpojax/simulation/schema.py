@@ -60,10 +60,15 @@ def _as_text(value: Any) -> Any:
 
 def _epoch(value: str) -> str:
     try:
-        epoch_seconds(value)
-    except ValueError:
+        seconds = epoch_seconds(value)
+    except (ValueError, OverflowError):
         raise ValueError("expected a date and time such as '2026-03-20T14:46:00'") from None
+    if abs(seconds) > _EPHEMERIS_SPAN_S:
+        raise ValueError("expected a date from 1950 to 2050, for which Sun and Moon are known well")
     return value
+
+
+_EPHEMERIS_SPAN_S = 50.0 * 365.25 * 86400.0
 
 
 def epoch_seconds(utc: str) -> float:
@@ -181,7 +186,7 @@ class FaultSection(Section):
     start_s: NonNegative
     duration_s: NonNegative
     severity: Probability
-    wheel: Annotated[int, Field(ge=0, le=2)]
+    wheel: Literal[0, 1, 2]
 
 
 class ServicerSection(Section):
@@ -491,6 +496,7 @@ def check_together(file: ScenarioFile) -> None:
             "camera.outlier_size_min_px", file.camera.outlier_size_min_px, "at most camera.outlier_size_max_px"
         )
     _check_orbit(file.orbit)
+    _check_vehicle(file)
     _check_burns(file)
     distance = math.hypot(*file.formation.desired_position_m)
     if distance <= file.limits.keep_out_m:
@@ -509,6 +515,25 @@ def _check_orbit(orbit: OrbitSection) -> None:
     if perigee <= _LOWEST_PERIGEE_M:
         expected = f"a perigee above {_LOWEST_PERIGEE_M:g} m, and semi_major_axis_m makes it {perigee:.6g} m"
         raise ScenarioError("orbit.eccentricity", orbit.eccentricity, expected)
+
+
+def _check_vehicle(file: ScenarioFile) -> None:
+    """Numbers of the vehicle that only together make sense."""
+    wheels, period = file.wheels, file.rates.formation_period_s
+    for speed, limit in zip(wheels.initial_speed_rad_s, wheels.speed_limit_rad_s, strict=True):
+        if abs(speed) > limit:
+            raise ScenarioError("wheels.initial_speed_rad_s", speed, f"at most the speed limit of {limit:g}")
+    least = min(wheels.torque_limit_n_m)
+    if wheels.torque_step_n_m > least:
+        raise ScenarioError("wheels.torque_step_n_m", wheels.torque_step_n_m, f"at most the torque limit of {least:g}")
+    for name in ("rise_time_s", "fall_time_s"):
+        if getattr(file.thruster, name) > 0.25 * period:
+            expected = f"at most a quarter of rates.formation_period_s = {period:g}"
+            raise ScenarioError(f"thruster.{name}", getattr(file.thruster, name), expected)
+    distance = math.hypot(*file.initial.relative_position_m)
+    if distance <= file.limits.keep_out_m:
+        expected = f"a start outside of limits.keep_out_m = {file.limits.keep_out_m:g}"
+        raise ScenarioError("initial.relative_position_m", file.initial.relative_position_m, expected)
 
 
 def _check_burns(file: ScenarioFile) -> None:
@@ -569,8 +594,8 @@ def _check_dispersion(file: ScenarioFile, index: int, dispersion: Any, seen: set
             raise ScenarioError(f"{where}.values", dispersion.values, expected_values)
         if any(np.shape(choice) != shape for choice in dispersion.values):
             raise ScenarioError(f"{where}.values", dispersion.values, f"values of shape {shape}")
-    elif dispersion.key == "fault.kind":
-        raise ScenarioError(f"{where}.kind", dispersion.kind, "'choice' for a kind of fault")
+    elif dispersion.key in ("fault.kind", "fault.wheel"):
+        raise ScenarioError(f"{where}.kind", dispersion.kind, f"'choice' for {dispersion.key}")
     if dispersion.kind == "log_normal" and np.any(np.asarray(value) <= 0.0):
         raise ScenarioError(f"{where}.key", dispersion.key, "a nominal value above zero for a log-normal")
     _check_drawn_values(file, where, dispersion, value)

@@ -178,9 +178,11 @@ def every_key(file: ScenarioFile) -> list[str]:
 
 
 def _any_dispersion(key: str) -> Any:
-    """A dispersion that the key can have; kinds of fault have names and no sigma."""
+    """A dispersion that the key can have; kinds of fault have names, wheels have numbers, and neither has a sigma."""
     if key == "fault.kind":
         return schema.Choice(key=key, kind="choice", values=["gps_outage"])
+    if key == "fault.wheel":
+        return schema.Choice(key=key, kind="choice", values=[2.0])
     return schema.Normal(key=key, kind="normal", sigma=0.01)
 
 
