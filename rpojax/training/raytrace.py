@@ -109,7 +109,7 @@ def draw(mesh: TargetMesh, shell: Shell) -> tuple[np.ndarray, np.ndarray, np.nda
 def render(
     mesh: TargetMesh, shell: Shell, folder: Path | None = None, on_progress: OnProgress = lambda done, total: None
 ) -> Views:
-    """Ray-traces the views of a shell; with a folder, finished blocks are kept there and an interrupted call resumes."""
+    """Ray-traces the views of a shell; with a folder, finished blocks are kept and an interrupted call resumes."""
     rotations, positions, suns = draw(mesh, shell)
     store = _Store(folder, mesh, shell) if folder else None
     blocks = []

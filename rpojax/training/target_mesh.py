@@ -34,7 +34,7 @@ class Material:
 
 @dataclasses.dataclass(frozen=True)
 class Part:
-    """Triangles of one material: vertices (n, 3) [m], faces (m, 3), and coordinates (n, 2) of a texture if it has one."""
+    """Triangles of one material: vertices (n, 3) [m], faces (m, 3), texture coordinates (n, 2) if there is one."""
 
     vertices: np.ndarray
     faces: np.ndarray

@@ -25,7 +25,7 @@ _RATES = {"matter": 0.03, "features": 0.02, "network": 3e-3, "trunk": 2e-3, "hea
 _HELD_OUT = 12
 _MARGIN_PX = 3
 _NEIGHBOURS = 8192
-_SMOOTHNESS = 2e-3
+_SMOOTHNESS = 1e-2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Recipe:
     seed: int = 0
     kind: str = "grid"
     limit_s: float | None = None
-    patience: int = 6
+    patience: int = 10
     gain_db: float = 0.02
     rows: int = 160_000
 
@@ -74,7 +74,7 @@ def train(
     checkpoint: Path | None = None,
     on_step: OnStep = lambda step: None,
 ) -> tuple[Field, list[Step]]:
-    """A field trained on all but a few of the views, and its history; goes on from a checkpoint of the same training."""
+    """A field trained on all but a few of the views, and its history; goes on from a checkpoint of the same one."""
     start_time = time.monotonic()
     field = fresh(mesh, recipe)
     held = min(_HELD_OUT, len(views) // 8)
@@ -101,11 +101,11 @@ def train(
             field = with_solid(field)
         error = float(_error(field, check))
         history.append(Step(done, recipe.steps, float(-10.0 * np.log10(error)), elapsed))
-        on_step(history[-1])
         since = 0 if history[-1].psnr_db > best + recipe.gain_db else since + 1
         best = max(best, history[-1].psnr_db)
         if checkpoint:
             _write(checkpoint, key, (field, state), done, elapsed)
+        on_step(history[-1])
         if late or since >= recipe.patience:
             break
     return field, history
@@ -130,7 +130,7 @@ Data = tuple[jax.Array, jax.Array, jax.Array, jax.Array, jax.Array, jax.Array]
 
 
 def _rays(views: Views, first: int, last: int) -> Data:
-    """Camera positions and Suns by view, and for every ray near the target its view, direction in T, sRGB code, alpha."""
+    """Camera positions and Suns by view; for every ray near the target its view, direction in T, sRGB code, alpha."""
     import cv2
 
     size = views.alpha.shape[1]

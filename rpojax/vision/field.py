@@ -1,8 +1,8 @@
 """The radiance field of a target: what a ray through its body axes T brings back, for any direction of the Sun.
 
 Two fields stand behind the same two functions, `density` and `render_rays`. `GridField` is the one to fly: features on
-the nodes of a grid near the surface, a fixed number of samples where matter is, and one small network call for each ray,
-which is told the surface's normal, the Sun, the half-vector and whether the way to the Sun is free (deferred shading as
+the nodes of a grid near the surface, a fixed number of samples where matter is, and one network call per ray, which
+is told the surface's normal, the Sun, the half-vector and whether the way to the Sun is free (deferred shading as
 in Hedman et al., "Baking Neural Radiance Fields", ICCV 2021). `PointField` is the classic network of Mildenhall et al.,
 "NeRF", ECCV 2020, at small size, kept for comparison.
 """

@@ -71,7 +71,7 @@ def render_frame(
     sun_T: Vector,
     sunlight: Scalar,
 ) -> Frame:
-    """The target in a frame, from the camera's position [m] and axes in T, the unit vector to the Sun in T and sunlight.
+    """The target in a frame, from the camera's position [m] and axes, the direction of the Sun, all in T, and sunlight.
 
     `sunlight` is 0 in eclipse and 1 outside; arrays are float32, `region_px` is static. Differentiable in pose and Sun.
     """
@@ -124,3 +124,44 @@ def _overlaps(corner: Array, side: Array, cells: int, pixels: int) -> Array:
     first = jnp.maximum(pixel[:, None], start[None, :])
     last = jnp.minimum(pixel[:, None] + 1.0, (start + width)[None, :])
     return jnp.maximum(last - first, 0.0)
+
+
+@pytree
+class Exposure:
+    """How a detector turns radiance into grey values.
+
+    Attributes:
+        gain: () exposure, 1 = white level of the field at full well
+        full_well_e: () electrons at saturation
+        read_noise_e: () 1 sigma [electrons]
+        blur_px: () sigma of the point spread [px]
+    """
+
+    gain: Array
+    full_well_e: Array
+    read_noise_e: Array
+    blur_px: Array
+
+
+def expose(image: Image, exposure: Exposure, shot: Image, read: Image) -> Image:
+    """Linear values (0 to 1, saturated) of a linear picture, from standard normal numbers for shot and read noise."""
+    electrons = jnp.maximum(_blur(image, exposure.blur_px), 0.0) * (exposure.gain * exposure.full_well_e)
+    noisy = electrons + jnp.sqrt(electrons + 1e-6) * shot + exposure.read_noise_e * read
+    return jnp.clip(noisy / exposure.full_well_e, 0.0, 1.0)
+
+
+def _blur(image: Array, sigma: Array) -> Array:
+    """Gaussian blur over 7 x 7 pixels."""
+    offset = jnp.arange(-3, 4, dtype=jnp.float32)
+    kernel = jnp.exp(-0.5 * (offset / jnp.maximum(sigma, 1e-3)) ** 2)
+    kernel = kernel / jnp.sum(kernel)
+    height, width = image.shape[:2]
+    padded = jnp.pad(image, ((3, 3), (0, 0), (0, 0)))
+    down = sum((kernel[i] * padded[i : i + height] for i in range(7)), jnp.zeros_like(image))
+    padded = jnp.pad(down, ((0, 0), (3, 3), (0, 0)))
+    return sum((kernel[i] * padded[:, i : i + width] for i in range(7)), jnp.zeros_like(image))
+
+
+def compose(frame: Frame, background: Image) -> Image:
+    """Linear picture of a target before a background."""
+    return frame.color + background * (1.0 - frame.alpha[:, :, None])
