@@ -37,7 +37,7 @@ def train(
     units: Units = None,
     center: Center = False,
     views: Annotated[int, arg(metavar="N", help="Ray-traced views.")] = 300,
-    steps: Annotated[int, arg(metavar="N", help="Training steps at most.")] = 4000,
+    steps: Annotated[int, arg(metavar="N", help="Training steps at most.")] = 2000,
     minutes: Annotated[float | None, arg(metavar="T", help="End training after so long.")] = None,
     seed: Seed = 0,
     kind: Annotated[str, arg(metavar="KIND", help="'grid', or 'point' for the slow reference network.")] = "grid",

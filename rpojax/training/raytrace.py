@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -168,7 +169,7 @@ class _Store:
             with np.load(self._path(start), allow_pickle=False) as content:
                 if str(content["key"]) == self.key and len(content["film"]) >= count:
                     return content["film"][:count].astype(np.float32)
-        except (OSError, ValueError, KeyError, EOFError):
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             pass
         return None
 
@@ -206,7 +207,9 @@ class Tracer:
             dim = self._mi.load_dict({"type": "scene", **self._shapes, "light": light})
             image[..., :3] += self._take(self._colour, dim, rotation, position, shell.samples, number)[..., :3]
         depth = self._take(self._depth, scene, rotation, position, min(shell.samples, 16), number)
-        image = np.nan_to_num(np.concatenate([image, depth[..., :1]], axis=2), posinf=0.0, neginf=0.0)
+        # The two passes draw their own samples: the distance is that of the depth pass, the share that of the picture.
+        distance = depth[..., :1] / np.maximum(depth[..., 3:4], 1e-6)
+        image = np.nan_to_num(np.concatenate([image, distance * image[..., 3:4]], axis=2), posinf=0.0, neginf=0.0)
         image[..., :3] = np.clip(image[..., :3], 0.0, 100.0)
         return image
 

@@ -119,7 +119,10 @@ def _weights(field: Field) -> dict[str, Any]:
 
 def _optimiser(field: Field, recipe: Recipe) -> optax.GradientTransformation:
     def rate(name: str) -> optax.GradientTransformation:
-        schedule = optax.cosine_decay_schedule(_RATES[name], recipe.steps, alpha=0.03)
+        def schedule(count: Any) -> jax.Array:
+            share = jnp.minimum(jnp.asarray(count).astype(jnp.float32) / recipe.steps, 1.0)
+            return _RATES[name] * (0.515 + 0.485 * jnp.cos(jnp.pi * share))
+
         return optax.adam(schedule, b2=0.99, eps=1e-10)
 
     names = list(_weights(field))

@@ -98,6 +98,7 @@ class Rays:
     normal: Array
 
 
+@jax.jit
 def density(field: Field, points_T: Points) -> Float[Array, " n"]:
     """Density [1/m] at points of T [m]; zero outside of the field's box."""
     if isinstance(field, GridField):
@@ -105,6 +106,7 @@ def density(field: Field, points_T: Points) -> Float[Array, " n"]:
     return jax.vmap(lambda point: _point_density(field, point))(points_T)
 
 
+@jax.jit
 def render_rays(
     field: Field, origins_T: Points, directions_T: Points, sun_T: Points, jitter: Float[Array, " n"] | None = None
 ) -> Rays:

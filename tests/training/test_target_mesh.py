@@ -20,7 +20,8 @@ def test_the_packaged_target_fills_the_hull_of_the_scenario(inspection_file: Sce
     hull = ConvexHull(np.array(inspection_file.model_dump()["target"]["hull_m"]))
     mesh = target_mesh.packaged()
     outside = mesh.vertices @ hull.equations[:, :3].T + hull.equations[:, 3]
-    assert outside.max() < 0.035
+    assert outside.max() < 0.06  # the nozzle stands out by 5 cm
+    assert np.mean(outside < 0.03) > 0.9
     np.testing.assert_allclose(mesh.bounds[:, 1], [-0.8, 0.8], atol=1e-9)
 
 

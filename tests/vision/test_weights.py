@@ -4,6 +4,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -26,7 +27,7 @@ def test_a_field_comes_back_from_its_file(tmp_path: Path, make: Callable[[], Fie
     save_field(field, tmp_path / "field", {"target": "ball"})
     loaded, card = load_field(tmp_path / "field")
     assert card == {"target": "ball"}
-    points = np.asarray(jax.random.uniform(jax.random.key(1), (500, 3), np.float32, -0.6, 0.6))
+    points = jax.random.uniform(jax.random.key(1), (500, 3), jnp.float32, -0.6, 0.6)
     # Half precision has three digits.
     np.testing.assert_allclose(density(loaded, points), density(field, points), rtol=2e-2, atol=0.05)
 
@@ -35,7 +36,7 @@ def test_the_packaged_field_loads_and_is_small() -> None:
     field, card = load_field()
     assert packaged_field().stat().st_size <= 6e6
     assert card["target"] == "target"
-    assert np.isfinite(np.asarray(density(field, np.zeros((1, 3), np.float32)))).all()
+    assert np.isfinite(np.asarray(density(field, jnp.zeros((1, 3), jnp.float32)))).all()
 
 
 def cut(tensors: Tensors) -> None:
