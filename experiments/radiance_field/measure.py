@@ -145,7 +145,7 @@ def recovery(field: Field) -> None:
         turn, scale = found["turn_deg"], found["range_percent"]
         print(f"| {seed} | {turn[0]:.2f}, {turn[1]:.2f} | {scale[0]:.2f}, {scale[1]:.2f} |")
         strips.append(np.concatenate(found["pictures"], axis=1))
-    save(HERE / "pose_recovery.png", np.concatenate(strips, axis=0), 2)
+    save(HERE / "pose_recovery.png", np.concatenate(strips, axis=0), 3)
 
 
 def recover(field: Field, seed: int, steps: int = 100) -> dict[str, Any]:
@@ -153,14 +153,14 @@ def recover(field: Field, seed: int, steps: int = 100) -> dict[str, Any]:
     mesh = target_mesh.packaged()
     views = raytrace.draw(mesh, raytrace.Shell(1, seed=77 + seed))
     rotation, position, sun = (jnp.asarray(values[0], jnp.float32) for values in views)
-    optics = lens(jnp.asarray(np.radians(26.0)), 96, 96)
+    optics = lens(jnp.asarray(np.radians(26.0)), 64, 64)
     rng = np.random.default_rng(seed)
     axis = rng.normal(size=3)
     wrong = jnp.asarray(np.concatenate([np.radians(3.0) * axis / np.linalg.norm(axis), [0.03]]), jnp.float32)
 
     def silhouette(error: jax.Array) -> jax.Array:
         R_KT, r = moved(rotation, position, error)
-        return render_frame(field, optics, 96, 96, 96, r, R_KT, sun, jnp.ones((), jnp.float32)).alpha
+        return render_frame(field, optics, 64, 64, 64, r, R_KT, sun, jnp.ones((), jnp.float32)).alpha
 
     wanted = jax.jit(silhouette)(jnp.zeros(4, jnp.float32))
     slope = jax.jit(jax.value_and_grad(lambda error: jnp.mean((silhouette(error) - wanted) ** 2)))

@@ -197,7 +197,7 @@ class Tracer:
 
     def frame(self, rotation: np.ndarray, position: np.ndarray, sun: np.ndarray, seed: int) -> np.ndarray:
         """(p, p, 5) linear colour, alpha and depth of one view."""
-        shell, number = self._shell, seed + 1 + 100_003 * self._shell.seed
+        shell, number = self._shell, (seed + 1 + 100_003 * self._shell.seed) % 2**31
         light = {"type": "directional", "direction": (-sun).tolist(), "irradiance": {"type": "rgb", "value": _SUN}}
         scene = self._mi.load_dict({"type": "scene", **self._shapes, "light": light})
         image = self._take(self._colour, scene, rotation, position, shell.samples, number)
@@ -240,7 +240,11 @@ def _shape(mi: Any, part: Part, name: str) -> Any:
     """A mesh of mitsuba, flat-shaded."""
     material = part.material
     if material.texture is not None and part.uv is not None:
-        color: dict[str, Any] = {"type": "bitmap", "bitmap": mi.Bitmap(material.texture), "raw": False}
+        color: dict[str, Any] = {
+            "type": "bitmap",
+            "bitmap": mi.Bitmap(np.array(material.texture, order="C")),
+            "raw": False,
+        }
     else:
         color = {"type": "rgb", "value": list(material.color)}
     surface = {

@@ -11,7 +11,7 @@ from rpojax.training.raytrace import Views
 from rpojax.training.target_mesh import TargetMesh
 from rpojax.training.train_field import Recipe, Step
 
-SHORT = Recipe(steps=250, rays=256, rows=3000)
+SHORT = Recipe(steps=250, rays=128, rows=3000)
 
 
 @pytest.mark.parametrize("kind", ["grid", "point"])
