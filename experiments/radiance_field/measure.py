@@ -167,7 +167,8 @@ def recover(field: Field, seed: int, steps: int = 100) -> dict[str, Any]:
     optimiser = optax.adam(4e-3)
     error, state = wrong, optimiser.init(wrong)
     for step in range(steps):
-        change, state = optimiser.update(slope(error)[1], state)
+        with jax.numpy_dtype_promotion("standard"):  # optax raises a number to the power of its count
+            change, state = optimiser.update(slope(error)[1], state)
         error = error + (0.5 + 0.49 * np.cos(np.pi * step / steps)) * change
     shown = [
         np.stack([np.asarray(s), np.asarray(wanted), np.asarray(wanted)], axis=2)

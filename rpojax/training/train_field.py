@@ -200,7 +200,8 @@ def _advance(
             # Empty space stays empty, and normals are those of the mesh.
             slope["matter"] = slope["matter"].at[0].set(0.0)
             slope["features"] = slope["features"].at[:, :3].set(0.0)
-        change, state = optimiser.update(slope, state, weights)
+        with jax.numpy_dtype_promotion("standard"):  # optax raises a number to the power of its count
+            change, state = optimiser.update(slope, state, weights)
         return (optax.apply_updates(weights, change), state), None
 
     (weights, state), _ = jax.lax.scan(step, (_weights(field), state), jax.random.split(random, _CHUNK))
