@@ -43,7 +43,7 @@ def sky(seed: int = 0, cloud_share: float = 0.45) -> Sky:
     import cv2
 
     packed = np.frombuffer((resources.files("rpojax.vision") / "assets" / "earth.jpg").read_bytes(), np.uint8)
-    ground = (cv2.imdecode(packed, cv2.IMREAD_COLOR)[..., ::-1] / 255.0) ** 2.2
+    ground = (np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR))[..., ::-1] / 255.0) ** 2.2
     rng = np.random.default_rng(seed)
     clouds = _clouds(rng, ground.shape[:2], cloud_share)[..., None]
     direction = rng.normal(size=(STARS, 3))
@@ -63,7 +63,7 @@ def _clouds(rng: np.random.Generator, shape: tuple[int, ...], share: float) -> n
         noise = rng.normal(size=(cells // 2 + 1, cells))
         noise = np.concatenate([noise, noise[:, :1]], axis=1)
         factors = (shape[0] / noise.shape[0], shape[1] / noise.shape[1])
-        total += zoom(noise, factors, order=1)[: shape[0], : shape[1]] * 0.6**octave
+        total = total + np.asarray(zoom(noise, factors, order=1))[: shape[0], : shape[1]] * 0.6**octave
     threshold = np.quantile(total, 1.0 - share)
     return np.clip((total - threshold) / total.std(), 0.0, 1.0)
 
