@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import FlagCreatePairsOff, Positional, UseAppendAction, arg
 
-from rpojax import console
+from rpojax import console, field_verbs
 from rpojax.errors import RpojaxError
 from rpojax.version import __version__
 
@@ -214,6 +214,10 @@ def bench(
     else:
         console.show_speeds(speeds)
     return Status.DONE
+
+
+field = field_verbs.app.cli
+app.command(field_verbs.app, name="field", help="Train, judge and show radiance fields of targets.")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

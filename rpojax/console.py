@@ -43,6 +43,35 @@ def watching(duration_s: float, quiet: bool) -> Iterator[Watch]:
 
 
 @contextmanager
+def counting(text: str, quiet: bool) -> Iterator[Callable[..., None]]:
+    """Something to tell `(done, total, note)` to: a bar on a terminal, else a line at every quarter."""
+    if quiet:
+        yield lambda done, total, note="": None
+        return
+    console = Console(stderr=True, highlight=False)
+    if not console.is_terminal:
+        shares = list(_PLAIN_SHARES)
+
+        def line(done: int, total: int, note: str = "") -> None:
+            while shares and done >= shares[0] * total:
+                shares.pop(0)
+                if not shares or done < shares[0] * total:
+                    console.print(f"rpojax: {text}, {done} of {total} {note}".rstrip(), soft_wrap=True)
+
+        yield line
+        return
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Display
+
+    columns = (TextColumn("{task.description}"), BarColumn(bar_width=20), TextColumn("{task.completed}/{task.total}"))
+    with Display(*columns, TimeRemainingColumn(), console=console) as display:
+        task = display.add_task(text, total=None)
+        yield lambda done, total, note="": display.update(
+            task, completed=done, total=total, description=f"{text} {note}".rstrip()
+        )
+
+
+@contextmanager
 def busy(text: str, quiet: bool) -> Iterator[None]:
     """Says what is being done until it is done."""
     console = Console(stderr=True, quiet=quiet, highlight=False)

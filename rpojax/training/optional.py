@@ -1,0 +1,18 @@
+"""Packages that only the offline phase needs."""
+
+import importlib
+from types import ModuleType
+
+from rpojax.errors import RpojaxError
+
+
+class MissingExtraError(RpojaxError):
+    """A verb needs a package that is not installed."""
+
+
+def need(name: str, extra: str = "raytrace") -> ModuleType:
+    """Module of an optional package; raises `MissingExtraError` with the line that installs it."""
+    try:
+        return importlib.import_module(name)
+    except ImportError:
+        raise MissingExtraError(f"{name}: not installed, expected: pip install 'rpojax[{extra}]'") from None

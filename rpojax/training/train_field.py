@@ -1,0 +1,273 @@
+"""Training of a field on ray-traced views."""
+
+import dataclasses
+import hashlib
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+
+from rpojax.core.pytree import replace
+from rpojax.training.raytrace import Views
+from rpojax.training.target_mesh import TargetMesh
+from rpojax.vision.field import Field, GridField, new_grid, new_point, render_rays, with_solid
+from rpojax.vision.render import encode, pixel_directions
+from rpojax.vision.weights import WeightsError, read_tensors, write_tensors
+
+_CHUNK = 50
+_RATES = {"matter": 0.03, "features": 0.02, "network": 3e-3, "trunk": 2e-3, "head": 2e-3}
+_HELD_OUT = 12
+_MARGIN_PX = 3
+_NEIGHBOURS = 8192
+_SMOOTHNESS = 1e-2
+
+
+@dataclasses.dataclass(frozen=True)
+class Recipe:
+    """How a field is trained: most steps, rays a step, seed, kind of field, wall-clock limit [s], and how many checks
+    without a gain of `gain_db` end it."""
+
+    steps: int = 5000
+    rays: int = 2048
+    seed: int = 0
+    kind: str = "grid"
+    limit_s: float | None = None
+    patience: int = 10
+    gain_db: float = 0.02
+    rows: int = 160_000
+
+
+@dataclasses.dataclass(frozen=True)
+class Step:
+    """How far training is: step of so many, error on held-out views [dB], seconds so far."""
+
+    done: int
+    total: int
+    psnr_db: float
+    elapsed_s: float
+
+
+OnStep = Callable[[Step], None]
+
+
+def fresh(mesh: TargetMesh, recipe: Recipe) -> Field:
+    """An untrained field for a mesh."""
+    key = jax.random.key(recipe.seed)
+    low, high = mesh.bounds
+    if recipe.kind == "point":
+        margin = 0.02 * (high - low).max()
+        return new_point(low - margin, high + margin, key)
+    points, normals = mesh.surface_points(float((high - low).max()) / 250.0)
+    return new_grid(points, normals, key, recipe.rows)
+
+
+def train(
+    mesh: TargetMesh,
+    views: Views,
+    recipe: Recipe,
+    checkpoint: Path | None = None,
+    on_step: OnStep = lambda step: None,
+) -> tuple[Field, list[Step]]:
+    """A field trained on all but a few of the views, and its history; goes on from a checkpoint of the same one."""
+    start_time = time.monotonic()
+    field = fresh(mesh, recipe)
+    held = min(_HELD_OUT, len(views) // 8)
+    data, check = _rays(views, 0, len(views) - held), _rays(views, len(views) - held, len(views))
+    check = _every(check, 16_384)
+    optimiser = _optimiser(field, recipe)
+    state = optimiser.init(_weights(field))
+    nodes = jnp.asarray(np.argwhere(np.asarray(field.row) > 0) if isinstance(field, GridField) else [[0]], jnp.int32)
+    done, best, since, history = 0, -np.inf, 0, []
+    key = _digest(mesh, views, recipe)
+    found = _read(checkpoint, key, (field, state)) if checkpoint else None
+    if found:
+        (field, state), done, before = found
+        start_time -= before
+    while done < recipe.steps:
+        random = jax.random.fold_in(jax.random.key(recipe.seed), done)
+        field, state = _advance(recipe.rays, optimiser, field, state, data, nodes, random)
+        done += _CHUNK
+        elapsed = time.monotonic() - start_time
+        late = recipe.limit_s is not None and elapsed > recipe.limit_s
+        if done % (5 * _CHUNK) and done < recipe.steps and not late:
+            continue
+        if isinstance(field, GridField):
+            field = with_solid(field)
+        error = float(_error(field, check))
+        history.append(Step(done, recipe.steps, float(-10.0 * np.log10(error)), elapsed))
+        since = 0 if history[-1].psnr_db > best + recipe.gain_db else since + 1
+        best = max(best, history[-1].psnr_db)
+        if checkpoint:
+            _write(checkpoint, key, (field, state), done, elapsed)
+        on_step(history[-1])
+        if late or since >= recipe.patience:
+            break
+    return field, history
+
+
+def _weights(field: Field) -> dict[str, Any]:
+    """What of a field is trained."""
+    names = ("matter", "features", "network") if isinstance(field, GridField) else ("trunk", "head")
+    return {name: getattr(field, name) for name in names}
+
+
+def _optimiser(field: Field, recipe: Recipe) -> optax.GradientTransformation:
+    def rate(name: str) -> optax.GradientTransformation:
+        def schedule(count: Any) -> jax.Array:
+            share = jnp.minimum(jnp.asarray(count).astype(jnp.float32) / recipe.steps, 1.0)
+            return _RATES[name] * (0.515 + 0.485 * jnp.cos(jnp.pi * share))
+
+        return optax.adam(schedule, b2=0.99, eps=1e-10)
+
+    names = list(_weights(field))
+    return optax.multi_transform({name: rate(name) for name in names}, {name: name for name in names})
+
+
+Data = tuple[jax.Array, jax.Array, jax.Array, jax.Array, jax.Array, jax.Array]
+
+
+def _rays(views: Views, first: int, last: int) -> Data:
+    """Camera positions and Suns by view; for every ray near the target its view, direction in T, sRGB code, alpha."""
+    import cv2
+
+    size = views.alpha.shape[1]
+    disc = np.ones((2 * _MARGIN_PX + 1, 2 * _MARGIN_PX + 1), np.uint8)
+    tangents = pixel_directions(size, views.field_of_view_deg)
+    view, direction, color, alpha = [], [], [], []
+    for index in range(first, last):
+        near = cv2.dilate((views.alpha[index] > 0.0).astype(np.uint8), disc) > 0
+        view.append(np.full(int(near.sum()), index - first, np.int32))
+        direction.append((tangents[near] @ views.rotation[index]).astype(np.float32))
+        color.append(views.rgb[index][near])
+        alpha.append(views.alpha[index][near].astype(np.float32))
+    position, sun = (jnp.asarray(values[first:last], jnp.float32) for values in (views.position, views.sun))
+    merged = [jnp.asarray(np.concatenate(values)) for values in (view, direction, color, alpha)]
+    return position, sun, merged[0], merged[1], encode(merged[2].astype(jnp.float32)), merged[3]
+
+
+def _every(data: Data, count: int) -> Data:
+    """About `count` of the rays, evenly taken."""
+    position, sun, view, direction, color, alpha = data
+    step = max(1, len(view) // count)
+    return position, sun, view[::step], direction[::step], color[::step], alpha[::step]
+
+
+def _squares(field: Field, data: Data, chosen: jax.Array, jitter: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Mean squared errors of colour codes and of alpha over some of the rays."""
+    position, sun, view, direction, color, alpha = data
+    where = view[chosen]
+    rays = render_rays(field, position[where], direction[chosen], sun[where], jitter)
+    return jnp.mean((encode(rays.color) - color[chosen]) ** 2), jnp.mean((rays.alpha - alpha[chosen]) ** 2)
+
+
+@jax.jit
+def _error(field: Field, data: Data) -> jax.Array:
+    count = data[2].shape[0] // 1024 * 1024
+    parts = jnp.arange(count, dtype=jnp.int32).reshape(-1, 1024)
+    zero = jnp.zeros((1024,), jnp.float32)
+    return jnp.mean(jax.lax.map(lambda chosen: _squares(field, data, chosen, zero)[0], parts))
+
+
+@partial(jax.jit, static_argnums=(0, 1))
+def _advance(
+    rays: int,
+    optimiser: optax.GradientTransformation,
+    field: Field,
+    state: Any,
+    data: Data,
+    nodes: jax.Array,
+    random: jax.Array,
+) -> tuple[Field, Any]:
+    """A chunk of steps."""
+
+    def loss(weights: dict[str, Any], chosen: jax.Array, jitter: jax.Array, near: jax.Array) -> jax.Array:
+        color, alpha = _squares(replace(field, **weights), data, chosen, jitter)
+        return color + 0.5 * alpha + _roughness(weights, near)
+
+    def step(carry: Any, key: jax.Array) -> tuple[Any, None]:
+        weights, state = carry
+        chosen = jax.random.randint(key, (rays,), 0, data[2].shape[0], jnp.int32)
+        jitter = jax.random.uniform(jax.random.fold_in(key, 1), (rays,), jnp.float32, -0.5, 0.5)
+        near = _neighbours(field, nodes, jax.random.fold_in(key, 2))
+        slope = jax.grad(loss)(weights, chosen, jitter, near)
+        if "matter" in slope:
+            # Empty space stays empty, and normals are those of the mesh.
+            slope["matter"] = slope["matter"].at[0].set(0.0)
+            slope["features"] = slope["features"].at[:, :3].set(0.0)
+        with jax.numpy_dtype_promotion("standard"):  # optax raises a number to the power of its count
+            change, state = optimiser.update(slope, state, weights)
+        return (optax.apply_updates(weights, change), state), None
+
+    (weights, state), _ = jax.lax.scan(step, (_weights(field), state), jax.random.split(random, _CHUNK))
+    return replace(field, **weights), state
+
+
+def _neighbours(field: Field, nodes: jax.Array, key: jax.Array) -> jax.Array:
+    """Rows (n, 2) of random neighbouring nodes; row 0, empty space, is a neighbour of itself alone."""
+    if not isinstance(field, GridField):
+        return jnp.zeros((1, 2), jnp.int32)
+    limits = jnp.array(field.row.shape, jnp.int32)[None, :]
+    place = nodes[jax.random.randint(key, (_NEIGHBOURS,), 0, nodes.shape[0], jnp.int32)]
+    step = jnp.eye(3, dtype=jnp.int32)[jax.random.randint(jax.random.fold_in(key, 1), (_NEIGHBOURS,), 0, 3, jnp.int32)]
+    other = jnp.minimum(place + step, limits - 1)
+    rows = jnp.stack([field.row[p[:, 0], p[:, 1], p[:, 2]] for p in (place, other)], axis=1)
+    return jnp.where(jnp.any(rows == 0, axis=1, keepdims=True), 0, rows)
+
+
+def _roughness(weights: dict[str, Any], near: jax.Array) -> jax.Array:
+    """Mean squared difference of neighbouring features, weighed: materials are smooth."""
+    if "features" not in weights:
+        return jnp.zeros((), jnp.float32)
+    pair = weights["features"][near]
+    return _SMOOTHNESS * jnp.mean((pair[:, 0] - pair[:, 1])[:, 3:] ** 2)
+
+
+def _digest(mesh: TargetMesh, views: Views, recipe: Recipe) -> str:
+    digest = hashlib.sha256(repr((mesh.name, recipe, len(views))).encode())
+    for values in (mesh.vertices, views.position, views.sun, views.rgb.sum(axis=(1, 2, 3))):
+        digest.update(np.ascontiguousarray(values).tobytes())
+    return digest.hexdigest()
+
+
+def _write(path: Path, key: str, content: Any, done: int, elapsed_s: float) -> None:
+    leaves = {f"{index:04d}": np.asarray(leaf) for index, leaf in enumerate(jax.tree.leaves(content))}
+    write_tensors(path, leaves, {"key": key, "done": str(done), "elapsed_s": str(elapsed_s)})
+
+
+def _read(path: Path, key: str, like: Any) -> tuple[Any, int, float] | None:
+    """Content, steps done and seconds spent of a checkpoint, or None if there is none of this training."""
+    if not path.is_file():
+        return None
+    try:
+        tensors, metadata = read_tensors(path)
+    except WeightsError:
+        return None
+    leaves, structure = jax.tree.flatten(like)
+    found = [tensors.get(f"{index:04d}") for index in range(len(leaves))]
+    if metadata.get("key") != key or any(
+        f is None or f.shape != leaf.shape or f.dtype != leaf.dtype for f, leaf in zip(found, leaves, strict=True)
+    ):
+        return None
+    content = jax.tree.unflatten(structure, [jnp.asarray(values) for values in found])
+    return content, int(metadata["done"]), float(metadata["elapsed_s"])
+
+
+def card(mesh: TargetMesh, views: Views, recipe: Recipe, history: list[Step], command: str) -> Mapping[str, object]:
+    """What to say about a field: how it was made, and how well it did on views held out."""
+    return {
+        "target": mesh.name,
+        "faces": mesh.faces,
+        "views": len(views),
+        "view_size_px": int(views.alpha.shape[1]),
+        "recipe": dataclasses.asdict(recipe),
+        "steps_done": history[-1].done if history else 0,
+        "held_out_psnr_near_target_db": round(history[-1].psnr_db, 2) if history else None,
+        "training_s": round(history[-1].elapsed_s, 1) if history else None,
+        "command": command,
+    }

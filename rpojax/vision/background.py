@@ -1,0 +1,134 @@
+"""What is behind the target: stars, and the Earth's disc with clouds and a limb, placed by the camera's attitude."""
+
+from importlib import resources
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.ndimage import zoom
+
+from rpojax.core.pytree import pytree
+from rpojax.vision.pinhole import Lens
+
+Vector = Float[Array, "3"]
+Matrix = Float[Array, "3 3"]
+Image = Float[Array, "h w 3"]
+
+STARS = 1500
+_SCALE_HEIGHT = 0.003
+_AIR = (0.25, 0.45, 0.9)
+
+
+@pytree
+class Sky:
+    """The surroundings of an orbit.
+
+    Attributes:
+        star_N: (n, 3) directions of stars
+        star_light: (n,) what a star adds to the one pixel it falls on, 1 = white level
+        earth: (y, x, 3) linear colour of the lit ground and its clouds, north up, 180 deg west at the left
+    """
+
+    star_N: Array
+    star_light: Array
+    earth: Array
+
+
+def sky(seed: int = 0, cloud_share: float = 0.45) -> Sky:
+    """Random stars with the brightness counts of the real sky, and an Earth under random clouds.
+
+    The ground is NASA's Blue Marble (public domain), at 512 x 256 pixels. There are 10^(m/2) stars below magnitude m.
+    """
+    import cv2
+
+    packed = np.frombuffer((resources.files("rpojax.vision") / "assets" / "earth.jpg").read_bytes(), np.uint8)
+    ground = (np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR))[..., ::-1] / 255.0) ** 2.2
+    rng = np.random.default_rng(seed)
+    clouds = _clouds(rng, ground.shape[:2], cloud_share)[..., None]
+    direction = rng.normal(size=(STARS, 3))
+    magnitude = 6.0 + 2.0 * np.log10(rng.uniform(1e-4, 1.0, STARS))
+    return Sky(
+        star_N=jnp.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True), jnp.float32),
+        star_light=jnp.asarray(0.3 * 10.0 ** (-0.4 * magnitude), jnp.float32),
+        earth=jnp.asarray(ground * (1.0 - clouds) + 0.8 * clouds, jnp.float32),
+    )
+
+
+def _clouds(rng: np.random.Generator, shape: tuple[int, ...], share: float) -> np.ndarray:
+    """Opacity (y, x) of clouds: noise summed over octaves, that closes round the globe."""
+    total = np.zeros(shape)
+    for octave in range(2, 7):
+        cells = 2**octave
+        noise = rng.normal(size=(cells // 2 + 1, cells))
+        noise = np.concatenate([noise, noise[:, :1]], axis=1)
+        factors = (shape[0] / noise.shape[0], shape[1] / noise.shape[1])
+        total = total + np.asarray(zoom(noise, factors, order=1))[: shape[0], : shape[1]] * 0.6**octave
+    threshold = np.quantile(total, 1.0 - share)
+    return np.clip((total - threshold) / total.std(), 0.0, 1.0)
+
+
+def background(
+    sky: Sky, lens: Lens, width_px: int, height_px: int, R_KN: Matrix, position: Vector, sun_N: Vector, turn: Array
+) -> Image:
+    """Linear picture (h, w, 3) of stars and Earth; all arrays float32.
+
+    `position` is the camera from the Earth's centre in Earth radii and N components, `sun_N` a unit vector, `turn` the
+    angle [rad] by which the Earth has turned about its pole, Greenwich from N's x axis.
+    """
+    center, focal = lens.center_px.astype(jnp.float32), lens.focal_px.astype(jnp.float32)
+    x = (jnp.arange(width_px, dtype=jnp.float32) + 0.5 - center[0]) / focal
+    y = (jnp.arange(height_px, dtype=jnp.float32) + 0.5 - center[1]) / focal
+    shape = (height_px, width_px)
+    rays_K = jnp.stack(
+        [jnp.broadcast_to(x[None, :], shape), jnp.broadcast_to(y[:, None], shape), jnp.ones(shape, jnp.float32)]
+    )
+    rays_K = rays_K * jax.lax.rsqrt(jnp.sum(rays_K * rays_K, axis=0))[None]
+    rays_N = jnp.einsum("ki,khw->ihw", R_KN, rays_K)
+    ground, cover = _earth(sky, rays_N, position, sun_N, turn)
+    stars = _stars(sky, center, focal, shape, R_KN)
+    return ground + stars[:, :, None] * (1.0 - cover)[:, :, None]
+
+
+def _earth(sky: Sky, rays_N: Array, position: Array, sun_N: Array, turn: Array) -> tuple[Array, Array]:
+    """Light of the ground and of the air above the limb, and whether the ground is there."""
+    along = jnp.sum(rays_N * position[:, None, None], axis=0)
+    square = jnp.sum(position * position)
+    nearest = jnp.maximum(square - along * along, 0.0)
+    hit = (nearest < 1.0) & (along < 0.0)
+    distance = -along - jnp.sqrt(jnp.where(hit, 1.0 - nearest, 0.0))
+    point = position[:, None, None] + distance[None] * rays_N
+    lit = jnp.maximum(jnp.sum(point * sun_N[:, None, None], axis=0), 0.0)
+    rows, columns = sky.earth.shape[:2]
+    north = jnp.arcsin(jnp.clip(point[2], -1.0, 1.0))
+    east = jnp.arctan2(point[1], jnp.where(hit, point[0], 1.0)) - turn
+    row = jnp.clip(((0.5 - north / jnp.pi) * rows).astype(jnp.int32), 0, rows - 1)
+    column = jnp.mod(((east / (2.0 * jnp.pi) + 0.5) * columns).astype(jnp.int32), columns)
+    ground = jnp.where(hit[:, :, None], sky.earth[row, column] * lit[:, :, None], 0.0)
+    # Above the limb: light of the air at the height where the ray passes, as bright as the ground below would be.
+    height = jnp.sqrt(nearest) - 1.0
+    foot = position[:, None, None] - along[None] * rays_N
+    above = jnp.maximum(jnp.sum(foot * sun_N[:, None, None], axis=0), 0.0)
+    glow = jnp.where((along < 0.0) & ~hit, above * jnp.exp(-jnp.maximum(height, 0.0) / _SCALE_HEIGHT), 0.0)
+    air = 0.5 * glow[:, :, None] * jnp.asarray(_AIR, jnp.float32)[None, None, :]
+    return ground + air, hit.astype(jnp.float32)
+
+
+def _stars(sky: Sky, center: Array, focal: Array, shape: tuple[int, int], R_KN: Array) -> Array:
+    """Light of stars, each shared by the four pixels around it."""
+    seen = jnp.einsum("ki,ni->nk", R_KN, sky.star_N)
+    ahead = seen[:, 2] > 0.1
+    depth = jnp.where(ahead, seen[:, 2], 1.0)
+    place = center[None, :] + focal * seen[:, :2] / depth[:, None] - 0.5
+    first = jnp.floor(place)
+    share = place - first
+    column, row = first[:, 0].astype(jnp.int32), first[:, 1].astype(jnp.int32)
+    light = jnp.where(ahead, sky.star_light, 0.0)
+    picture = jnp.zeros(shape, jnp.float32)
+    for dy in (0, 1):
+        for dx in (0, 1):
+            part = (share[:, 0] if dx else 1.0 - share[:, 0]) * (share[:, 1] if dy else 1.0 - share[:, 1])
+            inside = (column + dx >= 0) & (column + dx < shape[1]) & (row + dy >= 0) & (row + dy < shape[0])
+            rows, columns = jnp.where(inside, row + dy, 0), jnp.where(inside, column + dx, 0)
+            picture = picture.at[rows, columns].add(jnp.where(inside, light * part, 0.0))
+    return picture

@@ -1,0 +1,25 @@
+"""A small box of a target and a few ray-traced views of it."""
+
+import numpy as np
+import pytest
+
+from rpojax.training import raytrace
+from rpojax.training.raytrace import Shell, Views
+from rpojax.training.target_mesh import Material, Part, TargetMesh
+
+pytest.importorskip("mitsuba")
+trimesh = pytest.importorskip("trimesh")
+
+
+@pytest.fixture(scope="session")
+def box() -> TargetMesh:
+    """A grey box, 1 x 0.6 x 0.4 m."""
+    mesh = trimesh.creation.box(extents=(1.0, 0.6, 0.4))
+    part = Part(np.asarray(mesh.vertices), np.asarray(mesh.faces), Material(color=(0.5, 0.4, 0.3)))
+    return TargetMesh("box", (part,))
+
+
+@pytest.fixture(scope="session")
+def views(box: TargetMesh) -> Views:
+    """Small views of the box."""
+    return raytrace.render(box, Shell(24, size_px=32, samples=8, seed=5))

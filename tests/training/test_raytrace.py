@@ -1,0 +1,73 @@
+"""Ray-traced views: geometry as the project's conventions have it, light, and blocks that outlive an interrupt."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rpojax.training import raytrace
+from rpojax.training.judge import silhouette_box
+from rpojax.training.raytrace import Shell, Views
+from rpojax.training.target_mesh import TargetMesh
+
+
+def test_silhouettes_are_where_the_pinhole_puts_the_vertices(box: TargetMesh, views: Views) -> None:
+    size = views.alpha.shape[1]
+    focal = 0.5 * size / np.tan(np.radians(0.5 * views.field_of_view_deg))
+    for index in range(len(views)):
+        seen = (box.vertices - views.position[index]) @ views.rotation[index].T
+        pixels = 0.5 * size + focal * seen[:, :2] / seen[:, 2:]
+        expected = np.concatenate([pixels.min(axis=0), pixels.max(axis=0)])
+        # A pixel that is covered in part says where its edge is to some tenths of a pixel, at 8 samples.
+        np.testing.assert_allclose(silhouette_box(views.alpha[index]), expected, atol=0.8)
+
+
+def test_depth_is_the_distance_to_the_surface(box: TargetMesh, views: Views) -> None:
+    full = views.alpha > 0.999
+    distance = np.linalg.norm(views.position, axis=1)
+    for index in range(len(views)):
+        depth = views.depth[index][full[index]]
+        assert depth.min() > distance[index] - 0.62  # half the diagonal of the box
+        assert depth.max() < distance[index] + 0.62
+
+
+def test_no_view_is_darker_than_its_phase_angle_allows(views: Views) -> None:
+    away = views.position / np.linalg.norm(views.position, axis=1, keepdims=True)
+    phase = np.degrees(np.arccos(np.sum(away * views.sun, axis=1)))
+    assert phase.max() <= raytrace.PHASE_LIMIT_DEG
+    brightness = np.array([rgb[alpha > 0.999].mean() for rgb, alpha in zip(views.rgb, views.alpha, strict=True)])
+    assert brightness[phase < 45.0].mean() > 2.0 * brightness[phase > 80.0].mean()
+    assert (views.rgb[views.alpha == 0.0] == 0.0).all()
+
+
+def test_earth_shine_lights_what_the_sun_does_not(box: TargetMesh, views: Views) -> None:
+    lit = raytrace.render(box, Shell(4, size_px=32, samples=8, seed=5, earth_shine=0.1))
+    assert (lit.rgb[lit.alpha > 0.999].mean(axis=1) > 0.0).all()
+    np.testing.assert_array_equal(lit.position, views.position[:4])
+
+
+def test_an_interrupted_call_goes_on_with_the_same_views(box: TargetMesh, tmp_path: Path) -> None:
+    shell = Shell(30, size_px=16, samples=2)
+
+    def stop(done: int, total: int) -> None:
+        if done == 27:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        raytrace.render(box, shell, tmp_path, stop)
+    assert [path.name for path in tmp_path.iterdir()] == ["views_00000.npz"]
+    first = (tmp_path / "views_00000.npz").stat().st_mtime_ns
+    resumed = raytrace.render(box, shell, tmp_path)
+    assert (tmp_path / "views_00000.npz").stat().st_mtime_ns == first
+    np.testing.assert_allclose(resumed.rgb, raytrace.render(box, shell).rgb, atol=2e-3)  # kept in half precision
+
+
+def test_kept_views_of_another_shell_are_not_taken_for_these(box: TargetMesh, tmp_path: Path) -> None:
+    raytrace.render(box, Shell(2, size_px=16, samples=2, seed=1), tmp_path)
+    other = raytrace.render(box, Shell(2, size_px=16, samples=2, seed=2), tmp_path)
+    np.testing.assert_allclose(other.position, raytrace.draw(box, Shell(2, seed=2))[1])
+
+
+def test_a_damaged_block_is_traced_anew(box: TargetMesh, tmp_path: Path) -> None:
+    (tmp_path / "views_00000.npz").write_bytes(b"PK\x03\x04 not a block")
+    assert len(raytrace.render(box, Shell(2, size_px=16, samples=2), tmp_path)) == 2

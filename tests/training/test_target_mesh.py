@@ -1,0 +1,84 @@
+"""Meshes come in as they are meant, or with one line that says what is wrong."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from rpojax.core.constants import RADIUS_EARTH
+from rpojax.errors import RpojaxError
+from rpojax.simulation.schema import ScenarioFile
+from rpojax.training import target_mesh
+from rpojax.training.optional import MissingExtraError, need
+from rpojax.training.target_mesh import MeshError
+
+
+def test_the_packaged_target_fills_the_hull_of_the_scenario(inspection_file: ScenarioFile) -> None:
+    from scipy.spatial import ConvexHull
+
+    hull = ConvexHull(np.array(inspection_file.model_dump()["target"]["hull_m"]))
+    mesh = target_mesh.packaged()
+    outside = mesh.vertices @ hull.equations[:, :3].T + hull.equations[:, 3]
+    assert outside.max() < 0.06  # the nozzle stands out by 5 cm
+    assert np.mean(outside < 0.03) > 0.9
+    np.testing.assert_allclose(mesh.bounds[:, 1], [-0.8, 0.8], atol=1e-9)
+
+
+def test_the_packaged_target_has_a_shiny_foil_among_several_materials() -> None:
+    materials = [part.material for part in target_mesh.packaged().parts]
+    assert len(materials) >= 5
+    assert any(material.metallic == 1.0 and material.roughness < 0.4 for material in materials)
+
+
+@pytest.mark.parametrize("suffix", [".stl", ".ply", ".obj", ".glb"])
+def test_a_mesh_in_millimetres_off_centre_is_put_right_when_asked(tmp_path: Path, suffix: str) -> None:
+    box = trimesh.creation.box(extents=(1000.0, 600.0, 400.0))
+    box.apply_translation((5000.0, 0.0, 0.0))
+    path = tmp_path / f"box{suffix}"
+    box.export(path)
+    mesh = target_mesh.load(path, units="mm", center=True)
+    np.testing.assert_allclose(mesh.bounds, [[-0.5, -0.3, -0.2], [0.5, 0.3, 0.2]], atol=1e-6)
+    with pytest.raises(MeshError, match="--units"):
+        target_mesh.load(path, center=True)
+    with pytest.raises(MeshError, match="--center"):
+        target_mesh.load(path, units="mm")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "expected"),
+    [
+        ("empty.stl", "solid x\nendsolid x\n", "mesh"),
+        ("empty.obj", "", "mesh"),
+        ("broken.glb", "no glb at all", "cannot be read"),
+        ("mesh.step", "", "expected one of .glb"),
+    ],
+)
+def test_a_file_that_is_no_mesh_is_an_error_of_one_line(tmp_path: Path, name: str, content: str, expected: str) -> None:
+    path = tmp_path / name
+    path.write_text(content)
+    with pytest.raises(MeshError, match=expected) as error:
+        target_mesh.load(path)
+    assert name in str(error.value)
+
+
+def test_a_mesh_as_large_as_a_planet_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "planet.ply"
+    trimesh.creation.icosphere(subdivisions=1, radius=RADIUS_EARTH).export(path)
+    with pytest.raises(MeshError, match="span"):
+        target_mesh.load(path)
+
+
+def test_surface_points_lie_on_the_surface(box: target_mesh.TargetMesh) -> None:
+    points, normals = box.surface_points(0.05)
+    half = np.array([0.5, 0.3, 0.2])
+    np.testing.assert_allclose(np.max(np.abs(points) / half, axis=1), 1.0, atol=1e-9)
+    np.testing.assert_allclose(np.sum(points * normals, axis=1), np.abs(normals) @ half, atol=1e-9)
+
+
+def test_a_missing_extra_says_the_line_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "mitsuba", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'rpojax\[raytrace\]'") as error:
+        need("mitsuba")
+    assert isinstance(error.value, RpojaxError)
+    assert len(str(error.value).splitlines()) == 1

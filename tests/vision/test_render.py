@@ -1,0 +1,135 @@
+"""From field to frame: the square of rays, averaging, eclipse, the camera's errors, and poses mended by gradients."""
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.vision import render
+from rpojax.vision.field import Field
+from rpojax.vision.pinhole import lens, project
+from rpojax.vision.render import Exposure
+from rpojax.vision.weights import load_field
+
+ROOT = Path(__file__).parents[2]
+TIPS = np.array([[x, y, 0.0] for x in (-0.22, 0.22) for y in (-0.8, 0.8)])
+
+
+@pytest.fixture(scope="module")
+def field() -> Field:
+    """The packaged target's."""
+    return load_field()[0]
+
+
+@pytest.fixture(scope="module")
+def measure() -> ModuleType:
+    """The script of the experiment."""
+    spec = importlib.util.spec_from_file_location("field_figures", ROOT / "experiments/radiance_field/measure.py")
+    assert spec
+    assert spec.loader
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def frame_of(
+    field: Field, position: np.ndarray, rotation: np.ndarray, region: int = 64, light: float = 1.0, size: int = 64
+) -> render.Frame:
+    optics = lens(jnp.asarray(np.radians(10.0)), size, size)
+    parts = [jnp.asarray(value, jnp.float32) for value in (position, rotation, np.array([0.0, 0.6, 0.8]), light)]
+    return render.render_frame(field, optics, size, size, region, *parts)
+
+
+DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+"""Camera above the target that looks along -z."""
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.7])
+def test_the_silhouette_is_where_the_pinhole_puts_the_panels(field: Field, aside: float) -> None:
+    position = np.array([0.1, aside, 20.0])
+    alpha = np.asarray(frame_of(field, position, DOWN, size=128).alpha)
+    optics = lens(jnp.asarray(np.radians(10.0)), 128, 128)
+    tips = np.asarray(project(optics, jnp.asarray((TIPS - position) @ DOWN.T)))
+    rows = np.nonzero(alpha.max(axis=1) > 0.5)[0]
+    assert abs(rows[0] - tips[1].min()) < 1.5
+    assert abs(rows[-1] + 1 - tips[1].max()) < 1.5
+
+
+def test_averaging_keeps_the_light_whatever_the_pixels_are(field: Field) -> None:
+    position = np.array([0.0, 0.0, 60.0])
+    fine = frame_of(field, position, DOWN, size=64)
+    coarse = frame_of(field, position, DOWN, size=16)
+    np.testing.assert_allclose(np.sum(fine.alpha) / 16.0, np.sum(coarse.alpha), rtol=2e-3)
+    np.testing.assert_allclose(np.sum(fine.color) / 16.0, np.sum(coarse.color), rtol=2e-3)
+
+
+def test_a_target_in_eclipse_is_dark_and_still_hides_what_is_behind(field: Field) -> None:
+    found = frame_of(field, np.array([0.0, 0.0, 20.0]), DOWN, light=0.0)
+    np.testing.assert_array_equal(found.color, 0.0)
+    assert float(jnp.max(found.alpha)) > 0.95
+    picture = render.compose(found, jnp.ones_like(found.color))
+    assert float(jnp.min(picture)) < 0.05
+
+
+def test_a_target_behind_the_camera_is_not_seen(field: Field) -> None:
+    found = frame_of(field, np.array([0.0, 0.0, -20.0]), DOWN)
+    np.testing.assert_array_equal(found.alpha, 0.0)
+
+
+def test_frames_batch_under_vmap(field: Field) -> None:
+    positions = jnp.asarray([[0.0, 0.0, 20.0], [0.2, 0.0, 30.0]], jnp.float32)
+    optics = lens(jnp.asarray(np.radians(10.0)), 32, 32)
+    rotation, sun = jnp.asarray(DOWN, jnp.float32), jnp.asarray([0.0, 0.6, 0.8], jnp.float32)
+
+    def one(position: jax.Array) -> jax.Array:
+        lit = jnp.ones((), jnp.float32)
+        return render.render_frame(field, optics, 32, 32, 32, position, rotation, sun, lit).color
+
+    together = jax.vmap(one)(positions)
+    for index in range(2):
+        np.testing.assert_allclose(together[index], one(positions[index]), atol=1e-5)
+
+
+def test_the_region_is_chosen_by_the_least_range() -> None:
+    assert render.region_size(732.0, 0.9, 30.0) == 96
+    assert render.region_size(732.0, 0.9, 100.0) == 32
+    assert render.region_size(732.0, 0.9, 0.5) == render.REGIONS_PX[-1]
+
+
+def test_the_detector_has_the_noise_and_the_saturation_that_it_says() -> None:
+    settings = Exposure(
+        gain=jnp.float32(2.0), full_well_e=jnp.float32(1e4), read_noise_e=jnp.float32(20.0), blur_px=jnp.float32(0.0)
+    )
+    image = jnp.full((200, 200, 3), 0.1, jnp.float32)
+    shot, read = jax.random.normal(jax.random.key(0), (2, 200, 200, 3), jnp.float32)
+    seen = np.asarray(render.expose(image, settings, shot, read))
+    inside = seen[4:-4, 4:-4]
+    assert inside.mean() == pytest.approx(0.2, rel=1e-3)
+    assert inside.std() == pytest.approx(np.sqrt(0.2 * 1e4 + 20.0**2) / 1e4, rel=0.02)
+    assert np.asarray(render.expose(image * 10.0, settings, shot, read)).max() == 1.0
+
+
+def test_blur_keeps_the_light_and_spreads_it() -> None:
+    point = jnp.zeros((21, 21, 3), jnp.float32).at[10, 10].set(0.5)
+    settings = Exposure(
+        gain=jnp.float32(1.0), full_well_e=jnp.float32(1e8), read_noise_e=jnp.float32(0.0), blur_px=jnp.float32(1.0)
+    )
+    nothing = jnp.zeros((21, 21, 3), jnp.float32)
+    seen = np.asarray(render.expose(point, settings, nothing, nothing))[..., 0]
+    place = np.arange(21) - 10.0
+    assert seen.sum() == pytest.approx(0.5, rel=1e-3)
+    assert np.sqrt((seen.sum(axis=0) * place**2).sum() / seen.sum()) == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parametrize("seed", [0])
+def test_the_gradient_of_a_silhouette_mends_a_wrong_pose(measure: ModuleType, field: Field, seed: int) -> None:
+    found = measure.recover(field, seed)
+    assert found["turn_deg"][0] == pytest.approx(3.0, abs=1e-3)
+    assert found["range_percent"][0] == pytest.approx(3.0, abs=1e-3)
+    # From 3 deg and 3 %, to a tenth of both.
+    assert found["turn_deg"][1] < 0.3
+    assert found["range_percent"][1] < 0.3
