@@ -5,6 +5,7 @@ python experiments/radiance_field/measure.py quality|ranges|phase|speed|compare|
 
 import argparse
 import dataclasses
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -169,7 +170,7 @@ def recover(field: Field, seed: int, steps: int = 100) -> dict[str, Any]:
     for step in range(steps):
         with jax.numpy_dtype_promotion("standard"):  # optax raises a number to the power of its count
             change, state = optimiser.update(slope(error)[1], state)
-        error = error + (0.5 + 0.49 * np.cos(np.pi * step / steps)) * change
+        error = error + (0.5 + 0.49 * math.cos(math.pi * step / steps)) * change
     shown = [
         np.stack([np.asarray(s), np.asarray(wanted), np.asarray(wanted)], axis=2)
         for s in map(silhouette, (wrong, error))
