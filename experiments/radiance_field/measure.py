@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import cv2
 import jax
@@ -170,7 +170,7 @@ def recover(field: Field, seed: int, steps: int = 100) -> dict[str, Any]:
     for step in range(steps):
         with jax.numpy_dtype_promotion("standard"):  # optax raises a number to the power of its count
             change, state = optimiser.update(slope(error)[1], state)
-        error = error + (0.5 + 0.49 * math.cos(math.pi * step / steps)) * change
+        error = error + (0.5 + 0.49 * math.cos(math.pi * step / steps)) * cast(jax.Array, change)
     shown = [
         np.stack([np.asarray(s), np.asarray(wanted), np.asarray(wanted)], axis=2)
         for s in map(silhouette, (wrong, error))
