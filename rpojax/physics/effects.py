@@ -35,3 +35,16 @@ class Effects:
     thruster_ramps: bool = False
     center_of_mass_shift: bool = False
     faults: bool = False
+
+
+FaultKind = Literal[
+    "none",
+    "wheel_stuck",
+    "wheel_friction",
+    "thruster_off",
+    "thruster_weak",
+    "gps_outage",
+    "star_tracker_blind",
+    "camera_blackout",
+]
+"""Kinds of fault of the equipment."""

@@ -1,24 +1,16 @@
 """What can go wrong with the servicer's equipment: one fault per run, of some kind, for some time."""
 
-from typing import Any
+from typing import Any, get_args
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.pytree import pytree
+from rpojax.physics.effects import FaultKind
 
 Scalar = Float[Array, ""]
 
-KINDS = (
-    "none",
-    "wheel_stuck",
-    "wheel_friction",
-    "thruster_off",
-    "thruster_weak",
-    "gps_outage",
-    "star_tracker_blind",
-    "camera_blackout",
-)
+KINDS: tuple[str, ...] = get_args(FaultKind)
 """Kinds of fault; a fault's code is its place here."""
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, model_validator
 
 from rpojax.errors import ScenarioError
+from rpojax.physics.effects import FaultKind
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -165,18 +166,6 @@ class SurfaceSection(Section):
     drag_coefficient: NonNegative
     pressure_coefficient: NonNegative
     center_of_pressure_m: Vector
-
-
-FaultKind = Literal[
-    "none",
-    "wheel_stuck",
-    "wheel_friction",
-    "thruster_off",
-    "thruster_weak",
-    "gps_outage",
-    "star_tracker_blind",
-    "camera_blackout",
-]
 
 
 class FaultSection(Section):
