@@ -35,7 +35,7 @@ LEFT_TO_RIGHT = {
     "formation_control attitude_control pointing slew looking burn_plan search guidance thrust_gauge computer",
     "sensors": "gps star_tracker gyro chamber_pressure box_camera",
     "training": "optional target_mesh raytrace train_field judge detection_data train_detector",
-    "simulation": "units schema scenario params closed_loop metrics",
+    "simulation": "units schema checks scenario params closed_loop metrics",
     "campaign": "store dispersions runner",
     "analysis": "statistics linear_covariance worst_case tuning camera_calibration",
     "top": "console field_verbs cli __main__",

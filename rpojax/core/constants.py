@@ -17,9 +17,6 @@ STANDARD_GRAVITY: Final = 9.80665
 ZONALS_EARTH: Final = (J2_EARTH, -2.53265649e-6, -1.61962159e-6, -2.27296083e-7, 5.40681239e-7)
 """Zonal harmonics J2 to J6 of the Earth, unnormalised [-]."""
 
-ROTATION_EARTH: Final = 7.292115e-5
-"""Rotation rate of the Earth [rad/s]."""
-
 MU_SUN: Final = 1.32712440018e20
 """Gravitational parameter of the Sun [m^3/s^2]."""
 

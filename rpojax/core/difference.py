@@ -11,7 +11,7 @@ class Difference:
     """A quantity at one point and its change on the way to another.
 
     The rules are those of finite differences, exact at any distance: `(a b)' - a b = a' db + da b`. A formula written
-    once with `+ - *`, `power` and `inverse_length` gives a value, and the difference of two values, each to full
+    once with `+ - *` and `inverse_length` gives a value, and the difference of two values, each to full
     relative precision.
 
     Attributes:

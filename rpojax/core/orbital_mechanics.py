@@ -2,6 +2,7 @@
 
 from typing import Final
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -140,11 +141,16 @@ def relative_transition(n: Scalar, t: Scalar) -> Float[Array, "6 6"]:
 
     Clohessy and Wiltshire, "Terminal guidance system for satellite rendezvous", 1960.
     """
-    s, c = jnp.sin(n * t), jnp.cos(n * t)
+    angle = n * t
+    return _transition(n, angle, jnp.sin(angle), jnp.cos(angle))
+
+
+def _transition(n: Scalar, angle: Scalar, s: Scalar, c: Scalar) -> Float[Array, "6 6"]:
+    """The same over an `angle` of the orbit [rad] with sine `s` and cosine `c`."""
     zero, one = jnp.zeros_like(s), jnp.ones_like(s)
     rows = [
         [4 - 3 * c, zero, zero, s / n, 2 / n * (1 - c), zero],
-        [6 * (s - n * t), one, zero, -2 / n * (1 - c), (4 * s - 3 * n * t) / n, zero],
+        [6 * (s - angle), one, zero, -2 / n * (1 - c), (4 * s - 3 * angle) / n, zero],
         [zero, zero, c, zero, zero, s / n],
         [3 * n * s, zero, zero, c, 2 * s, zero],
         [-6 * n * (1 - c), zero, zero, -2 * s, 4 * c - 3, zero],
@@ -159,10 +165,7 @@ def closest_drift(n: Scalar, rho_H: Vector, rho_dot_H: Vector) -> Scalar:
     Clohessy-Wiltshire motion at mean motion `n` [rad/s], looked at every five degrees of orbit.
     """
     angle = np.radians(np.arange(0.0, 361.0, 5.0))
-    s, c = jnp.asarray(np.sin(angle)), jnp.asarray(np.cos(angle))
-    x, y, z = rho_H[0], rho_H[1], rho_H[2]
-    u, v, w = rho_dot_H[0] / n, rho_dot_H[1] / n, rho_dot_H[2] / n
-    radial = (4.0 - 3.0 * c) * x + s * u + 2.0 * (1.0 - c) * v
-    along = 6.0 * (s - angle) * x + y - 2.0 * (1.0 - c) * u + (4.0 * s - 3.0 * angle) * v
-    across = c * z + s * w
-    return jnp.sqrt(jnp.min(radial**2 + along**2 + across**2, axis=0))
+    state = jnp.concatenate([rho_H, rho_dot_H])
+    places = jax.vmap(_transition, in_axes=(None, 0, 0, 0))(n, *map(jnp.asarray, (angle, np.sin(angle), np.cos(angle))))
+    rho = jnp.sum(places[:, :3] * state[None, None, :], axis=2)
+    return jnp.sqrt(jnp.min(jnp.sum(rho * rho, axis=1), axis=0))

@@ -139,12 +139,17 @@ def box_model(tuning: Navigation, focal_px: Scalar, R_KN: Matrix, r_TS_N: Vector
     )
     # A cut box still says in which direction the target is, to about half of its own size.
     doubt_px = jnp.where(box.truncated, 0.5 * box.side_px, 0.0)
-    bearing = (0.5 * tuning.edge_noise**2 + doubt_px**2) / focal_px**2 + tuning.attitude_sigma**2
+    bearing = _whole_bearing_variance(tuning, focal_px) + doubt_px**2 / focal_px**2
     expected_px = focal_px * tuning.target_size / distance
     size = _ASPECT_FACTOR * (tuning.edge_noise / expected_px) ** 2
     return BoxModel(
         predicted=predicted, gradient=gradient, inverse_depth=1.0 / depth, variance=jnp.stack([bearing, bearing, size])
     )
+
+
+def _whole_bearing_variance(tuning: Navigation, focal_px: Scalar) -> Scalar:
+    """Variance of a tangent measured by a box that no edge of the frame cuts."""
+    return 0.5 * tuning.edge_noise**2 / focal_px**2 + tuning.attitude_sigma**2
 
 
 def update(
@@ -165,9 +170,8 @@ def update(
     measured = jnp.concatenate([box.tangent, box.log_size[None]]) - slow
     variance = _innovation_variance(estimate.covariance, prior)
     # What a whole box would know counts: a cut one is vague itself, and would make any prior look certain enough.
-    whole = box_model(tuning, focal_px, R_KN, estimate.r_TS_N, replace(box, truncated=jnp.zeros_like(box.truncated)))
     doubt = variance - prior.variance
-    wide = jnp.any(doubt[:2] > tuning.confirm_above**2 * whole.variance[:2], axis=0)
+    wide = jnp.any(doubt[:2] > tuning.confirm_above**2 * _whole_bearing_variance(tuning, focal_px), axis=0)
     accepted = jnp.where(box.present, 1.0, 0.0)
     if gated:
         possible = _is_ahead(R_KN, estimate.r_TS_N) & (~box.truncated | _may_be_cut(tuning, prior, doubt, box))

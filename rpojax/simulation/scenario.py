@@ -14,7 +14,8 @@ from pydantic import ValidationError
 
 from rpojax.errors import ScenarioError, UnknownKeyError
 from rpojax.physics.effects import Effects
-from rpojax.simulation.schema import ScenarioFile, check_together, epoch_seconds
+from rpojax.simulation.checks import check_together
+from rpojax.simulation.schema import ScenarioFile, epoch_seconds
 
 
 @dataclass(frozen=True)
