@@ -21,6 +21,7 @@ from rpojax.core import quaternion
 from rpojax.training import judge, raytrace, target_mesh, train_field
 from rpojax.vision.field import Field
 from rpojax.vision.pinhole import lens
+from rpojax.vision.region import Sampling, sampling
 from rpojax.vision.render import render_frame
 from rpojax.vision.weights import load_field
 
@@ -87,9 +88,11 @@ def frame_time(field: Field, region: int = 64, batch: int = 8) -> float:
     optics = lens(jnp.asarray(np.radians(10.0)), 128, 128)
     rotations, positions, suns = raytrace.draw(target_mesh.packaged(), raytrace.Shell(batch, range_m=30.0))
     lit = jnp.ones((), jnp.float32)
+    share = sampling(field, float(optics.focal_px), 30.0)
+    rays = Sampling(region, math.ceil(region * region * share.rays / share.side**2))
 
     def one(field: Field, position: jax.Array, rotation: jax.Array, sun: jax.Array) -> tuple[jax.Array, jax.Array]:
-        frame = render_frame(field, optics, 128, 128, region, position, rotation, sun, lit)
+        frame = render_frame(field, optics, 128, 128, rays, position, rotation, sun, lit)
         return frame.color, frame.alpha
 
     run = jax.jit(jax.vmap(one, in_axes=(None, 0, 0, 0)))
@@ -161,7 +164,7 @@ def recover(field: Field, seed: int, steps: int = 100) -> dict[str, Any]:
 
     def silhouette(error: jax.Array) -> jax.Array:
         R_KT, r = moved(rotation, position, error)
-        return render_frame(field, optics, 64, 64, 64, r, R_KT, sun, jnp.ones((), jnp.float32)).alpha
+        return render_frame(field, optics, 64, 64, Sampling.whole(64), r, R_KT, sun, jnp.ones((), jnp.float32)).alpha
 
     wanted = jax.jit(silhouette)(jnp.zeros(4, jnp.float32))
     slope = jax.jit(jax.value_and_grad(lambda error: jnp.mean((silhouette(error) - wanted) ** 2)))

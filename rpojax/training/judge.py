@@ -10,7 +10,8 @@ import numpy as np
 from rpojax.training.raytrace import Views
 from rpojax.vision.field import Field, bounding_ball
 from rpojax.vision.pinhole import lens
-from rpojax.vision.render import encode, region_size, render_frame
+from rpojax.vision.region import sampling
+from rpojax.vision.render import encode, render_frame
 
 _COVERED = 0.02
 _EDGE = 0.1
@@ -30,14 +31,14 @@ def pictures(
     """The field's renderings of ray-traced views, through the renderer that the simulator uses."""
     size = views.alpha.shape[1]
     optics = lens(jnp.asarray(np.radians(views.field_of_view_deg)), size, size)
-    middle, radius = (np.asarray(value) for value in bounding_ball(field))
+    middle = np.asarray(bounding_ball(field)[0])
     least = float(np.linalg.norm(views.position - middle, axis=1).min())
-    region = region_size(float(optics.focal_px), float(radius), least, oversampling=1.0)
+    rays = sampling(field, float(optics.focal_px), least, oversampling=1.0)
 
     @jax.jit
     def one(field: Field, position: jax.Array, rotation: jax.Array, sun: jax.Array) -> tuple[jax.Array, jax.Array]:
         lit = jnp.ones((), jnp.float32)
-        frame = render_frame(field, optics, size, size, region, position, rotation, sun, lit)
+        frame = render_frame(field, optics, size, size, rays, position, rotation, sun, lit)
         return frame.color, frame.alpha
 
     colors, alphas = [], []

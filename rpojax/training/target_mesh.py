@@ -205,9 +205,9 @@ def packaged() -> TargetMesh:
     pieces += [
         (DISH, _turned(_cup(0.11, 0.05), "y", (0.0, 0.262, 0.15))),
         (BLACK, _turned(_cylinder(0.012, 0.06), "y", (0.0, 0.28, 0.15))),
-        (STEEL, _turned(_cup(0.09, 0.11), "-x", (-0.19, 0.0, 0.06))),
+        (STEEL, _turned(_cup(0.09, 0.11), "-x", (-0.157, 0.0, 0.06))),
         (STEEL, _turned(_ring(0.15, 0.17, 0.02), "x", (-0.257, 0.0, 0.06))),
-        (BLACK, _turned(_cylinder(0.045, 0.04), "x", (0.258, -0.12, 0.14))),
+        (BLACK, _turned(_cylinder(0.045, 0.04), "x", (0.246, -0.12, 0.14))),
         (DISH, _turned(_cylinder(0.08, 0.02), "x", (0.257, 0.0, -0.18))),
         (DISH, _box((0.12, -0.12, 0.3105), (0.1, 0.14, 0.018))),
     ]

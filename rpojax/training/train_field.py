@@ -16,7 +16,10 @@ import optax
 from rpojax.core.pytree import replace
 from rpojax.training.raytrace import Views
 from rpojax.training.target_mesh import TargetMesh
-from rpojax.vision.field import Field, GridField, new_grid, new_point, render_rays, with_solid
+from rpojax.vision.field import Field, render_rays
+from rpojax.vision.grid_build import new_grid
+from rpojax.vision.grid_field import GridField, with_solid
+from rpojax.vision.point_field import new_point
 from rpojax.vision.render import encode, pixel_directions
 from rpojax.vision.weights import WeightsError, read_tensors, write_tensors
 

@@ -18,6 +18,10 @@ Image = Float[Array, "h w 3"]
 STARS = 1500
 _SCALE_HEIGHT = 0.003
 _AIR = (0.25, 0.45, 0.9)
+_HAZE = 0.06
+_DETAIL_PX = 256
+_DETAILS = ((36.0, 0.9), (288.0, 0.5))
+"""How often the tile of detail goes round the equator, and how strongly it counts: 1100 and 140 km a tile."""
 
 
 @pytree
@@ -27,12 +31,16 @@ class Sky:
     Attributes:
         star_N: (n, 3) directions of stars
         star_light: (n,) what a star adds to the one pixel it falls on, 1 = white level
-        earth: (y, x, 3) linear colour of the lit ground and its clouds, north up, 180 deg west at the left
+        earth: (y, x, 3) linear colour of the ground, north up, 180 deg west at the left
+        cloud: (y, x) how thick clouds are, some of it below 0
+        detail: (d, d) noise of unit variance that repeats, for what is smaller than the pixels of the two
     """
 
     star_N: Array
     star_light: Array
     earth: Array
+    cloud: Array
+    detail: Array
 
 
 def sky(seed: int = 0, cloud_share: float = 0.45) -> Sky:
@@ -45,18 +53,19 @@ def sky(seed: int = 0, cloud_share: float = 0.45) -> Sky:
     packed = np.frombuffer((resources.files("rpojax.vision") / "assets" / "earth.jpg").read_bytes(), np.uint8)
     ground = (np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR))[..., ::-1] / 255.0) ** 2.2
     rng = np.random.default_rng(seed)
-    clouds = _clouds(rng, ground.shape[:2], cloud_share)[..., None]
     direction = rng.normal(size=(STARS, 3))
     magnitude = 6.0 + 2.0 * np.log10(rng.uniform(1e-4, 1.0, STARS))
     return Sky(
         star_N=jnp.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True), jnp.float32),
         star_light=jnp.asarray(0.3 * 10.0 ** (-0.4 * magnitude), jnp.float32),
-        earth=jnp.asarray(ground * (1.0 - clouds) + 0.8 * clouds, jnp.float32),
+        earth=jnp.asarray(ground, jnp.float32),
+        cloud=jnp.asarray(_clouds(rng, ground.shape[:2], cloud_share), jnp.float32),
+        detail=jnp.asarray(_tile(rng), jnp.float32),
     )
 
 
 def _clouds(rng: np.random.Generator, shape: tuple[int, ...], share: float) -> np.ndarray:
-    """Opacity (y, x) of clouds: noise summed over octaves, that closes round the globe."""
+    """Thickness (y, x) of clouds, above 0 over a share: noise summed over octaves, that closes round the globe."""
     total = np.zeros(shape)
     for octave in range(2, 7):
         cells = 2**octave
@@ -64,8 +73,17 @@ def _clouds(rng: np.random.Generator, shape: tuple[int, ...], share: float) -> n
         noise = np.concatenate([noise, noise[:, :1]], axis=1)
         factors = (shape[0] / noise.shape[0], shape[1] / noise.shape[1])
         total = total + np.asarray(zoom(noise, factors, order=1))[: shape[0], : shape[1]] * 0.6**octave
-    threshold = np.quantile(total, 1.0 - share)
-    return np.clip((total - threshold) / total.std(), 0.0, 1.0)
+    return (total - np.quantile(total, 1.0 - share)) / total.std()
+
+
+def _tile(rng: np.random.Generator) -> np.ndarray:
+    """Noise of unit variance whose amplitude falls with frequency to the power 1.4, and that repeats at its edges."""
+    rows, columns = np.fft.fftfreq(_DETAIL_PX)[:, None], np.fft.fftfreq(_DETAIL_PX)[None, :]
+    frequency = np.hypot(rows, columns)
+    frequency[0, 0] = np.inf
+    spectrum = np.fft.fft2(rng.normal(size=(_DETAIL_PX, _DETAIL_PX))) * frequency**-1.4
+    noise = np.fft.ifft2(spectrum).real
+    return noise / noise.std()
 
 
 def background(
@@ -99,12 +117,8 @@ def _earth(sky: Sky, rays_N: Array, position: Array, sun_N: Array, turn: Array) 
     distance = -along - jnp.sqrt(jnp.where(hit, 1.0 - nearest, 0.0))
     point = position[:, None, None] + distance[None] * rays_N
     lit = jnp.maximum(jnp.sum(point * sun_N[:, None, None], axis=0), 0.0)
-    rows, columns = sky.earth.shape[:2]
-    north = jnp.arcsin(jnp.clip(point[2], -1.0, 1.0))
-    east = jnp.arctan2(point[1], jnp.where(hit, point[0], 1.0)) - turn
-    row = jnp.clip(((0.5 - north / jnp.pi) * rows).astype(jnp.int32), 0, rows - 1)
-    column = jnp.mod(((east / (2.0 * jnp.pi) + 0.5) * columns).astype(jnp.int32), columns)
-    ground = jnp.where(hit[:, :, None], sky.earth[row, column] * lit[:, :, None], 0.0)
+    haze = _HAZE * jnp.asarray(_AIR, jnp.float32)[None, None, :]
+    ground = jnp.where(hit[:, :, None], (_surface(sky, point, hit, turn) + haze) * lit[:, :, None], 0.0)
     # Above the limb: light of the air at the height where the ray passes, as bright as the ground below would be.
     height = jnp.sqrt(nearest) - 1.0
     foot = position[:, None, None] - along[None] * rays_N
@@ -112,6 +126,36 @@ def _earth(sky: Sky, rays_N: Array, position: Array, sun_N: Array, turn: Array) 
     glow = jnp.where((along < 0.0) & ~hit, above * jnp.exp(-jnp.maximum(height, 0.0) / _SCALE_HEIGHT), 0.0)
     air = 0.5 * glow[:, :, None] * jnp.asarray(_AIR, jnp.float32)[None, None, :]
     return ground + air, hit.astype(jnp.float32)
+
+
+def _surface(sky: Sky, point: Array, hit: Array, turn: Array) -> Array:
+    """Linear colour (h, w, 3) of ground and clouds under full light at points (3, h, w) of the unit sphere."""
+    south = 0.5 - jnp.arcsin(jnp.clip(point[2], -1.0, 1.0)) / jnp.pi
+    east = (jnp.arctan2(point[1], jnp.where(hit, point[0], 1.0)) - turn) / (2.0 * jnp.pi) + 0.5
+    small = jnp.zeros_like(south)
+    for times, strength in _DETAILS:
+        # Meridians come together at the poles, and with them the pattern; no camera looks there for long.
+        small = small + strength * _bilinear(sky.detail, 0.5 * south * times, east * times)
+    thickness = _bilinear(sky.cloud, south, east) + 0.6 * small
+    cover = jnp.clip(thickness, 0.0, 1.0)[:, :, None]
+    ground = _bilinear(sky.earth, south, east) * (1.0 + 0.15 * small)[:, :, None]
+    return jnp.maximum(ground, 0.0) * (1.0 - cover) + (0.75 + 0.05 * small)[:, :, None] * cover
+
+
+def _bilinear(texture: Array, down: Array, across: Array) -> Array:
+    """Values of a texture (y, x, ...) at places (h, w), in shares of its height and width; it repeats."""
+    rows, columns = texture.shape[:2]
+    y, x = down * rows - 0.5, across * columns - 0.5
+    first_y, first_x = jnp.floor(y), jnp.floor(x)
+    share_y, share_x = y - first_y, x - first_x
+    total = jnp.zeros((), jnp.float32)
+    for step_y in (0, 1):
+        for step_x in (0, 1):
+            weight = (share_y if step_y else 1.0 - share_y) * (share_x if step_x else 1.0 - share_x)
+            row = jnp.mod(first_y.astype(jnp.int32) + step_y, rows)
+            column = jnp.mod(first_x.astype(jnp.int32) + step_x, columns)
+            total = total + weight.reshape(weight.shape + (1,) * (texture.ndim - 2)) * texture[row, column]
+    return total
 
 
 def _stars(sky: Sky, center: Array, focal: Array, shape: tuple[int, int], R_KN: Array) -> Array:

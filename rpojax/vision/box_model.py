@@ -33,6 +33,14 @@ def box_size(edges: Float[Array, "4"]) -> Float[Array, ""]:
     return jnp.sqrt(sides[0] * sides[1])
 
 
+def overlap(a: Float[Array, "4"], b: Float[Array, "4"]) -> Float[Array, ""]:
+    """Intersection over union of two boxes [px]; 0 where either is empty."""
+    sides = jnp.maximum(jnp.minimum(a[2:], b[2:]) - jnp.maximum(a[:2], b[:2]), 0.0)
+    both = sides[0] * sides[1]
+    either = (a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - both
+    return both / jnp.maximum(either, 1e-6)
+
+
 def outline(lens: Lens, hull_K: Float[Array, "n 3"]) -> Float[Array, "4"]:
     """Box [px] around the projected hull vertices [m], not yet cut by the frame."""
     pixels = project(lens, hull_K)

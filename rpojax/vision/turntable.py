@@ -6,6 +6,7 @@ import numpy as np
 
 from rpojax.vision.field import Field, bounding_ball
 from rpojax.vision.pinhole import lens
+from rpojax.vision.region import sampling
 from rpojax.vision.render import render_frame
 
 _FIELD_OF_VIEW = np.radians(26.0)
@@ -17,13 +18,14 @@ def turntable(field: Field, frames: int, size_px: int, sun: np.ndarray, elevatio
     middle, radius = (np.asarray(value) for value in bounding_ball(field))
     distance = radius / (_FILL * np.tan(0.5 * _FIELD_OF_VIEW))
     optics = lens(jnp.asarray(_FIELD_OF_VIEW), size_px, size_px)
+    rays = sampling(field, float(optics.focal_px), float(distance), oversampling=1.0)
     light = jnp.asarray(sun / np.linalg.norm(sun), jnp.float32)
     elevation = np.radians(np.clip(elevation_deg, -89.0, 89.0))
 
     @jax.jit
     def one(field: Field, position: jax.Array, rotation: jax.Array) -> jax.Array:
         lit = jnp.ones((), jnp.float32)
-        return render_frame(field, optics, size_px, size_px, size_px, position, rotation, light, lit).color
+        return render_frame(field, optics, size_px, size_px, rays, position, rotation, light, lit).color
 
     pictures = []
     for azimuth in 2.0 * np.pi * np.arange(frames) / frames:

@@ -10,7 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.errors import RpojaxError
-from rpojax.vision.field import LATENT, Field, GridField, PointField, number_nodes, with_solid
+from rpojax.vision.field import Field
+from rpojax.vision.grid_build import number_nodes
+from rpojax.vision.grid_field import LATENT, GridField, with_solid
+from rpojax.vision.point_field import PointField
 
 SIZE_LIMIT = 64 * 1024 * 1024
 PACKAGED = "target.field.safetensors"

@@ -5,7 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.vision.field import Field, density, new_grid, new_point, render_rays
+from rpojax.vision.field import Field, density, render_rays
+from rpojax.vision.grid_build import new_grid
+from rpojax.vision.point_field import new_point
 
 RADIUS = 0.5
 

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from rpojax.vision import render
+from rpojax.vision.exposure import Exposure, expose
 from rpojax.vision.field import Field
 from rpojax.vision.pinhole import lens, project
-from rpojax.vision.render import Exposure
+from rpojax.vision.region import SIDES, Sampling, region_side
 from rpojax.vision.weights import load_field
 
 ROOT = Path(__file__).parents[2]
@@ -41,7 +42,7 @@ def frame_of(
 ) -> render.Frame:
     optics = lens(jnp.asarray(np.radians(10.0)), size, size)
     parts = [jnp.asarray(value, jnp.float32) for value in (position, rotation, np.array([0.0, 0.6, 0.8]), light)]
-    return render.render_frame(field, optics, size, size, region, *parts)
+    return render.render_frame(field, optics, size, size, Sampling.whole(region), *parts)
 
 
 DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
@@ -87,7 +88,7 @@ def test_frames_batch_under_vmap(field: Field) -> None:
 
     def one(position: jax.Array) -> jax.Array:
         lit = jnp.ones((), jnp.float32)
-        return render.render_frame(field, optics, 32, 32, 32, position, rotation, sun, lit).color
+        return render.render_frame(field, optics, 32, 32, Sampling.whole(32), position, rotation, sun, lit).color
 
     together = jax.vmap(one)(positions)
     for index in range(2):
@@ -95,31 +96,31 @@ def test_frames_batch_under_vmap(field: Field) -> None:
 
 
 def test_the_region_is_chosen_by_the_least_range() -> None:
-    assert render.region_size(732.0, 0.9, 30.0) == 96
-    assert render.region_size(732.0, 0.9, 100.0) == 32
-    assert render.region_size(732.0, 0.9, 0.5) == render.REGIONS_PX[-1]
+    assert region_side(732.0, 0.9, 30.0, 1.5) == 96
+    assert region_side(732.0, 0.9, 100.0, 1.5) == 32
+    assert region_side(732.0, 0.9, 0.5, 1.5) == SIDES[-1]
 
 
 def test_the_detector_has_the_noise_and_the_saturation_that_it_says() -> None:
     settings = Exposure(
-        gain=jnp.float32(2.0), full_well_e=jnp.float32(1e4), read_noise_e=jnp.float32(20.0), blur_px=jnp.float32(0.0)
+        gain=jnp.float32(2.0), full_well=jnp.float32(1e4), read_noise=jnp.float32(20.0), blur=jnp.float32(0.0)
     )
     image = jnp.full((200, 200, 3), 0.1, jnp.float32)
-    shot, read = jax.random.normal(jax.random.key(0), (2, 200, 200, 3), jnp.float32)
-    seen = np.asarray(render.expose(image, settings, shot, read))
+    noise = jax.random.normal(jax.random.key(0), (200, 200, 3), jnp.float32)
+    seen = np.asarray(expose(image, settings, noise))
     inside = seen[4:-4, 4:-4]
     assert inside.mean() == pytest.approx(0.2, rel=1e-3)
     assert inside.std() == pytest.approx(np.sqrt(0.2 * 1e4 + 20.0**2) / 1e4, rel=0.02)
-    assert np.asarray(render.expose(image * 10.0, settings, shot, read)).max() == 1.0
+    assert np.asarray(expose(image * 10.0, settings, noise)).max() == 1.0
 
 
 def test_blur_keeps_the_light_and_spreads_it() -> None:
     point = jnp.zeros((21, 21, 3), jnp.float32).at[10, 10].set(0.5)
     settings = Exposure(
-        gain=jnp.float32(1.0), full_well_e=jnp.float32(1e8), read_noise_e=jnp.float32(0.0), blur_px=jnp.float32(1.0)
+        gain=jnp.float32(1.0), full_well=jnp.float32(1e8), read_noise=jnp.float32(0.0), blur=jnp.float32(1.0)
     )
     nothing = jnp.zeros((21, 21, 3), jnp.float32)
-    seen = np.asarray(render.expose(point, settings, nothing, nothing))[..., 0]
+    seen = np.asarray(expose(point, settings, nothing))[..., 0]
     place = np.arange(21) - 10.0
     assert seen.sum() == pytest.approx(0.5, rel=1e-3)
     assert np.sqrt((seen.sum(axis=0) * place**2).sum() / seen.sum()) == pytest.approx(1.0, abs=0.03)

@@ -8,7 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.vision.field import Field, density, new_grid, new_point
+from rpojax.vision.field import Field, density
+from rpojax.vision.grid_build import new_grid
+from rpojax.vision.point_field import new_point
 from rpojax.vision.weights import WeightsError, load_field, packaged_field, read_tensors, save_field, write_tensors
 
 Tensors = dict[str, np.ndarray]
