@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import FlagCreatePairsOff, Positional, UseAppendAction, arg
 
-from rpojax import console, field_verbs
+from rpojax import console, detector_verbs, field_verbs
 from rpojax.errors import RpojaxError
 from rpojax.version import __version__
 
@@ -218,6 +218,7 @@ def bench(
 
 field = field_verbs.app.cli
 app.command(field_verbs.app, name="field", help="Train, judge and show radiance fields of targets.")
+app.command(detector_verbs.app, name="detector", help="Make data for the detector, train it and judge it.")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
