@@ -68,6 +68,77 @@ def data(
     return 0
 
 
+@app.command
+def train(
+    dataset: Source,
+    *,
+    out: Annotated[Path, arg(metavar="FILE", help="File to write, such as detector.safetensors.")],
+    epochs: Annotated[int, arg(metavar="N", help="Passes over the data.")] = 100,
+    minutes: Annotated[float | None, arg(metavar="T", help="End training after so long; the schedule adapts.")] = None,
+    seed: Seed = 0,
+    force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
+    as_json: AsJson = False,
+) -> int:
+    """Train the detector on pictures with boxes; a call that was interrupted goes on where it was."""
+    if epochs < 1 or (minutes is not None and not minutes > 0.0):
+        raise RpojaxError(f"--epochs, --minutes: found {epochs}, {minutes}, expected at least 1 and a positive time")
+    if out.exists() and not force:
+        raise OutputError(f"{out}: exists already; --force replaces it")
+    from rpojax.training import detector_judge, train_detector
+    from rpojax.vision.detector import save_detector
+
+    known, unseen = _halves(dataset)
+    recipe = train_detector.Recipe(epochs=epochs, seed=seed, limit_s=None if minutes is None else 60.0 * minutes)
+    checkpoint = out.with_name(out.name + ".checkpoint")
+    with counting("training", quiet=as_json) as watch:
+        params, history = train_detector.train(
+            known,
+            unseen,
+            recipe,
+            checkpoint,
+            lambda step: watch(step.done, step.total, f"mAP50 {step.map50:.3f}, mAP50-95 {step.map50_95:.3f}"),
+        )
+    figures = detector_judge.figures(detector_judge.find(params, unseen.images), unseen)
+    limit = "" if minutes is None else f" --minutes {minutes:g}"
+    # A card names no folder of one machine.
+    command = f"rpojax detector train {dataset.name} --out {out.name} --epochs {epochs} --seed {seed}{limit}"
+    card = train_detector.card(known, recipe, history, figures, command)
+    save_detector(params, out, card)
+    checkpoint.unlink(missing_ok=True)
+    _tell({"weights": str(out), "bytes": out.stat().st_size, **card}, as_json)
+    return 0
+
+
+@app.command
+def evaluate(dataset: Source, *, weights: Weights = None, as_json: AsJson = False) -> int:
+    """Judge a detector on pictures with boxes: average precision, boxes' accuracy, false alarms."""
+    from rpojax.training import detector_judge
+    from rpojax.vision.detector import load_detector
+
+    params, _ = load_detector(weights)
+    _, unseen = _halves(dataset, evaluate=True)
+    _tell(detector_judge.report(detector_judge.find(params, unseen.images), unseen), as_json)
+    return 0
+
+
+def _halves(folder: Path, evaluate: bool = False) -> "tuple[Dataset, Dataset]":
+    """What to train on and what to judge by: two folders where there are two, else every tenth picture is held out."""
+    import numpy as np
+
+    from rpojax.training import detection_data
+
+    if (folder / _VALIDATION).is_dir():
+        unseen = detection_data.read(folder / _VALIDATION)
+        return (unseen if evaluate else detection_data.read(folder / _TRAINING)), unseen
+    whole = detection_data.read(folder)
+    if evaluate:
+        return whole, whole
+    number = np.arange(len(whole))
+    if len(whole) < 20:
+        raise detection_data.DatasetError(f"{folder}: found {len(whole)} images, expected at least 20 to train on")
+    return whole.part(number[number % 10 != 0]), whole.part(number[number % 10 == 0])
+
+
 def _preview(dataset: "Dataset", path: Path) -> None:
     import cv2
 
