@@ -1,6 +1,7 @@
 """The verbs of `rpojax detector`, and `rpojax detect`."""
 
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,7 +12,10 @@ from rpojax.console import counting
 from rpojax.errors import OutputError, RpojaxError
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from rpojax.training.detection_data import Dataset
+    from rpojax.vision.search import Box
 
 Seed = Annotated[int, arg(metavar="S", help="Seed.")]
 Force = Annotated[bool, arg(help="Replace what is there.")]
@@ -119,6 +123,88 @@ def evaluate(dataset: Source, *, weights: Weights = None, as_json: AsJson = Fals
     _, unseen = _halves(dataset, evaluate=True)
     _tell(detector_judge.report(detector_judge.find(params, unseen.images), unseen), as_json)
     return 0
+
+
+def detect(
+    images: Annotated[Positional[tuple[Path, ...]], arg(metavar="IMAGE", help="JPEG or PNG pictures.")],
+    *,
+    weights: Weights = None,
+    threshold: Annotated[float, arg(metavar="P", help="Least score of a box.")] = 0.4,
+    drawn: Annotated[Path | None, arg(metavar="DIR", help="Write the pictures with their boxes here, as PNG.")] = None,
+    force: Annotated[bool, arg(help="Replace pictures that are there.")] = False,
+    as_json: AsJson = False,
+) -> int:
+    """Find spacecraft in pictures of any size; boxes are in pixels of the upright picture, x and y at the upper left.
+
+    A picture that cannot be used is named on stderr and the rest are searched; the exit status is then 3, or 2 if none
+    could be used.
+    """
+    if not images or not 0.0 < threshold < 1.0:
+        raise RpojaxError(f"IMAGE, --threshold: found {len(images)}, {threshold}, expected a picture and 0 to 1")
+    targets = [None] * len(images) if drawn is None else _targets(drawn, images)
+    if not force and (there := next((path for path in targets if path and path.exists()), None)):
+        raise OutputError(f"{there}: exists already; --force replaces it")
+    from rpojax.vision import pictures
+    from rpojax.vision.detector import load_detector
+    from rpojax.vision.search import search
+
+    params, _ = load_detector(weights)
+    results = []
+    for path, target in zip(images, targets, strict=True):
+        try:
+            image = pictures.read(path)
+        except pictures.PictureError as error:
+            print(f"rpojax: error: {' '.join(str(error).split())}", file=sys.stderr)
+            continue
+        found = search(params, image, threshold)
+        results.append({"file": str(path), "boxes": [_entry(box) for box in found]})
+        if target:
+            _draw(image, found, target)
+        if not as_json:
+            _say(results[-1])
+    if as_json:
+        print(json.dumps(results, indent=2, allow_nan=False))
+    return 0 if len(results) == len(images) else 3 if results else 2
+
+
+def _targets(drawn: Path, images: tuple[Path, ...]) -> list[Path]:
+    """Where the drawn pictures go; of like names the later ones are numbered."""
+    taken: list[Path] = []
+    for path in images:
+        target, number = drawn / f"{path.stem}.png", 2
+        while target in taken:
+            target, number = drawn / f"{path.stem}-{number}.png", number + 1
+        taken.append(target)
+    return taken
+
+
+def _entry(box: "Box") -> dict[str, float]:
+    sides = {"x": box.left, "y": box.top, "w": box.right - box.left, "h": box.bottom - box.top}
+    return {**{name: round(value, 2) for name, value in sides.items()}, "score": round(box.score, 4)}
+
+
+def _say(result: dict[str, Any]) -> None:
+    print(f"{result['file']}: {len(result['boxes'])} found")
+    for box in result["boxes"]:
+        print(f"  x {box['x']:.1f}, y {box['y']:.1f}, w {box['w']:.1f}, h {box['h']:.1f}, score {box['score']:.2f}")
+
+
+def _draw(image: "np.ndarray", boxes: "list[Box]", path: Path) -> None:
+    import cv2
+    import numpy as np
+
+    shown = np.ascontiguousarray(np.round(255.0 * image).astype(np.uint8)[..., ::-1])
+    width = max(1, round(max(image.shape[:2]) / 400))
+    for box in boxes:
+        corners = [round(edge) for edge in (box.left, box.top, box.right, box.bottom)]
+        cv2.rectangle(shown, (corners[0], corners[1]), (corners[2], corners[3]), (0, 255, 0), width)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        done = cv2.imwrite(str(path), shown)
+    except OSError:
+        done = False
+    if not done:
+        raise OutputError(f"{path}: cannot be written, expected a writable place")
 
 
 def _halves(folder: Path, evaluate: bool = False) -> "tuple[Dataset, Dataset]":

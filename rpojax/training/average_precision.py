@@ -46,7 +46,7 @@ def average_precision(
         wanted = sum(len(real) for real in truth)
         if ignored is not None:
             wanted -= sum(int(skip.sum()) for skip in ignored)
-        results.append(_area(*(np.concatenate(values) for values in (score, right, counted)), wanted))
+        results.append(_area(np.concatenate(score), np.concatenate(right), np.concatenate(counted), wanted))
     return np.array(results)
 
 

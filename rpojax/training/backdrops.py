@@ -211,8 +211,8 @@ def _texture(earth: Globe, latitude: np.ndarray, longitude: np.ndarray, hit: np.
     )
     level = int(np.clip(np.floor(np.log2(max(float(jump), 1.0))), 0, len(earth.ground) - 1))
     ground = earth.ground[level]
-    at = [np.float32(v * n - 0.5) for v, n in ((column, ground.shape[1]), (row, ground.shape[0]))]
-    return (cv2.remap(ground, *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) / 255.0) ** 2.2
+    x, y = ((v * n - 0.5).astype(np.float32) for v, n in ((column, ground.shape[1]), (row, ground.shape[0])))
+    return (cv2.remap(ground, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) / 255.0) ** 2.2
 
 
 def _footprint(x: np.ndarray, y: np.ndarray, hit: np.ndarray) -> float:
@@ -228,8 +228,8 @@ def _sample(tile: np.ndarray, x: np.ndarray, y: np.ndarray, rng: Rng, scale: flo
     angle, shift = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, _TILE, 2)
     u = (np.cos(angle) * x - np.sin(angle) * y) * scale + shift[0]
     v = (np.sin(angle) * x + np.cos(angle) * y) * scale + shift[1]
-    places = (np.float32(np.mod(u, _TILE - 1)), np.float32(np.mod(v, _TILE - 1)))
-    return np.asarray(cv2.remap(tile, *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP))
+    u, v = (np.mod(place, _TILE - 1).astype(np.float32) for place in (u, v))
+    return np.asarray(cv2.remap(tile, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP))
 
 
 def _clouds(rng: Rng, earth: Globe, x: np.ndarray, y: np.ndarray, step: float, share: float) -> np.ndarray:

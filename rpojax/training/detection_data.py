@@ -318,7 +318,8 @@ def read(folder: Path, size_px: int = SIZE_PX, limit: int | None = None) -> Data
     Raises `DatasetError` where the folder, its annotations or a picture cannot be used.
     """
     path = folder / ANNOTATIONS
-    images, boxes = (values[:limit] for values in _parse(path))
+    images, boxes = _parse(path)
+    images, boxes = images[:limit], boxes[:limit]
     pictures, scaled = [], []
     for entry, found in zip(images, boxes, strict=True):
         picture, scale = _picture(folder / entry["file_name"], (entry["width"], entry["height"]), size_px)

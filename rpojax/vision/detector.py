@@ -122,7 +122,7 @@ NETWORK = Network()
 def fresh(key: Array) -> Params:
     """Untrained parameters."""
     sample = jnp.zeros((1, MULTIPLE_PX, MULTIPLE_PX, 3), jnp.float32)
-    return NETWORK.init(key, sample)["params"]
+    return dict(NETWORK.init(key, sample)["params"])
 
 
 def forward(params: Params, images: Images) -> Maps:
