@@ -3,7 +3,8 @@
 SCENARIO is the name of a packaged scenario, such as 'inspection', or a TOML file; `rpojax --version` tells the version.
 
 Exit status: 0 done, and all runs completed; 1 unexpected error; 2 bad input, nothing was written; 3 the campaign
-finished, but some of its runs failed; 130 interrupted, finished blocks are kept for `rpojax resume`.
+finished, but some of its runs failed, or some pictures could not be used; 130 interrupted, finished blocks are kept
+for `rpojax resume`.
 
 Environment: compiled programs are kept in the user's cache folder unless RPOJAX_CACHE=off. There is one host device for
 each core unless XLA_FLAGS says how many.
@@ -23,7 +24,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import FlagCreatePairsOff, Positional, UseAppendAction, arg
 
-from rpojax import console, field_verbs
+from rpojax import console, detector_verbs, field_verbs
 from rpojax.errors import RpojaxError
 from rpojax.version import __version__
 
@@ -218,6 +219,8 @@ def bench(
 
 field = field_verbs.app.cli
 app.command(field_verbs.app, name="field", help="Train, judge and show radiance fields of targets.")
+app.command(detector_verbs.app, name="detector", help="Make data for the detector, train it and judge it.")
+detect = app.command(detector_verbs.detect)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""Fields in files: safetensors, checked for names, shapes, types and size before use."""
+"""Weights in files: safetensors, checked for names, shapes, types and size before use."""
 
 import json
 import math
@@ -79,7 +79,7 @@ def read_tensors(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
         with safe_open(path, framework="numpy") as content:
             return {name: content.get_tensor(name) for name in content.keys()}, dict(content.metadata() or {})  # noqa: SIM118
     except (OSError, SafetensorError, ValueError, TypeError, KeyError) as error:
-        raise WeightsError(f"{path}: cannot be read ({_line(error)}), expected a field in safetensors") from None
+        raise WeightsError(f"{path}: cannot be read ({_line(error)}), expected weights in safetensors") from None
 
 
 def load_field(path: Path | None = None) -> tuple[Field, dict[str, object]]:
@@ -98,14 +98,14 @@ def load_field(path: Path | None = None) -> tuple[Field, dict[str, object]]:
 
 
 def _grid(source: Path, tensors: dict[str, np.ndarray]) -> GridField:
-    shape = _take(source, tensors, "shape", (3,), np.int32)
+    shape = take(source, tensors, "shape", (3,), np.int32)
     nodes = math.prod(int(n) for n in shape)
     if not (shape >= 2).all() or nodes > _NODE_LIMIT:
         raise WeightsError(f"{source}: shape: found {shape.tolist()}, expected at most {_NODE_LIMIT} nodes")
-    bits = _take(source, tensors, "near", (-(-nodes // 8),), np.uint8)
+    bits = take(source, tensors, "near", (-(-nodes // 8),), np.uint8)
     near = np.unpackbits(bits)[:nodes].astype(bool).reshape(tuple(shape))
     rows = int(near.sum()) + 1
-    low, spacing = _take(source, tensors, "low", (3,), np.float32), _take(source, tensors, "spacing", (), np.float32)
+    low, spacing = take(source, tensors, "low", (3,), np.float32), take(source, tensors, "spacing", (), np.float32)
     if not spacing > 0.0:
         raise WeightsError(f"{source}: spacing: found {spacing}, expected a positive number")
     field = GridField(
@@ -113,23 +113,23 @@ def _grid(source: Path, tensors: dict[str, np.ndarray]) -> GridField:
         spacing=jnp.asarray(spacing),
         row=jnp.asarray(number_nodes(near)),
         solid=jnp.zeros(tuple(int(n) for n in shape), jnp.float32),
-        matter=jnp.asarray(_take(source, tensors, "matter", (rows,), np.float16).astype(np.float32)),
-        features=jnp.asarray(_take(source, tensors, "features", (rows, 3 + LATENT), np.float16).astype(np.float32)),
+        matter=jnp.asarray(take(source, tensors, "matter", (rows,), np.float16).astype(np.float32)),
+        features=jnp.asarray(take(source, tensors, "features", (rows, 3 + LATENT), np.float16).astype(np.float32)),
         network=_layers_of(source, tensors, "network", 3),
     )
-    _nothing_left(source, tensors)
+    nothing_left(source, tensors)
     return with_solid(field)
 
 
 def _point(source: Path, tensors: dict[str, np.ndarray]) -> PointField:
-    low, high = (_take(source, tensors, name, (3,), np.float32) for name in ("low", "high"))
+    low, high = (take(source, tensors, name, (3,), np.float32) for name in ("low", "high"))
     field = PointField(
         low=jnp.asarray(low),
         high=jnp.asarray(high),
         trunk=_layers_of(source, tensors, "trunk", 5),
         head=_layers_of(source, tensors, "head", 2),
     )
-    _nothing_left(source, tensors)
+    nothing_left(source, tensors)
     return field
 
 
@@ -144,14 +144,14 @@ def _named(name: str, layers: tuple[tuple[object, object], ...]) -> dict[str, np
 def _layers_of(source: Path, tensors: dict[str, np.ndarray], name: str, count: int) -> tuple:
     layers = []
     for index in range(count):
-        bias = _take(source, tensors, f"{name}.{index}.bias", (None,), np.float16)
+        bias = take(source, tensors, f"{name}.{index}.bias", (None,), np.float16)
         before = len(layers[-1][1]) if layers else None
-        weight = _take(source, tensors, f"{name}.{index}.weight", (before, len(bias)), np.float16)
+        weight = take(source, tensors, f"{name}.{index}.weight", (before, len(bias)), np.float16)
         layers.append((jnp.asarray(weight.astype(np.float32)), jnp.asarray(bias.astype(np.float32))))
     return tuple(layers)
 
 
-def _take(
+def take(
     source: Path, tensors: dict[str, np.ndarray], name: str, shape: tuple[int | None, ...], dtype: type
 ) -> np.ndarray:
     """Removes and returns a tensor of the shape (None: any length) and type that it must have."""
@@ -166,7 +166,8 @@ def _take(
     return found
 
 
-def _nothing_left(source: Path, tensors: dict[str, np.ndarray]) -> None:
+def nothing_left(source: Path, tensors: dict[str, np.ndarray]) -> None:
+    """Raises `WeightsError` where a file holds more tensors than were taken."""
     if tensors:
         raise WeightsError(f"{source}: found {', '.join(sorted(tensors))}, expected no such tensors")
 

@@ -1,0 +1,252 @@
+"""Figures of the detector, part by part; see README.md."""
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import cv2
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rpojax.training import backdrops, detector_judge, judge, raytrace, target_mesh
+from rpojax.training.detection_data import Dataset, Sensor, expose, read, visible_box
+from rpojax.vision import pictures
+from rpojax.vision.background import background, sky
+from rpojax.vision.detector import Params, detect, load_detector
+from rpojax.vision.pinhole import lens
+from rpojax.vision.search import Box, search
+from rpojax.vision.weights import load_field
+
+FIELD_OF_VIEW_DEG = 10.0
+SIZE_PX = 128
+RANGES_M = (20.0, 60.0)
+SIDES_PX = (12, 16, 24, 32, 48, 64, 96)
+
+
+def main() -> int:
+    """Prints the figures of one part as JSON."""
+    parts: dict[str, Callable[[argparse.Namespace, Params], dict[str, Any]]] = {
+        "validation": _validation,
+        "target": _target,
+        "speed": _speed,
+        "photographs": _photographs,
+    }
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("part", choices=parts)
+    parser.add_argument("folder", type=Path, nargs="?", help="data set, or folder of photographs with boxes.json")
+    parser.add_argument("--weights", type=Path)
+    parser.add_argument("--views", type=int, default=200)
+    parser.add_argument("--sheet", type=Path, help="picture of what was found")
+    arguments = parser.parse_args()
+    if arguments.part in ("validation", "photographs") and arguments.folder is None:
+        parser.error(f"{arguments.part}: expected a folder")
+    params, _ = load_detector(arguments.weights)
+    print(json.dumps(parts[arguments.part](arguments, params), indent=1))
+    return 0
+
+
+def _validation(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
+    data = read(arguments.folder)
+    return detector_judge.report(detector_judge.find(params, data.images), data)
+
+
+# The packaged target, as the flight camera sees it.
+
+
+def _target(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
+    shell = raytrace.Shell(
+        arguments.views,
+        size_px=SIZE_PX,
+        samples=64,
+        range_m=1.0,
+        range_scale=RANGES_M,
+        field_of_view_deg=FIELD_OF_VIEW_DEG,
+        seed=77,
+    )
+    views = raytrace.render(target_mesh.packaged(), shell)
+    shown = judge.pictures(load_field()[0], views)
+    results: dict[str, Any] = {}
+    sheet = []
+    for name, color, alpha in (("ray traces", views.rgb, views.alpha), ("radiance field", shown.rgb, shown.alpha)):
+        for behind in ("black", "sky"):
+            for label in ("visible", "silhouette"):
+                data = _scenes(color, alpha, views.alpha, behind, label == "visible")
+                found = detector_judge.find(params, data.images)
+                results[f"{name}, {behind}, {label}"] = detector_judge.figures(found, data)
+                if label == "visible":
+                    sheet.append(_drawn(data, found, 24))
+    if arguments.sheet:
+        cv2.imwrite(str(arguments.sheet), np.concatenate(sheet))
+    return results
+
+
+def _scenes(color: np.ndarray, alpha: np.ndarray, truth: np.ndarray, behind: str, visible: bool) -> Dataset:
+    """Pictures of views moved about the frame, with the boxes of the ray-traced silhouettes."""
+    images, boxes = [], []
+    heaven, optics = sky(), lens(jnp.asarray(np.radians(FIELD_OF_VIEW_DEG)), SIZE_PX, SIZE_PX)
+    for index in range(len(color)):
+        rng = np.random.default_rng([5, index])
+        shift = tuple(int(n) for n in rng.integers(-40, 41, 2))
+        linear, cover, real = (np.roll(v[index], shift, axis=(0, 1)) for v in (color, alpha, truth))
+        back = np.zeros_like(linear) if behind == "black" else _behind(rng, heaven, optics)
+        image = linear + back * (1.0 - cover[..., None])
+        box = visible_box(image, back, real) if visible else judge.silhouette_box(real)
+        images.append(expose(rng, image, Sensor(2e4, 10.0)))
+        boxes.append(np.zeros((0, 4)) if box is None else np.array(box).reshape(1, 4))
+    return Dataset(np.stack(images), tuple(boxes), (behind,) * len(images))
+
+
+def _behind(rng: np.random.Generator, heaven: Any, optics: Any) -> np.ndarray:
+    axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    position, sun = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+    turned, place, light = (jnp.asarray(v, jnp.float32) for v in (axes * np.linalg.det(axes), 1.078 * position, sun))
+    turn = jnp.zeros((), jnp.float32)
+    return np.asarray(background(heaven, optics, SIZE_PX, SIZE_PX, turned, place, light, turn))
+
+
+def _drawn(data: Dataset, found: detector_judge.Found, count: int) -> np.ndarray:
+    from rpojax.training.detection_data import drawn
+
+    boxes = [b[s >= detector_judge.THRESHOLD] for b, s in zip(found.boxes[:count], found.scores[:count], strict=True)]
+    return drawn(data.images[:count], boxes)[::2, ::2]
+
+
+# Speed.
+
+
+def _speed(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
+    results = {}
+    program = jax.jit(detect, static_argnums=2)
+    for size in (1, 16, 64):
+        images = jnp.asarray(np.random.default_rng(0).random((size, SIZE_PX, SIZE_PX, 3)), jnp.float32)
+        begin = time.perf_counter()
+        jax.block_until_ready(program(params, images, 4))
+        compiled = time.perf_counter() - begin
+        times = []
+        for _ in range(30):
+            begin = time.perf_counter()
+            jax.block_until_ready(program(params, images, 4))
+            times.append((time.perf_counter() - begin) / size * 1e3)
+        results[f"batch {size}"] = {
+            "best_ms": round(min(times), 3),
+            "median_ms": round(float(np.median(times)), 3),
+            "compile_s": round(compiled, 2),
+        }
+    return results
+
+
+# Photographs.
+
+
+def _photographs(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
+    """Photographs alone and shrunk before other backgrounds, and backgrounds without anything."""
+    known = json.loads((arguments.folder / "boxes.json").read_text())["images"]
+    earth = backdrops.globe(held_out=True)
+    rows, shrunk = [], []
+    for name, entry in known.items():
+        image = pictures.read(arguments.folder / name)
+        real = [Box(*map(float, box), 1.0) for box in entry["boxes"]]
+        found = search(params, image)
+        rows.append({"file": name, "found": _hits(real, found), "of": len(real), "false": _false(real, found)})
+        for side in SIDES_PX:
+            for kind in ("own", "black", "stars", "earth", "limb") if _on_black(image) else ("own",):
+                shrunk += [(side, kind, *_shrunken(params, image, box, side, kind, earth)) for box in real]
+    empty = {kind: _empty(params, kind, earth) for kind in ("earth", "limb", "night", "glint", "stars")}
+    return {
+        "alone": rows,
+        "recall_shrunk": _share([hit for *_, hit, _ in shrunk]),
+        "false_boxes_shrunk": _share([wrong for *_, wrong in shrunk]),
+        "by_side": {str(side): _share([hit for s, _, hit, _ in shrunk if s == side]) for side in SIDES_PX},
+        "by_background": {
+            kind: _share([hit for _, k, hit, _ in shrunk if k == kind])
+            for kind in ("own", "black", "stars", "earth", "limb")
+        },
+        "boxes_per_empty_frame": empty,
+    }
+
+
+def _on_black(image: np.ndarray) -> bool:
+    """Whether a photograph has space all round, so that its spacecraft can be cut out."""
+    rim = np.concatenate([image[:4].reshape(-1, 3), image[-4:].reshape(-1, 3), image[:, [0, -1]].reshape(-1, 3)])
+    return float(np.quantile(rim, 0.99)) < 0.08
+
+
+def _hits(real: list[Box], found: list[Box]) -> int:
+    return sum(any(other.overlap(box) >= 0.5 for other in found) for box in real)
+
+
+def _false(real: list[Box], found: list[Box]) -> int:
+    return sum(all(other.overlap(box) < 0.5 for box in real) for other in found)
+
+
+def _share(values: list[Any]) -> float:
+    return round(float(np.mean(values)), 3)
+
+
+def _shrunken(
+    params: Params, image: np.ndarray, box: Box, side: int, kind: str, earth: backdrops.Globe
+) -> tuple[bool, int]:
+    """Whether a photograph's spacecraft is found at a size in a 128 px frame, and how many boxes are wrong.
+
+    Before its own background the photograph is shrunk and cut, its edges continued; before another one a photograph on
+    black is laid over it where it is brighter than space.
+    """
+    scale = side / max(box.right - box.left, box.bottom - box.top)
+    rng = np.random.default_rng([side, len(kind)])
+    corner = [rng.uniform(2.0, SIZE_PX - 2.0 - scale * n) for n in (box.right - box.left, box.bottom - box.top)]
+    # Areas first, then the exact place, as in the making of composites.
+    sides = [max(1, round(n * scale)) for n in image.shape[1::-1]]
+    small = np.asarray(cv2.resize(image, sides, interpolation=cv2.INTER_AREA))
+    ratio = [n / m for n, m in zip(sides, image.shape[1::-1], strict=True)]
+    shift = [corner[0] - ratio[0] * box.left, corner[1] - ratio[1] * box.top]
+    matrix = np.array([[1.0, 0.0, shift[0]], [0.0, 1.0, shift[1]]])
+    mode = cv2.BORDER_REPLICATE if kind == "own" else cv2.BORDER_CONSTANT
+    placed = np.asarray(cv2.warpAffine(small, matrix, (SIZE_PX, SIZE_PX), flags=cv2.INTER_LINEAR, borderMode=mode))
+    if kind != "own":
+        placed = _before(rng, placed, corner, side, box, scale, kind, earth)
+    real = Box(
+        corner[0],
+        corner[1],
+        corner[0] + ratio[0] * (box.right - box.left),
+        corner[1] + ratio[1] * (box.bottom - box.top),
+        1.0,
+    )
+    found = search(params, placed.astype(np.float32))
+    return bool(_hits([real], found)), _false([real], found)
+
+
+def _before(
+    rng: np.random.Generator,
+    placed: np.ndarray,
+    corner: list[float],
+    side: int,
+    box: Box,
+    scale: float,
+    kind: str,
+    earth: backdrops.Globe,
+) -> np.ndarray:
+    """The box of a photograph before a backdrop, blended by how much its pixels differ from its own background."""
+    y, x = np.mgrid[:SIZE_PX, :SIZE_PX] + 0.5
+    inside = (x > corner[0] - 1.0) & (x < corner[0] + scale * (box.right - box.left) + 1.0)
+    inside &= (y > corner[1] - 1.0) & (y < corner[1] + scale * (box.bottom - box.top) + 1.0)
+    matte = np.clip(placed.max(axis=2) / 0.12, 0.0, 1.0) * inside
+    back = raytrace.encode(backdrops.backdrop(rng, kind, earth, SIZE_PX))
+    return placed * matte[..., None] + back * (1.0 - matte[..., None])
+
+
+def _empty(params: Params, kind: str, earth: backdrops.Globe) -> float:
+    counts = []
+    for index in range(60):
+        rng = np.random.default_rng([9, index])
+        image = expose(rng, backdrops.backdrop(rng, kind, earth, SIZE_PX), Sensor(2e4, 8.0))
+        counts.append(len(search(params, image.astype(np.float32) / np.float32(255.0))))
+    return _share(counts)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

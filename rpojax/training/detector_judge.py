@@ -1,0 +1,110 @@
+"""How well a detector does on a data set: the figures of `rpojax detector evaluate`."""
+
+import dataclasses
+import itertools
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rpojax.training.average_precision import average_precision, overlaps
+from rpojax.training.detection_data import Dataset
+from rpojax.training.raytrace import batches
+from rpojax.vision.detector import THRESHOLD, Params, detect
+
+LEAST_SIDE_PX = 16.0
+"""Long side from which a box counts in the headline."""
+SIZES_PX = (0.0, 8.0, 16.0, 24.0, 40.0, 64.0, 1e9)
+COUNT = 8
+_BATCH = 50
+_detect = jax.jit(detect, static_argnums=2)
+
+
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """What a detector found in pictures: for each boxes (k, 4) left, top, right, bottom [px] and scores (k,)."""
+
+    boxes: list[np.ndarray]
+    scores: list[np.ndarray]
+
+
+def find(params: Params, images: np.ndarray) -> Found:
+    """Detections in pictures (n, p, p, 3) of 8 bit sRGB codes."""
+    boxes, scores = [], []
+    for chosen in batches(len(images), _BATCH):
+        part = images[chosen]
+        # Always the same number of pictures, so that the program is compiled once.
+        full = np.concatenate([part, np.zeros((_BATCH - len(part), *part.shape[1:]), np.uint8)])
+        result = _detect(params, jnp.asarray(full.astype(np.float32) / 255.0), COUNT)
+        for index in range(len(part)):
+            score = np.asarray(result.score[index], np.float64)
+            seen = score > 1e-3
+            scores.append(score[seen])
+            boxes.append(np.asarray(result.box_px[index], np.float64)[seen])
+    return Found(boxes, scores)
+
+
+def long_side(boxes: np.ndarray) -> np.ndarray:
+    """Longer side (n,) [px] of boxes (n, 4)."""
+    return np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0.0) if len(boxes) else np.zeros(0)
+
+
+def figures(found: Found, data: Dataset, least_px: float = LEAST_SIDE_PX, most_px: float = 1e9) -> dict[str, Any]:
+    """Figures over the true boxes whose long side lies in a range [px].
+
+    A box outside of the range is ignored: finding it is neither right nor wrong. `median_iou` and `recall` count
+    misses as 0; `false_alarms_per_empty_frame` are boxes over the threshold where there is nothing.
+    """
+    ignored = [_outside(boxes, least_px, most_px) for boxes in data.boxes]
+    unasked = [_outside(boxes, least_px, most_px) for boxes in found.boxes]
+    precision = average_precision(found.boxes, found.scores, data.boxes, ignored, unasked)
+    best = []
+    for boxes, scores, real, skip in zip(found.boxes, found.scores, data.boxes, ignored, strict=True):
+        overlap = overlaps(boxes[scores >= THRESHOLD], real.astype(np.float64))
+        best += list(np.max(overlap, axis=0, initial=0.0)[~skip])
+    empty = [int((s >= THRESHOLD).sum()) for s, real in zip(found.scores, data.boxes, strict=True) if len(real) == 0]
+    return {
+        "boxes": len(best),
+        "map50": _number(precision[0]),
+        "map50_95": _number(precision.mean()),
+        "median_iou": _number(np.median(best)) if best else None,
+        "recall": _number(np.mean(np.array(best) >= 0.5)) if best else None,
+        "empty_frames": len(empty),
+        "false_alarms_per_empty_frame": _number(np.mean(empty)) if empty else None,
+    }
+
+
+def report(found: Found, data: Dataset) -> dict[str, Any]:
+    """The headline, and the same figures by apparent size and by background."""
+    by_size = {}
+    for low, high in itertools.pairwise(SIZES_PX):
+        name = f"{low:g} to {high:g} px" if high < 1e9 else f"from {low:g} px"
+        by_size[name] = _rows(figures(found, data, low, high))
+    by_background = {}
+    for name in sorted(set(data.backgrounds)):
+        chosen = np.array([i for i, other in enumerate(data.backgrounds) if other == name])
+        part = Found([found.boxes[i] for i in chosen], [found.scores[i] for i in chosen])
+        by_background[name] = figures(part, data.part(chosen))
+    return {
+        "images": len(data),
+        "threshold": THRESHOLD,
+        "least_side_px": LEAST_SIDE_PX,
+        **figures(found, data),
+        "by_size": by_size,
+        "by_background": by_background,
+    }
+
+
+def _rows(values: dict[str, Any]) -> dict[str, Any]:
+    """Without what does not depend on the size of boxes."""
+    return {name: value for name, value in values.items() if "empty" not in name}
+
+
+def _outside(boxes: np.ndarray, least_px: float, most_px: float) -> np.ndarray:
+    side = long_side(boxes)
+    return (side < least_px) | (side >= most_px)
+
+
+def _number(value: Any) -> float | None:
+    return round(float(value), 4) if np.isfinite(value) else None

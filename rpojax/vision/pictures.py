@@ -1,0 +1,69 @@
+"""Pictures that a user brings: JPEG and PNG of any size and depth, refused with one line where they are not."""
+
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rpojax.errors import RpojaxError
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+PIXEL_LIMIT = 50_000_000
+"""Most pixels of a picture, checked before it is decoded."""
+_FORMATS = ("JPEG", "MPO", "PNG")
+
+
+class PictureError(RpojaxError):
+    """A file is no picture that can be used."""
+
+
+def read(path: Path) -> np.ndarray:
+    """sRGB codes (h, w, 3) in 0..1 float32, upright as its EXIF orientation says, transparent parts black.
+
+    Raises `PictureError` for what is no single JPEG or PNG picture of at most `PIXEL_LIMIT` pixels. Of a JPEG with
+    previews behind it (MPO) the first picture is taken.
+    """
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with warnings.catch_warnings():
+            # The limit of Pillow is another one than ours, and only warns.
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(path) as image:
+                _check(path, image)
+                return _codes(image)
+    except UnidentifiedImageError:
+        found = "an empty file" if path.stat().st_size == 0 else "something else"
+        raise PictureError(f"{path}: found {found}, expected a JPEG or PNG picture") from None
+    except Image.DecompressionBombError:
+        raise PictureError(f"{path}: found too many pixels, expected at most {PIXEL_LIMIT}") from None
+    except (OSError, SyntaxError, ValueError, EOFError) as error:
+        reason = " ".join(str(getattr(error, "strerror", None) or error).split())
+        raise PictureError(f"{path}: cannot be read ({reason}), expected a JPEG or PNG picture") from None
+
+
+def _check(path: Path, image: "Image") -> None:
+    if image.format not in _FORMATS:
+        raise PictureError(f"{path}: found {image.format}, expected a JPEG or PNG picture")
+    if image.width * image.height > PIXEL_LIMIT:
+        found = f"{image.width} x {image.height} px"
+        raise PictureError(f"{path}: found {found}, expected at most {PIXEL_LIMIT} pixels")
+    frames = getattr(image, "n_frames", 1)
+    if frames > 1 and image.format != "MPO":
+        raise PictureError(f"{path}: found {frames} frames, expected a single picture")
+
+
+def _codes(image: "Image") -> np.ndarray:
+    from PIL import ImageOps
+
+    image = ImageOps.exif_transpose(image)
+    if image.mode.startswith("I"):
+        grey = np.clip(np.asarray(image).astype(np.float32) / 65535.0, 0.0, 1.0)
+        return np.repeat(grey[..., None], 3, axis=2)
+    if image.mode in ("LA", "PA", "RGBA", "La", "RGBa") or "transparency" in image.info:
+        pixels = np.asarray(image.convert("RGBA")).astype(np.float32) / 255.0
+        return pixels[..., :3] * pixels[..., 3:]
+    return np.asarray(image.convert("RGB")).astype(np.float32) / np.float32(255.0)

@@ -1,0 +1,186 @@
+"""Spacecraft in a picture of any size: first the whole of it, then windows at ever finer scales.
+
+Every window has the same size, and so does every batch of windows: one program serves all pictures.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rpojax.vision.detector import THRESHOLD, Params, detect
+
+WINDOW_PX = 128
+FINEST_PX = 2048
+"""Long side at which a picture is searched at its finest; larger ones are shrunk to it."""
+_STEP_PX = 80
+_BATCH = 16
+_COUNT = 4
+_MOST_SHARE = 0.55
+_BORDER_PX = 2.0
+_INSIDE = 0.6
+_SAME_IOU = 0.4
+_CLOSE_PX = 44.0
+
+_detect = jax.jit(detect, static_argnums=2)
+
+
+@dataclasses.dataclass(frozen=True)
+class Box:
+    """Left, top, right, bottom [px] in the picture, and score in 0..1."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+    score: float
+
+    @property
+    def area(self) -> float:
+        """Area [px^2]."""
+        return max(self.right - self.left, 0.0) * max(self.bottom - self.top, 0.0)
+
+    def shared(self, other: "Box") -> float:
+        """Area [px^2] that two boxes share."""
+        width = min(self.right, other.right) - max(self.left, other.left)
+        height = min(self.bottom, other.bottom) - max(self.top, other.top)
+        return max(width, 0.0) * max(height, 0.0)
+
+    def overlap(self, other: "Box") -> float:
+        """Intersection over union."""
+        both = self.shared(other)
+        return both / max(self.area + other.area - both, 1e-9)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Window:
+    """A square of pixels (p, p, 3), its corner in the picture [px], and window pixels to a pixel of the picture."""
+
+    pixels: np.ndarray
+    left: float
+    top: float
+    scale: float
+
+
+def search(params: Params, image: np.ndarray, threshold: float = THRESHOLD) -> list[Box]:
+    """Boxes of spacecraft in sRGB codes (h, w, 3) in 0..1, by falling score."""
+    height, width = image.shape[:2]
+    kept: list[Box] = []
+    for level, long_side in enumerate(_levels(max(height, width))):
+        windows = _windows(image, min(long_side / max(height, width), 1.0))
+        for box in _best_first(_found(params, windows, image.shape[:2], threshold, whole=level == 0)):
+            # What is a part of a spacecraft at a finer scale is no second one.
+            if all(box.shared(k) < _INSIDE * box.area and box.overlap(k) < _SAME_IOU for k in kept):
+                kept.append(box)
+    return _best_first(_merged([_closer(params, image, box, threshold) for box in kept]))
+
+
+def _best_first(boxes: list[Box]) -> list[Box]:
+    return sorted(boxes, key=lambda box: -box.score)
+
+
+def _levels(long_side: int) -> list[int]:
+    """Long sides [px] to search at, from the whole picture in one window to the finest."""
+    finest = min(max(long_side, WINDOW_PX), FINEST_PX)
+    levels = [WINDOW_PX]
+    while levels[-1] * 2 <= finest:
+        levels.append(levels[-1] * 2)
+    return levels if finest < 1.4 * levels[-1] else [*levels, finest]
+
+
+def _windows(image: np.ndarray, scale: float) -> list[_Window]:
+    """Overlapping windows that cover a picture at a scale; where it is narrower than one, its edge is continued."""
+    import cv2
+
+    height, width = image.shape[:2]
+    sides = max(1, round(width * scale)), max(1, round(height * scale))
+    small = image if scale == 1.0 else np.asarray(cv2.resize(image, sides, interpolation=cv2.INTER_AREA))
+    low = [max(0, WINDOW_PX - n) // 2 for n in small.shape[:2]]
+    high = [max(0, WINDOW_PX - n - before) for n, before in zip(small.shape[:2], low, strict=True)]
+    padded = cv2.copyMakeBorder(small, low[0], high[0], low[1], high[1], cv2.BORDER_REPLICATE)
+    windows = []
+    for top in _starts(padded.shape[0]):
+        for left in _starts(padded.shape[1]):
+            pixels = padded[top : top + WINDOW_PX, left : left + WINDOW_PX]
+            windows.append(_Window(pixels, (left - low[1]) / scale, (top - low[0]) / scale, scale))
+    return windows
+
+
+def _starts(length: int) -> list[int]:
+    count = -(-(length - WINDOW_PX) // _STEP_PX) + 1
+    return [round(i * (length - WINDOW_PX) / max(count - 1, 1)) for i in range(count)]
+
+
+def _found(params: Params, windows: list[_Window], shape: tuple[int, int], threshold: float, whole: bool) -> list[Box]:
+    """Boxes in windows; those that a window cuts or that fill it are left to coarser windows, which see them whole."""
+    boxes = []
+    for start in range(0, len(windows), _BATCH):
+        part = windows[start : start + _BATCH]
+        pixels = np.zeros((_BATCH, WINDOW_PX, WINDOW_PX, 3), np.float32)
+        pixels[: len(part)] = [window.pixels for window in part]
+        result = _detect(params, jnp.asarray(pixels), _COUNT)
+        edges, scores = np.asarray(result.box_px), np.asarray(result.score)
+        for window, found, score in zip(part, edges, scores, strict=False):
+            for index in np.nonzero(score >= threshold)[0]:
+                if whole or not _cut(window, found[index], shape):
+                    boxes.append(_placed(window, found[index], float(score[index]), shape))
+    return [box for box in boxes if box.area > 0.0]
+
+
+def _cut(window: _Window, edges: np.ndarray, shape: tuple[int, int]) -> bool:
+    left, top, right, bottom = (float(edge) for edge in edges)
+    side = WINDOW_PX / window.scale
+    inner = (
+        (left < _BORDER_PX and window.left > 0.5)
+        or (top < _BORDER_PX and window.top > 0.5)
+        or (right > WINDOW_PX - _BORDER_PX and window.left + side < shape[1] - 0.5)
+        or (bottom > WINDOW_PX - _BORDER_PX and window.top + side < shape[0] - 0.5)
+    )
+    return inner or max(right - left, bottom - top) > _MOST_SHARE * WINDOW_PX
+
+
+def _placed(window: _Window, edges: np.ndarray, score: float, shape: tuple[int, int]) -> Box:
+    """A window's box in the picture, cut to it."""
+    offset = np.array([window.left, window.top, window.left, window.top])
+    high = np.array([shape[1], shape[0], shape[1], shape[0]], np.float64)
+    left, top, right, bottom = np.clip(edges / window.scale + offset, 0.0, high)
+    return Box(float(left), float(top), float(right), float(bottom), score)
+
+
+def _closer(params: Params, image: np.ndarray, box: Box, threshold: float) -> Box:
+    """The box as a window sees it that is laid around it so that it has a middling size; itself where none agrees."""
+    import cv2
+
+    height, width = image.shape[:2]
+    long_side = max(box.right - box.left, box.bottom - box.top)
+    side = WINDOW_PX / min(_CLOSE_PX / long_side, 1.0)
+    left = 0.5 * (box.left + box.right) - 0.5 * side
+    top = 0.5 * (box.top + box.bottom) - 0.5 * side
+    first = [int(np.floor(max(v, 0.0))) for v in (left, top)]
+    last = [int(np.ceil(min(v + side, n))) for v, n in ((left, width), (top, height))]
+    piece = image[first[1] : last[1], first[0] : last[0]]
+    scale = WINDOW_PX / side
+    sides = [max(1, round(n * scale)) for n in piece.shape[1::-1]]
+    small = np.asarray(cv2.resize(piece, sides, interpolation=cv2.INTER_AREA))[:WINDOW_PX, :WINDOW_PX]
+    pad_left, pad_top = (max(0, min(WINDOW_PX - n, round(-v * scale))) for n, v in zip(sides, (left, top), strict=True))
+    rest = WINDOW_PX - small.shape[0] - pad_top, WINDOW_PX - small.shape[1] - pad_left
+    pixels = cv2.copyMakeBorder(small, pad_top, max(rest[0], 0), pad_left, max(rest[1], 0), cv2.BORDER_REPLICATE)
+    window = _Window(
+        np.asarray(pixels)[:WINDOW_PX, :WINDOW_PX], first[0] - pad_left / scale, first[1] - pad_top / scale, scale
+    )
+    seen = _found(params, [window], (height, width), 0.5 * threshold, whole=True)
+    agreeing = [other for other in seen if other.overlap(box) >= 0.5]
+    if not agreeing:
+        return box
+    best = max(agreeing, key=lambda other: other.score)
+    return dataclasses.replace(best, score=max(box.score, best.score))
+
+
+def _merged(boxes: list[Box]) -> list[Box]:
+    """Without those that a better one overlaps."""
+    kept: list[Box] = []
+    for box in _best_first(boxes):
+        if all(box.overlap(other) < _SAME_IOU for other in kept):
+            kept.append(box)
+    return kept
