@@ -219,6 +219,7 @@ def bench(
 
 field = field_verbs.app.cli
 app.command(field_verbs.app, name="field", help="Train, judge and show radiance fields of targets.")
+detector = detector_verbs.app.cli
 app.command(detector_verbs.app, name="detector", help="Make data for the detector, train it and judge it.")
 detect = app.command(detector_verbs.detect)
 

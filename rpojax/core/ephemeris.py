@@ -59,6 +59,12 @@ _MOON_DISTANCE = (
 )
 
 
+def earth_turn(seconds: Scalar) -> Scalar:
+    """Angle [rad] of Greenwich from the x axis of N (Earth rotation angle, IERS Conventions 2010, equation 5.15)."""
+    days = seconds / 86400.0
+    return 2.0 * jnp.pi * jnp.mod(0.7790572732640 + 0.00273781191135448 * days + jnp.mod(days, 1.0), 1.0)
+
+
 def sun(seconds: Scalar) -> Vector:
     """Position [m] of the Sun from the Earth in N, `seconds` after 2000-01-01 12:00 terrestrial time."""
     centuries = seconds / _CENTURY

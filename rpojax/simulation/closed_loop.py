@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import ephemeris, light, orbital_mechanics, random, safe
+from rpojax.core import ephemeris, orbital_mechanics, random, safe
 from rpojax.core.constants import MU_MOON, MU_SUN
 from rpojax.core.difference import Difference
 from rpojax.core.frames import hill_frame, inertial_to_hill
@@ -21,18 +21,18 @@ from rpojax.flight import (
 )
 from rpojax.flight.attitude_estimator import AttitudeEstimate
 from rpojax.flight.computer import FlightMemory, Measurements, Stages
-from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement
+from rpojax.flight.navigation import GpsMeasurement
 from rpojax.flight.orbit_filter import Innovation
 from rpojax.physics import actuators, faults, plant
 from rpojax.physics.actuators import Burn, BurnError
 from rpojax.physics.environment import Sky
 from rpojax.physics.faults import Health
 from rpojax.physics.plant import Truth
-from rpojax.sensors import box_camera, chamber_pressure, gps, gyro, star_tracker
+from rpojax.sensors import chamber_pressure, gps, gyro, star_tracker
 from rpojax.sensors.box_camera import Frame
+from rpojax.simulation import camera
 from rpojax.simulation.params import Params
 from rpojax.simulation.scenario import Scenario
-from rpojax.vision import box_model
 
 Scalar = Float[Array, ""]
 
@@ -207,7 +207,7 @@ def _sense(scenario: Scenario, params: Params, state: State, sky: Sky, health: H
     )
     gps_normals = random.normal(gps_key, 3)
     star_normals = random.normal(random.fold_in(star_key, 1), 3)
-    frame = _expose(scenario, params, truth, sky, health, box_key)
+    frame = camera.expose(scenario, params, truth, state.flight, sky, health, box_key, state.tick)
     measurements = Measurements(
         gps=GpsMeasurement(
             position_N=gps.measure(params.gps, truth.r_TN_N + truth.r_ST_N, state.sensors.gps_bias_N, gps_normals),
@@ -215,35 +215,9 @@ def _sense(scenario: Scenario, params: Params, state: State, sky: Sky, health: H
         ),
         star_tracker_q_BN=star_tracker.measure(params.star_tracker, truth.q_BN, star_normals),
         star_tracker_present=health.star_tracker & star_tracker.sees_stars(params.star_tracker, truth.q_BN, sky.sun_N),
-        box=as_measurement(scenario, params, frame),
+        box=camera.as_measurement(scenario, params, frame),
     )
     return measurements, frame
-
-
-def _expose(scenario: Scenario, params: Params, truth: Truth, sky: Sky, health: Health, key: Array) -> Frame:
-    camera = params.camera
-    observable = light.is_observable(truth.r_TN_N, truth.r_ST_N, sky.sun_N, camera.phase_limit, camera.sun_exclusion)
-    hull_K = box_camera.hull_in_camera(camera, params.plant.target.hull, truth.q_TN, truth.r_ST_N, truth.q_BN)
-    normals = random.normal(key, box_camera.NORMALS)
-    uniforms = random.uniform(random.fold_in(key, 1), box_camera.UNIFORMS)
-    size = (scenario.width_px, scenario.height_px)
-    return box_camera.measure(camera, *size, hull_K, observable, health.camera, normals, uniforms)
-
-
-def as_measurement(scenario: Scenario, params: Params, frame: Frame) -> BoxMeasurement:
-    """The box in the flight software's terms, with the focal length that flight software believes in."""
-    focal = params.flight.onboard.focal_px
-    middle = jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=jnp.float64)
-    side = box_model.box_size(frame.box.edges)
-    return BoxMeasurement(
-        tangent=(box_model.box_center(frame.box.edges) - middle) / focal,
-        log_size=jnp.log(side / focal),
-        side_px=side,
-        present=frame.box.present,
-        truncated=frame.box.truncated,
-        half_frame=middle / focal,
-        attitude_drift=jnp.zeros_like(side),
-    )
 
 
 def _plan_burn(

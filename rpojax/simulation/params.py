@@ -27,8 +27,9 @@ from rpojax.physics.rigid_body import Body
 from rpojax.sensors.box_camera import BoxCamera
 from rpojax.sensors.gps import Gps
 from rpojax.sensors.gyro import Gyro
+from rpojax.sensors.image_camera import Imaging, Networks
 from rpojax.sensors.star_tracker import StarTracker
-from rpojax.simulation import units
+from rpojax.simulation import networks, units
 from rpojax.vision import pinhole
 
 
@@ -67,6 +68,8 @@ class Params:
     star_tracker: StarTracker
     gyro: Gyro
     camera: BoxCamera
+    imaging: Imaging
+    networks: Networks | None
     flight: FlightParams
     limits: Limits
 
@@ -87,6 +90,7 @@ _SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
     "star_tracker": (("star_tracker",), StarTracker),
     "gyro": (("gyro",), Gyro),
     "camera": (("camera",), BoxCamera),
+    "imaging": (("imaging",), Imaging),
     "navigation": (("flight", "navigation"), Navigation),
     "attitude_filter": (("flight", "attitude_filter"), AttitudeFilter),
     "formation": (("flight", "formation"), Formation),
@@ -111,8 +115,8 @@ def build(tables: Mapping[str, Any], width_px: int, height_px: int) -> Params:
             for name in ("navigation", "attitude_filter", "formation", "pointing", "attitude_control")
         },
     )
-    rest = ("orbit", "initial", "gps", "star_tracker", "gyro", "camera", "limits")
-    return Params(plant=plant, flight=flight, **{name: records[name] for name in rest})
+    rest = ("orbit", "initial", "gps", "star_tracker", "gyro", "camera", "imaging", "limits")
+    return Params(plant=plant, flight=flight, networks=networks.load(tables), **{name: records[name] for name in rest})
 
 
 def _record(cls: type, table: Mapping[str, Any]) -> Any:

@@ -8,14 +8,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
 from rpojax.errors import ScenarioError, UnknownKeyError
 from rpojax.physics.effects import Effects
+from rpojax.simulation import networks
 from rpojax.simulation.checks import check_together
 from rpojax.simulation.schema import ScenarioFile, epoch_seconds
+
+if TYPE_CHECKING:
+    from rpojax.vision.region import Sampling
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,7 @@ class Scenario:
         navigation_luni_solar: the orbit filter knows the pull of the Sun and the Moon
         epoch_s: start of a run, after 2000-01-01 12:00 terrestrial time [s]
         effects: what the plant takes into account
+        rays: of a rendered picture, else None
     """
 
     ticks: int
@@ -49,6 +54,7 @@ class Scenario:
     navigation_luni_solar: bool
     epoch_s: float
     effects: Effects
+    rays: "Sampling | None"
 
     @property
     def step_s(self) -> float:
@@ -111,12 +117,15 @@ def static(file: ScenarioFile) -> Scenario:
         navigation_luni_solar=file.navigation.luni_solar,
         epoch_s=epoch_seconds(file.epoch_utc),
         effects=Effects(**file.effects.model_dump()),
+        rays=networks.sampling(file.model_dump()),
     )
 
 
 def digest(file: ScenarioFile) -> str:
     """Hash of everything in a scenario that can change a number (its name and description cannot)."""
     content = file.model_dump(mode="json", exclude={"name", "description"})
+    if trained := networks.digests(content):
+        content["trained"] = trained
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
@@ -128,12 +137,22 @@ def _read(source: str | Path, depth: int = 0) -> dict[str, Any]:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ScenarioError(str(source), str(error), "a valid TOML file") from None
+    _anchor(tables, folder)
     base = tables.pop("extends", None)
     if base is None:
         return tables
     if not isinstance(base, str):
         raise ScenarioError("extends", base, "the name of a packaged scenario or the path of a TOML file")
     return _merge(_read(base if base in packaged() else folder / base, depth + 1), tables)
+
+
+def _anchor(tables: dict[str, Any], folder: Path) -> None:
+    """Paths of trained files start from the scenario's folder."""
+    imaging = tables.get("imaging")
+    for key in ("field", "detector"):
+        name = imaging.get(key) if isinstance(imaging, dict) else None
+        if isinstance(name, str) and name != networks.PACKAGED and isinstance(imaging, dict):
+            imaging[key] = str((folder / name).resolve())
 
 
 def _text(source: str | Path) -> tuple[str, Path]:

@@ -227,7 +227,7 @@ class WheelsSection(Section):
 class CameraSection(Section):
     """Camera and bounding-box detector."""
 
-    model: Literal["geometric"]
+    model: Literal["geometric", "statistical", "rendered"]
     width_px: Annotated[int, Field(ge=16, le=4096)]
     height_px: Annotated[int, Field(ge=16, le=4096)]
     field_of_view_deg: Angle
@@ -241,6 +241,19 @@ class CameraSection(Section):
     outlier_size_max_px: Positive
     phase_limit_deg: Annotated[float, Field(gt=0.0, le=180.0, allow_inf_nan=False)]
     sun_exclusion_deg: Annotated[float, Field(ge=0.0, lt=180.0, allow_inf_nan=False)]
+
+
+class ImagingSection(Section):
+    """Pictures and the detector that looks at them; counts for the rendered and the statistical camera."""
+
+    field: str
+    detector: str
+    exposure: Positive
+    full_well: Positive
+    read_noise: NonNegative
+    blur_px: NonNegative
+    score_threshold: Probability
+    sky_seed: Annotated[int, Field(ge=0)]
 
 
 class GpsSection(Section):
@@ -449,6 +462,7 @@ class ScenarioFile(Section):
     thruster: ThrusterSection
     wheels: WheelsSection
     camera: CameraSection
+    imaging: ImagingSection
     gps: GpsSection
     star_tracker: StarTrackerSection
     gyro: GyroSection

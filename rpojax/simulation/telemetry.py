@@ -8,7 +8,7 @@ from rpojax.core import orbital_mechanics, quaternion, safe
 from rpojax.core.frames import apply, hill_frame
 from rpojax.core.quaternion import rotate
 from rpojax.sensors import box_camera
-from rpojax.simulation import closed_loop
+from rpojax.simulation import camera, closed_loop
 from rpojax.simulation.closed_loop import Telemetry
 from rpojax.simulation.params import Params
 from rpojax.simulation.scenario import Scenario
@@ -73,7 +73,7 @@ def _camera(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channel
     onboard = params.flight.onboard
     R_HN, _ = hill_frame(truth.r_TN_N, truth.v_TN_N)
     edges = frame.box.edges
-    measured = closed_loop.as_measurement(scenario, params, frame)
+    measured = camera.as_measurement(scenario, params, frame)
     ray_K = jnp.concatenate([measured.tangent, jnp.ones(1, dtype=jnp.float64)])
     q_KB = quaternion.normalize(onboard.camera_mounting)
     q_KN = quaternion.multiply(q_KB, telemetry.flight.attitude.q_BN)

@@ -1,0 +1,119 @@
+"""What the camera of a run sees, by the model that the scenario asks for, and its box as flight software gets it."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rpojax.core import ephemeris, light, quaternion, random
+from rpojax.core.constants import RADIUS_EARTH
+from rpojax.core.safe import normalize
+from rpojax.flight.computer import FlightMemory
+from rpojax.flight.navigation import BoxMeasurement
+from rpojax.physics.environment import Sky
+from rpojax.physics.faults import Health
+from rpojax.physics.plant import Truth
+from rpojax.sensors import box_camera, image_camera
+from rpojax.sensors.box_camera import Frame
+from rpojax.simulation.params import Params
+from rpojax.simulation.scenario import Scenario
+from rpojax.vision import box_model, pinhole
+from rpojax.vision.imager import Scene, Window
+
+_TRACKED_S = 5.0
+"""A target seen so recently is looked for where it is expected."""
+
+
+def expose(
+    scenario: Scenario,
+    params: Params,
+    truth: Truth,
+    flight: FlightMemory,
+    sky: Sky,
+    health: Health,
+    key: Array,
+    tick: Array,
+) -> Frame:
+    """One exposure by the scenario's camera model."""
+    camera = params.camera
+    observable = light.is_observable(truth.r_TN_N, truth.r_ST_N, sky.sun_N, camera.phase_limit, camera.sun_exclusion)
+    hull_K = box_camera.hull_in_camera(camera, params.plant.target.hull, truth.q_TN, truth.r_ST_N, truth.q_BN)
+    size = (scenario.width_px, scenario.height_px)
+    if scenario.camera_model == "rendered":
+        networks = params.networks
+        assert networks is not None
+        view = look_at(scenario, params, flight)
+        picture = take_picture(scenario, params, view, truth, sky, key, tick)
+        true_edges = box_model.outline(_lens(scenario, params), hull_K)
+        ahead = observable & (jnp.min(hull_K[:, 2], axis=0) > 0.1)
+        true_edges = jnp.where(ahead, true_edges, 0.0)
+        return image_camera.measure(
+            params.imaging, networks, view, picture, size, true_edges, observable, health.camera
+        )
+    normals = random.normal(key, box_camera.NORMALS)
+    uniforms = random.uniform(random.fold_in(key, 1), box_camera.UNIFORMS)
+    return box_camera.measure(camera, *size, hull_K, observable, health.camera, normals, uniforms)
+
+
+def look_at(scenario: Scenario, params: Params, flight: FlightMemory) -> Window:
+    """The part of the frame that flight software hands to the detector."""
+    onboard, navigation = params.flight.onboard, params.flight.navigation
+    q_KN = quaternion.multiply(quaternion.normalize(onboard.camera_mounting), flight.attitude.q_BN)
+    r_TK_K = quaternion.rotate(q_KN, flight.orbit.relative.r_TS_N)
+    lens = pinhole.Lens(
+        focal_px=onboard.focal_px,
+        center_px=jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=jnp.float64),
+    )
+    depth = jnp.maximum(r_TK_K[2], 1e-3)
+    expected = lens.center_px + lens.focal_px * r_TK_K[:2] / depth
+    tracked = flight.pointing.acquired & (flight.pointing.unseen_time < _TRACKED_S) & (r_TK_K[2] > 0.0)
+    size = lens.focal_px * navigation.target_size / depth
+    true_lens = _lens(scenario, params)
+    return image_camera.choose_window(true_lens, scenario.width_px, scenario.height_px, expected, size, tracked)
+
+
+def take_picture(
+    scenario: Scenario, params: Params, view: Window, truth: Truth, sky: Sky, key: Array, tick: Array
+) -> Float[Array, "p p 3"]:
+    """Picture (sRGB codes in 0..1) of a window of the frame."""
+    networks, rays = params.networks, scenario.rays
+    assert networks is not None
+    assert rays is not None
+    scene = image_camera.to_float32(_scene(scenario, params, truth, sky, tick))
+    size = (scenario.width_px, scenario.height_px)
+    return image_camera.look(params.imaging, networks, rays, view, *size, scene, random.fold_in(key, 2))
+
+
+def _scene(scenario: Scenario, params: Params, truth: Truth, sky: Sky, tick: Array) -> Scene:
+    q_KN = box_camera.attitude(params.camera, truth.q_BN)
+    q_KT = quaternion.multiply(q_KN, quaternion.conjugate(truth.q_TN))
+    sun_N = normalize(sky.sun_N)
+    time = scenario.epoch_s + tick.astype(jnp.float64) * scenario.tick_s
+    return Scene(
+        r_KT_T=quaternion.rotate(truth.q_TN, truth.r_ST_N),
+        R_KT=quaternion.to_matrix(q_KT),
+        sun_T=quaternion.rotate(truth.q_TN, sun_N),
+        sunlight=light.illumination(truth.r_TN_N, sky.sun_N),
+        R_KN=quaternion.to_matrix(q_KN),
+        place_N=(truth.r_TN_N + truth.r_ST_N) / RADIUS_EARTH,
+        sun_N=sun_N,
+        earth_turn=ephemeris.earth_turn(time),
+    )
+
+
+def _lens(scenario: Scenario, params: Params) -> pinhole.Lens:
+    return pinhole.lens(params.camera.field_of_view, scenario.width_px, scenario.height_px)
+
+
+def as_measurement(scenario: Scenario, params: Params, frame: Frame) -> BoxMeasurement:
+    """The box in the flight software's terms, with the focal length that flight software believes in."""
+    focal = params.flight.onboard.focal_px
+    middle = jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=jnp.float64)
+    side = box_model.box_size(frame.box.edges)
+    return BoxMeasurement(
+        tangent=(box_model.box_center(frame.box.edges) - middle) / focal,
+        log_size=jnp.log(side / focal),
+        side_px=side,
+        present=frame.box.present,
+        truncated=frame.box.truncated,
+        half_frame=middle / focal,
+        attitude_drift=jnp.zeros_like(side),
+    )
