@@ -88,9 +88,10 @@ def train(
     nodes = jnp.asarray(np.argwhere(np.asarray(field.row) > 0) if isinstance(field, GridField) else [[0]], jnp.int32)
     done, best, since, history = 0, -np.inf, 0, []
     key = _digest(mesh, views, recipe)
-    found = _read(checkpoint, key, (field, state)) if checkpoint else None
+    found = _read(checkpoint, key, (_weights(field), state)) if checkpoint else None
     if found:
-        (field, state), done, before = found
+        (weights, state), done, before = found
+        field = _looked_up(replace(field, **weights))
         start_time -= before
     while done < recipe.steps:
         random = jax.random.fold_in(jax.random.key(recipe.seed), done)
@@ -100,14 +101,13 @@ def train(
         late = recipe.limit_s is not None and elapsed > recipe.limit_s
         if done % (5 * _CHUNK) and done < recipe.steps and not late:
             continue
-        if isinstance(field, GridField):
-            field = with_solid(field)
+        field = _looked_up(field)
         error = float(_error(field, check))
         history.append(Step(done, recipe.steps, float(-10.0 * np.log10(error)), elapsed))
         since = 0 if history[-1].psnr_db > best + recipe.gain_db else since + 1
         best = max(best, history[-1].psnr_db)
         if checkpoint:
-            _write(checkpoint, key, (field, state), done, elapsed)
+            _write(checkpoint, key, (_weights(field), state), done, elapsed)
         on_step(history[-1])
         if late or since >= recipe.patience:
             break
@@ -118,6 +118,11 @@ def _weights(field: Field) -> dict[str, Any]:
     """What of a field is trained."""
     names = ("matter", "features", "network") if isinstance(field, GridField) else ("trunk", "head")
     return {name: getattr(field, name) for name in names}
+
+
+def _looked_up(field: Field) -> Field:
+    """The field with a lookup, if it has one, of its present matter."""
+    return with_solid(field) if isinstance(field, GridField) else field
 
 
 def _optimiser(field: Field, recipe: Recipe) -> optax.GradientTransformation:
