@@ -56,6 +56,9 @@ def train(
         raise RpojaxError(f"--kind: found {kind!r}, expected 'grid' or 'point'")
     if views < 16 or steps < 50:
         raise RpojaxError(f"--views, --steps: found {views}, {steps}, expected at least 16 views and 50 steps")
+    _check_seed(seed)
+    if minutes is not None and not minutes > 0.0:
+        raise RpojaxError(f"--minutes: found {minutes}, expected more than 0")
     _claim(out, force)
     from rpojax.training import raytrace, target_mesh, train_field
     from rpojax.vision.weights import save_field
@@ -82,7 +85,10 @@ def train(
     command += f" --kind {kind} --views {views} --steps {steps} --seed {seed}"
     card = train_field.card(target, traced, recipe, history, command)
     save_field(field, out, card)
-    _tell({"field": str(out), "bytes": out.stat().st_size, "first_views": str(preview), **card}, as_json)
+    hull = target_mesh.outline(target)
+    files = {"field": str(out), "bytes": out.stat().st_size, "first_views": str(preview)}
+    scenario = {"hull_m": hull.tolist(), "target_size_m": round(target_mesh.apparent_size(hull), 3)}
+    _tell({**files, **card, **scenario}, as_json)
     return 0
 
 
@@ -105,8 +111,9 @@ def evaluate(
     """Compare a field's pictures with fresh ray traces of its mesh."""
     if views < 1 or samples < 1:
         raise RpojaxError(f"--views, --samples: found {views}, {samples}, expected at least 1")
+    _check_seed(seed)
     if not 0.0 < fov_deg < 170.0:
-        raise RpojaxError(f"--fov-deg: found {fov_deg}, expected 0 to 170")
+        raise RpojaxError(f"--fov-deg: found {fov_deg}, expected more than 0 and less than 170")
     if sheet:
         _claim(sheet, force, (".png",))
     from rpojax.training import judge
@@ -144,7 +151,7 @@ def render(
     most = _SHEET_LIMIT if still else _FILM_LIMIT
     if not 1 <= frames <= most or not 8 <= size_px <= 2048:
         raise RpojaxError(f"--frames, --size-px: found {frames}, {size_px}, expected 1 to {most} and 8 to 2048")
-    if not sum(abs(value) for value in sun) > 0.0:
+    if not 0.0 < math.hypot(*sun) < math.inf:
         raise RpojaxError(f"--sun: found {sun}, expected a direction")
     import numpy as np
 
@@ -181,10 +188,18 @@ def _fresh(
 ) -> "Views":
     from rpojax.training import raytrace
 
+    radius = raytrace.center_and_radius(mesh.bounds)[1]
+    if range_m is not None and not range_m > radius:
+        raise RpojaxError(f"--range-m: found {range_m}, expected more than the target's radius, {radius:.3g} m")
     # Training draws from the seed itself; these views are others.
     shell = raytrace.Shell(views, samples=samples, seed=1_000_003 + seed, range_m=range_m, field_of_view_deg=fov_deg)
     with counting("ray tracing", quiet=quiet) as watch:
         return raytrace.render(mesh, shell, None, watch)
+
+
+def _check_seed(seed: int) -> None:
+    if not 0 <= seed < 2**31:
+        raise RpojaxError(f"--seed: found {seed}, expected 0 to 2147483647")
 
 
 def _claim(path: Path, force: bool, suffixes: tuple[str, ...] = ()) -> None:

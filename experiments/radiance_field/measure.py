@@ -266,7 +266,7 @@ def overlay(measured: np.ndarray, assumed: np.ndarray) -> np.ndarray:
     shares = (np.minimum(measured, assumed), measured - assumed, assumed - measured)
     parts = [np.clip(share, 0.0, 1.0)[..., None] for share in shares]
     colors = [np.array(color) for color in (_BOTH, _MEASURED, _ASSUMED)]
-    return 1.0 - sum(part * (1.0 - color) for part, color in zip(parts, colors, strict=True))
+    return 1.0 - np.sum([part * (1.0 - color) for part, color in zip(parts, colors, strict=True)], axis=0)
 
 
 def moved(rotation: jax.Array, position: jax.Array, error: jax.Array) -> tuple[jax.Array, jax.Array]:

@@ -126,7 +126,7 @@ def _looked_up(field: Field) -> Field:
     return with_solid(field) if isinstance(field, GridField) else field
 
 
-def _scaled(change: dict[str, Any], share: jax.Array) -> dict[str, Any]:
+def _scaled(change: Any, share: jax.Array) -> dict[str, Any]:
     """Changes at the rates of their kinds of weights, which fall along a cosine with the share of steps done."""
     fall = 0.515 + 0.485 * jnp.cos(jnp.pi * jnp.minimum(share, 1.0))
     rates = {name: -rate * fall for name, rate in _RATES.items()}
