@@ -96,7 +96,7 @@ def outline(mesh: TargetMesh, most: int = 64) -> np.ndarray:
 
 def apparent_size(points: np.ndarray) -> float:
     """Geometric mean of the root of width times height [m] of an outline (n, 3) over all attitudes."""
-    turns = Rotation.random(4000, random_state=0).as_matrix()[:, :2]
+    turns = Rotation.from_quat(np.random.default_rng(0).normal(size=(4000, 4))).as_matrix()[:, :2]
     width = np.ptp(np.einsum("nij,vj->niv", turns, points), axis=2)
     return float(np.exp(np.mean(np.log(width))))
 
