@@ -222,7 +222,7 @@ app.command(field_verbs.app, name="field", help="Train, judge and show radiance 
 detector = detector_verbs.app.cli
 app.command(detector_verbs.app, name="detector", help="Make data for the detector, train it and judge it.")
 detect = app.command(detector_verbs.detect)
-calibrate = app.command(calibration_verb.calibrate, name="calibrate-camera-model")
+calibrate = app.command(name="calibrate-camera-model")(calibration_verb.calibrate)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
