@@ -64,7 +64,7 @@ def test_what_is_as_dark_as_space_is_outside_of_the_box_and_whole_before_a_brigh
 def test_what_is_weaker_than_the_noise_is_not_visible() -> None:
     cover = covered(3.0, 12.0)
     black = np.zeros((16, 16, 3))
-    faint = laid(np.full((16, 16, 3), 0.004), black, cover)
+    faint = laid(np.full((16, 16, 3), 0.006), black, cover)
     assert visible_box(faint, black, cover, Sensor(1e5, 10.0)) is not None
     assert visible_box(faint, black, cover, Sensor(1e3, 10.0)) is None
 
