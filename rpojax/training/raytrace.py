@@ -18,6 +18,7 @@ FIELD_OF_VIEW_DEG = 26.0
 FILL = 0.82
 """Share of the frame's width that the ball around the target fills; its silhouette then fills about 60 %."""
 _SUN = 2.2
+_WEAK = 0.25
 _FORMAT = 1
 BLOCK = 32
 """Views that are kept together."""
@@ -69,7 +70,7 @@ class Shell:
     field_of_view_deg: float = FIELD_OF_VIEW_DEG
     range_m: float | None = None
     phase_limit_deg: float = PHASE_LIMIT_DEG
-    earth_shine: float = 0.0
+    earth_shine: float = 0.05
     seed: int = 0
 
 
@@ -222,7 +223,9 @@ class Tracer:
         self._aim.update()
         image = self._take(self._colour, self._sunlit, rotation, position, shell.samples, number)
         if self._dim is not None:
-            image[..., :3] += self._take(self._colour, self._dim, rotation, position, shell.samples, number)[..., :3]
+            # Of weak light the noise is weak, too.
+            samples = shell.samples if shell.earth_shine > _WEAK else -(-shell.samples // 4)
+            image[..., :3] += self._take(self._colour, self._dim, rotation, position, samples, number)[..., :3]
         depth = self._take(self._depth, self._sunlit, rotation, position, min(shell.samples, 16), number)
         # The two passes draw their own samples: the distance is that of the depth pass, the share that of the picture.
         distance = depth[..., :1] / np.maximum(depth[..., 3:4], 1e-6)
