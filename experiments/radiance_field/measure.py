@@ -164,9 +164,9 @@ def meshes(commands: list[str]) -> None:
         wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
         spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         found = call("evaluate", str(path), "--mesh", *words, "--views", "64", "--seed", "7")
-        name = " ".join([Path(words[0]).name, *words[1:]])
+        name, load = " ".join([Path(words[0]).name, *words[1:]]), os.getloadavg()[0]
         print(
-            f"| {name} | {made['faces']} | {wall:.0f} | {spent:.0f} | {os.getloadavg()[0]:.0f} | {found['psnr_db']:.1f} "
+            f"| {name} | {made['faces']} | {wall:.0f} | {spent:.0f} | {load:.0f} | {found['psnr_db']:.1f} "
             f"| {found['psnr_target_db']:.1f} | {found['ssim']:.3f} | {found['silhouette_iou']:.3f} |",
             flush=True,
         )
