@@ -18,6 +18,7 @@ FIELD_OF_VIEW_DEG = 26.0
 FILL = 0.82
 """Share of the frame's width that the ball around the target fills; its silhouette then fills about 60 %."""
 _SUN = 2.2
+_WEAK = 0.25
 _FORMAT = 1
 
 OnProgress = Callable[[int, int], None]
@@ -66,7 +67,7 @@ class Shell:
     field_of_view_deg: float = FIELD_OF_VIEW_DEG
     range_m: float | None = None
     phase_limit_deg: float = PHASE_LIMIT_DEG
-    earth_shine: float = 0.0
+    earth_shine: float = 0.055
     seed: int = 0
 
 
@@ -205,7 +206,9 @@ class Tracer:
             # In a pass of its own: drawing one of two lights for each sample would make the picture noisy.
             light = {"type": "constant", "radiance": {"type": "rgb", "value": shell.earth_shine * _SUN / np.pi}}
             dim = self._mi.load_dict({"type": "scene", **self._shapes, "light": light})
-            image[..., :3] += self._take(self._colour, dim, rotation, position, shell.samples, number)[..., :3]
+            # Of weak light the noise is weak, too.
+            samples = shell.samples if shell.earth_shine > _WEAK else -(-shell.samples // 4)
+            image[..., :3] += self._take(self._colour, dim, rotation, position, samples, number)[..., :3]
         depth = self._take(self._depth, scene, rotation, position, min(shell.samples, 16), number)
         # The two passes draw their own samples: the distance is that of the depth pass, the share that of the picture.
         distance = depth[..., :1] / np.maximum(depth[..., 3:4], 1e-6)
