@@ -43,8 +43,7 @@ def expose(
         view = look_at(scenario, params, flight)
         picture = take_picture(scenario, params, view, truth, sky, key, tick)
         true_edges = box_model.outline(_lens(scenario, params), hull_K)
-        ahead = observable & (jnp.min(hull_K[:, 2], axis=0) > 0.1)
-        true_edges = jnp.where(ahead, true_edges, 0.0)
+        true_edges = jnp.where(jnp.min(hull_K[:, 2], axis=0) > 0.1, true_edges, 0.0)
         return image_camera.measure(
             params.imaging, networks, view, picture, size, true_edges, observable, health.camera
         )
@@ -68,6 +67,12 @@ def look_at(scenario: Scenario, params: Params, flight: FlightMemory) -> Window:
     size = lens.focal_px * navigation.target_size / depth
     true_lens = _lens(scenario, params)
     return image_camera.choose_window(true_lens, scenario.width_px, scenario.height_px, expected, size, tracked)
+
+
+def window_of(scenario: Scenario, params: Params, window_px: Float[Array, "3"]) -> Window:
+    """The part of the frame whose left, top and side [px], float32, a frame has recorded."""
+    binning = window_px[2] / image_camera.canvas(scenario.width_px, scenario.height_px)
+    return image_camera.window_at(_lens(scenario, params), window_px[:2], binning)
 
 
 def take_picture(
