@@ -19,7 +19,7 @@ _DASH = "\N{EN DASH}"
 _VOID = {"meta", "img", "rect", "br", "wbr", "link"}
 _SECTIONS = {
     *("identity", "headline", "metrics", "envelopes", "consistency", "distributions", "dispersions"),
-    *("sensitivity", "failures", "run", "scenario", "limits"),
+    *("sensitivity", "failures", "camera", "run", "scenario", "limits"),
 }
 
 
