@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import FlagCreatePairsOff, Positional, UseAppendAction, arg
 
-from rpojax import console, detector_verbs, field_verbs
+from rpojax import calibration_verb, console, detector_verbs, field_verbs
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.version import __version__
 
@@ -298,6 +298,7 @@ app.command(field_verbs.app, name="field", help="Train, judge and show radiance 
 detector = detector_verbs.app.cli
 app.command(detector_verbs.app, name="detector", help="Make data for the detector, train it and judge it.")
 detect = app.command(detector_verbs.detect)
+calibrate = app.command(name="calibrate-camera-model")(calibration_verb.calibrate)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

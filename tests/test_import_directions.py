@@ -34,13 +34,13 @@ LEFT_TO_RIGHT = {
     "background detector pictures search imager",
     "flight": "onboard navigation covariance box_gate servicer_filter relative_filter orbit_filter attitude_estimator "
     "formation_control attitude_control pointing slew looking burn_plan search guidance thrust_gauge computer",
-    "sensors": "gps star_tracker gyro chamber_pressure box_camera image_camera",
+    "sensors": "gps star_tracker gyro chamber_pressure box_camera image_camera statistical_camera statistics_file",
     "training": "optional target_mesh raytrace train_field judge shapes spacecraft sprites backdrops "
     "detection_data augment average_precision detector_judge train_detector",
     "simulation": "units schema checks networks scenario params camera closed_loop metrics",
     "campaign": "store dispersions runner",
     "analysis": "statistics linear_covariance worst_case tuning camera_calibration",
-    "top": "console field_verbs detector_verbs cli __main__",
+    "top": "console field_verbs detector_verbs calibration_verb cli __main__",
 }
 """Order inside a folder, for the modules whose order is fixed; the rest need only have one."""
 

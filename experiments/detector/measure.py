@@ -150,7 +150,7 @@ def _photographs(arguments: argparse.Namespace, params: Params) -> dict[str, Any
     rows, shrunk = [], []
     for name, entry in known.items():
         image = pictures.read(arguments.folder / name)
-        real = [Box(*map(float, box), 1.0) for box in entry["boxes"]]
+        real = [Box(*(float(edge) for edge in box[:4]), score=1.0) for box in entry["boxes"]]
         found = search(params, image)
         rows.append({"file": name, "found": _hits(real, found), "of": len(real), "false": _false(real, found)})
         for side in SIDES_PX:

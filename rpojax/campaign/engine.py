@@ -25,9 +25,15 @@ SEGMENT_TICKS = 200
 """About so many ticks run on the device before the host looks at them."""
 
 
-def block_size() -> int:
-    """Runs per device and block for this kind of device: on a CPU as many as its cache holds."""
-    return 256 if jax.default_backend() == "cpu" else 4096
+def block_size(file: ScenarioFile) -> int:
+    """Runs per device and block for this kind of device and camera: on a CPU as many as its cache holds.
+
+    A picture fills a CPU by itself, and a small block wastes little where few runs are asked for.
+    """
+    rendered = file.camera.model == "rendered"
+    if jax.default_backend() == "cpu":
+        return 10 if rendered else 256
+    return 256 if rendered else 4096
 
 
 @dataclass(frozen=True)
@@ -81,7 +87,7 @@ class Engine:
     ) -> None:
         self.file = file
         self.scenario = scenario.static(file)
-        self.size = size or block_size()
+        self.size = size or block_size(file)
         self.devices = list(devices if devices is not None else jax.devices())
         self.stages = stages or Stages()
         self.keys = [dispersion.key for dispersion in file.dispersions]

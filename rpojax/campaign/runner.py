@@ -69,7 +69,7 @@ def run_campaign(
     outside = [i for i in kept if not first_run <= i < first_run + runs]
     if outside:
         raise RpojaxError(f"--histories: found run {outside[0]}, expected runs of this campaign")
-    size = block_size or engine.block_size()
+    size = block_size or engine.block_size(file)
     used = _enough(devices, -(-runs // size))
     admission.check_size(file, runs, size, len(used), len(set(kept)), Path(out))
     machine = Engine(file, size, used, stages)

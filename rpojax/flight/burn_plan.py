@@ -8,7 +8,7 @@ from rpojax.core.frames import apply_transposed, hill_frame, inertial_to_hill
 from rpojax.core.orbital_mechanics import mean_motion, relative_transition, semi_major_axis
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.quaternion import rotate
-from rpojax.flight.formation_control import Formation, FormationLaw
+from rpojax.flight.formation_control import Formation, FormationLaw, Station
 from rpojax.flight.looking import look_attitude, range_uncertainty
 from rpojax.flight.onboard import Onboard
 from rpojax.flight.orbit_filter import OrbitEstimate
@@ -52,6 +52,7 @@ def plan_burn(
     pointing: Pointing,
     onboard: Onboard,
     gain: Float[Array, "3 6"],
+    station: Station,
     estimate: OrbitEstimate,
     allowed: Flag,
     time: Scalar,
@@ -61,8 +62,8 @@ def plan_burn(
     No burn inside the dead band, below the thruster's minimum on-time, while the range is too uncertain, or unless
     `allowed`; a burn too long for the look-away limit is shortened.
     """
-    deviation, R_CN = _deviation_at_burn(formation, estimate)
-    delta_v_N = apply_transposed(R_CN, law(gain, deviation))
+    deviation, R_CN = _deviation_at_burn(formation, station, estimate)
+    delta_v_N = apply_transposed(R_CN, station.impulse + law(gain, deviation))
     size, direction_N = safe.norm(delta_v_N), safe.normalize(delta_v_N)
 
     q_look, _ = look_attitude(onboard, estimate)
@@ -94,7 +95,9 @@ _SCHEDULE_GRAIN = 3.0
 """Turns begin on whole guidance ticks, which can add a second to each; one more for the target's own motion [s]."""
 
 
-def _deviation_at_burn(formation: Formation, estimate: OrbitEstimate) -> tuple[Float[Array, "6"], Float[Array, "3 3"]]:
+def _deviation_at_burn(
+    formation: Formation, station: Station, estimate: OrbitEstimate
+) -> tuple[Float[Array, "6"], Float[Array, "3 3"]]:
     """Deviation of (rho, rho_dot) predicted to the burn's middle [m, m/s], and the Hill frame `R_CN` there.
 
     The motion is predicted and then compared, since a place off the along-track axis does not stay where it is.
@@ -107,7 +110,7 @@ def _deviation_at_burn(formation: Formation, estimate: OrbitEstimate) -> tuple[F
     rho, rho_dot = inertial_to_hill(-estimate.relative.r_TS_N, -estimate.relative.v_TS_N, R_HN, omega_HN_N)
     n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
     now = jnp.concatenate([rho, rho_dot])
-    desired = jnp.pad(formation.desired_position, (0, 3))
+    desired = jnp.concatenate([formation.desired_position, station.arrival_velocity])
     transition = relative_transition(n, formation.lead)
     angle = n * formation.lead
     c, s = jnp.cos(angle), jnp.sin(angle)

@@ -27,7 +27,7 @@ from rpojax.flight.attitude_control import AttitudeControl
 from rpojax.flight.attitude_estimator import AttitudeEstimate, AttitudeFilter
 from rpojax.flight.box_gate import BoxTrack
 from rpojax.flight.burn_plan import BurnPlan
-from rpojax.flight.formation_control import Formation, FormationLaw
+from rpojax.flight.formation_control import Formation, FormationLaw, Station
 from rpojax.flight.guidance import PointingState
 from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement, Navigation
 from rpojax.flight.onboard import Onboard
@@ -65,6 +65,7 @@ class FlightMemory:
         thruster_failed_at: () when a burn last gave no thrust [s], minus infinity before
         pointing: memory of the attitude guidance
         gain: (3, 6) of the formation controller, solved once at start
+        station: free motion and impulse that keep the station, solved once at start
         allocation: (3, 3) body torque to wheel torques, solved once at start
     """
 
@@ -77,6 +78,7 @@ class FlightMemory:
     thruster_failed_at: Array
     pointing: PointingState
     gain: Array
+    station: Station
     allocation: Array
 
 
@@ -145,6 +147,7 @@ def start(
         thruster_failed_at=jnp.full((), -jnp.inf, dtype=jnp.float64),
         pointing=guidance.initial_pointing(params.onboard, orbit),
         gain=formation_control.lqr_gain(params.formation, n, period),
+        station=formation_control.keep_station(params.formation, n, period),
         allocation=jnp.linalg.inv(params.onboard.wheel_axes.T),
     )
 
@@ -204,6 +207,7 @@ def plan_burn(stages: Stages, params: FlightParams, memory: FlightMemory, sun_N:
         params.pointing,
         params.onboard,
         memory.gain,
+        memory.station,
         memory.orbit,
         visible & works & ~lost,
         time,

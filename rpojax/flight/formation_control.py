@@ -53,6 +53,31 @@ def lqr(gain: Float[Array, "3 6"], deviation: Float[Array, "6"]) -> Vector:
     return -jnp.sum(gain * deviation[None, :], axis=1)
 
 
+@pytree
+class Station:
+    """How the station is kept: the free motion that comes back to it after a period, and the impulse between two such.
+
+    A place off the along-track axis does not stay where it is. Both vectors are zero for one that does.
+
+    Attributes:
+        arrival_velocity: (3,) rho_dot with which the free motion comes back [m/s]
+        impulse: (3,) velocity change there that makes it begin anew [m/s]
+    """
+
+    arrival_velocity: Array
+    impulse: Array
+
+
+def keep_station(formation: Formation, n: Scalar, period: float) -> Station:
+    """The motion that leaves the desired position and is back after a `period` [s] at mean motion `n` [rad/s]."""
+    transition = relative_transition(n, jnp.asarray(period, dtype=jnp.float64))
+    place = formation.desired_position
+    drift = place - jnp.sum(transition[:3, :3] * place[None, :], axis=1)
+    departure = jnp.linalg.solve(transition[:3, 3:], drift)
+    arrival = jnp.sum(transition[3:] * jnp.concatenate([place, departure])[None, :], axis=1)
+    return Station(arrival_velocity=arrival, impulse=departure - arrival)
+
+
 def lqr_gain(formation: Formation, n: Scalar, period: float) -> Float[Array, "3 6"]:
     """Gain of the discrete LQR with one impulse every `period` [s] at mean motion `n` [rad/s].
 

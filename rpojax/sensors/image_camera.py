@@ -24,7 +24,6 @@ CANVAS_PX = 128
 FILL = 0.4
 """Share of a window that a tracked target is expected to take."""
 _CANDIDATES = 4
-_EDGE_PX = 1.0
 _FALSE_OVERLAP = 0.1
 
 
@@ -137,8 +136,7 @@ def measure(
     low = jnp.concatenate([view.corner_px, view.corner_px])
     frame_size = jnp.array([*size_px, *size_px], jnp.float32)
     high = jnp.minimum(low + picture.shape[0] * view.binning, frame_size)
-    margin = _EDGE_PX * view.binning
-    cut = jnp.any((edges[:2] < low[:2] + margin) | (edges[2:] > high[2:] - margin), axis=0)
+    cut = box_model.at_border(edges, low, high, view.binning)
     edges = jnp.clip(edges, 0.0, frame_size).astype(jnp.float64)
     seen = (score >= imaging.score_threshold) & observable & working
     visible, _ = box_model.cut_to_frame(true_edges, *size_px)

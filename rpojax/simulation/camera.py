@@ -11,13 +11,14 @@ from rpojax.flight.navigation import BoxMeasurement
 from rpojax.physics.environment import Sky
 from rpojax.physics.faults import Health
 from rpojax.physics.plant import Truth
-from rpojax.sensors import box_camera, image_camera
+from rpojax.sensors import box_camera, image_camera, statistical_camera
 from rpojax.sensors.box_camera import Frame
 from rpojax.simulation.params import Params
 from rpojax.simulation.scenario import Scenario
 from rpojax.vision import box_model, pinhole
 from rpojax.vision.imager import Scene, Window
 
+_NORMALS, _UNIFORMS = statistical_camera.NORMALS, statistical_camera.UNIFORMS
 _TRACKED_S = 5.0
 """A target seen so recently is looked for where it is expected."""
 
@@ -37,19 +38,23 @@ def expose(
     observable = light.is_observable(truth.r_TN_N, truth.r_ST_N, sky.sun_N, camera.phase_limit, camera.sun_exclusion)
     hull_K = box_camera.hull_in_camera(camera, params.plant.target.hull, truth.q_TN, truth.r_ST_N, truth.q_BN)
     size = (scenario.width_px, scenario.height_px)
-    if scenario.camera_model == "rendered":
-        networks = params.networks
-        assert networks is not None
-        view = look_at(scenario, params, flight)
-        picture = take_picture(scenario, params, view, truth, sky, key, tick)
-        true_edges = box_model.outline(_lens(scenario, params), hull_K)
-        true_edges = jnp.where(jnp.min(hull_K[:, 2], axis=0) > 0.1, true_edges, 0.0)
-        return image_camera.measure(
-            params.imaging, networks, view, picture, size, true_edges, observable, health.camera
+    normals = random.normal(key, _NORMALS)
+    uniforms = random.uniform(random.fold_in(key, 1), _UNIFORMS)
+    if scenario.camera_model == "geometric":
+        return box_camera.measure(camera, *size, hull_K, observable, health.camera, normals[:4], uniforms[:6])
+    in_front = jnp.min(hull_K[:, 2], axis=0) > 0.1
+    outline = jnp.where(in_front, box_model.outline(_lens(scenario, params), hull_K), 0.0)
+    scene = _scene(scenario, params, truth, sky, tick)
+    light_and_health = (observable, health.camera)
+    if scenario.camera_model == "statistical":
+        assert params.statistics is not None
+        return statistical_camera.measure(
+            params.statistics, scene, outline, in_front, size, *light_and_health, normals, uniforms
         )
-    normals = random.normal(key, box_camera.NORMALS)
-    uniforms = random.uniform(random.fold_in(key, 1), box_camera.UNIFORMS)
-    return box_camera.measure(camera, *size, hull_K, observable, health.camera, normals, uniforms)
+    assert params.networks is not None
+    view = look_at(scenario, params, flight)
+    picture = _picture(scenario, params, view, scene, key)
+    return image_camera.measure(params.imaging, params.networks, view, picture, size, outline, *light_and_health)
 
 
 def look_at(scenario: Scenario, params: Params, flight: FlightMemory) -> Window:
@@ -78,11 +83,14 @@ def window_of(scenario: Scenario, params: Params, window_px: Float[Array, "3"]) 
 def take_picture(
     scenario: Scenario, params: Params, view: Window, truth: Truth, sky: Sky, key: Array, tick: Array
 ) -> Float[Array, "p p 3"]:
-    """Picture (sRGB codes in 0..1) of a window of the frame."""
+    """Picture (sRGB codes in 0..1) of a window of the frame, as `expose` looks at it."""
+    return _picture(scenario, params, view, _scene(scenario, params, truth, sky, tick), key)
+
+
+def _picture(scenario: Scenario, params: Params, view: Window, scene: Scene, key: Array) -> Float[Array, "p p 3"]:
     networks, rays = params.networks, scenario.rays
     assert networks is not None
     assert rays is not None
-    scene = image_camera.to_float32(_scene(scenario, params, truth, sky, tick))
     size = (scenario.width_px, scenario.height_px)
     return image_camera.look(params.imaging, networks, rays, view, *size, scene, random.fold_in(key, 2))
 
@@ -92,7 +100,7 @@ def _scene(scenario: Scenario, params: Params, truth: Truth, sky: Sky, tick: Arr
     q_KT = quaternion.multiply(q_KN, quaternion.conjugate(truth.q_TN))
     sun_N = normalize(sky.sun_N)
     time = scenario.epoch_s + tick.astype(jnp.float64) * scenario.tick_s
-    return Scene(
+    scene = Scene(
         r_KT_T=quaternion.rotate(truth.q_TN, truth.r_ST_N),
         R_KT=quaternion.to_matrix(q_KT),
         sun_T=quaternion.rotate(truth.q_TN, sun_N),
@@ -102,6 +110,7 @@ def _scene(scenario: Scenario, params: Params, truth: Truth, sky: Sky, tick: Arr
         sun_N=sun_N,
         earth_turn=ephemeris.earth_turn(time),
     )
+    return image_camera.to_float32(scene)
 
 
 def _lens(scenario: Scenario, params: Params) -> pinhole.Lens:

@@ -2,6 +2,7 @@
 
 import functools
 import hashlib
+import json
 import math
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,67 +12,118 @@ from rpojax.errors import ScenarioError
 
 if TYPE_CHECKING:
     from rpojax.sensors.image_camera import Networks
+    from rpojax.sensors.statistical_camera import CameraStatistics
     from rpojax.vision.region import Sampling
 
 PACKAGED = "packaged"
+FILES = {
+    "field": "target.field.safetensors",
+    "detector": "detector.safetensors",
+    "statistics": "target.camera.safetensors",
+}
+"""Keys of the section `imaging` that name a file, and the packaged ones."""
+_NEEDED = {"geometric": (), "statistical": ("statistics",), "rendered": ("field", "detector")}
 _NEAREST = 0.8
 """Rays are at least as dense as pixels down to this share of the nearest of start and station."""
+_CAMERA = ("width_px", "height_px", "field_of_view_deg")
+_IMAGING = ("exposure", "full_well", "read_noise", "blur_px", "score_threshold")
 
 
 def files(tables: Mapping[str, Any]) -> dict[str, Path]:
-    """Trained files by key of the section `imaging`, those that the scenario's camera model needs."""
-    from rpojax.vision import detector, weights
+    """Trained files that the scenario's camera model needs, by key of the section `imaging`."""
+    return {key: file_of(tables, key) for key in _NEEDED[tables["camera"]["model"]]}
 
-    if tables["camera"]["model"] != "rendered":
-        return {}
-    packaged = {"field": weights.packaged_field, "detector": detector.packaged_detector}
-    found = {}
-    for key, default in packaged.items():
-        name = tables["imaging"][key]
-        found[key] = default() if name == PACKAGED else Path(name)
-        if not found[key].is_file():
-            raise ScenarioError(f"imaging.{key}", name, f"'{PACKAGED}' or the path of a file")
-    return found
+
+def file_of(tables: Mapping[str, Any], key: str) -> Path:
+    """Path of one trained file; raises `ScenarioError` where there is none."""
+    from rpojax.vision import weights
+
+    name = tables["imaging"][key]
+    path = weights.asset(FILES[key]) if name == PACKAGED else Path(name)
+    if not path.is_file():
+        raise ScenarioError(f"imaging.{key}", name, f"'{PACKAGED}' or the path of a file")
+    return path
 
 
 def digests(tables: Mapping[str, Any]) -> dict[str, str]:
     """SHA-256 of every trained file that counts."""
-    return {key: hashlib.sha256(path.read_bytes()).hexdigest() for key, path in files(tables).items()}
+    return {key: digest(path) for key, path in files(tables).items()}
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def load(tables: Mapping[str, Any]) -> "Networks | None":
-    """Content of the trained files, or None for a camera model that needs none."""
+    """What pictures are made with and looked at with, or None for a camera model without pictures."""
     if tables["camera"]["model"] != "rendered":
         return None
+    return load_networks(tables)
+
+
+def load_networks(tables: Mapping[str, Any]) -> "Networks":
+    """Field, detector and sky, whatever the camera model."""
     from rpojax.sensors.image_camera import Networks
     from rpojax.vision.background import sky
     from rpojax.vision.detector import load_detector
     from rpojax.vision.weights import load_field
 
-    paths = files(tables)
-    imaging = tables["imaging"]
     return Networks(
-        field=load_field(paths["field"])[0],
-        detector=load_detector(paths["detector"])[0],
-        sky=sky(imaging["sky_seed"]),
+        field=load_field(file_of(tables, "field"))[0],
+        detector=load_detector(file_of(tables, "detector"))[0],
+        sky=sky(tables["imaging"]["sky_seed"]),
     )
 
 
-def sampling(tables: Mapping[str, Any]) -> "Sampling | None":
-    """How finely the target is sampled, for the ranges that the scenario is about."""
-    if tables["camera"]["model"] != "rendered":
+def fitted_for(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """What of a scenario a fitted camera depends on."""
+    camera = {f"camera.{key}": tables["camera"][key] for key in _CAMERA}
+    imaging = {f"imaging.{key}": tables["imaging"][key] for key in _IMAGING}
+    return {**camera, **imaging, "target.hull_m": tables["target"]["hull_m"]}
+
+
+def load_statistics(tables: Mapping[str, Any]) -> "CameraStatistics | None":
+    """The fitted camera, or None for another camera model; raises `ScenarioError` where it was fitted for another."""
+    if tables["camera"]["model"] != "statistical":
         return None
+    from rpojax.sensors import statistics_file
+
+    statistics, card = statistics_file.load_statistics(file_of(tables, "statistics"))
+    known = card.get("fitted_for")
+    for key, value in fitted_for(tables).items():
+        found = known.get(key) if isinstance(known, dict) else None
+        if json.dumps(found) != json.dumps(value):
+            raise ScenarioError(
+                key, value, f"{found}, as in imaging.statistics; `rpojax calibrate-camera-model` fits another"
+            )
+    return statistics
+
+
+def sampling(tables: Mapping[str, Any]) -> "Sampling | None":
+    """How finely the target is sampled, or None for a camera model without pictures."""
+    return picture_sampling(tables) if tables["camera"]["model"] == "rendered" else None
+
+
+def picture_sampling(tables: Mapping[str, Any]) -> "Sampling":
+    """How finely pictures sample the target, for the ranges that the scenario is about."""
     from rpojax.sensors import image_camera
 
     camera = tables["camera"]
     focal = 0.5 * camera["width_px"] / math.tan(math.radians(0.5 * camera["field_of_view_deg"]))
-    places = (tables["initial"]["relative_position_m"], tables["formation"]["desired_position_m"])
-    least = _NEAREST * min(math.hypot(*place) for place in places)
+    least = _NEAREST * ranges(tables)[0]
     if max(camera["width_px"], camera["height_px"]) > image_camera.CANVAS_PX:
         # Nearer than this, a window of a large frame is binned so that the target stays as small.
         size = focal * tables["navigation"]["target_size_m"]
         least = max(least, size / (image_camera.FILL * image_camera.CANVAS_PX))
-    return _sampling(files(tables)["field"], focal, least)
+    return _sampling(file_of(tables, "field"), focal, least)
+
+
+def ranges(tables: Mapping[str, Any]) -> tuple[float, float]:
+    """The nearer and the farther of start and station [m]."""
+    places = (tables["initial"]["relative_position_m"], tables["formation"]["desired_position_m"])
+    near, far = sorted(math.hypot(*place) for place in places)
+    return near, far
 
 
 @functools.lru_cache(maxsize=8)

@@ -29,6 +29,7 @@ from rpojax.sensors.gps import Gps
 from rpojax.sensors.gyro import Gyro
 from rpojax.sensors.image_camera import Imaging, Networks
 from rpojax.sensors.star_tracker import StarTracker
+from rpojax.sensors.statistical_camera import CameraStatistics
 from rpojax.simulation import networks, units
 from rpojax.vision import pinhole
 
@@ -70,6 +71,7 @@ class Params:
     camera: BoxCamera
     imaging: Imaging
     networks: Networks | None
+    statistics: CameraStatistics | None
     flight: FlightParams
     limits: Limits
 
@@ -116,7 +118,13 @@ def build(tables: Mapping[str, Any], width_px: int, height_px: int) -> Params:
         },
     )
     rest = ("orbit", "initial", "gps", "star_tracker", "gyro", "camera", "imaging", "limits")
-    return Params(plant=plant, flight=flight, networks=networks.load(tables), **{name: records[name] for name in rest})
+    return Params(
+        plant=plant,
+        flight=flight,
+        networks=networks.load(tables),
+        statistics=networks.load_statistics(tables),
+        **{name: records[name] for name in rest},
+    )
 
 
 def _record(cls: type, table: Mapping[str, Any]) -> Any:

@@ -149,7 +149,7 @@ def _read(source: str | Path, depth: int = 0) -> dict[str, Any]:
 def _anchor(tables: dict[str, Any], folder: Path) -> None:
     """Paths of trained files start from the scenario's folder."""
     imaging = tables.get("imaging")
-    for key in ("field", "detector"):
+    for key in networks.FILES:
         name = imaging.get(key) if isinstance(imaging, dict) else None
         if isinstance(name, str) and name != networks.PACKAGED and isinstance(imaging, dict):
             imaging[key] = str((folder / name).resolve())

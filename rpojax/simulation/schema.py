@@ -248,6 +248,7 @@ class ImagingSection(Section):
 
     field: str
     detector: str
+    statistics: str
     exposure: Positive
     full_well: Positive
     read_noise: NonNegative

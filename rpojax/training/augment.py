@@ -29,44 +29,48 @@ class Batch:
     weight: np.ndarray
 
 
-def batch(data: Dataset, chosen: np.ndarray, rng: Rng) -> Batch:
-    """The pictures of some numbers, each changed at random."""
+def batch(data: Dataset, chosen: np.ndarray, rng: Rng, pieces: bool = False) -> Batch:
+    """The pictures of some numbers, each changed at random.
+
+    As `pieces` each becomes two of half the side: the whole of it, shrunk, and a part of it as it is.
+    """
     noise = rng.normal(size=(_NOISE_SIDE, _NOISE_SIDE, 3)).astype(np.float32)
     images, boxes, weights = [], [], []
     for index in chosen:
         image, found = _geometry(rng, data, int(index))
-        images.append(_look(rng, image, noise))
-        box, weight = _padded(found)
-        boxes.append(box)
-        weights.append(weight)
+        for piece, inside in _pieces(rng, image, found) if pieces else ((image, found),):
+            images.append(_look(rng, piece, noise))
+            box, weight = _padded(inside)
+            boxes.append(box)
+            weights.append(weight)
     return Batch(np.stack(images), np.stack(boxes), np.stack(weights))
 
 
 def _padded(found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The largest boxes first, in arrays of fixed length."""
-    sides = found[:, 2:] - found[:, :2]
-    order = np.argsort(-sides.max(axis=1, initial=0.0) if len(sides) else np.zeros(0))[:MOST_BOXES]
+    """The largest boxes first, in arrays of fixed length; a spacecraft of a few pixels is neither right nor wrong."""
+    side = np.max(found[:, 2:4] - found[:, :2], axis=1, initial=0.0)
+    order = np.argsort(-side)[:MOST_BOXES]
     box, weight = np.zeros((MOST_BOXES, 4), np.float32), np.zeros(MOST_BOXES, np.float32)
-    box[: len(order)] = found[order]
-    weight[: len(order)] = np.where(sides[order].max(axis=1, initial=0.0) >= _LEAST_PX, 1.0, -1.0)
+    box[: len(order)] = found[order, :4]
+    weight[: len(order)] = np.where(side[order] >= _LEAST_PX, found[order, 4], -1.0)
     return box, weight
 
 
-# Where things are.
+# Where things are. Boxes (n, 5) are left, top, right, bottom [px] and the weight that `Batch` describes.
 
 
 def _geometry(rng: Rng, data: Dataset, index: int) -> tuple[np.ndarray, np.ndarray]:
     if rng.random() < 0.1:
         others = rng.integers(0, len(data), 3)
-        return _mosaic(rng, [_turned(rng, data.images[i], data.boxes[i]) for i in (index, *others)])
-    image, boxes = _turned(rng, data.images[index], data.boxes[index])
-    return _cut(rng, image, boxes) if rng.random() < 0.4 else (image, boxes)
+        return _mosaic([_turned(rng, data, int(i)) for i in (index, *others)])
+    image, boxes = _turned(rng, data, index)
+    return _enlarged(rng, image, boxes) if rng.random() < 0.4 else (image, boxes)
 
 
-def _turned(rng: Rng, image: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """One of the eight ways to turn and mirror a square."""
-    size = image.shape[0]
-    left, top, right, bottom = boxes.T
+def _turned(rng: Rng, data: Dataset, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """A picture in one of the eight ways to turn and mirror a square."""
+    image, size = data.images[index], data.images.shape[1]
+    left, top, right, bottom = data.boxes[index].T
     if rng.random() < 0.5:
         image = image[:, ::-1]
         left, right = size - right, size - left
@@ -76,48 +80,61 @@ def _turned(rng: Rng, image: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray,
     if rng.random() < 0.5:
         image = image.transpose(1, 0, 2)
         left, top, right, bottom = top, left, bottom, right
-    return image, np.stack([left, top, right, bottom], axis=1)
+    return np.ascontiguousarray(image), np.stack([left, top, right, bottom, np.ones_like(left)], axis=1)
 
 
-def _cut(rng: Rng, image: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A smaller window, enlarged; where it would leave only a scrap of a spacecraft, the whole picture."""
+def _enlarged(rng: Rng, image: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A smaller window at the size of the whole."""
     import cv2
 
     size = image.shape[0]
     zoom = float(np.exp(rng.uniform(0.0, np.log(1.9))))
-    window = size / zoom
-    corner = rng.uniform(0.0, size - window, 2)
-    moved = (boxes - np.tile(corner, 2)) * zoom
-    clipped = np.clip(moved, 0.0, size)
-    whole, left = _areas(moved), _areas(clipped)
-    inside = left > 0.0
-    if (left[inside] < _KEPT_AREA * whole[inside]).any():
-        return image, boxes
+    corner = rng.uniform(0.0, size - size / zoom, 2)
     shift = -corner * zoom + 0.5 * zoom - 0.5
     matrix = np.array([[zoom, 0.0, shift[0]], [0.0, zoom, shift[1]]])
     flags = cv2.INTER_LINEAR if rng.random() < 0.5 else cv2.INTER_CUBIC
-    taken = cv2.warpAffine(
-        np.ascontiguousarray(image), matrix, (size, size), flags=flags, borderMode=cv2.BORDER_REFLECT
-    )
-    return np.asarray(taken), clipped[inside]
+    taken = cv2.warpAffine(image, matrix, (size, size), flags=flags, borderMode=cv2.BORDER_REFLECT)
+    return np.asarray(taken), _inside(boxes, corner, zoom, size)
 
 
-def _areas(boxes: np.ndarray) -> np.ndarray:
-    return np.prod(np.maximum(boxes[:, 2:] - boxes[:, :2], 0.0), axis=1)
+def _inside(boxes: np.ndarray, corner: np.ndarray, zoom: float, size: int) -> np.ndarray:
+    """Boxes cut to a window, enlarged; a scrap of a spacecraft is neither right nor wrong."""
+    moved = (boxes[:, :4] - np.tile(corner, 2)) * zoom
+    cut = np.clip(moved, 0.0, size)
+    whole, left = (np.prod(np.maximum(b[:, 2:] - b[:, :2], 0.0), axis=1) for b in (moved, cut))
+    weight = np.where(left < _KEPT_AREA * whole, -1.0, boxes[:, 4])
+    return np.column_stack([cut, weight])[left > 0.0]
 
 
-def _mosaic(rng: Rng, parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+def _mosaic(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
     """Four pictures at half size side by side."""
+    half = parts[0][0].shape[0] // 2
+    picture, boxes = np.empty_like(parts[0][0]), []
+    for (top, left), (image, found) in zip(((0, 0), (0, half), (half, 0), (half, half)), parts, strict=True):
+        small, moved = _halved(image, found)
+        picture[top : top + half, left : left + half] = small
+        boxes.append(moved + np.array([left, top, left, top, 0.0]))
+    return picture, np.concatenate(boxes)
+
+
+def _halved(image: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     import cv2
 
-    size = parts[0][0].shape[0]
-    half = size // 2
-    picture, boxes = np.empty_like(parts[0][0]), []
-    for place, (image, found) in zip(((0, 0), (0, half), (half, 0), (half, half)), parts, strict=True):
-        small = cv2.resize(np.ascontiguousarray(image), (half, half), interpolation=cv2.INTER_AREA)
-        picture[place[0] : place[0] + half, place[1] : place[1] + half] = small
-        boxes.append(0.5 * found + np.tile(place[::-1], 2))
-    return picture, np.concatenate(boxes)
+    half = image.shape[0] // 2
+    small = np.asarray(cv2.resize(image, (half, half), interpolation=cv2.INTER_AREA))
+    return small, boxes * np.array([0.5, 0.5, 0.5, 0.5, 1.0])
+
+
+def _pieces(rng: Rng, image: np.ndarray, boxes: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """The whole picture at half its side, and a window of that side, mostly around a spacecraft."""
+    half = image.shape[0] // 2
+    corner = rng.integers(0, half + 1, 2)
+    if len(boxes) and rng.random() < 0.8:
+        box = boxes[int(rng.integers(len(boxes)))]
+        aim = 0.5 * (box[:2] + box[2:4]) - half * rng.uniform(0.15, 0.85, 2)
+        corner = np.clip(np.round(aim), 0, half).astype(int)
+    part = image[corner[1] : corner[1] + half, corner[0] : corner[0] + half]
+    return [_halved(image, boxes), (part, _inside(boxes, corner, 1.0, half))]
 
 
 # How things look.

@@ -1,7 +1,7 @@
 """Composites of sprites and backdrops with the boxes of the spacecraft in them, and data sets in COCO's format.
 
 A box is that of the visible silhouette: of the pixels that the spacecraft covers by at least a tenth and that differ
-from the empty background by at least three of 255 code values and by the camera's noise. So a craft in shadow before a
+from the empty background by at least five of 255 code values and twice the camera's noise. So a craft in shadow before a
 bright limb has its whole box, and a part in shadow that is as black as the space behind it is outside of the box,
 because nothing in the picture says where it ends. An edge lies within its pixel where the covered share ends.
 """
@@ -29,7 +29,8 @@ EMPTY_SHARE = 0.2
 _TWO_SHARE = 0.06
 _TARGET_SHARE = 0.25
 _CUT_SHARE = 0.1
-_VISIBLE = 3.0 / 255.0
+_VISIBLE = 5.0 / 255.0
+_NOISES = 2.0
 _COVERED = 0.1
 _LEAST_PX = 4.0
 _SHARES = {"black": 0.2, "stars": 0.12, "earth": 0.22, "limb": 0.21, "night": 0.1, "glint": 0.1, "moon": 0.05}
@@ -72,7 +73,7 @@ def composite(rng: Rng, sprites: list[Sprite], earth: Globe, size_px: int = SIZE
     kind = str(rng.choice(KINDS, p=[shares[name] for name in KINDS]))
     number = 0 if rng.random() < EMPTY_SHARE else 2 if rng.random() < _TWO_SHARE else 1
     background = backdrop(rng, kind, earth, size_px) * np.float32(np.exp(rng.uniform(np.log(0.4), np.log(1.6))))
-    sensor = Sensor(float(np.exp(rng.uniform(np.log(3e3), np.log(5e4)))), float(rng.uniform(2.0, 30.0)))
+    sensor = Sensor(float(np.exp(rng.uniform(np.log(4e3), np.log(5e4)))), float(rng.uniform(2.0, 20.0)))
     for _ in range(30):
         chosen = [_pick(rng, targets if of_target else others) for _ in range(number)]
         layers = [_layer(rng, sprite, size_px, kind, of_target) for sprite in chosen]
@@ -111,9 +112,9 @@ def _side(rng: Rng, size_px: int, flight: bool) -> float:
     """Long side [px] of a spacecraft; most are 10 to 60 of 128 px, in the flight camera 13 to 45."""
     if flight and rng.random() < 0.75:
         return float(np.exp(rng.uniform(np.log(0.1), np.log(0.36)))) * size_px
-    if rng.random() < 0.6:
+    if rng.random() < 0.55:
         return float(np.exp(rng.uniform(np.log(0.08), np.log(0.5)))) * size_px
-    return float(np.exp(rng.uniform(np.log(0.05), np.log(1.08)))) * size_px
+    return float(np.exp(rng.uniform(np.log(0.06), np.log(1.15)))) * size_px
 
 
 def _light(rng: Rng, kind: str, flight: bool) -> tuple[float, float]:
@@ -123,7 +124,7 @@ def _light(rng: Rng, kind: str, flight: bool) -> tuple[float, float]:
     bright = kind in ("earth", "limb", "glint", "moon")
     if bright and rng.random() < 0.2:
         return float(rng.choice([0.0, rng.uniform(0.0, 0.05)])), float(rng.uniform(0.0, 0.03))
-    sun = float(np.exp(rng.uniform(np.log(0.25), np.log(2.0))))
+    sun = float(np.exp(rng.uniform(np.log(0.4), np.log(2.5))))
     return sun, sun * float(np.exp(rng.uniform(np.log(0.01), np.log(0.5 if bright else 0.25))))
 
 
@@ -165,7 +166,7 @@ def visible_box(
     difference = np.abs(encode(image) - encode(background)).max(axis=2)
     seen = difference >= _VISIBLE
     if sensor is not None:
-        seen &= (np.abs(image - background) >= sensor.noise(background)).any(axis=2)
+        seen &= (np.abs(image - background) >= _NOISES * sensor.noise(background)).any(axis=2)
     visible = np.where(seen & (cover >= _COVERED), cover, 0.0)
     if visible.sum() < max(_LEAST_PX, 0.2 * cover.sum()):
         return None

@@ -1,11 +1,17 @@
-"""Training of the detector: focal loss on heat, GIoU and distance loss on edges, a running mean of the weights."""
+"""Training of the detector: focal loss on heat, GIoU and distance loss on edges, a running mean of the weights.
+
+Two things make it quick on a CPU. The first part of the training sees pieces of the pictures, at a quarter of the cost.
+And kernels are learnt as a direction and a gain for each channel (Brock et al., "Characterizing signal propagation to
+close the performance gap in unnormalized ResNets", ICLR 2021), which does for convergence what a normalisation would;
+the weights that are written are the products, and the network that flies has no trace of it.
+"""
 
 import dataclasses
 import hashlib
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -25,6 +31,10 @@ _DECAY = 0.999
 _SPREAD = 0.12
 _LEAST_SPREAD_PX = 2.0
 _NEAR = 0.3
+_GAIN = 1.4
+_LAST = "out"
+_PIECES_SHARE = 0.5
+"""Part of the training that sees pieces of pictures."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,7 +86,7 @@ def train(
     begin = time.monotonic()
     per_epoch = max(1, len(data) // recipe.batch)
     total = recipe.epochs * per_epoch
-    params = fresh(jax.random.key(recipe.seed))
+    params = unfolded(fresh(jax.random.key(recipe.seed)))
     optimiser = _optimiser()
     state = State(params, params, optimiser.init(params))
     history: list[Step] = []
@@ -85,11 +95,12 @@ def train(
     if checkpoint and (found := _read(checkpoint, key, state)):
         state, done, share, before = found
         begin -= before
-    with _prepared(data, recipe, per_epoch, done) as batches:
+    with _Prepared(data, recipe, per_epoch, done) as prepared:
         while done < total and share < 1.0:
+            prepared.share = share
             for _ in range(per_epoch):
                 rate = recipe.rate * _schedule(share, done)
-                made = next(batches)
+                made = prepared.next()
                 state = State(
                     *_advance(
                         optimiser,
@@ -108,12 +119,12 @@ def train(
                 if share >= 1.0:
                     break
             elapsed = time.monotonic() - begin
-            found = detector_judge.figures(detector_judge.find(state.mean, held_out.images), held_out)
+            found = detector_judge.figures(detector_judge.find(folded(state.mean), held_out.images), held_out)
             history.append(Step(done, total, found["map50"] or 0.0, found["map50_95"] or 0.0, elapsed))
             if checkpoint:
                 _write(checkpoint, key, state, done, share, elapsed)
             on_step(history[-1])
-    return state.mean, history
+    return folded(state.mean), history
 
 
 def _share(done: int, total: int, elapsed_s: float, limit_s: float | None) -> float:
@@ -137,20 +148,31 @@ def _optimiser() -> optax.GradientTransformation:
 
 
 class _Prepared:
-    """Batches from a step on, made ahead by a thread; the batch of a step depends on the seed and the step alone."""
+    """Batches from a step on, made ahead by a thread; without a limit on time a batch depends on seed and step alone.
+
+    `share` is how much of the training is over; what it decides, pieces or whole pictures, holds a few steps later.
+    """
 
     def __init__(self, data: Dataset, recipe: Recipe, per_epoch: int, first: int) -> None:
+        self.share = 0.0
+        self._data, self._recipe, self._per_epoch, self._step = data, recipe, per_epoch, first
         self._made: queue.Queue[Batch] = queue.Queue(maxsize=4)
         self._ended = threading.Event()
-        arguments = (data, recipe, per_epoch, first)
-        self._thread = threading.Thread(target=self._make, args=arguments, daemon=True)
+        self._thread = threading.Thread(target=self._make, daemon=True)
 
-    def _make(self, data: Dataset, recipe: Recipe, per_epoch: int, step: int) -> None:
+    def next(self) -> Batch:
+        """The batch of the next step."""
+        while True:
+            try:
+                return self._made.get(timeout=10.0)
+            except queue.Empty:
+                if not self._thread.is_alive():
+                    raise RuntimeError("the making of batches has ended") from None
+
+    def _make(self) -> None:
         while not self._ended.is_set():
-            made = batch(
-                data, chosen(len(data), recipe, per_epoch, step), np.random.default_rng([recipe.seed, 1, step])
-            )
-            step += 1
+            made = self._one(self._step)
+            self._step += 1
             while not self._ended.is_set():
                 try:
                     self._made.put(made, timeout=0.2)
@@ -158,16 +180,21 @@ class _Prepared:
                 except queue.Full:
                     continue
 
-    def __enter__(self) -> Iterator[Batch]:
+    def _one(self, step: int) -> Batch:
+        share = step / (self._recipe.epochs * self._per_epoch)
+        if self._recipe.limit_s is not None:
+            share = max(share, self.share)
+        numbers = chosen(len(self._data), self._recipe, self._per_epoch, step)
+        rng = np.random.default_rng([self._recipe.seed, 1, step])
+        return batch(self._data, numbers, rng, pieces=share < _PIECES_SHARE)
+
+    def __enter__(self) -> "_Prepared":
         self._thread.start()
-        return iter(self._made.get, None)
+        return self
 
     def __exit__(self, *_: object) -> None:
         self._ended.set()
         self._thread.join()
-
-
-_prepared = _Prepared
 
 
 def chosen(count: int, recipe: Recipe, per_epoch: int, step: int) -> np.ndarray:
@@ -175,6 +202,33 @@ def chosen(count: int, recipe: Recipe, per_epoch: int, step: int) -> np.ndarray:
     epoch, place = divmod(step, per_epoch)
     order = np.random.default_rng([recipe.seed, 0, epoch]).permutation(count)
     return order[place * recipe.batch : (place + 1) * recipe.batch]
+
+
+# Weights.
+
+
+def unfolded(params: Params) -> Params:
+    """What is trained: the parameters, and for every convolution but the last a gain for each channel."""
+    gains = {
+        layer: {"gain": jnp.full((values["kernel"].shape[-1],), _GAIN, jnp.float32)}
+        for layer, values in params.items()
+        if layer != _LAST
+    }
+    return {layer: {**values, **gains.get(layer, {})} for layer, values in params.items()}
+
+
+def folded(trained: Params) -> Params:
+    """The network's parameters: kernels of zero mean and of the length that the gain says."""
+    return {layer: {"kernel": _kernel(values), "bias": values["bias"]} for layer, values in trained.items()}
+
+
+def _kernel(values: dict[str, jax.Array]) -> jax.Array:
+    kernel = values["kernel"]
+    if "gain" not in values:
+        return kernel
+    centered = kernel - jnp.mean(kernel, axis=(0, 1, 2), keepdims=True)
+    length = jnp.sqrt(jnp.sum(centered**2, axis=(0, 1, 2), keepdims=True) + 1e-8)
+    return centered / length * values["gain"][None, None, None, :]
 
 
 # Loss.
@@ -193,7 +247,7 @@ def _advance(
     weight: jax.Array,
 ) -> tuple[Params, Params, Any]:
     """One step."""
-    slope = jax.grad(lambda p: loss(NETWORK.apply({"params": p}, images), boxes, weight))(params)  # pyright: ignore[reportArgumentType]
+    slope = jax.grad(lambda p: loss(NETWORK.apply({"params": folded(p)}, images), boxes, weight))(params)  # pyright: ignore[reportArgumentType]
     with jax.numpy_dtype_promotion("standard"):  # optax raises a number to the power of its count
         change, state = optimiser.update(slope, state, params)
     params = jax.tree.map(lambda p, c: p - rate * c, params, change)
@@ -213,30 +267,34 @@ def _picture_loss(
     heat: jax.Array, edges: jax.Array, raw: jax.Array, boxes: jax.Array, weight: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
     rows, columns = heat.shape
-    x = ((jnp.arange(columns, dtype=jnp.float32) + 0.5) * STRIDE)[None, None, :]
-    y = ((jnp.arange(rows, dtype=jnp.float32) + 0.5) * STRIDE)[None, :, None]
-    left, top, right, bottom = (boxes[:, i, None, None] for i in range(4))
-    spread_x = jnp.maximum(_SPREAD * (right - left), _LEAST_SPREAD_PX)
-    spread_y = jnp.maximum(_SPREAD * (bottom - top), _LEAST_SPREAD_PX)
-    off_x, off_y = (x - 0.5 * (left + right)) / spread_x, (y - 0.5 * (top + bottom)) / spread_y
-    near = jnp.exp(-0.5 * (off_x * off_x + off_y * off_y))
-    learnt = (weight > 0.0)[:, None, None]
-    near = jnp.where(learnt, near, 0.0)
-    # The cell that holds the middle is right in full, wherever in it the middle lies.
-    inside = (jnp.abs(x - 0.5 * (left + right)) <= 0.5 * STRIDE) & (jnp.abs(y - 0.5 * (top + bottom)) <= 0.5 * STRIDE)
-    positive = jnp.any(inside & learnt, axis=0)
-    covered = (x > left - STRIDE) & (x < right + STRIDE) & (y > top - STRIDE) & (y < bottom + STRIDE)
-    unsure = jnp.any(covered & (weight < 0.0)[:, None, None], axis=0)
+    x = ((jnp.arange(columns, dtype=jnp.float32) + 0.5) * STRIDE)[None, :]
+    y = ((jnp.arange(rows, dtype=jnp.float32) + 0.5) * STRIDE)[None, :]
+    left, top, right, bottom = (boxes[:, i, None] for i in range(4))
+    # One axis at a time (m, cells): a bell, the cell that holds the middle, and the cells that the box covers.
+    bells, middles, covers = [], [], []
+    for place, low, high in ((x, left, right), (y, top, bottom)):
+        off = place - 0.5 * (low + high)
+        spread = jnp.maximum(_SPREAD * (high - low), _LEAST_SPREAD_PX)
+        bells.append(jnp.exp(-0.5 * (off / spread) ** 2))
+        middles.append((off >= -0.5 * STRIDE) & (off < 0.5 * STRIDE))
+        covers.append((place > low - STRIDE) & (place < high + STRIDE))
+    learnt, unsure = (weight > 0.0)[:, None, None], (weight < 0.0)[:, None, None]
+    near = jnp.where(learnt, bells[1][:, :, None] * bells[0][:, None, :], 0.0)
+    inside = middles[1][:, :, None] & middles[0][:, None, :] & learnt
+    positive = jnp.any(inside, axis=0)
+    skipped = jnp.any(covers[1][:, :, None] & covers[0][:, None, :] & unsure, axis=0) & ~positive
     target = jnp.max(near, axis=0)
-    heat_loss = jnp.where(unsure & ~positive, 0.0, _focal(heat, target, positive))
-    pull = jnp.where(near >= _NEAR, near, jnp.where(inside & learnt, 1.0, 0.0))
-    pull = jnp.where(near >= jnp.max(near, axis=0, keepdims=True), pull, 0.0)
-    pull = pull / jnp.maximum(jnp.sum(pull, axis=(1, 2), keepdims=True), 1e-6)
-    wanted = boxes[:, None, None, :]
-    middle = jnp.stack(jnp.broadcast_arrays(x[0], y[0], x[0], y[0]), axis=-1)[None]
-    sign = jnp.array([-1.0, -1.0, 1.0, 1.0], jnp.float32)[None, None, None, :]
-    distance = jnp.mean(jnp.abs(raw[None] - jnp.arcsinh(sign * (wanted - middle) / STRIDE)), axis=-1)
-    edge_loss = (1.0 - _giou(edges[None], wanted)) + distance
+    heat_loss = jnp.where(skipped, 0.0, _focal(heat, target, positive))
+    # Each cell learns the edges of the one box whose middle it is nearest to.
+    near = jnp.where(inside, 1.0, near)
+    owner = jax.nn.one_hot(jnp.argmax(near, axis=0), boxes.shape[0], axis=0, dtype=jnp.float32)
+    pull = owner * jnp.where(near >= _NEAR, near, 0.0)
+    pull = jnp.sum(pull / jnp.maximum(jnp.sum(pull, axis=(1, 2), keepdims=True), 1e-6), axis=0)
+    wanted = jnp.einsum("myx,mc->yxc", owner, boxes)
+    middle = jnp.stack(jnp.broadcast_arrays(x, y.T, x, y.T), axis=-1)
+    sign = jnp.array([-1.0, -1.0, 1.0, 1.0], jnp.float32)[None, None, :]
+    distance = jnp.mean(jnp.abs(raw - jnp.arcsinh(sign * (wanted - middle) / STRIDE)), axis=-1)
+    edge_loss = (1.0 - _giou(edges, wanted)) + distance
     return jnp.sum(heat_loss), jnp.sum(pull * edge_loss)
 
 

@@ -52,3 +52,10 @@ def cut_to_frame(edges: Float[Array, "4"], width_px: int, height_px: int) -> tup
     limits = jnp.array([width_px, height_px, width_px, height_px], dtype=edges.dtype)
     cut = jnp.clip(edges, 0.0, limits)
     return cut, jnp.any(cut != edges, axis=0)
+
+
+def at_border(
+    edges: Float[Array, "4"], low: Float[Array, "4"], high: Float[Array, "4"], margin: Array | float = 1.0
+) -> Array:
+    """Whether an edge is within a margin [px] of the limits that a detector sees no further than."""
+    return jnp.any((edges[:2] < low[:2] + margin) | (edges[2:] > high[2:] - margin), axis=0)

@@ -25,9 +25,14 @@ class WeightsError(RpojaxError):
     """A file of weights cannot be used."""
 
 
+def asset(name: str) -> Path:
+    """Path of a file that comes with the package."""
+    return Path(str(resources.files("rpojax.vision") / "assets" / name))
+
+
 def packaged_field() -> Path:
     """Path of the packaged target's field."""
-    return Path(str(resources.files("rpojax.vision") / "assets" / PACKAGED))
+    return asset(PACKAGED)
 
 
 def save_field(field: Field, path: Path, card: Mapping[str, object]) -> None:

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_are
 
 from rpojax.core.orbital_mechanics import relative_transition
@@ -20,6 +21,7 @@ PERIOD = 200.0
 RICCATI = 1e-9  # both solvers are good to the conditioning of the solution, 1e6, times rounding
 
 lqr_gain = jax.jit(formation_control.lqr_gain, static_argnums=2)
+keep_station = jax.jit(formation_control.keep_station, static_argnums=2)
 solve_riccati = jax.jit(formation_control.solve_riccati)
 
 Problem = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
@@ -120,3 +122,29 @@ def test_burns_every_period_bring_the_servicer_to_its_place(params: Params) -> N
     for _ in range(30):
         state = A @ (state + np.concatenate([np.zeros(3), -gain @ state]))
     assert np.linalg.norm(state[:3]) < 0.01 * 20.0
+
+
+def free_motion(_: float, state: np.ndarray) -> np.ndarray:
+    """Clohessy and Wiltshire's equations."""
+    n = float(RATE)
+    x, _, z, u, v, w = state
+    return np.array([u, v, w, 3.0 * n * n * x + 2.0 * n * v, -2.0 * n * u, -n * n * z])
+
+
+@pytest.mark.parametrize("place", [(30.0, 0.0, 0.0), (0.0, 0.0, -20.0), (10.0, -25.0, 15.0)])
+def test_a_station_off_the_track_is_come_back_to_with_one_impulse_a_period(
+    params: Params, place: tuple[float, float, float]
+) -> None:
+    formation = replace(params.flight.formation, desired_position=np.array(place))
+    station = keep_station(formation, RATE, PERIOD)
+    departure = np.asarray(station.arrival_velocity + station.impulse)
+    start = np.concatenate([place, departure])
+    found = solve_ivp(free_motion, (0.0, PERIOD), start, rtol=1e-11, atol=1e-11).y[:, -1]
+    np.testing.assert_allclose(found[:3], place, atol=1e-7)
+    np.testing.assert_allclose(found[3:], station.arrival_velocity, atol=1e-9)
+
+
+def test_a_station_on_the_track_needs_nothing(params: Params) -> None:
+    station = keep_station(params.flight.formation, RATE, PERIOD)
+    np.testing.assert_array_equal(station.arrival_velocity, 0.0)
+    np.testing.assert_array_equal(station.impulse, 0.0)

@@ -18,6 +18,7 @@ from rpojax.flight import burn_plan, guidance, looking, slew
 from rpojax.flight.attitude_control import AttitudeCommand
 from rpojax.flight.burn_plan import BurnPlan
 from rpojax.flight.computer import FlightParams
+from rpojax.flight.formation_control import Station
 from rpojax.flight.guidance import PointingState
 from rpojax.flight.orbit_filter import OrbitEstimate
 from rpojax.flight.pointing import Mode
@@ -26,6 +27,7 @@ from rpojax.simulation.params import Params
 
 EXACT = 1e-12  # roundings of unit vectors and angles
 GAIN = np.zeros((3, 6))
+STAYS = Station(arrival_velocity=np.zeros(3), impulse=np.zeros(3))
 YES, NO = jnp.asarray(True), jnp.asarray(False)
 SAMPLES = 5
 TIME = np.float64(1000.0)  # of the decision
@@ -88,7 +90,8 @@ def known(flight: FlightParams) -> OrbitEstimate:
 
 
 def plan(law: object, flight: FlightParams, estimate: OrbitEstimate, allowed: bool = True) -> BurnPlan:
-    found = plan_burn(law, flight.formation, flight.pointing, flight.onboard, GAIN, estimate, np.asarray(allowed), TIME)
+    parts = (flight.formation, flight.pointing, flight.onboard, GAIN, STAYS, estimate)
+    found = plan_burn(law, *parts, np.asarray(allowed), TIME)
     return jax.tree.map(np.asarray, found)
 
 

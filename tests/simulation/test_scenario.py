@@ -450,7 +450,18 @@ def test_a_chain_that_does_not_end_in_a_scenario_is_refused(tmp_path: Path, exte
 # Where the numbers end up
 
 
-STATIC = {"field", "detector", "sky_seed", "model", "width_px", "height_px", "gating", "zonal_degree", "luni_solar"}
+STATIC = {
+    "field",
+    "detector",
+    "statistics",
+    "sky_seed",
+    "model",
+    "width_px",
+    "height_px",
+    "gating",
+    "zonal_degree",
+    "luni_solar",
+}
 """Keys that shape the compiled program instead of being data."""
 
 

@@ -1,0 +1,149 @@
+"""The loop closed through pixels: how it holds the formation, what it costs, how true the statistical camera is.
+
+python experiments/pictures_in_the_loop/measure.py run [--scenario NAME] [--model rendered] [--runs 20] [--seed 0]
+python experiments/pictures_in_the_loop/measure.py table DIR...
+python experiments/pictures_in_the_loop/measure.py equivalence RENDERED_DIR STATISTICAL_DIR
+"""
+
+import argparse
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from rpojax.campaign.store import Campaign
+
+OUT = Path("out/pictures")
+METRICS = {
+    "formation_error_rms_m": "formation error RMS [m]",
+    "nav_relative_position_error_rms_m": "relative position error RMS [m]",
+    "sigma3_coverage": "coverage",
+    "detection_rate": "boxes per observable frame",
+    "visible_fraction": "accepted",
+    "boxes_rejected": "rejected",
+    "min_range_m": "least range [m]",
+}
+RATIOS = ("formation_error_rms_m", "nav_relative_position_error_rms_m")
+RATIO_BOUNDS = (0.75, 1.33)
+RATE_BOUND = 0.03
+RESAMPLES = 4000
+
+
+def run(scenario: str, model: str, runs: int, duration_s: float, seed: int) -> Path:
+    """One campaign, with its cost printed."""
+    from rpojax.cli import prepare_jax
+
+    prepare_jax(cache=True)
+    from rpojax.campaign import runner
+    from rpojax.simulation import scenario as scenarios
+
+    file = scenarios.load(scenario, [f"camera.model={model}", f"duration_s={duration_s}"])
+    out = OUT / f"{scenario}_{model}_{runs}"
+    begin = time.perf_counter()
+    result = runner.run_campaign(file, runs, out, seed, histories=range(runs), force=True)
+    total = time.perf_counter() - begin
+    timing = result.info["timing"]
+    per_second = 1e3 * timing["run_s"] / (runs * duration_s)
+    print(f"{out}: {total:.0f} s in all, of which compilation {timing['compile_s']:.0f} s")
+    print(f"{per_second:.1f} ms per simulated second and run: {1e3 / per_second:.0f} times as fast as real time")
+    return out
+
+
+def opened(folder: Path) -> "Campaign":
+    """A campaign that is there."""
+    from rpojax.campaign.store import Campaign
+
+    return Campaign(folder)
+
+
+def values(campaign: "Campaign", name: str) -> np.ndarray:
+    """A metric of the runs that did not fail."""
+    found = np.asarray(campaign.metrics[name], dtype=float)
+    return found[np.isfinite(found)]
+
+
+def table(folders: list[Path]) -> None:
+    """Medians and extremes of campaigns."""
+    print("| campaign | runs, failed | metric | median | p5 | p95 |\n|---|---|---|---|---|---|")
+    for folder in folders:
+        campaign = opened(folder)
+        failed = int(np.count_nonzero(~campaign.completed))
+        for name, title in METRICS.items():
+            found = values(campaign, name)
+            low, middle, high = np.percentile(found, [5, 50, 95])
+            head = (
+                f"| {folder.name} | {campaign.info['runs']}, {failed} " if name == "formation_error_rms_m" else "| | "
+            )
+            print(f"{head}| {title} | {middle:.4g} | {low:.4g} | {high:.4g} |")
+        print(look_away(campaign))
+
+
+def look_away(campaign: "Campaign") -> str:
+    """Boxes while the camera was not on the target, of the runs whose history is kept."""
+    from rpojax.flight.pointing import Mode
+
+    frames = boxes = false = 0
+    for run_id in campaign.history_ids:
+        history = campaign.history(run_id)
+        away = ~np.isin(history["mode"], [int(Mode.LOOK)])
+        present = np.asarray(history["box_present"], bool)
+        frames += int(away.sum())
+        boxes += int((present & away).sum())
+        false += int((np.asarray(history["box_outlier"], bool) & away).sum())
+    share = false / frames if frames else float("nan")
+    return f"| | | look-away frames, boxes, false boxes | {frames} | {boxes} | {false} ({share:.2%}) |"
+
+
+def equivalence(rendered: Path, statistical: Path, seed: int = 0) -> bool:
+    """Whether the two campaigns are alike: ratios of medians with 90 % bootstrap intervals, and detection rates."""
+    one, other = opened(rendered), opened(statistical)
+    rng = np.random.default_rng(seed)
+    alike = True
+    print("| quantity | rendered | statistical | ratio or difference | 90 % interval | bound | holds |")
+    print("|---|---|---|---|---|---|---|")
+    for name in RATIOS:
+        a, b = values(one, name), values(other, name)
+        medians = [np.median(rng.choice(x, (RESAMPLES, len(x))), axis=1) for x in (a, b)]
+        low, high = np.percentile(medians[1] / medians[0], [5, 95])
+        holds = RATIO_BOUNDS[0] <= low and high <= RATIO_BOUNDS[1]
+        alike &= holds
+        first, second = np.median(a), np.median(b)
+        bound = f"{RATIO_BOUNDS[0]} to {RATIO_BOUNDS[1]}"
+        print(f"| {METRICS[name]}, median | {first:.3f} | {second:.3f} | {second / first:.3f} ", end="")
+        print(f"| {low:.3f} to {high:.3f} | {bound} | {holds} |")
+    a, b = values(one, "detection_rate"), values(other, "detection_rate")
+    first, second = a.mean(), b.mean()
+    holds = bool(abs(second - first) <= RATE_BOUND)
+    print(f"| detection rate, mean | {first:.4f} | {second:.4f} | {second - first:+.4f} | | {RATE_BOUND} | {holds} |")
+    return bool(alike) and holds
+
+
+def main() -> int:
+    """Runs the part asked for."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parts = parser.add_subparsers(dest="part", required=True)
+    one = parts.add_parser("run")
+    one.add_argument("--scenario", default="inspection")
+    one.add_argument("--model", default="rendered", choices=["rendered", "statistical", "geometric"])
+    one.add_argument("--runs", type=int, default=20)
+    one.add_argument("--duration", type=float, default=3000.0)
+    one.add_argument("--seed", type=int, default=0)
+    two = parts.add_parser("table")
+    two.add_argument("folders", type=Path, nargs="+")
+    three = parts.add_parser("equivalence")
+    three.add_argument("rendered", type=Path)
+    three.add_argument("statistical", type=Path)
+    arguments = parser.parse_args()
+    if arguments.part == "run":
+        run(arguments.scenario, arguments.model, arguments.runs, arguments.duration, arguments.seed)
+        return 0
+    if arguments.part == "table":
+        table(arguments.folders)
+        return 0
+    return 0 if equivalence(arguments.rendered, arguments.statistical) else 1
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,60 @@
+"""The verb `rpojax calibrate-camera-model`."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import Positional, UseAppendAction, arg
+
+from rpojax.console import busy, counting
+from rpojax.errors import OutputError, RpojaxError
+
+
+def calibrate(
+    scenario: Annotated[Positional[str], arg(metavar="SCENARIO", help="Packaged name, or a TOML file.")],
+    *,
+    out: Annotated[Path, arg(metavar="FILE", help="File to write, such as target.camera.safetensors.")],
+    samples: Annotated[int, arg(metavar="N", help="Rendered views to fit to.")] = 8000,
+    seed: Annotated[int, arg(metavar="S", help="Seed of the views and of the fit.")] = 0,
+    overrides: Annotated[
+        UseAppendAction[tuple[str, ...]],
+        arg(name="set", metavar="KEY=VALUE", help="Another value for a key of the scenario, in TOML."),
+    ] = (),
+    force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
+    as_json: Annotated[bool, arg(name="json", help="JSON on stdout and no progress.")] = False,
+) -> int:
+    """Fit the statistical camera to renderer and detector, for a scenario's camera and target."""
+    if samples < 200:
+        raise RpojaxError(f"--samples: found {samples}, expected at least 200")
+    if out.exists() and not force:
+        raise OutputError(f"{out}: exists already; --force replaces it")
+    from rpojax.simulation import scenario as scenarios
+
+    file = scenarios.load(scenario, overrides)
+    from rpojax.analysis import camera_calibration
+    from rpojax.sensors import statistics_file
+    from rpojax.simulation import networks
+
+    tables = file.model_dump()
+    with counting("rendering", quiet=as_json) as watch:
+        found = camera_calibration.look(file, camera_calibration.draw(file, samples, seed), seed, watch)
+    threshold = file.imaging.score_threshold
+    with busy("fitting", quiet=as_json):
+        fit = camera_calibration.fit(found, threshold, seed)
+    command = f"rpojax calibrate-camera-model {Path(scenario).name} --out {out.name} --samples {samples} --seed {seed}"
+    card = {
+        "scenario": file.name,
+        "samples": samples,
+        "seed": seed,
+        **camera_calibration.summary(found, threshold),
+        "log_likelihood": fit.log_likelihood,
+        "log_likelihood_held_out": fit.log_likelihood_held_out,
+        "field_sha256": networks.digest(networks.file_of(tables, "field")),
+        "detector_sha256": networks.digest(networks.file_of(tables, "detector")),
+        "command": command,
+        "fitted_for": networks.fitted_for(tables),
+    }
+    statistics_file.save_statistics(fit.statistics, out, card)
+    shown = {"file": str(out), **{name: value for name, value in card.items() if name != "fitted_for"}}
+    print(json.dumps(shown, indent=2) if as_json else "\n".join(f"{name}: {value}" for name, value in shown.items()))
+    return 0

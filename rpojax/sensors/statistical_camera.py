@@ -1,0 +1,205 @@
+"""The camera as a fitted distribution: what renderer and detector would make of a view, without a picture.
+
+A small network turns the geometry of a view into the parameters of a distribution: whether there is a box, whether
+it is a false one, and bias and spread of each edge. Attitude and Sun come and go with the target's tumble, and so do
+the errors: what the rendered camera gets wrong in one frame it gets wrong in the next one, too.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core.pytree import pytree
+from rpojax.sensors.box_camera import Frame
+from rpojax.vision import box_model
+from rpojax.vision.box_model import Box
+from rpojax.vision.imager import Scene
+from rpojax.vision.rays import Layers, apply_layers
+
+FEATURES = 20
+OUTPUTS = 12
+NORMALS = 5
+"""Standard normal numbers that one frame needs."""
+UNIFORMS = 7
+"""Uniform numbers that one frame needs."""
+SMALLEST_PX = 2.0
+"""Edge errors are shares of the visible outline's size, and a smaller one counts as so large [px]."""
+_LOG_SIGMA = (-5.5, 0.0)
+"""Edges are never better known than to a 250th of the target's size."""
+WIDE = 3.0
+"""How much wider the second of the two normal distributions of edge errors is."""
+
+
+@pytree
+class CameraStatistics:
+    """A fitted camera.
+
+    Attributes:
+        mean: (FEATURES,) of the features that it was fitted to
+        spread: (FEATURES,) 1 sigma of these
+        layers: network from standard features to the parameters of `Outcome`
+        wide_share: () share of boxes whose edge errors are WIDE times as wide
+        false_log_side: (2,) mean and 1 sigma of the log of a false box's sides [log px]
+    """
+
+    mean: Array
+    spread: Array
+    layers: Layers
+    wide_share: Array
+    false_log_side: Array
+
+
+@pytree
+class Outcome:
+    """Distribution of what a frame yields.
+
+    Attributes:
+        log_none: () logarithm of the probability of no box
+        log_true: () of a box of the target
+        log_false: () of a false box
+        bias: (4,) mean error of the edges, shares of the visible outline's size
+        log_sigma: (4,) logarithm of its 1 sigma
+        score: (2,) mean and log of 1 sigma of the logit of a box's score
+    """
+
+    log_none: Array
+    log_true: Array
+    log_false: Array
+    bias: Array
+    log_sigma: Array
+    score: Array
+
+
+def features(scene: Scene, outline: Float[Array, "4"], size_px: tuple[int, int]) -> Float[Array, " features"]:
+    """What a view's outcome may depend on, from its geometry and the target's outline [px], which may leave the frame.
+
+    Attitude: directions of camera, Sun and image in target axes. Light: phase angle, direction of the Sun in the
+    image. Size and place in the frame. Background: whether the Earth is behind, and how bright its light is there.
+    """
+    away_T = scene.r_KT_T * jax.lax.rsqrt(jnp.sum(scene.r_KT_T**2) + 1e-12)
+    right_T, down_T = scene.R_KT[0], scene.R_KT[1]
+    visible, size = visible_outline(outline, size_px)
+    middle = box_model.box_center(visible)
+    half = 0.5 * jnp.array(size_px, jnp.float32)
+    behind, light = _earth_behind(scene, away_T)
+    share = _area(visible) / jnp.maximum(_area(outline), 1e-6)
+    return jnp.concatenate(
+        [
+            away_T,
+            scene.sun_T,
+            right_T,
+            jnp.stack(
+                [
+                    jnp.sum(away_T * scene.sun_T),
+                    jnp.sum(right_T * scene.sun_T),
+                    jnp.sum(down_T * scene.sun_T),
+                    jnp.log(size),
+                    jnp.log(jnp.maximum(outline[2] - outline[0], 1.0) / jnp.maximum(outline[3] - outline[1], 1.0)),
+                    share,
+                    scene.sunlight,
+                    behind,
+                    light,
+                ]
+            ),
+            jnp.abs(middle - half) / half,
+        ]
+    )
+
+
+def visible_outline(outline: Float[Array, "4"], size_px: tuple[int, int]) -> tuple[Float[Array, "4"], Float[Array, ""]]:
+    """The outline cut to the frame, and the geometric mean of its sides [px]."""
+    visible, _ = box_model.cut_to_frame(outline, *size_px)
+    return visible, jnp.maximum(box_model.box_size(visible), SMALLEST_PX)
+
+
+def _area(edges: Array) -> Array:
+    sides = jnp.maximum(edges[2:] - edges[:2], 0.0)
+    return sides[0] * sides[1]
+
+
+def _earth_behind(scene: Scene, away_T: Array) -> tuple[Array, Array]:
+    """Whether the Earth is behind the target, and the cosine of the Sun's zenith angle on the ground there."""
+    line_N = -jnp.sum(scene.R_KN * jnp.sum(scene.R_KT * away_T[None, :], axis=1)[:, None], axis=0)
+    along = jnp.sum(line_N * scene.place_N)
+    nearest = jnp.sum(scene.place_N**2) - along * along
+    hit = (along < 0.0) & (nearest < 1.0)
+    distance = -along - jnp.sqrt(jnp.where(hit, 1.0 - nearest, 0.0))
+    ground = scene.place_N + distance * line_N
+    light = jnp.where(hit, jnp.maximum(jnp.sum(ground * scene.sun_N), 0.0), 0.0)
+    return hit.astype(jnp.float32), light
+
+
+def outcome(statistics: CameraStatistics, found: Float[Array, " features"], in_frame: Bool[Array, ""]) -> Outcome:
+    """Distribution of a view's outcome; a target that is not in the frame has no box."""
+    raw = apply_layers(statistics.layers, (found - statistics.mean) / statistics.spread)
+    logits = jnp.stack([jnp.zeros((), jnp.float32), jnp.where(in_frame, raw[0], -30.0), raw[1]])
+    none, true, false = jax.nn.log_softmax(logits)
+    return Outcome(
+        log_none=none,
+        log_true=true,
+        log_false=false,
+        bias=0.1 * raw[2:6],
+        log_sigma=_bounded(raw[6:10] - 3.0, *_LOG_SIGMA),
+        score=jnp.stack([2.0 + raw[10], _bounded(raw[11], -2.0, 2.0)]),
+    )
+
+
+def _bounded(value: Array, low: float, high: float) -> Array:
+    """A value kept between two others, smoothly."""
+    return low + (high - low) * jax.nn.sigmoid(4.0 * (value - 0.5 * (low + high)) / (high - low))
+
+
+def is_in_frame(outline: Float[Array, "4"], size_px: tuple[int, int]) -> Bool[Array, ""]:
+    """Whether enough of the outline is in the frame for a box to be one of the target."""
+    visible, _ = box_model.cut_to_frame(outline, *size_px)
+    return _area(visible) > 1.0
+
+
+def measure(
+    statistics: CameraStatistics,
+    scene: Scene,
+    outline: Float[Array, "4"],
+    in_front: Bool[Array, ""],
+    size_px: tuple[int, int],
+    observable: Bool[Array, ""],
+    working: Bool[Array, ""],
+    normals: Float[Array, "5"],
+    uniforms: Float[Array, "7"],
+) -> Frame:
+    """Box of one exposure; `outline` [px] is the target's, `observable` is the light, `working` the camera's health."""
+    outline, normals, uniforms = (value.astype(jnp.float32) for value in (outline, normals, uniforms))
+    in_frame = in_front & is_in_frame(outline, size_px)
+    drawn = outcome(statistics, features(scene, outline, size_px), in_frame)
+    true = jnp.log(uniforms[0]) < drawn.log_true
+    false = ~true & (jnp.log(1.0 - uniforms[0]) < drawn.log_false)
+    visible, size = visible_outline(outline, size_px)
+    width = jnp.where(uniforms[1] < statistics.wide_share, WIDE, 1.0)
+    own = visible + size * (drawn.bias + width * jnp.exp(drawn.log_sigma) * normals[:4])
+    edges = jnp.where(false, _false_box(statistics, size_px, uniforms[2:]), own)
+    frame_size = jnp.array([*size_px, *size_px], jnp.float32)
+    edges = jnp.concatenate([jnp.minimum(edges[:2], edges[2:]), jnp.maximum(edges[:2], edges[2:])])
+    edges = jnp.clip(edges, 0.0, frame_size)
+    present = (true | false) & observable & working
+    score = jax.nn.sigmoid(drawn.score[0] + jnp.exp(drawn.score[1]) * normals[4])
+    return Frame(
+        box=Box(
+            edges=edges.astype(jnp.float64),
+            present=present,
+            truncated=box_model.at_border(edges, jnp.zeros_like(frame_size), frame_size),
+        ),
+        observable=observable & working,
+        score=jnp.where(present, score, 0.0).astype(jnp.float64),
+        window=jnp.array([0.0, 0.0, max(size_px)], dtype=jnp.float64),
+        outlier=false & observable & working,
+        outline=visible.astype(jnp.float64),
+    )
+
+
+def _false_box(statistics: CameraStatistics, size_px: tuple[int, int], uniforms: Array) -> Array:
+    """A false box: anywhere in the frame, its sides log-normal."""
+    center = jnp.array(size_px, jnp.float32) * uniforms[:2]
+    # Normal numbers from uniform ones (Box and Muller).
+    radius = jnp.sqrt(-2.0 * jnp.log(jnp.maximum(uniforms[2], 1e-12)))
+    pair = radius * jnp.stack([jnp.cos(2.0 * jnp.pi * uniforms[3]), jnp.sin(2.0 * jnp.pi * uniforms[3])])
+    half = 0.5 * jnp.exp(statistics.false_log_side[0] + statistics.false_log_side[1] * pair)
+    return jnp.concatenate([center - half, center + half])

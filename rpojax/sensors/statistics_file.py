@@ -1,0 +1,56 @@
+"""Fitted cameras in files: safetensors, checked before use, with what they were fitted for."""
+
+import itertools
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+
+from rpojax.sensors.statistical_camera import FEATURES, OUTPUTS, CameraStatistics
+from rpojax.vision.weights import WeightsError, nothing_left, read_tensors, take, write_tensors
+
+WIDTHS = (FEATURES, 32, 32, OUTPUTS)
+"""Of the network between features and outcome."""
+_KIND = "rpojax camera 1"
+
+
+def save_statistics(statistics: CameraStatistics, path: Path, card: Mapping[str, object]) -> None:
+    """Writes a fitted camera with its card; the file is either whole or as it was before."""
+    tensors = {
+        name: np.asarray(getattr(statistics, name)) for name in ("mean", "spread", "wide_share", "false_log_side")
+    }
+    for index, (weight, bias) in enumerate(statistics.layers):
+        tensors[f"layers.{index}.weight"], tensors[f"layers.{index}.bias"] = np.asarray(weight), np.asarray(bias)
+    write_tensors(path, tensors, {"kind": _KIND, "card": json.dumps(dict(card))})
+
+
+def load_statistics(path: Path) -> tuple[CameraStatistics, dict[str, object]]:
+    """A fitted camera and its card; raises `WeightsError` for a damaged or foreign file."""
+    tensors, metadata = read_tensors(path)
+    if metadata.get("kind") != _KIND:
+        found = metadata.get("kind", "")
+        raise WeightsError(f"{path}: found kind {found!r}, expected what `rpojax calibrate-camera-model` wrote")
+    try:
+        card = json.loads(metadata.get("card", "{}"))
+    except ValueError:
+        raise WeightsError(f"{path}: found a card that is no JSON, expected an object") from None
+
+    def tensor(name: str, *shape: int) -> jnp.ndarray:
+        return jnp.asarray(take(path, tensors, name, shape, np.float32))
+
+    statistics = CameraStatistics(
+        mean=tensor("mean", FEATURES),
+        spread=tensor("spread", FEATURES),
+        layers=tuple(
+            (tensor(f"layers.{i}.weight", fan_in, fan_out), tensor(f"layers.{i}.bias", fan_out))
+            for i, (fan_in, fan_out) in enumerate(itertools.pairwise(WIDTHS))
+        ),
+        wide_share=tensor("wide_share"),
+        false_log_side=tensor("false_log_side", 2),
+    )
+    nothing_left(path, tensors)
+    if not np.all(np.asarray(statistics.spread) > 0.0):
+        raise WeightsError(f"{path}: spread: found a number that is not positive, expected positive numbers")
+    return statistics, card

@@ -1,0 +1,156 @@
+"""The statistical camera draws what its distribution says, and its files are checked."""
+
+import itertools
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.sensors import statistical_camera, statistics_file
+from rpojax.sensors.box_camera import Frame
+from rpojax.sensors.statistical_camera import FEATURES, NORMALS, OUTPUTS, UNIFORMS, CameraStatistics
+from rpojax.vision.imager import Scene
+from rpojax.vision.weights import WeightsError
+
+SIZE = (128, 128)
+DRAWS = 20_000
+OUTLINE = np.array([40.0, 50.0, 80.0, 74.0], np.float32)  # 40 x 24 px, geometric mean 31 px
+MEAN_SIDE = np.sqrt(40.0 * 24.0)
+
+
+def scene(away: tuple[float, float, float] = (0.0, 0.0, -30.0)) -> Scene:
+    """A camera below the target that looks up, the Sun from the side."""
+    return Scene(
+        r_KT_T=jnp.asarray(away, jnp.float32),
+        R_KT=jnp.eye(3, dtype=jnp.float32),
+        sun_T=jnp.asarray([1.0, 0.0, 0.0], jnp.float32),
+        sunlight=jnp.ones((), jnp.float32),
+        R_KN=jnp.eye(3, dtype=jnp.float32),
+        place_N=jnp.asarray([1.08, 0.0, 0.0], jnp.float32),
+        sun_N=jnp.asarray([1.0, 0.0, 0.0], jnp.float32),
+        earth_turn=jnp.zeros((), jnp.float32),
+    )
+
+
+def fitted(true: float, false: float, bias: float = 0.0, wide: float = 0.0) -> CameraStatistics:
+    """A camera whose distribution is the same for all views: only the last layer's constants differ from zero."""
+    last = np.zeros(OUTPUTS, np.float32)
+    none = 1.0 - true - false
+    last[0], last[1] = np.log(true / none), np.log(max(false, 1e-9) / none)
+    last[2:6] = bias / 0.1
+    widths = statistics_file.WIDTHS
+    layers = [(jnp.zeros((i, o), jnp.float32), jnp.zeros((o,), jnp.float32)) for i, o in itertools.pairwise(widths)]
+    layers[-1] = (layers[-1][0], jnp.asarray(last))
+    return CameraStatistics(
+        mean=jnp.zeros(FEATURES, jnp.float32),
+        spread=jnp.ones(FEATURES, jnp.float32),
+        layers=tuple(layers),
+        wide_share=jnp.asarray(wide, jnp.float32),
+        false_log_side=jnp.asarray([np.log(10.0), 0.5], jnp.float32),
+    )
+
+
+def drawn(statistics: CameraStatistics, outline: np.ndarray = OUTLINE, light: bool = True) -> Frame:
+    """Many frames of one view."""
+    key = jax.random.key(3)
+    normals = jax.random.normal(key, (DRAWS, NORMALS))
+    uniforms = jax.random.uniform(jax.random.fold_in(key, 1), (DRAWS, UNIFORMS))
+    yes = jnp.asarray(True)
+
+    def one(normals: jax.Array, uniforms: jax.Array) -> Frame:
+        return statistical_camera.measure(
+            statistics, scene(), jnp.asarray(outline), yes, SIZE, jnp.asarray(light), yes, normals, uniforms
+        )
+
+    return jax.jit(jax.vmap(one))(normals, uniforms)
+
+
+def sigma() -> float:
+    """1 sigma [px] of edges where the network says zero."""
+    low, high = -5.5, 0.0
+    return float(MEAN_SIDE * np.exp(low + (high - low) / (1.0 + np.exp(-4.0 * (-3.0 + 2.75) / 5.5))))
+
+
+def test_boxes_come_as_often_as_the_distribution_says() -> None:
+    frame = drawn(fitted(true=0.8, false=0.05))
+    true = np.asarray(frame.box.present & ~frame.outlier)
+    # Four sigma of so many draws.
+    assert true.mean() == pytest.approx(0.8, abs=4.0 * np.sqrt(0.16 / DRAWS))
+    assert np.asarray(frame.outlier).mean() == pytest.approx(0.05, abs=4.0 * np.sqrt(0.0475 / DRAWS))
+
+
+def test_edges_have_the_bias_and_the_spread_of_the_distribution() -> None:
+    frame = drawn(fitted(true=0.999, false=0.0, bias=0.05))
+    error = np.asarray(frame.box.edges)[np.asarray(frame.box.present)] - OUTLINE
+    np.testing.assert_allclose(error.mean(axis=0), 0.05 * MEAN_SIDE, atol=5.0 * sigma() / np.sqrt(DRAWS))
+    np.testing.assert_allclose(error.std(axis=0), sigma(), rtol=0.03)
+
+
+def test_a_share_of_the_boxes_is_wide_of_the_mark() -> None:
+    frame = drawn(fitted(true=0.999, false=0.0, wide=0.2))
+    error = np.asarray(frame.box.edges)[np.asarray(frame.box.present)] - OUTLINE
+    expected = sigma() * np.sqrt(0.8 + 0.2 * statistical_camera.WIDE**2)
+    np.testing.assert_allclose(error.std(axis=0), expected, rtol=0.04)
+
+
+def test_a_target_outside_of_the_frame_has_no_box_of_its_own() -> None:
+    frame = drawn(fitted(true=0.9, false=0.02), outline=OUTLINE + np.float32(200.0))
+    np.testing.assert_array_equal(np.asarray(frame.box.present), np.asarray(frame.outlier))
+    assert 0.0 < np.asarray(frame.outlier).mean() < 0.3
+
+
+def test_without_light_there_is_no_box() -> None:
+    frame = drawn(fitted(true=0.9, false=0.05), light=False)
+    assert not np.asarray(frame.box.present).any()
+    assert not np.asarray(frame.observable).any()
+
+
+def test_boxes_stay_in_the_frame_and_those_at_its_border_are_truncated() -> None:
+    outline = np.array([-20.0, 30.0, 20.0, 54.0], np.float32)
+    frame = drawn(fitted(true=0.999, false=0.0), outline=outline)
+    edges = np.asarray(frame.box.edges)[np.asarray(frame.box.present)]
+    assert edges.min() >= 0.0
+    assert edges.max() <= 128.0
+    cut = np.asarray(frame.box.truncated)[np.asarray(frame.box.present)]
+    np.testing.assert_array_equal(cut, edges[:, 0] < 1.0)
+    assert 0.2 < cut.mean() <= 1.0
+
+
+def test_features_tell_whether_the_earth_is_behind_and_lit() -> None:
+    size = (128, 128)
+    # The camera is above the x axis of N; its boresight is +z of the target, here also of N.
+    space = statistical_camera.features(scene(), jnp.asarray(OUTLINE), size)
+    turned = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]], np.float32)
+    down = statistical_camera.features(
+        Scene(**{**vars(scene()), "R_KN": jnp.asarray(turned)}), jnp.asarray(OUTLINE), size
+    )
+    np.testing.assert_allclose(space[16:18], [0.0, 0.0], atol=1e-6)
+    np.testing.assert_allclose(down[16:18], [1.0, 1.0], atol=1e-3)
+
+
+def test_a_fitted_camera_in_a_file_is_itself_again(tmp_path: Path) -> None:
+    path = tmp_path / "a.camera.safetensors"
+    statistics = fitted(0.7, 0.1, 0.02)
+    statistics_file.save_statistics(statistics, path, {"samples": 3})
+    found, card = statistics_file.load_statistics(path)
+    assert card == {"samples": 3}
+    for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(statistics), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize(("content", "words"), [(b"", "cannot be read"), (b"x" * 400, "cannot be read")])
+def test_a_damaged_file_is_refused_in_one_line(tmp_path: Path, content: bytes, words: str) -> None:
+    path = tmp_path / "a.camera.safetensors"
+    path.write_bytes(content)
+    with pytest.raises(WeightsError, match=words) as error:
+        statistics_file.load_statistics(path)
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_of_something_else_is_refused(tmp_path: Path) -> None:
+    from rpojax.vision.weights import packaged_field
+
+    with pytest.raises(WeightsError, match="calibrate-camera-model"):
+        statistics_file.load_statistics(packaged_field())

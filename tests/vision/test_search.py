@@ -1,0 +1,96 @@
+"""A picture of any size is searched whole and in windows; what windows see comes together in its own pixels."""
+
+import itertools
+
+import cv2
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import Array
+
+from rpojax.vision import search
+from rpojax.vision.detector import Detections
+from rpojax.vision.search import Box
+
+
+def bright_boxes(pixels: np.ndarray) -> list[list[int]]:
+    """Left, top, right, bottom of everything bright in a window, from 6 px on."""
+    count, _, stats, _ = cv2.connectedComponentsWithStats((pixels.max(axis=2) > 0.5).astype(np.uint8))
+    corners = [(x, y, w, h) for x, y, w, h, _ in stats[1:count]]
+    return [[x, y, x + w, y + h] for x, y, w, h in corners if max(w, h) >= 6]
+
+
+@pytest.fixture
+def by_brightness(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In place of the network: the boxes of what is bright."""
+
+    def found(params: object, images: Array, count: int) -> Detections:
+        boxes, scores = np.zeros((len(images), count, 4), np.float32), np.zeros((len(images), count), np.float32)
+        for index, pixels in enumerate(np.asarray(images)):
+            for place, box in enumerate(bright_boxes(pixels)[:count]):
+                boxes[index, place], scores[index, place] = box, 0.9
+        return Detections(box_px=jnp.asarray(boxes), score=jnp.asarray(scores))
+
+    monkeypatch.setattr(search, "_detect", found)
+
+
+def picture(height: int, width: int, *plates: tuple[int, int, int, int]) -> np.ndarray:
+    image = np.zeros((height, width, 3), np.float32)
+    for left, top, right, bottom in plates:
+        image[top:bottom, left:right] = 1.0
+    return image
+
+
+@pytest.mark.parametrize(
+    ("shape", "plate"),
+    [
+        ((128, 128), (30, 40, 60, 55)),
+        ((64, 100), (30, 10, 60, 25)),
+        ((700, 1000), (610, 333, 628, 345)),
+        ((1000, 700), (100, 100, 600, 900)),
+        ((3000, 2000), (1500, 2900, 1560, 2960)),
+        ((90, 1500), (800, 20, 860, 50)),
+        ((500, 500), (0, 200, 40, 230)),
+    ],
+)
+def test_a_plate_is_found_once_in_its_own_pixels(
+    by_brightness: None, shape: tuple[int, int], plate: tuple[int, int, int, int]
+) -> None:
+    boxes = search.search({}, picture(*shape, plate))
+    assert len(boxes) == 1
+    # A pixel of the window in which it was seen is at most so many of the picture's.
+    coarse = max(1.0, max(shape) / 2048, max(plate[2] - plate[0], plate[3] - plate[1]) / 44.0)
+    box = boxes[0]
+    np.testing.assert_allclose([box.left, box.top, box.right, box.bottom], plate, atol=1.5 * coarse)
+
+
+def test_plates_far_apart_are_each_found_and_an_empty_picture_has_none(by_brightness: None) -> None:
+    plates = [(50, 60, 90, 85), (800, 640, 850, 660)]
+    boxes = sorted(search.search({}, picture(700, 1000, *plates)), key=lambda box: box.left)
+    assert len(boxes) == 2
+    for plate, box in zip(plates, boxes, strict=True):
+        assert box.overlap(Box(*(float(edge) for edge in plate), score=1.0)) > 0.8
+    assert search.search({}, picture(300, 400)) == []
+
+
+@pytest.mark.parametrize("long_side", [1, 100, 128, 200, 300, 1024, 5000, 20_000])
+def test_levels_go_from_one_window_to_the_finest(long_side: int) -> None:
+    levels = search._levels(long_side)
+    assert levels[0] == search.WINDOW_PX
+    assert levels == sorted(set(levels))
+    assert levels[-1] <= search.FINEST_PX
+    assert levels[-1] >= min(max(long_side, search.WINDOW_PX), search.FINEST_PX) / 1.4
+
+
+@pytest.mark.parametrize("length", [128, 129, 200, 208, 209, 1000])
+def test_windows_cover_every_pixel_and_overlap(length: int) -> None:
+    starts = search._starts(length)
+    assert starts[0] == 0
+    assert starts[-1] == length - search.WINDOW_PX
+    assert all(0 < b - a <= search.WINDOW_PX - 40 for a, b in itertools.pairwise(starts))
+
+
+def test_shares_and_overlaps_are_as_worked_by_hand() -> None:
+    a, b = Box(0.0, 0.0, 2.0, 2.0, 1.0), Box(1.0, 1.0, 3.0, 2.0, 1.0)
+    assert (a.area, a.shared(b)) == (4.0, 1.0)
+    assert a.overlap(b) == pytest.approx(1 / 5)
