@@ -131,7 +131,7 @@ def measure(
     `observable` is the light, `working` the camera's health; without either there is no box.
     """
     found = detect(networks.detector, picture[None], _CANDIDATES)
-    box, score = found.box_px[0, 0], found.score[0, 0]
+    box, score = found.box_px[0, 0], found.score[0, 0].astype(jnp.float64)
     edges = jnp.concatenate([view.corner_px, view.corner_px]) + box * view.binning
     low = jnp.concatenate([view.corner_px, view.corner_px])
     frame_size = jnp.array([*size_px, *size_px], jnp.float32)
@@ -143,7 +143,7 @@ def measure(
     return Frame(
         box=Box(edges=edges, present=seen, truncated=cut),
         observable=observable & working,
-        score=jnp.where(working, score, 0.0).astype(jnp.float64),
+        score=jnp.where(working, score, 0.0),
         window=jnp.append(view.corner_px, picture.shape[0] * view.binning).astype(jnp.float64),
         outlier=seen & (box_model.overlap(edges, visible) < _FALSE_OVERLAP),
         outline=visible,
