@@ -1,6 +1,6 @@
 """How the detector did, or what stands for it: boxes by range, from the kept histories of a campaign."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from rpojax.flight.pointing import Mode
 from rpojax.report.labels import number
-from rpojax.report.results import Results
 
+History = Mapping[str, np.ndarray]
 Frames = dict[str, np.ndarray]
 
 _CHANNELS = (
@@ -24,12 +24,11 @@ _EDGES = ("left", "top", "right", "bottom")
 _SCORES = (5.0, 50.0, 95.0)
 
 
-def by_range(campaign: Results) -> list[dict[str, Any]]:
-    """Boxes of the kept histories in all and by range, as content of report.json; empty without such histories.
+def by_range(histories: Iterable[History]) -> list[dict[str, Any]]:
+    """Boxes of histories in all and by range, as content of report.json; empty without histories.
 
-    A campaign stored before there were scores and true outlines has none of this.
+    One that was stored before there were scores and true outlines is left out.
     """
-    histories = [campaign.history(run) for run in sorted(campaign.history_ids)]
     frames = _frames([history for history in histories if all(name in history for name in _CHANNELS)])
     if not frames:
         return []
@@ -63,7 +62,7 @@ def rows(lines: list[dict[str, Any]]) -> dict[str, list[list[str]]]:
     return {"boxes": boxes, "edges": edges}
 
 
-def _frames(histories: list[Mapping[str, np.ndarray]]) -> Frames:
+def _frames(histories: list[History]) -> Frames:
     """Channels of all frames before the end or the failure of their run."""
     if not histories:
         return {}

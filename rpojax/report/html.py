@@ -50,7 +50,7 @@ def write_report(campaign: Results, run_id: int | None = None, film: bool = True
     if shown is not None:
         title = f"{campaign.info.get('name', 'campaign')}, run {shown}"
         figures = write_figures(campaign.history(shown), campaign.directory / "figures", title)
-    lines = detections.by_range(campaign)
+    lines = detections.by_range(campaign.history(run) for run in sorted(campaign.history_ids))
     seen = _film(campaign, shown) if film else Seen(None, "It was left out by --no-film.")
     page = _page(campaign, summary, shown, figures, lines, seen)
     content = json.dumps({**summary, "detections": lines}, indent=2, allow_nan=False) + "\n"

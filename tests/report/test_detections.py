@@ -27,22 +27,8 @@ def history(frames: int, range_m: float) -> dict[str, np.ndarray]:
     }
 
 
-class Kept:
-    """As much of a campaign as is looked at."""
-
-    def __init__(self, *histories: dict[str, np.ndarray]) -> None:
-        self.histories = dict(enumerate(histories))
-
-    @property
-    def history_ids(self) -> list[int]:
-        return list(self.histories)
-
-    def history(self, run_id: int) -> dict[str, np.ndarray]:
-        return self.histories[run_id]
-
-
 def lines(*histories: dict[str, np.ndarray]) -> list[dict[str, Any]]:
-    return detections.by_range(Kept(*histories))  # pyright: ignore[reportArgumentType]
+    return detections.by_range(histories)
 
 
 def test_shares_are_of_what_they_say() -> None:
