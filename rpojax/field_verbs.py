@@ -2,7 +2,11 @@
 
 import contextlib
 import json
-from collections.abc import Iterator
+import math
+import os
+import sys
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,6 +19,7 @@ from rpojax.errors import OutputError, RpojaxError
 if TYPE_CHECKING:
     import numpy as np
 
+    from rpojax.training.judge import Pictures
     from rpojax.training.raytrace import Views
     from rpojax.training.target_mesh import TargetMesh
     from rpojax.vision.field import Field
@@ -25,6 +30,8 @@ Center = Annotated[bool, arg(help="Move the middle of the mesh to the origin.")]
 Seed = Annotated[int, arg(metavar="S", help="Seed of views and training.")]
 AsJson = Annotated[bool, arg(name="json", help="JSON on stdout and no progress.")]
 Given = Annotated[Positional[Path | None], arg(metavar="FIELD", help="Field; that of the packaged target by default.")]
+
+_SHEET_LIMIT, _FILM_LIMIT = 64, 1000
 
 app = tyro.extras.SubcommandApp()
 
@@ -49,31 +56,39 @@ def train(
         raise RpojaxError(f"--kind: found {kind!r}, expected 'grid' or 'point'")
     if views < 16 or steps < 50:
         raise RpojaxError(f"--views, --steps: found {views}, {steps}, expected at least 16 views and 50 steps")
-    if out.exists() and not force:
-        raise OutputError(f"{out}: exists already; --force replaces it")
+    _check_seed(seed)
+    if minutes is not None and not minutes > 0.0:
+        raise RpojaxError(f"--minutes: found {minutes}, expected more than 0")
+    _claim(out, force)
     from rpojax.training import raytrace, target_mesh, train_field
     from rpojax.vision.weights import save_field
 
     target = target_mesh.load(mesh, units, center)
     work = out.with_name(out.name + ".work")
     shell = raytrace.Shell(views, range_scale=(0.9, 1.15), seed=seed)
-    with counting("ray tracing", quiet=as_json) as watch:
-        traced = raytrace.render(target, shell, work, watch)
     recipe = train_field.Recipe(steps=steps, seed=seed, kind=kind, limit_s=None if minutes is None else 60.0 * minutes)
-    with counting("training", quiet=as_json) as watch:
-        field, history = train_field.train(
-            target,
-            traced,
-            recipe,
-            work / "checkpoint",
-            lambda step: watch(step.done, step.total, f"{step.psnr_db:.1f} dB"),
-        )
+    preview = work / "contact_sheet.png"
+    with _resumable(work):
+        with counting("ray tracing", quiet=as_json) as watch:
+            traced = raytrace.render(target, shell, work, watch, partial(_preview, preview, as_json))
+        with counting("training", quiet=as_json) as watch:
+            field, history = train_field.train(
+                target,
+                traced,
+                recipe,
+                work / "checkpoint",
+                lambda step: watch(step.done, step.total, f"{step.psnr_db:.1f} dB"),
+            )
     # A card names no folder of one machine.
-    command = f"rpojax field train {Path(mesh).name} --out {out.name} --views {views} --steps {steps} --seed {seed}"
+    placed = (f" --units {units}" if units else "") + (" --center" if center else "")
+    command = f"rpojax field train {Path(mesh).name} --out {out.name}{placed}"
+    command += f" --kind {kind} --views {views} --steps {steps} --seed {seed}"
     card = train_field.card(target, traced, recipe, history, command)
     save_field(field, out, card)
-    _sheet(work / "contact_sheet.png", traced.rgb[:32])
-    _tell({"field": str(out), "bytes": out.stat().st_size, "views": str(work), **card}, as_json)
+    hull = target_mesh.outline(target)
+    files = {"field": str(out), "bytes": out.stat().st_size, "first_views": str(preview)}
+    scenario = {"hull_m": hull.tolist(), "target_size_m": round(target_mesh.apparent_size(hull), 3)}
+    _tell({**files, **card, **scenario}, as_json)
     return 0
 
 
@@ -89,14 +104,18 @@ def evaluate(
     range_m: Annotated[float | None, arg(metavar="R", help="Range [m]; default: the target fills 60 % of it.")] = None,
     fov_deg: Annotated[float, arg(metavar="A", help="Field of view [deg].")] = 26.0,
     seed: Seed = 0,
-    sheet: Annotated[Path | None, arg(metavar="PNG", help="Write ray traces and renderings side by side.")] = None,
+    sheet: Annotated[Path | None, arg(metavar="PNG", help="Write ray traces, renderings and differences.")] = None,
+    force: Annotated[bool, arg(help="Replace the sheet if it is there.")] = False,
     as_json: AsJson = False,
 ) -> int:
     """Compare a field's pictures with fresh ray traces of its mesh."""
     if views < 1 or samples < 1:
         raise RpojaxError(f"--views, --samples: found {views}, {samples}, expected at least 1")
-    import numpy as np
-
+    _check_seed(seed)
+    if not 0.0 < fov_deg < 170.0:
+        raise RpojaxError(f"--fov-deg: found {fov_deg}, expected more than 0 and less than 170")
+    if sheet:
+        _claim(sheet, force, (".png",))
     from rpojax.training import judge
 
     target, network = _both(mesh, units, center, field)
@@ -104,9 +123,7 @@ def evaluate(
     with counting("rendering", quiet=as_json) as watch:
         shown = judge.pictures(network, traced, watch)
     if sheet:
-        count = min(8, views)
-        error = np.abs(judge.codes(shown.rgb[:count]) - judge.codes(traced.rgb[:count]))
-        _sheet(sheet, np.concatenate([traced.rgb[:count], shown.rgb[:count], error]), count)
+        _compare(sheet, shown, traced)
     _tell(judge.figures(shown, traced), as_json)
     return 0
 
@@ -124,29 +141,37 @@ def render(
         0.8,
     ),
     elevation_deg: Annotated[float, arg(metavar="A", help="Height of the camera above the x-y plane.")] = 25.0,
+    azimuth_deg: Annotated[float, arg(metavar="A", help="Direction of the first view, from x towards y.")] = 60.0,
     force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Pictures of a field: a still, a contact sheet, or a turntable."""
+    _claim(out, force, (".png", ".mp4"))
+    still = out.suffix.lower() == ".png"
+    most = _SHEET_LIMIT if still else _FILM_LIMIT
+    if not 1 <= frames <= most or not 8 <= size_px <= 2048:
+        raise RpojaxError(f"--frames, --size-px: found {frames}, {size_px}, expected 1 to {most} and 8 to 2048")
+    if not 0.0 < math.hypot(*sun) < math.inf:
+        raise RpojaxError(f"--sun: found {sun}, expected a direction")
     import numpy as np
 
-    suffix = out.suffix.lower()
-    if suffix not in (".png", ".mp4"):
-        raise OutputError(f"{out}: found suffix {out.suffix!r}, expected .png or .mp4")
-    if out.exists() and not force:
-        raise OutputError(f"{out}: exists already; --force replaces it")
-    if frames < 1 or not 8 <= size_px <= 2048 or not np.linalg.norm(sun) > 0.0:
-        raise RpojaxError("--frames, --size-px, --sun: expected at least 1 frame, 8 to 2048 px, and a direction")
-    from rpojax.vision.turntable import turntable
+    from rpojax.report.files import write_atomically
+    from rpojax.vision import sheets
+    from rpojax.vision.turntable import azimuths, turntable
     from rpojax.vision.weights import load_field
 
     network, _ = load_field(field)
-    pictures = turntable(network, frames, size_px, np.array(sun), elevation_deg)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    if suffix == ".png":
-        _sheet(out, pictures, min(frames, 8))
-    else:
-        _film(out, pictures)
-    print(out)
+    around = azimuths(frames, azimuth_deg)
+    with counting("rendering", quiet=as_json) as watch:
+        pictures = _counted(turntable(network, around, size_px, np.array(sun), elevation_deg), frames, watch)
+        if still:
+            captions = [f"azimuth {azimuth:.0f} deg" for azimuth in around] if frames > 1 else []
+            columns = min(8, math.ceil(math.sqrt(frames)))
+            content = sheets.sheet_png(np.stack(list(pictures)), columns, captions)
+        else:
+            content = sheets.film_mp4(pictures, size_px)
+    write_atomically(out, content)
+    _tell({"file": str(out), "frames": frames, "bytes": len(content)}, as_json)
     return 0
 
 
@@ -163,41 +188,68 @@ def _fresh(
 ) -> "Views":
     from rpojax.training import raytrace
 
+    radius = raytrace.center_and_radius(mesh.bounds)[1]
+    if range_m is not None and not range_m > radius:
+        raise RpojaxError(f"--range-m: found {range_m}, expected more than the target's radius, {radius:.3g} m")
     # Training draws from the seed itself; these views are others.
     shell = raytrace.Shell(views, samples=samples, seed=1_000_003 + seed, range_m=range_m, field_of_view_deg=fov_deg)
     with counting("ray tracing", quiet=quiet) as watch:
         return raytrace.render(mesh, shell, None, watch)
 
 
-def _sheet(path: Path, images: "np.ndarray", columns: int = 8) -> None:
-    import cv2
+def _check_seed(seed: int) -> None:
+    if not 0 <= seed < 2**31:
+        raise RpojaxError(f"--seed: found {seed}, expected 0 to 2147483647")
 
-    from rpojax.training.raytrace import contact_sheet
 
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if not cv2.imwrite(str(path), contact_sheet(images, columns)):
-        raise OutputError(f"{path}: cannot be written, expected a writable place")
+def _claim(path: Path, force: bool, suffixes: tuple[str, ...] = ()) -> None:
+    """Raises `OutputError` where a file cannot be written, before any work is done for it."""
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise OutputError(f"{path}: found suffix {path.suffix!r}, expected {' or '.join(suffixes)}")
+    if path.is_dir():
+        raise OutputError(f"{path}: found a folder, expected the name of a file")
+    if path.exists() and not force:
+        raise OutputError(f"{path}: exists already; --force replaces it")
+    home = next(folder for folder in path.absolute().parents if folder.exists())
+    if not home.is_dir() or not os.access(home, os.W_OK | os.X_OK):
+        raise OutputError(f"{path}: found {home}, expected a folder that can be written to")
 
 
 @contextlib.contextmanager
-def _video(path: Path, size_px: int) -> Iterator[Any]:
-    import cv2
-
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 24.0, (size_px, size_px))
-    if not writer.isOpened():
-        raise OutputError(f"{path}: cannot be written as a film, expected a writable place")
+def _resumable(work: Path) -> Iterator[None]:
     try:
-        yield writer
-    finally:
-        writer.release()
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"the same command goes on from {work}") from None
 
 
-def _film(path: Path, pictures: "np.ndarray") -> None:
-    from rpojax.training.raytrace import contact_sheet
+def _preview(path: Path, quiet: bool, rgb: "np.ndarray", alpha: "np.ndarray") -> None:
+    from rpojax.report.files import write_atomically
+    from rpojax.vision import sheets
 
-    with _video(path, pictures.shape[1]) as writer:
-        for picture in pictures:
-            writer.write(contact_sheet(picture[None], 1))
+    write_atomically(path, sheets.sheet_png(sheets.before_backdrop(rgb, alpha), columns=8))
+    if not quiet:
+        print(f"rpojax: first views: {path}", file=sys.stderr)
+
+
+def _compare(path: Path, shown: "Pictures", traced: "Views", count: int = 8) -> None:
+    """Writes ray traces, the field's pictures and the differences of their codes as three rows."""
+    import numpy as np
+
+    from rpojax.report.files import write_atomically
+    from rpojax.training import judge
+    from rpojax.vision import sheets
+
+    error = np.abs(judge.codes(shown.rgb[:count]) - judge.codes(traced.rgb[:count]))
+    rows = [sheets.before_backdrop(p.rgb[:count], p.alpha[:count]) for p in (traced, shown)]
+    captions = [f"{name} {i}" for name in ("ray trace", "field", "difference") for i in range(len(error))]
+    write_atomically(path, sheets.sheet_png(np.concatenate([*rows, error]), len(error), captions))
+
+
+def _counted(pictures: "Iterator[np.ndarray]", total: int, watch: Callable[..., None]) -> "Iterator[np.ndarray]":
+    for done, picture in enumerate(pictures, start=1):
+        watch(done, total)
+        yield picture
 
 
 def _tell(content: dict[str, Any], as_json: bool) -> None:

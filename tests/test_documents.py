@@ -164,6 +164,28 @@ def test_the_scenario_files_in_the_readme_are_accepted(tmp_path: Path) -> None:
     assert scenario.load(path, ["dispersions=[]"]).dispersions == []
 
 
+def test_the_scenario_of_the_fields_page_is_accepted(tmp_path: Path) -> None:
+    [text] = blocks((ROOT / "docs" / "field.md").read_text(encoding="utf-8"), "toml")
+    path = tmp_path / "kepler.toml"
+    path.write_text(text)
+    file = scenario.load(path)
+    assert file.camera.model == "rendered"
+    assert file.imaging.field == str(tmp_path / "kepler.field.safetensors")
+    assert len(file.target.hull_m) >= 4
+
+
+def test_the_options_on_the_fields_page_are_those_of_its_verbs() -> None:
+    import inspect
+
+    from rpojax import field_verbs
+
+    page = (ROOT / "docs" / "field.md").read_text(encoding="utf-8")
+    code = "\n".join([*blocks(page, ""), *quoted(page)])
+    verbs = (field_verbs.train, field_verbs.evaluate, field_verbs.render)
+    known = {name.replace("_", "-") for verb in verbs for name in inspect.signature(verb).parameters}
+    assert set(re.findall(r"--([a-z][a-z-]*)", code)) <= known | {"json"}
+
+
 def headings_of_sections() -> list[str]:
     """Headings of the scenario page that name sections; like sections share one."""
     return re.findall(r"^## (`.*`)$", SCENARIO_PAGE, re.MULTILINE)

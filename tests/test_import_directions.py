@@ -30,8 +30,8 @@ FLOORS = {
 LEFT_TO_RIGHT = {
     "core": "constants pytree safe series quaternion frames difference orbital_mechanics ephemeris light integrate",
     "physics": "effects environment actuators rigid_body faults plant",
-    "vision": "pinhole box_model rays grid_field grid_build point_field field region render exposure weights turntable "
-    "background detector pictures search imager",
+    "vision": "pinhole box_model rays grid_field grid_build point_field field region render exposure weights "
+    "sheets turntable background detector pictures search imager",
     "flight": "onboard navigation covariance box_gate servicer_filter relative_filter orbit_filter attitude_estimator "
     "formation_control attitude_control pointing slew looking burn_plan search guidance thrust_gauge computer",
     "sensors": "gps star_tracker gyro chamber_pressure box_camera image_camera statistical_camera statistics_file",

@@ -20,8 +20,11 @@ FILL = 0.82
 _SUN = 2.2
 _WEAK = 0.25
 _FORMAT = 1
+BLOCK = 32
+"""Views that are kept together."""
 
 OnProgress = Callable[[int, int], None]
+OnFirst = Callable[[np.ndarray, np.ndarray], None]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,7 +70,7 @@ class Shell:
     field_of_view_deg: float = FIELD_OF_VIEW_DEG
     range_m: float | None = None
     phase_limit_deg: float = PHASE_LIMIT_DEG
-    earth_shine: float = 0.055
+    earth_shine: float = 0.05
     seed: int = 0
 
 
@@ -109,16 +112,22 @@ def draw(mesh: TargetMesh, shell: Shell) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def render(
-    mesh: TargetMesh, shell: Shell, folder: Path | None = None, on_progress: OnProgress = lambda done, total: None
+    mesh: TargetMesh,
+    shell: Shell,
+    folder: Path | None = None,
+    on_progress: OnProgress = lambda done, total: None,
+    on_first: OnFirst = lambda rgb, alpha: None,
 ) -> Views:
-    """Ray-traces the views of a shell; with a folder, finished blocks are kept and an interrupted call resumes."""
+    """Ray-traces the views of a shell; with a folder, finished blocks are kept and an interrupted call resumes.
+
+    `on_first` is given pictures (n, p, p, 3) and alpha (n, p, p) of the first block as soon as it is done.
+    """
     rotations, positions, suns = draw(mesh, shell)
     store = _Store(folder, mesh, shell) if folder else None
     blocks = []
     tracer = None
-    size = 25
-    for start in range(0, shell.count, size):
-        chosen = range(start, min(start + size, shell.count))
+    for start in range(0, shell.count, BLOCK):
+        chosen = range(start, min(start + BLOCK, shell.count))
         block = store.read(start, len(chosen)) if store else None
         if block is None:
             tracer = tracer or Tracer(mesh, shell)
@@ -126,12 +135,15 @@ def render(
             for index in chosen:
                 frames.append(tracer.frame(rotations[index], positions[index], suns[index], index))
                 on_progress(index + 1, shell.count)
-            block = np.stack(frames)
+            # Half precision, as blocks are kept: a call that resumes has the very same views.
+            block = np.stack(frames).astype(np.float16)
             if store:
                 store.write(start, block)
+        if start == 0:
+            on_first(block[..., :3], block[..., 3])
         on_progress(chosen.stop, shell.count)
         blocks.append(block)
-    film = np.concatenate(blocks)
+    film = np.concatenate(blocks).astype(np.float32)
     return Views(
         rotation=rotations,
         position=positions,
@@ -156,10 +168,6 @@ class _Store:
             digest.update(b"" if part.material.texture is None else np.ascontiguousarray(part.material.texture).data)
         settings = dataclasses.replace(shell, count=0)
         self.key = f"{_FORMAT} {digest.hexdigest()} {settings}"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise RpojaxError(f"{folder}: cannot be made ({error.strerror}), expected a folder for views") from None
 
     def _path(self, start: int) -> Path:
         return self.folder / f"views_{start:05d}.npz"
@@ -169,7 +177,7 @@ class _Store:
         try:
             with np.load(self._path(start), allow_pickle=False) as content:
                 if str(content["key"]) == self.key and len(content["film"]) >= count:
-                    return content["film"][:count].astype(np.float32)
+                    return content["film"][:count]
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             pass
         return None
@@ -178,9 +186,14 @@ class _Store:
         """Keeps views; a file is either whole or not there."""
         path = self._path(start)
         partial = path.with_suffix(".part")
-        with partial.open("wb") as stream:
-            np.savez_compressed(stream, film=film.astype(np.float16), key=np.array(self.key))
-        partial.replace(path)
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            with partial.open("wb") as stream:
+                np.savez_compressed(stream, film=film, key=np.array(self.key))
+            partial.replace(path)
+        except OSError as error:
+            text = f"{path}: cannot be written ({error.strerror}), expected a folder for views"
+            raise RpojaxError(text) from None
 
 
 class Tracer:
@@ -192,24 +205,28 @@ class Tracer:
             mitsuba.set_variant("scalar_rgb")
         self._mi = mitsuba
         self._shell = shell
-        self._shapes = {f"part{i}": _shape(mitsuba, part, f"part{i}") for i, part in enumerate(mesh.parts)}
+        shapes = {f"part{i}": _shape(mitsuba, part, f"part{i}") for i, part in enumerate(mesh.parts)}
+        sun = {"type": "directional", "direction": [0.0, 0.0, 1.0], "irradiance": {"type": "rgb", "value": _SUN}}
+        self._sunlit = mitsuba.load_dict({"type": "scene", **shapes, "sun": sun})
+        self._aim = mitsuba.traverse(self._sunlit)
         self._colour = mitsuba.load_dict({"type": "path", "max_depth": 4, "hide_emitters": True})
         self._depth = mitsuba.load_dict({"type": "depth"})
+        shine = {"type": "constant", "radiance": {"type": "rgb", "value": shell.earth_shine * _SUN / np.pi}}
+        # In a scene of its own: drawing one of two lights for each sample would make the picture noisy.
+        self._dim = mitsuba.load_dict({"type": "scene", **shapes, "sky": shine}) if shell.earth_shine > 0.0 else None
 
     def frame(self, rotation: np.ndarray, position: np.ndarray, sun: np.ndarray, seed: int) -> np.ndarray:
         """(p, p, 5) linear colour, alpha and depth of one view."""
         shell, number = self._shell, (seed + 1 + 100_003 * self._shell.seed) % 2**31
-        light = {"type": "directional", "direction": (-sun).tolist(), "irradiance": {"type": "rgb", "value": _SUN}}
-        scene = self._mi.load_dict({"type": "scene", **self._shapes, "light": light})
-        image = self._take(self._colour, scene, rotation, position, shell.samples, number)
-        if shell.earth_shine > 0.0:
-            # In a pass of its own: drawing one of two lights for each sample would make the picture noisy.
-            light = {"type": "constant", "radiance": {"type": "rgb", "value": shell.earth_shine * _SUN / np.pi}}
-            dim = self._mi.load_dict({"type": "scene", **self._shapes, "light": light})
+        # One scene for all views: the search tree of a large mesh takes longer to build than a view to trace.
+        self._aim["sun.to_world"] = self._mi.ScalarTransform4f(_facing(-sun).tolist())
+        self._aim.update()
+        image = self._take(self._colour, self._sunlit, rotation, position, shell.samples, number)
+        if self._dim is not None:
             # Of weak light the noise is weak, too.
             samples = shell.samples if shell.earth_shine > _WEAK else -(-shell.samples // 4)
-            image[..., :3] += self._take(self._colour, dim, rotation, position, samples, number)[..., :3]
-        depth = self._take(self._depth, scene, rotation, position, min(shell.samples, 16), number)
+            image[..., :3] += self._take(self._colour, self._dim, rotation, position, samples, number)[..., :3]
+        depth = self._take(self._depth, self._sunlit, rotation, position, min(shell.samples, 16), number)
         # The two passes draw their own samples: the distance is that of the depth pass, the share that of the picture.
         distance = depth[..., :1] / np.maximum(depth[..., 3:4], 1e-6)
         image = np.nan_to_num(np.concatenate([image, distance * image[..., 3:4]], axis=2), posinf=0.0, neginf=0.0)
@@ -237,6 +254,15 @@ class Tracer:
             }
         )
         return np.array(integrator.render(scene, sensor, seed=seed), dtype=np.float32)
+
+
+def _facing(direction: np.ndarray) -> np.ndarray:
+    """A rotation (4, 4) that takes z to a direction (3,)."""
+    x = np.cross(np.eye(3)[int(np.argmin(np.abs(direction)))], direction)
+    x /= np.linalg.norm(x)
+    turn = np.eye(4)
+    turn[:3, :3] = np.stack([x, np.cross(direction, x), direction], axis=1)
+    return turn
 
 
 def _shape(mi: Any, part: Part, name: str) -> Any:
@@ -281,18 +307,6 @@ def encode(linear: np.ndarray) -> np.ndarray:
     """sRGB code values of linear radiance, clipped to 0..1 (IEC 61966-2-1)."""
     clipped = np.clip(linear, 0.0, 1.0)
     return np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * np.maximum(clipped, 1e-9) ** (1 / 2.4) - 0.055)
-
-
-def contact_sheet(images: np.ndarray, columns: int = 8) -> np.ndarray:
-    """Linear images (n, p, p, 3) side by side, as one 8 bit picture (BGR)."""
-    count, size = images.shape[:2]
-    rows = -(-count // columns)
-    sheet = np.zeros((rows * size, min(columns, count) * size, 3), dtype=np.uint8)
-    for index, image in enumerate(images):
-        row, column = divmod(index, columns)
-        place = np.s_[row * size : (row + 1) * size, column * size : (column + 1) * size]
-        sheet[place] = np.round(255.0 * encode(image))[..., ::-1]
-    return sheet
 
 
 def batches(count: int, size: int) -> Iterator[slice]:

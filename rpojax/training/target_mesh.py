@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from rpojax.errors import RpojaxError
 from rpojax.training.optional import need
@@ -83,12 +84,31 @@ class TargetMesh:
         return np.concatenate(points), np.concatenate(normals)
 
 
+def outline(mesh: TargetMesh, most: int = 64) -> np.ndarray:
+    """At most so many vertices (n, 3) [m] that span the outline: the farthest in directions all round."""
+    index = np.arange(most) + 0.5
+    height, azimuth = 1.0 - 2.0 * index / most, np.pi * (1.0 + np.sqrt(5.0)) * index
+    level = np.sqrt(1.0 - height**2)
+    away = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), height], axis=1)
+    vertices = mesh.vertices
+    return np.unique(np.round(vertices[np.argmax(vertices @ away.T, axis=0)], 4), axis=0)
+
+
+def apparent_size(points: np.ndarray) -> float:
+    """Geometric mean of the root of width times height [m] of an outline (n, 3) over all attitudes."""
+    turns = Rotation.from_quat(np.random.default_rng(0).normal(size=(4000, 4))).as_matrix()[:, :2]
+    width = np.ptp(np.einsum("nij,vj->niv", turns, points), axis=2)
+    return float(np.exp(np.mean(np.log(width))))
+
+
 def load(source: str | Path, units: str | None = None, center: bool = False) -> TargetMesh:
     """The packaged target (`target`) or the mesh of a file, in metres; `center` moves its box's middle to the origin.
 
     Raises `MeshError` where the file cannot be read, is empty, or has a size that no spacecraft has.
     """
     if str(source) == PACKAGED:
+        if units is not None or center:
+            raise MeshError(f"--units, --center: found with {PACKAGED!r}, expected only with a mesh file")
         return packaged()
     path = Path(source)
     if not path.is_file():

@@ -25,6 +25,7 @@ from rpojax.vision.weights import WeightsError, read_tensors, write_tensors
 
 _CHUNK = 50
 _RATES = {"matter": 0.03, "features": 0.02, "network": 3e-3, "trunk": 2e-3, "head": 2e-3}
+_ADAM = optax.scale_by_adam(b2=0.99, eps=1e-10)
 _HELD_OUT = 12
 _MARGIN_PX = 3
 _NEIGHBOURS = 8192
@@ -83,31 +84,31 @@ def train(
     held = min(_HELD_OUT, len(views) // 8)
     data, check = _rays(views, 0, len(views) - held), _rays(views, len(views) - held, len(views))
     check = _every(check, 16_384)
-    optimiser = _optimiser(field, recipe)
-    state = optimiser.init(_weights(field))
+    state = _ADAM.init(_weights(field))
     nodes = jnp.asarray(np.argwhere(np.asarray(field.row) > 0) if isinstance(field, GridField) else [[0]], jnp.int32)
     done, best, since, history = 0, -np.inf, 0, []
     key = _digest(mesh, views, recipe)
-    found = _read(checkpoint, key, (field, state)) if checkpoint else None
+    found = _read(checkpoint, key, (_weights(field), state)) if checkpoint else None
     if found:
-        (field, state), done, before = found
+        (weights, state), done, before = found
+        field = _looked_up(replace(field, **weights))
         start_time -= before
     while done < recipe.steps:
         random = jax.random.fold_in(jax.random.key(recipe.seed), done)
-        field, state = _advance(recipe.rays, optimiser, field, state, data, nodes, random)
+        shares = (done + jnp.arange(_CHUNK, dtype=jnp.float32)) / recipe.steps
+        field, state = _advance(recipe.rays, field, state, data, nodes, random, shares)
         done += _CHUNK
         elapsed = time.monotonic() - start_time
         late = recipe.limit_s is not None and elapsed > recipe.limit_s
         if done % (5 * _CHUNK) and done < recipe.steps and not late:
             continue
-        if isinstance(field, GridField):
-            field = with_solid(field)
+        field = _looked_up(field)
         error = float(_error(field, check))
         history.append(Step(done, recipe.steps, float(-10.0 * np.log10(error)), elapsed))
         since = 0 if history[-1].psnr_db > best + recipe.gain_db else since + 1
         best = max(best, history[-1].psnr_db)
         if checkpoint:
-            _write(checkpoint, key, (field, state), done, elapsed)
+            _write(checkpoint, key, (_weights(field), state), done, elapsed)
         on_step(history[-1])
         if late or since >= recipe.patience:
             break
@@ -120,16 +121,16 @@ def _weights(field: Field) -> dict[str, Any]:
     return {name: getattr(field, name) for name in names}
 
 
-def _optimiser(field: Field, recipe: Recipe) -> optax.GradientTransformation:
-    def rate(name: str) -> optax.GradientTransformation:
-        def schedule(count: Any) -> jax.Array:
-            share = jnp.minimum(jnp.asarray(count).astype(jnp.float32) / recipe.steps, 1.0)
-            return _RATES[name] * (0.515 + 0.485 * jnp.cos(jnp.pi * share))
+def _looked_up(field: Field) -> Field:
+    """The field with a lookup, if it has one, of its present matter."""
+    return with_solid(field) if isinstance(field, GridField) else field
 
-        return optax.adam(schedule, b2=0.99, eps=1e-10)
 
-    names = list(_weights(field))
-    return optax.multi_transform({name: rate(name) for name in names}, {name: name for name in names})
+def _scaled(change: Any, share: jax.Array) -> dict[str, Any]:
+    """Changes at the rates of their kinds of weights, which fall along a cosine with the share of steps done."""
+    fall = 0.515 + 0.485 * jnp.cos(jnp.pi * jnp.minimum(share, 1.0))
+    rates = {name: -rate * fall for name, rate in _RATES.items()}
+    return {name: jax.tree.map(partial(jnp.multiply, rates[name]), part) for name, part in change.items()}
 
 
 Data = tuple[jax.Array, jax.Array, jax.Array, jax.Array, jax.Array, jax.Array]
@@ -177,24 +178,18 @@ def _error(field: Field, data: Data) -> jax.Array:
     return jnp.mean(jax.lax.map(lambda chosen: _squares(field, data, chosen, zero)[0], parts))
 
 
-@partial(jax.jit, static_argnums=(0, 1))
+@partial(jax.jit, static_argnums=(0,))
 def _advance(
-    rays: int,
-    optimiser: optax.GradientTransformation,
-    field: Field,
-    state: Any,
-    data: Data,
-    nodes: jax.Array,
-    random: jax.Array,
+    rays: int, field: Field, state: Any, data: Data, nodes: jax.Array, random: jax.Array, shares: jax.Array
 ) -> tuple[Field, Any]:
-    """A chunk of steps."""
+    """A chunk of steps, each at its share of the training; one program whatever the number of steps."""
 
     def loss(weights: dict[str, Any], chosen: jax.Array, jitter: jax.Array, near: jax.Array) -> jax.Array:
         color, alpha = _squares(replace(field, **weights), data, chosen, jitter)
         return color + 0.5 * alpha + _roughness(weights, near)
 
-    def step(carry: Any, key: jax.Array) -> tuple[Any, None]:
-        weights, state = carry
+    def step(carry: Any, now: tuple[jax.Array, jax.Array]) -> tuple[Any, None]:
+        (weights, state), (key, share) = carry, now
         chosen = jax.random.randint(key, (rays,), 0, data[2].shape[0], jnp.int32)
         jitter = jax.random.uniform(jax.random.fold_in(key, 1), (rays,), jnp.float32, -0.5, 0.5)
         near = _neighbours(field, nodes, jax.random.fold_in(key, 2))
@@ -204,10 +199,10 @@ def _advance(
             slope["matter"] = slope["matter"].at[0].set(0.0)
             slope["features"] = slope["features"].at[:, :3].set(0.0)
         with jax.numpy_dtype_promotion("standard"):  # optax raises a number to the power of its count
-            change, state = optimiser.update(slope, state, weights)
-        return (optax.apply_updates(weights, change), state), None
+            change, state = _ADAM.update(slope, state)
+        return (optax.apply_updates(weights, _scaled(change, share)), state), None
 
-    (weights, state), _ = jax.lax.scan(step, (_weights(field), state), jax.random.split(random, _CHUNK))
+    (weights, state), _ = jax.lax.scan(step, (_weights(field), state), (jax.random.split(random, _CHUNK), shares))
     return replace(field, **weights), state
 
 

@@ -1,5 +1,7 @@
 """A fresh grid around a surface: how fine, which nodes, and the normals that they start with."""
 
+import bisect
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -58,20 +60,23 @@ def _frame(low: np.ndarray, high: np.ndarray, spacing: float) -> tuple[np.ndarra
 
 def _near(surface: np.ndarray, first: np.ndarray, spacing: float, shape: tuple[int, ...]) -> np.ndarray:
     """Whether nodes (x, y, z) are corners of a cell that holds a point of the surface, or neighbours of such."""
+    held = np.zeros(shape, bool)
+    held[tuple(np.floor((surface - first) / spacing).astype(np.int64).T)] = True
+    cell = np.argwhere(held)
     near = np.zeros(shape, bool)
-    flat = np.unique(np.ravel_multi_index(tuple(np.floor((surface - first) / spacing).astype(np.int64).T), shape))
-    cell = np.stack(np.unravel_index(flat, shape), axis=1)
     for corner in np.ndindex(2, 2, 2):
         near[tuple((cell + corner).T)] = True
     return binary_dilation(near)
 
 
 def _spacing(surface: np.ndarray, low: np.ndarray, high: np.ndarray, rows: int) -> float:
-    """Smallest spacing [m] with at most `rows` nodes near the surface, and 250 nodes on the longest side."""
-    spacing = float((high - low).max()) / 250.0
-    while _near(surface, *_arguments(low, high, spacing)).sum() >= rows:
-        spacing *= 1.05
-    return spacing
+    """Spacing [m] with fewer than `rows` nodes near the surface, to 5 %, and at most 250 nodes on the longest side."""
+    finest = float((high - low).max()) / 250.0
+    fits = range(80)
+    best = bisect.bisect_left(
+        fits, True, key=lambda power: _near(surface, *_arguments(low, high, finest * 1.05**power)).sum() < rows
+    )
+    return finest * 1.05**best
 
 
 def _arguments(low: np.ndarray, high: np.ndarray, spacing: float) -> tuple[np.ndarray, float, tuple[int, ...]]:

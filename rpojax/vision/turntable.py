@@ -1,5 +1,7 @@
 """A field seen from all round."""
 
+from collections.abc import Iterator
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,13 +10,21 @@ from rpojax.vision.field import Field, bounding_ball
 from rpojax.vision.pinhole import lens
 from rpojax.vision.region import sampling
 from rpojax.vision.render import render_frame
+from rpojax.vision.sheets import before_backdrop
 
 _FIELD_OF_VIEW = np.radians(26.0)
-_FILL = 0.85
+_FILL = 0.95
 
 
-def turntable(field: Field, frames: int, size_px: int, sun: np.ndarray, elevation_deg: float) -> np.ndarray:
-    """Linear pictures (frames, p, p, 3) from a camera that goes round the field's z axis at one height."""
+def azimuths(frames: int, first_deg: float) -> np.ndarray:
+    """Directions (frames,) of the cameras of a turntable, from the x axis towards y [deg]."""
+    return (first_deg + 360.0 * np.arange(frames) / frames) % 360.0
+
+
+def turntable(
+    field: Field, azimuths_deg: np.ndarray, size_px: int, sun: np.ndarray, elevation_deg: float
+) -> Iterator[np.ndarray]:
+    """Linear pictures (p, p, 3) from cameras round the field's z axis at one height, before a dim backdrop."""
     middle, radius = (np.asarray(value) for value in bounding_ball(field))
     distance = radius / (_FILL * np.tan(0.5 * _FIELD_OF_VIEW))
     optics = lens(jnp.asarray(_FIELD_OF_VIEW), size_px, size_px)
@@ -23,14 +33,14 @@ def turntable(field: Field, frames: int, size_px: int, sun: np.ndarray, elevatio
     elevation = np.radians(np.clip(elevation_deg, -89.0, 89.0))
 
     @jax.jit
-    def one(field: Field, position: jax.Array, rotation: jax.Array) -> jax.Array:
+    def one(field: Field, position: jax.Array, rotation: jax.Array) -> tuple[jax.Array, jax.Array]:
         lit = jnp.ones((), jnp.float32)
-        return render_frame(field, optics, size_px, size_px, rays, position, rotation, light, lit).color
+        frame = render_frame(field, optics, size_px, size_px, rays, position, rotation, light, lit)
+        return frame.color, frame.alpha
 
-    pictures = []
-    for azimuth in 2.0 * np.pi * np.arange(frames) / frames:
+    for azimuth in np.radians(azimuths_deg):
         away = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
         x = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
         rotation = np.stack([x, np.cross(-away, x), -away])
-        pictures.append(one(field, *(jnp.asarray(v, jnp.float32) for v in (middle + distance * away, rotation))))
-    return np.stack([np.asarray(picture) for picture in pictures])
+        color, alpha = one(field, *(jnp.asarray(v, jnp.float32) for v in (middle + distance * away, rotation)))
+        yield before_backdrop(np.asarray(color), np.asarray(alpha))

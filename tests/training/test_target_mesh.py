@@ -76,6 +76,22 @@ def test_surface_points_lie_on_the_surface(box: target_mesh.TargetMesh) -> None:
     np.testing.assert_allclose(np.sum(points * normals, axis=1), np.abs(normals) @ half, atol=1e-9)
 
 
+def test_outline_and_size_of_the_packaged_target_are_those_of_the_scenario(inspection_file: ScenarioFile) -> None:
+    tables = inspection_file.model_dump()
+    size = tables["navigation"]["target_size_m"]
+    # 4000 attitudes leave 0.5 % to chance.
+    assert target_mesh.apparent_size(np.array(tables["target"]["hull_m"])) == pytest.approx(size, rel=0.01)
+    hull = target_mesh.outline(target_mesh.packaged())
+    assert 4 <= len(hull) <= 64
+    # The nozzle and the dish stand out of the scenario's hull.
+    assert target_mesh.apparent_size(hull) == pytest.approx(size, rel=0.05)
+
+
+def test_the_outline_of_a_box_is_its_corners(box: target_mesh.TargetMesh) -> None:
+    corners = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.3, 0.3) for z in (-0.2, 0.2)])
+    np.testing.assert_allclose(target_mesh.outline(box), corners, atol=1e-9)
+
+
 def test_a_missing_extra_says_the_line_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "mitsuba", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'rpojax\[raytrace\]'") as error:

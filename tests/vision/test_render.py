@@ -126,11 +126,11 @@ def test_blur_keeps_the_light_and_spreads_it() -> None:
     assert np.sqrt((seen.sum(axis=0) * place**2).sum() / seen.sum()) == pytest.approx(1.0, abs=0.03)
 
 
-@pytest.mark.parametrize("seed", [0])
-def test_the_gradient_of_a_silhouette_mends_a_wrong_pose(measure: ModuleType, field: Field, seed: int) -> None:
-    found = measure.recover(field, seed)
-    assert found["turn_deg"][0] == pytest.approx(3.0, abs=1e-3)
-    assert found["range_percent"][0] == pytest.approx(3.0, abs=1e-3)
+def test_the_gradient_of_a_silhouette_mends_a_wrong_pose(measure: ModuleType, field: Field) -> None:
+    # Fewer rays than the experiment follows: a quarter of this view's square is target.
+    found = measure.recover(field, seed=0, rays=Sampling(48, 896))
+    assert found.turn_deg[0] == pytest.approx(3.0, abs=1e-3)
+    assert found.range_percent[0] == pytest.approx(3.0, abs=1e-3)
     # From 3 deg and 3 %, to a tenth of both.
-    assert found["turn_deg"][1] < 0.3
-    assert found["range_percent"][1] < 0.3
+    assert found.turn_deg[1] < 0.3
+    assert found.range_percent[1] < 0.3
