@@ -16,7 +16,7 @@ import os
 import shlex
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -25,11 +25,14 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, Positional, UseAppendAction, arg
 
 from rpojax import calibration_verb, console, detector_verbs, field_verbs
-from rpojax.errors import RpojaxError
+from rpojax.errors import OutputError, RpojaxError
 from rpojax.version import __version__
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from rpojax.campaign.store import Campaign
+    from rpojax.report.film import Shot
     from rpojax.simulation.schema import ScenarioFile
 
 
@@ -52,6 +55,7 @@ Overrides = Annotated[
 Seed = Annotated[int, arg(metavar="S", help="Master seed.")]
 Force = Annotated[bool, arg(help="Replace the folder if it holds a campaign.")]
 AsJson = Annotated[bool, arg(name="json", help="JSON on stdout and no progress.")]
+NoFilm = Annotated[bool, arg(help="Take no pictures of a rendered camera again for the report.")]
 NoCache = Annotated[bool, arg(help="Compile anew and keep nothing of it.")]
 
 _WORKER = "rpojax-worker"
@@ -72,6 +76,7 @@ def run(
         int, arg(metavar="N", help="That of the campaign, for the very same numbers to the last digit.")
     ] = 1,
     force: Force = False,
+    no_film: NoFilm = False,
     as_json: AsJson = False,
     no_cache: NoCache = False,
 ) -> int:
@@ -86,7 +91,7 @@ def run(
         )
 
     with _keeping(out):
-        return _conclude(_fly(work, file.duration_s, as_json), report=True, as_json=as_json)
+        return _conclude(_fly(work, file.duration_s, as_json), report=True, as_json=as_json, film=not no_film)
 
 
 @app.command
@@ -108,6 +113,7 @@ def campaign(
     ] = "8",
     force: Force = False,
     no_report: Annotated[bool, arg(help="Write no report.html, report.json and figures.")] = False,
+    no_film: NoFilm = False,
     as_json: AsJson = False,
     no_cache: NoCache = False,
 ) -> int:
@@ -123,7 +129,8 @@ def campaign(
         )
 
     with _keeping(out):
-        return _conclude(_fly(work, file.duration_s, as_json), report=not no_report, as_json=as_json)
+        flown = _fly(work, file.duration_s, as_json)
+        return _conclude(flown, report=not no_report, as_json=as_json, film=not no_film)
 
 
 @app.command
@@ -151,9 +158,11 @@ def report(
     run_id: Annotated[
         int | None, arg(metavar="I", help="Run to show in detail.", help_behavior_hint="(default: the median one)")
     ] = None,
+    no_film: NoFilm = False,
     as_json: AsJson = False,
 ) -> int:
     """Write report.html, report.json and figures anew."""
+    prepare_jax(cache=True)
     from rpojax.campaign.store import Campaign
     from rpojax.report.html import write_report
     from rpojax.report.summary import choose_run
@@ -161,9 +170,76 @@ def report(
     found = Campaign(directory)
     choose_run(found, run_id)
     with console.busy("writing the report", quiet=as_json):
-        path = write_report(found, run_id)
+        path = write_report(found, run_id, film=not no_film)
     _show(found, path, as_json)
     return Status.DONE
+
+
+@app.command
+def film(
+    directory: Folder,
+    *,
+    out: Annotated[Path, arg(metavar="FILE", help="Film (.mp4, VP9 inside) or sheet of twelve stills (.png).")],
+    run_id: Annotated[
+        int | None, arg(metavar="I", help="Run to show.", help_behavior_hint="(default: the first with a kept history)")
+    ] = None,
+    every: Annotated[int, arg(metavar="N", help="Ticks from one picture of a film to the next.")] = 10,
+    force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
+    no_cache: NoCache = False,
+) -> int:
+    """What the rendered camera of a run saw, with the detector's boxes; a run without a kept history is flown again."""
+    suffix = out.suffix.lower()
+    if suffix not in (".png", ".mp4"):
+        raise OutputError(f"{out}: found suffix {out.suffix!r}, expected .png or .mp4")
+    if out.exists() and not force:
+        raise OutputError(f"{out}: exists already; --force replaces it")
+    if every < 1:
+        raise RpojaxError(f"--every: found {every}, expected at least 1")
+    prepare_jax(cache=not no_cache)
+    from rpojax.campaign import filming
+    from rpojax.campaign.store import Campaign
+    from rpojax.report import film as drawing
+    from rpojax.report.files import write_atomically
+
+    found = Campaign(directory)
+    file = filming.scenario_of(found.info)
+    run, history = _history_of(found, file, run_id)
+    end = filming.last_tick(history)
+    ticks = drawing.stills(history, end) if suffix == ".png" else list(range(0, end, every))
+    with console.counting("taking pictures", quiet=False) as watch:
+        shots = _counted(filming.pictures(file, found.info["seed"], run, history, ticks), len(ticks), watch)
+        if suffix == ".png":
+            write_atomically(out, drawing.png(drawing.strip(shots)))
+        else:
+            drawing.write_film(shots, out)
+    print(out)
+    return Status.DONE
+
+
+def _history_of(found: "Campaign", file: "ScenarioFile", run_id: int | None) -> "tuple[int, Mapping[str, np.ndarray]]":
+    """Number and full history of a run, flown again where none is kept."""
+    from rpojax.campaign import filming
+
+    kept, first, runs = found.history_ids, found.info["first_run"], found.info["runs"]
+    run = run_id if run_id is not None else (kept or [first])[0]
+    if not first <= run < first + runs:
+        raise RpojaxError(f"--run-id: found {run}, expected a run of this campaign, {first} to {first + runs - 1}")
+    if run in kept:
+        return run, found.history(run)
+    flown: list[Mapping[str, np.ndarray]] = []
+
+    def work(watch: console.Watch) -> "Campaign":
+        flown.append(filming.fly_again(file, found.info, run, watch))
+        return found
+
+    _fly(work, file.duration_s, as_json=False)
+    return run, flown[0]
+
+
+def _counted(shots: "Iterable[Shot]", total: int, watch: Callable[..., None]) -> "Iterator[Shot]":
+    for count, shot in enumerate(shots):
+        yield shot
+        watch(count + 1, total)
 
 
 @app.command
@@ -362,14 +438,14 @@ def _kept(directory: Path) -> str:
     return f"{found.blocks - missing} of {found.blocks} blocks are kept; go on with: rpojax resume {folder}"
 
 
-def _conclude(result: "Campaign", report: bool, as_json: bool) -> int:
+def _conclude(result: "Campaign", report: bool, as_json: bool, film: bool = True) -> int:
     """Writes the report if it is wanted, shows the results and returns the exit status."""
     from rpojax.report.html import write_report
 
     path = None
     if report:
         with console.busy("writing the report", quiet=as_json):
-            path = write_report(result)
+            path = write_report(result, film=film)
     _show(result, path, as_json)
     return Status.DONE if result.completed.all() else Status.SOME_FAILED
 

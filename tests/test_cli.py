@@ -377,7 +377,7 @@ def test_version_and_help(call: Call) -> None:
     assert call("--version").out == f"rpojax {rpojax.__version__}\n"
     top = call("--help")
     assert top.status == 0
-    for verb in ("run", "campaign", "resume", "report", "validate", "schema", "bench"):
+    for verb in ("run", "campaign", "resume", "report", "film", "validate", "schema", "bench"):
         assert verb in top.out
         assert call(verb, "--help").status == 0
     for status in ("0 done", "1 unexpected", "2 bad input", "3 the campaign", "130 interrupted"):

@@ -5,6 +5,7 @@ import json
 import os
 import re
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 from typing import get_args
 
@@ -257,9 +258,26 @@ def test_the_folder_page_lists_every_channel_of_a_history() -> None:
     seen = jax.eval_shape(
         lambda: telemetry.observe(static, params, closed_loop.tick(Stages(), static, params, state)[1])
     )
-    cells = first_cells(section(FOLDER_PAGE, "Channels of a history"))
-    listed = {name for cell in cells for name in quoted(cell)}
-    assert listed == {"time_s", "rho_desired_H", *seen} - {"running"}
+    assert names_listed("Channels of a history") == {"time_s", "rho_desired_H", *seen} - {"running"}
+
+
+def test_the_folder_page_lists_the_further_channels_of_a_rendered_camera() -> None:
+    static, params, state = dispersed(scenario.load("inspection"))
+
+    def channels(model: str) -> set[str]:
+        seen = replace(static, camera_model=model)
+
+        def observe() -> telemetry.Channels:
+            return telemetry.observe(seen, params, closed_loop.tick(Stages(), static, params, state)[1])
+
+        return set(jax.eval_shape(observe))
+
+    assert names_listed("Of a rendered camera") == channels("rendered") - channels("geometric")
+
+
+def names_listed(heading: str) -> set[str]:
+    """Names in the first column of the table under a heading of the folder page."""
+    return {name for cell in first_cells(section(FOLDER_PAGE, heading)) for name in quoted(cell)}
 
 
 def test_the_licence_is_the_one_that_the_package_states() -> None:

@@ -17,7 +17,7 @@ from rpojax.core.pytree import pytree
 from rpojax.flight import covariance, relative_filter, servicer_filter
 from rpojax.flight.box_gate import BoxTrack
 from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement, Navigation
-from rpojax.flight.relative_filter import RelativeEstimate
+from rpojax.flight.relative_filter import Expected, RelativeEstimate
 from rpojax.flight.servicer_filter import ServicerEstimate
 
 Vector = Float[Array, "3"]
@@ -42,6 +42,7 @@ class Innovation:
         log_likelihood: () of the rows used
         accepted: () bool, the box was used
         rejected: () bool, there was a box and it was not used
+        expected: where the box was expected
     """
 
     innovation: Array
@@ -49,6 +50,7 @@ class Innovation:
     log_likelihood: Array
     accepted: Array
     rejected: Array
+    expected: Expected
 
 
 def initial(tuning: Navigation, r_SN_N: Vector, v_SN_N: Vector, r_TS_N: Vector, v_TS_N: Vector) -> OrbitEstimate:
@@ -111,7 +113,7 @@ def update(
     `q_KN` is the camera's attitude as known on board.
     """
     servicer, gps_result = servicer_filter.update(tuning, estimate.servicer, gps)
-    relative, track, box_result, used = relative_filter.update(
+    relative, track, box_result, used, expected = relative_filter.update(
         tuning, gated, focal_px, estimate.relative, track, q_KN, box
     )
     innovation = Innovation(
@@ -120,5 +122,6 @@ def update(
         log_likelihood=gps_result.log_likelihood + box_result.log_likelihood,
         accepted=used,
         rejected=box.present & ~used,
+        expected=expected,
     )
     return OrbitEstimate(servicer=servicer, relative=relative), track, innovation

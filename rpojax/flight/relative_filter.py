@@ -152,6 +152,21 @@ def _whole_bearing_variance(tuning: Navigation, focal_px: Scalar) -> Scalar:
     return 0.5 * tuning.edge_noise**2 / focal_px**2 + tuning.attitude_sigma**2
 
 
+@pytree
+class Expected:
+    """Where the box is expected before it is looked at, slowly varying errors included, and how much it may be off.
+
+    Attributes:
+        values: (3,) tangents and log-size
+        variance: (3,) of what the present box may be off, or without one a whole box
+        ahead: () bool, the target is predicted well in front of the camera; else the values mean nothing
+    """
+
+    values: Array
+    variance: Array
+    ahead: Array
+
+
 def update(
     tuning: Navigation,
     gated: bool,
@@ -160,8 +175,11 @@ def update(
     track: BoxTrack,
     q_KN: Float[Array, "4"],
     box: BoxMeasurement,
-) -> tuple[RelativeEstimate, BoxTrack, Update, Bool[Array, ""]]:
-    """Estimate after a box, if it passes the gate, and whether it did. `q_KN` is known from the attitude filter."""
+) -> tuple[RelativeEstimate, BoxTrack, Update, Bool[Array, ""], Expected]:
+    """Estimate after a box, if it passes the gate, whether it did, and where one was expected.
+
+    `q_KN` is known from the attitude filter.
+    """
     R_KN = quaternion.to_matrix(q_KN)
     estimate = replace(estimate, covariance=_with_attitude_drift(estimate.covariance, box.attitude_drift))
     prior = box_model(tuning, focal_px, R_KN, estimate.r_TS_N, box)
@@ -171,10 +189,12 @@ def update(
     variance = _innovation_variance(estimate.covariance, prior)
     # What a whole box would know counts: a cut one is vague itself, and would make any prior look certain enough.
     doubt = variance - prior.variance
-    wide = jnp.any(doubt[:2] > tuning.confirm_above**2 * _whole_bearing_variance(tuning, focal_px), axis=0)
+    whole = _whole_bearing_variance(tuning, focal_px)
+    wide = jnp.any(doubt[:2] > tuning.confirm_above**2 * whole, axis=0)
+    ahead = _is_ahead(R_KN, estimate.r_TS_N)
     accepted = jnp.where(box.present, 1.0, 0.0)
     if gated:
-        possible = _is_ahead(R_KN, estimate.r_TS_N) & (~box.truncated | _may_be_cut(tuning, prior, doubt, box))
+        possible = ahead & (~box.truncated | _may_be_cut(tuning, prior, doubt, box))
         residual = measured - prior.predicted
         accepted = box_gate.accept(tuning, focal_px, R_KN, track, box, residual, variance, wide, possible)
 
@@ -201,7 +221,9 @@ def update(
         center=estimate.center + x[10:],
         covariance=P,
     )
-    return corrected, track, result, used
+    noise = jnp.where(box.present, prior.variance, jnp.stack([whole, whole, prior.variance[2]]))
+    expected = Expected(values=prior.predicted + slow, variance=doubt + noise, ahead=ahead)
+    return corrected, track, result, used, expected
 
 
 def _with_attitude_drift(P: Float[Array, "12 12"], drift: Scalar) -> Float[Array, "12 12"]:

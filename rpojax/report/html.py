@@ -5,6 +5,7 @@ import json
 import re
 import shlex
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,8 @@ import jinja2
 from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
-from rpojax.report import dispersions, faults, sections
+from rpojax.errors import RpojaxError
+from rpojax.report import detections, dispersions, faults, sections
 from rpojax.report.charts import Chart
 from rpojax.report.figures import write_figures
 from rpojax.report.files import write_atomically
@@ -35,11 +37,12 @@ _CAPTIONS = {
 }
 
 
-def write_report(campaign: Results, run_id: int | None = None) -> Path:
+def write_report(campaign: Results, run_id: int | None = None, film: bool = True) -> Path:
     """Writes report.html, report.json and the figures of one run into the campaign's folder; returns the page's path.
 
-    `run_id` chooses the run shown in detail (default: the median one in formation error among kept histories). Raises
-    ResultError where no history of `run_id` is kept.
+    `run_id` chooses the run shown in detail (default: the median one in formation error among kept histories), `film`
+    whether to take pictures of its rendered camera again, which costs some 20 s. Raises ResultError where no history of
+    `run_id` is kept.
     """
     shown = choose_run(campaign, run_id)
     summary = summarise(campaign)
@@ -47,13 +50,49 @@ def write_report(campaign: Results, run_id: int | None = None) -> Path:
     if shown is not None:
         title = f"{campaign.info.get('name', 'campaign')}, run {shown}"
         figures = write_figures(campaign.history(shown), campaign.directory / "figures", title)
-    page = _page(campaign, summary, shown, figures)
-    content = json.dumps(summary, indent=2, allow_nan=False) + "\n"
+    lines = detections.by_range(campaign.history(run) for run in sorted(campaign.history_ids))
+    seen = _film(campaign, shown) if film else Seen(None, "It was left out by --no-film.")
+    page = _page(campaign, summary, shown, figures, lines, seen)
+    content = json.dumps({**summary, "detections": lines}, indent=2, allow_nan=False) + "\n"
     write_atomically(campaign.directory / "report.json", content.encode())
     return write_atomically(campaign.directory / "report.html", page.encode())
 
 
-def _page(campaign: Results, summary: Mapping[str, Any], shown: int | None, figures: Mapping[str, Path]) -> str:
+@dataclass(frozen=True)
+class Seen:
+    """Strip of what a camera saw, or why there is none."""
+
+    strip: Path | None
+    reason: str = ""
+
+
+def _film(campaign: Results, shown: int | None) -> Seen:
+    if shown is None:
+        return Seen(None, "No full history was kept.")
+    # Here, because it takes what a simulation takes.
+    from rpojax.campaign import filming
+    from rpojax.report import film
+
+    if campaign.info["scenario"].get("camera", {}).get("model") != "rendered":
+        return Seen(None, "The scenario's camera takes no pictures.")
+    try:
+        file = filming.scenario_of(campaign.info)
+        history = campaign.history(shown)
+        ticks = film.stills(history, filming.last_tick(history))
+        sheet = film.strip(filming.pictures(file, campaign.info["seed"], shown, history, ticks))
+    except RpojaxError as error:
+        return Seen(None, f"The pictures cannot be taken again: {error}.")
+    return Seen(write_atomically(campaign.directory / "figures" / "camera.jpg", film.jpeg(sheet)))
+
+
+def _page(
+    campaign: Results,
+    summary: Mapping[str, Any],
+    shown: int | None,
+    figures: Mapping[str, Path],
+    lines: list[dict[str, Any]],
+    seen: Seen,
+) -> str:
     folder = jinja2.FileSystemLoader(Path(__file__).parent)
     environment = jinja2.Environment(
         loader=folder, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -85,6 +124,11 @@ def _page(campaign: Results, summary: Mapping[str, Any], shown: int | None, figu
         faults={"rows": faults.by_kind(campaign), "headings": faults.headings()},
         shown=shown,
         shown_metrics=[] if shown is None else sections.chosen_metrics(campaign, shown),
+        detections=detections.rows(lines),
+        rendered=campaign.info.get("scenario", {}).get("camera", {}).get("model") == "rendered",
+        film="" if seen.strip is None else _data_url(seen.strip),
+        no_film=seen.reason,
+        film_command=f"rpojax film {shlex.quote(str(campaign.directory))} --run-id {shown} --out film.mp4",
         figures=[(_CAPTIONS[name], _data_url(path)) for name, path in figures.items()],
         scenario=sections.scenario_lines(campaign),
         limits=sections.limits(campaign, summary),
@@ -99,7 +143,8 @@ def _breakable(text: str) -> Markup:
 
 
 def _data_url(path: Path) -> str:
-    return "data:image/png;base64," + base64.b64encode(path.read_bytes()).decode()
+    kind = "jpeg" if path.suffix == ".jpg" else "png"
+    return f"data:image/{kind};base64," + base64.b64encode(path.read_bytes()).decode()
 
 
 def _script_json(value: Any) -> Markup:

@@ -1,4 +1,4 @@
-"""Colours that page and figures share: those of Okabe and Ito, told apart by colour-blind readers and in print."""
+"""Colours that page, figures and films share, of Okabe and Ito: told apart by colour-blind readers and in print."""
 
 INK = "#1a2433"
 MUTED = "#5b6776"
@@ -10,3 +10,11 @@ GREEN = "#009E73"
 VERMILLION = "#D55E00"
 SHADE = "#8a97a8"
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
+
+# Lighter ones of the same hues, for lines on black.
+FILM_GROUND = "#2a3340"
+FILM_INK = "#f2f4f7"
+FILM_MUTED = "#a9b3bf"
+FILM_GREEN = "#2fd6a3"
+FILM_AMBER = "#ff8a33"
+FILM_BLUE = "#56B4E9"

@@ -55,12 +55,18 @@ class Frame:
     Attributes:
         box: the box that the flight software gets
         observable: () bool, the light allows to see the target
+        score: () 0..1, the detector's in its best box, whether it counts as one or not; 1 or 0 without a detector
+        window: (3,) left, top and side [px] of the square that the detector got
         outlier: () bool, the box is false (for bookkeeping only)
+        outline: (4,) true left, top, right, bottom of the target, cut to the frame [px] (for bookkeeping only)
     """
 
     box: Box
     observable: Array
+    score: Array
+    window: Array
     outlier: Array
+    outline: Array
 
 
 def attitude(camera: BoxCamera, q_BN: Float[Array, "4"]) -> Float[Array, "4"]:
@@ -103,7 +109,15 @@ def measure(
         present=(detected | outlier) & observable & working,
         truncated=jnp.where(outlier, false_truncated, truncated),
     )
-    return Frame(box=box, observable=observable & working, outlier=outlier)
+    visible, _ = box_model.cut_to_frame(jnp.where(in_front, true_edges, 0.0), width_px, height_px)
+    return Frame(
+        box=box,
+        observable=observable & working,
+        score=jnp.where(box.present, 1.0, 0.0),
+        window=jnp.array([0.0, 0.0, max(width_px, height_px)], dtype=jnp.float64),
+        outlier=outlier,
+        outline=visible,
+    )
 
 
 def _false_box(camera: BoxCamera, frame_size: Float[Array, "2"], uniforms: Float[Array, "4"]) -> Float[Array, "4"]:

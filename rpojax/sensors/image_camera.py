@@ -84,8 +84,13 @@ def choose_window(
     # Where the window is as wide as the frame, it begins where the frame does.
     corner = jnp.clip(expected_px.astype(jnp.float32) - 0.5 * span, 0.0, jnp.maximum(limits - span, 0.0))
     corner = jnp.where(tracked, corner, 0.0)
+    return window_at(lens, corner, binning)
+
+
+def window_at(lens: Lens, corner_px: Float[Array, "2"], binning: Scalar) -> Window:
+    """Window at a corner of the frame, float32, as pictures are made of it."""
     own = Lens(focal_px=lens.focal_px.astype(jnp.float32), center_px=lens.center_px.astype(jnp.float32))
-    return window(own, corner, binning)
+    return window(own, corner_px, binning)
 
 
 def look(
@@ -121,12 +126,12 @@ def measure(
     observable: Bool[Array, ""],
     working: Bool[Array, ""],
 ) -> Frame:
-    """The best box in a picture, in pixels of the frame; `true_edges` [px] only tell whether it is a false one.
+    """The best box in a picture, in pixels of the frame; `true_edges` [px] are for bookkeeping only.
 
     `observable` is the light, `working` the camera's health; without either there is no box.
     """
     found = detect(networks.detector, picture[None], _CANDIDATES)
-    box, score = found.box_px[0, 0], found.score[0, 0]
+    box, score = found.box_px[0, 0], found.score[0, 0].astype(jnp.float64)
     edges = jnp.concatenate([view.corner_px, view.corner_px]) + box * view.binning
     low = jnp.concatenate([view.corner_px, view.corner_px])
     frame_size = jnp.array([*size_px, *size_px], jnp.float32)
@@ -138,7 +143,10 @@ def measure(
     return Frame(
         box=Box(edges=edges, present=seen, truncated=cut),
         observable=observable & working,
+        score=jnp.where(working, score, 0.0),
+        window=jnp.append(view.corner_px, picture.shape[0] * view.binning).astype(jnp.float64),
         outlier=seen & (box_model.overlap(edges, visible) < _FALSE_OVERLAP),
+        outline=visible,
     )
 
 

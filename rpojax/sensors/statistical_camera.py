@@ -179,14 +179,19 @@ def measure(
     frame_size = jnp.array([*size_px, *size_px], jnp.float32)
     edges = jnp.concatenate([jnp.minimum(edges[:2], edges[2:]), jnp.maximum(edges[:2], edges[2:])])
     edges = jnp.clip(edges, 0.0, frame_size)
+    present = (true | false) & observable & working
+    score = jax.nn.sigmoid(drawn.score[0] + jnp.exp(drawn.score[1]) * normals[4])
     return Frame(
         box=Box(
             edges=edges.astype(jnp.float64),
-            present=(true | false) & observable & working,
+            present=present,
             truncated=box_model.at_border(edges, jnp.zeros_like(frame_size), frame_size),
         ),
         observable=observable & working,
+        score=jnp.where(present, score, 0.0).astype(jnp.float64),
+        window=jnp.array([0.0, 0.0, max(size_px)], dtype=jnp.float64),
         outlier=false & observable & working,
+        outline=visible.astype(jnp.float64),
     )
 
 

@@ -74,6 +74,12 @@ def look_at(scenario: Scenario, params: Params, flight: FlightMemory) -> Window:
     return image_camera.choose_window(true_lens, scenario.width_px, scenario.height_px, expected, size, tracked)
 
 
+def window_of(scenario: Scenario, params: Params, window_px: Float[Array, "3"]) -> Window:
+    """The part of the frame whose left, top and side [px], float32, a frame has recorded."""
+    binning = window_px[2] / image_camera.canvas(scenario.width_px, scenario.height_px)
+    return image_camera.window_at(_lens(scenario, params), window_px[:2], binning)
+
+
 def take_picture(
     scenario: Scenario, params: Params, view: Window, truth: Truth, sky: Sky, key: Array, tick: Array
 ) -> Float[Array, "p p 3"]:

@@ -152,7 +152,7 @@ def init(scenario: Scenario, params: Params, key: Array) -> State:
 def tick(stages: Stages, scenario: Scenario, params: Params, state: State) -> tuple[State, Telemetry]:
     """State one tick later, and what there was to see at its beginning."""
     time = state.tick.astype(jnp.float64) * scenario.tick_s
-    sky = _sky(scenario, time)
+    sky = sky_at(scenario, time)
     health = faults.health(params.plant.fault, time) if scenario.effects.faults else faults.healthy()
     with jax.named_scope("sense"):
         measurements, frame = _sense(scenario, params, state, sky, health)
@@ -193,18 +193,21 @@ def rollout(
     return jax.lax.scan(body, state, None, length=ticks)
 
 
-def _sky(scenario: Scenario, time: Scalar) -> Sky:
+def sky_at(scenario: Scenario, time: Scalar) -> Sky:
     """Sun and Moon at `time` [s]; the same for all runs of a campaign, so they cost next to nothing."""
     seconds = scenario.epoch_s + time
     return Sky(sun_N=ephemeris.sun(seconds), moon_N=ephemeris.moon(seconds))
 
 
+def camera_key(keys: Array, tick: Array) -> Array:
+    """Random key of the exposure of one tick, from the (streams, 2) keys of a run."""
+    return random.fold_in(keys[Stream.BOX_CAMERA], tick)
+
+
 def _sense(scenario: Scenario, params: Params, state: State, sky: Sky, health: Health) -> tuple[Measurements, Frame]:
     truth = state.truth
-    gps_key, star_key, box_key = (
-        random.fold_in(state.keys[stream], state.tick)
-        for stream in (Stream.GPS, Stream.STAR_TRACKER, Stream.BOX_CAMERA)
-    )
+    gps_key, star_key = (random.fold_in(state.keys[stream], state.tick) for stream in (Stream.GPS, Stream.STAR_TRACKER))
+    box_key = camera_key(state.keys, state.tick)
     gps_normals = random.normal(gps_key, 3)
     star_normals = random.normal(random.fold_in(star_key, 1), 3)
     frame = camera.expose(scenario, params, truth, state.flight, sky, health, box_key, state.tick)
@@ -341,4 +344,15 @@ def relative_state(truth: Truth) -> tuple[Array, Array]:
     return inertial_to_hill(truth.r_ST_N, truth.v_ST_N, R_HN, omega_HN_N)
 
 
-__all__ = ["FAILURES", "State", "Telemetry", "init", "relative_state", "rollout", "run_key", "tick"]
+__all__ = [
+    "FAILURES",
+    "State",
+    "Telemetry",
+    "camera_key",
+    "init",
+    "relative_state",
+    "rollout",
+    "run_key",
+    "sky_at",
+    "tick",
+]

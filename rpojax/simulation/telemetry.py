@@ -25,9 +25,12 @@ def observe(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channel
         **_motion(telemetry),
         **_errors(telemetry),
         **_camera(scenario, params, telemetry),
+        **_expected(scenario, params, telemetry),
         **_vehicle(params, telemetry),
         "passive_range_m": _passive_range(telemetry),
     }
+    if scenario.camera_model == "rendered":
+        channels |= _picture(telemetry)
     return {name: _compact(value) for name, value in channels.items()}
 
 
@@ -87,7 +90,38 @@ def _camera(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channel
         "observable": frame.observable,
         "box_bearing_H": apply(R_HN, ray_N),
         "box_range_m": size * jnp.exp(-measured.log_size),
-        "box_px": jnp.concatenate([edges[:2], edges[2:] - edges[:2]]),
+        "box_px": _corner_and_sides(edges),
+        "box_score": frame.score,
+        "outline_px": _corner_and_sides(frame.outline),
+    }
+
+
+def _corner_and_sides(edges: Float[Array, "4"]) -> Float[Array, "4"]:
+    return jnp.concatenate([edges[:2], edges[2:] - edges[:2]])
+
+
+def _expected(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channels:
+    """Where flight software expected the box, nan where it expects the target outside of the camera's half space."""
+    expected = telemetry.innovation.expected
+    focal, sigmas = params.flight.onboard.focal_px, params.flight.navigation.gate_sigma
+    middle = jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=jnp.float64)
+    center = middle + focal * expected.values[:2]
+    side = focal * jnp.exp(expected.values[2:])
+    return {
+        "expected_px": jnp.where(expected.ahead, jnp.concatenate([center, side]), jnp.nan),
+        "gate_px": jnp.where(expected.ahead, sigmas * focal * safe.sqrt(expected.variance[:2]), jnp.nan),
+    }
+
+
+def _picture(telemetry: Telemetry) -> Channels:
+    """What the picture of a tick was taken of, so that it can be taken again."""
+    truth = telemetry.truth
+    return {
+        "window_px": telemetry.frame.window,
+        "r_TN_N": truth.r_TN_N,
+        "r_ST_N": truth.r_ST_N,
+        "q_TN": truth.q_TN,
+        "q_BN": truth.q_BN,
     }
 
 

@@ -1,8 +1,8 @@
 """Composites of sprites and backdrops with the boxes of the spacecraft in them, and data sets in COCO's format.
 
 A box is that of the visible silhouette: of the pixels that the spacecraft covers by at least a tenth and that differ
-from the empty background by at least five of 255 code values and twice the camera's noise. So a craft in shadow before a
-bright limb has its whole box, and a part in shadow that is as black as the space behind it is outside of the box,
+from the empty background by at least five of 255 code values and twice the camera's noise. So a craft in shadow before
+a bright limb has its whole box, and a part in shadow that is as black as the space behind it is outside of the box,
 because nothing in the picture says where it ends. An edge lies within its pixel where the covered share ends.
 """
 

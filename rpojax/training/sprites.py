@@ -61,7 +61,7 @@ def trace(
 
 def _shell(views: int, seed: list[int], phase_limit_deg: float) -> Shell:
     number = int(np.random.default_rng(seed).integers(1 << 20))
-    return Shell(views, size_px=SIZE_PX, samples=SAMPLES, phase_limit_deg=phase_limit_deg, seed=number)
+    return Shell(views, size_px=SIZE_PX, samples=SAMPLES, phase_limit_deg=phase_limit_deg, earth_shine=0.0, seed=number)
 
 
 def _sprites(mesh: TargetMesh, shell: Shell, folder: Path) -> list[Sprite]:

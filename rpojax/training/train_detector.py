@@ -24,6 +24,7 @@ import optax
 from rpojax.training import detector_judge
 from rpojax.training.augment import Batch, batch
 from rpojax.training.detection_data import Dataset
+from rpojax.training.orthogonal import scale_by_orthogonal
 from rpojax.vision.detector import NETWORK, STRIDE, Params, fresh, to_maps
 from rpojax.vision.weights import WeightsError, read_tensors, write_tensors
 
@@ -33,6 +34,9 @@ _LEAST_SPREAD_PX = 2.0
 _NEAR = 0.3
 _GAIN = 1.4
 _LAST = "out"
+_MOMENTUM = 0.9
+_KERNEL_RATE = 10.0
+"""Rate of kernels by that of the rest."""
 _PIECES_SHARE = 0.5
 """Part of the training that sees pieces of pictures."""
 
@@ -44,7 +48,7 @@ class Recipe:
     epochs: int = 100
     batch: int = 32
     seed: int = 0
-    rate: float = 2e-3
+    rate: float = 5e-3
     limit_s: float | None = None
 
 
@@ -138,10 +142,18 @@ def _schedule(share: float, done: int) -> float:
 
 
 def _optimiser() -> optax.GradientTransformation:
-    # The rate is applied outside, so that it may follow the clock.
-    return optax.chain(
-        optax.clip_by_global_norm(5.0), optax.scale_by_adam(b2=0.99, eps=1e-7), optax.add_decayed_weights(1e-4)
-    )
+    """Orthogonal steps for kernels, Adam for the rest. The rate is applied outside, so that it may follow the clock."""
+    rest = optax.scale_by_adam(b2=0.99, eps=1e-7)
+    kernels = optax.chain(scale_by_orthogonal(_MOMENTUM), optax.scale(_KERNEL_RATE))
+    return optax.chain(optax.clip_by_global_norm(5.0), optax.multi_transform({"kernel": kernels, "rest": rest}, _sorts))
+
+
+def _sorts(trained: Params) -> dict[str, dict[str, str]]:
+    """Which way of stepping each array takes."""
+    return {
+        layer: {name: "kernel" if name == "kernel" and layer != _LAST else "rest" for name in values}
+        for layer, values in trained.items()
+    }
 
 
 # Batches, made beside the training.

@@ -52,7 +52,7 @@ def take(
     track: BoxTrack | None = None,
     gated: bool = True,
 ) -> tuple[RelativeEstimate, BoxTrack, bool]:
-    after, memory, _, used = update(
+    after, memory, _, used, _ = update(
         flight.navigation,
         gated,
         flight.onboard.focal_px,
@@ -66,6 +66,26 @@ def take(
 
 def moved(box: BoxMeasurement, pixels: float, focal_px: jax.Array) -> BoxMeasurement:
     return replace(box, tangent=box.tangent + jnp.array([pixels, 0.0]) / focal_px)
+
+
+@pytest.mark.parametrize(("share", "used"), [(0.99, True), (1.01, False)])
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("truncated", [False, True])
+def test_a_box_is_used_as_far_from_where_it_is_expected_as_the_update_says(
+    flight: FlightParams, q_KN: np.ndarray, share: float, used: bool, axis: int, truncated: bool
+) -> None:
+    # Off the boresight, so that the frame may cut the outline.
+    place = scene.AHEAD + matrix(q_KN).T @ np.array([2.3, 0.0, 0.0])
+    estimate = scene.estimate(flight, place, position_sigma=0.05).relative
+    estimate = replace(estimate, bearing_bias=jnp.array([3e-3, -2e-3]), center=jnp.array([0.1, 0.2]))
+    box = seen(flight, q_KN, place, truncated=truncated)
+    memory = box_gate.initial_track()
+    arguments = (flight.navigation, True, flight.onboard.focal_px, estimate, memory, q_KN)
+    expected = update(*arguments, box)[4]
+    offset = share * flight.navigation.gate_sigma * jnp.sqrt(expected.variance[axis]) * jnp.eye(2)[axis]
+    tried = replace(box, tangent=expected.values[:2] + offset, log_size=expected.values[2])
+    assert bool(expected.ahead)
+    assert bool(update(*arguments, tried)[3]) == used
 
 
 def assert_same(found: RelativeEstimate, expected: RelativeEstimate) -> None:
@@ -124,7 +144,7 @@ def test_a_box_near_its_prediction_updates_all_states_as_in_the_textbook(params:
         tangent=ideal.tangent + bias + center / depth + residual[:2],
         log_size=ideal.log_size + float(np.sum(scale)) + residual[2],
     )
-    after, _, result, used = update(
+    after, _, result, used, _ = update(
         flight.navigation, True, flight.onboard.focal_px, before, box_gate.initial_track(), q_KN, box
     )
     assert used

@@ -712,7 +712,7 @@ def box_update(x: jax.Array, flight: FlightParams, q_KN: jax.Array, box: BoxMeas
     measured = replace(box, tangent=box.tangent + 0.1 * x[3:5], log_size=box.log_size + x[5])
     tuning = replace(flight.navigation, edge_noise=1.0 + x[6], scale_sigma=flight.navigation.scale_sigma + 0.1 * x[7:])
     track = replace(box_gate.initial_track(), direction_N=jnp.asarray(unit(scene.AHEAD)), age=jnp.ones(()))
-    after, _, result, _ = relative_filter.update(tuning, True, flight.onboard.focal_px, moved, track, q_KN, measured)
+    after, _, result, _, _ = relative_filter.update(tuning, True, flight.onboard.focal_px, moved, track, q_KN, measured)
     return after.r_TS_N - known.r_TS_N, after.scale, 1e2 * after.covariance, 1e-3 * result.log_likelihood
 
 

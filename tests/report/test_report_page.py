@@ -19,7 +19,7 @@ _DASH = "\N{EN DASH}"
 _VOID = {"meta", "img", "rect", "br", "wbr", "link"}
 _SECTIONS = {
     *("identity", "headline", "metrics", "envelopes", "consistency", "distributions", "dispersions"),
-    *("sensitivity", "failures", "run", "scenario", "limits"),
+    *("sensitivity", "failures", "camera", "run", "scenario", "limits"),
 }
 
 
@@ -204,6 +204,26 @@ def test_bare_campaign_says_plainly_what_is_missing(build):
     words = _words(_page(campaign))
     for sentence in ("No trace over time", "Nothing was dispersed", "Needs at least ten runs", "holds no scenario"):
         assert sentence in words
+
+
+def test_boxes_are_counted_where_histories_hold_scores_and_outlines(campaign):
+    words = _words(_page(campaign))
+    assert "No history holds scores and true outlines" in words
+    for history in campaign.histories.values():
+        history["box_score"] = np.where(history["box_present"], 1.0, 0.0)
+        history["outline_px"] = history["box_px"]
+    page = _page(campaign)
+    assert "False per look-away frame" in _words(page)
+    assert "A box without a detector has the score 1" in _words(page)
+    content = json.loads((campaign.directory / "report.json").read_text())
+    assert content["detections"][0]["edges"]["overlap"] == pytest.approx(1.0)
+
+
+def test_pictures_that_cannot_be_taken_again_are_explained(campaign):
+    campaign.info["scenario"]["camera"]["model"] = "rendered"
+    assert "The pictures cannot be taken again: " in _words(_page(campaign))
+    write_report(campaign, film=False)
+    assert "It was left out by --no-film." in _words(Page((campaign.directory / "report.html").read_text()))
 
 
 def test_page_of_a_large_campaign_stays_small(build):

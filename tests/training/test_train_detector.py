@@ -10,6 +10,7 @@ import pytest
 from rpojax.training import augment, detector_judge, train_detector
 from rpojax.training.detection_data import Dataset
 from rpojax.training.detector_judge import Found
+from rpojax.training.orthogonal import orthogonal
 from rpojax.training.train_detector import Recipe, Step, folded, loss, unfolded
 from rpojax.vision.detector import STRIDE, fresh
 
@@ -107,6 +108,19 @@ def test_folded_kernels_have_no_mean_and_the_length_of_their_gain() -> None:
     np.testing.assert_allclose(np.delete(lengths, 3), 1.4, rtol=1e-5)
     assert lengths[3] == pytest.approx(0.25, rel=1e-5)
     np.testing.assert_array_equal(folded(trained)["out"]["kernel"], trained["out"]["kernel"])
+
+
+@pytest.mark.parametrize("shape", [(3, 3, 16, 32), (1, 1, 64, 48), (1, 1, 8, 64)])
+def test_an_orthogonal_step_has_like_singular_values_along_those_of_the_slope(shape: tuple[int, ...]) -> None:
+    slope = np.random.default_rng(0).normal(size=shape).astype(np.float32)
+    matrix = slope.reshape(-1, shape[-1])
+    step = np.asarray(orthogonal(jnp.asarray(slope))).reshape(matrix.shape)
+    left, values, right = np.linalg.svd(matrix, full_matrices=False)
+    found = left.T @ step @ right.T
+    # The polynomial trades exactness for speed: values end between 0.7 and 1.2.
+    assert 0.65 < np.diag(found).min() <= np.diag(found).max() < 1.25
+    np.testing.assert_allclose(found - np.diag(np.diag(found)), 0.0, atol=1e-3)
+    assert values.max() / values.min() > 1.5
 
 
 def test_a_training_that_was_interrupted_goes_on_to_the_same_weights(plates: Dataset, tmp_path: Path) -> None:

@@ -1,0 +1,99 @@
+"""What the camera of a run saw: the pictures of a scenario whose camera is rendered, taken again after the run.
+
+A history says of every tick where camera and target were and which part of the frame was looked at, in single
+precision, and the noise of a picture follows from seed, run number and tick. So a picture is the one that the detector
+got but for rounding: a code value may differ by one here and there.
+"""
+
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, UInt8
+
+from rpojax.campaign import runner, single
+from rpojax.core.pytree import replace
+from rpojax.errors import ResultError, RpojaxError
+from rpojax.physics.plant import Truth
+from rpojax.simulation import camera, closed_loop, scenario
+from rpojax.simulation.params import Params
+from rpojax.simulation.scenario import Scenario
+from rpojax.simulation.schema import ScenarioFile
+
+History = Mapping[str, np.ndarray]
+
+_POSE = ("r_TN_N", "r_ST_N", "q_TN", "q_BN")
+_NEEDED = (*_POSE, "window_px")
+
+
+def scenario_of(info: Mapping[str, Any]) -> ScenarioFile:
+    """Scenario of a campaign's `info`, if pictures of its runs can be taken again.
+
+    Raises:
+        RpojaxError: its camera takes no pictures, or the trained files are not those of the campaign.
+    """
+    model = info["scenario"]["camera"]["model"]
+    if model != "rendered":
+        raise RpojaxError(f"camera.model: found {model!r}, which takes no pictures, expected 'rendered'")
+    file = scenario.validate(info["scenario"])
+    if scenario.digest(file) != info["scenario_hash"]:
+        raise RpojaxError("imaging: found other trained files, expected those that the campaign was run with")
+    return file
+
+
+def fly_again(
+    file: ScenarioFile, info: Mapping[str, Any], run_id: int, on_progress: runner.Report | None = None
+) -> History:
+    """Full history of a run that kept none, flown once more, alone.
+
+    In a batch the last digits are others, and what hangs on a threshold may then go another way: the later in the run,
+    the less is it bound to be the run of the campaign.
+
+    Raises:
+        RpojaxError: parts of the flight software were replaced.
+    """
+    if stages := info["stages"]:
+        raise RpojaxError(f"run {run_id}: found replaced stages {sorted(stages)}, expected a run with a kept history")
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "run"
+        flown = runner.run_campaign(file, 1, out, info["seed"], first_run=run_id, block_size=1, on_progress=on_progress)
+        return flown.history(run_id)
+
+
+def last_tick(history: History) -> int:
+    """Number of ticks before a history ends or its run failed."""
+    alive = np.isfinite(history["range_m"])
+    return len(alive) if alive.all() else int(alive.argmin())
+
+
+def pictures(
+    file: ScenarioFile, seed: int, run_id: int, history: History, ticks: Sequence[int]
+) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
+    """Picture (p, p, 3), uint8 sRGB codes, and channels of each of some ticks of a run; one at a time is in memory.
+
+    Raises:
+        ResultError: the history does not say what its pictures showed.
+    """
+    if missing := [name for name in _NEEDED if name not in history]:
+        raise ResultError(f"run {run_id}: found no channel {missing[0]!r}, expected the history of a rendered camera")
+    static, chosen, state = single.dispersed(file, seed, run_id)
+    whole = len(history["time_s"])
+    for tick in ticks:
+        seen = {name: values[tick] for name, values in history.items() if values.ndim and len(values) == whole}
+        truth = replace(state.truth, **{name: np.asarray(seen[name], dtype=np.float64) for name in _POSE})
+        yield np.asarray(_take(static, chosen, truth, seen["window_px"], state.keys, np.int32(tick))), seen
+
+
+@partial(jax.jit, static_argnums=0)
+def _take(
+    static: Scenario, chosen: Params, truth: Truth, window_px: Float[Array, "3"], keys: Array, tick: Array
+) -> UInt8[Array, "p p 3"]:
+    sky = closed_loop.sky_at(static, tick.astype(jnp.float64) * static.tick_s)
+    view = camera.window_of(static, chosen, window_px)
+    picture = camera.take_picture(static, chosen, view, truth, sky, closed_loop.camera_key(keys, tick), tick)
+    return jnp.round(255.0 * picture).astype(jnp.uint8)
