@@ -1,5 +1,5 @@
 """Settings that jax reads once: a host device per core, and nothing compiled taken from disk."""
 
-from rpojax.cli import prepare_jax
+from rpojax.machine import prepare_jax
 
 prepare_jax(cache=False)

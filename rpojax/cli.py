@@ -26,6 +26,7 @@ from tyro.conf import FlagCreatePairsOff, Positional, UseAppendAction, arg
 
 from rpojax import calibration_verb, console, detector_verbs, field_verbs
 from rpojax.errors import OutputError, RpojaxError
+from rpojax.machine import prepare_jax
 from rpojax.version import __version__
 
 if TYPE_CHECKING:
@@ -59,7 +60,6 @@ NoFilm = Annotated[bool, arg(help="Take no pictures of a rendered camera again f
 NoCache = Annotated[bool, arg(help="Compile anew and keep nothing of it.")]
 
 _WORKER = "rpojax-worker"
-_DEVICE_FLAG = "--xla_force_host_platform_device_count"
 
 app = tyro.extras.SubcommandApp()
 
@@ -323,39 +323,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"rpojax: interrupted; {str(interrupt) or 'nothing was written'}", file=sys.stderr)
         _abandon_worker()
         return Status.INTERRUPTED
-
-
-def prepare_jax(cache: bool) -> None:
-    """Makes the settings that jax reads once, when it is imported: host devices, and where compiled programs are kept.
-
-    Without effect where jax is imported already; what the user's environment says is left as it is.
-    """
-    if "jax" in sys.modules:
-        return
-    flags = os.environ.get("XLA_FLAGS", "")
-    if _DEVICE_FLAG not in flags:
-        os.environ["XLA_FLAGS"] = f"{flags} {_DEVICE_FLAG}={_cores()}".strip()
-    folder = _cache_folder() if cache and os.environ.get("RPOJAX_CACHE") != "off" else None
-    if folder is not None:
-        os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(folder))
-        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
-        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
-
-
-def _cores() -> int:
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-def _cache_folder() -> Path | None:
-    """Folder for compiled programs, made if need be; None where it cannot be written to."""
-    try:
-        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rpojax" / "jax"
-        folder.mkdir(parents=True, exist_ok=True)
-    except (OSError, RuntimeError):
-        return None
-    return folder if os.access(folder, os.W_OK | os.X_OK) else None
 
 
 def _spread(arguments: Sequence[str]) -> list[str]:

@@ -10,6 +10,7 @@ from tyro.conf import Positional, arg
 
 from rpojax.console import counting
 from rpojax.errors import OutputError, RpojaxError
+from rpojax.machine import prepare_jax
 
 if TYPE_CHECKING:
     import numpy as np
@@ -88,6 +89,7 @@ def train(
         raise RpojaxError(f"--epochs, --minutes: found {epochs}, {minutes}, expected at least 1 and a positive time")
     if out.exists() and not force:
         raise OutputError(f"{out}: exists already; --force replaces it")
+    prepare_jax(cache=True)
     from rpojax.training import detector_judge, train_detector
     from rpojax.vision.detector import save_detector
 

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 import rpojax
-from rpojax import cli, console
+from rpojax import cli, console, machine
 from rpojax.campaign import store
 from rpojax.campaign.engine import Engine
 from rpojax.campaign.runner import Progress
@@ -717,9 +717,9 @@ def environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, st
 def test_jax_gets_a_device_per_core_and_a_cache(
     environment: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cli, "_cores", lambda: 3)
+    monkeypatch.setattr(machine, "_cores", lambda: 3)
     environment["XLA_FLAGS"] = "--xla_dump_to=x"
-    cli.prepare_jax(cache=True)
+    machine.prepare_jax(cache=True)
     assert environment["XLA_FLAGS"] == "--xla_dump_to=x --xla_force_host_platform_device_count=3"
     assert environment["JAX_COMPILATION_CACHE_DIR"] == str(tmp_path / ".cache" / "rpojax" / "jax")
     assert environment["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] == "0"
@@ -730,7 +730,7 @@ def test_jax_gets_a_device_per_core_and_a_cache(
 def test_what_the_user_set_for_jax_stays(environment: dict[str, str], tmp_path: Path) -> None:
     flags = "--xla_force_host_platform_device_count=7"
     environment |= {"XLA_FLAGS": flags, "JAX_COMPILATION_CACHE_DIR": "mine", "XDG_CACHE_HOME": str(tmp_path / "xdg")}
-    cli.prepare_jax(cache=True)
+    machine.prepare_jax(cache=True)
     assert environment["XLA_FLAGS"] == flags
     assert environment["JAX_COMPILATION_CACHE_DIR"] == "mine"
 
@@ -741,14 +741,14 @@ def test_the_cache_can_be_off_and_need_not_be_there(environment: dict[str, str],
         environment["RPOJAX_CACHE"] = "off"
     if switch == "unwritable":
         (tmp_path / ".cache").write_text("a file where a folder should be")
-    cli.prepare_jax(cache=switch != "argument")
+    machine.prepare_jax(cache=switch != "argument")
     assert "JAX_COMPILATION_CACHE_DIR" not in environment
 
 
 def test_nothing_is_set_once_jax_is_imported(environment: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "jax", jax)
     before = dict(environment)
-    cli.prepare_jax(cache=True)
+    machine.prepare_jax(cache=True)
     assert environment == before
 
 

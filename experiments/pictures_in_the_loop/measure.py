@@ -33,7 +33,7 @@ RESAMPLES = 4000
 
 def run(scenario: str, model: str, runs: int, duration_s: float, seed: int) -> Path:
     """One campaign, with its cost printed."""
-    from rpojax.cli import prepare_jax
+    from rpojax.machine import prepare_jax
 
     prepare_jax(cache=True)
     from rpojax.campaign import runner

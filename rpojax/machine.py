@@ -1,0 +1,40 @@
+"""What jax reads once, when it is imported: how many devices there are, and where compiled programs are kept."""
+
+import os
+import sys
+from pathlib import Path
+
+_DEVICE_FLAG = "--xla_force_host_platform_device_count"
+
+
+def prepare_jax(cache: bool) -> None:
+    """Makes the settings that jax reads once, when it is imported: host devices, and where compiled programs are kept.
+
+    Without effect where jax is imported already; what the user's environment says is left as it is.
+    """
+    if "jax" in sys.modules:
+        return
+    flags = os.environ.get("XLA_FLAGS", "")
+    if _DEVICE_FLAG not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} {_DEVICE_FLAG}={_cores()}".strip()
+    folder = _cache_folder() if cache and os.environ.get("RPOJAX_CACHE") != "off" else None
+    if folder is not None:
+        os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(folder))
+        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+        os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
+
+
+def _cores() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _cache_folder() -> Path | None:
+    """Folder for compiled programs, made if need be; None where it cannot be written to."""
+    try:
+        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "rpojax" / "jax"
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):
+        return None
+    return folder if os.access(folder, os.W_OK | os.X_OK) else None
