@@ -1,11 +1,18 @@
 """Figures of the packaged target's field; each part prints the rows of a table for the README.
 
 python experiments/radiance_field/measure.py quality|ranges|phase|speed|compare|recovery|strips
+python experiments/radiance_field/measure.py meshes "hubble.glb --center" "parts.stl --units mm --center"
 """
 
 import argparse
 import dataclasses
+import json
 import math
+import os
+import resource
+import shlex
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from functools import partial
@@ -142,6 +149,33 @@ def compare(field: Field) -> None:
         )
     print("\n| field | ms a frame, 64 x 64 | PSNR [dB] | on the target [dB] | SSIM | silhouette IoU |")
     print("|---|---|---|---|---|---|", *final, sep="\n")
+
+
+def meshes(commands: list[str]) -> None:
+    """Meshes of other people, each trained and judged by the command line with its default settings."""
+    print(
+        "| mesh | faces | training command [s] | of processors [s] | load | PSNR [dB] | on the target [dB] | SSIM "
+        "| silhouette IoU |\n|---|---|---|---|---|---|---|---|---|"
+    )
+    for words in map(shlex.split, commands):
+        path = OUT / f"{Path(words[0]).stem}{Path(words[0]).suffix}.field"
+        begin, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+        made = call("train", *words, "--out", str(path), "--force")
+        wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
+        spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        found = call("evaluate", str(path), "--mesh", *words, "--views", "64", "--seed", "7")
+        name, load = " ".join([Path(words[0]).name, *words[1:]]), os.getloadavg()[0]
+        print(
+            f"| {name} | {made['faces']} | {wall:.0f} | {spent:.0f} | {load:.0f} | {found['psnr_db']:.1f} "
+            f"| {found['psnr_target_db']:.1f} | {found['ssim']:.3f} | {found['silhouette_iou']:.3f} |",
+            flush=True,
+        )
+
+
+def call(*words: str) -> dict[str, Any]:
+    """What a verb of `rpojax field` prints as JSON."""
+    done = subprocess.run([sys.executable, "-m", "rpojax", "field", *words, "--json"], check=True, capture_output=True)
+    return json.loads(done.stdout)
 
 
 def line(kind: str) -> train_field.OnStep:
@@ -313,9 +347,13 @@ PARTS = {part.__name__: part for part in (quality, ranges, phase, speed, compare
 def main() -> int:
     """Prints the part asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("part", choices=list(PARTS))
+    parser.add_argument("part", choices=[*PARTS, "meshes"])
+    parser.add_argument("meshes", nargs="*", help="for the part of that name: mesh files with their options")
     parser.add_argument("--field", type=Path, default=None)
     arguments = parser.parse_args()
+    if arguments.part == "meshes":
+        meshes(arguments.meshes)
+        return 0
     field, _ = load_field(arguments.field)
     PARTS[arguments.part](field)
     return 0
