@@ -35,15 +35,17 @@ def main() -> int:
         "target": _target,
         "speed": _speed,
         "photographs": _photographs,
+        "peer": _peer,
     }
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("part", choices=parts)
     parser.add_argument("folder", type=Path, nargs="?", help="data set, or folder of photographs with boxes.json")
+    parser.add_argument("--found", type=Path, help="what peer.py found")
     parser.add_argument("--weights", type=Path)
     parser.add_argument("--views", type=int, default=200)
     parser.add_argument("--sheet", type=Path, help="picture of what was found")
     arguments = parser.parse_args()
-    if arguments.part in ("validation", "photographs") and arguments.folder is None:
+    if arguments.part in ("validation", "photographs", "peer") and arguments.folder is None:
         parser.error(f"{arguments.part}: expected a folder")
     params, _ = load_detector(arguments.weights)
     print(json.dumps(parts[arguments.part](arguments, params), indent=1))
@@ -53,6 +55,15 @@ def main() -> int:
 def _validation(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
     data = read(arguments.folder)
     return detector_judge.report(detector_judge.find(params, data.images), data)
+
+
+def _peer(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
+    data = read(arguments.folder)
+    with np.load(arguments.found) as content:
+        about = json.loads(str(content["about"]))
+        count = range(len(data))
+        found = detector_judge.Found([content[f"boxes_{i}"] for i in count], [content[f"scores_{i}"] for i in count])
+    return {**about, **detector_judge.report(found, data)}
 
 
 # The packaged target, as the flight camera sees it.

@@ -31,7 +31,7 @@ RATE_BOUND = 0.03
 RESAMPLES = 4000
 
 
-def run(scenario: str, model: str, runs: int, duration_s: float, seed: int) -> Path:
+def run(scenario: str, model: str, runs: int, duration_s: float, seed: int, block_size: int | None) -> Path:
     """One campaign, with its cost printed."""
     from rpojax.machine import prepare_jax
 
@@ -42,7 +42,7 @@ def run(scenario: str, model: str, runs: int, duration_s: float, seed: int) -> P
     file = scenarios.load(scenario, [f"camera.model={model}", f"duration_s={duration_s}"])
     out = OUT / f"{scenario}_{model}_{runs}"
     begin = time.perf_counter()
-    result = runner.run_campaign(file, runs, out, seed, histories=range(runs), force=True)
+    result = runner.run_campaign(file, runs, out, seed, block_size=block_size, histories=range(runs), force=True)
     total = time.perf_counter() - begin
     timing = result.info["timing"]
     per_second = 1e3 * timing["run_s"] / (runs * duration_s)
@@ -130,6 +130,7 @@ def main() -> int:
     one.add_argument("--runs", type=int, default=20)
     one.add_argument("--duration", type=float, default=3000.0)
     one.add_argument("--seed", type=int, default=0)
+    one.add_argument("--block-size", type=int, default=None)
     two = parts.add_parser("table")
     two.add_argument("folders", type=Path, nargs="+")
     three = parts.add_parser("equivalence")
@@ -137,7 +138,14 @@ def main() -> int:
     three.add_argument("statistical", type=Path)
     arguments = parser.parse_args()
     if arguments.part == "run":
-        run(arguments.scenario, arguments.model, arguments.runs, arguments.duration, arguments.seed)
+        run(
+            arguments.scenario,
+            arguments.model,
+            arguments.runs,
+            arguments.duration,
+            arguments.seed,
+            arguments.block_size,
+        )
         return 0
     if arguments.part == "table":
         table(arguments.folders)

@@ -83,8 +83,9 @@ def pictures(
         raise ResultError(f"run {run_id}: found no channel {missing[0]!r}, expected the history of a rendered camera")
     static, chosen, state = single.dispersed(file, seed, run_id)
     whole = len(history["time_s"])
+    of_ticks = {name: values for name, values in history.items() if values.ndim and len(values) == whole}
     for tick in ticks:
-        seen = {name: values[tick] for name, values in history.items() if values.ndim and len(values) == whole}
+        seen = {name: np.asarray(values[tick]) for name, values in of_ticks.items()}
         truth = replace(state.truth, **{name: np.asarray(seen[name], dtype=np.float64) for name in _POSE})
         yield np.asarray(_take(static, chosen, truth, seen["window_px"], state.keys, np.int32(tick))), seen
 

@@ -72,12 +72,24 @@ def write_film(shots: Iterable[Shot], path: Path) -> Path:
     Raises:
         OutputError: there cannot be such a file.
     """
-    import cv2
-
-    partial = path.with_name(f"{path.stem}.{os.getpid()}.partial.mp4")
-    writer = None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        partial = path.with_name(f"{path.stem}.{os.getpid()}.partial.mp4")
+        try:
+            _encode(shots, partial, path)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+    except OSError as error:
+        raise OutputError(f"{path}: found {error.strerror or error}, expected a file that can be written") from None
+    return path
+
+
+def _encode(shots: Iterable[Shot], partial: Path, path: Path) -> None:
+    import cv2
+
+    writer = None
+    try:
         for picture, seen in shots:
             drawn = frame(picture, seen)
             if writer is None:
@@ -86,16 +98,9 @@ def write_film(shots: Iterable[Shot], path: Path) -> Path:
                 if not writer.isOpened():
                     raise OutputError(f"{path}: found no way to write a film there, expected a writable place")
             writer.write(np.ascontiguousarray(drawn[..., ::-1]))
-        if writer is not None:
-            writer.release()
-            partial.replace(path)
-    except OSError as error:
-        raise OutputError(f"{path}: found {error.strerror or error}, expected a file that can be written") from None
     finally:
         if writer is not None:
             writer.release()
-        partial.unlink(missing_ok=True)
-    return path
 
 
 def png(sheet: Image.Image) -> bytes:

@@ -24,7 +24,7 @@ from rpojax.vision.weights import WeightsError, nothing_left, read_tensors, take
 STRIDE = 4
 MULTIPLE_PX = 32
 """Pictures have sides that are multiples of this."""
-THRESHOLD = 0.4
+THRESHOLD = 0.5
 """Score from which a box counts as seen."""
 SUPPRESSION_IOU = 0.5
 WINDOW = 5

@@ -14,6 +14,8 @@ from rpojax.vision.detector import THRESHOLD, Params, detect
 WINDOW_PX = 128
 FINEST_PX = 2048
 """Long side at which a picture is searched at its finest; larger ones are shrunk to it."""
+_FAR_PX = 72
+"""Long side at which a picture is seen first, so that what fills it has room around it."""
 _STEP_PX = 80
 _BATCH = 16
 _COUNT = 4
@@ -67,26 +69,39 @@ def search(params: Params, image: np.ndarray, threshold: float = THRESHOLD) -> l
     """Boxes of spacecraft in sRGB codes (h, w, 3) in 0..1, by falling score."""
     height, width = image.shape[:2]
     kept: list[Box] = []
-    for level, long_side in enumerate(_levels(max(height, width))):
-        windows = _windows(image, min(long_side / max(height, width), 1.0))
-        for box in _best_first(_found(params, windows, image.shape[:2], threshold, whole=level == 0)):
-            # What is a part of a spacecraft at a finer scale is no second one.
-            if all(box.shared(k) < _INSIDE * box.area and box.overlap(k) < _SAME_IOU for k in kept):
+    for sides in _levels(max(height, width)):
+        whole = max(sides) <= WINDOW_PX
+        windows = [w for side in sides for w in _windows(image, min(side / max(height, width), 1.0))]
+        for box in _best_first(_found(params, windows, (height, width), threshold, whole)):
+            if _is_new(box, kept):
                 kept.append(box)
-    return _best_first(_merged([_closer(params, image, box, threshold) for box in kept]))
+    closer: list[Box] = []
+    for box in kept:
+        seen = _closer(params, image, box, threshold)
+        if _is_new(seen, closer):
+            closer.append(seen)
+    return _best_first(closer)
+
+
+def _is_new(box: Box, coarser: list[Box]) -> bool:
+    """Whether a box is neither one that is known nor a part of one: finer windows see parts of a large spacecraft."""
+    return all(box.shared(other) < _INSIDE * box.area and box.overlap(other) < _SAME_IOU for other in coarser)
 
 
 def _best_first(boxes: list[Box]) -> list[Box]:
     return sorted(boxes, key=lambda box: -box.score)
 
 
-def _levels(long_side: int) -> list[int]:
-    """Long sides [px] to search at, from the whole picture in one window to the finest."""
+def _levels(long_side: int) -> list[list[int]]:
+    """Long sides [px] to search at: the whole picture in one window, twice where it is large, then ever finer ones."""
     finest = min(max(long_side, WINDOW_PX), FINEST_PX)
     levels = [WINDOW_PX]
     while levels[-1] * 2 <= finest:
         levels.append(levels[-1] * 2)
-    return levels if finest < 1.4 * levels[-1] else [*levels, finest]
+    if finest >= 1.4 * levels[-1]:
+        levels.append(finest)
+    first = [_FAR_PX, WINDOW_PX] if long_side > _FAR_PX else [WINDOW_PX]
+    return [first, *([level] for level in levels[1:])]
 
 
 def _windows(image: np.ndarray, scale: float) -> list[_Window]:
@@ -175,12 +190,3 @@ def _closer(params: Params, image: np.ndarray, box: Box, threshold: float) -> Bo
         return box
     best = max(agreeing, key=lambda other: other.score)
     return dataclasses.replace(best, score=max(box.score, best.score))
-
-
-def _merged(boxes: list[Box]) -> list[Box]:
-    """Without those that a better one overlaps."""
-    kept: list[Box] = []
-    for box in _best_first(boxes):
-        if all(box.overlap(other) < _SAME_IOU for other in kept):
-            kept.append(box)
-    return kept

@@ -164,6 +164,7 @@ def _history(rng: np.random.Generator, seconds: int, failed_at_s: float) -> dict
     history = {
         "rho_H": rho,
         "rho_estimate_H": rho + error,
+        "range_m": distance.copy(),
         "relative_error_H": error,
         "relative_sigma_H": sigma,
         "servicer_error_H": absolute,

@@ -1,0 +1,96 @@
+"""The camera models of the loop: pictures whose boxes are of the target, and files that fit the scenario."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from rpojax.errors import ScenarioError
+from rpojax.flight.computer import Stages
+from rpojax.sensors import statistics_file
+from rpojax.sensors.statistical_camera import CameraStatistics
+from rpojax.simulation import closed_loop, networks, params, scenario, telemetry
+from rpojax.simulation.telemetry import Channels
+from rpojax.vision import weights
+
+SMALL = ["camera.width_px=64", "camera.height_px=64", "camera.field_of_view_deg=5.0", "dispersions=[]"]
+TICKS = 12
+
+
+def flown(overrides: Sequence[str]) -> Channels:
+    """Channels of the first ticks of a run."""
+    file = scenario.load("inspection", overrides)
+    static = scenario.static(file)
+    numbers = params.build(file.model_dump(), static.width_px, static.height_px)
+    state = closed_loop.init(static, numbers, closed_loop.run_key(0, 0))
+
+    @jax.jit
+    def run(numbers: params.Params, state: closed_loop.State) -> Channels:
+        def one(state: closed_loop.State, _: None) -> tuple[closed_loop.State, Channels]:
+            after, seen = closed_loop.tick(Stages(), static, numbers, state)
+            return after, telemetry.observe(static, numbers, seen)
+
+        return jax.lax.scan(one, state, None, length=TICKS)[1]
+
+    return jax.tree.map(np.asarray, run(numbers, state))
+
+
+@pytest.fixture(scope="module")
+def rendered() -> Channels:
+    """A run whose camera takes pictures, the Sun at its back."""
+    return flown([*SMALL, "camera.model=rendered", "initial.relative_position_m=[0.0, -30.0, 0.0]"])
+
+
+def test_boxes_found_in_pictures_are_of_the_target(rendered: Channels) -> None:
+    assert rendered["observable"].all()
+    present = rendered["box_present"]
+    assert present.mean() > 0.8
+    assert not rendered["box_outlier"].any()
+    # 1.6 m at 30 m through 733 px of focal length are 39 px at most, and the box of a tumbling target half of that.
+    sides = rendered["box_px"][present][:, 2:]
+    assert 8.0 < np.median(np.sqrt(np.prod(sides, axis=1))) < 40.0
+
+
+def test_flight_software_flies_by_boxes_from_pictures(rendered: Channels) -> None:
+    assert rendered["box_accepted"].mean() > 0.6
+    assert np.linalg.norm(rendered["relative_error_H"], axis=1).max() < 10.0
+
+
+def test_the_fitted_camera_must_fit_the_scenario() -> None:
+    with pytest.raises(ScenarioError, match="calibrate-camera-model") as error:
+        tables = scenario.load("inspection", ["camera.model=statistical", "camera.field_of_view_deg=20.0"]).model_dump()
+        networks.load_statistics(tables)
+    assert "camera.field_of_view_deg" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("key", ["field", "detector"])
+def test_a_trained_file_that_is_not_there_is_named(key: str) -> None:
+    file = scenario.load("inspection", ["camera.model=rendered", f"imaging.{key}=/nowhere/x.safetensors"])
+    with pytest.raises(ScenarioError, match=f"imaging.{key}"):
+        networks.load(file.model_dump())
+
+
+def test_other_trained_files_make_another_scenario(tmp_path: Path) -> None:
+    copy = tmp_path / "other.safetensors"
+    copy.write_bytes(weights.packaged_field().read_bytes() + b" ")
+    one = scenario.load("inspection", ["camera.model=rendered"])
+    other = scenario.load("inspection", ["camera.model=rendered", f"imaging.field={copy}"])
+    assert scenario.digest(one) != scenario.digest(other)
+
+
+def test_paths_of_trained_files_start_from_the_scenarios_folder(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text('extends = "inspection"\n[imaging]\nfield = "my.field.safetensors"\n')
+    file = scenario.load(tmp_path / "mine.toml")
+    assert Path(file.imaging.field) == (tmp_path / "my.field.safetensors").resolve()
+
+
+def test_the_packaged_fitted_camera_fits_the_packaged_scenario() -> None:
+    file = scenario.load("inspection", ["camera.model=statistical"])
+    found = networks.load_statistics(file.model_dump())
+    assert isinstance(found, CameraStatistics)
+    _, card = statistics_file.load_statistics(networks.file_of(file.model_dump(), "statistics"))
+    assert card["field_sha256"] == networks.digest(weights.packaged_field())
+    assert card["detector_sha256"] == networks.digest(networks.file_of(file.model_dump(), "detector"))
