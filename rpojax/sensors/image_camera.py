@@ -37,6 +37,8 @@ class Imaging:
         read_noise: 1 sigma [electrons]
         blur: sigma of the point spread [px]
         score_threshold: boxes below this score are no boxes [-]
+        center_sigma: how far a box's middle strays from the outline's as attitude and light change, as flight software
+            knows it [m]
     """
 
     exposure: Array
@@ -44,6 +46,7 @@ class Imaging:
     read_noise: Array
     blur: Array
     score_threshold: Array
+    center_sigma: Array
 
 
 @pytree

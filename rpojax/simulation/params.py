@@ -110,6 +110,8 @@ def build(tables: Mapping[str, Any], width_px: int, height_px: int) -> Params:
         gravity=jax.tree.map(lambda value: jnp.asarray(value, dtype=jnp.float64), EARTH),
         **{path[1]: records[name] for name, (path, _) in _SECTIONS.items() if path[0] == "plant"},
     )
+    if tables["camera"]["model"] != "geometric":
+        records["navigation"] = _for_pictures(records["navigation"], records["imaging"])
     flight = FlightParams(
         onboard=_onboard(plant, records["camera"], width_px, height_px),
         **{
@@ -136,6 +138,11 @@ def _record(cls: type, table: Mapping[str, Any]) -> Any:
         if name in names:
             values[name] = jnp.asarray(faults.code(value), dtype=jnp.float64) * factor
     return cls(**values)
+
+
+def _for_pictures(navigation: Navigation, imaging: Imaging) -> Navigation:
+    """The filter's tuning for boxes from pictures: their middles stray, too, as attitude and light change."""
+    return replace(navigation, center_sigma=jnp.hypot(navigation.center_sigma, imaging.center_sigma))
 
 
 def _onboard(plant: PlantParams, camera: BoxCamera, width_px: int, height_px: int) -> Onboard:

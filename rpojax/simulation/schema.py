@@ -254,6 +254,7 @@ class ImagingSection(Section):
     read_noise: NonNegative
     blur_px: NonNegative
     score_threshold: Probability
+    center_sigma_m: NonNegative
     sky_seed: Annotated[int, Field(ge=0)]
 
 
