@@ -16,7 +16,7 @@ RECORD_BYTES = 104
 """Memory per run and tick for the channels that metrics need [B]."""
 EVALUATION_BYTES = 120
 """Memory per run and tick while the metrics of one block are worked out [B]."""
-HISTORY_BYTES = 200
+HISTORY_BYTES = 280
 """Memory and disk per tick of a full history [B]."""
 _RUN_BYTES = 2048
 _TRACE_BYTES_PER_S = 4

@@ -16,6 +16,7 @@ from rpojax.simulation.telemetry import Channels
 from rpojax.vision import weights
 
 SMALL = ["camera.width_px=64", "camera.height_px=64", "camera.field_of_view_deg=5.0", "dispersions=[]"]
+POINTED = "navigation.initial_relative_position_sigma_m=0.2"
 TICKS = 12
 
 
@@ -40,7 +41,7 @@ def flown(overrides: Sequence[str]) -> Channels:
 @pytest.fixture(scope="module")
 def rendered() -> Channels:
     """A run whose camera takes pictures, the Sun at its back."""
-    return flown([*SMALL, "camera.model=rendered", "initial.relative_position_m=[0.0, -30.0, 0.0]"])
+    return flown([*SMALL, POINTED, "camera.model=rendered", "initial.relative_position_m=[0.0, -30.0, 0.0]"])
 
 
 def test_boxes_found_in_pictures_are_of_the_target(rendered: Channels) -> None:
