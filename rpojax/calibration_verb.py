@@ -1,6 +1,7 @@
 """The verb `rpojax calibrate-camera-model`."""
 
 import json
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +15,8 @@ def calibrate(
     scenario: Annotated[Positional[str], arg(metavar="SCENARIO", help="Packaged name, or a TOML file.")],
     *,
     out: Annotated[Path, arg(metavar="FILE", help="File to write, such as target.camera.safetensors.")],
-    samples: Annotated[int, arg(metavar="N", help="Rendered views to fit to.")] = 8000,
+    samples: Annotated[int, arg(metavar="N", help="Rendered views to fit to.")] = 16000,
+    sequences: Annotated[int, arg(metavar="N", help="Tumbling targets that show how long errors last.")] = 200,
     seed: Annotated[int, arg(metavar="S", help="Seed of the views and of the fit.")] = 0,
     overrides: Annotated[
         UseAppendAction[tuple[str, ...]],
@@ -24,14 +26,14 @@ def calibrate(
     as_json: Annotated[bool, arg(name="json", help="JSON on stdout and no progress.")] = False,
 ) -> int:
     """Fit the statistical camera to renderer and detector, for a scenario's camera and target."""
-    if samples < 200:
-        raise RpojaxError(f"--samples: found {samples}, expected at least 200")
+    if samples < 200 or sequences < 4:
+        raise RpojaxError(f"--samples, --sequences: found {samples}, {sequences}, expected at least 200 and 4")
     if out.exists() and not force:
         raise OutputError(f"{out}: exists already; --force replaces it")
     from rpojax.simulation import scenario as scenarios
 
     file = scenarios.load(scenario, overrides)
-    from rpojax.analysis import camera_calibration
+    from rpojax.analysis import camera_calibration, lasting_errors
     from rpojax.sensors import statistics_file
     from rpojax.simulation import networks
 
@@ -39,14 +41,22 @@ def calibrate(
     with counting("rendering", quiet=as_json) as watch:
         found = camera_calibration.look(file, camera_calibration.draw(file, samples, seed), seed, watch)
     threshold = file.imaging.score_threshold
+    with counting("rendering sequences", quiet=as_json) as watch:
+        turning = lasting_errors.tumbling(file, sequences, seed + 1)
+        seen = camera_calibration.look(file, turning.views, seed + 1, watch)
     with busy("fitting", quiet=as_json):
         fit = camera_calibration.fit(found, threshold, seed)
-    command = f"rpojax calibrate-camera-model {Path(scenario).name} --out {out.name} --samples {samples} --seed {seed}"
+        statistics = lasting_errors.with_lasting_errors(fit.statistics, seen, turning.turn, threshold)
+    numbers = f"--samples {samples} --sequences {sequences} --seed {seed}"
+    command = f"rpojax calibrate-camera-model {Path(scenario).name} --out {out.name} {numbers}"
     card = {
         "scenario": file.name,
         "samples": samples,
+        "sequences": sequences,
         "seed": seed,
         **camera_calibration.summary(found, threshold),
+        "lasting_share": float(statistics.lasting_share),
+        "lasting_angle_deg": math.degrees(float(statistics.lasting_angle)),
         "log_likelihood": fit.log_likelihood,
         "log_likelihood_held_out": fit.log_likelihood_held_out,
         "field_sha256": networks.digest(networks.file_of(tables, "field")),
@@ -54,7 +64,7 @@ def calibrate(
         "command": command,
         "fitted_for": networks.fitted_for(tables),
     }
-    statistics_file.save_statistics(fit.statistics, out, card)
+    statistics_file.save_statistics(statistics, out, card)
     shown = {"file": str(out), **{name: value for name, value in card.items() if name != "fitted_for"}}
     print(json.dumps(shown, indent=2) if as_json else "\n".join(f"{name}: {value}" for name, value in shown.items()))
     return 0

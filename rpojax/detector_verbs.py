@@ -15,6 +15,7 @@ from rpojax.machine import prepare_jax
 if TYPE_CHECKING:
     import numpy as np
 
+    from rpojax.training.descent import Recipe, Step
     from rpojax.training.detection_data import Dataset
     from rpojax.vision.search import Box
 
@@ -78,41 +79,70 @@ def train(
     dataset: Source,
     *,
     out: Annotated[Path, arg(metavar="FILE", help="File to write, such as detector.safetensors.")],
-    epochs: Annotated[int, arg(metavar="N", help="Passes over the data.")] = 100,
+    epochs: Annotated[int, arg(metavar="N", help="Passes over the data for the first look.")] = 100,
+    second_epochs: Annotated[int, arg(metavar="N", help="Passes for the second look.")] = 30,
     minutes: Annotated[float | None, arg(metavar="T", help="End training after so long; the schedule adapts.")] = None,
+    start: Annotated[Path | None, arg(metavar="FILE", help="Weights to begin with, instead of untrained ones.")] = None,
+    rate: Annotated[float, arg(metavar="R", help="Largest rate of learning.")] = 5e-3,
     seed: Seed = 0,
     force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
     as_json: AsJson = False,
 ) -> int:
     """Train the detector on pictures with boxes; a call that was interrupted goes on where it was."""
-    if epochs < 1 or (minutes is not None and not minutes > 0.0):
-        raise RpojaxError(f"--epochs, --minutes: found {epochs}, {minutes}, expected at least 1 and a positive time")
+    if min(epochs, second_epochs) < 1 or (minutes is not None and not minutes > 0.0):
+        found = f"{epochs}, {second_epochs}, {minutes}"
+        raise RpojaxError(
+            f"--epochs, --second-epochs, --minutes: found {found}, expected 1 or more, and a time above 0"
+        )
+    if not 0.0 < rate < 1.0:
+        raise RpojaxError(f"--rate: found {rate}, expected a number between 0 and 1")
     if out.exists() and not force:
         raise OutputError(f"{out}: exists already; --force replaces it")
     prepare_jax(cache=True)
     from rpojax.training import detector_judge, train_detector
-    from rpojax.vision.detector import save_detector
+    from rpojax.vision.detector import load_detector, save_detector
+
+    begun, before = load_detector(start) if start else (None, {})
 
     known, unseen = _halves(dataset)
-    recipe = train_detector.Recipe(epochs=epochs, seed=seed, limit_s=None if minutes is None else 60.0 * minutes)
+    recipes = _recipes(epochs, second_epochs, seed, minutes, rate, pieces=start is None)
     checkpoint = out.with_name(out.name + ".checkpoint")
     with counting("training", quiet=as_json) as watch:
+
+        def tell(look: str, step: "Step") -> None:
+            share = epochs / (epochs + second_epochs)
+            begin, span = (0.0, share) if look == "first" else (share, 1.0 - share)
+            note = f"{look} look, mAP50 {step.map50:.3f}, mAP50-95 {step.map50_95:.3f}"
+            watch(round(1000 * (begin + span * step.done / step.total)), 1000, note)
+
         params, history = train_detector.train(
-            known,
-            unseen,
-            recipe,
-            checkpoint,
-            lambda step: watch(step.done, step.total, f"mAP50 {step.map50:.3f}, mAP50-95 {step.map50_95:.3f}"),
+            known, unseen, recipes["first"], recipes["second"], checkpoint, tell, begun
         )
     figures = detector_judge.figures(detector_judge.find(params, unseen.images), unseen)
-    limit = "" if minutes is None else f" --minutes {minutes:g}"
+    limit = ("" if minutes is None else f" --minutes {minutes:g}") + (f" --start {start.name}" if start else "")
+    passes = f"--epochs {epochs} --second-epochs {second_epochs}"
     # A card names no folder of one machine.
-    command = f"rpojax detector train {dataset.name} --out {out.name} --epochs {epochs} --seed {seed}{limit}"
-    card = train_detector.card(known, recipe, history, figures, command)
+    command = f"rpojax detector train {dataset.name} --out {out.name} {passes} --rate {rate:g} --seed {seed}{limit}"
+    card = train_detector.card(known, recipes, history, figures, command)
+    card["start"] = before.get("command")
     save_detector(params, out, card)
-    checkpoint.unlink(missing_ok=True)
+    train_detector.forget(checkpoint)
     _tell({"weights": str(out), "bytes": out.stat().st_size, **card}, as_json)
     return 0
+
+
+def _recipes(
+    epochs: int, second_epochs: int, seed: int, minutes: float | None, rate: float, pieces: bool
+) -> "dict[str, Recipe]":
+    """How each look is trained; of a limited time the second one gets a third. Only what is untrained sees pieces."""
+    from rpojax.training.descent import Recipe
+
+    limits = (None, None) if minutes is None else (40.0 * minutes, 20.0 * minutes)
+    share = 0.5 if pieces else 0.0
+    return {
+        "first": Recipe(epochs=epochs, seed=seed, rate=rate, limit_s=limits[0], pieces_share=share),
+        "second": Recipe(epochs=second_epochs, seed=seed, rate=rate, limit_s=limits[1], pieces_share=0.0),
+    }
 
 
 @app.command

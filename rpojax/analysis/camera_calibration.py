@@ -41,7 +41,8 @@ _HELD_OUT = 0.15
 _CENTERED = 0.7
 _POINTING_DEG = 0.5
 _OVERLAP = 0.1
-_FALSE_SIDE = (np.log(12.0), 0.6)
+_FALSE_SIDE = (float(np.log(12.0)), 0.6)
+_FALSE_SCORE = (0.5, 0.7)
 
 OnProgress = Callable[[int, int], None]
 
@@ -167,7 +168,7 @@ def _look(
     middle, extent = box_model.box_center(outline), box_model.box_size(outline)
     window = image_camera.choose_window(lens, *size, middle, extent, jnp.ones((), bool))
     picture = image_camera.look(imaging, trained, rays, window, *size, scene, key)
-    found = detect(trained.detector, picture[None], 1)
+    found = detect(trained.detector, picture[None], image_camera.CANDIDATES)
     corner = jnp.concatenate([window.corner_px, window.corner_px])
     edges = jnp.clip(corner + found.box_px[0, 0] * window.binning, 0.0, jnp.array([*size, *size], jnp.float32))
     visible, _ = statistical_camera.visible_outline(outline, size)
@@ -209,8 +210,9 @@ def fit(outcomes: Outcomes, threshold: float, seed: int = 0) -> Fit:
     }
     mean, spread = train["features"].mean(axis=0), jnp.maximum(train["features"].std(axis=0), 1e-3)
     sides = outcomes.edges[:, 2:] - outcomes.edges[:, :2]
-    false = np.log(np.maximum(sides[np.asarray(rows["kind"]) == 2], 1.0))
-    sample = (false.mean(), max(false.std(), 0.1)) if len(false) >= 8 else _FALSE_SIDE
+    wrong = np.asarray(rows["kind"]) == 2
+    false_side = _normal(np.log(np.maximum(sides[wrong], 1.0)), _FALSE_SIDE)
+    false_score = _normal(np.asarray(rows["logit"])[wrong], _FALSE_SCORE)
 
     def assemble(free: dict[str, Any]) -> CameraStatistics:
         return CameraStatistics(
@@ -218,12 +220,33 @@ def fit(outcomes: Outcomes, threshold: float, seed: int = 0) -> Fit:
             spread=spread,
             layers=free["layers"],
             wide_share=jax.nn.sigmoid(free["wide"]),
-            false_log_side=jnp.asarray(sample, jnp.float32),
+            mixing=jnp.eye(4, dtype=jnp.float32),
+            lasting_share=jnp.zeros((), jnp.float32),
+            lasting_angle=jnp.ones((), jnp.float32),
+            false_log_side=false_side,
+            false_score=false_score,
         )
 
     free = _maximise(assemble, free, train, check, seed)
     statistics = assemble(free)
     return Fit(statistics, float(_mean(statistics, train)), float(_mean(statistics, check)))
+
+
+def _normal(values: np.ndarray, otherwise: tuple[float, float]) -> Array:
+    """Mean and 1 sigma of some values; another guess where they are too few."""
+    return jnp.asarray((values.mean(), max(values.std(), 0.1)) if len(values) >= 8 else otherwise, jnp.float32)
+
+
+def standard_errors(statistics: CameraStatistics, outcomes: Outcomes, threshold: float) -> np.ndarray:
+    """Errors (n, 4) of the edges less their bias, in their 1 sigma; NaN where there is no box of the target."""
+    rows = _rows(outcomes, threshold)
+
+    def one(row: dict[str, Array]) -> Array:
+        found = statistical_camera.outcome(statistics, row["features"], row["in_frame"])
+        z = (row["error"] - found.bias) * jnp.exp(-found.log_sigma)
+        return jnp.where(row["kind"] == 1, z, jnp.nan)
+
+    return np.asarray(jax.jit(jax.vmap(one))(rows), np.float64)
 
 
 def _rows(outcomes: Outcomes, threshold: float) -> dict[str, Array]:
@@ -304,4 +327,4 @@ def summary(outcomes: Outcomes, threshold: float) -> dict[str, float]:
     }
 
 
-__all__ = ["Fit", "Outcomes", "Views", "draw", "fit", "look", "summary"]
+__all__ = ["Fit", "Outcomes", "Views", "draw", "fit", "look", "standard_errors", "summary"]

@@ -23,7 +23,8 @@ CANVAS_PX = 128
 """Side of the pictures that the detector gets from larger frames."""
 FILL = 0.4
 """Share of a window that a tracked target is expected to take."""
-_CANDIDATES = 4
+CANDIDATES = 2
+"""Boxes that get a second look."""
 _FALSE_OVERLAP = 0.1
 
 
@@ -133,7 +134,7 @@ def measure(
 
     `observable` is the light, `working` the camera's health; without either there is no box.
     """
-    found = detect(networks.detector, picture[None], _CANDIDATES)
+    found = detect(networks.detector, picture[None], CANDIDATES)
     box, score = found.box_px[0, 0], found.score[0, 0].astype(jnp.float64)
     edges = jnp.concatenate([view.corner_px, view.corner_px]) + box * view.binning
     low = jnp.concatenate([view.corner_px, view.corner_px])

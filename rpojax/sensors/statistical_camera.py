@@ -1,8 +1,9 @@
 """The camera as a fitted distribution: what renderer and detector would make of a view, without a picture.
 
 A small network turns the geometry of a view into the parameters of a distribution: whether there is a box, whether
-it is a false one, and bias and spread of each edge. Attitude and Sun come and go with the target's tumble, and so do
-the errors: what the rendered camera gets wrong in one frame it gets wrong in the next one, too.
+it is a false one, and bias and spread of each edge. What the geometry does not tell does not change from frame to frame
+either: what the rendered camera gets wrong in one view it gets wrong in the next one, too. So a share of the edges'
+errors lasts, a Gauss-Markov process in the angle by which the target has turned.
 """
 
 import jax
@@ -39,14 +40,22 @@ class CameraStatistics:
         spread: (FEATURES,) 1 sigma of these
         layers: network from standard features to the parameters of `Outcome`
         wide_share: () share of boxes whose edge errors are WIDE times as wide
+        mixing: (4, 4) lower triangle that makes standard errors of the four edges of independent ones
+        lasting_share: () share of the edges' variance that lasts
+        lasting_angle: () turn of the target after which 1 / e of it is left [rad]
         false_log_side: (2,) mean and 1 sigma of the log of a false box's sides [log px]
+        false_score: (2,) mean and 1 sigma of the logit of a false box's score
     """
 
     mean: Array
     spread: Array
     layers: Layers
     wide_share: Array
+    mixing: Array
+    lasting_share: Array
+    lasting_angle: Array
     false_log_side: Array
+    false_score: Array
 
 
 @pytree
@@ -155,6 +164,14 @@ def is_in_frame(outline: Float[Array, "4"], size_px: tuple[int, int]) -> Bool[Ar
     return _area(visible) > 1.0
 
 
+def advance(
+    statistics: CameraStatistics, lasting: Float[Array, "4"], turned: Float[Array, ""], normals: Float[Array, "4"]
+) -> Float[Array, "4"]:
+    """What lasts of the edges' errors (independent, 1 sigma = 1) after the target has turned by an angle [rad]."""
+    kept = jnp.exp(-turned / statistics.lasting_angle.astype(turned.dtype))
+    return kept * lasting + jnp.sqrt(jnp.maximum(1.0 - kept * kept, 0.0)) * normals
+
+
 def measure(
     statistics: CameraStatistics,
     scene: Scene,
@@ -163,24 +180,34 @@ def measure(
     size_px: tuple[int, int],
     observable: Bool[Array, ""],
     working: Bool[Array, ""],
+    lasting: Float[Array, "4"],
     normals: Float[Array, "5"],
     uniforms: Float[Array, "7"],
 ) -> Frame:
-    """Box of one exposure; `outline` [px] is the target's, `observable` is the light, `working` the camera's health."""
-    outline, normals, uniforms = (value.astype(jnp.float32) for value in (outline, normals, uniforms))
+    """Box of one exposure.
+
+    `outline` [px] is the target's, `observable` is the light, `working` the camera's health, `lasting` what `advance`
+    carries from frame to frame.
+    """
+    outline, lasting, normals, uniforms = (v.astype(jnp.float32) for v in (outline, lasting, normals, uniforms))
     in_frame = in_front & is_in_frame(outline, size_px)
     drawn = outcome(statistics, features(scene, outline, size_px), in_frame)
     true = jnp.log(uniforms[0]) < drawn.log_true
     false = ~true & (jnp.log(1.0 - uniforms[0]) < drawn.log_false)
     visible, size = visible_outline(outline, size_px)
     width = jnp.where(uniforms[1] < statistics.wide_share, WIDE, 1.0)
-    own = visible + size * (drawn.bias + width * jnp.exp(drawn.log_sigma) * normals[:4])
+    share = statistics.lasting_share
+    independent = jnp.sqrt(share) * lasting + jnp.sqrt(1.0 - share) * normals[:4]
+    standard = jnp.sum(statistics.mixing * independent[None, :], axis=1)
+    own = visible + size * (drawn.bias + width * jnp.exp(drawn.log_sigma) * standard)
     edges = jnp.where(false, _false_box(statistics, size_px, uniforms[2:]), own)
     frame_size = jnp.array([*size_px, *size_px], jnp.float32)
     edges = jnp.concatenate([jnp.minimum(edges[:2], edges[2:]), jnp.maximum(edges[:2], edges[2:])])
     edges = jnp.clip(edges, 0.0, frame_size)
     present = (true | false) & observable & working
-    score = jax.nn.sigmoid(drawn.score[0] + jnp.exp(drawn.score[1]) * normals[4])
+    mean = jnp.where(false, statistics.false_score[0], drawn.score[0])
+    spread = jnp.where(false, statistics.false_score[1], jnp.exp(drawn.score[1]))
+    score = jax.nn.sigmoid(mean + spread * normals[4])
     return Frame(
         box=Box(
             edges=edges.astype(jnp.float64),

@@ -13,14 +13,23 @@ from rpojax.vision.weights import WeightsError, nothing_left, read_tensors, take
 
 WIDTHS = (FEATURES, 32, 32, OUTPUTS)
 """Of the network between features and outcome."""
-_KIND = "rpojax camera 1"
+_KIND = "rpojax camera 2"
+_SHAPES = {
+    "mean": (FEATURES,),
+    "spread": (FEATURES,),
+    "wide_share": (),
+    "mixing": (4, 4),
+    "lasting_share": (),
+    "lasting_angle": (),
+    "false_log_side": (2,),
+    "false_score": (2,),
+}
+_POSITIVE = ("spread", "lasting_angle")
 
 
 def save_statistics(statistics: CameraStatistics, path: Path, card: Mapping[str, object]) -> None:
     """Writes a fitted camera with its card; the file is either whole or as it was before."""
-    tensors = {
-        name: np.asarray(getattr(statistics, name)) for name in ("mean", "spread", "wide_share", "false_log_side")
-    }
+    tensors = {name: np.asarray(getattr(statistics, name)) for name in _SHAPES}
     for index, (weight, bias) in enumerate(statistics.layers):
         tensors[f"layers.{index}.weight"], tensors[f"layers.{index}.bias"] = np.asarray(weight), np.asarray(bias)
     write_tensors(path, tensors, {"kind": _KIND, "card": json.dumps(dict(card))})
@@ -41,16 +50,14 @@ def load_statistics(path: Path) -> tuple[CameraStatistics, dict[str, object]]:
         return jnp.asarray(take(path, tensors, name, shape, np.float32))
 
     statistics = CameraStatistics(
-        mean=tensor("mean", FEATURES),
-        spread=tensor("spread", FEATURES),
+        **{name: tensor(name, *shape) for name, shape in _SHAPES.items()},
         layers=tuple(
             (tensor(f"layers.{i}.weight", fan_in, fan_out), tensor(f"layers.{i}.bias", fan_out))
             for i, (fan_in, fan_out) in enumerate(itertools.pairwise(WIDTHS))
         ),
-        wide_share=tensor("wide_share"),
-        false_log_side=tensor("false_log_side", 2),
     )
     nothing_left(path, tensors)
-    if not np.all(np.asarray(statistics.spread) > 0.0):
-        raise WeightsError(f"{path}: spread: found a number that is not positive, expected positive numbers")
+    for name in _POSITIVE:
+        if not np.all(np.asarray(getattr(statistics, name)) > 0.0):
+            raise WeightsError(f"{path}: {name}: found a number that is not positive, expected positive numbers")
     return statistics, card

@@ -28,12 +28,13 @@ def expose(
     params: Params,
     truth: Truth,
     flight: FlightMemory,
+    box_edges: Array | None,
     sky: Sky,
     health: Health,
     key: Array,
     tick: Array,
 ) -> Frame:
-    """One exposure by the scenario's camera model."""
+    """One exposure by the scenario's camera model; `box_edges` is what lasts of the statistical camera's errors."""
     camera = params.camera
     observable = light.is_observable(truth.r_TN_N, truth.r_ST_N, sky.sun_N, camera.phase_limit, camera.sun_exclusion)
     hull_K = box_camera.hull_in_camera(camera, params.plant.target.hull, truth.q_TN, truth.r_ST_N, truth.q_BN)
@@ -48,8 +49,9 @@ def expose(
     light_and_health = (observable, health.camera)
     if scenario.camera_model == "statistical":
         assert params.statistics is not None
+        assert box_edges is not None
         return statistical_camera.measure(
-            params.statistics, scene, outline, in_front, size, *light_and_health, normals, uniforms
+            params.statistics, scene, outline, in_front, size, *light_and_health, box_edges, normals, uniforms
         )
     assert params.networks is not None
     view = look_at(scenario, params, flight)

@@ -28,7 +28,7 @@ from rpojax.physics.actuators import Burn, BurnError
 from rpojax.physics.environment import Sky
 from rpojax.physics.faults import Health
 from rpojax.physics.plant import Truth
-from rpojax.sensors import chamber_pressure, gps, gyro, star_tracker
+from rpojax.sensors import chamber_pressure, gps, gyro, star_tracker, statistical_camera
 from rpojax.sensors.box_camera import Frame
 from rpojax.simulation import camera
 from rpojax.simulation.params import Params
@@ -44,10 +44,12 @@ class SensorState:
     Attributes:
         gps_bias_N: (3,) [m]
         gyro_bias_B: (3,) [rad/s]
+        box_edges: (4,) what lasts of the statistical camera's errors [1 sigma], None for other cameras
     """
 
     gps_bias_N: Array
     gyro_bias_B: Array
+    box_edges: Array | None
 
 
 @pytree
@@ -120,7 +122,11 @@ def init(scenario: Scenario, params: Params, key: Array) -> State:
     )
     biases = random.normal(random.fold_in(streams[Stream.SENSOR_BIAS], _START), 6)
     sensors = SensorState(
-        gps_bias_N=params.gps.bias_sigma * biases[:3], gyro_bias_B=params.gyro.initial_bias_sigma * biases[3:]
+        gps_bias_N=params.gps.bias_sigma * biases[:3],
+        gyro_bias_B=params.gyro.initial_bias_sigma * biases[3:],
+        box_edges=None
+        if params.statistics is None
+        else random.normal(random.fold_in(streams[Stream.SENSOR_BIAS], _START - 1), 4),
     )
     sigma = [servicer_filter.initial_sigma(navigation)[:6], relative_filter.initial_sigma(navigation)[:6]]
     error = jnp.concatenate(sigma) * random.normal(streams[Stream.HANDOVER], 12)
@@ -210,7 +216,9 @@ def _sense(scenario: Scenario, params: Params, state: State, sky: Sky, health: H
     box_key = camera_key(state.keys, state.tick)
     gps_normals = random.normal(gps_key, 3)
     star_normals = random.normal(random.fold_in(star_key, 1), 3)
-    frame = camera.expose(scenario, params, truth, state.flight, sky, health, box_key, state.tick)
+    frame = camera.expose(
+        scenario, params, truth, state.flight, state.sensors.box_edges, sky, health, box_key, state.tick
+    )
     measurements = Measurements(
         gps=GpsMeasurement(
             position_N=gps.measure(params.gps, truth.r_TN_N + truth.r_ST_N, state.sensors.gps_bias_N, gps_normals),
@@ -315,9 +323,16 @@ def _chamber_pressure(params: Params, state: State, burn_error: BurnError, healt
 def _advance_sensors(scenario: Scenario, params: Params, state: State) -> SensorState:
     key = random.fold_in(state.keys[Stream.SENSOR_BIAS], state.tick + 1)
     normals = random.normal(key, 6)
+    box_edges = state.sensors.box_edges
+    if box_edges is not None:
+        assert params.statistics is not None
+        turned = safe.norm(state.truth.omega_TN_T) * scenario.tick_s
+        fresh = random.normal(random.fold_in(key, 1), 4)
+        box_edges = statistical_camera.advance(params.statistics, box_edges, turned, fresh)
     return SensorState(
         gps_bias_N=gps.advance_bias(params.gps, state.sensors.gps_bias_N, normals[:3], scenario.tick_s),
         gyro_bias_B=gyro.advance_bias(params.gyro, state.sensors.gyro_bias_B, normals[3:], scenario.tick_s),
+        box_edges=box_edges,
     )
 
 

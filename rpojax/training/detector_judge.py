@@ -2,6 +2,8 @@
 
 import dataclasses
 import itertools
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import jax
@@ -11,14 +13,13 @@ import numpy as np
 from rpojax.training.average_precision import average_precision, overlaps
 from rpojax.training.detection_data import Dataset
 from rpojax.training.raytrace import batches
-from rpojax.vision.detector import THRESHOLD, Params, detect
+from rpojax.vision.detector import THRESHOLD, Detections, detect
 
 LEAST_SIDE_PX = 16.0
 """Long side from which a box counts in the headline."""
 SIZES_PX = (0.0, 8.0, 16.0, 24.0, 40.0, 64.0, 1e9)
 COUNT = 8
 _BATCH = 50
-_detect = jax.jit(detect, static_argnums=2)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,20 +30,25 @@ class Found:
     scores: list[np.ndarray]
 
 
-def find(params: Params, images: np.ndarray) -> Found:
-    """Detections in pictures (n, p, p, 3) of 8 bit sRGB codes."""
+def find(params: Any, images: np.ndarray, detector: Callable[[Any, jax.Array, int], Detections] = detect) -> Found:
+    """Detections in pictures (n, p, p, 3) of 8 bit sRGB codes, by the whole detector or another one of its kind."""
     boxes, scores = [], []
     for chosen in batches(len(images), _BATCH):
         part = images[chosen]
         # Always the same number of pictures, so that the program is compiled once.
         full = np.concatenate([part, np.zeros((_BATCH - len(part), *part.shape[1:]), np.uint8)])
-        result = _detect(params, jnp.asarray(full.astype(np.float32) / 255.0), COUNT)
+        result = _run(detector, params, jnp.asarray(full.astype(np.float32) / 255.0))
         for index in range(len(part)):
             score = np.asarray(result.score[index], np.float64)
             seen = score > 1e-3
             scores.append(score[seen])
             boxes.append(np.asarray(result.box_px[index], np.float64)[seen])
     return Found(boxes, scores)
+
+
+@partial(jax.jit, static_argnums=0)
+def _run(detector: Callable[[Any, jax.Array, int], Detections], params: Any, images: jax.Array) -> Detections:
+    return detector(params, images, COUNT)
 
 
 def long_side(boxes: np.ndarray) -> np.ndarray:

@@ -1,227 +1,75 @@
-"""The detector: a small network from a picture to boxes of spacecraft.
-
-Plain convolutions at falling resolution, a way back up to a quarter of it, and for every cell there how likely the
-middle of a spacecraft is and how far its four edges are: the head of Zhou et al., "Objects as Points", 2019, with the
-distances of Tian et al., "FCOS", ICCV 2019. No normalisation and no depthwise convolutions: on a CPU both cost more
-than they bring.
-"""
+"""The detector: from a picture to boxes of spacecraft, by a look at the whole of it and one at each box."""
 
 import json
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from flax import linen
 from jaxtyping import Array, Float
 
-from rpojax.core.pytree import pytree
+from rpojax.vision import first_look, second_look
+from rpojax.vision.first_look import MULTIPLE_PX, Detections, Maps
+from rpojax.vision.overlap import suppress
 from rpojax.vision.weights import WeightsError, nothing_left, read_tensors, take, write_tensors
 
-STRIDE = 4
-MULTIPLE_PX = 32
-"""Pictures have sides that are multiples of this."""
 THRESHOLD = 0.5
 """Score from which a box counts as seen."""
 SUPPRESSION_IOU = 0.5
-WINDOW = 5
-"""Cells (odd) around a peak over which the soft box is taken."""
-_WIDTHS = (16, 32, 48, 64, 64)
-_TOP_DOWN = 48
-_HEAD = 32
-_PRIOR = -4.6
-_KIND = "rpojax detector 1"
+_KIND = "rpojax detector 2"
 
-Params = dict[str, Any]
+Params = dict[str, dict[str, dict[str, Array]]]
+"""Arrays by look (first, second), layer and name."""
 Images = Float[Array, "n h w 3"]
 
-
-@pytree
-class Maps:
-    """What the network says of every cell of STRIDE x STRIDE pixels.
-
-    Attributes:
-        heat: (..., y, x) logit that the middle of a spacecraft is in the cell
-        edges: (..., y, x, 4) left, top, right, bottom [px] of its box
-    """
-
-    heat: Array
-    edges: Array
-
-
-@pytree
-class Detections:
-    """Boxes by falling score; where there are fewer than asked for, the rest has score 0.
-
-    Attributes:
-        box_px: (..., k, 4) left, top, right, bottom
-        score: (..., k) in 0..1
-    """
-
-    box_px: Array
-    score: Array
-
-
-class Network(linen.Module):
-    """Pictures (n, h, w, 3) in 0..1 to five channels (n, h/4, w/4, 5): heat, and four distances in asinh."""
-
-    @linen.compact
-    def __call__(self, images: Array) -> Array:
-        levels = []
-        values = linen.relu(_conv("stem", _WIDTHS[0], stride=2)(2.0 * images - 1.0))
-        for index, width in enumerate(_WIDTHS[1:]):
-            values = linen.relu(_conv(f"down{index}", width, stride=2)(values))
-            values = values + linen.relu(_conv(f"same{index}", width)(values))
-            levels.append(values)
-        merged = _conv("top", _TOP_DOWN, size=1)(levels[-1])
-        for index in (2, 1, 0):
-            side = _conv(f"side{index}", _TOP_DOWN, size=1)(levels[index])
-            merged = linen.relu(_doubled(merged) + side)
-            if index > 0:
-                merged = merged + linen.relu(_conv(f"blend{index}", _TOP_DOWN)(merged))
-        values = linen.relu(_conv("head0", _HEAD)(merged))
-        values = values + linen.relu(_conv("head1", _HEAD)(values))
-        return linen.Conv(
-            5, (1, 1), name="out", param_dtype=jnp.float32, bias_init=_bias_init, kernel_init=_small_init
-        )(values)
-
-
-def _conv(name: str, width: int, stride: int = 1, size: int = 3) -> linen.Conv:
-    return linen.Conv(
-        width,
-        (size, size),
-        (stride, stride),
-        padding=((size // 2, size // 2), (size // 2, size // 2)),
-        name=name,
-        param_dtype=jnp.float32,
-        kernel_init=linen.initializers.he_normal(),
-    )
-
-
-def _bias_init(key: Array, shape: tuple[int, ...], dtype: Any) -> Array:
-    """Few cells hold a middle, and a usual spacecraft has its edges eight pixels away."""
-    return jnp.array([_PRIOR, 1.5, 1.5, 1.5, 1.5], dtype)
-
-
-def _small_init(key: Array, shape: tuple[int, ...], dtype: Any) -> Array:
-    return 0.02 * jax.random.normal(key, shape, dtype)
-
-
-def _doubled(values: Array) -> Array:
-    """(n, y, x, c) to (n, 2y, 2x, c) by repetition."""
-    n, y, x, c = values.shape
-    return jnp.broadcast_to(values[:, :, None, :, None, :], (n, y, 2, x, 2, c)).reshape(n, 2 * y, 2 * x, c)
-
-
-NETWORK = Network()
+__all__ = ["MULTIPLE_PX", "Detections", "Params"]
 
 
 def fresh(key: Array) -> Params:
     """Untrained parameters."""
-    sample = jnp.zeros((1, MULTIPLE_PX, MULTIPLE_PX, 3), jnp.float32)
-    return dict(NETWORK.init(key, sample)["params"])
-
-
-def forward(params: Params, images: Images) -> Maps:
-    """Maps (n, h/4, w/4) of pictures of float32 sRGB codes in 0..1; h and w are multiples of `MULTIPLE_PX`."""
-    raw = NETWORK.apply({"params": params}, images)
-    return to_maps(raw)  # pyright: ignore[reportArgumentType]
-
-
-def to_maps(raw: Float[Array, "n y x 5"]) -> Maps:
-    """Maps of the network's channels."""
-    rows, columns = raw.shape[1:3]
-    x = (jnp.arange(columns, dtype=jnp.float32) + 0.5) * STRIDE
-    y = (jnp.arange(rows, dtype=jnp.float32) + 0.5) * STRIDE
-    x, y = jnp.broadcast_to(x[None, :], (rows, columns)), jnp.broadcast_to(y[:, None], (rows, columns))
-    middle = jnp.stack([x, y, x, y], axis=-1)
-    # Like a logarithm for far edges, but a neighbour of a small box's middle may say that an edge lies behind it.
-    distance = STRIDE * jnp.sinh(jnp.clip(raw[..., 1:], -4.5, 4.5))
-    sign = jnp.array([-1.0, -1.0, 1.0, 1.0], jnp.float32)
-    return Maps(heat=raw[..., 0], edges=middle[None] + sign[None, None, None, :] * distance)
+    first, second = jax.random.split(key)
+    return {"first": first_look.fresh(first), "second": second_look.fresh(second)}
 
 
 def detect(params: Params, images: Images, count: int = 4) -> Detections:
-    """The `count` best boxes of each of a batch of pictures."""
-    maps = forward(params, images)
-    return jax.vmap(lambda heat, edges: decode(Maps(heat=heat, edges=edges), count))(maps.heat, maps.edges)
+    """The `count` best boxes of each of a batch of pictures of float32 sRGB codes in 0..1.
 
-
-def decode(maps: Maps, count: int) -> Detections:
-    """The `count` best boxes of one picture's maps (y, x): peaks of heat, less those that overlap a better one.
-
-    A box is the mean of those that the peak's cell and its neighbours name, by their heat: a vote has less noise.
+    Sides of pictures are multiples of `MULTIPLE_PX`.
     """
-    rows, columns = maps.heat.shape
-    score = jax.nn.sigmoid(maps.heat)
-    around = jax.lax.reduce_window(score, -jnp.inf, jax.lax.max, (3, 3), (1, 1), "SAME")
-    peaks = jnp.where(score >= around, score, 0.0).reshape(-1)
-    candidates = min(3 * count + 2, rows * columns)
-    best, place = jax.lax.top_k(peaks, candidates)
-    box = jax.vmap(lambda p: _vote(maps, p // columns, p % columns, 3, 1.0))(place)
-    kept = _suppress(box, best)
-    order = jnp.argsort(-kept)[: min(count, candidates)]
-    return Detections(box_px=_clip(box[order], rows, columns), score=kept[order])
+    maps = first_look.forward(params["first"], images)
+
+    def one(image: Array, heat: Array, edges: Array) -> Detections:
+        found = first_look.decode(Maps(heat=heat, edges=edges), count)
+        return _again(params, image, found)
+
+    return jax.vmap(one)(images, maps.heat, maps.edges)
 
 
-def soft_decode(maps: Maps) -> tuple[Float[Array, "4"], Float[Array, ""]]:
-    """Box and score at the highest peak of one picture's maps (y, x), both differentiable in the maps.
-
-    The box is the mean of a window of cells around the peak by their heat, the score a smooth maximum of the window.
-    """
-    columns = maps.heat.shape[1]
-    peak = jnp.argmax(jax.lax.stop_gradient(maps.heat))
-    row, column = peak // columns, peak % columns
-    box = _vote(maps, row, column, WINDOW, 1.0)
-    heat, _ = _window(maps, row, column, WINDOW)
-    return box, jnp.sum(jax.nn.softmax(4.0 * heat) * jax.nn.sigmoid(heat))
+def _again(params: Params, image: Array, found: Detections) -> Detections:
+    """Boxes after the second look; what has become the same box counts once."""
+    box, goodness = second_look.look(params["second"], image, found.box_px)
+    box = first_look.clip(box, image.shape[0], image.shape[1])
+    score = jnp.where(found.score > 0.0, _joint(found.score, goodness), 0.0)
+    order = jnp.argsort(-score)
+    kept = suppress(box[order], score[order], SUPPRESSION_IOU)
+    last = jnp.argsort(-kept)
+    return Detections(box_px=box[order][last], score=kept[last])
 
 
-def _window(maps: Maps, row: Array, column: Array, size: int) -> tuple[Array, Array]:
-    """Heat (size^2,) and edges (size^2, 4) of the cells around one; cells outside of the maps are cold."""
-    rows, columns = maps.heat.shape
-    offset = jnp.arange(size, dtype=row.dtype) - size // 2
-    y = jnp.broadcast_to((row + offset)[:, None], (size, size)).reshape(-1)
-    x = jnp.broadcast_to((column + offset)[None, :], (size, size)).reshape(-1)
-    inside = (y >= 0) & (y < rows) & (x >= 0) & (x < columns)
-    y, x = jnp.clip(y, 0, rows - 1), jnp.clip(x, 0, columns - 1)
-    return jnp.where(inside, maps.heat[y, x], -30.0), maps.edges[y, x]
+def _joint(first: Array, goodness: Array) -> Array:
+    """Score of both looks: their odds count alike."""
+    first = jnp.clip(first, 1e-6, 1.0 - 1e-6)
+    return jax.nn.sigmoid(0.5 * (jnp.log(first) - jnp.log1p(-first) + goodness))
 
 
-def _vote(maps: Maps, row: Array, column: Array, size: int, sharpness: float) -> Array:
-    heat, edges = _window(maps, row, column, size)
-    weight = jax.nn.softmax(sharpness * heat)
-    return jnp.sum(weight[:, None] * edges, axis=0)
-
-
-def box_overlap(a: Float[Array, "4"], b: Float[Array, "4"]) -> Float[Array, ""]:
-    """Intersection over union of two boxes (left, top, right, bottom)."""
-    sides = jnp.maximum(jnp.minimum(a[2:], b[2:]) - jnp.maximum(a[:2], b[:2]), 0.0)
-    both = sides[0] * sides[1]
-    either = (a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - both
-    return both / jnp.maximum(either, 1e-6)
-
-
-def _suppress(boxes: Array, scores: Array) -> Array:
-    """Scores (n,), falling, of which those are 0 whose box overlaps one that is kept before it."""
-    count = boxes.shape[0]
-    overlap = jax.vmap(lambda a: jax.vmap(lambda b: box_overlap(a, b))(boxes))(boxes) > SUPPRESSION_IOU
-
-    def step(kept: Array, index: Array) -> tuple[Array, None]:
-        earlier = jnp.arange(count, dtype=index.dtype) < index
-        beaten = jnp.any(overlap[index] & (kept > 0.0) & earlier)
-        return kept.at[index].set(jnp.where(beaten, 0.0, kept[index])), None
-
-    kept, _ = jax.lax.scan(step, scores, jnp.arange(count, dtype=jnp.int32))
-    return kept
-
-
-def _clip(boxes: Array, rows: int, columns: int) -> Array:
-    high = jnp.array([columns, rows, columns, rows], jnp.float32) * STRIDE
-    return jnp.clip(boxes, 0.0, high[None, :])
+def soft_detect(params: Params, image: Float[Array, "h w 3"]) -> tuple[Float[Array, "4"], Float[Array, ""]]:
+    """The best box of a picture and its score, both differentiable in the picture."""
+    maps = first_look.forward(params["first"], image[None])
+    box, score = first_look.soft_decode(Maps(heat=maps.heat[0], edges=maps.edges[0]))
+    boxes, goodness = second_look.look(params["second"], image, box[None])
+    return boxes[0], _joint(score, goodness[0])
 
 
 def packaged_detector() -> Path:
@@ -232,7 +80,10 @@ def packaged_detector() -> Path:
 def save_detector(params: Params, path: Path, card: Mapping[str, object]) -> None:
     """Writes parameters in half precision with their card; the file is either whole or as it was before."""
     tensors = {
-        f"{layer}.{name}": np.asarray(values[name], np.float16) for layer, values in params.items() for name in values
+        f"{look}.{layer}.{name}": np.asarray(values[name], np.float16)
+        for look, layers in params.items()
+        for layer, values in layers.items()
+        for name in values
     }
     write_tensors(path, tensors, {"kind": _KIND, "card": json.dumps(dict(card))})
 
@@ -250,11 +101,16 @@ def load_detector(path: Path | None = None) -> tuple[Params, dict[str, object]]:
         raise WeightsError(f"{source}: found a card that is no JSON, expected an object") from None
     shapes = jax.eval_shape(fresh, jax.random.key(0))
     params = {
-        layer: {
-            name: jnp.asarray(take(source, tensors, f"{layer}.{name}", like.shape, np.float16).astype(np.float32))
-            for name, like in values.items()
+        look: {
+            layer: {
+                name: jnp.asarray(
+                    take(source, tensors, f"{look}.{layer}.{name}", like.shape, np.float16).astype(np.float32)
+                )
+                for name, like in values.items()
+            }
+            for layer, values in layers.items()
         }
-        for layer, values in shapes.items()
+        for look, layers in shapes.items()
     }
     nothing_left(source, tensors)
     return params, card

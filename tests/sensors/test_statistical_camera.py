@@ -17,6 +17,8 @@ from rpojax.vision.weights import WeightsError
 SIZE = (128, 128)
 DRAWS = 20_000
 OUTLINE = np.array([40.0, 50.0, 80.0, 74.0], np.float32)  # 40 x 24 px, geometric mean 31 px
+SHARE = 0.7
+MIXING = np.linalg.cholesky(np.array([[1.0, 0.5, 0, 0], [0.5, 1.0, 0, 0], [0, 0, 1.0, -0.4], [0, 0, -0.4, 1.0]]))
 MEAN_SIDE = np.sqrt(40.0 * 24.0)
 
 
@@ -48,7 +50,11 @@ def fitted(true: float, false: float, bias: float = 0.0, wide: float = 0.0) -> C
         spread=jnp.ones(FEATURES, jnp.float32),
         layers=tuple(layers),
         wide_share=jnp.asarray(wide, jnp.float32),
+        mixing=jnp.asarray(MIXING, jnp.float32),
+        lasting_share=jnp.asarray(SHARE, jnp.float32),
+        lasting_angle=jnp.asarray(0.2, jnp.float32),
         false_log_side=jnp.asarray([np.log(10.0), 0.5], jnp.float32),
+        false_score=jnp.asarray([0.5, 0.1], jnp.float32),
     )
 
 
@@ -56,15 +62,16 @@ def drawn(statistics: CameraStatistics, outline: np.ndarray = OUTLINE, light: bo
     """Many frames of one view."""
     key = jax.random.key(3)
     normals = jax.random.normal(key, (DRAWS, NORMALS))
+    lasting = jax.random.normal(jax.random.fold_in(key, 2), (DRAWS, 4))
     uniforms = jax.random.uniform(jax.random.fold_in(key, 1), (DRAWS, UNIFORMS))
     yes = jnp.asarray(True)
 
-    def one(normals: jax.Array, uniforms: jax.Array) -> Frame:
+    def one(lasting: jax.Array, normals: jax.Array, uniforms: jax.Array) -> Frame:
         return statistical_camera.measure(
-            statistics, scene(), jnp.asarray(outline), yes, SIZE, jnp.asarray(light), yes, normals, uniforms
+            statistics, scene(), jnp.asarray(outline), yes, SIZE, jnp.asarray(light), yes, lasting, normals, uniforms
         )
 
-    return jax.jit(jax.vmap(one))(normals, uniforms)
+    return jax.jit(jax.vmap(one))(lasting, normals, uniforms)
 
 
 def sigma() -> float:
@@ -86,6 +93,30 @@ def test_edges_have_the_bias_and_the_spread_of_the_distribution() -> None:
     error = np.asarray(frame.box.edges)[np.asarray(frame.box.present)] - OUTLINE
     np.testing.assert_allclose(error.mean(axis=0), 0.05 * MEAN_SIDE, atol=5.0 * sigma() / np.sqrt(DRAWS))
     np.testing.assert_allclose(error.std(axis=0), sigma(), rtol=0.03)
+
+
+def test_errors_of_the_four_edges_are_as_correlated_as_the_fit_says() -> None:
+    frame = drawn(fitted(true=0.999, false=0.0))
+    error = np.asarray(frame.box.edges)[np.asarray(frame.box.present)] - OUTLINE
+    np.testing.assert_allclose(np.corrcoef(error.T), MIXING @ MIXING.T, atol=0.03)
+
+
+def test_what_lasts_keeps_its_size_and_is_forgotten_with_the_angle() -> None:
+    statistics = fitted(true=0.9, false=0.0)
+    before, normals = np.random.default_rng(4).normal(size=(2, DRAWS, 4))
+    advance = jax.jit(jax.vmap(lambda e, n: statistical_camera.advance(statistics, e, jnp.asarray(0.1), n)))
+    after = np.asarray(advance(before, normals))
+    assert after.std() == pytest.approx(1.0, abs=0.01)
+    assert np.mean(after * before) == pytest.approx(np.exp(-0.1 / 0.2), abs=0.01)
+    still = statistical_camera.advance(statistics, jnp.asarray(before[0]), jnp.asarray(0.0), jnp.asarray(normals[0]))
+    np.testing.assert_array_equal(still, before[0])
+
+
+def test_false_boxes_have_scores_of_their_own() -> None:
+    frame = drawn(fitted(true=0.5, false=0.3))
+    score, false = np.asarray(frame.score), np.asarray(frame.outlier)
+    logit = np.log(score[false] / (1.0 - score[false]))
+    assert (logit.mean(), logit.std()) == (pytest.approx(0.5, abs=0.01), pytest.approx(0.1, rel=0.05))
 
 
 def test_a_share_of_the_boxes_is_wide_of_the_mark() -> None:

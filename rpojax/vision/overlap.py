@@ -1,0 +1,32 @@
+"""Boxes (left, top, right, bottom) that lie over each other."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+def box_overlap(a: Float[Array, "4"], b: Float[Array, "4"]) -> Float[Array, ""]:
+    """Intersection over union of two boxes."""
+    sides = jnp.maximum(jnp.minimum(a[2:], b[2:]) - jnp.maximum(a[:2], b[:2]), 0.0)
+    both = sides[0] * sides[1]
+    either = (a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - both
+    return both / jnp.maximum(either, 1e-6)
+
+
+def overlaps(a: Float[Array, "m 4"], b: Float[Array, "n 4"]) -> Float[Array, "m n"]:
+    """Intersection over union of every box with every other one."""
+    return jax.vmap(lambda one: jax.vmap(lambda other: box_overlap(one, other))(b))(a)
+
+
+def suppress(boxes: Float[Array, "n 4"], scores: Float[Array, " n"], most: float) -> Float[Array, " n"]:
+    """Scores, falling, of which those are 0 whose box overlaps one that is kept before it by more than `most`."""
+    count = boxes.shape[0]
+    over = overlaps(boxes, boxes) > most
+
+    def step(kept: Array, index: Array) -> tuple[Array, None]:
+        earlier = jnp.arange(count, dtype=index.dtype) < index
+        beaten = jnp.any(over[index] & (kept > 0.0) & earlier)
+        return kept.at[index].set(jnp.where(beaten, 0.0, kept[index])), None
+
+    kept, _ = jax.lax.scan(step, scores, jnp.arange(count, dtype=jnp.int32))
+    return kept

@@ -1,0 +1,116 @@
+"""The detector's second look: every box is cut out of the picture, brought to one size and measured again.
+
+The first look names edges from the middle of a spacecraft, which for a large one is far from them. Here all boxes have
+the same size, so that an edge is always found at the same place and to the same share of the box (Cai and Vasconcelos,
+"Cascade R-CNN", CVPR 2018, with pictures in place of features).
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from flax import linen
+from jaxtyping import Array, Float
+
+CUT_PX = 32
+"""Side of what is looked at."""
+_AROUND = 1.5
+_MARGIN_PX = 4.0
+"""A cut is the box by `_AROUND`, and so much more."""
+_REACH = 0.25
+_HALF = 0.3
+
+Params = dict[str, Any]
+
+
+class Network(linen.Module):
+    """Cuts (n, 32, 32, 4) to five channels (n, 5): the edges in the cut, and how good the box is (logit)."""
+
+    @linen.compact
+    def __call__(self, cuts: Array) -> Array:
+        values = linen.relu(_conv("stem", 16)(cuts))
+        for index, width in enumerate((32, 64)):
+            values = linen.relu(_conv(f"down{index}", width, stride=2)(values))
+            values = values + linen.relu(_conv(f"same{index}", width)(values))
+        values = values + linen.relu(_conv("same2", 64)(values))
+        values = linen.relu(
+            linen.Conv(
+                96,
+                (8, 8),
+                padding="VALID",
+                name="whole",
+                param_dtype=jnp.float32,
+                kernel_init=linen.initializers.he_normal(),
+            )(values)
+        )
+        out = linen.Conv(
+            5, (1, 1), name="out", param_dtype=jnp.float32, kernel_init=linen.initializers.normal(0.02, jnp.float32)
+        )
+        return out(values)[:, 0, 0, :]
+
+
+def _conv(name: str, width: int, stride: int = 1) -> linen.Conv:
+    return linen.Conv(
+        width,
+        (3, 3),
+        (stride, stride),
+        padding=((1, 1), (1, 1)),
+        name=name,
+        param_dtype=jnp.float32,
+        kernel_init=linen.initializers.he_normal(),
+    )
+
+
+NETWORK = Network()
+
+
+def fresh(key: Array) -> Params:
+    """Untrained parameters."""
+    return dict(NETWORK.init(key, jnp.zeros((1, CUT_PX, CUT_PX, 4), jnp.float32))["params"])
+
+
+def look(
+    params: Params, image: Float[Array, "h w 3"], boxes: Float[Array, "n 4"]
+) -> tuple[Float[Array, "n 4"], Float[Array, " n"]]:
+    """Boxes [px] measured again in a picture of codes in 0..1, and how good each is (logit)."""
+    cuts, frame = jax.vmap(lambda box: cut(image, box))(boxes)
+    return to_boxes(NETWORK.apply({"params": params}, cuts), frame)  # pyright: ignore[reportArgumentType]
+
+
+def to_boxes(raw: Float[Array, "n 5"], frame: Float[Array, "n 4"]) -> tuple[Float[Array, "n 4"], Float[Array, " n"]]:
+    """Boxes [px] and logits of the network's channels, for cuts at `frame` [px]."""
+    base = jnp.array([0.5 - _HALF, 0.5 - _HALF, 0.5 + _HALF, 0.5 + _HALF], jnp.float32)
+    place = base[None, :] + _REACH * raw[:, :4]
+    corner, side = frame[:, :2], frame[:, 2:] - frame[:, :2]
+    return jnp.tile(corner, (1, 2)) + place * jnp.tile(side, (1, 2)), raw[:, 4]
+
+
+def cut(image: Float[Array, "h w 3"], box: Float[Array, "4"]) -> tuple[Float[Array, "32 32 4"], Float[Array, "4"]]:
+    """What lies around a box, stretched to a square, and where that is [px]; both differentiable in picture and box.
+
+    Colours are from -1 to 1 and 0 beyond the picture; the fourth channel is 1 within it.
+    """
+    middle = 0.5 * (box[:2] + box[2:])
+    side = _AROUND * jnp.maximum(box[2:] - box[:2], 1.0) + _MARGIN_PX
+    low = middle - 0.5 * side
+    across, in_x = _weights(low[0], side[0], image.shape[1])
+    down, in_y = _weights(low[1], side[1], image.shape[0])
+    color = jnp.einsum("yi,xj,ijc->yxc", down, across, 2.0 * image - 1.0, optimize=True)
+    inside = in_y[:, None, None] * in_x[None, :, None]
+    return jnp.concatenate([color, inside], axis=-1), jnp.concatenate([low, low + side])
+
+
+def _weights(low: Array, side: Array, count: int) -> tuple[Array, Array]:
+    """Weights (32, count) of a row of pixels in each place of the cut, and 1 for places within the row.
+
+    Triangles: linear between pixels where the cut is finer than they are, and where it is coarser as wide as a place,
+    so that nothing is missed.
+    """
+    step = side / CUT_PX
+    place = low + (jnp.arange(CUT_PX, dtype=jnp.float32) + 0.5) * step
+    pixel = jnp.arange(count, dtype=jnp.float32) + 0.5
+    wide = jnp.maximum(step, 1.0)
+    weight = jnp.maximum(0.0, 1.0 - jnp.abs(pixel[None, :] - place[:, None]) / wide)
+    total = jnp.sum(weight, axis=1)
+    inside = ((place > 0.0) & (place < count)).astype(jnp.float32)
+    return weight / jnp.maximum(total, 1e-3)[:, None] * inside[:, None], inside

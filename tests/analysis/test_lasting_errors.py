@@ -1,0 +1,67 @@
+"""The share of a detector's errors that lasts, and for how long, are found where they are known."""
+
+import itertools
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.analysis import camera_calibration, lasting_errors
+from rpojax.analysis.camera_calibration import Outcomes
+from rpojax.analysis.lasting_errors import FRAMES
+from rpojax.core import quaternion
+from rpojax.sensors.statistical_camera import FEATURES
+from rpojax.simulation import scenario
+
+SIDE = 30.0
+SIGMA = 0.04
+COUNT = 400
+
+
+def sequences(share: float, angle: float, turn: np.ndarray) -> Outcomes:
+    """Boxes whose edges err by a lasting and a passing part; both sides of an axis err alike by half."""
+    rng = np.random.default_rng(5)
+    lasting = rng.normal(size=(len(turn), 4))
+    errors = []
+    for _ in range(FRAMES):
+        errors.append(np.sqrt(share) * lasting + np.sqrt(1.0 - share) * rng.normal(size=lasting.shape))
+        kept = np.exp(-turn / angle)[:, None]
+        lasting = kept * lasting + np.sqrt(1.0 - kept**2) * rng.normal(size=lasting.shape)
+    error = np.stack(errors, axis=1).reshape(-1, 4)
+    error[:, 2] = 0.5 * error[:, 0] + np.sqrt(0.75) * error[:, 2]
+    outline = np.tile([40.0, 40.0, 40.0 + SIDE, 40.0 + SIDE], (len(error), 1))
+    score = np.where(rng.random(len(error)) < 0.05, 0.1, 0.9)
+    features = rng.normal(size=(len(error), FEATURES))
+    return Outcomes(features, outline, np.ones(len(error), bool), outline + SIDE * SIGMA * error, score)
+
+
+@pytest.mark.parametrize(("share", "angle_deg"), [(0.85, 10.0), (0.4, 3.0)])
+def test_the_share_and_the_angle_are_found(share: float, angle_deg: float) -> None:
+    turn = np.radians(np.random.default_rng(1).uniform(0.1, 3.0, COUNT))
+    made = sequences(share, np.radians(angle_deg), turn)
+    fit = camera_calibration.fit(made, 0.4)
+    found = lasting_errors.with_lasting_errors(fit.statistics, made, turn, 0.4)
+    assert float(found.lasting_share) == pytest.approx(share, abs=0.05)
+    assert np.degrees(float(found.lasting_angle)) == pytest.approx(angle_deg, rel=0.2)
+    correlation = np.asarray(found.mixing @ found.mixing.T)
+    assert correlation[0, 2] == pytest.approx(0.5, abs=0.1)
+    assert abs(correlation[0, 1]) < 0.1
+
+
+def test_errors_that_do_not_last_have_no_share() -> None:
+    turn = np.radians(np.full(COUNT, 1.0))
+    made = sequences(0.0, 1.0, turn)
+    fit = camera_calibration.fit(made, 0.4)
+    assert float(lasting_errors.with_lasting_errors(fit.statistics, made, turn, 0.4).lasting_share) < 0.06
+
+
+def test_a_sequence_turns_by_equal_angles_and_nothing_else_changes() -> None:
+    made = lasting_errors.tumbling(scenario.load("inspection"), 6, seed=3)
+    q = made.views.q_TN.reshape(6, FRAMES, 4)
+    for rows, turn in zip(q, made.turn, strict=True):
+        for one, other in itertools.pairwise(rows):
+            step = quaternion.multiply(jnp.asarray(other), quaternion.conjugate(jnp.asarray(one)))
+            assert 2.0 * np.arccos(min(1.0, abs(float(step[0])))) == pytest.approx(turn, rel=1e-6, abs=1e-7)
+    for name in ("r_ST_N", "q_KN", "sun_N", "place_N", "earth_turn"):
+        rows = getattr(made.views, name).reshape(6, FRAMES, -1)
+        np.testing.assert_array_equal(rows, np.broadcast_to(rows[:, :1], rows.shape))
