@@ -31,6 +31,7 @@ Seed = Annotated[int, arg(metavar="S", help="Seed of views and training.")]
 AsJson = Annotated[bool, arg(name="json", help="JSON on stdout and no progress.")]
 Given = Annotated[Positional[Path | None], arg(metavar="FIELD", help="Field; that of the packaged target by default.")]
 
+_LEAST_ALPHA = 0.02
 _SHEET_LIMIT, _FILM_LIMIT = 64, 1000
 
 app = tyro.extras.SubcommandApp()
@@ -96,7 +97,7 @@ def train(
 def evaluate(
     field: Given = None,
     *,
-    mesh: Mesh = "target",
+    mesh: Annotated[str | None, arg(metavar="MESH", help="Mesh that FIELD was trained on.")] = None,
     units: Units = None,
     center: Center = False,
     views: Annotated[int, arg(metavar="N", help="Fresh ray-traced views, each with a Sun of its own.")] = 64,
@@ -119,7 +120,7 @@ def evaluate(
     from rpojax.training import judge
 
     target, network = _both(mesh, units, center, field)
-    traced = _fresh(target, views, samples, seed, range_m, fov_deg, as_json)
+    traced = _fresh(target, network, views, samples, seed, range_m, fov_deg, as_json)
     with counting("rendering", quiet=as_json) as watch:
         shown = judge.pictures(network, traced, watch)
     if sheet:
@@ -153,6 +154,9 @@ def render(
         raise RpojaxError(f"--frames, --size-px: found {frames}, {size_px}, expected 1 to {most} and 8 to 2048")
     if not 0.0 < math.hypot(*sun) < math.inf:
         raise RpojaxError(f"--sun: found {sun}, expected a direction")
+    if not -89.0 <= elevation_deg <= 89.0 or not math.isfinite(azimuth_deg):
+        found = f"{elevation_deg}, {azimuth_deg}"
+        raise RpojaxError(f"--elevation-deg, --azimuth-deg: found {found}, expected -89 to 89 and a finite angle")
     import numpy as np
 
     from rpojax.report.files import write_atomically
@@ -175,26 +179,61 @@ def render(
     return 0
 
 
-def _both(mesh: str, units: str | None, center: bool, field: Path | None) -> "tuple[TargetMesh, Field]":
+def _both(mesh: str | None, units: str | None, center: bool, field: Path | None) -> "tuple[TargetMesh, Field]":
     from rpojax.training import target_mesh
     from rpojax.vision.weights import load_field
 
-    network, _ = load_field(field)
-    return target_mesh.load(mesh, units, center), network
+    network, card = load_field(field)
+    trained_on = card.get("target")
+    if mesh is None and trained_on != target_mesh.PACKAGED:
+        raise RpojaxError(f"--mesh: missing, expected the mesh that {field} was trained on, {trained_on!r}")
+    target = target_mesh.load(mesh or target_mesh.PACKAGED, units, center)
+    _check_same(target, network)
+    return target, network
+
+
+def _check_same(mesh: "TargetMesh", field: "Field") -> None:
+    """Raises where a mesh is not where a field is: another one, or other units."""
+    import numpy as np
+
+    from rpojax.vision.field import bounding_ball
+
+    low, high = mesh.bounds
+    middle, radius = (np.asarray(value) for value in bounding_ball(field))
+    size = 0.5 * float(np.linalg.norm(high - low))
+    if not 0.8 < radius / size < 1.3 or np.linalg.norm(middle - 0.5 * (low + high)) > 0.1 * size:
+        found = f"{mesh.name} with a span of {float((high - low).max()):.3g} m"
+        raise RpojaxError(f"--mesh, --units, --center: found {found}, expected the mesh of the field in its place")
 
 
 def _fresh(
-    mesh: "TargetMesh", views: int, samples: int, seed: int, range_m: float | None, fov_deg: float, quiet: bool
+    mesh: "TargetMesh",
+    field: "Field",
+    views: int,
+    samples: int,
+    seed: int,
+    range_m: float | None,
+    fov_deg: float,
+    quiet: bool,
 ) -> "Views":
     from rpojax.training import raytrace
+    from rpojax.vision.field import bounding_ball
 
     radius = raytrace.center_and_radius(mesh.bounds)[1]
-    if range_m is not None and not range_m > radius:
-        raise RpojaxError(f"--range-m: found {range_m}, expected more than the target's radius, {radius:.3g} m")
+    least = 1.02 * max(radius, float(bounding_ball(field)[1]))
+    distance = raytrace.nominal_range(radius, fov_deg) if range_m is None else range_m
+    if not distance > least:
+        how = "--fov-deg" if range_m is None else "--range-m"
+        raise RpojaxError(f"{how}: found a range of {distance:.3g} m, expected the camera outside of {least:.3g} m")
     # Training draws from the seed itself; these views are others.
     shell = raytrace.Shell(views, samples=samples, seed=1_000_003 + seed, range_m=range_m, field_of_view_deg=fov_deg)
     with counting("ray tracing", quiet=quiet) as watch:
-        return raytrace.render(mesh, shell, None, watch)
+        traced = raytrace.render(mesh, shell, None, watch)
+    if not (traced.alpha > _LEAST_ALPHA).any():
+        raise RpojaxError(
+            "--range-m, --fov-deg: found views in which the target covers no pixel, expected a nearer one"
+        )
+    return traced
 
 
 def _check_seed(seed: int) -> None:

@@ -252,7 +252,7 @@ class ImagingSection(Section):
     exposure: Positive
     full_well: Positive
     read_noise: NonNegative
-    blur_px: NonNegative
+    blur_px: Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
     score_threshold: Probability
     center_sigma_m: NonNegative
     sky_seed: Annotated[int, Field(ge=0)]

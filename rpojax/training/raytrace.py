@@ -3,6 +3,7 @@
 import dataclasses
 import hashlib
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 from rpojax.errors import RpojaxError
 from rpojax.training.optional import need
 from rpojax.training.target_mesh import Part, TargetMesh
+from rpojax.vision.render import pixel_directions
 
 PHASE_LIMIT_DEG = 110.0
 FIELD_OF_VIEW_DEG = 26.0
@@ -19,7 +21,8 @@ FILL = 0.82
 """Share of the frame's width that the ball around the target fills; its silhouette then fills about 60 %."""
 _SUN = 2.2
 _WEAK = 0.25
-_FORMAT = 1
+_FORMAT = 2
+_NEAR_CLIP_M = 0.01
 BLOCK = 32
 """Views that are kept together."""
 
@@ -164,6 +167,7 @@ class _Store:
         for part in mesh.parts:
             digest.update(np.ascontiguousarray(part.vertices).tobytes())
             digest.update(np.ascontiguousarray(part.faces).tobytes())
+            digest.update(b"" if part.uv is None else np.ascontiguousarray(part.uv).tobytes())
             digest.update(repr(dataclasses.replace(part.material, texture=None)).encode())
             digest.update(b"" if part.material.texture is None else np.ascontiguousarray(part.material.texture).data)
         settings = dataclasses.replace(shell, count=0)
@@ -178,7 +182,7 @@ class _Store:
             with np.load(self._path(start), allow_pickle=False) as content:
                 if str(content["key"]) == self.key and len(content["film"]) >= count:
                     return content["film"][:count]
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
             pass
         return None
 
@@ -228,7 +232,8 @@ class Tracer:
             image[..., :3] += self._take(self._colour, self._dim, rotation, position, samples, number)[..., :3]
         depth = self._take(self._depth, self._sunlit, rotation, position, min(shell.samples, 16), number)
         # The two passes draw their own samples: the distance is that of the depth pass, the share that of the picture.
-        distance = depth[..., :1] / np.maximum(depth[..., 3:4], 1e-6)
+        # And mitsuba counts it from the plane that is nearest to be seen.
+        distance = depth[..., :1] / np.maximum(depth[..., 3:4], 1e-6) + _to_near_plane(shell)[..., None]
         image = np.nan_to_num(np.concatenate([image, distance * image[..., 3:4]], axis=2), posinf=0.0, neginf=0.0)
         image[..., :3] = np.clip(image[..., :3], 0.0, 100.0)
         return image
@@ -246,7 +251,7 @@ class Tracer:
             {
                 "type": "perspective",
                 "fov": shell.field_of_view_deg,
-                "near_clip": 0.01,
+                "near_clip": _NEAR_CLIP_M,
                 "far_clip": 1e4,
                 "to_world": mi.ScalarTransform4f(axes.tolist()),
                 "film": {**film, "pixel_format": "rgba"},
@@ -254,6 +259,12 @@ class Tracer:
             }
         )
         return np.array(integrator.render(scene, sensor, seed=seed), dtype=np.float32)
+
+
+def _to_near_plane(shell: Shell) -> np.ndarray:
+    """Distance (p, p) from the camera along each pixel's ray to the nearest plane that is seen [m]."""
+    tangents = pixel_directions(shell.size_px, shell.field_of_view_deg)
+    return _NEAR_CLIP_M / tangents[..., 2]
 
 
 def _facing(direction: np.ndarray) -> np.ndarray:

@@ -17,6 +17,11 @@ PACKAGED = "target"
 FACE_LIMIT = 2_000_000
 _SPAN_LIMITS_M = (0.05, 200.0)
 _OFF_CENTER = 0.25
+_COLORS = 64
+"""Most parts that one geometry's vertex or face colours make."""
+_COLOR_LIMITS = (0.0002, 0.9)
+"""Nothing in space is blacker or whiter."""
+_SMOOTHEST = 0.2
 
 
 class MeshError(RpojaxError):
@@ -91,7 +96,8 @@ def outline(mesh: TargetMesh, most: int = 64) -> np.ndarray:
     level = np.sqrt(1.0 - height**2)
     away = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), height], axis=1)
     vertices = mesh.vertices
-    return np.unique(np.round(vertices[np.argmax(vertices @ away.T, axis=0)], 4), axis=0)
+    farthest = [int(np.argmax(vertices @ direction)) for direction in away]
+    return np.unique(np.round(vertices[farthest], 4), axis=0)
 
 
 def apparent_size(points: np.ndarray) -> float:
@@ -167,40 +173,80 @@ def _parts(path: Path, scale: float) -> Iterable[Part]:
         faces = faces[area > 0.0]
         if len(faces) == 0:
             continue
-        material, uv = _material(geometry.visual)
-        used, inverse = np.unique(faces, return_inverse=True)
-        yield Part(vertices[used], inverse.reshape(-1, 3), material, None if uv is None else uv[used])
+        for material, uv, own in _materials(geometry.visual, faces, np.flatnonzero(area > 0.0)):
+            used, inverse = np.unique(own, return_inverse=True)
+            yield Part(vertices[used], inverse.reshape(-1, 3), material, None if uv is None else uv[used])
+
+
+def _materials(
+    visual: Any, faces: np.ndarray, number: np.ndarray
+) -> Iterable[tuple[Material, np.ndarray | None, np.ndarray]]:
+    """Material, texture coordinates and faces of every part of a geometry; `number` are those of its faces."""
+    if getattr(visual, "kind", None) not in ("vertex", "face"):
+        yield *_material(visual), faces
+        return
+    colors = np.asarray(visual.face_colors)[number, :3].astype(np.int64)
+    group = np.zeros(len(colors), np.int64)
+    # As finely as gives a moderate number of parts.
+    for shift in (0, 3, 4, 5, 6):
+        _, group = np.unique(colors >> shift, axis=0, return_inverse=True)
+        group = group.reshape(-1)
+        if group.max() < _COLORS:
+            break
+    for index in range(int(group.max()) + 1):
+        mean = colors[group == index].mean(axis=0)
+        yield Material(color=_linear(mean)), None, faces[group == index]
 
 
 def _material(visual: Any) -> tuple[Material, np.ndarray | None]:
-    """Material of a trimesh visual, grey where there is none, and texture coordinates if it has a texture."""
-    if getattr(visual, "kind", None) == "vertex" or getattr(visual, "kind", None) == "face":
-        mean = np.asarray(visual.face_colors if visual.kind == "face" else visual.vertex_colors)[:, :3].mean(axis=0)
-        return Material(color=_linear(mean)), None
+    """Material of a trimesh visual, grey where there is none, and texture coordinates if it has a texture.
+
+    Materials of glTF are what the format says, its defaults included; of a texture of metallicity and roughness the
+    mean counts. Colours of other formats are sRGB codes.
+    """
     found = getattr(visual, "material", None)
     if getattr(visual, "kind", None) != "texture" or found is None:
         return Material(), None
     uv = getattr(visual, "uv", None)
-    pbr = found.to_pbr() if hasattr(found, "to_pbr") else found
-    image = getattr(pbr, "baseColorTexture", None)
-    factor = getattr(pbr, "baseColorFactor", None)
-    color = (0.5, 0.5, 0.5) if factor is None else _linear(np.asarray(factor, dtype=np.float64)[:3])
-    metallic, roughness = getattr(pbr, "metallicFactor", None), getattr(pbr, "roughnessFactor", None)
-    material = Material(
-        color=color,
-        # The default of glTF, metal, would make nearly every plain model a mirror.
-        metallic=0.0 if metallic is None else float(np.clip(metallic, 0.0, 1.0)),
-        roughness=0.5 if roughness is None else float(np.clip(roughness, 0.2, 1.0)),
-    )
+    material = _gltf(found) if hasattr(found, "baseColorFactor") else _plain(found)
+    image = getattr(found, "baseColorTexture", None) or getattr(found, "image", None)
     if image is None or uv is None:
         return material, None
-    return dataclasses.replace(material, texture=np.asarray(image.convert("RGB"))), np.asarray(uv, dtype=np.float64)
+    texture = np.asarray(image.convert("RGB"))
+    if hasattr(found, "baseColorFactor") and found.baseColorFactor is not None:
+        scaled = (texture / 255.0) * (np.asarray(found.baseColorFactor)[:3] / 255.0) ** (1.0 / 2.2)
+        texture = np.round(255.0 * scaled).astype(np.uint8)
+    return dataclasses.replace(material, texture=texture), np.asarray(uv, dtype=np.float64)
 
 
-def _linear(color: np.ndarray) -> tuple[float, float, float]:
-    """Linear colour of 8 bit sRGB, or of fractions."""
-    share = color / 255.0 if color.dtype == np.uint8 or color.max() > 1.0 else color
-    red, green, blue = np.clip(share, 0.02, 0.95) ** 2.2
+def _gltf(found: Any) -> Material:
+    """Material of glTF, whose factors are linear; trimesh holds them as 8 bit."""
+    factor = np.full(3, 255.0) if found.baseColorFactor is None else np.asarray(found.baseColorFactor, np.float64)[:3]
+    red, green, blue = np.clip(factor / 255.0, _COLOR_LIMITS[0], _COLOR_LIMITS[1])
+    metallic = 1.0 if found.metallicFactor is None else float(found.metallicFactor)
+    roughness = 1.0 if found.roughnessFactor is None else float(found.roughnessFactor)
+    image = found.metallicRoughnessTexture
+    if image is not None:
+        mean = np.asarray(image.convert("RGB"), np.float64).mean(axis=(0, 1)) / 255.0
+        roughness, metallic = roughness * mean[1], metallic * mean[2]
+    return Material(
+        color=(float(red), float(green), float(blue)),
+        metallic=float(np.clip(metallic, 0.0, 1.0)),
+        roughness=float(np.clip(roughness, _SMOOTHEST, 1.0)),
+    )
+
+
+def _plain(found: Any) -> Material:
+    """Material of OBJ and the like: a colour, and how shiny it is."""
+    pbr = found.to_pbr()
+    color = Material().color if found.diffuse is None else _linear(np.asarray(found.diffuse, np.float64)[:3])
+    roughness = Material().roughness if pbr.roughnessFactor is None else float(pbr.roughnessFactor)
+    return Material(color=color, roughness=float(np.clip(roughness, _SMOOTHEST, 1.0)))
+
+
+def _linear(codes: np.ndarray) -> tuple[float, float, float]:
+    """Linear colour of 8 bit sRGB codes."""
+    red, green, blue = np.clip((codes / 255.0) ** 2.2, _COLOR_LIMITS[0], _COLOR_LIMITS[1])
     return float(red), float(green), float(blue)
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import hashlib
+import json
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -34,15 +35,15 @@ _SMOOTHNESS = 1e-2
 
 @dataclasses.dataclass(frozen=True)
 class Recipe:
-    """How a field is trained: most steps, rays a step, seed, kind of field, wall-clock limit [s], and how many checks
-    without a gain of `gain_db` end it."""
+    """How a field is trained: most steps (in chunks of 50), rays a step, seed, kind of field, wall-clock limit [s], and
+    how many checks, one every 250 steps, without a gain of `gain_db` end it."""
 
     steps: int = 5000
     rays: int = 2048
     seed: int = 0
     kind: str = "grid"
     limit_s: float | None = None
-    patience: int = 10
+    patience: int = 3
     gain_db: float = 0.02
     rows: int = 160_000
 
@@ -90,17 +91,18 @@ def train(
     key = _digest(mesh, views, recipe)
     found = _read(checkpoint, key, (_weights(field), state)) if checkpoint else None
     if found:
-        (weights, state), done, before = found
+        (weights, state), history, best, since = found
+        done = history[-1].done
         field = _looked_up(replace(field, **weights))
-        start_time -= before
-    while done < recipe.steps:
+        start_time -= history[-1].elapsed_s
+    while done + _CHUNK <= recipe.steps and since < recipe.patience:
         random = jax.random.fold_in(jax.random.key(recipe.seed), done)
         shares = (done + jnp.arange(_CHUNK, dtype=jnp.float32)) / recipe.steps
         field, state = _advance(recipe.rays, field, state, data, nodes, random, shares)
         done += _CHUNK
         elapsed = time.monotonic() - start_time
         late = recipe.limit_s is not None and elapsed > recipe.limit_s
-        if done % (5 * _CHUNK) and done < recipe.steps and not late:
+        if done % (5 * _CHUNK) and done + _CHUNK <= recipe.steps and not late:
             continue
         field = _looked_up(field)
         error = float(_error(field, check))
@@ -108,9 +110,9 @@ def train(
         since = 0 if history[-1].psnr_db > best + recipe.gain_db else since + 1
         best = max(best, history[-1].psnr_db)
         if checkpoint:
-            _write(checkpoint, key, (_weights(field), state), done, elapsed)
+            _write(checkpoint, key, (_weights(field), state), history[-1], best, since)
         on_step(history[-1])
-        if late or since >= recipe.patience:
+        if late:
             break
     return field, history
 
@@ -172,9 +174,10 @@ def _squares(field: Field, data: Data, chosen: jax.Array, jitter: jax.Array) -> 
 
 @jax.jit
 def _error(field: Field, data: Data) -> jax.Array:
-    count = data[2].shape[0] // 1024 * 1024
-    parts = jnp.arange(count, dtype=jnp.int32).reshape(-1, 1024)
-    zero = jnp.zeros((1024,), jnp.float32)
+    part = min(1024, data[2].shape[0])
+    count = data[2].shape[0] // part * part
+    parts = jnp.arange(count, dtype=jnp.int32).reshape(-1, part)
+    zero = jnp.zeros((part,), jnp.float32)
     return jnp.mean(jax.lax.map(lambda chosen: _squares(field, data, chosen, zero)[0], parts))
 
 
@@ -227,19 +230,20 @@ def _roughness(weights: dict[str, Any], near: jax.Array) -> jax.Array:
 
 
 def _digest(mesh: TargetMesh, views: Views, recipe: Recipe) -> str:
-    digest = hashlib.sha256(repr((mesh.name, recipe, len(views))).encode())
+    digest = hashlib.sha256(repr((mesh.name, dataclasses.replace(recipe, limit_s=None), len(views))).encode())
     for values in (mesh.vertices, views.position, views.sun, views.rgb.sum(axis=(1, 2, 3))):
         digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()
 
 
-def _write(path: Path, key: str, content: Any, done: int, elapsed_s: float) -> None:
+def _write(path: Path, key: str, content: Any, last: Step, best: float, since: int) -> None:
     leaves = {f"{index:04d}": np.asarray(leaf) for index, leaf in enumerate(jax.tree.leaves(content))}
-    write_tensors(path, leaves, {"key": key, "done": str(done), "elapsed_s": str(elapsed_s)})
+    progress = json.dumps({"last": dataclasses.asdict(last), "best": best, "since": since})
+    write_tensors(path, leaves, {"key": key, "progress": progress})
 
 
-def _read(path: Path, key: str, like: Any) -> tuple[Any, int, float] | None:
-    """Content, steps done and seconds spent of a checkpoint, or None if there is none of this training."""
+def _read(path: Path, key: str, like: Any) -> tuple[Any, list[Step], float, int] | None:
+    """Content, last check, best error and checks without a gain of a checkpoint, or None if there is none."""
     if not path.is_file():
         return None
     try:
@@ -253,7 +257,8 @@ def _read(path: Path, key: str, like: Any) -> tuple[Any, int, float] | None:
     ):
         return None
     content = jax.tree.unflatten(structure, [jnp.asarray(values) for values in found])
-    return content, int(metadata["done"]), float(metadata["elapsed_s"])
+    progress = json.loads(metadata["progress"])
+    return content, [Step(**progress["last"])], progress["best"], progress["since"]
 
 
 def card(mesh: TargetMesh, views: Views, recipe: Recipe, history: list[Step], command: str) -> Mapping[str, object]:

@@ -44,9 +44,10 @@ class Sky:
 
 
 def sky(seed: int = 0, cloud_share: float = 0.45) -> Sky:
-    """Random stars with the brightness counts of the real sky, and an Earth under random clouds.
+    """Random stars, as much more frequent the fainter as in the real sky, and an Earth under random clouds.
 
-    The ground is NASA's Blue Marble (public domain), at 512 x 256 pixels. There are 10^(m/2) stars below magnitude m.
+    The ground is NASA's Blue Marble (public domain), at 512 x 256 pixels. There are
+    1.5 10^(m/2) stars below magnitude m.
     """
     import cv2
 
@@ -87,12 +88,21 @@ def _tile(rng: np.random.Generator) -> np.ndarray:
 
 
 def background(
-    sky: Sky, lens: Lens, width_px: int, height_px: int, R_KN: Matrix, position: Vector, sun_N: Vector, turn: Array
+    sky: Sky,
+    lens: Lens,
+    width_px: int,
+    height_px: int,
+    R_KN: Matrix,
+    position: Vector,
+    sun_N: Vector,
+    turn: Array,
+    binning: Array | float = 1.0,
 ) -> Image:
     """Linear picture (h, w, 3) of stars and Earth; all arrays float32.
 
     `position` is the camera from the Earth's centre in Earth radii and N components, `sun_N` a unit vector, `turn` the
-    angle [rad] by which the Earth has turned about its pole, Greenwich from N's x axis.
+    angle [rad] by which the Earth has turned about its pole, Greenwich from N's x axis. A star's light is spread over
+    `binning` squared of the detector's pixels, of which one of the picture's is the mean.
     """
     center, focal = lens.center_px.astype(jnp.float32), lens.focal_px.astype(jnp.float32)
     x = (jnp.arange(width_px, dtype=jnp.float32) + 0.5 - center[0]) / focal
@@ -105,7 +115,7 @@ def background(
     rays_N = jnp.einsum("ki,khw->ihw", R_KN, rays_K)
     ground, cover = _earth(sky, rays_N, position, sun_N, turn)
     stars = _stars(sky, center, focal, shape, R_KN)
-    return ground + stars[:, :, None] * (1.0 - cover)[:, :, None]
+    return ground + (stars / (binning * binning))[:, :, None] * (1.0 - cover)[:, :, None]
 
 
 def _earth(sky: Sky, rays_N: Array, position: Array, sun_N: Array, turn: Array) -> tuple[Array, Array]:
@@ -136,9 +146,11 @@ def _surface(sky: Sky, point: Array, hit: Array, turn: Array) -> Array:
     for times, strength in _DETAILS:
         # Meridians come together at the poles, and with them the pattern; no camera looks there for long.
         small = small + strength * _bilinear(sky.detail, 0.5 * south * times, east * times)
-    thickness = _bilinear(sky.cloud, south, east) + 0.6 * small
+    # Half a texel from the poles the textures end; their rows do not go round.
+    middle = jnp.clip(south, 0.5 / sky.cloud.shape[0], 1.0 - 0.5 / sky.cloud.shape[0])
+    thickness = _bilinear(sky.cloud, middle, east) + 0.6 * small
     cover = jnp.clip(thickness, 0.0, 1.0)[:, :, None]
-    ground = _bilinear(sky.earth, south, east) * (1.0 + 0.15 * small)[:, :, None]
+    ground = _bilinear(sky.earth, middle, east) * (1.0 + 0.15 * small)[:, :, None]
     return jnp.maximum(ground, 0.0) * (1.0 - cover) + (0.75 + 0.05 * small)[:, :, None] * cover
 
 

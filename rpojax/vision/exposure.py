@@ -36,17 +36,18 @@ def expose(image: Image, exposure: Exposure, noise: Image, binning: Scalar | flo
     gain, well, read = (value.astype(jnp.float32) for value in (exposure.gain, exposure.full_well, exposure.read_noise))
     electrons = jnp.maximum(_blur(image, exposure.blur.astype(jnp.float32) / binning), 0.0) * (gain * well)
     # Shot noise of so many electrons is normal enough, and the sum of two normal numbers is one.
-    sigma = jnp.sqrt(electrons + read * read) / binning
+    # A pixel without light or noise still has a slope.
+    sigma = jnp.sqrt(jnp.maximum(electrons + read * read, 1e-6)) / binning
     return jnp.clip((electrons + sigma * noise) / well, 0.0, 1.0)
 
 
 def _blur(image: Image, sigma: Scalar) -> Image:
-    """Gaussian blur over 7 x 7 pixels."""
+    """Gaussian blur over 7 x 7 pixels, 3 sigma of the widest; beyond the frame it is as at its edge."""
     offset = jnp.arange(-_REACH, _REACH + 1, dtype=jnp.float32)
     kernel = jnp.exp(-0.5 * (offset / jnp.maximum(sigma, 1e-3)) ** 2)
     kernel = kernel / jnp.sum(kernel)
     height, width = image.shape[:2]
-    padded = jnp.pad(image, ((_REACH, _REACH), (0, 0), (0, 0)))
+    padded = jnp.pad(image, ((_REACH, _REACH), (0, 0), (0, 0)), mode="edge")
     down = sum((kernel[i] * padded[i : i + height] for i in range(len(offset))), jnp.zeros_like(image))
-    padded = jnp.pad(down, ((0, 0), (_REACH, _REACH), (0, 0)))
+    padded = jnp.pad(down, ((0, 0), (_REACH, _REACH), (0, 0)), mode="edge")
     return sum((kernel[i] * padded[:, i : i + width] for i in range(len(offset))), jnp.zeros_like(image))

@@ -9,7 +9,7 @@ from jaxtyping import Array
 from scipy.ndimage import binary_dilation
 from scipy.spatial import KDTree
 
-from rpojax.vision.grid_field import FREQUENCIES, LATENT, GridField, with_solid
+from rpojax.vision.grid_field import INPUTS, LATENT, GridField, with_solid
 from rpojax.vision.rays import new_layers
 
 _EMPTY = -10.0
@@ -31,7 +31,6 @@ def new_grid(surface: np.ndarray, normals: np.ndarray, key: Array, rows: int = 1
     features[1:, 3:] = 0.1 * np.asarray(jax.random.normal(jax.random.fold_in(key, 1), (count - 1, LATENT), jnp.float32))
     matter = np.full((count,), _EMPTY, np.float32)
     matter[1:] = np.clip(10.0 * (0.6 - distance / spacing), -6.0, 6.0)
-    width = LATENT + 3 + 3 + 3 + 9 + 6 * FREQUENCIES
     return with_solid(
         GridField(
             low=jnp.asarray(first, jnp.float32),
@@ -40,7 +39,7 @@ def new_grid(surface: np.ndarray, normals: np.ndarray, key: Array, rows: int = 1
             solid=jnp.zeros(shape, jnp.float32),
             matter=jnp.asarray(matter),
             features=jnp.asarray(features),
-            network=new_layers(key, (width, 64, 64, 3)),
+            network=new_layers(key, (INPUTS, 64, 64, 3)),
         )
     )
 

@@ -31,6 +31,8 @@ SAMPLES = 16
 SHADOW_SAMPLES = 6
 LATENT = 8
 FREQUENCIES = 4
+INPUTS = LATENT + 3 + 3 + 3 + 9 + 6 * FREQUENCIES
+"""Of the shading network."""
 _DEPTH = 2.5
 
 

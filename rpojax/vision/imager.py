@@ -67,6 +67,9 @@ def take_picture(
     frame = render_frame(
         field, view.lens, size_px, size_px, rays, scene.r_KT_T, scene.R_KT, scene.sun_T, scene.sunlight
     )
-    behind = background(sky, view.lens, size_px, size_px, scene.R_KN, scene.place_N, scene.sun_N, scene.earth_turn)
-    seen = expose(compose(frame, behind), exposure, noise, view.binning.astype(jnp.float32))
+    binning = view.binning.astype(jnp.float32)
+    behind = background(
+        sky, view.lens, size_px, size_px, scene.R_KN, scene.place_N, scene.sun_N, scene.earth_turn, binning
+    )
+    seen = expose(compose(frame, behind), exposure, noise, binning)
     return encode(seen)

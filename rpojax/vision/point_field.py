@@ -9,7 +9,7 @@ from rpojax.core.pytree import pytree
 from rpojax.vision.rays import GAMMA, Layers, Rays, apply_layers, crossing, encode_point, new_layers
 
 SAMPLES = 64
-_FREQUENCIES = 6
+FREQUENCIES = 6
 
 
 @pytree
@@ -31,7 +31,7 @@ class PointField:
 
 def new_point(low: np.ndarray, high: np.ndarray, key: Array, width: int = 64) -> PointField:
     """A fresh reference field for the box between two corners [m]."""
-    inputs = 3 + 6 * _FREQUENCIES
+    inputs = 3 + 6 * FREQUENCIES
     return PointField(
         low=jnp.asarray(low, jnp.float32),
         high=jnp.asarray(high, jnp.float32),
@@ -55,7 +55,7 @@ def _trunk(field: PointField, point: Array) -> tuple[Array, Array]:
     low, high = field.low, field.high
     size = jnp.max(high - low)
     place = (2.0 * point - low - high) / size
-    values = apply_layers(field.trunk, jnp.concatenate([place, encode_point(place, _FREQUENCIES)]))
+    values = apply_layers(field.trunk, jnp.concatenate([place, encode_point(place, FREQUENCIES)]))
     inside = jnp.all((point >= low) & (point <= high))
     return jnp.where(inside, jax.nn.softplus(values[0]) * (100.0 / size), 0.0), values[1:]
 

@@ -83,12 +83,13 @@ def project_region(field: Field, lens: Lens, r_KT_T: Array, R_KT: Array) -> tupl
     center = jnp.sum(R_KT * (middle - r_KT_T)[None, :], axis=1)
     visible = center[2] > 1.01 * radius
     depth = jnp.where(visible, center[2], 2.0 * radius)
-    tangent = center[:2] / depth
     focal = lens.focal_px.astype(jnp.float32)
-    # An off-axis ball projects to an ellipse, longer than that of one on the axis by at most this factor.
-    stretch = 1.0 + jnp.sum(tangent * tangent)
-    half = _MARGIN * stretch * focal * radius / jnp.sqrt(depth * depth - radius * radius)
-    pixel = lens.center_px.astype(jnp.float32) + focal * tangent
+    # Edges of the ellipse to which a ball projects: its middle is not that of the ball where it is off the axis.
+    rest = depth * depth - radius * radius
+    place = center[:2] * depth / rest
+    halves = radius * jnp.sqrt(center[:2] ** 2 + rest) / rest
+    half = _MARGIN * focal * jnp.max(halves)
+    pixel = lens.center_px.astype(jnp.float32) + focal * place
     return jax.lax.stop_gradient((pixel - half, 2.0 * half, visible))
 
 

@@ -30,7 +30,7 @@ def turntable(
     optics = lens(jnp.asarray(_FIELD_OF_VIEW), size_px, size_px)
     rays = sampling(field, float(optics.focal_px), float(distance), oversampling=1.0)
     light = jnp.asarray(sun / np.linalg.norm(sun), jnp.float32)
-    elevation = np.radians(np.clip(elevation_deg, -89.0, 89.0))
+    elevation = np.radians(elevation_deg)
 
     @jax.jit
     def one(field: Field, position: jax.Array, rotation: jax.Array) -> tuple[jax.Array, jax.Array]:

@@ -12,8 +12,8 @@ import numpy as np
 from rpojax.errors import RpojaxError
 from rpojax.vision.field import Field
 from rpojax.vision.grid_build import number_nodes
-from rpojax.vision.grid_field import LATENT, GridField, with_solid
-from rpojax.vision.point_field import PointField
+from rpojax.vision.grid_field import INPUTS, LATENT, GridField, with_solid
+from rpojax.vision.point_field import FREQUENCIES, PointField
 
 SIZE_LIMIT = 64 * 1024 * 1024
 PACKAGED = "target.field.safetensors"
@@ -98,6 +98,8 @@ def load_field(path: Path | None = None) -> tuple[Field, dict[str, object]]:
         card = json.loads(metadata.get("card", "{}"))
     except ValueError:
         raise WeightsError(f"{source}: found a card that is no JSON, expected an object") from None
+    if not isinstance(card, dict):
+        raise WeightsError(f"{source}: found a card that is a {type(card).__name__}, expected an object")
     field = _grid(source, tensors) if kind.endswith("grid") else _point(source, tensors)
     return field, card
 
@@ -120,7 +122,7 @@ def _grid(source: Path, tensors: dict[str, np.ndarray]) -> GridField:
         solid=jnp.zeros(tuple(int(n) for n in shape), jnp.float32),
         matter=jnp.asarray(take(source, tensors, "matter", (rows,), np.float16).astype(np.float32)),
         features=jnp.asarray(take(source, tensors, "features", (rows, 3 + LATENT), np.float16).astype(np.float32)),
-        network=_layers_of(source, tensors, "network", 3),
+        network=_layers_of(source, tensors, "network", 3, INPUTS, 3),
     )
     nothing_left(source, tensors)
     return with_solid(field)
@@ -128,11 +130,15 @@ def _grid(source: Path, tensors: dict[str, np.ndarray]) -> GridField:
 
 def _point(source: Path, tensors: dict[str, np.ndarray]) -> PointField:
     low, high = (take(source, tensors, name, (3,), np.float32) for name in ("low", "high"))
+    if not (low < high).all():
+        raise WeightsError(f"{source}: low, high: found {low.tolist()} and {high.tolist()}, expected a box")
+    trunk = _layers_of(source, tensors, "trunk", 5, 3 + 6 * FREQUENCIES, None)
+    seen = len(trunk[-1][1]) - 1 + 6
     field = PointField(
         low=jnp.asarray(low),
         high=jnp.asarray(high),
-        trunk=_layers_of(source, tensors, "trunk", 5),
-        head=_layers_of(source, tensors, "head", 2),
+        trunk=trunk,
+        head=_layers_of(source, tensors, "head", 2, seen, 3),
     )
     nothing_left(source, tensors)
     return field
@@ -146,11 +152,14 @@ def _named(name: str, layers: tuple[tuple[object, object], ...]) -> dict[str, np
     return tensors
 
 
-def _layers_of(source: Path, tensors: dict[str, np.ndarray], name: str, count: int) -> tuple:
+def _layers_of(
+    source: Path, tensors: dict[str, np.ndarray], name: str, count: int, inputs: int, outputs: int | None
+) -> tuple:
     layers = []
     for index in range(count):
-        bias = take(source, tensors, f"{name}.{index}.bias", (None,), np.float16)
-        before = len(layers[-1][1]) if layers else None
+        width = outputs if index == count - 1 else None
+        bias = take(source, tensors, f"{name}.{index}.bias", (width,), np.float16)
+        before = len(layers[-1][1]) if layers else inputs
         weight = take(source, tensors, f"{name}.{index}.weight", (before, len(bias)), np.float16)
         layers.append((jnp.asarray(weight.astype(np.float32)), jnp.asarray(bias.astype(np.float32))))
     return tuple(layers)

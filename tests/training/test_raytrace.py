@@ -1,5 +1,6 @@
 """Ray-traced views: geometry as the project's conventions have it, light, and blocks that outlive an interrupt."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from rpojax.training import raytrace
 from rpojax.training.judge import silhouette_box
 from rpojax.training.raytrace import Shell, Views
 from rpojax.training.target_mesh import TargetMesh
+from rpojax.vision.render import pixel_directions
 
 
 def test_silhouettes_are_where_the_pinhole_puts_the_vertices(box: TargetMesh, views: Views) -> None:
@@ -29,6 +31,18 @@ def test_depth_is_the_distance_to_the_surface(box: TargetMesh, views: Views) -> 
         depth = views.depth[index][full[index]]
         assert depth.min() > distance[index] - 0.62  # half the diagonal of the box
         assert depth.max() < distance[index] + 0.62
+
+
+def test_the_middle_of_a_face_seen_head_on_is_as_far_as_it_is(box: TargetMesh) -> None:
+    shell = Shell(1, size_px=33, samples=16)
+    tracer = raytrace.Tracer(box, shell)
+    rotation = np.stack([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]])
+    frame = tracer.frame(rotation, np.array([4.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0]), 0)
+    tangents = pixel_directions(33, shell.field_of_view_deg)
+    # The face lies in the plane x = 0.5, so that every pixel's distance is known.
+    for row, column in ((16, 16), (14, 19)):
+        assert frame[row, column, 3] == 1.0
+        assert frame[row, column, 4] == pytest.approx(3.5 / tangents[row, column, 2], abs=1e-3)
 
 
 def test_no_view_is_darker_than_its_phase_angle_allows(views: Views) -> None:
@@ -83,6 +97,28 @@ def test_kept_views_of_another_shell_are_not_taken_for_these(box: TargetMesh, tm
     raytrace.render(box, Shell(2, size_px=16, samples=2, seed=1), tmp_path)
     other = raytrace.render(box, Shell(2, size_px=16, samples=2, seed=2), tmp_path)
     np.testing.assert_allclose(other.position, raytrace.draw(box, Shell(2, seed=2))[1])
+
+
+def test_views_of_the_same_mesh_with_another_unwrapping_are_traced_anew(box: TargetMesh, tmp_path: Path) -> None:
+    part = box.parts[0]
+    rng = np.random.default_rng(0)
+    keys = []
+    for _ in range(2):
+        unwrapped = dataclasses.replace(part, uv=rng.random((len(part.vertices), 2)))
+        keys.append(raytrace._Store(tmp_path, TargetMesh("box", (unwrapped,)), Shell(2)).key)
+    assert keys[0] != keys[1]
+
+
+@pytest.mark.parametrize("place", [0.2, 0.5, 0.8])
+def test_a_block_with_a_wrong_byte_is_traced_anew(box: TargetMesh, tmp_path: Path, place: float) -> None:
+    shell = Shell(2, size_px=16, samples=2)
+    first = raytrace.render(box, shell, tmp_path)
+    (block,) = tmp_path.glob("views_*.npz")
+    content = bytearray(block.read_bytes())
+    for index in range(int(place * len(content)), int(place * len(content)) + 8):
+        content[index] ^= 0xFF
+    block.write_bytes(bytes(content))
+    np.testing.assert_array_equal(raytrace.render(box, shell, tmp_path).alpha, first.alpha)
 
 
 def test_a_damaged_block_is_traced_anew(box: TargetMesh, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Meshes come in as they are meant, or with one line that says what is wrong."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -60,6 +61,67 @@ def test_a_file_that_is_no_mesh_is_an_error_of_one_line(tmp_path: Path, name: st
     with pytest.raises(MeshError, match=expected) as error:
         target_mesh.load(path)
     assert name in str(error.value)
+
+
+def saved(tmp_path: Path, visual: object, suffix: str = ".glb") -> target_mesh.TargetMesh:
+    """A box with a trimesh visual, as it comes back from a file."""
+    box = trimesh.creation.box(extents=(1.0, 0.6, 0.4))
+    box.visual = visual
+    path = tmp_path / f"box{suffix}"
+    box.export(path)
+    return target_mesh.load(path)
+
+
+@pytest.mark.parametrize(
+    ("given", "color", "metallic", "roughness"),
+    [
+        ({"baseColorFactor": [128, 128, 128, 255], "metallicFactor": 0.0, "roughnessFactor": 0.4}, 0.502, 0.0, 0.4),
+        ({"baseColorFactor": [1, 1, 1, 255], "metallicFactor": 0.5, "roughnessFactor": 0.9}, 0.0039, 0.5, 0.9),
+        ({}, 0.9, 1.0, 1.0),
+    ],
+)
+def test_a_material_of_gltf_is_what_the_format_says(
+    tmp_path: Path, given: dict[str, Any], color: float, metallic: float, roughness: float
+) -> None:
+    material = trimesh.visual.material.PBRMaterial(**given)
+    uv = np.zeros((8, 2))
+    (part,) = saved(tmp_path, trimesh.visual.TextureVisuals(uv=uv, material=material)).parts
+    np.testing.assert_allclose(part.material.color, color, atol=1e-3)
+    assert (part.material.metallic, part.material.roughness) == (pytest.approx(metallic), pytest.approx(roughness))
+
+
+def test_colours_of_obj_are_srgb_and_textures_are_kept(tmp_path: Path) -> None:
+    from PIL import Image
+
+    visual = trimesh.visual.material.SimpleMaterial(diffuse=[128, 0, 255, 255])
+    (part,) = saved(tmp_path, trimesh.visual.TextureVisuals(uv=np.zeros((8, 2)), material=visual), ".obj").parts
+    np.testing.assert_allclose(part.material.color, [(128 / 255) ** 2.2, 0.0002, 0.9], atol=2e-3)
+    pixels = np.full((4, 4, 3), 200, np.uint8)
+    textured = trimesh.visual.material.PBRMaterial(
+        baseColorTexture=Image.fromarray(pixels), baseColorFactor=[64, 255, 255, 255], metallicFactor=0.0
+    )
+    (part,) = saved(tmp_path, trimesh.visual.TextureVisuals(uv=np.eye(8, 2), material=textured)).parts
+    assert part.material.texture is not None
+    assert part.uv is not None
+    expected = [200.0 * (64 / 255) ** (1.0 / 2.2), 200.0, 200.0]
+    np.testing.assert_allclose(part.material.texture[0, 0], expected, atol=2.0)
+
+
+def test_faces_of_several_colours_are_several_parts(tmp_path: Path) -> None:
+    colors = np.array([[200, 10, 10, 255]] * 6 + [[1, 1, 1, 255]] * 6, np.uint8)
+    mesh = saved(tmp_path, trimesh.visual.ColorVisuals(face_colors=colors), ".ply")
+    found = sorted(part.material.color for part in mesh.parts)
+    np.testing.assert_allclose(
+        found, [[0.0002] * 3, [(200 / 255) ** 2.2, (10 / 255) ** 2.2, (10 / 255) ** 2.2]], atol=1e-3
+    )
+    assert mesh.faces == 12
+    sphere = trimesh.creation.icosphere(subdivisions=4)
+    rainbow = np.random.default_rng(0).integers(0, 256, (len(sphere.faces), 4)).astype(np.uint8)
+    sphere.visual = trimesh.visual.ColorVisuals(mesh=sphere, face_colors=rainbow)
+    sphere.export(tmp_path / "rainbow.ply")
+    many = target_mesh.load(tmp_path / "rainbow.ply")
+    assert 8 <= len(many.parts) <= 64
+    assert many.faces == len(sphere.faces)
 
 
 def test_a_mesh_as_large_as_a_planet_is_refused(tmp_path: Path) -> None:

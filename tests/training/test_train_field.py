@@ -67,6 +67,25 @@ def test_a_training_that_was_interrupted_goes_on_to_the_same_field(
         np.testing.assert_allclose(a[0], b[0], atol=1e-3)
 
 
+def test_a_training_that_is_over_says_so_again(box: TargetMesh, views: Views, tmp_path: Path) -> None:
+    recipe = Recipe(steps=120, rays=64, rows=2000)
+    _, first = train_field.train(box, views, recipe, tmp_path / "checkpoint")
+    assert [step.done for step in first] == [100]  # chunks of 50, never more than asked for
+    _, again = train_field.train(box, views, recipe, tmp_path / "checkpoint")
+    assert again == first
+    made, remade = (train_field.card(box, views, recipe, history, "") for history in (first, again))
+    assert made == remade
+    # Another limit of time is no other training.
+    limited = Recipe(steps=120, rays=64, rows=2000, limit_s=1e3)
+    assert train_field.train(box, views, limited, tmp_path / "checkpoint")[1] == first
+
+
+def test_training_ends_where_nothing_is_gained(box: TargetMesh, views: Views) -> None:
+    recipe = Recipe(steps=5000, rays=64, rows=2000, patience=1, gain_db=1000.0)
+    _, history = train_field.train(box, views, recipe)
+    assert [step.done for step in history] == [250, 500]
+
+
 def test_the_figures_of_a_perfect_picture_are_perfect(views: Views) -> None:
     found = judge.figures(judge.Pictures(views.rgb, views.alpha), views)
     assert found["psnr_db"] == 100.0

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rpojax.core.pytree import replace
 from rpojax.vision.background import Sky, background, sky
 from rpojax.vision.pinhole import lens
 
@@ -46,6 +47,28 @@ def test_the_limb_is_at_the_dip_of_the_horizon(around: Sky) -> None:
     # The camera's x axis is along y or -x: the limb goes through the middle, the Earth on one side of it.
     bright = (seen > 0.03).mean()
     assert 0.4 < bright < 0.75
+
+
+def test_stars_keep_their_light_where_pixels_are_binned(around: Sky) -> None:
+    optics = lens(jnp.asarray(np.radians(40.0)), SIZE, SIZE)
+    coarse = lens(jnp.asarray(np.radians(40.0)), SIZE // 4, SIZE // 4)
+    place = [jnp.asarray(v, jnp.float32) for v in (np.eye(3), np.array([1e3, 0, 0]), np.array([-1.0, 0, 0]), 0.0)]
+    fine = np.asarray(background(around, optics, SIZE, SIZE, *place))
+    binned = np.asarray(background(around, coarse, SIZE // 4, SIZE // 4, *place, 4.0))
+    assert fine.mean() > 0.0
+    assert binned.mean() == pytest.approx(fine.mean(), rel=0.1)  # stars at the rim are cut otherwise
+
+
+def test_the_poles_are_their_own_ground(around: Sky) -> None:
+    """The white of Antarctica is not mixed into the north pole."""
+    plain = replace(around, earth=jnp.zeros_like(around.earth).at[-1].set(1.0), cloud=jnp.full_like(around.cloud, -9.0))
+    for height, bright in ((1.0, False), (-1.0, True)):
+        rotation = np.array([[1.0, 0.0, 0.0], [0.0, -height, 0.0], [0.0, 0.0, -height]])
+        position, sun = np.array([0.0, 0.0, height * ORBIT]), np.array([0.0, 0.0, height])
+        parts = [jnp.asarray(v, jnp.float32) for v in (rotation, position, sun, 0.0)]
+        optics = lens(jnp.asarray(np.radians(2.0)), SIZE, SIZE)
+        seen = np.asarray(background(plain, optics, SIZE, SIZE, *parts))[..., 0]
+        assert (seen[SIZE // 2, SIZE // 2] > 0.3) == bright
 
 
 def test_a_star_falls_on_the_pixel_of_its_direction(around: Sky) -> None:

@@ -11,9 +11,9 @@ import pytest
 
 from rpojax.vision import render
 from rpojax.vision.exposure import Exposure, expose
-from rpojax.vision.field import Field
+from rpojax.vision.field import Field, bounding_ball
 from rpojax.vision.pinhole import lens, project
-from rpojax.vision.region import SIDES, Sampling, region_side
+from rpojax.vision.region import SIDES, Sampling, project_region, region_side
 from rpojax.vision.weights import load_field
 
 ROOT = Path(__file__).parents[2]
@@ -112,6 +112,40 @@ def test_the_detector_has_the_noise_and_the_saturation_that_it_says() -> None:
     assert inside.mean() == pytest.approx(0.2, rel=1e-3)
     assert inside.std() == pytest.approx(np.sqrt(0.2 * 1e4 + 20.0**2) / 1e4, rel=0.02)
     assert np.asarray(expose(image * 10.0, settings, noise)).max() == 1.0
+
+
+def test_without_read_noise_black_has_a_slope_that_is_finite() -> None:
+    zero = jnp.float32(0.0)
+    settings = Exposure(gain=jnp.float32(1.0), full_well=jnp.float32(1e4), read_noise=zero, blur=zero)
+    image = jnp.zeros((8, 8, 3), jnp.float32).at[3, 3].set(1.0)
+    noise = jnp.ones_like(image)
+    slope = jax.grad(lambda light: jnp.sum(expose(light * image, settings, noise)))(jnp.float32(0.1))
+    assert 1.0 < float(slope) / 3.0 < 1.1
+
+
+def test_an_even_scene_stays_even_up_to_the_edge_of_the_frame() -> None:
+    settings = Exposure(
+        gain=jnp.float32(1.0), full_well=jnp.float32(1e8), read_noise=jnp.float32(0.0), blur=jnp.float32(1.0)
+    )
+    image = jnp.full((12, 12, 3), 0.3, jnp.float32)
+    np.testing.assert_allclose(expose(image, settings, jnp.zeros_like(image)), 0.3, rtol=1e-5)
+
+
+@pytest.mark.parametrize("aside_deg", [0.0, 10.0, 25.0, 35.0])
+def test_the_square_of_rays_holds_the_whole_ball_and_little_more(field: Field, aside_deg: float) -> None:
+    middle, radius = (np.asarray(value, np.float64) for value in bounding_ball(field))
+    optics = lens(jnp.asarray(np.radians(60.0)), 256, 256)
+    angle, half = np.radians(aside_deg), np.radians(20.0)
+    direction_K = np.array([np.sin(angle), 0.0, np.cos(angle)])
+    r_KT_T = middle - radius / np.sin(half) * direction_K
+    corner, side, visible = project_region(field, optics, *(jnp.asarray(v, jnp.float32) for v in (r_KT_T, np.eye(3))))
+    low = (np.asarray(corner) - np.asarray(optics.center_px)) / float(optics.focal_px)
+    high = low + float(side) / float(optics.focal_px)
+    assert bool(visible)
+    # The rim of the ball is a cone of 20 deg about the line to its middle.
+    assert low[0] < np.tan(angle - half)
+    assert np.tan(angle + half) < high[0]
+    assert high[0] - low[0] < 1.1 * (np.tan(angle + half) - np.tan(angle - half))
 
 
 def test_blur_keeps_the_light_and_spreads_it() -> None:

@@ -65,7 +65,16 @@ def add(tensors: Tensors) -> None:
     tensors["more"] = np.zeros(3, np.float32)
 
 
-@pytest.mark.parametrize("change", [cut, widen, retype, spoil, swell, add])
+def narrow(tensors: Tensors) -> None:
+    tensors["network.0.weight"] = tensors["network.0.weight"][1:]
+
+
+def lengthen(tensors: Tensors) -> None:
+    tensors["network.2.bias"] = np.zeros(4, np.float16)
+    tensors["network.2.weight"] = np.zeros((64, 4), np.float16)
+
+
+@pytest.mark.parametrize("change", [cut, widen, retype, spoil, swell, add, narrow, lengthen])
 def test_a_file_with_other_tensors_is_refused(tmp_path: Path, change: Callable[[Tensors], None]) -> None:
     path = tmp_path / "field"
     save_field(ball(), path, {})
@@ -75,6 +84,14 @@ def test_a_file_with_other_tensors_is_refused(tmp_path: Path, change: Callable[[
     with pytest.raises(WeightsError, match="expected") as error:
         load_field(path)
     assert len(str(error.value).splitlines()) == 1
+
+
+def test_a_card_that_is_no_object_is_refused(tmp_path: Path) -> None:
+    save_field(ball(), tmp_path / "field", {})
+    tensors, metadata = read_tensors(tmp_path / "field")
+    write_tensors(tmp_path / "field", tensors, {**metadata, "card": "[1]"})
+    with pytest.raises(WeightsError, match="expected an object"):
+        load_field(tmp_path / "field")
 
 
 @pytest.mark.parametrize("content", [b"", b"x" * 100, b"\xff" * 8 + b"{}"])
