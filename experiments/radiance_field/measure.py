@@ -144,7 +144,7 @@ def compare(field: Field) -> None:
         trained, _ = train_field.train(mesh, views, train_field.Recipe(steps=steps, kind=kind), on_step=line(kind))
         found = judge.figures(judge.pictures(trained, judged), judged)
         final.append(
-            f"| {kind} | {frame_time(trained, 64, 2):.1f} | {found['psnr_db']:.1f} | {found['psnr_target_db']:.1f} "
+            f"| {kind} | {frame_time(trained, 64):.1f} | {found['psnr_db']:.1f} | {found['psnr_target_db']:.1f} "
             f"| {found['ssim']:.3f} | {found['silhouette_iou']:.3f} |"
         )
     print("\n| field | ms a frame, 64 x 64 | PSNR [dB] | on the target [dB] | SSIM | silhouette IoU |")
