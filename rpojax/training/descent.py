@@ -127,7 +127,7 @@ def descend(
                 if share >= 1.0:
                     break
             elapsed = time.monotonic() - begin
-            figures = judge(folded(state.mean))
+            figures = judge(jax.device_get(folded(state.mean)))
             history.append(Step(done, total, figures["map50"] or 0.0, figures["map50_95"] or 0.0, elapsed))
             if checkpoint:
                 _write(checkpoint, key, state, done, share, elapsed)
@@ -145,7 +145,9 @@ def _step(
     made: Batch,
 ) -> State:
     arrays = _spread(made.images, made.boxes, made.weight)
-    return State(*_advance(loss, optimiser, (state.params, state.mean, state.optimiser), fixed, settings, key, *arrays))
+    carried = (state.params, state.mean, state.optimiser)
+    # One step at a time: where several wait for few cores, the parts of one may wait for those of another for ever.
+    return State(*jax.block_until_ready(_advance(loss, optimiser, carried, fixed, settings, key, *arrays)))
 
 
 def _spread(*arrays: np.ndarray) -> list[jax.Array]:
