@@ -53,7 +53,7 @@ def run(line: str) -> int:
         ("evaluate --views 1 --sheet new.jpg", "expected .png"),
         ("evaluate --views 1 --range-m 0.5", "--range-m: found a range of 0.5 m"),
         ("evaluate --views 1 --fov-deg 120", "--fov-deg: found a range"),
-        ("evaluate --views 1 --samples 1 --range-m 9000", "covers no pixel"),
+        ("evaluate --json --views 1 --samples 1 --range-m 9000", "covers no pixel"),
         ("evaluate ball.field", "--mesh: missing"),
         ("evaluate --mesh box.stl", "expected the mesh of the field"),
         ("render --out new.png --elevation-deg 500", "--elevation-deg, --azimuth-deg: found 500"),
