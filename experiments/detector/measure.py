@@ -54,7 +54,10 @@ def main() -> int:
 
 def _validation(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
     data = read(arguments.folder)
-    return detector_judge.report(detector_judge.find(params, data.images), data)
+    found = detector_judge.find(params, data.images)
+    if arguments.sheet:
+        cv2.imwrite(str(arguments.sheet), _drawn(data, found, 48))
+    return detector_judge.report(found, data)
 
 
 def _peer(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
