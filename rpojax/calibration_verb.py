@@ -8,7 +8,10 @@ from typing import Annotated
 from tyro.conf import Positional, UseAppendAction, arg
 
 from rpojax.console import busy, counting
-from rpojax.errors import OutputError, RpojaxError
+from rpojax.errors import RpojaxError
+from rpojax.outputs import claim
+
+_UNTOLD = ("fitted_for", "made_with", "limits")
 
 
 def calibrate(
@@ -28,8 +31,7 @@ def calibrate(
     """Fit the statistical camera to renderer and detector, for a scenario's camera and target."""
     if samples < 200 or sequences < 4:
         raise RpojaxError(f"--samples, --sequences: found {samples}, {sequences}, expected at least 200 and 4")
-    if out.exists() and not force:
-        raise OutputError(f"{out}: exists already; --force replaces it")
+    claim(out, force)
     from rpojax.simulation import scenario as scenarios
 
     file = scenarios.load(scenario, overrides)
@@ -59,12 +61,12 @@ def calibrate(
         "lasting_angle_deg": math.degrees(float(statistics.lasting_angle)),
         "log_likelihood": fit.log_likelihood,
         "log_likelihood_held_out": fit.log_likelihood_held_out,
-        "field_sha256": networks.digest(networks.file_of(tables, "field")),
-        "detector_sha256": networks.digest(networks.file_of(tables, "detector")),
         "command": command,
         "fitted_for": networks.fitted_for(tables),
+        "made_with": networks.made_with(tables),
+        "limits": camera_calibration.limits(file),
     }
     statistics_file.save_statistics(statistics, out, card)
-    shown = {"file": str(out), **{name: value for name, value in card.items() if name != "fitted_for"}}
+    shown = {"file": str(out), **{name: value for name, value in card.items() if name not in _UNTOLD}}
     print(json.dumps(shown, indent=2) if as_json else "\n".join(f"{name}: {value}" for name, value in shown.items()))
     return 0

@@ -11,6 +11,7 @@ from tyro.conf import Positional, arg
 from rpojax.console import counting
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.machine import prepare_jax
+from rpojax.outputs import claim, claim_folder, resumable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -38,7 +39,9 @@ def data(
     *,
     out: Annotated[Path, arg(metavar="DIR", help="Folder to make, with the folders training and validation.")],
     count: Annotated[int, arg(metavar="N", help="Pictures to train on.")] = 2000,
-    validation: Annotated[int, arg(metavar="N", help="Pictures of other spacecraft to judge by.")] = 500,
+    validation: Annotated[
+        int, arg(metavar="N", help="Pictures to judge by, of other spacecraft and the packaged target.")
+    ] = 500,
     craft: Annotated[int, arg(metavar="N", help="Spacecraft beside the packaged target.")] = 72,
     views: Annotated[int, arg(metavar="N", help="Ray-traced views of each.")] = 14,
     seed: Seed = 0,
@@ -46,24 +49,30 @@ def data(
     force: Force = False,
     as_json: AsJson = False,
 ) -> int:
-    """Make pictures of ray-traced spacecraft with boxes; an interrupted call goes on with the views it has."""
+    """Make pictures of ray-traced spacecraft with boxes; an interrupted call goes on where it was."""
     if min(count, validation) < 1 or craft < 1 or views < 1:
         raise RpojaxError("--count, --validation, --craft, --views: expected at least 1 of each")
-    if preview and preview.exists() and not force:
-        raise OutputError(f"{preview}: exists already; --force replaces it")
+    claim_folder(out)
+    if preview:
+        claim(preview, force, (".png", ".jpg"))
     from rpojax.training import backdrops, detection_data, sprites
 
     parts = ((_TRAINING, count, craft, False), (_VALIDATION, validation, max(1, round(_HELD_OUT_SHARE * craft)), True))
-    for name, *_ in parts:
-        if (out / name / detection_data.ANNOTATIONS).exists() and not force:
-            raise OutputError(f"{out / name}: holds a data set already; --force replaces it")
+    made = {name: f"{number} of {variety} craft x {views} views, seed {seed}" for name, number, variety, _ in parts}
+    done = {name: not force and detection_data.is_made(out / name, made[name]) for name in made}
+    for name in made:
+        if not (force or done[name]) and (out / name / detection_data.ANNOTATIONS).exists():
+            raise OutputError(f"{out / name}: holds another data set already; --force replaces it")
     work = out.with_name(out.name + ".work")
-    for name, number, variety, held_out in parts:
-        with counting(f"ray tracing for {name}", quiet=as_json) as watch:
-            found = sprites.trace(work / "sprites", variety, views, seed, held_out, watch)
-        with counting(f"composing for {name}", quiet=as_json) as watch:
-            earth = backdrops.globe(held_out, seed)
-            detection_data.write(out / name, number, 2 * seed + held_out, found, earth, watch)
+    with resumable(work):
+        for name, number, variety, held_out in parts:
+            if done[name]:
+                continue
+            with counting(f"ray tracing for {name}", quiet=as_json) as watch:
+                found = sprites.trace(work / "sprites", variety, views, seed, held_out, watch)
+            with counting(f"composing for {name}", quiet=as_json) as watch:
+                earth = backdrops.globe(held_out, seed)
+                detection_data.write(out / name, number, 2 * seed + held_out, found, earth, made[name], watch)
     content: dict[str, Any] = {"data": str(out), "views": str(work)}
     for name, *_ in parts:
         content[name] = detection_data.summary(out / name)
@@ -96,18 +105,17 @@ def train(
         )
     if not 0.0 < rate < 1.0:
         raise RpojaxError(f"--rate: found {rate}, expected a number between 0 and 1")
-    if out.exists() and not force:
-        raise OutputError(f"{out}: exists already; --force replaces it")
+    claim(out, force)
     prepare_jax(cache=True)
     from rpojax.training import detector_judge, train_detector
-    from rpojax.vision.detector import load_detector, save_detector
+    from rpojax.vision.detector import load_detector, rounded, save_detector
 
     begun, before = load_detector(start) if start else (None, {})
 
     known, unseen = _halves(dataset)
     recipes = _recipes(epochs, second_epochs, seed, minutes, rate, pieces=start is None)
     checkpoint = out.with_name(out.name + ".checkpoint")
-    with counting("training", quiet=as_json) as watch:
+    with resumable(checkpoint), counting("training", quiet=as_json) as watch:
 
         def tell(look: str, step: "Step") -> None:
             share = epochs / (epochs + second_epochs)
@@ -118,6 +126,7 @@ def train(
         params, history = train_detector.train(
             known, unseen, recipes["first"], recipes["second"], checkpoint, tell, begun
         )
+    params = rounded(params)
     figures = detector_judge.figures(detector_judge.find(params, unseen.images), unseen)
     limit = ("" if minutes is None else f" --minutes {minutes:g}") + (f" --start {start.name}" if start else "")
     passes = f"--epochs {epochs} --second-epochs {second_epochs}"
@@ -174,6 +183,9 @@ def detect(
     if not images or not 0.0 < threshold < 1.0:
         raise RpojaxError(f"IMAGE, --threshold: found {len(images)}, {threshold}, expected a picture and 0 to 1")
     targets = [None] * len(images) if drawn is None else _targets(drawn, images)
+    given = {path.resolve() for path in images}
+    if taken := next((path for path in targets if path and path.resolve() in given), None):
+        raise OutputError(f"{taken}: is one of the pictures to search, expected --drawn in another folder")
     if not force and (there := next((path for path in targets if path and path.exists()), None)):
         raise OutputError(f"{there}: exists already; --force replaces it")
     from rpojax.vision import pictures

@@ -1,9 +1,7 @@
 """The verbs of `rpojax field`."""
 
-import contextlib
 import json
 import math
-import os
 import sys
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -14,7 +12,8 @@ import tyro
 from tyro.conf import Positional, arg
 
 from rpojax.console import counting
-from rpojax.errors import OutputError, RpojaxError
+from rpojax.errors import RpojaxError
+from rpojax.outputs import claim, resumable
 
 if TYPE_CHECKING:
     import numpy as np
@@ -60,7 +59,7 @@ def train(
     _check_seed(seed)
     if minutes is not None and not minutes > 0.0:
         raise RpojaxError(f"--minutes: found {minutes}, expected more than 0")
-    _claim(out, force)
+    claim(out, force)
     from rpojax.training import raytrace, target_mesh, train_field
     from rpojax.vision.weights import save_field
 
@@ -69,7 +68,7 @@ def train(
     shell = raytrace.Shell(views, range_scale=(0.9, 1.15), seed=seed)
     recipe = train_field.Recipe(steps=steps, seed=seed, kind=kind, limit_s=None if minutes is None else 60.0 * minutes)
     preview = work / "contact_sheet.png"
-    with _resumable(work):
+    with resumable(work):
         with counting("ray tracing", quiet=as_json) as watch:
             traced = raytrace.render(target, shell, work, watch, partial(_preview, preview, as_json))
         with counting("training", quiet=as_json) as watch:
@@ -116,7 +115,7 @@ def evaluate(
     if not 0.0 < fov_deg < 170.0:
         raise RpojaxError(f"--fov-deg: found {fov_deg}, expected more than 0 and less than 170")
     if sheet:
-        _claim(sheet, force, (".png",))
+        claim(sheet, force, (".png",))
     from rpojax.training import judge
 
     target, network = _both(mesh, units, center, field)
@@ -147,7 +146,7 @@ def render(
     as_json: AsJson = False,
 ) -> int:
     """Pictures of a field: a still, a contact sheet, or a turntable."""
-    _claim(out, force, (".png", ".mp4"))
+    claim(out, force, (".png", ".mp4"))
     still = out.suffix.lower() == ".png"
     most = _SHEET_LIMIT if still else _FILM_LIMIT
     if not 1 <= frames <= most or not 8 <= size_px <= 2048:
@@ -239,27 +238,6 @@ def _fresh(
 def _check_seed(seed: int) -> None:
     if not 0 <= seed < 2**31:
         raise RpojaxError(f"--seed: found {seed}, expected 0 to 2147483647")
-
-
-def _claim(path: Path, force: bool, suffixes: tuple[str, ...] = ()) -> None:
-    """Raises `OutputError` where a file cannot be written, before any work is done for it."""
-    if suffixes and path.suffix.lower() not in suffixes:
-        raise OutputError(f"{path}: found suffix {path.suffix!r}, expected {' or '.join(suffixes)}")
-    if path.is_dir():
-        raise OutputError(f"{path}: found a folder, expected the name of a file")
-    if path.exists() and not force:
-        raise OutputError(f"{path}: exists already; --force replaces it")
-    home = next(folder for folder in path.absolute().parents if folder.exists())
-    if not home.is_dir() or not os.access(home, os.W_OK | os.X_OK):
-        raise OutputError(f"{path}: found {home}, expected a folder that can be written to")
-
-
-@contextlib.contextmanager
-def _resumable(work: Path) -> Iterator[None]:
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(f"the same command goes on from {work}") from None
 
 
 def _preview(path: Path, quiet: bool, rgb: "np.ndarray", alpha: "np.ndarray") -> None:

@@ -141,11 +141,13 @@ def plates(folder: Path, count: int) -> Path:
 
 def test_a_foreign_data_set_is_trained_on_and_judged(call: Call, tmp_path: Path) -> None:
     folder, weights = plates(tmp_path / "plates", 40), tmp_path / "weights.safetensors"
-    outcome = call("detector", "train", folder, "--out", weights, "--epochs", "2", "--json")
+    outcome = call("detector", "train", folder, "--out", weights, "--epochs", "2", "--second-epochs", "1", "--json")
     assert outcome.status == 0
     assert outcome.json["images"] == 36
     _, card = detector.load_detector(weights)
-    assert card["command"] == "rpojax detector train plates --out weights.safetensors --epochs 2 --seed 0"
+    passes = "--epochs 2 --second-epochs 1 --rate 0.005 --seed 0"
+    assert card["command"] == f"rpojax detector train plates --out weights.safetensors {passes}"
+    assert card["steps_done"] == {"first": 2, "second": 1}
     assert [path.name for path in tmp_path.iterdir() if "checkpoint" in path.name] == []
     judged = call("detector", "evaluate", folder, "--weights", weights, "--json")
     assert judged.status == 0
@@ -174,9 +176,13 @@ def test_data_are_made_and_not_overwritten(call: Call, tmp_path: Path) -> None:
     assert outcome.status == 0
     assert (outcome.json["training"]["images"], outcome.json["validation"]["images"]) == (6, 3)
     assert Image.open(tmp_path / "sheet.png").size == (6 * 384, 384)
+    made = (tmp_path / "data" / "training" / "annotations.json").read_bytes()
+    # What is there is not made again, and another set does not replace it.
+    assert call(*words, "--views", "1", "--json").status == 0
     again = call(*words)
     assert again.status == 2
     assert "--force" in again.err
+    assert (tmp_path / "data" / "training" / "annotations.json").read_bytes() == made
 
 
 @pytest.mark.parametrize("words", [("--epochs", "0"), ("--minutes", "0")])

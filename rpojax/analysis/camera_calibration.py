@@ -36,10 +36,15 @@ _STEPS = 4000
 _CHECK_EVERY = 100
 _ROWS = 1024
 _RATE = 4e-3
-_DECAY = 1.0
+_DECAY = 0.3
+"""Of the weights of layers; what they are added to is free."""
 _HELD_OUT = 0.15
 _CENTERED = 0.7
 _POINTING_DEG = 0.5
+_PENUMBRA = 0.1
+"""Share of views under a Sun that the Earth hides in part."""
+RANGES = (0.6, 1.5)
+"""Views go from so much of the nearest of start and station to so much of the farthest."""
 _OVERLAP = 0.1
 _FALSE_SIDE = (float(np.log(12.0)), 0.6)
 _FALSE_SCORE = (0.5, 0.7)
@@ -49,12 +54,14 @@ OnProgress = Callable[[int, int], None]
 
 @dataclasses.dataclass(frozen=True)
 class Views:
-    """Drawn geometry: camera from target in N [m], attitudes, Sun, place [Earth radii], turn of the Earth [rad]."""
+    """Drawn geometry: camera from target in N [m], attitudes, Sun and how much of it, place [Earth radii], turn of the
+    Earth [rad]."""
 
     r_ST_N: np.ndarray
     q_TN: np.ndarray
     q_KN: np.ndarray
     sun_N: np.ndarray
+    sunlight: np.ndarray
     place_N: np.ndarray
     earth_turn: np.ndarray
 
@@ -79,7 +86,7 @@ def draw(file: ScenarioFile, count: int, seed: int) -> Views:
     """Random views that a run of a scenario might have, and more."""
     rng = np.random.default_rng(seed)
     near, far = networks.ranges(file.model_dump())
-    distance = np.exp(rng.uniform(np.log(0.6 * near), np.log(1.5 * far), count))
+    distance = np.exp(rng.uniform(np.log(RANGES[0] * near), np.log(RANGES[1] * far), count))
     away = _directions(rng, count)
     place = _directions(rng, count) * file.orbit.semi_major_axis_m / RADIUS_EARTH
     sun = _suns(rng, file, away, place)
@@ -93,9 +100,17 @@ def draw(file: ScenarioFile, count: int, seed: int) -> Views:
             [_looking(-a, o, r) for a, o, r in zip(away, offset, rng.uniform(0, 2 * np.pi, count), strict=True)]
         ),
         sun_N=sun,
+        sunlight=np.where(rng.random(count) < _PENUMBRA, rng.uniform(0.5, 1.0, count), 1.0),
         place_N=place,
         earth_turn=rng.uniform(0.0, 2.0 * np.pi, count),
     )
+
+
+def limits(file: ScenarioFile) -> dict[str, tuple[float, float]]:
+    """Smallest and largest values of what the views are drawn over, by the keys of `networks.limits`."""
+    found = networks.limits(file.model_dump())
+    near, far = found["range of start and station [m]"]
+    return {**found, "range of start and station [m]": (RANGES[0] * near, RANGES[1] * far)}
 
 
 def _unit(values: np.ndarray) -> np.ndarray:
@@ -132,6 +147,8 @@ def _looking(line: np.ndarray, offset: np.ndarray, roll: float) -> np.ndarray:
 def look(file: ScenarioFile, views: Views, seed: int, on_progress: OnProgress = lambda done, total: None) -> Outcomes:
     """Renders views and detects boxes in them, as the rendered camera of a run does."""
     tables = file.model_dump()
+    # What is being fitted is not needed yet.
+    tables["camera"]["model"] = "geometric"
     numbers = params.build(tables, file.camera.width_px, file.camera.height_px)
     trained, rays = networks.load_networks(tables), networks.picture_sampling(tables)
     size = (file.camera.width_px, file.camera.height_px)
@@ -182,7 +199,7 @@ def _scene(view: dict[str, Array]) -> Scene:
         r_KT_T=quaternion.rotate(view["q_TN"], view["r_ST_N"]),
         R_KT=quaternion.to_matrix(q_KT),
         sun_T=quaternion.rotate(view["q_TN"], view["sun_N"]),
-        sunlight=jnp.ones(()),
+        sunlight=view["sunlight"],
         R_KN=quaternion.to_matrix(view["q_KN"]),
         place_N=view["place_N"],
         sun_N=view["sun_N"],
@@ -208,7 +225,9 @@ def fit(outcomes: Outcomes, threshold: float, seed: int = 0) -> Fit:
         "layers": new_layers(jax.random.key(seed), statistics_file.WIDTHS),
         "wide": jnp.full((), -2.0, jnp.float32),
     }
-    mean, spread = train["features"].mean(axis=0), jnp.maximum(train["features"].std(axis=0), 1e-3)
+    mean, spread = train["features"].mean(axis=0), train["features"].std(axis=0)
+    # What does not change in the views tells nothing, and must not tell much where it does change.
+    spread = jnp.where(spread < 1e-3, jnp.float32(1.0), spread)
     sides = outcomes.edges[:, 2:] - outcomes.edges[:, :2]
     wrong = np.asarray(rows["kind"]) == 2
     false_side = _normal(np.log(np.maximum(sides[wrong], 1.0)), _FALSE_SIDE)
@@ -290,7 +309,8 @@ def _maximise(
     seed: int,
 ) -> dict[str, Any]:
     """What is free, where the likelihood of the outcomes held out is greatest on the way up that of the others."""
-    optimiser = optax.adamw(optax.cosine_decay_schedule(_RATE, _STEPS), weight_decay=_DECAY)
+    decayed = {"layers": tuple((True, False) for _ in free["layers"]), "wide": False}
+    optimiser = optax.adamw(optax.cosine_decay_schedule(_RATE, _STEPS), weight_decay=_DECAY, mask=decayed)
     count = rows["kind"].shape[0]
 
     def step(carry: Any, key: Array) -> tuple[Any, None]:

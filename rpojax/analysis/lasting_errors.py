@@ -12,15 +12,16 @@ import numpy as np
 
 from rpojax.analysis.camera_calibration import Outcomes, Views, draw, standard_errors
 from rpojax.core import quaternion
-from rpojax.sensors.statistical_camera import CameraStatistics
+from rpojax.sensors.statistical_camera import WIDE, CameraStatistics
 from rpojax.simulation.schema import ScenarioFile
 
 FRAMES = 24
 _TURN_DEG = (0.1, 8.0)
 """Least and most angle between neighbouring frames of a sequence."""
 _MOST = 3.0
+_MOST_SHARE = 0.99
 _BINS = 40
-_SHARES = np.linspace(0.0, 0.99, 100)
+_SHARES = np.linspace(0.0, _MOST_SHARE, 100)
 _ANGLES = np.radians(np.exp(np.linspace(np.log(0.2), np.log(90.0), 120)))
 
 
@@ -61,6 +62,9 @@ def with_lasting_errors(
     independent = np.linalg.solve(mixing, errors.T).T
     sequences = np.clip(independent, -_MOST, _MOST).reshape(len(turn), FRAMES, 4)
     share, angle = _maximise(*_pairs(sequences, turn))
+    # Errors that are wide in one frame alone are less alike from frame to frame than the rest of them.
+    wide = float(statistics.wide_share)
+    share = min(_MOST_SHARE, share * (1.0 + (WIDE**2 - 1.0) * wide) / (1.0 + (WIDE - 1.0) * wide) ** 2)
     return dataclasses.replace(
         statistics,
         mixing=jnp.asarray(mixing, jnp.float32),

@@ -27,6 +27,8 @@ SMALLEST_PX = 2.0
 """Edge errors are shares of the visible outline's size, and a smaller one counts as so large [px]."""
 _LOG_SIGMA = (-5.5, 0.0)
 """Edges are never better known than to a 250th of the target's size."""
+_FAR = 4.0
+"""Features beyond so many sigma of the fit's views count as so far off."""
 WIDE = 3.0
 """How much wider the second of the two normal distributions of edge errors is."""
 
@@ -110,7 +112,7 @@ def features(scene: Scene, outline: Float[Array, "4"], size_px: tuple[int, int])
                     light,
                 ]
             ),
-            jnp.abs(middle - half) / half,
+            (middle - half) / half,
         ]
     )
 
@@ -140,7 +142,8 @@ def _earth_behind(scene: Scene, away_T: Array) -> tuple[Array, Array]:
 
 def outcome(statistics: CameraStatistics, found: Float[Array, " features"], in_frame: Bool[Array, ""]) -> Outcome:
     """Distribution of a view's outcome; a target that is not in the frame has no box."""
-    raw = apply_layers(statistics.layers, (found - statistics.mean) / statistics.spread)
+    standard = jnp.clip((found - statistics.mean) / statistics.spread, -_FAR, _FAR)
+    raw = apply_layers(statistics.layers, standard)
     logits = jnp.stack([jnp.zeros((), jnp.float32), jnp.where(in_frame, raw[0], -30.0), raw[1]])
     none, true, false = jax.nn.log_softmax(logits)
     return Outcome(

@@ -13,7 +13,7 @@ from rpojax.vision.weights import WeightsError, nothing_left, read_tensors, take
 
 WIDTHS = (FEATURES, 32, 32, OUTPUTS)
 """Of the network between features and outcome."""
-_KIND = "rpojax camera 2"
+_KIND = "rpojax camera 3"
 _SHAPES = {
     "mean": (FEATURES,),
     "spread": (FEATURES,),

@@ -83,6 +83,21 @@ def fitted_for(tables: Mapping[str, Any]) -> dict[str, Any]:
     return {**camera, **imaging, "target.hull_m": tables["target"]["hull_m"]}
 
 
+def made_with(tables: Mapping[str, Any]) -> dict[str, str]:
+    """SHA-256 of the files whose pictures and boxes a fitted camera is like, by key."""
+    return {f"imaging.{key}": digest(file_of(tables, key)) for key in _NEEDED["rendered"]}
+
+
+def limits(tables: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    """What a scenario asks of a fitted camera's views: smallest and largest value by key."""
+    camera = tables["camera"]
+    return {
+        "range of start and station [m]": ranges(tables),
+        "camera.phase_limit_deg": (0.0, camera["phase_limit_deg"]),
+        "camera.sun_exclusion_deg": (camera["sun_exclusion_deg"], 180.0),
+    }
+
+
 def load_statistics(tables: Mapping[str, Any]) -> "CameraStatistics | None":
     """The fitted camera, or None for another camera model; raises `ScenarioError` where it was fitted for another."""
     if tables["camera"]["model"] != "statistical":
@@ -97,7 +112,23 @@ def load_statistics(tables: Mapping[str, Any]) -> "CameraStatistics | None":
             raise ScenarioError(
                 key, value, f"{found}, as in imaging.statistics; `rpojax calibrate-camera-model` fits another"
             )
+    _check_card(tables, card)
     return statistics
+
+
+def _check_card(tables: Mapping[str, Any], card: Mapping[str, Any]) -> None:
+    """Raises `ScenarioError` where a camera was fitted for other networks, or views are not among those it was."""
+    advice = "`rpojax calibrate-camera-model` fits another"
+    networks, views = card.get("made_with"), card.get("limits")
+    for key, value in made_with(tables).items():
+        found = networks.get(key) if isinstance(networks, dict) else None
+        if found != value:
+            name = tables["imaging"][key.partition(".")[2]]
+            raise ScenarioError(key, name, f"the file that imaging.statistics was fitted with; {advice}")
+    for key, (low, high) in limits(tables).items():
+        found = views.get(key) if isinstance(views, dict) else None
+        if not found or low < found[0] or high > found[1]:
+            raise ScenarioError(key, (low, high), f"within {found}, as in imaging.statistics; {advice}")
 
 
 def sampling(tables: Mapping[str, Any]) -> "Sampling | None":

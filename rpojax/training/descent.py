@@ -9,6 +9,7 @@ are the products, and the network that flies has no trace of it.
 
 import dataclasses
 import hashlib
+import json
 import math
 import queue
 import threading
@@ -112,12 +113,14 @@ def descend(
     done, share = 0, 0.0
     key = _digest(data, recipe, (start, fixed))
     if checkpoint and (found := _read(checkpoint, key, state)):
-        state, done, share, before = found
-        begin -= before
-    with _Prepared(data, recipe, per_epoch, done) as prepared:
+        state, history = found
+        done = history[-1].done
+        begin -= history[-1].elapsed_s
+        share = _share(done, total, history[-1].elapsed_s, recipe.limit_s)
+    with _Prepared(data, recipe, per_epoch, done, share) as prepared:
         while done < total and share < 1.0:
-            prepared.share = share
             for _ in range(per_epoch):
+                prepared.share = share
                 settings = jnp.asarray(
                     [recipe.rate * _schedule(share, done), min(_DECAY, (1.0 + done) / (10.0 + done))], jnp.float32
                 )
@@ -130,7 +133,7 @@ def descend(
             figures = judge(jax.device_get(folded(state.mean)))
             history.append(Step(done, total, figures["map50"] or 0.0, figures["map50_95"] or 0.0, elapsed))
             if checkpoint:
-                _write(checkpoint, key, state, done, share, elapsed)
+                _write(checkpoint, key, state, history)
             on_step(history[-1])
     return folded(state.mean), history
 
@@ -214,8 +217,8 @@ class _Prepared:
     `share` is how much of the training is over; what it decides, pieces or whole pictures, holds a few steps later.
     """
 
-    def __init__(self, data: Dataset, recipe: Recipe, per_epoch: int, first: int) -> None:
-        self.share = 0.0
+    def __init__(self, data: Dataset, recipe: Recipe, per_epoch: int, first: int, share: float) -> None:
+        self.share = share
         self._data, self._recipe, self._per_epoch, self._step = data, recipe, per_epoch, first
         self._made: queue.Queue[Batch] = queue.Queue(maxsize=4)
         self._ended = threading.Event()
@@ -306,15 +309,14 @@ def _digest(data: Dataset, recipe: Recipe, weights: Any) -> str:
     return digest.hexdigest()
 
 
-def _write(path: Path, key: str, state: State, done: int, share: float, elapsed_s: float) -> None:
+def _write(path: Path, key: str, state: State, history: list[Step]) -> None:
     content = (state.params, state.mean, state.optimiser)
     leaves = {f"{index:04d}": np.asarray(leaf) for index, leaf in enumerate(jax.tree.leaves(content))}
-    metadata = {"key": key, "done": str(done), "share": str(share), "elapsed_s": str(elapsed_s)}
-    write_tensors(path, leaves, metadata)
+    write_tensors(path, leaves, {"key": key, "history": json.dumps([dataclasses.asdict(step) for step in history])})
 
 
-def _read(path: Path, key: str, like: State) -> tuple[State, int, float, float] | None:
-    """State, steps done, share of the schedule and seconds so far, or None where there is no such checkpoint."""
+def _read(path: Path, key: str, like: State) -> tuple[State, list[Step]] | None:
+    """State and checks so far, or None where there is no such checkpoint."""
     if not path.is_file():
         return None
     try:
@@ -328,4 +330,4 @@ def _read(path: Path, key: str, like: State) -> tuple[State, int, float, float] 
     ):
         return None
     state = State(*jax.tree.unflatten(structure, [jnp.asarray(values) for values in found]))
-    return state, int(metadata["done"]), float(metadata["share"]), float(metadata["elapsed_s"])
+    return state, [Step(**step) for step in json.loads(metadata["history"])]

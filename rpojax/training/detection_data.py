@@ -234,11 +234,13 @@ class Dataset:
         images: (n, p, p, 3) 8 bit sRGB codes
         boxes: for every picture (m, 4) left, top, right, bottom [px] in it
         backgrounds: what is behind, as the data set names it, or 'unknown'
+        craft: 'target' for pictures of the packaged target, else 'other'
     """
 
     images: np.ndarray
     boxes: tuple[np.ndarray, ...]
     backgrounds: tuple[str, ...]
+    craft: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.images)
@@ -249,6 +251,7 @@ class Dataset:
             self.images[chosen],
             tuple(self.boxes[i] for i in chosen),
             tuple(self.backgrounds[i] for i in chosen),
+            tuple(self.craft[i] for i in chosen) if self.craft else (),
         )
 
 
@@ -258,12 +261,18 @@ def write(
     seed: int,
     sprites: list[Sprite],
     earth: Globe,
+    made: str = "",
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> None:
-    """Writes `count` composites as PNG images with `annotations.json`; the annotations come last."""
+    """Writes `count` composites as PNG images with `annotations.json`; the annotations come last.
+
+    Without them a folder is no data set, so pictures never stand beside the boxes of others. `made` tells what the set
+    was made of, for `is_made`.
+    """
     import cv2
 
     (folder / "images").mkdir(parents=True, exist_ok=True)
+    (folder / ANNOTATIONS).unlink(missing_ok=True)
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
     for index in range(count):
@@ -279,12 +288,22 @@ def write(
             annotations.append(_annotation(len(annotations) + 1, index + 1, box, craft))
         on_progress(index + 1, count)
     content = {
-        "info": {"description": f"ray-traced spacecraft, seed {seed}"},
+        "info": {"description": f"ray-traced spacecraft, seed {seed}", "made": made},
         "categories": [{"id": 1, "name": CATEGORY}],
         "images": images,
         "annotations": annotations,
     }
-    (folder / ANNOTATIONS).write_text(json.dumps(content, indent=1))
+    partial = folder / f"{ANNOTATIONS}.part"
+    partial.write_text(json.dumps(content, indent=1))
+    partial.replace(folder / ANNOTATIONS)
+
+
+def is_made(folder: Path, made: str) -> bool:
+    """Whether a folder holds the whole of a data set that `write` was told the same of."""
+    try:
+        return bool(json.loads((folder / ANNOTATIONS).read_text(encoding="utf-8"))["info"]["made"] == made)
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
 def _annotation(number: int, image: int, box: np.ndarray, craft: str) -> dict[str, Any]:
@@ -327,7 +346,8 @@ def read(folder: Path, size_px: int = SIZE_PX, limit: int | None = None) -> Data
         pictures.append(picture)
         scaled.append((found * scale).astype(np.float32))
     backgrounds = tuple(str(entry.get("background", "unknown")) for entry in images)
-    return Dataset(np.stack(pictures), tuple(scaled), backgrounds)
+    craft = tuple("target" if entry.get("craft") == PACKAGED else "other" for entry in images)
+    return Dataset(np.stack(pictures), tuple(scaled), backgrounds, craft)
 
 
 def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray]]:
@@ -348,11 +368,18 @@ def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray]]:
             for entry in content["images"]
         ]
         by_image: dict[Any, list[list[float]]] = {entry["id"]: [] for entry in images}
+        by_number = {entry["id"]: entry for entry in images}
+        kinds = {note.get("category_id") for note in content["annotations"]}
+        if len(kinds) > 1:
+            raise ValueError(f"categories {sorted(map(str, kinds))}, of which one is meant to be a spacecraft")
         for note in content["annotations"]:
+            if note.get("iscrowd"):
+                raise ValueError(f"a crowd in image {note['image_id']}, where each spacecraft has its box")
             left, top, width, height = map(float, note["bbox"])
             if not (width > 0.0 and height > 0.0) or not np.isfinite([left, top, width, height]).all():
                 raise ValueError(f"bbox {note['bbox']}")
             by_image[note["image_id"]].append([left, top, left + width, top + height])
+            by_number[note["image_id"]]["craft"] = note.get("craft")
     except (KeyError, TypeError, ValueError) as error:
         raise DatasetError(f"{path}: found a fault at {error}, expected images and annotations as in COCO") from None
     if not images:

@@ -82,24 +82,30 @@ def figures(found: Found, data: Dataset, least_px: float = LEAST_SIDE_PX, most_p
 
 
 def report(found: Found, data: Dataset) -> dict[str, Any]:
-    """The headline, and the same figures by apparent size and by background."""
+    """The headline, and the same figures by apparent size, by background, and for the packaged target and others."""
     by_size = {}
     for low, high in itertools.pairwise(SIZES_PX):
         name = f"{low:g} to {high:g} px" if high < 1e9 else f"from {low:g} px"
         by_size[name] = _rows(figures(found, data, low, high))
-    by_background = {}
-    for name in sorted(set(data.backgrounds)):
-        chosen = np.array([i for i, other in enumerate(data.backgrounds) if other == name])
-        part = Found([found.boxes[i] for i in chosen], [found.scores[i] for i in chosen])
-        by_background[name] = figures(part, data.part(chosen))
     return {
         "images": len(data),
         "threshold": THRESHOLD,
         "least_side_px": LEAST_SIDE_PX,
         **figures(found, data),
         "by_size": by_size,
-        "by_background": by_background,
+        "by_background": _by(data.backgrounds, found, data),
+        "by_craft": {name: _rows(values) for name, values in _by(data.craft, found, data).items()},
     }
+
+
+def _by(names: tuple[str, ...], found: Found, data: Dataset) -> dict[str, dict[str, Any]]:
+    """Figures of the pictures of each name."""
+    parts = {}
+    for name in sorted(set(names)):
+        chosen = np.array([i for i, other in enumerate(names) if other == name])
+        part = Found([found.boxes[i] for i in chosen], [found.scores[i] for i in chosen])
+        parts[name] = figures(part, data.part(chosen))
+    return parts
 
 
 def _rows(values: dict[str, Any]) -> dict[str, Any]:

@@ -78,14 +78,25 @@ def packaged_detector() -> Path:
 
 
 def save_detector(params: Params, path: Path, card: Mapping[str, object]) -> None:
-    """Writes parameters in half precision with their card; the file is either whole or as it was before."""
+    """Writes parameters in half precision with their card; the file is either whole or as it was before.
+
+    Raises `WeightsError` where a parameter is not finite: a training that has gone astray replaces nothing.
+    """
     tensors = {
         f"{look}.{layer}.{name}": np.asarray(values[name], np.float16)
         for look, layers in params.items()
         for layer, values in layers.items()
         for name in values
     }
+    for name, values in tensors.items():
+        if not np.isfinite(values).all():
+            raise WeightsError(f"{path}: {name}: found a number that is not finite, expected finite weights")
     write_tensors(path, tensors, {"kind": _KIND, "card": json.dumps(dict(card))})
+
+
+def rounded(params: Params) -> Params:
+    """Parameters as they come back from their file."""
+    return jax.tree.map(lambda values: values.astype(jnp.float16).astype(jnp.float32), params)
 
 
 def load_detector(path: Path | None = None) -> tuple[Params, dict[str, object]]:

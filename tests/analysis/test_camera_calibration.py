@@ -51,6 +51,8 @@ def test_the_fit_finds_the_law_behind_the_outcomes() -> None:
     assert np.mean(np.exp(found.log_false)) == pytest.approx(1.0 / 30.0, abs=0.015)
     assert np.mean(np.abs(np.mean(np.asarray(found.bias), axis=1) - bias(features))) < 0.015
     assert np.median(np.exp(np.asarray(found.log_sigma))) == pytest.approx(SIGMA, rel=0.2)
+    # What is drawn strays as the outcomes do: no share of wide errors where there are none.
+    assert float(fit.statistics.wide_share) < 0.05
     # It is about as good on outcomes that it has not seen.
     assert fit.log_likelihood_held_out > fit.log_likelihood - 0.8
 

@@ -227,13 +227,34 @@ def broken_picture(folder: Path, content: dict) -> None:
     (folder / content["images"][0]["file_name"]).write_bytes(b"none")
 
 
+def two_kinds(folder: Path, content: dict) -> None:
+    content["annotations"][0]["category_id"] = 7
+
+
+def crowd(folder: Path, content: dict) -> None:
+    content["annotations"][0]["iscrowd"] = 1
+
+
 def a_list(folder: Path, content: dict) -> None:
     content["images"] = 3
 
 
 @pytest.mark.parametrize(
     "change",
-    [unreadable, missing, flat, short, foreign, without_images, other_size, lost_picture, broken_picture, a_list],
+    [
+        unreadable,
+        missing,
+        flat,
+        short,
+        foreign,
+        without_images,
+        other_size,
+        lost_picture,
+        broken_picture,
+        two_kinds,
+        crowd,
+        a_list,
+    ],
 )
 def test_a_faulty_data_set_is_an_error_of_one_line(folder: Path, change: Callable[[Path, dict], None]) -> None:
     content = json.loads((folder / ANNOTATIONS).read_text())

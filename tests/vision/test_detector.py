@@ -80,6 +80,16 @@ def test_the_packaged_weights_are_small_and_say_how_they_were_made() -> None:
     assert str(card["command"]).startswith("rpojax detector train")
 
 
+def test_weights_gone_astray_replace_nothing(tmp_path: Path) -> None:
+    params = detector.fresh(jax.random.key(0))
+    save_detector(params, tmp_path / "weights", {})
+    before = (tmp_path / "weights").read_bytes()
+    params["second"]["out"]["bias"] = jnp.full(5, 1e6, jnp.float32)  # beyond half precision
+    with pytest.raises(WeightsError, match="not finite"):
+        save_detector(params, tmp_path / "weights", {})
+    assert (tmp_path / "weights").read_bytes() == before
+
+
 def drop(tensors: Tensors) -> None:
     del tensors["first.stem.kernel"]
 

@@ -1,0 +1,37 @@
+"""What verbs of the command line write: checked before any work is done for it."""
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from rpojax.errors import OutputError
+
+
+def claim(path: Path, force: bool, suffixes: tuple[str, ...] = ()) -> None:
+    """Raises `OutputError` where a file cannot be written, before any work is done for it."""
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise OutputError(f"{path}: found suffix {path.suffix!r}, expected {' or '.join(suffixes)}")
+    if path.is_dir():
+        raise OutputError(f"{path}: found a folder, expected the name of a file")
+    if path.exists() and not force:
+        raise OutputError(f"{path}: exists already; --force replaces it")
+    home = next(folder for folder in path.absolute().parents if folder.exists())
+    if not home.is_dir() or not os.access(home, os.W_OK | os.X_OK):
+        raise OutputError(f"{path}: found {home}, expected a folder that can be written to")
+
+
+def claim_folder(path: Path) -> None:
+    """Raises `OutputError` where a folder cannot be made or written to, before any work is done for it."""
+    home = next(folder for folder in (path.absolute(), *path.absolute().parents) if folder.exists())
+    if not home.is_dir() or not os.access(home, os.W_OK | os.X_OK):
+        raise OutputError(f"{path}: found {home}, expected a folder that can be written to")
+
+
+@contextlib.contextmanager
+def resumable(work: Path) -> Iterator[None]:
+    """An interrupt says where the same command goes on from."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"the same command goes on from {work}") from None
