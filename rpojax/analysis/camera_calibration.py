@@ -36,7 +36,7 @@ _STEPS = 4000
 _CHECK_EVERY = 100
 _ROWS = 1024
 _RATE = 4e-3
-_DECAY = 0.3
+_DECAY = 1.0
 """Of the weights of layers; what they are added to is free."""
 _HELD_OUT = 0.15
 _CENTERED = 0.7

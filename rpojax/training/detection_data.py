@@ -276,15 +276,15 @@ def write(
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
     for index in range(count):
-        made = composite(np.random.default_rng([seed, index]), sprites, earth)
+        one = composite(np.random.default_rng([seed, index]), sprites, earth)
         name = f"images/{index:06d}.png"
-        if not cv2.imwrite(str(folder / name), made.image[..., ::-1]):
+        if not cv2.imwrite(str(folder / name), one.image[..., ::-1]):
             raise OutputError(f"{folder / name}: cannot be written, expected a writable place")
-        height, width = made.image.shape[:2]
+        height, width = one.image.shape[:2]
         images.append(
-            {"id": index + 1, "file_name": name, "width": width, "height": height, "background": made.background}
+            {"id": index + 1, "file_name": name, "width": width, "height": height, "background": one.background}
         )
-        for box, craft in zip(made.boxes, made.craft, strict=True):
+        for box, craft in zip(one.boxes, one.craft, strict=True):
             annotations.append(_annotation(len(annotations) + 1, index + 1, box, craft))
         on_progress(index + 1, count)
     content = {
