@@ -39,7 +39,7 @@ def tumbling(file: ScenarioFile, count: int, seed: int) -> Sequences:
     first = draw(file, count, seed)
     axis = rng.normal(size=(count, 3))
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-    turn = np.radians(np.exp(rng.uniform(*np.log(_TURN_DEG), count)))
+    turn = np.radians(np.exp(rng.uniform(np.log(_TURN_DEG[0]), np.log(_TURN_DEG[1]), count)))
     angle = turn[:, None] * np.arange(FRAMES)
     vector = (angle[:, :, None] * axis[:, None, :]).reshape(-1, 3)
     start = np.repeat(first.q_TN, FRAMES, axis=0)

@@ -10,7 +10,7 @@ from rpojax.sensors.box_camera import Frame
 from rpojax.vision import box_model
 from rpojax.vision.background import Sky
 from rpojax.vision.box_model import Box
-from rpojax.vision.detector import MULTIPLE_PX, detect
+from rpojax.vision.detector import MULTIPLE_PX, Params, detect
 from rpojax.vision.exposure import Exposure
 from rpojax.vision.field import Field
 from rpojax.vision.imager import Scene, Window, take_picture, window
@@ -61,7 +61,7 @@ class Networks:
     """
 
     field: Field
-    detector: dict[str, dict[str, Array]]
+    detector: Params
     sky: Sky
 
 
