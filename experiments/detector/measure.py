@@ -127,7 +127,7 @@ def _drawn(data: Dataset, found: detector_judge.Found, count: int) -> np.ndarray
     from rpojax.training.detection_data import drawn
 
     boxes = [b[s >= detector_judge.THRESHOLD] for b, s in zip(found.boxes[:count], found.scores[:count], strict=True)]
-    return drawn(data.images[:count], boxes)[::2, ::2]
+    return np.asarray(cv2.resize(drawn(data.images[:count], boxes), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
 
 
 # Speed.
