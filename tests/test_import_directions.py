@@ -41,7 +41,7 @@ LEFT_TO_RIGHT = {
     "simulation": "units schema checks networks scenario params camera closed_loop metrics",
     "campaign": "store dispersions runner",
     "analysis": "statistics linear_covariance worst_case tuning camera_calibration lasting_errors",
-    "top": "machine console field_verbs detector_verbs calibration_verb cli __main__",
+    "top": "machine console outputs field_verbs detector_verbs calibration_verb cli __main__",
 }
 """Order inside a folder, for the modules whose order is fixed; the rest need only have one."""
 

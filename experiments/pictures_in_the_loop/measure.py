@@ -97,15 +97,21 @@ def look_away(campaign: "Campaign") -> str:
 
 
 def equivalence(rendered: Path, statistical: Path, seed: int = 0) -> bool:
-    """Whether the two campaigns are alike: ratios of medians with 90 % bootstrap intervals, and detection rates."""
+    """Whether the two campaigns are alike: ratios of medians with 90 % bootstrap intervals, and detection rates.
+
+    Runs that both have are compared: run n has the same dispersions in either, so runs are drawn in pairs.
+    """
     one, other = opened(rendered), opened(statistical)
+    runs = min(int(one.info["runs"]), int(other.info["runs"]))
     rng = np.random.default_rng(seed)
     alike = True
     print("| quantity | rendered | statistical | ratio or difference | 90 % interval | bound | holds |")
     print("|---|---|---|---|---|---|---|")
     for name in RATIOS:
-        a, b = values(one, name), values(other, name)
-        medians = [np.median(rng.choice(x, (RESAMPLES, len(x))), axis=1) for x in (a, b)]
+        pairs = np.stack([np.asarray(c.metrics[name], dtype=float)[:runs] for c in (one, other)])
+        a, b = pairs[:, np.isfinite(pairs).all(axis=0)]
+        drawn = rng.integers(0, len(a), (RESAMPLES, len(a)))
+        medians = [np.median(x[drawn], axis=1) for x in (a, b)]
         low, high = np.percentile(medians[1] / medians[0], [5, 95])
         holds = RATIO_BOUNDS[0] <= low and high <= RATIO_BOUNDS[1]
         alike &= holds
@@ -113,7 +119,7 @@ def equivalence(rendered: Path, statistical: Path, seed: int = 0) -> bool:
         bound = f"{RATIO_BOUNDS[0]} to {RATIO_BOUNDS[1]}"
         print(f"| {METRICS[name]}, median | {first:.3f} | {second:.3f} | {second / first:.3f} ", end="")
         print(f"| {low:.3f} to {high:.3f} | {bound} | {holds} |")
-    a, b = values(one, "detection_rate"), values(other, "detection_rate")
+    a, b = (values(c, "detection_rate")[:runs] for c in (one, other))
     first, second = a.mean(), b.mean()
     holds = bool(abs(second - first) <= RATE_BOUND)
     print(f"| detection rate, mean | {first:.4f} | {second:.4f} | {second - first:+.4f} | | {RATE_BOUND} | {holds} |")

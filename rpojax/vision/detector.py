@@ -82,12 +82,13 @@ def save_detector(params: Params, path: Path, card: Mapping[str, object]) -> Non
 
     Raises `WeightsError` where a parameter is not finite: a training that has gone astray replaces nothing.
     """
-    tensors = {
-        f"{look}.{layer}.{name}": np.asarray(values[name], np.float16)
-        for look, layers in params.items()
-        for layer, values in layers.items()
-        for name in values
-    }
+    with np.errstate(over="ignore"):  # what is beyond half precision is told below
+        tensors = {
+            f"{look}.{layer}.{name}": np.asarray(values[name]).astype(np.float16)
+            for look, layers in params.items()
+            for layer, values in layers.items()
+            for name in values
+        }
     for name, values in tensors.items():
         if not np.isfinite(values).all():
             raise WeightsError(f"{path}: {name}: found a number that is not finite, expected finite weights")

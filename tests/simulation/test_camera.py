@@ -93,5 +93,21 @@ def test_the_packaged_fitted_camera_fits_the_packaged_scenario() -> None:
     found = networks.load_statistics(file.model_dump())
     assert isinstance(found, CameraStatistics)
     _, card = statistics_file.load_statistics(networks.file_of(file.model_dump(), "statistics"))
-    assert card["field_sha256"] == networks.digest(weights.packaged_field())
-    assert card["detector_sha256"] == networks.digest(networks.file_of(file.model_dump(), "detector"))
+    assert card["made_with"] == {
+        "imaging.field": networks.digest(weights.packaged_field()),
+        "imaging.detector": networks.digest(networks.file_of(file.model_dump(), "detector")),
+    }
+
+
+def test_a_fitted_camera_is_refused_with_another_detector_or_beyond_its_views(tmp_path: Path) -> None:
+    other = tmp_path / "other.safetensors"
+    other.write_bytes(b"another detector")
+    for change, words in (
+        (f"imaging.detector='{other}'", "imaging.detector"),
+        ("formation.desired_position_m=[0.0, -300.0, 0.0]", "range of start and station"),
+        ("camera.phase_limit_deg=170.0", "camera.phase_limit_deg"),
+    ):
+        tables = scenario.load("inspection", ["camera.model=statistical", change]).model_dump()
+        with pytest.raises(ScenarioError, match="calibrate-camera-model") as error:
+            networks.load_statistics(tables)
+        assert words in str(error.value)
