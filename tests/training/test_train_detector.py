@@ -167,7 +167,7 @@ def test_the_second_look_is_asked_about_named_true_and_random_boxes() -> None:
 
 
 def test_a_training_that_was_interrupted_goes_on_to_the_same_weights(plates: Dataset, tmp_path: Path) -> None:
-    first, second = Recipe(epochs=3, batch=16), Recipe(epochs=2, batch=16, pieces_share=0.0)
+    first, second = Recipe(epochs=3, batch=16, pieces_share=0.0), Recipe(epochs=2, batch=16, pieces_share=0.0)
     check = plates.part(np.arange(4))
     whole, _ = train_detector.train(plates, check, first, second)
     checkpoint, seen = tmp_path / "checkpoint", []
