@@ -31,11 +31,11 @@ LEFT_TO_RIGHT = {
     "core": "constants pytree safe series quaternion frames difference orbital_mechanics ephemeris light integrate",
     "physics": "effects environment actuators rigid_body faults plant",
     "vision": "pinhole box_model rays grid_field grid_build point_field field region render exposure weights "
-    "sheets turntable background overlap first_look second_look detector pictures search imager",
+    "sheets turntable background overlap layers first_look second_look detector pictures search imager",
     "flight": "onboard navigation covariance box_gate servicer_filter relative_filter orbit_filter attitude_estimator "
     "formation_control attitude_control pointing slew looking burn_plan search guidance thrust_gauge computer",
     "sensors": "gps star_tracker gyro chamber_pressure box_camera image_camera statistical_camera statistics_file",
-    "training": "optional target_mesh raytrace train_field judge shapes spacecraft sprites backdrops "
+    "training": "optional target_mesh raytrace checkpoint train_field judge shapes spacecraft sprites backdrops "
     "detection_data augment average_precision detector_judge orthogonal descent giou first_look_loss second_look_loss "
     "train_detector",
     "simulation": "units schema checks networks scenario params camera closed_loop metrics",

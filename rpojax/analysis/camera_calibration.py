@@ -87,8 +87,8 @@ def draw(file: ScenarioFile, count: int, seed: int) -> Views:
     rng = np.random.default_rng(seed)
     near, far = networks.ranges(file.model_dump())
     distance = np.exp(rng.uniform(np.log(RANGES[0] * near), np.log(RANGES[1] * far), count))
-    away = _directions(rng, count)
-    place = _directions(rng, count) * file.orbit.semi_major_axis_m / RADIUS_EARTH
+    away = directions(rng, count)
+    place = directions(rng, count) * file.orbit.semi_major_axis_m / RADIUS_EARTH
     sun = _suns(rng, file, away, place)
     offset = np.radians(_POINTING_DEG) * rng.normal(size=(count, 2))
     spread = 0.6 * np.radians(file.camera.field_of_view_deg) * rng.uniform(-1.0, 1.0, (count, 2))
@@ -109,15 +109,16 @@ def draw(file: ScenarioFile, count: int, seed: int) -> Views:
 def limits(file: ScenarioFile) -> dict[str, tuple[float, float]]:
     """Smallest and largest values of what the views are drawn over, by the keys of `networks.limits`."""
     found = networks.limits(file.model_dump())
-    near, far = found["range of start and station [m]"]
-    return {**found, "range of start and station [m]": (RANGES[0] * near, RANGES[1] * far)}
+    near, far = found[networks.RANGE]
+    return {**found, networks.RANGE: (RANGES[0] * near, RANGES[1] * far)}
 
 
 def _unit(values: np.ndarray) -> np.ndarray:
     return values / np.linalg.norm(values, axis=-1, keepdims=True)
 
 
-def _directions(rng: np.random.Generator, count: int) -> np.ndarray:
+def directions(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Unit vectors (count, 3), uniform on the sphere."""
     return _unit(rng.normal(size=(count, 3)))
 
 
@@ -127,7 +128,7 @@ def _suns(rng: np.random.Generator, file: ScenarioFile, away: np.ndarray, place:
     missing = np.ones(len(away), bool)
     lowest = max(np.cos(np.radians(file.camera.phase_limit_deg)), -np.cos(np.radians(file.camera.sun_exclusion_deg)))
     while missing.any():
-        sun[missing] = _directions(rng, int(missing.sum()))
+        sun[missing] = directions(rng, int(missing.sum()))
         height = np.sum(sun * place, axis=1)
         shadowed = (height < 0.0) & (np.sum(place**2, axis=1) - height**2 < 1.0)
         missing = shadowed | (np.sum(sun * away, axis=1) < lowest)
@@ -347,4 +348,4 @@ def summary(outcomes: Outcomes, threshold: float) -> dict[str, float]:
     }
 
 
-__all__ = ["Fit", "Outcomes", "Views", "draw", "fit", "look", "standard_errors", "summary"]
+__all__ = ["Fit", "Outcomes", "Views", "directions", "draw", "fit", "look", "standard_errors", "summary"]

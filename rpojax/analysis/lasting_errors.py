@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.analysis.camera_calibration import Outcomes, Views, draw, standard_errors
+from rpojax.analysis.camera_calibration import Outcomes, Views, directions, draw, standard_errors
 from rpojax.core import quaternion
 from rpojax.sensors.statistical_camera import WIDE, CameraStatistics
 from rpojax.simulation.schema import ScenarioFile
@@ -37,8 +37,7 @@ def tumbling(file: ScenarioFile, count: int, seed: int) -> Sequences:
     """Sequences that begin at random views, about random axes, from slow to quick."""
     rng = np.random.default_rng([seed, 1])
     first = draw(file, count, seed)
-    axis = rng.normal(size=(count, 3))
-    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    axis = directions(rng, count)
     turn = np.radians(np.exp(rng.uniform(np.log(_TURN_DEG[0]), np.log(_TURN_DEG[1]), count)))
     angle = turn[:, None] * np.arange(FRAMES)
     vector = (angle[:, :, None] * axis[:, None, :]).reshape(-1, 3)

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.sensors.statistical_camera import FEATURES, OUTPUTS, CameraStatistics
-from rpojax.vision.weights import WeightsError, nothing_left, read_tensors, take, write_tensors
+from rpojax.vision.weights import WeightsError, nothing_left, read_card, read_tensors, take, write_tensors
 
 WIDTHS = (FEATURES, 32, 32, OUTPUTS)
 """Of the network between features and outcome."""
@@ -41,10 +41,7 @@ def load_statistics(path: Path) -> tuple[CameraStatistics, dict[str, object]]:
     if metadata.get("kind") != _KIND:
         found = metadata.get("kind", "")
         raise WeightsError(f"{path}: found kind {found!r}, expected what `rpojax calibrate-camera-model` wrote")
-    try:
-        card = json.loads(metadata.get("card", "{}"))
-    except ValueError:
-        raise WeightsError(f"{path}: found a card that is no JSON, expected an object") from None
+    card = read_card(path, metadata)
 
     def tensor(name: str, *shape: int) -> jnp.ndarray:
         return jnp.asarray(take(path, tensors, name, shape, np.float32))

@@ -22,6 +22,7 @@ FILES = {
     "statistics": "target.camera.safetensors",
 }
 """Keys of the section `imaging` that name a file, and the packaged ones."""
+RANGE = "range of start and station [m]"
 _NEEDED = {"geometric": (), "statistical": ("statistics",), "rendered": ("field", "detector")}
 _NEAREST = 0.8
 """Rays are at least as dense as pixels down to this share of the nearest of start and station."""
@@ -92,7 +93,7 @@ def limits(tables: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
     """What a scenario asks of a fitted camera's views: smallest and largest value by key."""
     camera = tables["camera"]
     return {
-        "range of start and station [m]": ranges(tables),
+        RANGE: ranges(tables),
         "camera.phase_limit_deg": (0.0, camera["phase_limit_deg"]),
         "camera.sun_exclusion_deg": (camera["sun_exclusion_deg"], 180.0),
     }

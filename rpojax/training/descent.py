@@ -9,7 +9,6 @@ are the products, and the network that flies has no trace of it.
 
 import dataclasses
 import hashlib
-import json
 import math
 import queue
 import threading
@@ -25,10 +24,10 @@ import numpy as np
 import optax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
+from rpojax.training import checkpoint as checkpoints
 from rpojax.training.augment import Batch, batch
 from rpojax.training.detection_data import Dataset
 from rpojax.training.orthogonal import scale_by_orthogonal
-from rpojax.vision.weights import WeightsError, read_tensors, write_tensors
 
 _DECAY = 0.999
 _LAST = "out"
@@ -112,8 +111,8 @@ def descend(
     history: list[Step] = []
     done, share = 0, 0.0
     key = _digest(data, recipe, (start, fixed))
-    if checkpoint and (found := _read(checkpoint, key, state)):
-        state, history = found
+    if checkpoint and (found := checkpoints.read(checkpoint, key, _carried(state))):
+        state, history = State(*found[0]), [Step(**step) for step in found[1]]
         done = history[-1].done
         begin -= history[-1].elapsed_s
         share = _share(done, total, history[-1].elapsed_s, recipe.limit_s)
@@ -133,9 +132,13 @@ def descend(
             figures = judge(jax.device_get(folded(state.mean)))
             history.append(Step(done, total, figures["map50"] or 0.0, figures["map50_95"] or 0.0, elapsed))
             if checkpoint:
-                _write(checkpoint, key, state, history)
+                checkpoints.write(checkpoint, key, _carried(state), [dataclasses.asdict(step) for step in history])
             on_step(history[-1])
     return folded(state.mean), history
+
+
+def _carried(state: State) -> tuple[Params, Params, Any]:
+    return state.params, state.mean, state.optimiser
 
 
 def _step(
@@ -148,9 +151,8 @@ def _step(
     made: Batch,
 ) -> State:
     arrays = _spread(made.images, made.boxes, made.weight)
-    carried = (state.params, state.mean, state.optimiser)
     # One step at a time: where several wait for few cores, the parts of one may wait for those of another for ever.
-    return State(*jax.block_until_ready(_advance(loss, optimiser, carried, fixed, settings, key, *arrays)))
+    return State(*jax.block_until_ready(_advance(loss, optimiser, _carried(state), fixed, settings, key, *arrays)))
 
 
 def _spread(*arrays: np.ndarray) -> list[jax.Array]:
@@ -293,41 +295,14 @@ def _kernel(values: dict[str, jax.Array]) -> jax.Array:
     if "gain" not in values:
         return kernel
     centered = kernel - jnp.mean(kernel, axis=(0, 1, 2), keepdims=True)
-    length = jnp.sqrt(jnp.sum(centered**2, axis=(0, 1, 2), keepdims=True) + 1e-8)
-    return centered / length * values["gain"][None, None, None, :]
-
-
-# Checkpoints.
+    return centered / _length(kernel)[None, None, None, :] * values["gain"][None, None, None, :]
 
 
 def _digest(data: Dataset, recipe: Recipe, weights: Any) -> str:
+    """What tells this training from others."""
     digest = hashlib.sha256(repr((dataclasses.replace(recipe, limit_s=None), len(data))).encode())
     for leaf in jax.tree.leaves(weights):
         digest.update(np.asarray(leaf).tobytes())
     digest.update(data.images[:: max(1, len(data) // 50)].tobytes())
     digest.update(np.concatenate(data.boxes).tobytes())
     return digest.hexdigest()
-
-
-def _write(path: Path, key: str, state: State, history: list[Step]) -> None:
-    content = (state.params, state.mean, state.optimiser)
-    leaves = {f"{index:04d}": np.asarray(leaf) for index, leaf in enumerate(jax.tree.leaves(content))}
-    write_tensors(path, leaves, {"key": key, "history": json.dumps([dataclasses.asdict(step) for step in history])})
-
-
-def _read(path: Path, key: str, like: State) -> tuple[State, list[Step]] | None:
-    """State and checks so far, or None where there is no such checkpoint."""
-    if not path.is_file():
-        return None
-    try:
-        tensors, metadata = read_tensors(path)
-    except WeightsError:
-        return None
-    leaves, structure = jax.tree.flatten((like.params, like.mean, like.optimiser))
-    found = [tensors.get(f"{index:04d}") for index in range(len(leaves))]
-    if metadata.get("key") != key or any(
-        f is None or f.shape != leaf.shape or f.dtype != leaf.dtype for f, leaf in zip(found, leaves, strict=True)
-    ):
-        return None
-    state = State(*jax.tree.unflatten(structure, [jnp.asarray(values) for values in found]))
-    return state, [Step(**step) for step in json.loads(metadata["history"])]

@@ -214,6 +214,7 @@ class Tracer:
         self._sunlit = mitsuba.load_dict({"type": "scene", **shapes, "sun": sun})
         self._aim = mitsuba.traverse(self._sunlit)
         self._colour = mitsuba.load_dict({"type": "path", "max_depth": 4, "hide_emitters": True})
+        self._to_near_plane = _to_near_plane(shell)
         self._depth = mitsuba.load_dict({"type": "depth"})
         shine = {"type": "constant", "radiance": {"type": "rgb", "value": shell.earth_shine * _SUN / np.pi}}
         # In a scene of its own: drawing one of two lights for each sample would make the picture noisy.
@@ -233,7 +234,7 @@ class Tracer:
         depth = self._take(self._depth, self._sunlit, rotation, position, min(shell.samples, 16), number)
         # The two passes draw their own samples: the distance is that of the depth pass, the share that of the picture.
         # And mitsuba counts it from the plane that is nearest to be seen.
-        distance = depth[..., :1] / np.maximum(depth[..., 3:4], 1e-6) + _to_near_plane(shell)[..., None]
+        distance = depth[..., :1] / np.maximum(depth[..., 3:4], 1e-6) + self._to_near_plane[..., None]
         image = np.nan_to_num(np.concatenate([image, distance * image[..., 3:4]], axis=2), posinf=0.0, neginf=0.0)
         image[..., :3] = np.clip(image[..., :3], 0.0, 100.0)
         return image

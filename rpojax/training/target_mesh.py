@@ -208,12 +208,13 @@ def _material(visual: Any) -> tuple[Material, np.ndarray | None]:
     if getattr(visual, "kind", None) != "texture" or found is None:
         return Material(), None
     uv = getattr(visual, "uv", None)
-    material = _gltf(found) if hasattr(found, "baseColorFactor") else _plain(found)
-    image = getattr(found, "baseColorTexture", None) or getattr(found, "image", None)
+    is_gltf = hasattr(found, "baseColorFactor")
+    material = _gltf(found) if is_gltf else _plain(found)
+    image = found.baseColorTexture if is_gltf else getattr(found, "image", None)
     if image is None or uv is None:
         return material, None
     texture = np.asarray(image.convert("RGB"))
-    if hasattr(found, "baseColorFactor") and found.baseColorFactor is not None:
+    if is_gltf and found.baseColorFactor is not None:
         scaled = (texture / 255.0) * (np.asarray(found.baseColorFactor)[:3] / 255.0) ** (1.0 / 2.2)
         texture = np.round(255.0 * scaled).astype(np.uint8)
     return dataclasses.replace(material, texture=texture), np.asarray(uv, dtype=np.float64)

@@ -2,7 +2,6 @@
 
 import dataclasses
 import hashlib
-import json
 import time
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -15,6 +14,7 @@ import numpy as np
 import optax
 
 from rpojax.core.pytree import replace
+from rpojax.training import checkpoint as checkpoints
 from rpojax.training.raytrace import Views
 from rpojax.training.target_mesh import TargetMesh
 from rpojax.vision.field import Field, render_rays
@@ -22,7 +22,6 @@ from rpojax.vision.grid_build import new_grid
 from rpojax.vision.grid_field import GridField, with_solid
 from rpojax.vision.point_field import new_point
 from rpojax.vision.render import encode, pixel_directions
-from rpojax.vision.weights import WeightsError, read_tensors, write_tensors
 
 _CHUNK = 50
 _RATES = {"matter": 0.03, "features": 0.02, "network": 3e-3, "trunk": 2e-3, "head": 2e-3}
@@ -89,9 +88,10 @@ def train(
     nodes = jnp.asarray(np.argwhere(np.asarray(field.row) > 0) if isinstance(field, GridField) else [[0]], jnp.int32)
     done, best, since, history = 0, -np.inf, 0, []
     key = _digest(mesh, views, recipe)
-    found = _read(checkpoint, key, (_weights(field), state)) if checkpoint else None
+    found = checkpoints.read(checkpoint, key, (_weights(field), state)) if checkpoint else None
     if found:
-        (weights, state), history, best, since = found
+        (weights, state), progress = found
+        history, best, since = [Step(**progress["last"])], progress["best"], progress["since"]
         done = history[-1].done
         field = _looked_up(replace(field, **weights))
         start_time -= history[-1].elapsed_s
@@ -111,7 +111,8 @@ def train(
         since = 0 if history[-1].psnr_db > best + recipe.gain_db else since + 1
         best = max(best, history[-1].psnr_db)
         if checkpoint:
-            _write(checkpoint, key, (_weights(field), state), history[-1], best, since)
+            progress = {"last": dataclasses.asdict(history[-1]), "best": best, "since": since}
+            checkpoints.write(checkpoint, key, (_weights(field), state), progress)
         on_step(history[-1])
         if late:
             break
@@ -235,31 +236,6 @@ def _digest(mesh: TargetMesh, views: Views, recipe: Recipe) -> str:
     for values in (mesh.vertices, views.position, views.sun, views.rgb.sum(axis=(1, 2, 3))):
         digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()
-
-
-def _write(path: Path, key: str, content: Any, last: Step, best: float, since: int) -> None:
-    leaves = {f"{index:04d}": np.asarray(leaf) for index, leaf in enumerate(jax.tree.leaves(content))}
-    progress = json.dumps({"last": dataclasses.asdict(last), "best": best, "since": since})
-    write_tensors(path, leaves, {"key": key, "progress": progress})
-
-
-def _read(path: Path, key: str, like: Any) -> tuple[Any, list[Step], float, int] | None:
-    """Content, last check, best error and checks without a gain of a checkpoint, or None if there is none."""
-    if not path.is_file():
-        return None
-    try:
-        tensors, metadata = read_tensors(path)
-    except WeightsError:
-        return None
-    leaves, structure = jax.tree.flatten(like)
-    found = [tensors.get(f"{index:04d}") for index in range(len(leaves))]
-    if metadata.get("key") != key or any(
-        f is None or f.shape != leaf.shape or f.dtype != leaf.dtype for f, leaf in zip(found, leaves, strict=True)
-    ):
-        return None
-    content = jax.tree.unflatten(structure, [jnp.asarray(values) for values in found])
-    progress = json.loads(metadata["progress"])
-    return content, [Step(**progress["last"])], progress["best"], progress["since"]
 
 
 def card(mesh: TargetMesh, views: Views, recipe: Recipe, history: list[Step], command: str) -> Mapping[str, object]:

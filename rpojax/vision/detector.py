@@ -11,13 +11,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.vision import first_look, second_look
-from rpojax.vision.first_look import MULTIPLE_PX, Detections, Maps
+from rpojax.vision.first_look import MULTIPLE_PX, SUPPRESSION_IOU, Detections, Maps
 from rpojax.vision.overlap import suppress
-from rpojax.vision.weights import WeightsError, nothing_left, read_tensors, take, write_tensors
+from rpojax.vision.weights import WeightsError, nothing_left, read_card, read_tensors, take, write_tensors
 
 THRESHOLD = 0.5
 """Score from which a box counts as seen."""
-SUPPRESSION_IOU = 0.5
 _KIND = "rpojax detector 2"
 
 Params = dict[str, dict[str, dict[str, Array]]]
@@ -107,10 +106,7 @@ def load_detector(path: Path | None = None) -> tuple[Params, dict[str, object]]:
     if metadata.get("kind") != _KIND:
         found = metadata.get("kind", "")
         raise WeightsError(f"{source}: found kind {found!r}, expected a detector that `rpojax detector train` wrote")
-    try:
-        card = json.loads(metadata.get("card", "{}"))
-    except ValueError:
-        raise WeightsError(f"{source}: found a card that is no JSON, expected an object") from None
+    card = read_card(source, metadata)
     shapes = jax.eval_shape(fresh, jax.random.key(0))
     params = {
         look: {

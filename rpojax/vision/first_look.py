@@ -14,6 +14,7 @@ from flax import linen
 from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
+from rpojax.vision.layers import convolution
 from rpojax.vision.overlap import suppress
 
 STRIDE = 4
@@ -63,34 +64,22 @@ class Network(linen.Module):
     @linen.compact
     def __call__(self, images: Array) -> Array:
         levels = []
-        values = linen.relu(_conv("stem", _WIDTHS[0], stride=2)(2.0 * images - 1.0))
+        values = linen.relu(convolution("stem", _WIDTHS[0], stride=2)(2.0 * images - 1.0))
         for index, width in enumerate(_WIDTHS[1:]):
-            values = linen.relu(_conv(f"down{index}", width, stride=2)(values))
-            values = values + linen.relu(_conv(f"same{index}", width)(values))
+            values = linen.relu(convolution(f"down{index}", width, stride=2)(values))
+            values = values + linen.relu(convolution(f"same{index}", width)(values))
             levels.append(values)
-        merged = _conv("top", _TOP_DOWN, size=1)(levels[-1])
+        merged = convolution("top", _TOP_DOWN, size=1)(levels[-1])
         for index in (2, 1, 0):
-            side = _conv(f"side{index}", _TOP_DOWN, size=1)(levels[index])
+            side = convolution(f"side{index}", _TOP_DOWN, size=1)(levels[index])
             merged = linen.relu(_doubled(merged) + side)
             if index > 0:
-                merged = merged + linen.relu(_conv(f"blend{index}", _TOP_DOWN)(merged))
-        values = linen.relu(_conv("head0", _HEAD)(merged))
-        values = values + linen.relu(_conv("head1", _HEAD)(values))
+                merged = merged + linen.relu(convolution(f"blend{index}", _TOP_DOWN)(merged))
+        values = linen.relu(convolution("head0", _HEAD)(merged))
+        values = values + linen.relu(convolution("head1", _HEAD)(values))
         return linen.Conv(
             5, (1, 1), name="out", param_dtype=jnp.float32, bias_init=_bias_init, kernel_init=_small_init
         )(values)
-
-
-def _conv(name: str, width: int, stride: int = 1, size: int = 3) -> linen.Conv:
-    return linen.Conv(
-        width,
-        (size, size),
-        (stride, stride),
-        padding=((size // 2, size // 2), (size // 2, size // 2)),
-        name=name,
-        param_dtype=jnp.float32,
-        kernel_init=linen.initializers.he_normal(),
-    )
 
 
 def _bias_init(key: Array, shape: tuple[int, ...], dtype: Any) -> Array:

@@ -4,18 +4,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-
-def box_overlap(a: Float[Array, "4"], b: Float[Array, "4"]) -> Float[Array, ""]:
-    """Intersection over union of two boxes."""
-    sides = jnp.maximum(jnp.minimum(a[2:], b[2:]) - jnp.maximum(a[:2], b[:2]), 0.0)
-    both = sides[0] * sides[1]
-    either = (a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - both
-    return both / jnp.maximum(either, 1e-6)
+from rpojax.vision.box_model import overlap
 
 
 def overlaps(a: Float[Array, "m 4"], b: Float[Array, "n 4"]) -> Float[Array, "m n"]:
     """Intersection over union of every box with every other one."""
-    return jax.vmap(lambda one: jax.vmap(lambda other: box_overlap(one, other))(b))(a)
+    return jax.vmap(lambda one: jax.vmap(lambda other: overlap(one, other))(b))(a)
 
 
 def suppress(boxes: Float[Array, "n 4"], scores: Float[Array, " n"], most: float) -> Float[Array, " n"]:

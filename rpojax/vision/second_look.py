@@ -12,6 +12,8 @@ import jax.numpy as jnp
 from flax import linen
 from jaxtyping import Array, Float
 
+from rpojax.vision.layers import convolution
+
 CUT_PX = 32
 """Side of what is looked at."""
 _AROUND = 1.5
@@ -28,37 +30,16 @@ class Network(linen.Module):
 
     @linen.compact
     def __call__(self, cuts: Array) -> Array:
-        values = linen.relu(_conv("stem", 16)(cuts))
+        values = linen.relu(convolution("stem", 16)(cuts))
         for index, width in enumerate((32, 64)):
-            values = linen.relu(_conv(f"down{index}", width, stride=2)(values))
-            values = values + linen.relu(_conv(f"same{index}", width)(values))
-        values = values + linen.relu(_conv("same2", 64)(values))
-        values = linen.relu(
-            linen.Conv(
-                96,
-                (8, 8),
-                padding="VALID",
-                name="whole",
-                param_dtype=jnp.float32,
-                kernel_init=linen.initializers.he_normal(),
-            )(values)
-        )
+            values = linen.relu(convolution(f"down{index}", width, stride=2)(values))
+            values = values + linen.relu(convolution(f"same{index}", width)(values))
+        values = values + linen.relu(convolution("same2", 64)(values))
+        values = linen.relu(convolution("whole", 96, size=8, padding=0)(values))
         out = linen.Conv(
             5, (1, 1), name="out", param_dtype=jnp.float32, kernel_init=linen.initializers.normal(0.02, jnp.float32)
         )
         return out(values)[:, 0, 0, :]
-
-
-def _conv(name: str, width: int, stride: int = 1) -> linen.Conv:
-    return linen.Conv(
-        width,
-        (3, 3),
-        (stride, stride),
-        padding=((1, 1), (1, 1)),
-        name=name,
-        param_dtype=jnp.float32,
-        kernel_init=linen.initializers.he_normal(),
-    )
 
 
 NETWORK = Network()

@@ -87,6 +87,17 @@ def read_tensors(path: Path) -> tuple[dict[str, np.ndarray], dict[str, str]]:
         raise WeightsError(f"{path}: cannot be read ({_line(error)}), expected weights in safetensors") from None
 
 
+def read_card(source: Path, metadata: Mapping[str, str]) -> dict[str, object]:
+    """What a file says of itself; raises `WeightsError` where that is no JSON object."""
+    try:
+        card = json.loads(metadata.get("card", "{}"))
+    except ValueError:
+        raise WeightsError(f"{source}: found a card that is no JSON, expected an object") from None
+    if not isinstance(card, dict):
+        raise WeightsError(f"{source}: found a card that is a {type(card).__name__}, expected an object")
+    return card
+
+
 def load_field(path: Path | None = None) -> tuple[Field, dict[str, object]]:
     """A field (default: the packaged target's) and its card; raises `WeightsError` for a damaged or foreign file."""
     source = path or packaged_field()
@@ -94,12 +105,7 @@ def load_field(path: Path | None = None) -> tuple[Field, dict[str, object]]:
     kind = metadata.get("kind", "")
     if kind not in (f"{_KIND} grid", f"{_KIND} point"):
         raise WeightsError(f"{source}: found kind {kind!r}, expected a field that `rpojax field train` wrote")
-    try:
-        card = json.loads(metadata.get("card", "{}"))
-    except ValueError:
-        raise WeightsError(f"{source}: found a card that is no JSON, expected an object") from None
-    if not isinstance(card, dict):
-        raise WeightsError(f"{source}: found a card that is a {type(card).__name__}, expected an object")
+    card = read_card(source, metadata)
     field = _grid(source, tensors) if kind.endswith("grid") else _point(source, tensors)
     return field, card
 

@@ -1,0 +1,34 @@
+"""Where a training is, in a file, so that a call that was interrupted goes on."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rpojax.vision.weights import WeightsError, read_tensors, write_tensors
+
+
+def write(path: Path, key: str, content: Any, progress: Any) -> None:
+    """Writes a tree of arrays and what JSON can hold; `key` tells which training it is of."""
+    leaves = {f"{index:04d}": np.asarray(leaf) for index, leaf in enumerate(jax.tree.leaves(content))}
+    write_tensors(path, leaves, {"key": key, "progress": json.dumps(progress)})
+
+
+def read(path: Path, key: str, like: Any) -> tuple[Any, Any] | None:
+    """Arrays in the tree of `like`, and progress; None where there is no whole checkpoint of this training."""
+    if not path.is_file():
+        return None
+    try:
+        tensors, metadata = read_tensors(path)
+    except WeightsError:
+        return None
+    leaves, structure = jax.tree.flatten(like)
+    found = [tensors.get(f"{index:04d}") for index in range(len(leaves))]
+    if (metadata.get("key"), "progress" in metadata) != (key, True) or any(
+        f is None or f.shape != leaf.shape or f.dtype != leaf.dtype for f, leaf in zip(found, leaves, strict=True)
+    ):
+        return None
+    return jax.tree.unflatten(structure, [jnp.asarray(values) for values in found]), json.loads(metadata["progress"])
