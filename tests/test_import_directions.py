@@ -36,8 +36,8 @@ LEFT_TO_RIGHT = {
     "formation_control attitude_control pointing slew looking burn_plan search guidance thrust_gauge computer",
     "sensors": "gps star_tracker gyro chamber_pressure box_camera image_camera statistical_camera statistics_file",
     "training": "optional target_mesh raytrace checkpoint train_field judge shapes spacecraft sprites backdrops "
-    "detection_data augment average_precision detector_judge orthogonal descent giou first_look_loss second_look_loss "
-    "train_detector",
+    "composites detection_data augment average_precision detector_judge orthogonal descent giou first_look_loss "
+    "second_look_loss train_detector",
     "simulation": "units schema checks networks scenario params camera closed_loop metrics",
     "campaign": "store dispersions runner",
     "analysis": "statistics linear_covariance worst_case tuning camera_calibration lasting_errors",
