@@ -78,7 +78,7 @@ def search(params: Params, image: np.ndarray, threshold: float = THRESHOLD) -> l
     closer: list[Box] = []
     for box in kept:
         seen = _closer(params, image, box, threshold)
-        if _is_new(seen, closer):
+        if seen is not None and seen.score >= threshold and _is_new(seen, closer):
             closer.append(seen)
     return _best_first(closer)
 
@@ -163,8 +163,11 @@ def _placed(window: _Window, edges: np.ndarray, score: float, shape: tuple[int, 
     return Box(float(left), float(top), float(right), float(bottom), score)
 
 
-def _closer(params: Params, image: np.ndarray, box: Box, threshold: float) -> Box:
-    """The box as a window sees it that is laid around it so that it has a middling size; itself where none agrees."""
+def _closer(params: Params, image: np.ndarray, box: Box, threshold: float) -> Box | None:
+    """The box as a window sees it that is laid around it so that it has a middling size; None where none agrees.
+
+    The odds of both windows count alike: what only one of them takes for a spacecraft is rarely one.
+    """
     import cv2
 
     height, width = image.shape[:2]
@@ -187,6 +190,12 @@ def _closer(params: Params, image: np.ndarray, box: Box, threshold: float) -> Bo
     seen = _found(params, [window], (height, width), 0.5 * threshold, whole=True)
     agreeing = [other for other in seen if other.overlap(box) >= 0.5]
     if not agreeing:
-        return box
+        return None
     best = max(agreeing, key=lambda other: other.score)
-    return dataclasses.replace(best, score=max(box.score, best.score))
+    return dataclasses.replace(best, score=_joint(box.score, best.score))
+
+
+def _joint(first: float, second: float) -> float:
+    """Score whose odds are the geometric mean of those of two."""
+    odds = [s / (1.0 - s) for s in np.clip([first, second], 1e-6, 1.0 - 1e-6)]
+    return float(1.0 / (1.0 + np.sqrt(1.0 / (odds[0] * odds[1]))))
