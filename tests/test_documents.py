@@ -18,7 +18,7 @@ from rpojax.campaign.single import dispersed
 from rpojax.core.random import Stream
 from rpojax.physics import faults
 from rpojax.report.labels import metric
-from rpojax.simulation import closed_loop, metrics, scenario, schema, telemetry, traces, units
+from rpojax.simulation import closed_loop, figures_of_merit, scenario, schema, telemetry, traces, units
 from rpojax.simulation.schema import ScenarioFile, Section
 
 ROOT = Path(__file__).parents[1]
@@ -241,10 +241,10 @@ def test_the_model_page_lists_every_random_stream() -> None:
 
 def test_the_folder_page_lists_every_metric_with_its_unit() -> None:
     rows = [line.strip("|").split("|") for line in section(FOLDER_PAGE, "Metrics").splitlines() if "| `" in line]
-    assert {row[0].strip(" `"): row[1].strip() for row in rows} == metrics.UNITS
+    assert {row[0].strip(" `"): row[1].strip() for row in rows} == figures_of_merit.UNITS
 
 
-@pytest.mark.parametrize("name", metrics.UNITS)
+@pytest.mark.parametrize("name", figures_of_merit.UNITS)
 def test_the_report_has_a_title_and_a_meaning_for_every_metric(name: str) -> None:
     assert metric(name).meaning
 
