@@ -14,6 +14,7 @@ import pytest
 
 import rpojax
 from rpojax import Stages
+from rpojax.analysis.order_statistics import runs_for_bound
 from rpojax.campaign.single import dispersed
 from rpojax.core.random import Stream
 from rpojax.physics import faults
@@ -193,7 +194,7 @@ def headings_of_sections() -> list[str]:
 
 def test_the_scenario_page_lists_every_section_once() -> None:
     named = [name for heading in headings_of_sections() for name in quoted(heading)]
-    assert sorted(named) == sorted([*sections_of_the_schema(), "dispersions"])
+    assert sorted(named) == sorted([*sections_of_the_schema(), "dispersions", "requirements"])
 
 
 @pytest.mark.parametrize("name", sections_of_the_schema())
@@ -210,7 +211,20 @@ def test_the_scenario_page_names_every_kind_of_fault() -> None:
 
 def test_the_scenario_page_lists_the_keys_at_the_top_level() -> None:
     listed = {cell.strip("`") for cell in first_cells(section(SCENARIO_PAGE, "Top level"))}
-    assert listed == set(ScenarioFile.model_fields) - set(sections_of_the_schema()) - {"dispersions"}
+    assert listed == set(ScenarioFile.model_fields) - set(sections_of_the_schema()) - {"dispersions", "requirements"}
+
+
+def test_the_scenario_page_lists_every_key_of_a_requirement() -> None:
+    listed = [cell.strip("`") for cell in first_cells(section(SCENARIO_PAGE, "`requirements`"))]
+    assert listed == list(schema.RequirementSection.model_fields)
+
+
+def test_the_scenario_page_says_how_many_runs_verify() -> None:
+    text = section(SCENARIO_PAGE, "`requirements`").replace("\n", " ")
+    said = re.search(r"At (\S+) and a risk of (\S+) verification takes (\d+) runs[^,]+, (\d+) with one, (\d+)", text)
+    assert said
+    probability, risk, *runs = map(float, said.groups())
+    assert runs == [runs_for_bound(probability, 1.0 - risk, rank) for rank in (1, 2, 3)]
 
 
 def test_the_scenario_page_lists_every_kind_of_dispersion_with_its_settings() -> None:
