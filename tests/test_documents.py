@@ -14,11 +14,12 @@ import pytest
 
 import rpojax
 from rpojax import Stages
+from rpojax.analysis.order_statistics import runs_for_bound
 from rpojax.campaign.single import dispersed
 from rpojax.core.random import Stream
 from rpojax.physics import faults
 from rpojax.report.labels import metric
-from rpojax.simulation import closed_loop, metrics, scenario, schema, telemetry, traces, units
+from rpojax.simulation import closed_loop, figures_of_merit, scenario, schema, telemetry, traces, units
 from rpojax.simulation.schema import ScenarioFile, Section
 
 ROOT = Path(__file__).parents[1]
@@ -193,7 +194,7 @@ def headings_of_sections() -> list[str]:
 
 def test_the_scenario_page_lists_every_section_once() -> None:
     named = [name for heading in headings_of_sections() for name in quoted(heading)]
-    assert sorted(named) == sorted([*sections_of_the_schema(), "dispersions"])
+    assert sorted(named) == sorted([*sections_of_the_schema(), "dispersions", "requirements"])
 
 
 @pytest.mark.parametrize("name", sections_of_the_schema())
@@ -210,7 +211,20 @@ def test_the_scenario_page_names_every_kind_of_fault() -> None:
 
 def test_the_scenario_page_lists_the_keys_at_the_top_level() -> None:
     listed = {cell.strip("`") for cell in first_cells(section(SCENARIO_PAGE, "Top level"))}
-    assert listed == set(ScenarioFile.model_fields) - set(sections_of_the_schema()) - {"dispersions"}
+    assert listed == set(ScenarioFile.model_fields) - set(sections_of_the_schema()) - {"dispersions", "requirements"}
+
+
+def test_the_scenario_page_lists_every_key_of_a_requirement() -> None:
+    listed = [cell.strip("`") for cell in first_cells(section(SCENARIO_PAGE, "`requirements`"))]
+    assert listed == list(schema.RequirementSection.model_fields)
+
+
+def test_the_scenario_page_says_how_many_runs_verify() -> None:
+    text = section(SCENARIO_PAGE, "`requirements`").replace("\n", " ")
+    said = re.search(r"At (\S+) and a risk of (\S+) verification takes (\d+) runs[^,]+, (\d+) with one, (\d+)", text)
+    assert said
+    probability, risk, *runs = map(float, said.groups())
+    assert runs == [runs_for_bound(probability, 1.0 - risk, rank) for rank in (1, 2, 3)]
 
 
 def test_the_scenario_page_lists_every_kind_of_dispersion_with_its_settings() -> None:
@@ -241,10 +255,10 @@ def test_the_model_page_lists_every_random_stream() -> None:
 
 def test_the_folder_page_lists_every_metric_with_its_unit() -> None:
     rows = [line.strip("|").split("|") for line in section(FOLDER_PAGE, "Metrics").splitlines() if "| `" in line]
-    assert {row[0].strip(" `"): row[1].strip() for row in rows} == metrics.UNITS
+    assert {row[0].strip(" `"): row[1].strip() for row in rows} == figures_of_merit.UNITS
 
 
-@pytest.mark.parametrize("name", metrics.UNITS)
+@pytest.mark.parametrize("name", figures_of_merit.UNITS)
 def test_the_report_has_a_title_and_a_meaning_for_every_metric(name: str) -> None:
     assert metric(name).meaning
 

@@ -38,9 +38,10 @@ LEFT_TO_RIGHT = {
     "training": "optional target_mesh raytrace checkpoint train_field judge shapes spacecraft sprites backdrops "
     "composites detection_data augment average_precision detector_judge orthogonal descent giou first_look_loss "
     "second_look_loss train_detector",
-    "simulation": "units schema checks networks scenario params camera closed_loop metrics",
+    "simulation": "units figures_of_merit schema checks networks scenario params camera closed_loop metrics",
     "campaign": "store dispersions runner",
-    "analysis": "statistics linear_covariance worst_case tuning camera_calibration lasting_errors",
+    "analysis": "chance order_statistics proportions precision consistency dependence sensitivity requirements "
+    "comparison convergence linear_covariance worst_case tuning camera_calibration lasting_errors",
     "top": "machine console outputs field_verbs detector_verbs calibration_verb cli __main__",
 }
 """Order inside a folder, for the modules whose order is fixed; the rest need only have one."""

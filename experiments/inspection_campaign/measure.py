@@ -14,7 +14,7 @@ os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.
 import numpy as np
 
 import rpojax
-from rpojax.analysis.statistics import quantile_upper_bound
+from rpojax.analysis.order_statistics import quantile_upper_bound
 from rpojax.campaign.store import Campaign
 from rpojax.flight.pointing import Mode
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics import percentiles_over_runs
+from rpojax.analysis.order_statistics import percentiles_over_runs
 from rpojax.report.labels import Channel, Metric
 from rpojax.report.style import BLUE, FAINT, FONT, GREEN, GRID, INK, MUTED, VERMILLION
 

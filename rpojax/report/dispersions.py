@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics import rank_correlation
+from rpojax.analysis.dependence import rank_correlation
 from rpojax.report.charts import binned, compact
 from rpojax.report.labels import metric, number, ordered
 from rpojax.report.results import Results

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from rpojax.simulation.metrics import UNITS
+from rpojax.simulation.figures_of_merit import UNITS
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ class Results(Protocol):
 
     @property
     def metrics(self) -> Mapping[str, np.ndarray]:
-        """Name of a metric -> (runs,), in the unit that `rpojax.simulation.metrics.UNITS` gives."""
+        """Name of a metric -> (runs,), in the unit that `rpojax.simulation.figures_of_merit.UNITS` gives."""
         ...
 
     @property

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics import mean_nees_interval, proportion_interval
+from rpojax.analysis.consistency import mean_nees_interval
+from rpojax.analysis.proportions import proportion_interval
 from rpojax.report.charts import Chart, envelope, histogram, reference_lines
 from rpojax.report.labels import CHANNELS, Channel, metric, number, ordered
 from rpojax.report.results import Results

@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics import quantile_upper_bound
+from rpojax.analysis.order_statistics import quantile_upper_bound
 from rpojax.errors import ResultError
 from rpojax.report import faults
 from rpojax.report.labels import ordered
 from rpojax.report.results import Results
-from rpojax.simulation.metrics import UNITS
+from rpojax.simulation.figures_of_merit import UNITS
 
 _CHOOSING_METRIC = "formation_error_rms_m"
 _PERCENTILES = (0.0, 1.0, 5.0, 50.0, 95.0, 99.0, 100.0)

@@ -12,36 +12,6 @@ from rpojax.simulation.schema import ScenarioFile
 Floats = NDArray[np.floating]
 Records = Mapping[str, np.ndarray]
 
-UNITS: Final[dict[str, str]] = {
-    "formation_error_rms_m": "m",
-    "nav_relative_position_error_rms_m": "m",
-    "nav_servicer_position_error_rms_m": "m",
-    "nav_target_position_error_rms_m": "m",
-    "nees_mean": "-",
-    "nees_relative_mean": "-",
-    "nis_gps_mean": "-",
-    "nis_box_mean": "-",
-    "gps_innovation_lag1": "-",
-    "box_innovation_lag1": "-",
-    "sigma3_coverage": "-",
-    "delta_v_m_s": "m/s",
-    "min_range_m": "m",
-    "detection_rate": "-",
-    "visible_fraction": "-",
-    "boxes_rejected": "-",
-    "time_to_acquire_s": "s",
-    "pointing_error_p95_deg": "deg",
-    "wheel_speed_peak_fraction": "-",
-    "good_boxes_rejected_fraction": "-",
-    "outliers_accepted": "-",
-    "look_away_peak_s": "s",
-    "longest_unseen_s": "s",
-    "reacquisition_peak_s": "s",
-    "passive_range_m": "m",
-    "error_over_sigma3_peak": "-",
-}
-"""Name -> unit of every metric."""
-
 CHANNELS: Final = (
     "rho_H",
     "relative_error_H",

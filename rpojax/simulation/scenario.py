@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import ValidationError
 
@@ -122,8 +122,8 @@ def static(file: ScenarioFile) -> Scenario:
 
 
 def digest(file: ScenarioFile) -> str:
-    """Hash of everything in a scenario that can change a number (its name and description cannot)."""
-    content = file.model_dump(mode="json", exclude={"name", "description"})
+    """Hash of everything in a scenario that can change a number of a run; name, description, requirements cannot."""
+    content = file.model_dump(mode="json", exclude={"name", "description", "requirements"})
     if trained := networks.digests(content):
         content["trained"] = trained
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
@@ -236,11 +236,12 @@ def _path(location: tuple[int | str, ...]) -> list[str]:
 
 
 def _known_keys(location: tuple[int | str, ...]) -> str:
-    fields = ScenarioFile.model_fields
-    if len(location) == 2 and location[0] in fields:
-        section = fields[str(location[0])].annotation
+    fields, unknown = ScenarioFile.model_fields, str(location[-1])
+    if len(location) > 1 and location[0] in fields:
+        form = fields[str(location[0])].annotation
+        section = next(iter(get_args(form)), form)
         names = list(getattr(section, "model_fields", {}))
     else:
         names = list(fields)
-    close = difflib.get_close_matches(str(location[-1]), names, n=1)
+    close = difflib.get_close_matches(unknown, names, n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""

@@ -1,5 +1,6 @@
 """The form of a scenario file: strict models, one section each; free of jax, so that checking a file is instant."""
 
+import difflib
 import math
 from datetime import UTC, date, datetime
 from typing import Annotated, Any, Literal, get_args
@@ -8,6 +9,7 @@ import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from rpojax.physics.effects import FaultKind
+from rpojax.simulation.figures_of_merit import UNITS
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -80,6 +82,16 @@ def epoch_seconds(utc: str) -> float:
 _TERRESTRIAL_LESS_UTC_S = 69.184
 """Since 2017; the Sun moves by three millionths of a radian in that time."""
 
+
+def _metric(value: str) -> str:
+    if value not in UNITS:
+        close = difflib.get_close_matches(value, UNITS, n=1)
+        hint = f" (did you mean {close[0]!r}?)" if close else ", such as 'formation_error_rms_m'"
+        raise ValueError(f"expected the name of a metric{hint}")
+    return value
+
+
+Metric = Annotated[str, AfterValidator(_metric), Field(json_schema_extra={"enum": list(UNITS)})]
 Epoch = Annotated[str, BeforeValidator(_as_text), AfterValidator(_epoch)]
 Direction = Annotated[Vector, AfterValidator(_nonzero)]
 Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4), AfterValidator(_nonzero)]
@@ -444,6 +456,16 @@ Dispersion = Annotated[
 ]
 
 
+class RequirementSection(Section):
+    """A bound that a metric must keep in at least a share of all runs that could be made."""
+
+    metric: Metric
+    bound: Literal["at most", "at least"]
+    limit: Finite
+    probability: Annotated[float, Field(gt=0.0, lt=1.0, allow_inf_nan=False)]
+    consumer_risk: Annotated[float, Field(gt=0.0, lt=0.5, allow_inf_nan=False)]
+
+
 class ScenarioFile(Section):
     """A whole scenario, in the user's units."""
 
@@ -476,6 +498,7 @@ class ScenarioFile(Section):
     limits: LimitsSection
     fault: FaultSection
     dispersions: list[Dispersion]
+    requirements: list[RequirementSection] = []
 
 
 def nominal(file: ScenarioFile, key: str) -> Any:

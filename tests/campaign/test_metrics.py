@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rpojax.flight.pointing import Mode
-from rpojax.simulation import metrics, scenario, traces
+from rpojax.simulation import figures_of_merit, metrics, scenario, traces
 from rpojax.simulation.schema import ScenarioFile
 
 TICKS = 90
@@ -62,7 +62,7 @@ def figures(hour: ScenarioFile) -> Callable[[Records], dict[str, float]]:
 
 
 def test_every_metric_has_a_unit_and_every_needed_channel_is_named(hour: ScenarioFile) -> None:
-    assert set(metrics.evaluate(hour, still())) == set(metrics.UNITS)
+    assert set(metrics.evaluate(hour, still())) == set(figures_of_merit.UNITS)
     assert set(still()) == set(metrics.CHANNELS)
 
 

@@ -16,7 +16,7 @@ from rpojax.campaign.store import Campaign
 from rpojax.errors import OutputError, ResultError, RpojaxError
 from rpojax.flight import formation_control
 from rpojax.flight.computer import Stages
-from rpojax.simulation import metrics, scenario, traces
+from rpojax.simulation import figures_of_merit, scenario, traces
 from rpojax.simulation.schema import ScenarioFile
 
 ONE_DEVICE = jax.devices()[:1]
@@ -35,7 +35,7 @@ def test_every_run_has_every_metric_trace_and_dispersed_value(three_runs: Campai
     assert three_runs.run_ids.tolist() == [0, 1, 2]
     assert three_runs.completed.all()
     assert np.isnan(three_runs.failed_at_s).all()
-    assert set(three_runs.metrics) == set(metrics.UNITS)
+    assert set(three_runs.metrics) == set(figures_of_merit.UNITS)
     assert all(values.shape == (3,) for values in three_runs.metrics.values())
     assert set(three_runs.traces) == set(traces.TRACES)
     assert all(values.shape == (3, 40) for values in three_runs.traces.values())

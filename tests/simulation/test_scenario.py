@@ -1,5 +1,7 @@
 """Scenario files: what loads, what is refused and how it says so, and where every number ends up."""
 
+import hashlib
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -397,6 +399,76 @@ def test_a_bad_dispersion_is_refused_with_its_place_in_the_list(
     with pytest.raises(ScenarioError) as caught:
         scenarios.validate(tables)
     assert_one_line(caught.value, key, *words)
+
+
+GOOD_REQUIREMENT: dict[str, Any] = {
+    "metric": "min_range_m", "bound": "at least", "limit": 15.0, "probability": 0.99, "consumer_risk": 0.1
+}  # fmt: skip
+
+BAD_REQUIREMENTS: dict[str, tuple[dict[str, Any], str, tuple[str, ...]]] = {
+    "an unknown metric": ({"metric": "colour"}, "metric", ("name of a metric", "'formation_error_rms_m'")),
+    "a misspelt metric": ({"metric": "min_rang_m"}, "metric", ("did you mean 'min_range_m'?",)),
+    "an unknown bound": ({"bound": "about"}, "bound", ("'at most'", "'at least'")),
+    "no number for a limit": ({"limit": float("nan")}, "limit", ("finite",)),
+    "a sure thing": ({"probability": 1.0}, "probability", ("less than 1",)),
+    "a probability of nothing": ({"probability": 0.0}, "probability", ("greater than 0",)),
+    "no risk": ({"consumer_risk": 0.0}, "consumer_risk", ("greater than 0",)),
+    "a confidence for a risk": ({"consumer_risk": 0.9}, "consumer_risk", ("less than 0.5",)),
+}
+
+
+@pytest.mark.parametrize("case", BAD_REQUIREMENTS.values(), ids=BAD_REQUIREMENTS.keys())
+def test_a_bad_requirement_is_refused_with_its_place_in_the_list(
+    tables: dict[str, Any], case: tuple[dict[str, Any], str, tuple[str, ...]]
+) -> None:
+    change, key, words = case
+    tables["requirements"] = [GOOD_REQUIREMENT, GOOD_REQUIREMENT | change]
+    with pytest.raises(ScenarioError) as caught:
+        scenarios.validate(tables)
+    assert_one_line(caught.value, f"requirements.1.{key}", *words)
+
+
+def test_a_misspelt_key_of_a_requirement_is_refused_with_the_one_that_was_meant(tables: dict[str, Any]) -> None:
+    tables["requirements"] = [GOOD_REQUIREMENT | {"limits": 3.0}]
+    with pytest.raises(UnknownKeyError) as caught:
+        scenarios.validate(tables)
+    assert str(caught.value) == "requirements.0.limits: unknown key (did you mean 'limit'?)"
+
+
+def test_a_scenario_without_requirements_is_one_with_none_and_has_the_same_digest(tables: dict[str, Any]) -> None:
+    asked_for = scenarios.validate(tables)
+    assert asked_for.requirements
+    del tables["requirements"]
+    older = scenarios.validate(tables)
+    assert older.requirements == []
+    assert scenarios.digest(older) == scenarios.digest(asked_for)
+    assert scenarios.static(older) == scenarios.static(asked_for)
+
+
+def test_the_digest_of_a_scenario_without_requirements_is_what_it_was_before_there_were_any(
+    inspection_file: ScenarioFile,
+) -> None:
+    content = inspection_file.model_dump(mode="json")
+    for key in ("name", "description", "requirements"):
+        del content[key]
+    text = json.dumps(content, sort_keys=True)
+    assert scenarios.digest(inspection_file) == hashlib.sha256(text.encode()).hexdigest()
+
+
+def test_requirements_of_a_file_replace_those_of_its_base(tmp_path: Path) -> None:
+    path = tmp_path / "child.toml"
+    path.write_text(
+        'extends = "inspection"\n[[requirements]]\nmetric = "delta_v_m_s"\nbound = "at most"\nlimit = 0.5\n'
+        "probability = 0.9\nconsumer_risk = 0.2\n"
+    )
+    assert [wanted.metric for wanted in scenarios.load(path).requirements] == ["delta_v_m_s"]
+    assert scenarios.load("inspection", ["requirements=[]"]).requirements == []
+
+
+def test_limits_of_the_mission_keep_clear_of_what_the_scenario_itself_forbids(inspection_file: ScenarioFile) -> None:
+    limits = {wanted.metric: wanted.limit for wanted in inspection_file.requirements}
+    assert limits["min_range_m"] > inspection_file.limits.keep_out_m
+    assert limits["look_away_peak_s"] == inspection_file.pointing.look_away_limit_s
 
 
 def test_two_dispersions_of_one_key_are_refused(tables: dict[str, Any]) -> None:
