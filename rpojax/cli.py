@@ -197,6 +197,7 @@ def film(
         raise RpojaxError(f"--every: found {every}, expected at least 1")
     prepare_jax(cache=not no_cache)
     from rpojax.campaign import filming
+    from rpojax.campaign.design import population_of
     from rpojax.campaign.store import Campaign
     from rpojax.report import film as drawing
     from rpojax.report.files import write_atomically
@@ -207,7 +208,8 @@ def film(
     end = filming.last_tick(history)
     ticks = drawing.stills(history, end) if suffix == ".png" else list(range(0, end, every))
     with console.counting("taking pictures", quiet=False) as watch:
-        shots = _counted(filming.pictures(file, found.info["seed"], run, history, ticks), len(ticks), watch)
+        pictures = filming.pictures(file, found.info["seed"], run, history, ticks, population_of(found.info))
+        shots = _counted(pictures, len(ticks), watch)
         if suffix == ".png":
             write_atomically(out, drawing.png(drawing.strip(shots)))
         else:
@@ -245,6 +247,7 @@ def _counted(shots: "Iterable[Shot]", total: int, watch: Callable[..., None]) ->
 @app.command
 def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = False) -> int:
     """Check a scenario without running it."""
+    from rpojax.simulation import dispersed
     from rpojax.simulation import scenario as scenarios
 
     file = _load(scenario, overrides)
@@ -253,7 +256,8 @@ def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = F
         "description": file.description,
         "duration_s": file.duration_s,
         "scenario_hash": scenarios.digest(file),
-        "dispersions": [dispersion.key for dispersion in file.dispersions],
+        "dispersions": dispersed.keys(file),
+        "design": file.design.kind,
     }
     if as_json:
         _print_json(content)

@@ -38,8 +38,9 @@ LEFT_TO_RIGHT = {
     "training": "optional target_mesh raytrace checkpoint train_field judge shapes spacecraft sprites backdrops "
     "detection_data augment average_precision detector_judge orthogonal descent giou first_look_loss second_look_loss "
     "train_detector",
-    "simulation": "units schema checks networks scenario params camera closed_loop metrics",
-    "campaign": "store dispersions runner",
+    "simulation": "units schema dispersed dispersion_checks checks networks table_file scenario params camera "
+    "closed_loop metrics",
+    "campaign": "admission store design sources dispersions engine runner",
     "analysis": "statistics linear_covariance worst_case tuning camera_calibration lasting_errors",
     "top": "machine console outputs field_verbs detector_verbs calibration_verb cli __main__",
 }
