@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import FlagCreatePairsOff, Positional, UseAppendAction, arg
 
-from rpojax import calibration_verb, console, detector_verbs, field_verbs
+from rpojax import calibration_verb, console, detector_verbs, field_verbs, plan_verb
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.machine import prepare_jax
 from rpojax.version import __version__
@@ -99,7 +99,9 @@ def campaign(
     scenario: Source,
     *,
     runs: Annotated[int, arg(metavar="N", help="Number of runs.")],
-    out: Out,
+    out: Annotated[
+        Path | None, arg(metavar="DIR", help="Folder to make for the results.", help_behavior_hint="(required)")
+    ] = None,
     seed: Seed = 0,
     overrides: Overrides = (),
     block_size: Annotated[
@@ -114,14 +116,27 @@ def campaign(
     force: Force = False,
     no_report: Annotated[bool, arg(help="Write no report.html, report.json and figures.")] = False,
     no_film: NoFilm = False,
+    dry_run: Annotated[bool, arg(help="Fly nothing: show what the runs would draw, and what they would take.")] = False,
+    plan: Annotated[Path | None, arg(metavar="FILE", help="Of a dry run: CSV file to write, one row a run.")] = None,
+    speed: Annotated[
+        float | None, arg(metavar="X", help="Of a dry run: run-seconds per second, as `rpojax bench` tells.")
+    ] = None,
     as_json: AsJson = False,
     no_cache: NoCache = False,
 ) -> int:
     """Many dispersed runs, with a report on them."""
+    plan_verb.check(dry_run, plan, speed, out, force)
     file = _load(scenario, overrides)
     kept = _histories(histories, runs)
     prepare_jax(cache=not no_cache)
-    from rpojax.campaign import runner
+    from rpojax.campaign import admission, runner
+
+    if dry_run:
+        if out is not None:
+            admission.check_folder(out, force)
+        plan_verb.show(file, runs, seed, block_size, kept, plan, speed, as_json)
+        return Status.DONE
+    assert out is not None
 
     def work(watch: console.Watch) -> "Campaign":
         return runner.run_campaign(

@@ -40,9 +40,9 @@ LEFT_TO_RIGHT = {
     "train_detector",
     "simulation": "units schema dispersed dispersion_checks checks networks table_file scenario params camera "
     "closed_loop metrics",
-    "campaign": "admission store design sources dispersions engine runner",
+    "campaign": "admission store design sources dispersions engine plan runner",
     "analysis": "statistics linear_covariance worst_case tuning camera_calibration lasting_errors",
-    "top": "machine console outputs field_verbs detector_verbs calibration_verb cli __main__",
+    "top": "machine console outputs field_verbs detector_verbs calibration_verb plan_verb cli __main__",
 }
 """Order inside a folder, for the modules whose order is fixed; the rest need only have one."""
 

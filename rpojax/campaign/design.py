@@ -97,8 +97,8 @@ def check(file: ScenarioFile, population: Population) -> None:
     Raises:
         RpojaxError: saying how many runs there can be.
     """
-    if size_bytes(file, population.runs) > LARGEST_BYTES:
-        most = LARGEST_BYTES // size_bytes(file, 1)
+    if dispersed.design_bytes(file, population.runs) > LARGEST_BYTES:
+        most = LARGEST_BYTES // dispersed.design_bytes(file, 1)
         raise RpojaxError(f"--runs: found {population.runs}, expected at most {most} for this design")
     sizes = [len(values) for values in getattr(file.design, "values", {}).values()]
     if not sizes:
@@ -109,15 +109,6 @@ def check(file: ScenarioFile, population: Population) -> None:
         last = population.first_run + population.runs - 1
         what = "the table of the design has rows" if table else "the grid of the design has points"
         raise RpojaxError(f"--runs: found run {last}, expected runs up to {size - 1}: {what} for no more")
-
-
-def size_bytes(file: ScenarioFile, runs: int) -> int:
-    """Memory that the design of so many runs takes [B]."""
-    if isinstance(file.design, schema.LatinHypercubeDesign | schema.SobolDesign):
-        count = sum(dispersed.coordinates(file, entry) for entry in file.dispersions)
-    else:
-        count = sum(np.size(values[0]) for values in getattr(file.design, "values", {}).values())
-    return 8 * runs * count
 
 
 def _latin_hypercube(file: ScenarioFile, seed: int, population: Population) -> dict[str, np.ndarray]:

@@ -87,13 +87,22 @@ def coordinates(file: ScenarioFile, dispersion: Dispersion) -> int:
     return np.size(nominal(file, place(dispersion.key)))
 
 
+def design_bytes(file: ScenarioFile, runs: int) -> int:
+    """Memory that the design of so many runs takes [B]."""
+    if isinstance(file.design, schema.LatinHypercubeDesign | schema.SobolDesign):
+        count = sum(coordinates(file, entry) for entry in file.dispersions)
+    else:
+        count = sum(np.size(nominal(file, place(text))) for text in tabled(file))
+    return 8 * runs * count
+
+
 def in_order(file: ScenarioFile) -> list[Dispersion]:
     """Dispersions as they can be worked out: derived ones come after what they need.
 
     Raises:
         ScenarioError: derived keys that need one another.
     """
-    ready = [entry for entry in file.dispersions if not isinstance(entry, schema.Derived)]
+    ready: list[Dispersion] = [entry for entry in file.dispersions if not isinstance(entry, schema.Derived)]
     waiting = [entry for entry in file.dispersions if isinstance(entry, schema.Derived)]
     while waiting:
         open_places = [place(entry.key) for entry in waiting]
