@@ -19,7 +19,7 @@ from rpojax.simulation.schema import ScenarioFile
 
 _LATIN_HYPERCUBE, _SOBOL = 1, 2
 """Set the random numbers of one design apart from those of another."""
-_SOBOL_BITS = 52
+_SOBOL_BITS = 32
 LARGEST_BYTES = 4_000_000_000
 """Memory that a design may take [B]."""
 _SMALLEST = 2.0**-53
@@ -197,6 +197,6 @@ def of_campaign(file: ScenarioFile, info: Mapping[str, Any]) -> Design:
     recorded = info.get("design", {}).get("sha256")
     if recorded is not None and recorded != found.record()["sha256"]:
         raise ResultError(
-            "campaign.json: found a design of other values than when the campaign began, expected the same"
+            "campaign.json: found another design for its scenario and seed, expected that of its beginning"
         )
     return found

@@ -101,7 +101,7 @@ def _estimate(
         kind = devices[0].platform
         rough = ROUGH_SPEEDS[file.camera.model] if kind == "cpu" else None
         speed = None if rough is None else rough * len(devices)
-        source = f"none known for {kind}" if rough is None else f"rough figure for {len(devices)} CPU cores"
+        source = f"none known for {kind}" if rough is None else f"rough figure for {len(devices)} x CPU core"
     return Estimate(
         memory_bytes=admission.memory_bytes(file, runs, size, len(devices), histories),
         disk_bytes=admission.disk_bytes(file, runs, histories),
