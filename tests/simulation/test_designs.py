@@ -164,8 +164,8 @@ def test_whatever_a_table_holds_it_is_a_table_of_finite_numbers_or_a_scenario_er
     [
         ({}, "design.values"),
         ({"gps.noise_m": []}, "design.values.gps.noise_m"),
-        ({"gps.noise_m": ["a"]}, "design.values.gps.noise_m"),
-        ({"gps.noise_m": [math.inf]}, "design.values.gps.noise_m"),
+        ({"gps.noise_m": ["a"]}, "design.values.gps.noise_m.0"),
+        ({"gps.noise_m": [math.inf]}, "design.values.gps.noise_m.0"),
         ({"gps.noise_m": [[1.0]]}, "design.values.gps.noise_m"),
         ({"gps.noise_m": [1.0, -1.0]}, "design.values.gps.noise_m"),
         ({"initial.relative_position_m": [[1.0, 2.0]]}, "design.values.initial.relative_position_m"),
