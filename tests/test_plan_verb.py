@@ -63,6 +63,7 @@ def test_a_dry_run_writes_the_plan_and_nothing_else(nothing_flies: Path, capsys:
         (("--runs", 3, "--dry-run", "--plan", "plan.txt"), "found suffix '.txt'"),
         (("--runs", 3, "--dry-run", "--out", "."), "--out: found '.'"),
         (("--runs", 0, "--dry-run"), "--runs: found 0"),
+        (("--runs", 2_000_000_000, "--dry-run"), "--runs: found 2000000000, expected at most 250000000 for a plan"),
         (("--runs", 5, "--dry-run"), "--runs: found run 4, expected runs up to 3: the grid"),
     ],
 )

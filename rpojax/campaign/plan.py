@@ -13,11 +13,15 @@ from rpojax.campaign import admission, design, engine
 from rpojax.campaign.design import Population
 from rpojax.campaign.engine import Engine
 from rpojax.errors import RpojaxError
-from rpojax.simulation import scenario
+from rpojax.simulation import dispersed, scenario, schema
 from rpojax.simulation.schema import ScenarioFile
 
 ROUGH_SPEEDS = {"geometric": 85_000.0, "statistical": 85_000.0, "rendered": 92.0}
 """Simulated seconds of all runs per second on a core of a CPU, measured with `inspection`; by `camera.model`."""
+
+
+LARGEST_BYTES = 4_000_000_000
+"""Memory that the values of a plan may take [B]."""
 
 
 @dataclass(frozen=True)
@@ -74,11 +78,14 @@ def make(
     """Plan of the campaign of the same arguments; `speed` in simulated seconds of all runs per second.
 
     Raises:
-        RpojaxError: a number is out of range, or the design has fewer runs.
+        RpojaxError: a number is out of range, the design has fewer runs, or the plan does not fit into memory.
     """
     admission.check_numbers(runs, first_run, seed, block_size)
     if speed is not None and not 0.0 < speed < float("inf"):
         raise RpojaxError(f"--speed: found {speed}, expected simulated seconds per second, above 0")
+    bytes_per_run = 8 * sum(np.size(schema.nominal(file, key)) for key in dispersed.keys(file))
+    if runs * bytes_per_run > LARGEST_BYTES:
+        raise RpojaxError(f"--runs: found {runs}, expected at most {LARGEST_BYTES // bytes_per_run} for a plan")
     size = block_size or engine.block_size(file)
     used = list(jax.devices() if devices is None else devices)[: -(-runs // size)]
     population = Population(first_run, runs)

@@ -216,6 +216,11 @@ def limits(campaign: Results, summary: Mapping[str, Any]) -> list[str]:
         "burns, and the noise and slowly varying errors of the sensors; nothing else does. "
         "A model error that simulation and flight software share does not show."
     )
+    if (kind := scenario.get("design", {}).get("kind", "independent")) != "independent":
+        sentences.append(
+            f"The runs are a design ({kind}), not independent draws: intervals, bounds and order statistics, which "
+            "count on such draws, are descriptions of these runs only."
+        )
     if runs["missing"]:
         sentences.append(f"{runs['missing']} of {runs['requested']} runs are missing; nothing here is about them.")
     if runs["completed"] < 299:
