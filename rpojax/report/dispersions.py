@@ -93,7 +93,7 @@ def _describe(scenario: Mapping[str, Any], key: str, values: np.ndarray) -> Disp
     return Dispersion(
         key=key,
         nominal=_nominal(scenario, key),
-        declared=_declared(scenario, key.partition("[")[0]),
+        declared=_declared(scenario, key),
         mean=float(values.mean()),
         std=float(values.std(ddof=1)) if len(values) > 1 else None,
         minimum=float(values.min()),
@@ -113,8 +113,11 @@ def _nominal(scenario: Mapping[str, Any], key: str) -> str:
 
 
 def _declared(scenario: Mapping[str, Any], key: str) -> str:
+    """What a scenario says of a dispersed number: of its key as a whole, or of the component itself."""
+    names = {key, key.partition("[")[0]}
     for entry in scenario.get("dispersions", []):
-        if entry.get("key") == key:
-            rest = ", ".join(f"{name} {value}" for name, value in entry.items() if name not in ("key", "kind"))
+        if names & {entry.get("key"), *entry.get("keys", [])}:
+            rest = ", ".join(f"{name} {value}" for name, value in entry.items() if name not in ("key", "keys", "kind"))
             return f"{entry.get('kind', '')} {rest}".strip()
-    return ""
+    design = scenario.get("design", {})
+    return str(design["kind"]) if names & set(design.get("values", {})) else ""

@@ -16,6 +16,7 @@ from rpojax.report.labels import CHANNELS, Channel, metric, number, ordered
 from rpojax.report.results import Results
 
 _MOST_FAILURES = 50
+_LONGEST_LINE = 4000
 _NEES_COMPONENTS = 12
 _NOMINAL_COVERAGE = 0.9973
 
@@ -196,8 +197,12 @@ def chosen_metrics(campaign: Results, run_id: int) -> list[tuple[str, str, str]]
 
 
 def scenario_lines(campaign: Results) -> list[str]:
-    """The resolved scenario as `section.key = value` lines, the form in which one value can be set from outside."""
-    return _flatten(campaign.info.get("scenario", {}), "")
+    """The resolved scenario as `section.key = value` lines, the form in which one value can be set from outside.
+
+    Long lines, such as columns of a design's table, are cut short.
+    """
+    lines = _flatten(campaign.info.get("scenario", {}), "")
+    return [line if len(line) <= _LONGEST_LINE else f"{line[:_LONGEST_LINE]} ..." for line in lines]
 
 
 def limits(campaign: Results, summary: Mapping[str, Any]) -> list[str]:
@@ -212,6 +217,11 @@ def limits(campaign: Results, summary: Mapping[str, Any]) -> list[str]:
         "burns, and the noise and slowly varying errors of the sensors; nothing else does. "
         "A model error that simulation and flight software share does not show."
     )
+    if (kind := scenario.get("design", {}).get("kind", "independent")) != "independent":
+        sentences.append(
+            f"The runs are a design ({kind}), not independent draws: intervals, bounds and order statistics, which "
+            "count on such draws, are descriptions of these runs only."
+        )
     if runs["missing"]:
         sentences.append(f"{runs['missing']} of {runs['requested']} runs are missing; nothing here is about them.")
     if runs["completed"] < 299:
