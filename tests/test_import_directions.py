@@ -39,9 +39,10 @@ LEFT_TO_RIGHT = {
     "detection_data augment average_precision detector_judge orthogonal descent giou first_look_loss second_look_loss "
     "train_detector",
     "simulation": "units schema checks networks scenario params camera closed_loop metrics",
-    "campaign": "store dispersions runner",
+    "campaign": "files admission description manifests encoding reading creation store dispersions engine retention "
+    "recording replaced flying executors cluster runner rerun",
     "analysis": "statistics linear_covariance worst_case tuning camera_calibration lasting_errors",
-    "top": "machine console outputs field_verbs detector_verbs calibration_verb cli __main__",
+    "top": "machine console outputs verb_parts campaign_verbs field_verbs detector_verbs calibration_verb cli __main__",
 }
 """Order inside a folder, for the modules whose order is fixed; the rest need only have one."""
 

@@ -11,6 +11,8 @@ from rpojax.simulation.schema import ScenarioFile
 LARGEST_SEED = 2**63 - 1
 LARGEST_RUN = 2**31 - 1
 """Random keys are made from these numbers."""
+MOST_BLOCKS = 999_999
+"""Manifests are numbered with six digits."""
 
 RECORD_BYTES = 104
 """Memory per run and tick for the channels that metrics need [B]."""
@@ -76,7 +78,8 @@ def check_size(file: ScenarioFile, runs: int, block_size: int, devices: int, his
     ticks = round(file.duration_s * file.rates.camera_hz)
     at_once = block_size * devices
     kept = histories * ticks * HISTORY_BYTES
-    memory = _RESERVE_BYTES + ticks * (at_once * RECORD_BYTES + block_size * EVALUATION_BYTES) + kept
+    recorded = min(histories, at_once) * ticks * HISTORY_BYTES
+    memory = _RESERVE_BYTES + ticks * (at_once * RECORD_BYTES + block_size * EVALUATION_BYTES) + recorded
     if memory > (available := _available_memory()):
         raise RpojaxError(
             f"memory: found {_size(available)} available, expected {_size(memory)} for {at_once} runs of {ticks} ticks "
@@ -88,6 +91,9 @@ def check_size(file: ScenarioFile, runs: int, block_size: int, devices: int, his
             f"disk: found {_size(free)} free, expected {_size(disk)} for {runs} runs of {file.duration_s:g} s and "
             f"{histories} full histories; lower --runs, duration_s or --histories"
         )
+
+    if (blocks := -(-runs // block_size)) > MOST_BLOCKS:
+        raise RpojaxError(f"--block-size: found {blocks} blocks, expected at most {MOST_BLOCKS}")
 
 
 def _existing_parent(directory: Path) -> Path:

@@ -117,6 +117,12 @@ class Engine:
             self._programs = (prepare, list(pool.map(lambda program: program.compile(), lowered)))
         self.compile_s = time.perf_counter() - begin
 
+    def channels(self) -> list[str]:
+        """Names of the channels that the engine gives, without compiling anything; traces one tick."""
+        ids = np.zeros(self.size, dtype=np.int32)
+        drawn, _, state = jax.eval_shape(self._prepare, self._nominal, _master_key(0), ids)
+        return sorted(jax.eval_shape(self._advance, self._nominal, drawn, state)[1])
+
     def prepare(self, seed: int, ids: np.ndarray) -> Block:
         """Dispersed values and initial states of `capacity` runs."""
         self.compile(seed)

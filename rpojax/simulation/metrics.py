@@ -38,6 +38,11 @@ UNITS: Final[dict[str, str]] = {
 }
 """Name -> unit of every metric."""
 
+LOW_IS_BAD: Final = frozenset(
+    {"min_range_m", "passive_range_m", "sigma3_coverage", "detection_rate", "visible_fraction"}
+)
+"""Metrics whose low values are the bad ones."""
+
 CHANNELS: Final = (
     "rho_H",
     "relative_error_H",
