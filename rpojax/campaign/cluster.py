@@ -56,7 +56,7 @@ class Cluster:
         }
         done, failed = 0, 0
         given_up: dict[int, str] = {}
-        for task in distributed.as_completed(tasks):
+        for task in distributed.as_completed(tasks, loop=client.loop):
             block = tasks[task]
             if task.status != "finished":
                 given_up[block] = " ".join(str(task.exception()).split())[:300]

@@ -1,6 +1,6 @@
 """What is finished of a campaign: one manifest per block, written last; free of jax, so that it is read at once.
 
-Beside them, `attempts/000007` has a line for every attempt at a block that is not finished.
+Beside them, `manifest/000007.attempts` has a line for every attempt at a block that is not finished.
 """
 
 import re
@@ -193,7 +193,7 @@ def reasons(manifests: Iterable[Manifest]) -> dict[str, int]:
 
 
 def _attempts(directory: Path, block: int) -> Path:
-    return directory / "attempts" / f"{block:06d}"
+    return path_of(directory, block).with_suffix(".attempts")
 
 
 def begin(directory: Path, block: int) -> None:
@@ -221,7 +221,6 @@ def attempts(directory: Path, block: int) -> int:
 
 def begun(directory: Path, blocks: int) -> dict[int, int]:
     """Unfinished block that was begun -> how often."""
-    files.refuse_links(directory, directory / "attempts")
     finished = set(done(directory, blocks))
-    numbers = [number for number in _numbers(directory / "attempts", "") if number < blocks]
+    numbers = [number for number in _numbers(directory / "manifest", ".attempts") if number < blocks]
     return {number: attempts(directory, number) for number in sorted(set(numbers) - finished)}

@@ -9,6 +9,7 @@ from typing import Any
 import jax
 
 from rpojax.campaign import admission, creation, description, engine, executors, files, flying, replaced, retention
+from rpojax.campaign.engine import Engine
 from rpojax.campaign.executors import Executor
 from rpojax.campaign.retention import Retention
 from rpojax.campaign.store import Campaign
@@ -181,17 +182,20 @@ def complete(
     if blocks:
         result.given_up.update(executor.do(blocks, during))
     if not result.missing():
-        _second_pass(result, tell, stages)
+        _second_pass(result, tell, stages, executor.engine if isinstance(executor, executors.Local) else None)
 
 
-def _second_pass(result: Campaign, tell: Report, stages: Stages | None) -> None:
+def _second_pass(result: Campaign, tell: Report, stages: Stages | None, machine: Engine | None = None) -> None:
+    """Keeps the histories that depend on results, with the engine of the first pass where there is one."""
     chosen = flying.later_histories(result)
     if not chosen:
         return
-    machine = flying.engine_of(result.asked, _enough(None, -(-len(chosen) // result.asked["block_size"])), stages)
+    if machine is None:
+        tell(Progress(done=0.0, total=len(chosen), failed=0, compiled=False))
+        used = _enough(None, -(-len(chosen) // result.asked["block_size"]))
+        machine = flying.engine_of(result.asked, used, stages)
 
     def during(done: float) -> None:
         tell(Progress(done=done, total=len(chosen), failed=0, compiled=True))
 
-    tell(Progress(done=0.0, total=len(chosen), failed=0, compiled=False))
     flying.do_histories(result, machine, chosen, during)

@@ -7,7 +7,7 @@
 | `results.zarr` | of every run: `metrics/NAME`, `status/NAME`, `drawn/KEY`, `used/KEY`, `traces/NAME` |
 | `results.zarr/histories/RUN` | channels of a kept run, time first |
 | `manifest/000000.json` | one per finished block, written last; a block without one is run again by a resume |
-| `attempts/000000` | one per block under way or broken off: a line for every attempt |
+| `manifest/000000.attempts` | one per block under way or broken off: a line for every attempt |
 | `report.html`, `report.json`, `figures/` | the report |
 """
 
