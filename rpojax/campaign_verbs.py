@@ -318,6 +318,8 @@ def _conclude(
     if result.given_up:
         block, reason = next(iter(sorted(result.given_up.items())))
         raise UnfinishedError(f"found {len(result.given_up)} blocks given up, expected none; block {block}: {reason}")
+    if not shared and (missing := result.missing()):
+        raise UnfinishedError(f"found {len(missing)} blocks missing, expected none")
     return Status.DONE if result.completed.all() else Status.SOME_FAILED
 
 

@@ -22,7 +22,7 @@ import pytest
 
 import rpojax
 from rpojax import cli, console, machine
-from rpojax.campaign import files
+from rpojax.campaign import executors, files
 from rpojax.campaign.engine import Engine
 from rpojax.campaign.runner import Progress
 from rpojax.campaign.store import Campaign
@@ -363,6 +363,18 @@ def test_a_full_disk_is_status_4_with_what_is_kept_and_how_to_go_on(
     assert "found no space left on device, expected room for the results" in result.err
     assert f"1 of 3 blocks are kept; go on with: rpojax resume {out}" in result.err
     assert call("resume", out, "--json").status == 0
+
+
+def test_blocks_that_are_given_up_are_status_4_with_why(
+    call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(executors.Workers, "do", lambda self, blocks, tell: {1: "the worker ended with signal 9"})
+    out = tmp_path / "runs"
+    words = ("--runs", 3, *SHORT, *SINGLY, "--no-report", "--json", "--workers", 2)
+    result = call("campaign", "inspection", *words, "--out", out)
+    assert (result.status, result.json["runs"]["missing"]) == (4, 3)
+    assert "found 1 blocks given up, expected none; block 1: the worker ended with signal 9" in result.err
+    assert f"0 of 3 blocks are kept; go on with: rpojax resume {out}" in result.err
 
 
 def test_an_interrupt_before_anything_is_written_says_so(

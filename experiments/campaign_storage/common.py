@@ -25,8 +25,8 @@ def campaign(out: Path, runs: int, block_size: int, *words: object) -> list[str]
 
 def start(words: list[str], **environment: str) -> subprocess.Popen[str]:
     """A process on one device, in a group of its own."""
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    return subprocess.Popen(words, env={**os.environ, **ONE_DEVICE, **environment}, text=True, **pipes)
+    environment = {**os.environ, **ONE_DEVICE, **environment}
+    return subprocess.Popen(words, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 
 def arrays(directory: Path) -> dict[str, np.ndarray]:

@@ -9,9 +9,10 @@ import shutil
 import signal
 import time
 from pathlib import Path
+from typing import Any
 
 import common
-from distributed import Client, LocalCluster
+import distributed
 
 
 def main() -> int:
@@ -25,14 +26,17 @@ def main() -> int:
     shape = (24, 2, "--histories", "2")
     common.start(common.campaign(whole, *shape)).communicate()
     os.environ |= common.ONE_DEVICE
-    with LocalCluster(n_workers=options.workers, threads_per_worker=1, dashboard_address=None) as cluster:
+    settings: dict[str, Any] = {"n_workers": options.workers, "threads_per_worker": 1, "dashboard_address": None}
+    cluster: Any = distributed.LocalCluster(**settings)
+    with cluster:
         address = cluster.scheduler_address
         process = common.start(common.campaign(spread, *shape, "--executor", "dask", "--scheduler", address))
         killed: list[int] = []
         for blocks in (1, 4):
             while len(list((spread / "manifest").glob("*.json"))) < blocks and process.poll() is None:
                 time.sleep(0.1)
-            with Client(address) as client:
+            client: Any = distributed.Client(address)
+            with client:
                 pids = list(client.run(os.getpid).values())
             os.kill(pids[0], signal.SIGKILL)
             killed.append(len(list((spread / "manifest").glob("*.json"))))

@@ -50,7 +50,8 @@ def main() -> int:
         flying.do_blocks(result, engine, [block], lambda share, failed: None)
         return time.perf_counter() - begin
 
-    computed(0), stored(0)
+    computed(0)
+    stored(0)
     pairs = [(computed(block), stored(block)) for block in range(1, options.pairs + 1)]
     ratios = [with_storing / alone for alone, with_storing in pairs]
     differences = [with_storing - alone for alone, with_storing in pairs]

@@ -110,7 +110,7 @@ def _place(directory: Path, info: Mapping[str, Any], force: bool) -> bool:
             _set_aside(place)
         return _renamed(made, place)
     except (OSError, UnfinishedError) as error:
-        reason = error.strerror if isinstance(error, OSError) else str(error)
+        reason = error.strerror if isinstance(error, OSError) else str(error).partition(", expected")[0]
         raise OutputError(f"--out: found {str(directory)!r} ({reason}), expected a folder to write to") from None
     finally:
         shutil.rmtree(made, ignore_errors=True)

@@ -211,7 +211,7 @@ def _converse(slot: int, process: "subprocess.Popen[str]", wave: Sequence[int], 
     process.stdin.write(json.dumps(list(wave)) + "\n")
     process.stdin.flush()
     for line in process.stdout:
-        word, *rest = json.loads(line)
+        word, *rest = _words(line)
         if word == "ready":
             work.ready.set()
             work.note(slot, 0.0, 0, wave)
@@ -224,6 +224,15 @@ def _converse(slot: int, process: "subprocess.Popen[str]", wave: Sequence[int], 
             work.error = UnfinishedError(rest[1]) if rest[0] == "UnfinishedError" else RpojaxError(rest[1])
             return False
     return False
+
+
+def _words(line: str) -> list[Any]:
+    """What a worker says; a line that is not for this process, such as one that a library prints, says nothing."""
+    try:
+        words = json.loads(line)
+    except ValueError:
+        return [""]
+    return words if isinstance(words, list) and words else [""]
 
 
 def _last_words(status: int, errors: IO[bytes]) -> str:
