@@ -13,7 +13,7 @@ import numpy as np
 import zarr
 from zarr.storage import MemoryStore
 
-_INNER_RUNS = 16
+_INNER_RUNS = 64
 """Runs in an inner chunk of a shard, at most: one of them is read without the others of its block."""
 UNKNOWN = -1
 """Fill value of whole numbers: that of a run that was never written."""
@@ -39,7 +39,7 @@ class Layout:
 
 
 def of_runs(runs: int, block_size: int, group: str, values: np.ndarray, units: str) -> Layout:
-    """Layout of an array with one row per run: a file per block, which is a shard if rows are long."""
+    """Layout of an array with one row per run: a file per block, a shard for rows over time."""
     long = ("time",) if group == "traces" else tuple(f"axis{i}_{n}" for i, n in enumerate(values.shape[1:], start=1))
     shape = (runs, *values.shape[1:])
     return Layout(shape, min(block_size, runs), values.dtype.str, ("run", *long), (("units", units),))
@@ -65,35 +65,53 @@ class Encoder:
 
     def chunk(self, layout: Layout, block: int, values: np.ndarray) -> tuple[str, bytes]:
         """Path in the array's folder, and content, of the file that holds a block."""
+        key = chunk_key(len(layout.shape), block)
+        if not _is_sharded(layout):
+            return key, _plain(layout, values)
         stored, array = self._array(layout)
         begin = block * layout.block
         array[begin : begin + len(values)] = values
-        key = chunk_key(len(layout.shape), block)
         return key, stored.pop(key).to_bytes()
 
     def _array(self, layout: Layout) -> tuple[dict[str, Any], Any]:
         if layout not in self._known:
             stored: dict[str, Any] = {}
-            dtype = np.dtype(layout.dtype)
             whole = (layout.block, *layout.shape[1:])
-            sharded = layout.dimensions[0] == "run" and len(whole) > 1
-            inner = (_inner(layout.block), *whole[1:])
+            sharded = _is_sharded(layout)
             array = zarr.create_array(
                 MemoryStore(stored),
                 shape=layout.shape,
-                chunks=inner if sharded else whole,
+                chunks=(_inner(layout.block), *whole[1:]) if sharded else whole,
                 shards=whole if sharded else None,
-                dtype=dtype,
-                fill_value=np.nan
-                if np.issubdtype(dtype, np.floating)
-                else dtype.type(UNKNOWN if dtype.kind == "i" else 0),
+                # Small files are not worth it.
+                compressors="auto" if sharded else None,
+                dtype=np.dtype(layout.dtype),
+                fill_value=_fill(layout),
                 dimension_names=layout.dimensions,
                 attributes=dict(layout.attributes),
-                # Files of nothing but the fill value are written too: one that is not there is one that was lost.
+                # Chunks of nothing but the fill value are written too: one that is not there is one that was lost.
                 config={"write_empty_chunks": True},
             )
             self._known[layout] = (stored, array)
         return self._known[layout]
+
+
+def _is_sharded(layout: Layout) -> bool:
+    """Whether an array has many samples per run."""
+    return layout.dimensions[:2] == ("run", "time")
+
+
+def _fill(layout: Layout) -> Any:
+    """Value of what was never written."""
+    dtype = np.dtype(layout.dtype)
+    return np.nan if dtype.kind == "f" else dtype.type(UNKNOWN if dtype.kind == "i" else 0)
+
+
+def _plain(layout: Layout, values: np.ndarray) -> bytes:
+    """A block without compression, as Zarr's codec `bytes` has it: little-endian, filled up to the full size."""
+    whole = np.full((layout.block, *layout.shape[1:]), _fill(layout), dtype=np.dtype(layout.dtype).newbyteorder("<"))
+    whole[: len(values)] = values
+    return whole.tobytes()
 
 
 def _inner(block: int) -> int:

@@ -94,17 +94,17 @@ def test_a_torn_shard_of_an_unfinished_block_does_no_harm_and_is_written_anew(
 def test_rows_of_more_than_one_sample_are_in_shards_with_named_dimensions(
     mission: ScenarioFile, tmp_path: Path
 ) -> None:
-    made = new_campaign(tmp_path / "runs", mission, 7, 96, 0, 48)
-    long = {name: np.repeat(values, 24, axis=0) for name, values in results(0).items()}
+    made = new_campaign(tmp_path / "runs", mission, 7, 240, 0, 120)
+    long = {name: np.repeat(values, 60, axis=0) for name, values in results(0).items()}
     made.write_block(1, long, effort())
     root = zarr.open_group(str(made.directory / "results.zarr"), mode="r")
     found = {name: node for name, node in root.members(max_depth=None) if isinstance(node, zarr.Array)}
     layouts = {name: (node.shards, node.chunks, node.metadata.dimension_names) for name, node in found.items()}
-    assert layouts["traces/range_m"] == ((48, 3), (16, 3), ("run", "time"))
-    assert layouts["drawn/target.tumble_axis"] == ((48, 3), (16, 3), ("run", "axis1_3"))
-    assert layouts["metrics/min_range_m"] == (None, (48,), ("run",))
+    assert layouts["traces/range_m"] == ((120, 3), (60, 3), ("run", "time"))
+    assert layouts["drawn/target.tumble_axis"] == (None, (120, 3), ("run", "axis1_3"))
+    assert layouts["metrics/min_range_m"] == (None, (120,), ("run",))
     assert found["metrics/min_range_m"].attrs["units"] == "m"
-    assert np.isnan(np.asarray(found["traces/range_m"][:48])).all()
+    assert np.isnan(np.asarray(found["traces/range_m"][:120])).all()
 
 
 def asked(mission: ScenarioFile, seed: int = 7) -> dict[str, object]:
