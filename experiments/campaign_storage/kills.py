@@ -12,14 +12,22 @@ from pathlib import Path
 import common
 
 
-def kill_once(words: list[str], delay_s: float) -> bool:
-    """Whether a process was still at work when it was killed after a time."""
+def kill_once(words: list[str], folder: Path, wait_for_work: bool, delay_s: float) -> bool:
+    """Whether a process was still at work when it was killed, a time after its start or after its first block."""
+    before = blocks_in(folder)
     process = common.start(words)
+    while wait_for_work and blocks_in(folder) <= before and process.poll() is None:
+        time.sleep(0.02)
     time.sleep(delay_s)
     alive = process.poll() is None
     process.kill()
     process.communicate()
     return alive
+
+
+def blocks_in(folder: Path) -> int:
+    """Finished blocks."""
+    return len(list((folder / "manifest").glob("*.json")))
 
 
 def main() -> int:
@@ -40,15 +48,18 @@ def main() -> int:
     moments = random.Random(0)
     killed = 0
     left: list[int] = []
-    for _ in range(options.kills):
+    for number in range(options.kills):
         begun = (broken / "campaign.json").is_file()
         words = (
             common.command("resume", broken)
             if begun
             else common.campaign(broken, options.runs, options.block_size, *histories)
         )
-        killed += kill_once(words, moments.uniform(0.2, options.longest_s))
-        left.append(len(list((broken / "manifest").glob("*.json"))) if broken.exists() else -1)
+        # Every other kill comes while blocks are being done, the others anywhere, also before the folder is made.
+        at_work = number % 2 == 1
+        delay_s = moments.uniform(0.0, 2.0) if at_work else moments.uniform(0.2, options.longest_s)
+        killed += kill_once(words, broken, at_work, delay_s)
+        left.append(blocks_in(broken) if broken.exists() else -1)
     partial = common.partial_files(options.out)
     resumed = common.start(common.command("resume", broken))
     resumed.communicate()
