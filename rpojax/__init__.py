@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from rpojax.version import __version__
 
 if TYPE_CHECKING:
+    from rpojax.campaign.dataset import open_campaign
     from rpojax.campaign.runner import resume_campaign, run_campaign
     from rpojax.campaign.single import simulate
     from rpojax.campaign.store import Campaign
@@ -22,6 +23,7 @@ _HOMES = {
     "RpojaxError": "rpojax.errors",
     "Stages": "rpojax.flight.computer",
     "load": "rpojax.simulation.scenario",
+    "open_campaign": "rpojax.campaign.dataset",
     "resume_campaign": "rpojax.campaign.runner",
     "run_campaign": "rpojax.campaign.runner",
     "simulate": "rpojax.campaign.single",
@@ -34,6 +36,7 @@ __all__ = [
     "Stages",
     "__version__",
     "load",
+    "open_campaign",
     "resume_campaign",
     "run_campaign",
     "simulate",

@@ -3,30 +3,27 @@
 SCENARIO is the name of a packaged scenario, such as 'inspection', or a TOML file; `rpojax --version` tells the version.
 
 Exit status: 0 done, and all runs completed; 1 unexpected error; 2 bad input, nothing was written; 3 the campaign
-finished, but some of its runs failed, or some pictures could not be used; 130 interrupted, finished blocks are kept
-for `rpojax resume`.
+finished, but some of its runs failed, or some pictures could not be used; 4 the campaign is unfinished: its disk is
+full, or blocks were given up after three workers died of them; 130 interrupted. After 4 and 130 finished blocks are
+kept for `rpojax resume`.
 
 Environment: compiled programs are kept in the user's cache folder unless RPOJAX_CACHE=off. There is one host device for
 each core unless XLA_FLAGS says how many.
 """
 
-import enum
-import json
 import os
-import shlex
 import sys
-import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
-from tyro.conf import FlagCreatePairsOff, Positional, UseAppendAction, arg
+from tyro.conf import FlagCreatePairsOff, arg
 
-from rpojax import calibration_verb, console, detector_verbs, field_verbs, plan_verb
-from rpojax.errors import OutputError, RpojaxError
+from rpojax import calibration_verb, campaign_verbs, compare_verb, console, detector_verbs, field_verbs
+from rpojax.errors import OutputError, RpojaxError, UnfinishedError
 from rpojax.machine import prepare_jax
+from rpojax.verb_parts import AsJson, Folder, NoCache, Overrides, Source, Status, abandon_worker, fly, load, print_json
 from rpojax.version import __version__
 
 if TYPE_CHECKING:
@@ -37,157 +34,16 @@ if TYPE_CHECKING:
     from rpojax.simulation.schema import ScenarioFile
 
 
-class Status(enum.IntEnum):
-    """Exit statuses; 1 is left to Python, for errors that nobody expected."""
-
-    DONE = 0
-    BAD_INPUT = 2
-    SOME_FAILED = 3
-    INTERRUPTED = 130
-
-
-Source = Annotated[Positional[str], arg(metavar="SCENARIO", help="Packaged name or TOML file.")]
-Folder = Annotated[Positional[Path], arg(metavar="DIR", help="Folder of a campaign.")]
-Out = Annotated[Path, arg(metavar="DIR", help="Folder to make for the results.")]
-Overrides = Annotated[
-    UseAppendAction[tuple[str, ...]],
-    arg(name="set", metavar="KEY=VALUE", help="Another value for a key of the scenario, in TOML; several may follow."),
-]
-Seed = Annotated[int, arg(metavar="S", help="Master seed.")]
-Force = Annotated[bool, arg(help="Replace the folder if it holds a campaign.")]
-AsJson = Annotated[bool, arg(name="json", help="JSON on stdout and no progress.")]
-NoFilm = Annotated[bool, arg(help="Take no pictures of a rendered camera again for the report.")]
-NoCache = Annotated[bool, arg(help="Compile anew and keep nothing of it.")]
-
-_WORKER = "rpojax-worker"
-
 app = tyro.extras.SubcommandApp()
 
 
-@app.command
-def run(
-    scenario: Source,
-    *,
-    out: Out,
-    seed: Seed = 0,
-    run_id: Annotated[int, arg(metavar="I", help="Number of the run in its campaign.")] = 0,
-    overrides: Overrides = (),
-    block_size: Annotated[
-        int, arg(metavar="N", help="That of the campaign, for the very same numbers to the last digit.")
-    ] = 1,
-    force: Force = False,
-    no_film: NoFilm = False,
-    as_json: AsJson = False,
-    no_cache: NoCache = False,
-) -> int:
-    """One run with its full history: a campaign of one run, with its report."""
-    file = _load(scenario, overrides)
-    prepare_jax(cache=not no_cache)
-    from rpojax.campaign import runner
-
-    def work(watch: console.Watch) -> "Campaign":
-        return runner.run_campaign(
-            file, 1, out, seed, first_run=run_id, block_size=block_size, force=force, on_progress=watch
-        )
-
-    with _keeping(out):
-        return _conclude(_fly(work, file.duration_s, as_json), report=True, as_json=as_json, film=not no_film)
-
-
-@app.command
-def campaign(
-    scenario: Source,
-    *,
-    runs: Annotated[int, arg(metavar="N", help="Number of runs.")],
-    out: Annotated[
-        Path | None, arg(metavar="DIR", help="Folder to make for the results.", help_behavior_hint="(required)")
-    ] = None,
-    seed: Seed = 0,
-    overrides: Overrides = (),
-    block_size: Annotated[
-        int | None,
-        arg(
-            metavar="N", help="Runs at once on a device.", help_behavior_hint="(default: 256 on a CPU, 4096 elsewhere)"
-        ),
-    ] = None,
-    histories: Annotated[
-        str, arg(metavar="N|I,J,...", help="Full histories to keep: of the first N runs, or of the runs listed.")
-    ] = "8",
-    force: Force = False,
-    no_report: Annotated[bool, arg(help="Write no report.html, report.json and figures.")] = False,
-    no_film: NoFilm = False,
-    dry_run: Annotated[bool, arg(help="Fly nothing: show what the runs would draw, and what they would take.")] = False,
-    plan: Annotated[Path | None, arg(metavar="FILE", help="Of a dry run: CSV file to write, one row a run.")] = None,
-    speed: Annotated[
-        float | None, arg(metavar="X", help="Of a dry run: run-seconds per second, as `rpojax bench` tells.")
-    ] = None,
-    as_json: AsJson = False,
-    no_cache: NoCache = False,
-) -> int:
-    """Many dispersed runs, with a report on them."""
-    plan_verb.check(dry_run, plan, speed, out, force)
-    file = _load(scenario, overrides)
-    kept = _histories(histories, runs)
-    prepare_jax(cache=not no_cache)
-    from rpojax.campaign import admission, runner
-
-    if dry_run:
-        if out is not None:
-            admission.check_folder(out, force)
-        plan_verb.show(file, runs, seed, block_size, kept, plan, speed, as_json)
-        return Status.DONE
-    assert out is not None
-
-    def work(watch: console.Watch) -> "Campaign":
-        return runner.run_campaign(
-            file, runs, out, seed, block_size=block_size, histories=kept, force=force, on_progress=watch
-        )
-
-    with _keeping(out):
-        flown = _fly(work, file.duration_s, as_json)
-        return _conclude(flown, report=not no_report, as_json=as_json, film=not no_film)
-
-
-@app.command
-def resume(directory: Folder, *, as_json: AsJson = False, no_cache: NoCache = False) -> int:
-    """Complete an interrupted campaign and its report; one that is complete is left as it is, with exit status 0."""
-    prepare_jax(cache=not no_cache)
-    from rpojax.campaign import runner
-    from rpojax.campaign.store import Campaign
-
-    found = Campaign(directory)
-    if not found.missing():
-        _show(found, _report_of(found), as_json)
-        return Status.DONE
-    with _keeping(directory):
-        result = _fly(
-            lambda watch: runner.resume_campaign(directory, on_progress=watch), found.file.duration_s, as_json
-        )
-        return _conclude(result, report=True, as_json=as_json)
-
-
-@app.command
-def report(
-    directory: Folder,
-    *,
-    run_id: Annotated[
-        int | None, arg(metavar="I", help="Run to show in detail.", help_behavior_hint="(default: the median one)")
-    ] = None,
-    no_film: NoFilm = False,
-    as_json: AsJson = False,
-) -> int:
-    """Write report.html, report.json and figures anew."""
-    prepare_jax(cache=True)
-    from rpojax.campaign.store import Campaign
-    from rpojax.report.html import write_report
-    from rpojax.report.summary import choose_run
-
-    found = Campaign(directory)
-    choose_run(found, run_id)
-    with console.busy("writing the report", quiet=as_json):
-        path = write_report(found, run_id, film=not no_film)
-    _show(found, path, as_json)
-    return Status.DONE
+run = app.command(campaign_verbs.run)
+campaign = app.command(campaign_verbs.campaign)
+resume = app.command(campaign_verbs.resume)
+status = app.command(campaign_verbs.status)
+rerun = app.command(campaign_verbs.rerun)
+compare = app.command(compare_verb.compare)
+report = app.command(campaign_verbs.report)
 
 
 @app.command
@@ -236,20 +92,20 @@ def film(
 def _history_of(found: "Campaign", file: "ScenarioFile", run_id: int | None) -> "tuple[int, Mapping[str, np.ndarray]]":
     """Number and full history of a run, flown again where none is kept."""
     from rpojax.campaign import filming
+    from rpojax.campaign.rerun import check_run
 
-    kept, first, runs = found.history_ids, found.info["first_run"], found.info["runs"]
-    run = run_id if run_id is not None else (kept or [first])[0]
-    if not first <= run < first + runs:
-        raise RpojaxError(f"--run-id: found {run}, expected a run of this campaign, {first} to {first + runs - 1}")
-    if run in kept:
-        return run, found.history(run)
+    kept = found.history_ids
+    run = run_id if run_id is not None else (kept or [found.asked["first_run"]])[0]
+    check_run(found, run)
+    if run in kept and filming.can_show(history := found.history(run), file):
+        return run, history
     flown: list[Mapping[str, np.ndarray]] = []
 
     def work(watch: console.Watch) -> "Campaign":
         flown.append(filming.fly_again(file, found.info, run, watch))
         return found
 
-    _fly(work, file.duration_s, as_json=False)
+    fly(work, file.duration_s, as_json=False)
     return run, flown[0]
 
 
@@ -265,7 +121,7 @@ def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = F
     from rpojax.simulation import dispersed
     from rpojax.simulation import scenario as scenarios
 
-    file = _load(scenario, overrides)
+    file = load(scenario, overrides)
     content = {
         "name": file.name,
         "description": file.description,
@@ -275,7 +131,7 @@ def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = F
         "design": file.design.kind,
     }
     if as_json:
-        _print_json(content)
+        print_json(content)
     else:
         print(f"{file.name}: valid; {file.duration_s:g} s, {len(file.dispersions)} dispersions")
     return Status.DONE
@@ -286,7 +142,7 @@ def schema() -> int:
     """JSON schema of a scenario, for editors and other tools."""
     from rpojax.simulation.schema import ScenarioFile
 
-    _print_json(ScenarioFile.model_json_schema())
+    print_json(ScenarioFile.model_json_schema())
     return Status.DONE
 
 
@@ -298,7 +154,7 @@ def bench(
     as_json: AsJson = False,
 ) -> int:
     """Measure the closed loop alone, without metrics and storage; programs are compiled anew, timed apart."""
-    file = _load("inspection", (f"duration_s={duration_s}",))
+    file = load("inspection", (f"duration_s={duration_s}",))
     prepare_jax(cache=False)
     from rpojax.campaign import benchmark
 
@@ -306,7 +162,7 @@ def bench(
     with console.busy(f"timing batches of {', '.join(map(str, runs))} runs", quiet=as_json):
         speeds = benchmark.measure(file, runs)
     if as_json:
-        _print_json(speeds)
+        print_json(speeds)
     else:
         console.show_speeds(speeds)
     return Status.DONE
@@ -335,12 +191,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         # The reader, such as `head`, has seen enough. What is still buffered would fail again when Python ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return Status.DONE
+    except UnfinishedError as error:
+        print(f"rpojax: unfinished: {' '.join(str(error).split())}", file=sys.stderr)
+        return Status.UNFINISHED
     except RpojaxError as error:
         print(f"rpojax: error: {' '.join(str(error).split())}", file=sys.stderr)
         return Status.BAD_INPUT
     except KeyboardInterrupt as interrupt:
         print(f"rpojax: interrupted; {str(interrupt) or 'nothing was written'}", file=sys.stderr)
-        _abandon_worker()
+        abandon_worker()
         return Status.INTERRUPTED
 
 
@@ -355,101 +214,3 @@ def _spread(arguments: Sequence[str]) -> list[str]:
             words.append("--set")
         words.append(word)
     return words
-
-
-def _load(source: str, overrides: Sequence[str]) -> "ScenarioFile":
-    from rpojax.simulation import scenario
-
-    return scenario.load(source, overrides)
-
-
-def _histories(text: str, runs: int) -> list[int]:
-    """Run numbers meant by `N` (the first ones) or `I,J,...`."""
-    try:
-        numbers = [int(part) for part in text.split(",") if part.strip()]
-    except ValueError:
-        numbers = [-1]
-    if not numbers or min(numbers) < 0:
-        raise RpojaxError(f"--histories: found {text!r}, expected a number of runs, or run numbers such as 0,17")
-    return numbers if "," in text else list(range(min(numbers[0], runs)))
-
-
-def _fly(work: "Callable[[console.Watch], Campaign]", duration_s: float, as_json: bool) -> "Campaign":
-    """Result of `work`, which tells its progress and gives way to an interrupt at once, even while compiling."""
-    results: list[Campaign] = []
-    errors: list[BaseException] = []
-
-    def target(watch: console.Watch) -> None:
-        try:
-            results.append(work(watch))
-        except BaseException as error:
-            errors.append(error)
-
-    with console.watching(duration_s, quiet=as_json) as watch:
-        worker = threading.Thread(target=target, args=(watch,), name=_WORKER, daemon=True)
-        worker.start()
-        worker.join()
-    if errors:
-        raise errors[0]
-    return results[0]
-
-
-def _abandon_worker() -> None:
-    """Ends the process if a worker is still busy; an orderly end would wait for the compiler, or crash in it."""
-    if any(thread.name == _WORKER for thread in threading.enumerate()):
-        sys.stdout.flush()
-        sys.stderr.flush()
-        os._exit(Status.INTERRUPTED)
-
-
-@contextmanager
-def _keeping(directory: Path) -> Iterator[None]:
-    """On an interrupt, says what is kept and how to go on."""
-    try:
-        yield
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(_kept(directory)) from None
-
-
-def _kept(directory: Path) -> str:
-    from rpojax.campaign.store import Campaign
-
-    try:
-        found = Campaign(directory)
-    except RpojaxError:
-        return "nothing was written"
-    missing, folder = len(found.missing()), shlex.quote(str(directory))
-    if missing == 0:
-        return f"all runs are kept; write the report with: rpojax report {folder}"
-    return f"{found.blocks - missing} of {found.blocks} blocks are kept; go on with: rpojax resume {folder}"
-
-
-def _conclude(result: "Campaign", report: bool, as_json: bool, film: bool = True) -> int:
-    """Writes the report if it is wanted, shows the results and returns the exit status."""
-    from rpojax.report.html import write_report
-
-    path = None
-    if report:
-        with console.busy("writing the report", quiet=as_json):
-            path = write_report(result, film=film)
-    _show(result, path, as_json)
-    return Status.DONE if result.completed.all() else Status.SOME_FAILED
-
-
-def _report_of(result: "Campaign") -> Path | None:
-    path = result.directory / "report.html"
-    return path if path.is_file() else None
-
-
-def _show(result: "Campaign", path: Path | None, as_json: bool) -> None:
-    from rpojax.report.summary import summarise
-
-    summary = summarise(result)
-    if as_json:
-        _print_json({"directory": str(result.directory), "report": None if path is None else str(path), **summary})
-    else:
-        console.show_campaign(summary, result.directory, path)
-
-
-def _print_json(content: object) -> None:
-    print(json.dumps(content, indent=2, allow_nan=False))

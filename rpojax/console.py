@@ -173,6 +173,25 @@ def show_campaign(summary: Mapping[str, Any], directory: Path, report: Path | No
         console.print(f"report: {report}", soft_wrap=True, markup=False)
 
 
+def show_status(found: Mapping[str, Any]) -> None:
+    """Lines about a campaign that may be under way."""
+    console = Console(highlight=False)
+    runs, blocks, timing = found["runs"], found["blocks"], found["timing"]
+
+    def line(text: str) -> None:
+        console.print(text, soft_wrap=True, markup=False)
+
+    line(f"{found['name']}: {blocks['done']} of {blocks['total']} blocks done, {blocks['missing']} missing")
+    line(f"runs: {runs['completed']} completed, {runs['failed']} failed, {runs['requested']} requested")
+    for reason, count in found["reasons"].items():
+        line(f"failed: {count} x {reason}")
+    for entry in found["begun"]:
+        line(f"begun: block {entry['block']}, attempt {entry['attempts']}")
+    if timing:
+        line(f"speed: {timing['run_seconds_per_s']:,.0f} simulated seconds per second in {timing['run_s']:,.0f} s")
+    line(f"report: {found['report'] or 'none yet'}")
+
+
 def _other_side(key: str) -> str:
     """Name of a percentile that stands under the heading of the other side, because low values are the bad ones."""
     return f"{key} " if key in ("p1", "p5") else ""

@@ -27,3 +27,7 @@ class OutputError(RpojaxError):
 
 class ResultError(RpojaxError):
     """A campaign folder does not hold what was asked for."""
+
+
+class UnfinishedError(RpojaxError):
+    """A campaign could not be completed; what is finished of it is kept, and it can be resumed."""

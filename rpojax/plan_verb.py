@@ -11,6 +11,7 @@ from rpojax.outputs import claim
 
 if TYPE_CHECKING:
     from rpojax.campaign.plan import Plan
+    from rpojax.campaign.retention import Retention
     from rpojax.simulation.schema import ScenarioFile
 
 
@@ -35,7 +36,9 @@ def show(
     runs: int,
     seed: int,
     block_size: int | None,
-    histories: list[int],
+    histories: "Retention",
+    out: Path | None,
+    force: bool,
     table: Path | None,
     speed: float | None,
     as_json: bool,
@@ -45,11 +48,15 @@ def show(
     Raises:
         RpojaxError: the campaign would be refused, or the table cannot be written.
     """
+    from rpojax.campaign import admission
     from rpojax.campaign import plan as plans
     from rpojax.report.files import write_atomically
 
+    if out is not None:
+        admission.check_folder(out, force)
+    histories.check(0, runs)
     with busy("drawing", quiet=as_json):
-        plan = plans.make(file, runs, seed, block_size=block_size, histories=len(histories), speed=speed)
+        plan = plans.make(file, runs, seed, block_size=block_size, histories=histories.at_most(0, runs), speed=speed)
     if table is not None:
         write_atomically(table, plans.csv_text(plan).encode())
     if as_json:

@@ -1,5 +1,6 @@
 """The command line as people and programs use it."""
 
+import errno
 import html
 import json
 import os
@@ -21,7 +22,7 @@ import pytest
 
 import rpojax
 from rpojax import cli, console, machine
-from rpojax.campaign import store
+from rpojax.campaign import executors, files
 from rpojax.campaign.engine import Engine
 from rpojax.campaign.runner import Progress
 from rpojax.campaign.store import Campaign
@@ -268,7 +269,7 @@ def test_an_interrupt_keeps_finished_blocks_and_resume_does_the_rest(
     call: Call, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "broken off"
-    write = store.write_json
+    write = files.write_json
 
     def interrupt(path: Path, content: Any) -> None:
         if path.name == "000001.json":
@@ -277,7 +278,7 @@ def test_an_interrupt_keeps_finished_blocks_and_resume_does_the_rest(
 
     words = ("campaign", "inspection", "--runs", 3, "--histories", "0,2", *SHORT, *SINGLY, "--out", out, "--json")
     with monkeypatch.context() as patch:
-        patch.setattr(store, "write_json", interrupt)
+        patch.setattr(files, "write_json", interrupt)
         result = call(*words)
     assert result.status == 130
     assert result.out == ""
@@ -292,6 +293,88 @@ def test_an_interrupt_keeps_finished_blocks_and_resume_does_the_rest(
     for group in ("metrics", "traces", "drawn", "used"):
         for name, values in getattr(whole, group).items():
             np.testing.assert_array_equal(getattr(mended, group)[name], values, err_msg=name)
+
+
+def test_a_run_flown_again_is_compared_with_what_was_recorded(
+    call: Call, finished: Path, tmp_path: Path, edit_info: Callable[..., None]
+) -> None:
+    result = call("rerun", finished, "--run-id", 1, "--out", tmp_path / "again", "--json")
+    assert result.status == 0
+    assert result.json["rerun"] == {"recorded": True, "different": []}
+    alone, whole = Campaign(tmp_path / "again"), Campaign(finished)
+    assert (alone.run_ids.tolist(), alone.history_ids, alone.info["block_size"]) == ([1], [1], 1)
+    assert alone.info["rerun_of"] == {"first_run": 0, "runs": 3}
+    for name, values in whole.metrics.items():
+        np.testing.assert_array_equal(alone.metrics[name], values[1:2], err_msg=name)
+    assert (tmp_path / "again" / "figures" / "estimation_error.png").is_file()
+
+    # Another seed's runs are not those that were recorded.
+    copy = Path(shutil.copytree(finished, tmp_path / "copy"))
+    edit_info(copy, seed=5)
+    other = call("rerun", copy, "--run-id", 1, "--out", tmp_path / "other", "--no-film")
+    assert "metrics are not those of the campaign, such as " in other.err
+    assert call("rerun", finished, "--run-id", 3, "--out", tmp_path / "none").status == 2
+
+
+def test_shards_share_a_folder_and_the_last_one_writes_the_report_of_what_one_process_gives(
+    call: Call, finished: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "shared"
+    words = ("campaign", "inspection", "--runs", 3, *SHORT, *SINGLY, "--out", out, "--json")
+    chosen = ("--histories", "1+worst:1:min_range_m", "--history-channels", "range_m,nees", "--history-every", 10)
+    first = call(*words, *chosen, "--shard", "2/2")
+    assert (first.status, first.json["report"], first.json["runs"]["missing"]) == (0, None, 2)
+    assert call("status", out, "--json").json["blocks"] == {"total": 3, "done": 1, "missing": 2}
+    assert "found seed 0, expected 1" in call(*words, *chosen, "--shard", "1/2", "--seed", 1).err
+    second = call(*words, *chosen, "--shard", "1/2")
+    assert (second.status, second.json["report"]) == (0, str(out / "report.html"))
+    whole, shared = Campaign(finished), Campaign(out)
+    for name, values in whole.metrics.items():
+        np.testing.assert_array_equal(shared.metrics[name], values, err_msg=name)
+    # The history of the run that came nearest is that of the campaign, thinned.
+    nearest = int(np.argmin(whole.metrics["min_range_m"]))
+    assert shared.history_ids == sorted({0, nearest})
+    for run in set(shared.history_ids) & set(whole.history_ids):
+        kept = shared.history(run)
+        assert kept.keys() == {"time_s", "rho_desired_H", "range_m", "nees"}
+        np.testing.assert_array_equal(kept["range_m"], whole.history(run)["range_m"][::10])
+    assert "estimation_error.png is left out" in (out / "report.html").read_text()
+    before = contents(out)
+    assert call("resume", out, "--shard", "1/2", "--json").status == 0
+    assert contents(out) == before
+
+
+def test_a_full_disk_is_status_4_with_what_is_kept_and_how_to_go_on(
+    call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "runs"
+    write = files.write
+
+    def full(path: Path, content: bytes, sync: bool = False) -> None:
+        if path.parts[-3:] == ("formation_error_rms_m", "c", "1"):
+            raise files.unfinished(path, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+        write(path, content, sync)
+
+    words = ("campaign", "inspection", "--runs", 3, *SHORT, *SINGLY, "--out", out, "--json", "--no-report")
+    with monkeypatch.context() as patch:
+        patch.setattr(files, "write", full)
+        result = call(*words)
+    assert (result.status, result.out, result.err.count("\n")) == (4, "", 1)
+    assert "found no space left on device, expected room for the results" in result.err
+    assert f"1 of 3 blocks are kept; go on with: rpojax resume {out}" in result.err
+    assert call("resume", out, "--json").status == 0
+
+
+def test_blocks_that_are_given_up_are_status_4_with_why(
+    call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(executors.Workers, "do", lambda self, blocks, tell: {1: "the worker ended with signal 9"})
+    out = tmp_path / "runs"
+    words = ("--runs", 3, *SHORT, *SINGLY, "--no-report", "--json", "--workers", 2)
+    result = call("campaign", "inspection", *words, "--out", out)
+    assert (result.status, result.json["runs"]["missing"]) == (4, 3)
+    assert "found 1 blocks given up, expected none; block 1: the worker ended with signal 9" in result.err
+    assert f"0 of 3 blocks are kept; go on with: rpojax resume {out}" in result.err
 
 
 def test_an_interrupt_before_anything_is_written_says_so(
@@ -345,6 +428,8 @@ def test_failed_runs_are_reported_with_status_3_while_the_others_complete(call: 
     assert all(60.0 < entry["at_s"] < 120.0 for entry in failures)
     again = call("resume", out, "--json")
     assert (again.status, again.json["runs"]["failed"]) == (0, approaching.sum())
+    assert call("status", out, "--json").json["reasons"] == {"entered the keep-out sphere": approaching.sum()}
+    assert f"failed: {approaching.sum()} x entered the keep-out sphere" in call("status", out).out
 
 
 def test_validate_says_what_a_scenario_holds(call: Call) -> None:
@@ -377,10 +462,10 @@ def test_version_and_help(call: Call) -> None:
     assert call("--version").out == f"rpojax {rpojax.__version__}\n"
     top = call("--help")
     assert top.status == 0
-    for verb in ("run", "campaign", "resume", "report", "film", "validate", "schema", "bench"):
+    for verb in ("run", "campaign", "resume", "status", "rerun", "report", "film", "validate", "schema", "bench"):
         assert verb in top.out
         assert call(verb, "--help").status == 0
-    for status in ("0 done", "1 unexpected", "2 bad input", "3 the campaign", "130 interrupted"):
+    for status in ("0 done", "1 unexpected", "2 bad input", "3 the campaign", "4 the campaign", "130 interrupted"):
         assert status in top.out
 
 
@@ -399,14 +484,6 @@ def test_version_and_help(call: Call) -> None:
 )
 def test_several_values_may_follow_one_set(words: list[str], expected: list[str]) -> None:
     assert cli._spread(words) == expected
-
-
-def test_histories_are_a_number_of_first_runs_or_a_list() -> None:
-    assert cli._histories("2", 5) == [0, 1]
-    assert cli._histories("8", 3) == [0, 1, 2]
-    assert cli._histories("0", 3) == []
-    assert cli._histories("0,17", 30) == [0, 17]
-    assert cli._histories("17,", 30) == [17]
 
 
 # Bad input
@@ -486,6 +563,14 @@ def test_an_unknown_scenario_is_refused_with_the_names_there_are(refused: Call) 
         (("--runs", 3, "--histories", "0,3"), "--histories"),
         (("--runs", 3, "--histories", "some"), "--histories"),
         (("--runs", 3, "--histories", "-1,"), "--histories"),
+        (("--runs", 3, "--histories", "worst:1:range"), "--histories"),
+        (("--runs", 3, "--history-every", 0), "--history-every"),
+        (("--runs", 3, "--shard", "3/2"), "--shard"),
+        (("--runs", 3, "--shard", "1/2", "--force"), "--force"),
+        (("--runs", 3, "--workers", 0), "--workers"),
+        (("--runs", 3, "--executor", "ray"), "--executor"),
+        (("--runs", 3, "--executor", "dask"), "--scheduler"),
+        (("--runs", 3, "--scheduler", "tcp://x:1"), "--scheduler"),
         (("--runs", 3, "--set", "duration_s=1e9"), "duration_s"),
         (("--runs", 2000000000), "disk"),
         (("--runs", 100000000, "--block-size", 50000000), "memory"),
@@ -517,7 +602,7 @@ def test_output_is_refused_in_a_folder_that_cannot_be_written_to(
     assert "can be written to" in refused("run", "inspection", "--out", "runs").err
 
 
-@pytest.mark.parametrize("verb", ["resume", "report"])
+@pytest.mark.parametrize("verb", ["resume", "report", "status"])
 def test_a_folder_that_is_no_campaign_is_refused(refused: Call, verb: str) -> None:
     assert "expected a campaign folder" in refused(verb, ".").err
 

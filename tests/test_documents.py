@@ -125,7 +125,7 @@ def test_the_readme_lists_the_exit_statuses_that_the_command_line_has() -> None:
     from rpojax import cli
 
     rows = [cell for cell in first_cells(section(README, "Command line")) if cell.isdigit()]
-    assert rows == ["0", "1", "2", "3", "130"]
+    assert rows == ["0", "1", "2", "3", "4", "130"]
     assert {1, *map(int, cli.Status)} == {int(row) for row in rows}
     # The help of the command says the same numbers.
     described = re.search(r"Exit status: (.*?)\n\n", cli.__doc__ or "", re.DOTALL)

@@ -40,10 +40,12 @@ LEFT_TO_RIGHT = {
     "second_look_loss train_detector",
     "simulation": "units figures_of_merit schema dispersed dispersion_checks checks networks table_file scenario "
     "params camera closed_loop metrics",
-    "campaign": "admission store design sources dispersions engine plan runner",
+    "campaign": "files admission description manifests encoding reading creation store design sources dispersions "
+    "engine plan retention recording replaced flying executors cluster runner rerun",
     "analysis": "chance order_statistics proportions precision consistency dependence sensitivity requirements "
     "comparison convergence linear_covariance worst_case tuning camera_calibration lasting_errors",
-    "top": "machine console outputs field_verbs detector_verbs calibration_verb plan_verb compare_verb cli __main__",
+    "top": "machine console outputs verb_parts plan_verb compare_verb campaign_verbs field_verbs detector_verbs "
+    "calibration_verb cli __main__",
 }
 """Order inside a folder, for the modules whose order is fixed; the rest need only have one."""
 

@@ -12,6 +12,8 @@ from rpojax.simulation.schema import ScenarioFile
 LARGEST_SEED = 2**63 - 1
 LARGEST_RUN = 2**31 - 1
 """Random keys are made from these numbers."""
+MOST_BLOCKS = 999_999
+"""Manifests are numbered with six digits."""
 
 RECORD_BYTES = 128
 """Memory per run and tick for the channels that metrics need [B]."""
@@ -88,12 +90,16 @@ def check_size(file: ScenarioFile, runs: int, block_size: int, devices: int, his
             f"{histories} full histories; lower --runs, duration_s or --histories"
         )
 
+    if (blocks := -(-runs // block_size)) > MOST_BLOCKS:
+        raise RpojaxError(f"--block-size: found {blocks} blocks, expected at most {MOST_BLOCKS}")
+
 
 def memory_bytes(file: ScenarioFile, runs: int, block_size: int, devices: int, histories: int) -> int:
     """Memory that a campaign takes at most, by a rough count [B]."""
     ticks = _ticks(file)
     records = ticks * (block_size * devices * RECORD_BYTES + block_size * EVALUATION_BYTES)
-    return _RESERVE_BYTES + records + histories * ticks * HISTORY_BYTES + dispersed.design_bytes(file, runs)
+    recorded = min(histories, block_size * devices) * ticks * HISTORY_BYTES
+    return _RESERVE_BYTES + records + recorded + dispersed.design_bytes(file, runs)
 
 
 def disk_bytes(file: ScenarioFile, runs: int, histories: int) -> int:

@@ -138,6 +138,12 @@ class Engine:
         drawn, _, _ = self._compile_preparation(seed)(*self._inputs(seed, ids))
         return {name: np.asarray(values) for name, values in drawn.items()}
 
+    def channels(self) -> list[str]:
+        """Names of the channels that the engine gives, without compiling anything; traces one tick."""
+        inputs = self._inputs(0, np.zeros(self.size, dtype=np.int64))
+        drawn, _, state = jax.eval_shape(self._prepare, *inputs)
+        return sorted(jax.eval_shape(self._advance, self._nominal, drawn, state)[1])
+
     def prepare(self, seed: int, ids: np.ndarray) -> Block:
         """Dispersed values and initial states of `capacity` runs."""
         self.compile(seed)

@@ -75,6 +75,13 @@ def fly_again(
         return flown.history(run_id)
 
 
+def can_show(history: History, file: ScenarioFile) -> bool:
+    """Whether a history has all that pictures need: some channels, and every tick."""
+    time_s = history["time_s"]
+    step_s = float(time_s[1] - time_s[0]) if len(time_s) > 1 else 1.0 / file.rates.camera_hz
+    return "range_m" in history and set(_NEEDED) <= set(history) and step_s < 1.5 / file.rates.camera_hz
+
+
 def last_tick(history: History) -> int:
     """Number of ticks before a history ends or its run failed."""
     alive = np.isfinite(history["range_m"])
@@ -96,6 +103,8 @@ def pictures(
     Raises:
         ResultError: the history does not say what its pictures showed.
     """
+    if not can_show(history, file) and not (missing := [name for name in _NEEDED if name not in history]):
+        raise ResultError(f"run {run_id}: found a history without some ticks, expected one with all of them")
     if missing := [name for name in _NEEDED if name not in history]:
         raise ResultError(f"run {run_id}: found no channel {missing[0]!r}, expected the history of a rendered camera")
     static, chosen, state = single.dispersed(file, seed, run_id, population)

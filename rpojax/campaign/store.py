@@ -5,131 +5,45 @@
 | `campaign.json` | scenario, its hash, seed, runs, block size, versions, device; written before anything is compiled |
 | `scenario.toml` | the scenario as a file that `rpojax run` takes |
 | `results.zarr` | of every run: `metrics/NAME`, `status/NAME`, `drawn/KEY`, `used/KEY`, `traces/NAME` |
-| `results.zarr/histories/RUN` | every channel of a kept run, time first |
+| `results.zarr/histories/RUN` | channels of a kept run, time first |
 | `manifest/000000.json` | one per finished block, written last; a block without one is run again by a resume |
+| `manifest/000000.attempts` | one per block under way or broken off: a line for every attempt |
 | `report.html`, `report.json`, `figures/` | the report |
 """
 
-import datetime
-import json
-import os
-import platform
-import shutil
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+import time
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tomli_w
-import zarr
 
-from rpojax.campaign import admission
-from rpojax.errors import OutputError, ResultError, RpojaxError
-from rpojax.simulation import scenario
+from rpojax.campaign import creation, description, encoding, files, manifests, reading
+from rpojax.campaign.manifests import Manifest
+from rpojax.errors import ResultError
+from rpojax.simulation import figures_of_merit, scenario, traces, units
 from rpojax.simulation.closed_loop import FAILURES
 from rpojax.simulation.schema import ScenarioFile
-from rpojax.version import __version__
 
-FORMAT = 2
 TRACE_EVERY_S = 10.0
 """Sampling of the traces that are kept of every run [s]."""
 
-_UNKNOWN = -1
-"""Status of a run that was never written."""
-_ENTRIES: dict[str, type] = {
-    "name": str,
-    "description": str,
-    "scenario": dict,
-    "scenario_hash": str,
-    "seed": int,
-    "runs": int,
-    "first_run": int,
-    "block_size": int,
-    "history_ids": list,
-    "stages": dict,
-    "versions": dict,
-}
-"""What `campaign.json` must hold, and in which form."""
 
+@dataclass(frozen=True)
+class Effort:
+    """What a block took.
 
-def create(
-    directory: Path,
-    file: ScenarioFile,
-    seed: int,
-    runs: int,
-    first_run: int,
-    block_size: int,
-    history_ids: list[int],
-    force: bool,
-    stages: Mapping[str, Any] | None = None,
-    design: Mapping[str, Any] | None = None,
-) -> "Campaign":
-    """New campaign folder with its `campaign.json` and `scenario.toml`.
-
-    `stages` are those replaced, as text; `design` is the record of the design, by default that of just these runs.
-
-    Raises:
-        OutputError: the folder exists and `force` is not given, or it holds something that is no campaign.
+    Attributes:
+        began_s: when its computation began, seconds since 1970 [s]
+        compile_s: time to compile the programs [s]
+        device: what computed it
     """
-    admission.check_folder(directory, force)
-    info = {
-        "format": FORMAT,
-        "name": file.name,
-        "description": file.description,
-        "scenario": file.model_dump(mode="json"),
-        "scenario_hash": scenario.digest(file),
-        "seed": seed,
-        "runs": runs,
-        "first_run": first_run,
-        "block_size": block_size,
-        "history_ids": history_ids,
-        "stages": dict(stages or {}),
-        "design": dict(design or {"first_run": first_run, "runs": runs}),
-        "versions": _versions(),
-        "device": _device(),
-        "dtype": "float64",
-        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-    }
-    try:
-        if directory.exists():
-            shutil.rmtree(directory)
-        directory.mkdir(parents=True)
-        (directory / "scenario.toml").write_bytes(tomli_w.dumps(info["scenario"]).encode())
-        write_json(directory / "campaign.json", info)
-    except OSError as error:
-        reason = f"{str(directory)!r} ({error.strerror})"
-        raise OutputError(f"--out: found {reason}, expected a folder to write to") from None
-    return Campaign(directory)
 
-
-def _versions() -> dict[str, str]:
-    import jax
-
-    return {
-        "rpojax": __version__,
-        "jax": jax.__version__,
-        "numpy": np.__version__,
-        "python": platform.python_version(),
-    }
-
-
-def _device() -> str:
-    import jax
-
-    devices = jax.devices()
-    return f"{len(devices)} x {devices[0].device_kind} ({platform.machine()})"
-
-
-def write_json(path: Path, content: Any) -> None:
-    """Writes JSON so that a reader sees the old file or the whole new one."""
-    temporary = path.with_name(f".{path.name}.partial")
-    with temporary.open("w", encoding="utf-8") as stream:
-        json.dump(content, stream, indent=2, allow_nan=False)
-        stream.write("\n")
-        stream.flush()
-        os.fsync(stream.fileno())
-    temporary.replace(path)
+    began_s: float
+    compile_s: float
+    device: str
 
 
 class Campaign:
@@ -141,159 +55,156 @@ class Campaign:
 
     def __init__(self, directory: Path | str) -> None:
         self.directory = Path(directory)
+        self.asked: dict[str, Any] = description.read(self.directory)
+        """Content of `campaign.json`."""
+        self.given_up: dict[int, str] = {}
+        """Blocks that this session could not finish, and why."""
+        self._manifests: dict[int, Manifest] = {}
         self._read_before: dict[str, tuple[int, dict[str, np.ndarray]]] = {}
-        try:
-            self.info: dict[str, Any] = json.loads((self.directory / "campaign.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise ResultError(
-                f"{self.directory}: found no readable campaign.json ({error}), expected a campaign folder"
-            ) from None
-        self._check_info()
+        self._encoder = encoding.Encoder()
+        self._described: set[Path] = set()
 
-    def _check_info(self) -> None:
-        found = self.info.get("format") if isinstance(self.info, dict) else None
-        if found != FORMAT:
-            raise ResultError(f"{self.directory}: found format {found!r}, expected {FORMAT}")
-        for key, form in _ENTRIES.items():
-            value: Any = self.info.get(key)
-            if not isinstance(value, form) or (key in ("runs", "block_size") and value < 1):
-                place = self.directory / "campaign.json"
-                raise ResultError(
-                    f"{place}: found {value!r:.60} for {key!r}, expected the {form.__name__} of a campaign"
-                )
+    @property
+    def info(self) -> dict[str, Any]:
+        """Content of `campaign.json`, and as `timing` how long the finished blocks took."""
+        timing = manifests.timing(list(self.manifests.values()), float(self.asked["scenario"].get("duration_s", 0.0)))
+        return {**self.asked, "timing": timing} if timing else dict(self.asked)
 
     @property
     def file(self) -> ScenarioFile:
         """The scenario that was run."""
-        return scenario.validate(self.info["scenario"])
+        return scenario.validate(self.asked["scenario"])
 
     @property
     def blocks(self) -> int:
         """Number of blocks."""
-        return -(-self.info["runs"] // self.info["block_size"])
+        return description.blocks(self.asked)
 
     def block_ids(self, block: int) -> np.ndarray:
         """Run numbers of a block, padding included; numbers past the end pad the last block to full size."""
-        size = self.info["block_size"]
-        return self.info["first_run"] + np.arange(block * size, (block + 1) * size)
+        size = self.asked["block_size"]
+        return self.asked["first_run"] + np.arange(block * size, (block + 1) * size)
+
+    @property
+    def manifests(self) -> dict[int, Manifest]:
+        """Finished block -> its manifest, in order."""
+        done = manifests.done(self.directory, self.blocks)
+        known = {
+            block: self._manifests.get(block) or manifests.read(self.directory, self.asked, block) for block in done
+        }
+        self._manifests = known
+        return known
 
     def is_done(self, block: int) -> bool:
         """True if the block's manifest is there."""
-        return self._manifest(block).is_file()
+        return manifests.path_of(self.directory, block).is_file()
 
     def missing(self) -> list[int]:
         """Blocks still to be run."""
-        return [block for block in range(self.blocks) if not self.is_done(block)]
+        done = set(manifests.done(self.directory, self.blocks))
+        return [block for block in range(self.blocks) if block not in done]
 
-    def _manifest(self, block: int) -> Path:
-        return self.directory / "manifest" / f"{block:06d}.json"
+    def write_block(self, block: int, results: Mapping[str, np.ndarray], effort: Effort) -> None:
+        """Stores a block's arrays (`group/name` -> (runs of the block, ...)), then its manifest.
 
-    def write_block(self, block: int, results: Mapping[str, np.ndarray]) -> None:
-        """Stores a block's arrays (`group/name` -> (runs of the block, ...)), then its manifest."""
-        size = self.info["block_size"]
-        begin = block * size
-        count = min(size, self.info["runs"] - begin)
-        with _every_chunk():
-            root = zarr.open_group(str(self.directory / "results.zarr"), mode="a")
-            for name, values in results.items():
-                self._array(root, name, values)[begin : begin + count] = values[:count]
-        manifest = self._manifest(block)
-        manifest.parent.mkdir(exist_ok=True)
-        write_json(manifest, {"first": int(begin), "count": int(count), **_counts(results["status/failure"][:count])})
+        Raises:
+            UnfinishedError: they cannot be written.
+        """
+        count = description.count(self.asked, block)
+        groups: dict[str, dict[str, np.ndarray]] = {}
+        for path, values in results.items():
+            group, _, name = path.partition("/")
+            groups.setdefault(group, {})[name] = values[:count]
+        for group, arrays in groups.items():
+            self._describe_group(Path(group))
+            for name, values in arrays.items():
+                self._write_rows(group, name, block, values)
+        failure = groups["status"]["failure"]
+        failed = Counter(FAILURES[code] for code in failure.tolist() if code > 0)
+        manifest = Manifest(
+            first=block * self.asked["block_size"],
+            count=count,
+            completed=int((failure == 0).sum()),
+            failed=failed.total(),
+            reasons=dict(sorted(failed.items())),
+            sha256={group: encoding.digest(arrays) for group, arrays in sorted(groups.items())},
+            began_s=effort.began_s,
+            wall_s=max(0.0, time.time() - effort.began_s),
+            compile_s=effort.compile_s,
+            attempts=max(1, manifests.attempts(self.directory, block)),
+            device=effort.device,
+            versions=creation.versions(),
+        )
+        manifests.write(self.directory, block, manifest)
 
-    def _array(self, root: zarr.Group, name: str, values: np.ndarray) -> Any:
-        if name in root:
-            return root[name]
-        shape = (self.info["runs"], *values.shape[1:])
-        chunks = (min(self.info["block_size"], shape[0]), *values.shape[1:])
-        fill = np.nan if np.issubdtype(values.dtype, np.floating) else _UNKNOWN
-        return root.create_array(name, shape=shape, chunks=chunks, dtype=values.dtype, fill_value=fill)
+    def _write_rows(self, group: str, name: str, block: int, values: np.ndarray) -> None:
+        layout = encoding.of_runs(self.asked["runs"], self.asked["block_size"], group, values, units_of(group, name))
+        self._write_array(Path(group, name), layout, block, values)
+
+    def _write_array(self, path: Path, layout: encoding.Layout, block: int, values: np.ndarray) -> None:
+        if path not in self._described:
+            self._put(path / "zarr.json", self._encoder.description(layout))
+            self._described.add(path)
+        key, content = self._encoder.chunk(layout, block, values)
+        self._put(path / key, content)
+
+    def _describe_group(self, path: Path) -> None:
+        for part in (Path(), *reversed(path.parents[:-1]), path):
+            if part not in self._described:
+                self._put(part / "zarr.json", encoding.group())
+                self._described.add(part)
+
+    def _put(self, path: Path, content: bytes) -> None:
+        """Writes a file of the store; who else writes it writes the same."""
+        full = self.directory / "results.zarr" / path
+        manifests.make_folder(self.directory, full.parent)
+        files.write(full, content)
 
     def write_history(self, run_id: int, channels: Mapping[str, np.ndarray]) -> None:
-        """Stores the full history of one run."""
-        with _every_chunk():
-            root = zarr.open_group(str(self.directory / "results.zarr"), mode="a")
-            group = root.require_group(f"histories/{run_id}")
-            for name, values in channels.items():
-                group.create_array(name, data=np.ascontiguousarray(values), chunks=values.shape, overwrite=True)
+        """Stores the history of one run; its group, written last, says that it is whole.
 
-    def write_timing(self, timing: Mapping[str, float]) -> None:
-        """Adds how long it took to `campaign.json`."""
-        self.info["timing"] = dict(timing)
-        write_json(self.directory / "campaign.json", self.info)
+        Raises:
+            UnfinishedError: it cannot be written.
+        """
+        path = Path("histories", str(run_id))
+        self._describe_group(path.parent)
+        samples = len(channels["time_s"]) if "time_s" in channels else -1
+        for name, values in channels.items():
+            layout = encoding.of_history(name, values, values.ndim > 0 and len(values) == samples)
+            self._described.discard(path / name)
+            self._write_array(path / name, layout, 0, values)
+        self._put(path / "zarr.json", encoding.group({"sha256": encoding.digest(channels)}))
 
     def _read(self, group: str) -> dict[str, np.ndarray]:
         """Arrays of a group, rows of finished blocks only; read again only when there are more of them."""
-        rows = self._rows()
+        done = self.manifests
         known, arrays = self._read_before.get(group, (-1, {}))
-        if known != len(rows):
-            arrays = self._read_now(group, rows)
-            self._read_before[group] = (len(rows), arrays)
+        if known != len(done):
+            arrays = reading.group(self.directory, self.asked, group, done)
+            if group == "status":
+                self._check_status(arrays, done.values())
+            for values in arrays.values():
+                values.setflags(write=False)
+            self._read_before[group] = (len(done), arrays)
         return dict(arrays)
 
-    def _read_now(self, group: str, rows: np.ndarray) -> dict[str, np.ndarray]:
-        if len(rows) == 0:
-            return {}
-        done = [block for block in range(self.blocks) if self.is_done(block)]
-        arrays = {name: values[rows] for name, values in self._load(group, done).items()}
-        if group == "status":
-            self._compare(done, rows, arrays)
-        for values in arrays.values():
-            values.setflags(write=False)
-        return arrays
-
-    def _load(self, group: str, blocks: list[int]) -> dict[str, np.ndarray]:
-        """Arrays of a group as they are stored, with every chunk of some blocks there; none where there is no group.
-
-        Raises:
-            ResultError: something of it is lost or cannot be read.
-        """
-        results = self.directory / "results.zarr"
-        try:
-            root = zarr.open_group(str(results), mode="r")
-            if group not in root:
-                if group in ("drawn", "used") and not _disperses(self.info["scenario"]):
-                    return {}
-                raise ResultError(f"{results / group}: found nothing, expected the arrays of a campaign")
-            node = root[group]
-            assert isinstance(node, zarr.Group)
-            return {name: _whole(results, array, blocks) for name, array in sorted(node.arrays())}
-        except RpojaxError:
-            raise
-        # Each part of the store has exceptions of its own for bytes that it did not write.
-        except Exception as error:
-            reason = " ".join(str(error).split()) or type(error).__name__
-            raise ResultError(f"{results / group}: found {reason}, expected readable arrays") from None
-
-    def _compare(self, blocks: list[int], rows: np.ndarray, status: Mapping[str, np.ndarray]) -> None:
+    def _check_status(self, status: Mapping[str, np.ndarray], done: Iterable[Manifest]) -> None:
         """Refuses statuses that are not those which the manifests counted."""
-        if "failure" not in status:
-            raise ResultError(f"{self.directory / 'results.zarr' / 'status'}: found no 'failure', expected it")
-        of_block = rows // self.info["block_size"]
-        for block in blocks:
-            found, expected = _counts(status["failure"][of_block == block]), self._counted(block)
-            if found != expected:
-                place = self.directory / "results.zarr" / "status" / "failure"
-                raise ResultError(f"{place}: found {found} in block {block}, expected {expected} by its manifest")
-
-    def _counted(self, block: int) -> dict[str, Any]:
-        path = self._manifest(block)
-        try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-            return {name: content[name] for name in ("completed", "failed")}
-        except (OSError, ValueError, KeyError, TypeError):
-            expected = "the counts of a finished block (without the file, a resume runs the block again)"
-            raise ResultError(f"{path}: found no readable counts, expected {expected}") from None
+        failure = status.get("failure", np.zeros(0, dtype=int))
+        found = (int((failure == 0).sum()), int(((failure > 0) & (failure < len(FAILURES))).sum()))
+        expected = (sum(entry.completed for entry in done), sum(entry.failed for entry in done))
+        if found != expected:
+            place = self.directory / "results.zarr" / "status" / "failure"
+            raise ResultError(f"{place}: found {found} completed and failed runs, expected {expected} by the manifests")
 
     def _rows(self) -> np.ndarray:
-        size, runs = self.info["block_size"], self.info["runs"]
-        rows = [np.arange(b * size, min((b + 1) * size, runs)) for b in range(self.blocks) if self.is_done(b)]
+        rows = [np.arange(entry.first, entry.first + entry.count) for entry in self.manifests.values()]
         return np.concatenate(rows) if rows else np.zeros(0, dtype=int)
 
     @property
     def run_ids(self) -> np.ndarray:
         """Numbers of the runs that are done."""
-        return self.info["first_run"] + self._rows()
+        return self.asked["first_run"] + self._rows()
 
     @property
     def metrics(self) -> dict[str, np.ndarray]:
@@ -339,53 +250,32 @@ class Campaign:
 
     @property
     def history_ids(self) -> list[int]:
-        """Runs whose full history was kept."""
-        try:
-            node = zarr.open_group(str(self.directory / "results.zarr"), mode="r")["histories"]
-            assert isinstance(node, zarr.Group)
-            return sorted(int(name) for name, _ in node.groups())
-        except (FileNotFoundError, KeyError):
-            return []
-        except (OSError, ValueError, TypeError) as error:
-            raise ResultError(f"{self.directory}: found histories with {error}, expected readable ones") from None
+        """Runs whose history was kept."""
+        return reading.history_ids(self.directory, self.asked["first_run"], self.asked["runs"])
 
     def history(self, run_id: int) -> dict[str, np.ndarray]:
-        """Full history of a kept run, time first.
+        """History of a kept run, time first.
 
         Raises:
             ResultError: the run's history was not kept, or cannot be read.
         """
-        if run_id not in self.history_ids:
-            raise ResultError(f"run {run_id}: found no history, expected one of {self.history_ids}")
-        return self._load(f"histories/{run_id}", [0])
+        if run_id not in (kept := self.history_ids):
+            raise ResultError(f"run {run_id}: found no history, expected one of {kept}")
+        return reading.history(self.directory, run_id)
 
 
-def _disperses(tables: Mapping[str, Any]) -> bool:
-    """Whether anything changes from run to run in a scenario's tables."""
-    design = tables.get("design")
-    return bool(tables.get("dispersions") or (isinstance(design, Mapping) and design.get("values")))
-
-
-@contextmanager
-def _every_chunk() -> Iterator[None]:
-    """Chunks of nothing but the fill value are written too, so that one that is not there is one that was lost."""
-    with zarr.config.set({"array.write_empty_chunks": True}):
-        yield
-
-
-def _whole(results: Path, array: Any, blocks: list[int]) -> np.ndarray:
-    """Values of an array whose chunks of some blocks must all be there."""
-    for block in blocks:
-        key = array.metadata.encode_chunk_key((block, *(0,) * (array.ndim - 1)))
-        if not (path := results / array.path / key).is_file():
-            raise ResultError(f"{path}: found nothing, expected the values of block {block}")
-    return np.asarray(array[:])
-
-
-def _counts(failure: np.ndarray) -> dict[str, int]:
-    """How many of some runs completed and how many failed, by their codes; unknown ones are neither."""
-    failed = (failure > 0) & (failure < len(FAILURES))
-    return {"completed": int((failure == 0).sum()), "failed": int(failed.sum())}
+def units_of(group: str, name: str) -> str:
+    """Unit of an array as text; 1 for pure numbers."""
+    match group:
+        case "metrics":
+            unit = figures_of_merit.UNITS.get(name, "-")
+        case "traces":
+            unit = traces.TRACES.get(name, "-")
+        case "status":
+            unit = "s" if name.endswith("_s") else "-"
+        case _:
+            unit = units.symbol(name)
+    return "1" if unit == "-" else unit
 
 
 def trace_stride(file: ScenarioFile) -> int:

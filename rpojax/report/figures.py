@@ -95,12 +95,31 @@ FIGURES: dict[str, Callable[[History, str], Figure]] = {
     "relative_position.png": relative_position,
 }
 
+_COMMON = ("time_s", "mode", "rho_H")
+NEEDED: dict[str, tuple[str, ...]] = {
+    "bearing_and_range.png": (*_COMMON, "box_bearing_H", "box_range_m", "box_present", "box_accepted"),
+    "estimation_error.png": (
+        *_COMMON,
+        *(f"{name}_{part}_H" for name in ("target", "servicer", "relative") for part in ("error", "sigma")),
+    ),
+    "relative_position.png": (*_COMMON, "rho_estimate_H", "rho_desired_H"),
+}
+"""Channels that each figure shows."""
+
+
+def lacking(history: History) -> dict[str, list[str]]:
+    """Figure that a history cannot be drawn as -> the channels that were not kept."""
+    absent = {name: [channel for channel in needed if channel not in history] for name, needed in NEEDED.items()}
+    return {name: channels for name, channels in absent.items() if channels}
+
 
 def write_figures(history: History, directory: Path, title: str) -> dict[str, Path]:
-    """Writes the three figures of one run into `directory` as PNG; returns file name -> path."""
+    """Writes the figures of one run whose channels were kept into `directory` as PNG; returns file name -> path."""
+    left_out = lacking(history)
     return {
         name: write_atomically(directory / name, _png(draw(history, f"{_HEADINGS[name]}: {title}")))
         for name, draw in FIGURES.items()
+        if name not in left_out
     }
 
 

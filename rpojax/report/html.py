@@ -14,10 +14,10 @@ import jinja2
 from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
-from rpojax.errors import RpojaxError
+from rpojax.errors import OutputError, RpojaxError
 from rpojax.report import detections, dispersions, faults, sections
 from rpojax.report.charts import Chart
-from rpojax.report.figures import write_figures
+from rpojax.report.figures import lacking, write_figures
 from rpojax.report.files import write_atomically
 from rpojax.report.labels import number
 from rpojax.report.results import Results
@@ -46,16 +46,25 @@ def write_report(campaign: Results, run_id: int | None = None, film: bool = True
     """
     shown = choose_run(campaign, run_id)
     summary = summarise(campaign)
+    _refuse_links(campaign.directory / "figures")
     figures: dict[str, Path] = {}
+    left_out: dict[str, list[str]] = {}
     if shown is not None:
         title = f"{campaign.info.get('name', 'campaign')}, run {shown}"
-        figures = write_figures(campaign.history(shown), campaign.directory / "figures", title)
+        history = campaign.history(shown)
+        figures, left_out = write_figures(history, campaign.directory / "figures", title), lacking(history)
     lines = detections.by_range(campaign.history(run) for run in sorted(campaign.history_ids))
     seen = _film(campaign, shown) if film else Seen(None, "It was left out by --no-film.")
-    page = _page(campaign, summary, shown, figures, lines, seen)
+    page = _page(campaign, summary, shown, figures, left_out, lines, seen)
     content = json.dumps({**summary, "detections": lines}, indent=2, allow_nan=False) + "\n"
     write_atomically(campaign.directory / "report.json", content.encode())
     return write_atomically(campaign.directory / "report.html", page.encode())
+
+
+def _refuse_links(folder: Path) -> None:
+    """Refuses a folder for figures that leads elsewhere."""
+    if folder.is_symlink():
+        raise OutputError(f"{folder}: found a link that leads elsewhere, expected a folder of the campaign")
 
 
 @dataclass(frozen=True)
@@ -79,6 +88,8 @@ def _film(campaign: Results, shown: int | None) -> Seen:
     try:
         file = filming.scenario_of(campaign.info)
         history = campaign.history(shown)
+        if not filming.can_show(history, file):
+            return Seen(None, "Of this run the history was not kept in full.")
         ticks = film.stills(history, filming.last_tick(history))
         population = population_of(campaign.info)
         sheet = film.strip(filming.pictures(file, campaign.info["seed"], shown, history, ticks, population))
@@ -92,6 +103,7 @@ def _page(
     summary: Mapping[str, Any],
     shown: int | None,
     figures: Mapping[str, Path],
+    left_out: Mapping[str, list[str]],
     lines: list[dict[str, Any]],
     seen: Seen,
 ) -> str:
@@ -132,6 +144,10 @@ def _page(
         no_film=seen.reason,
         film_command=f"rpojax film {shlex.quote(str(campaign.directory))} --run-id {shown} --out film.mp4",
         figures=[(_CAPTIONS[name], _data_url(path)) for name, path in figures.items()],
+        left_out=[
+            f"{name} is left out: of this run the channels {', '.join(channels)} were not kept."
+            for name, channels in left_out.items()
+        ],
         scenario=sections.scenario_lines(campaign),
         limits=sections.limits(campaign, summary),
         page_data=_script_json({"charts": charts, "explorer": explorer}),

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from rpojax.simulation.figures_of_merit import UNITS
+from rpojax.simulation.figures_of_merit import LOW_IS_BAD, UNITS
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,6 @@ _TEXTS: dict[str, tuple[str, str]] = {
     "outliers_accepted": ("Outliers accepted", "Number of false boxes that passed the gate."),
 }
 """Title and meaning of every metric, in the order in which a reader wants them."""
-_LOW_IS_BAD = {"min_range_m", "passive_range_m", "sigma3_coverage", "detection_rate", "visible_fraction"}
 
 CHANNELS = (
     Channel("formation_error_m", "Formation error", "m", logarithmic=True),
@@ -132,7 +131,7 @@ def metric(name: str) -> Metric:
     """How to show the metric `name`; one that has no text here is shown by its own name."""
     title, meaning = _TEXTS.get(name, (name.replace("_", " "), ""))
     unit = UNITS.get(name, "-")
-    return Metric(title, meaning, "" if unit == "-" else unit, name in _LOW_IS_BAD)
+    return Metric(title, meaning, "" if unit == "-" else unit, name in LOW_IS_BAD)
 
 
 def ordered(names: Iterable[str]) -> list[str]:

@@ -31,3 +31,8 @@ UNITS: Final[dict[str, str]] = {
     "error_over_sigma3_peak": "-",
 }
 """Name -> unit of every metric."""
+
+LOW_IS_BAD: Final = frozenset(
+    {"min_range_m", "passive_range_m", "sigma3_coverage", "detection_rate", "visible_fraction"}
+)
+"""Metrics whose low values are the bad ones."""

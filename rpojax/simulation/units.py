@@ -36,3 +36,32 @@ def split(key: str) -> tuple[str, float]:
         if key.endswith(suffix):
             return key.removesuffix(suffix), factor
     return key, 1.0
+
+
+_SYMBOLS: Final[dict[str, str]] = {
+    "_deg_sqrt_s": "deg/sqrt(s)",
+    "_deg_s_sqrt_s": "deg/s/sqrt(s)",
+    "_mrad_s2": "mrad/s2",
+    "_m_s2_sqrt_hz": "m/s2/sqrt(Hz)",
+    "_deg_s": "deg/s",
+    "_kg_m2": "kg m2",
+    "_kg_m3": "kg/m3",
+    "_n_m_s": "N m s",
+    "_w_m2": "W/m2",
+    "_rad_s": "rad/s",
+    "_mm_s": "mm/s",
+    "_n_m": "N m",
+    "_m2": "m2",
+    "_m_s": "m/s",
+    "_deg": "deg",
+    "_px": "pixel",
+    "_kg": "kg",
+    "_m": "m",
+    "_n": "N",
+    "_s": "s",
+}
+
+
+def symbol(key: str) -> str:
+    """Unit that a scenario key's suffix means, such as `kg m2`; 1 for a pure number."""
+    return next((_SYMBOLS[suffix] for suffix in FACTORS if key.endswith(suffix)), "1")

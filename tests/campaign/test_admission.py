@@ -8,7 +8,7 @@ import jax
 import numpy as np
 import pytest
 
-from rpojax.campaign import admission, runner
+from rpojax.campaign import admission, recording
 from rpojax.campaign.engine import Engine
 from rpojax.campaign.store import Campaign
 from rpojax.errors import OutputError, RpojaxError
@@ -80,7 +80,7 @@ def test_the_estimate_of_memory_covers_the_records_by_little(mission: ScenarioFi
     engine = Engine(mission, 1, jax.devices()[:1])
     segment = next(iter(engine.run(engine.prepare(0, np.zeros(1, int)))))
     sizes = {name: values.nbytes / len(values) for name, values in segment.channels.items()}
-    recorded = sum(sizes[name] for name in runner._RECORDED)
+    recorded = sum(sizes[name] for name in recording.RECORDED)
     assert recorded <= admission.RECORD_BYTES <= 1.3 * recorded
     whole = sum(sizes.values()) + 8.0  # and the time
     assert whole <= admission.HISTORY_BYTES <= 1.3 * whole

@@ -9,8 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from folders import new_campaign
 
-from rpojax.campaign import filming, single, store
+from rpojax.campaign import filming, single
 from rpojax.campaign.store import Campaign
 from rpojax.errors import ResultError, RpojaxError
 from rpojax.flight.computer import Stages
@@ -59,7 +60,7 @@ def flown() -> Flown:
 @pytest.fixture
 def folder(flown: Flown, tmp_path: Path) -> Campaign:
     """A campaign folder that holds that run's history, and nothing else."""
-    made = store.create(tmp_path / "runs", flown.file, SEED, 4, 0, 1, [RUN], force=False)
+    made = new_campaign(tmp_path / "runs", flown.file, SEED, 4, 0, 1, [RUN])
     made.write_history(RUN, flown.history)
     return made
 
@@ -189,7 +190,7 @@ def test_the_verb_refuses_in_one_line(folder: Campaign, film: Callable[..., Any]
 def test_a_campaign_without_pictures_is_refused_in_one_line(
     inspection_file: ScenarioFile, film: Callable[..., Any], tmp_path: Path
 ) -> None:
-    made = store.create(tmp_path / "runs", inspection_file, SEED, 4, 0, 1, [], force=False)
+    made = new_campaign(tmp_path / "runs", inspection_file, SEED, 4, 0, 1, [])
     status, said = film(made.directory, "--out", tmp_path / "seen.mp4")
     assert (status, said.count("\n")) == (2, 1)
     assert "camera.model: found 'geometric', which takes no pictures, expected 'rendered'" in said

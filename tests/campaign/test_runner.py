@@ -10,7 +10,7 @@ import jax
 import numpy as np
 import pytest
 
-from rpojax.campaign import replaced, runner, store
+from rpojax.campaign import files, replaced, runner
 from rpojax.campaign.runner import Progress, resume_campaign, run_campaign
 from rpojax.campaign.store import Campaign
 from rpojax.errors import OutputError, ResultError, RpojaxError
@@ -73,14 +73,14 @@ def test_one_run_alone_is_the_run_of_the_campaign(three_runs: Campaign, mission:
 
 def crash_when_writing(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     """Lets the campaign die just before the file `name` is written."""
-    write = store.write_json
+    write = files.write_json
 
     def die(path: Path, content: Any) -> None:
         if path.name == name:
             raise MemoryError
         write(path, content)
 
-    monkeypatch.setattr(store, "write_json", die)
+    monkeypatch.setattr(files, "write_json", die)
 
 
 def test_a_crash_before_the_manifest_loses_one_block_and_resuming_gives_what_an_uninterrupted_campaign_gives(
@@ -129,7 +129,7 @@ def test_a_campaign_goes_on_only_with_the_stages_it_began_with(
 ) -> None:
     stages = Stages(formation_law=cautious)
     flown: list[Stages] = []
-    monkeypatch.setattr(runner, "complete", lambda result, machine, tell: flown.append(machine.stages))
+    monkeypatch.setattr(runner, "complete", lambda _, local, *__: flown.append(local.engine.stages))
     begun = run_campaign(mission, 2, tmp_path / "own", block_size=1, devices=ONE_DEVICE, stages=stages)
     source = hashlib.sha256(inspect.getsource(cautious).encode()).hexdigest()
     assert begun.info["stages"] == {"formation_law": {"function": f"{__name__}.cautious", "source_sha256": source}}

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zarr
+from folders import effort, new_campaign
 
-from rpojax.campaign import store
+from rpojax.campaign import files
 from rpojax.campaign.store import Campaign
 from rpojax.errors import OutputError, ResultError
 from rpojax.simulation import scenario
@@ -22,7 +23,7 @@ RUNS, BLOCK = 5, 2
 @pytest.fixture
 def empty(mission: ScenarioFile, tmp_path: Path) -> Campaign:
     """A campaign of five runs in three blocks, none of them done."""
-    return store.create(tmp_path / "runs", mission, 7, RUNS, 10, BLOCK, [10], force=False)
+    return new_campaign(tmp_path / "runs", mission, 7, RUNS, 10, BLOCK, [10])
 
 
 def results(block: int) -> dict[str, np.ndarray]:
@@ -53,8 +54,8 @@ def test_blocks_hold_consecutive_runs_and_the_last_is_padded_to_full_size(empty:
 
 
 def test_rows_of_finished_blocks_are_read_back_whatever_order_they_came_in(empty: Campaign) -> None:
-    empty.write_block(2, results(2))
-    empty.write_block(0, results(0))
+    empty.write_block(2, results(2), effort())
+    empty.write_block(0, results(0), effort())
     read = Campaign(empty.directory)
     assert read.missing() == [1]
     assert read.run_ids.tolist() == [10, 11, 14]
@@ -68,10 +69,13 @@ def test_rows_of_finished_blocks_are_read_back_whatever_order_they_came_in(empty
 
 def test_padding_is_not_stored(empty: Campaign, arrays: Callable[[Path], dict[str, np.ndarray]]) -> None:
     for block in range(3):
-        empty.write_block(block, results(block))
+        empty.write_block(block, results(block), effort())
     assert all(len(values) == RUNS for values in arrays(empty.directory).values())
     manifest = json.loads((empty.directory / "manifest" / "000002.json").read_text())
-    assert manifest == {"first": 4, "count": 1, "completed": 1, "failed": 0}
+    assert manifest.items() >= {"first": 4, "count": 1, "completed": 1, "failed": 0, "reasons": {}}.items()
+    assert manifest["attempts"] == 1
+    assert set(manifest["sha256"]) == {"metrics", "drawn", "traces", "status"}
+    assert {"rpojax", "jax", "numpy", "zarr", "python"} == set(manifest["versions"])
 
 
 def test_a_block_counts_only_once_its_manifest_is_there(empty: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,13 +83,13 @@ def test_a_block_counts_only_once_its_manifest_is_there(empty: Campaign, monkeyp
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(store, "write_json", die)
+        patch.setattr(files, "write_json", die)
         with pytest.raises(KeyboardInterrupt):
-            empty.write_block(0, results(0))
+            empty.write_block(0, results(0), effort())
     read = Campaign(empty.directory)
     assert read.missing() == [0, 1, 2]
     assert read.metrics == {}
-    empty.write_block(0, results(0))
+    empty.write_block(0, results(0), effort())
     assert read.metrics["min_range_m"][0] == 0.0
 
 
@@ -110,7 +114,7 @@ def garbled(path: Path) -> str:
 def test_chunks_that_are_lost_or_garbled_are_never_read_as_results(
     empty: Campaign, group: str, spoil: Callable[[Path], str]
 ) -> None:
-    empty.write_block(0, results(0))
+    empty.write_block(0, results(0), effort())
     chunk = next(path for path in (empty.directory / "results.zarr" / group).rglob("c/**/0") if path.is_file())
     words = spoil(chunk)
     read = Campaign(empty.directory)
@@ -120,7 +124,7 @@ def test_chunks_that_are_lost_or_garbled_are_never_read_as_results(
 
 
 def test_a_chunk_of_fill_values_alone_is_there_too(empty: Campaign) -> None:
-    empty.write_block(0, {**results(0), "metrics/time_to_acquire_s": np.full(2, np.nan)})
+    empty.write_block(0, {**results(0), "metrics/time_to_acquire_s": np.full(2, np.nan)}, effort())
     assert np.isnan(Campaign(empty.directory).metrics["time_to_acquire_s"]).all()
     empty.write_history(10, {"delta_v_m_s": np.zeros(3), "box_present": np.zeros(3, bool)})
     assert empty.history(10)["delta_v_m_s"].tolist() == [0.0, 0.0, 0.0]
@@ -130,18 +134,18 @@ def test_a_chunk_of_fill_values_alone_is_there_too(empty: Campaign) -> None:
 
 
 def test_a_status_that_was_never_written_is_unknown_and_no_success(empty: Campaign) -> None:
-    empty.write_block(0, results(0))
+    empty.write_block(0, results(0), effort())
     status = zarr.open_group(str(empty.directory / "results.zarr"), mode="r+")["status/failure"]
     assert isinstance(status, zarr.Array)
     assert status.fill_value == -1
     status[:2] = np.array([0, 0], np.int8)
-    with pytest.raises(ResultError, match=r"found \{'completed': 2, 'failed': 0\} in block 0, expected"):
+    with pytest.raises(ResultError, match="status: found other values in block 0, expected"):
         _ = Campaign(empty.directory).completed
 
 
 def test_results_that_are_gone_are_missed_once_a_block_is_done(empty: Campaign) -> None:
     assert empty.metrics == {}
-    empty.write_block(0, results(0))
+    empty.write_block(0, results(0), effort())
     shutil.rmtree(empty.directory / "results.zarr")
     for group in ("metrics", "drawn", "traces", "completed"):
         with pytest.raises(ResultError, match=r"results\.zarr"):
@@ -150,7 +154,7 @@ def test_results_that_are_gone_are_missed_once_a_block_is_done(empty: Campaign) 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"first": 0}'])
 def test_a_manifest_that_counts_nothing_is_refused(empty: Campaign, text: str) -> None:
-    empty.write_block(0, results(0))
+    empty.write_block(0, results(0), effort())
     (empty.directory / "manifest" / "000000.json").write_text(text)
     with pytest.raises(ResultError, match="runs the block again"):
         _ = Campaign(empty.directory).completed
@@ -169,9 +173,9 @@ def test_a_campaign_without_one_of_its_entries_is_refused_by_its_name(
 
 def test_json_is_replaced_as_a_whole_or_not_at_all(tmp_path: Path) -> None:
     path = tmp_path / "some.json"
-    store.write_json(path, {"a": 1})
+    files.write_json(path, {"a": 1})
     with pytest.raises(ValueError, match="not JSON compliant"):
-        store.write_json(path, {"a": 2, "b": float("nan")})
+        files.write_json(path, {"a": 2, "b": float("nan")})
     assert json.loads(path.read_text()) == {"a": 1}
 
 
@@ -200,14 +204,14 @@ def test_a_folder_that_is_no_campaign_is_refused(tmp_path: Path, text: str | Non
 def test_an_existing_folder_is_left_alone_without_force(empty: Campaign, mission: ScenarioFile) -> None:
     before = (empty.directory / "campaign.json").read_bytes()
     with pytest.raises(OutputError, match="--force"):
-        store.create(empty.directory, mission, 8, 1, 0, 1, [], force=False)
+        new_campaign(empty.directory, mission, 8, 1, 0, 1)
     assert (empty.directory / "campaign.json").read_bytes() == before
 
 
 def test_force_replaces_a_campaign_with_all_it_held(empty: Campaign, mission: ScenarioFile) -> None:
-    empty.write_block(0, results(0))
+    empty.write_block(0, results(0), effort())
     (empty.directory / "report.html").write_text("old")
-    new = store.create(empty.directory, mission, 8, 1, 0, 1, [], force=True)
+    new = new_campaign(empty.directory, mission, 8, 1, 0, 1, force=True)
     assert sorted(path.name for path in new.directory.iterdir()) == ["campaign.json", "scenario.toml"]
     assert new.info["seed"] == 8
 
@@ -220,10 +224,10 @@ def test_force_removes_nothing_but_campaigns(mission: ScenarioFile, tmp_path: Pa
     if text is not None:
         (folder / "campaign.json").write_text(text)
     with pytest.raises(OutputError, match="no campaign"):
-        store.create(folder, mission, 8, 1, 0, 1, [], force=True)
+        new_campaign(folder, mission, 8, 1, 0, 1, force=True)
     assert (folder / "thesis.tex").read_text() == "years of work"
 
 
 def test_a_folder_that_cannot_be_made_is_an_error_of_its_own(mission: ScenarioFile, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="expected a folder to write to"):
-        store.create(tmp_path / ("x" * 300), mission, 8, 1, 0, 1, [], force=False)
+        new_campaign(tmp_path / ("x" * 300), mission, 8, 1, 0, 1)

@@ -1,0 +1,47 @@
+"""What the scripts of this folder share: a short campaign, its command line, and a comparison value by value."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import zarr
+
+SETTINGS = ("--set", "duration_s=200", "--seed", "0")
+ONE_DEVICE = {"XLA_FLAGS": "--xla_force_host_platform_device_count=1"}
+
+
+def command(verb: str, *words: object) -> list[str]:
+    """Words of a command line."""
+    return [sys.executable, "-m", "rpojax", verb, *map(str, words)]
+
+
+def campaign(out: Path, runs: int, block_size: int, *words: object) -> list[str]:
+    """Command line of a campaign without a report."""
+    shape = ("--runs", runs, "--block-size", block_size, "--no-report")
+    return command("campaign", "inspection", *SETTINGS, *shape, "--out", out, *words)
+
+
+def start(words: list[str], **environment: str) -> subprocess.Popen[str]:
+    """A process on one device, in a group of its own."""
+    environment = {**os.environ, **ONE_DEVICE, **environment}
+    return subprocess.Popen(words, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def arrays(directory: Path) -> dict[str, np.ndarray]:
+    """Every array of a campaign folder, by its path."""
+    root = zarr.open_group(str(directory / "results.zarr"), mode="r")
+    return {name: np.asarray(node[:]) for name, node in root.members(max_depth=None) if isinstance(node, zarr.Array)}
+
+
+def different(one: Path, other: Path) -> list[str]:
+    """Paths of the arrays that are not equal to the last bit, or that only one folder has."""
+    a, b = arrays(one), arrays(other)
+    unequal = [name for name in a.keys() & b.keys() if a[name].tobytes() != b[name].tobytes()]
+    return sorted(unequal + list(a.keys() ^ b.keys()))
+
+
+def partial_files(directory: Path) -> int:
+    """Files that a dead writer left behind."""
+    return len(list(directory.rglob("*.partial")))

@@ -1,0 +1,101 @@
+"""Blocks of a campaign on a running Dask cluster, whose workers see the campaign's folder under the same path."""
+
+import functools
+import os
+import threading
+import uuid
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jax
+
+from rpojax.campaign import description, executors, flying
+from rpojax.campaign.store import Campaign
+from rpojax.errors import RpojaxError, UnfinishedError
+
+_ONE_AT_A_TIME = threading.Lock()
+_CACHE = (
+    *("JAX_COMPILATION_CACHE_DIR", "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"),
+    "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES",
+)
+"""What workers are told of the environment, unless they know better."""
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Workers of a Dask scheduler, such as `tcp://10.0.0.1:8786`."""
+
+    result: Campaign
+    scheduler: str
+
+    def do(self, blocks: Sequence[int], tell: executors.Tell) -> dict[int, str]:
+        """Does some blocks, each a task; Dask does those again whose worker died, until it suspects them of it."""
+        executors.check_stages(self.result)
+        distributed = _distributed()
+        tell(0.0, 0, False)
+        try:
+            client = distributed.Client(self.scheduler, timeout="10s", set_as_default=False)
+        except (OSError, ValueError, TimeoutError) as error:
+            reason = " ".join(str(error).split()) or type(error).__name__
+            expected = "the address of a Dask scheduler that answers, such as tcp://10.0.0.1:8786"
+            raise RpojaxError(f"--scheduler: found {self.scheduler!r} ({reason:.120}), expected {expected}") from None
+        with client:
+            return self._collect(distributed, client, blocks, tell)
+
+    def _collect(self, distributed: Any, client: Any, blocks: Sequence[int], tell: executors.Tell) -> dict[int, str]:
+        folder, token = str(self.result.directory.resolve()), uuid.uuid4().hex[:8]
+        cache = {name: os.environ[name] for name in _CACHE if name in os.environ}
+        retries = executors.MOST_ATTEMPTS - 1
+        tasks = {
+            client.submit(
+                do_block, folder, block, cache, key=f"rpojax-{token}-{block}", pure=False, retries=retries
+            ): block
+            for block in blocks
+        }
+        done, failed = 0, 0
+        given_up: dict[int, str] = {}
+        for task in distributed.as_completed(tasks, loop=client.loop):
+            block = tasks[task]
+            if task.status != "finished":
+                given_up[block] = " ".join(str(task.exception()).split())[:300]
+                continue
+            kind, answer = task.result()
+            if kind != "done":
+                raise UnfinishedError(answer) if kind == "UnfinishedError" else RpojaxError(answer)
+            done, failed = done + description.count(self.result.asked, block), failed + answer
+            tell(float(done), failed, True)
+        return given_up
+
+
+def _distributed() -> Any:
+    try:
+        import distributed
+    except ModuleNotFoundError:
+        raise RpojaxError(
+            "--executor: found no Dask, expected the package `distributed` (pip install 'rpojax[dask]')"
+        ) from None
+    return distributed
+
+
+def do_block(directory: str, block: int, cache: dict[str, str]) -> tuple[str, Any]:
+    """On a worker: does one block; answers `done` and its failed runs, or the kind and text of an error."""
+    for name, value in cache.items():
+        if name not in os.environ:
+            # Said to jax itself, which has read the environment already.
+            kind = {"DIR": str, "SECS": float, "BYTES": int}[name.rpartition("_")[2]]
+            jax.config.update(name.lower(), kind(value))
+    try:
+        with _ONE_AT_A_TIME:
+            result, engine = _prepared(directory, Path(directory, description.NAME).read_bytes())
+            return "done", flying.do_blocks(result, engine, [block], lambda share, failures: None)
+    except RpojaxError as error:
+        return type(error).__name__, str(error)
+
+
+@functools.lru_cache(maxsize=1)
+def _prepared(directory: str, content: bytes) -> tuple[Campaign, Any]:
+    """Folder and engine; the same ones as long as its `campaign.json` has the same content."""
+    result = Campaign(directory)
+    return result, flying.engine_of(result.asked, jax.devices()[:1])

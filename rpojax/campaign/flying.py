@@ -1,0 +1,139 @@
+"""Blocks of a campaign through the engine and into the folder; runs flown a second time for their histories."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rpojax.campaign import creation, description, design, manifests, recording, replaced
+from rpojax.campaign.engine import Block, Engine
+from rpojax.campaign.recording import Recorder
+from rpojax.campaign.retention import Retention
+from rpojax.campaign.store import Campaign, Effort
+from rpojax.errors import RpojaxError
+from rpojax.flight.computer import Stages
+from rpojax.simulation import scenario
+
+During = Callable[[float, int], None]
+"""Told the share of a batch of runs that is done, and how many of them have failed."""
+
+
+def engine_of(asked: Mapping[str, Any], devices: Sequence[Any], stages: Stages | None = None) -> Engine:
+    """The engine of a campaign as `campaign.json` asks for it: the only way in which one is made.
+
+    Raises:
+        RpojaxError: the scenario, its trained files or the stages are not those of the campaign.
+    """
+    file = scenario.validate(asked["scenario"])
+    if scenario.digest(file) != asked["scenario_hash"]:
+        raise RpojaxError(
+            "scenario: found another content or trained files, expected those that the campaign began with"
+        )
+    replaced.check_same(asked["stages"], stages or Stages())
+    return Engine(file, asked["block_size"], devices, stages, design.of_campaign(file, asked))
+
+
+@dataclass(frozen=True)
+class Flown:
+    """A batch of runs at their end.
+
+    Attributes:
+        block: the runs as they were prepared
+        recorder: their channels
+        failure: (runs,) code of failure
+        failed_at: (runs,) [s]
+    """
+
+    block: Block
+    recorder: Recorder
+    failure: np.ndarray
+    failed_at: np.ndarray
+
+    def history(self, row: int, engine: Engine) -> dict[str, np.ndarray]:
+        """Wanted channels of one run."""
+        return self.recorder.history(row, engine.file, int(self.failure[row]), float(self.failed_at[row]))
+
+    def results(self, rows: slice, engine: Engine) -> dict[str, np.ndarray]:
+        """Arrays of a block as they are stored."""
+        return recording.results(engine.file, self.block, self.recorder, self.failure, self.failed_at, rows)
+
+
+def fly(
+    engine: Engine,
+    seed: int,
+    ids: np.ndarray,
+    kept: Sequence[int],
+    counted: np.ndarray,
+    retention: Retention,
+    during: During,
+) -> Flown:
+    """Carries `engine.capacity` runs to their end; `kept` rows have a history, `counted` ones are no padding."""
+    block = engine.prepare(seed, ids)
+    recorder = Recorder(engine.scenario.ticks, kept, retention.wants)
+    last = None
+    for number, segment in enumerate(engine.run(block)):
+        recorder.add(segment)
+        last = segment
+        during((number + 1) / engine.segments, int((segment.failure[counted] > 0).sum()))
+    assert last is not None
+    failure = np.where(last.failed_at < engine.file.duration_s, last.failure, 0)
+    return Flown(block, recorder, failure, last.failed_at)
+
+
+def do_blocks(result: Campaign, engine: Engine, wave: Sequence[int], during: During) -> int:
+    """Runs some blocks at once, one a device, and stores them; returns how many of their runs failed.
+
+    Raises:
+        UnfinishedError: they cannot be stored.
+    """
+    engine.compile(result.asked["seed"])
+    for block in wave:
+        manifests.begin(result.directory, block)
+    effort = Effort(time.time(), engine.compile_s, creation.device(len(engine.devices)))
+    # A device without a block of its own repeats the last one: shapes, and so the program, stay the same.
+    padded = [*wave, *[wave[-1]] * (len(engine.devices) - len(wave))]
+    ids = np.concatenate([result.block_ids(block) for block in padded])
+    size, retention = engine.size, Retention.read(result.asked["histories"])
+    counts = [description.count(result.asked, block) for block in wave]
+    counted = np.concatenate([np.arange(count) + place * size for place, count in enumerate(counts)])
+    known = retention.known(result.asked["first_run"], result.asked["runs"])
+    kept = [row for row in counted.tolist() if int(ids[row]) in known]
+    flown = fly(engine, result.asked["seed"], ids, kept, counted, retention, during)
+    for place, block in enumerate(wave):
+        rows = slice(place * size, place * size + size)
+        for row in kept:
+            if rows.start <= row < rows.stop:
+                result.write_history(int(ids[row]), retention.of(flown.history(row, engine), engine.scenario.ticks))
+        result.write_block(block, flown.results(rows, engine), effort)
+    return int((flown.failure[counted] > 0).sum())
+
+
+def later_histories(result: Campaign) -> list[int]:
+    """Runs whose history is to be kept for what became of them, and is not there yet; once all blocks are done."""
+    retention = Retention.read(result.asked["histories"])
+    if not retention.looks_at_results:
+        return []
+    return sorted(retention.later(result.run_ids, result.completed, result.metrics) - set(result.history_ids))
+
+
+def do_histories(result: Campaign, engine: Engine, run_ids: Sequence[int], tell: Callable[[float], None]) -> None:
+    """Flies some runs a second time, in blocks of the size of the first, and stores their histories.
+
+    Raises:
+        UnfinishedError: they cannot be stored.
+    """
+    retention = Retention.read(result.asked["histories"])
+    engine.compile(result.asked["seed"])
+    for first in range(0, len(run_ids), engine.capacity):
+        batch = list(run_ids[first : first + engine.capacity])
+        ids = np.array(batch + [batch[-1]] * (engine.capacity - len(batch)))
+        rows = np.arange(len(batch))
+
+        def during(share: float, _: int, first: int = first, count: int = len(batch)) -> None:
+            tell(first + share * count)
+
+        flown = fly(engine, result.asked["seed"], ids, rows.tolist(), rows, retention, during)
+        for row, run_id in enumerate(batch):
+            result.write_history(run_id, retention.of(flown.history(row, engine), engine.scenario.ticks))

@@ -1,0 +1,75 @@
+"""What is kept of runs under way: channels that metrics need of all, all wanted channels of a few."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from rpojax.campaign import store
+from rpojax.campaign.engine import Block, Segment
+from rpojax.simulation import metrics
+from rpojax.simulation import traces as decimated
+from rpojax.simulation.schema import ScenarioFile
+
+RECORDED = (*metrics.CHANNELS, "running")
+"""Channels that are recorded of every run."""
+
+
+class Recorder:
+    """Collects channels segment by segment: those in `RECORDED` of all runs, those wanted of the runs in `rows`."""
+
+    def __init__(self, ticks: int, rows: Sequence[int], wants: Callable[[str], bool]) -> None:
+        self.ticks = ticks
+        self.rows = sorted(rows)
+        self.wants = wants
+        self.records: dict[str, np.ndarray] = {}
+        self.full: dict[str, np.ndarray] = {}
+
+    def add(self, segment: Segment) -> None:
+        """Takes the channels of the next stretch of time."""
+        stop = segment.first_tick + next(iter(segment.channels.values())).shape[0]
+        ticks = slice(segment.first_tick, stop)
+        for name, values in segment.channels.items():
+            runs_first = np.moveaxis(values, 0, 1)
+            if name in RECORDED:
+                self._into(self.records, name, runs_first)[:, ticks] = runs_first
+            if self.rows and name != "running" and self.wants(name):
+                chosen = runs_first[self.rows]
+                self._into(self.full, name, chosen)[:, ticks] = chosen
+
+    def _into(self, arrays: dict[str, np.ndarray], name: str, values: np.ndarray) -> np.ndarray:
+        if name not in arrays:
+            arrays[name] = np.empty((values.shape[0], self.ticks, *values.shape[2:]), dtype=values.dtype)
+        return arrays[name]
+
+    def history(self, row: int, file: ScenarioFile, failure: int, failed_at: float) -> dict[str, np.ndarray]:
+        """Wanted channels of one run, time first, nan after its failure."""
+        place = self.rows.index(row)
+        channels = {name: values[place].copy() for name, values in self.full.items()}
+        time_s = np.arange(self.ticks) / file.rates.camera_hz
+        if failure:
+            for values in channels.values():
+                if np.issubdtype(values.dtype, np.floating):
+                    values[time_s > failed_at] = np.nan
+        return {"time_s": time_s, "rho_desired_H": np.asarray(file.formation.desired_position_m), **channels}
+
+
+def results(
+    file: ScenarioFile, block: Block, recorder: Recorder, failure: np.ndarray, failed_at: np.ndarray, rows: slice
+) -> dict[str, np.ndarray]:
+    """Arrays of one block as they are stored; metrics of failed runs are undefined."""
+    records = {name: values[rows] for name, values in recorder.records.items()}
+    failed = failure[rows] > 0
+    arrays: dict[str, np.ndarray] = {}
+    with np.errstate(invalid="ignore"):
+        for name, values in metrics.evaluate(file, records).items():
+            arrays[f"metrics/{name}"] = np.where(failed, np.nan, values)
+        time_s = np.arange(recorder.ticks)[:: store.trace_stride(file)] / file.rates.camera_hz
+        gone = failed[:, None] & (time_s > failed_at[rows][:, None])
+        for name, values in decimated.traces(file, records, store.trace_stride(file)).items():
+            arrays[f"traces/{name}"] = np.where(gone, np.float32(np.nan), values)
+    arrays["status/failure"] = failure[rows].astype(np.int8)
+    arrays["status/failed_at_s"] = np.where(failed, failed_at[rows], np.nan)
+    for group, values in (("drawn", block.drawn), ("used", block.used)):
+        for key, array in values.items():
+            arrays[f"{group}/{key}"] = array[rows]
+    return arrays

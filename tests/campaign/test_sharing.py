@@ -1,0 +1,162 @@
+"""Several processes at one folder: kills cost the blocks under way, and two at one block write the same bytes."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zarr
+from folders import effort, new_campaign
+from test_store import results
+
+import rpojax
+from rpojax.campaign import creation, files
+from rpojax.campaign.runner import Shard
+from rpojax.campaign.store import Campaign
+from rpojax.errors import OutputError, ResultError, RpojaxError
+from rpojax.simulation.schema import ScenarioFile
+
+RUNS, BLOCK = 60, 2
+
+WRITER = """
+import itertools
+import sys
+sys.path[:0] = [{tests!r}, {here!r}]
+from folders import effort
+from test_store import results
+from rpojax.campaign.store import Campaign
+
+campaign = Campaign(sys.argv[1])
+blocks = campaign.missing()
+for block in itertools.cycle(blocks) if sys.argv[2] == "endlessly" else reversed(blocks):
+    campaign.write_block(block, results(block), effort())
+    print(block, flush=True)
+"""
+
+
+def writer(directory: Path, how: str) -> subprocess.Popen[str]:
+    """A process that writes the missing blocks, over and over or once from the last on, and tells each."""
+    here = Path(__file__).parent
+    code = WRITER.format(tests=str(here.parent), here=str(here))
+    path = {"PYTHONPATH": str(Path(rpojax.__file__).parents[1])}
+    words = [sys.executable, "-c", code, str(directory), how]
+    return subprocess.Popen(words, env=os.environ | path, stdout=subprocess.PIPE, text=True)
+
+
+def test_two_writers_of_all_blocks_one_of_them_killed_leave_what_one_alone_leaves(
+    mission: ScenarioFile, tmp_path: Path, arrays: Callable[[Path], dict[str, np.ndarray]]
+) -> None:
+    shared = new_campaign(tmp_path / "shared", mission, 7, RUNS, 0, BLOCK)
+    alone = new_campaign(tmp_path / "alone", mission, 7, RUNS, 0, BLOCK)
+    for block in range(alone.blocks):
+        alone.write_block(block, results(block), effort())
+
+    # When they begin, not even the arrays are there.
+    killed, other = writer(shared.directory, "endlessly"), writer(shared.directory, "once")
+    assert killed.stdout
+    for _ in range(3):
+        killed.stdout.readline()
+    killed.send_signal(signal.SIGKILL)
+    killed.communicate()
+    other.communicate()
+    assert (killed.returncode, other.returncode) == (-signal.SIGKILL, 0)
+    assert shared.missing() == []
+    files.sweep(shared.directory)
+    assert list(shared.directory.rglob("*.partial")) == []
+    found, expected = contents(shared.directory / "results.zarr"), contents(alone.directory / "results.zarr")
+    assert found == expected
+    np.testing.assert_array_equal(shared.metrics["min_range_m"], arrays(alone.directory)["metrics/min_range_m"])
+
+
+def contents(directory: Path) -> dict[str, bytes]:
+    """Every file of a folder, by its path in it."""
+    return {str(path.relative_to(directory)): path.read_bytes() for path in directory.rglob("*") if path.is_file()}
+
+
+def test_a_torn_shard_of_an_unfinished_block_does_no_harm_and_is_written_anew(
+    mission: ScenarioFile, tmp_path: Path
+) -> None:
+    made = new_campaign(tmp_path / "runs", mission, 7, 5, 0, BLOCK)
+    for block in range(2):
+        made.write_block(block, results(block), effort())
+    (made.directory / "manifest" / "000001.json").unlink()
+    torn = made.directory / "results.zarr" / "traces" / "range_m" / "c" / "1" / "0"
+    whole = torn.read_bytes()
+    torn.write_bytes(whole[: len(whole) // 2])
+    assert Campaign(made.directory).traces["range_m"].shape == (2, 3)
+    Campaign(made.directory).write_block(1, results(1), effort())
+    assert torn.read_bytes() == whole
+    assert Campaign(made.directory).traces["range_m"].shape == (4, 3)
+
+
+def test_rows_of_more_than_one_sample_are_in_shards_with_named_dimensions(
+    mission: ScenarioFile, tmp_path: Path
+) -> None:
+    made = new_campaign(tmp_path / "runs", mission, 7, 240, 0, 120)
+    long = {name: np.repeat(values, 60, axis=0) for name, values in results(0).items()}
+    made.write_block(1, long, effort())
+    root = zarr.open_group(str(made.directory / "results.zarr"), mode="r")
+    found = {name: node for name, node in root.members(max_depth=None) if isinstance(node, zarr.Array)}
+    layouts = {name: (node.shards, node.chunks, node.metadata.dimension_names) for name, node in found.items()}
+    assert layouts["traces/range_m"] == ((120, 3), (60, 3), ("run", "time"))
+    assert layouts["drawn/target.tumble_axis"] == (None, (120, 3), ("run", "axis1_3"))
+    assert layouts["metrics/min_range_m"] == (None, (120,), ("run",))
+    assert found["metrics/min_range_m"].attrs["units"] == "m"
+    assert np.isnan(np.asarray(found["traces/range_m"][:120])).all()
+
+
+def asked(mission: ScenarioFile, seed: int = 7) -> dict[str, object]:
+    return creation.describe(mission, seed, 5, 0, BLOCK, {"rule": "none", "channels": None, "every": 1})
+
+
+def test_the_first_to_come_makes_the_folder_and_others_join_if_they_agree(
+    mission: ScenarioFile, tmp_path: Path
+) -> None:
+    out = tmp_path / "runs"
+    creation.join(out, asked(mission))
+    before = (out / "campaign.json").read_bytes()
+    creation.join(out, asked(mission))
+    assert (out / "campaign.json").read_bytes() == before
+    with pytest.raises(ResultError, match="found seed 7, expected 8 to share the folder"):
+        creation.join(out, asked(mission, seed=8))
+    with pytest.raises(OutputError, match="--force"):
+        creation.create(out, asked(mission), force=False)
+    assert [path.name for path in tmp_path.iterdir()] == ["runs"]
+
+
+def test_who_comes_second_by_a_hair_joins_too_and_leaves_nothing(
+    mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "runs"
+    creation.join(out, asked(mission))
+    # As if the folder had come between the look and the rename.
+    monkeypatch.setattr(os.path, "lexists", lambda path: Path(path) != out and Path(path).exists())
+    monkeypatch.setattr(creation, "_renamed", lambda made, place: False)
+    creation.join(out, asked(mission))
+    assert [path.name for path in tmp_path.iterdir()] == ["runs"]
+
+
+def test_what_a_maker_left_that_was_killed_goes_when_the_folder_is_made(mission: ScenarioFile, tmp_path: Path) -> None:
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait()
+    left = tmp_path / f".runs.{files.machine()}-{process.pid}-0.partial"
+    left.mkdir()
+    (left / "scenario.toml").touch()
+    creation.create(tmp_path / "runs", asked(mission), force=False)
+    assert [path.name for path in tmp_path.iterdir()] == ["runs"]
+
+
+@pytest.mark.parametrize("text", ["0/2", "3/2", "1", "a/b", "1/0", "-1/2", "1/2/3", ""])
+def test_a_shard_that_makes_no_sense_is_refused(text: str) -> None:
+    with pytest.raises(RpojaxError, match=r"--shard: found .*expected i/n"):
+        Shard.parse(text)
+
+
+def test_shards_have_every_block_once() -> None:
+    parts = [Shard.parse(f"{number}/3").of(range(10)) for number in (1, 2, 3)]
+    assert parts[0] == [0, 3, 6, 9]
+    assert sorted(block for part in parts for block in part) == list(range(10))
