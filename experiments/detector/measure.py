@@ -140,7 +140,9 @@ def _speed(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
     """Milliseconds a picture in a batch, as one program and as one for each device, as campaigns run."""
     results: dict[str, Any] = {"devices": jax.device_count()}
     images = jnp.asarray(np.random.default_rng(0).random((_SPEED_BATCH, SIZE_PX, SIZE_PX, 3)), jnp.float32)
-    looks: dict[str, Callable[..., Any]] = {"first look alone": partial(first_look.detect, count=1)}
+    looks: dict[str, Callable[..., Any]] = {
+        "first look alone": lambda params, images: first_look.detect(params["first"], images, 1)
+    }
     looks |= {f"second look at {count}": partial(detect, count=count) for count in (1, 2, 4)}
     for name, look in looks.items():
         program = jax.jit(look)
@@ -271,8 +273,8 @@ def _before(
 
 def _empty(params: Params, kind: str, earth: backdrops.Globe) -> float:
     counts = []
-    for index in range(60):
-        rng = np.random.default_rng([9, index])
+    for index in range(150):
+        rng = np.random.default_rng([11, index])
         image = expose(rng, backdrops.backdrop(rng, kind, earth, SIZE_PX), Sensor(2e4, 8.0))
         counts.append(len(search(params, image.astype(np.float32) / np.float32(255.0))))
     return _share(counts)
