@@ -12,11 +12,11 @@ LARGEST_SEED = 2**63 - 1
 LARGEST_RUN = 2**31 - 1
 """Random keys are made from these numbers."""
 
-RECORD_BYTES = 104
+RECORD_BYTES = 128
 """Memory per run and tick for the channels that metrics need [B]."""
 EVALUATION_BYTES = 120
 """Memory per run and tick while the metrics of one block are worked out [B]."""
-HISTORY_BYTES = 280
+HISTORY_BYTES = 304
 """Memory and disk per tick of a full history [B]."""
 _RUN_BYTES = 2048
 _TRACE_BYTES_PER_S = 4

@@ -33,6 +33,7 @@ class Update:
         covariance: (n, n) after the update
         innovation: (m,) residual of each row given the rows before it
         innovation_variance: (m,)
+        weight: (m,) 1 for the rows that were used, 0 for the others
         log_likelihood: () of the used rows
     """
 
@@ -40,6 +41,7 @@ class Update:
     covariance: Array
     innovation: Array
     innovation_variance: Array
+    weight: Array
     log_likelihood: Array
 
 
@@ -66,5 +68,6 @@ def update(covariance: Float[Array, "n n"], rows: Rows) -> Update:
         covariance=covariance,
         innovation=innovation,
         innovation_variance=variance,
+        weight=rows.weight,
         log_likelihood=log_likelihood,
     )

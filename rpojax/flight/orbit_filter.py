@@ -39,6 +39,7 @@ class Innovation:
     Attributes:
         innovation: (6,)
         variance: (6,) its variance as the filter sees it
+        weight: (6,) 1 for the rows that were used, 0 for the others
         log_likelihood: () of the rows used
         accepted: () bool, the box was used
         rejected: () bool, there was a box and it was not used
@@ -47,6 +48,7 @@ class Innovation:
 
     innovation: Array
     variance: Array
+    weight: Array
     log_likelihood: Array
     accepted: Array
     rejected: Array
@@ -119,6 +121,7 @@ def update(
     innovation = Innovation(
         innovation=jnp.concatenate([gps_result.innovation, box_result.innovation]),
         variance=jnp.concatenate([gps_result.innovation_variance, box_result.innovation_variance]),
+        weight=jnp.concatenate([gps_result.weight, box_result.weight]),
         log_likelihood=gps_result.log_likelihood + box_result.log_likelihood,
         accepted=used,
         rejected=box.present & ~used,

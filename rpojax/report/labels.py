@@ -61,6 +61,22 @@ _TEXTS: dict[str, tuple[str, str]] = {
         "NEES, relative",
         "The same for the 6 components of the relative state; 6 is consistent.",
     ),
+    "nis_gps_mean": (
+        "NIS, GPS",
+        "Mean normalised innovation squared of the three GPS coordinates; 3 is consistent.",
+    ),
+    "nis_box_mean": (
+        "NIS, box",
+        "The same for bearing and size of the boxes that were used and whole; 3 is consistent.",
+    ),
+    "gps_innovation_lag1": (
+        "Whiteness, GPS",
+        "Correlation of normalised GPS innovations with those one tick later; 0 for a consistent filter.",
+    ),
+    "box_innovation_lag1": (
+        "Whiteness, box",
+        "The same for the boxes that were used in two ticks on end.",
+    ),
     "sigma3_coverage": (
         "3-sigma coverage",
         "Share of seconds and Hill axes in which the relative position error is inside 3 sigma; "

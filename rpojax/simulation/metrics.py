@@ -20,6 +20,8 @@ CHANNELS: Final = (
     "target_error_H",
     "nees",
     "nees_relative",
+    "gps_innovation_sigmas",
+    "box_innovation_sigmas",
     "range_m",
     "passive_range_m",
     "box_present",
@@ -53,6 +55,8 @@ def evaluate(file: ScenarioFile, records: Records) -> dict[str, Floats]:
         "nav_target_position_error_rms_m": _rms(records["target_error_H"][:, late]),
         "nees_mean": _mean(records["nees"]),
         "nees_relative_mean": _mean(records["nees_relative"]),
+        **_innovations("gps", records["gps_innovation_sigmas"]),
+        **_innovations("box", records["box_innovation_sigmas"]),
         "sigma3_coverage": inside.mean(axis=(1, 2), dtype=float),
         "delta_v_m_s": records["delta_v_m_s"][:, -1].astype(float),
         "min_range_m": records["range_m"].min(axis=1).astype(float),
@@ -74,7 +78,29 @@ def _mean(values: Floats) -> Floats:
     numpy's own sum adds in an order that depends on where an array lies in memory, so the last bits of a run's metrics
     would change from one campaign to the next.
     """
-    return np.add.accumulate(values, axis=1, dtype=float)[:, -1] / values.shape[1]
+    return _sum(values) / values.shape[1]
+
+
+def _sum(values: Floats) -> Floats:
+    return np.add.accumulate(values, axis=1, dtype=float)[:, -1]
+
+
+def _innovations(name: str, sigmas: Floats) -> dict[str, Floats]:
+    """Mean normalised innovation squared of the ticks with all rows, and the autocorrelation one tick later.
+
+    Rows are normalised one given the others, so a consistent filter has 3 for the mean, and for the autocorrelation of
+    so many products of rows 0 with a variance of one over their number (Bar-Shalom, Li and Kirubarajan, 5.4.2).
+    """
+    whole = np.isfinite(sigmas).all(axis=2)
+    rows = np.where(whole[:, :, None], sigmas, 0.0).astype(float)
+    square = _sum((rows * rows).sum(axis=2))
+    pairs = whole[:, 1:] & whole[:, :-1]
+    product = np.where(pairs, (rows[:, 1:] * rows[:, :-1]).sum(axis=2), 0.0)
+    power = np.where(pairs, 0.5 * (rows[:, 1:] ** 2 + rows[:, :-1] ** 2).sum(axis=2), 0.0)
+    return {
+        f"nis_{name}_mean": _ratio(square, whole.sum(axis=1)),
+        f"{name}_innovation_lag1": _ratio(_sum(product), _sum(power)),
+    }
 
 
 def _boxes(records: Records, tick_s: float) -> dict[str, Floats]:
@@ -113,8 +139,8 @@ def _pointing(file: ScenarioFile, records: Records, tick_s: float) -> dict[str, 
     }
 
 
-def _ratio(part: NDArray[np.integer], whole: NDArray[np.integer]) -> Floats:
-    return np.where(whole > 0, part / np.maximum(whole, 1), np.nan)
+def _ratio(part: NDArray[np.number], whole: NDArray[np.number]) -> Floats:
+    return np.where(whole > 0, part / np.where(whole > 0, whole, 1), np.nan)
 
 
 def _defined(reduce: Callable[[Floats], Floats], rows: Floats) -> Floats:

@@ -24,6 +24,7 @@ def observe(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channel
     channels = {
         **_motion(telemetry),
         **_errors(telemetry),
+        **_innovations(telemetry),
         **_camera(scenario, params, telemetry),
         **_expected(scenario, params, telemetry),
         **_vehicle(params, telemetry),
@@ -69,6 +70,13 @@ def _errors(telemetry: Telemetry) -> Channels:
         "nees": nees_servicer + nees_relative,
         "nees_relative": nees_relative,
     }
+
+
+def _innovations(telemetry: Telemetry) -> Channels:
+    """Innovations over their own sigma, row by row given the rows before; nan for rows that were not used."""
+    found = telemetry.innovation
+    sigmas = jnp.where(found.weight > 0.5, found.innovation / safe.sqrt(found.variance), jnp.nan)
+    return {"gps_innovation_sigmas": sigmas[:3], "box_innovation_sigmas": sigmas[3:]}
 
 
 def _camera(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channels:

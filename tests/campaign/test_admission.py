@@ -62,7 +62,7 @@ def test_too_little_memory_is_refused_with_how_much_and_what_to_lower(
 ) -> None:
     monkeypatch.setattr(admission, "_available_memory", lambda: 2e9)
     admission.check_size(mission, 1000, 256, 2, 8, tmp_path / "runs")
-    with pytest.raises(RpojaxError, match=r"memory: found 2\.0 GB available, expected 9.*lower --block-size"):
+    with pytest.raises(RpojaxError, match=r"memory: found 2\.0 GB available, expected 10.*lower --block-size"):
         admission.check_size(mission, 100_000, 100_000, 1, 8, tmp_path / "runs")
 
 

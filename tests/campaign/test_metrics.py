@@ -36,6 +36,8 @@ def still(ticks: int = TICKS, runs: int = 1) -> Records:
         "target_error_H": vector.copy(),
         "nees": scalar + np.float32(12.0),
         "nees_relative": scalar + np.float32(6.0),
+        "gps_innovation_sigmas": vector + np.float32(1.0),
+        "box_innovation_sigmas": vector + np.float32(1.0),
         "range_m": scalar + np.float32(30.0),
         "passive_range_m": scalar + np.float32(25.0),
         "box_present": flag.copy(),
@@ -224,3 +226,29 @@ def test_traces_are_every_nth_tick_as_norms(hour: ScenarioFile) -> None:
     assert found["nav_relative_error_m"][1, 2] == 7.0
     assert found["wheel_speed_fraction"][1, 2] == 0.5
     np.testing.assert_allclose(found["nav_relative_sigma3_m"], 3.0 * np.sqrt(3.0), rtol=SINGLE)
+
+
+def test_innovations_that_follow_each_other_are_told_from_white_ones(
+    figures: Callable[[Records], dict[str, float]],
+) -> None:
+    same = figures(still())
+    assert (same["nis_gps_mean"], same["gps_innovation_lag1"]) == (3.0, 1.0)
+    turning = still()
+    turning["box_innovation_sigmas"][:, ::2] = -2.0
+    found = figures(turning)
+    assert found["nis_box_mean"] == pytest.approx(3 * (4 + 1) / 2)
+    assert found["box_innovation_lag1"] == pytest.approx(-2.0 / 2.5)
+    white = still()
+    white["gps_innovation_sigmas"][:] = np.random.default_rng(0).normal(size=(1, TICKS, 3))
+    assert abs(figures(white)["gps_innovation_lag1"]) < 3.0 / np.sqrt(3 * (TICKS - 1))
+
+
+def test_ticks_without_a_whole_innovation_count_neither_for_nis_nor_for_whiteness(
+    figures: Callable[[Records], dict[str, float]],
+) -> None:
+    records = still()
+    records["box_innovation_sigmas"][:, 1::2, 2] = np.nan
+    assert figures(records)["nis_box_mean"] == 3.0
+    assert np.isnan(figures(records)["box_innovation_lag1"])
+    records["box_innovation_sigmas"][:] = np.nan
+    assert np.isnan(figures(records)["nis_box_mean"])
