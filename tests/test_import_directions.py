@@ -40,7 +40,7 @@ LEFT_TO_RIGHT = {
     "train_detector",
     "simulation": "units figures_of_merit schema checks networks scenario params camera closed_loop metrics",
     "campaign": "store dispersions runner",
-    "analysis": "chance order_statistics proportions precision consistency dependence sensitivity requirements "
+    "analysis": "chance laws order_statistics proportions precision consistency dependence sensitivity requirements "
     "comparison convergence linear_covariance worst_case tuning camera_calibration lasting_errors",
     "top": "machine console outputs field_verbs detector_verbs calibration_verb cli __main__",
 }

@@ -3,13 +3,14 @@
   const data = JSON.parse(document.getElementById("page-data").textContent);
   const buttons = [["toImage", "zoom2d", "pan2d", "resetScale2d"]];
   const config = { responsive: true, displaylogo: false, plotlyServerURL: "", modeBarButtons: buttons };
+  const paperWidth = 690;
   const quiet = { ...config, displayModeBar: false };
 
   function drawNext(waiting) {
     const place = waiting.shift();
     if (!place) return;
     const chart = data.charts[place.dataset.chart];
-    Plotly.newPlot(place, chart.data, chart.layout, place.classList.contains("small") ? quiet : config);
+    Plotly.newPlot(place, chart.data, chart.layout, place.classList.contains("tall") ? config : quiet);
     setTimeout(() => drawNext(waiting), 0);
   }
 
@@ -87,13 +88,28 @@
     links.forEach((_, id) => watcher.observe(document.getElementById(id)));
   }
 
-  function resizeAll() {
-    document.querySelectorAll(".js-plotly-plot").forEach((place) => Plotly.Plots.resize(place));
+  const closed = [];
+
+  // The page is laid out for paper only while it is printed, so charts get the width of what holds them there.
+  function fitPaper() {
+    for (const details of document.querySelectorAll("details:not([open])")) {
+      details.open = true;
+      closed.push(details);
+    }
+    for (const place of document.querySelectorAll(".js-plotly-plot")) {
+      const columns = place.closest(".cards.two, .pair") ? 2 : place.closest(".cards") ? 3 : 1;
+      Plotly.relayout(place, { autosize: false, width: paperWidth / columns - (columns > 1 ? 26 : 0) });
+    }
+  }
+
+  function fitScreen() {
+    closed.splice(0).forEach((details) => { details.open = false; });
+    document.querySelectorAll(".js-plotly-plot").forEach((place) => Plotly.relayout(place, { autosize: true, width: null }));
   }
 
   if (window.matchMedia("(max-width: 700px)").matches) document.querySelector(".contents details").open = false;
-  window.addEventListener("beforeprint", resizeAll);
-  window.addEventListener("afterprint", resizeAll);
+  window.addEventListener("beforeprint", fitPaper);
+  window.addEventListener("afterprint", fitScreen);
   drawNext([...document.querySelectorAll("[data-chart]")]);
   if (data.explorer) explore(data.explorer);
   followScroll();

@@ -18,8 +18,8 @@ from rpojax.report.summary import summarise
 _DASH = "\N{EN DASH}"
 _VOID = {"meta", "img", "rect", "br", "wbr", "link"}
 _SECTIONS = {
-    *("identity", "headline", "metrics", "envelopes", "consistency", "distributions", "dispersions"),
-    *("sensitivity", "failures", "camera", "run", "scenario", "limits"),
+    *("identity", "requirements", "headline", "metrics", "safety", "envelopes", "consistency", "distributions"),
+    *("convergence", "dispersions", "sensitivity", "failures", "worst", "camera", "run", "scenario", "limits"),
 }
 
 
@@ -125,9 +125,9 @@ def test_a_report_of_an_unfinished_campaign_says_so_at_its_head_and_how_to_go_on
     assert any(attributes.get("class") == "banner" for _, attributes in page.tags)
 
 
-def test_the_command_that_flies_a_run_again_names_the_folders_own_scenario(build):
+def test_the_command_that_flies_a_run_again_names_the_campaigns_folder(build):
     campaign = build(runs=12, failed=(4,))
-    command = f"rpojax run {campaign.directory / 'scenario.toml'} --seed 1 --block-size 256 --run-id"
+    command = f"rpojax rerun {campaign.directory} --run-id"
     words = _words(_page(campaign))
     assert f"Any run again {command} I --out DIR" in words
     assert f"{command} 4 --out run_4" in words
@@ -138,7 +138,7 @@ def test_replaced_stages_are_part_of_the_identity_and_have_to_be_given_to_fly_a_
     campaign.info["stages"] = {"formation_law": {"function": "mine.pd_law", "source_sha256": "ab" * 32}}
     words = _words(_page(campaign))
     assert f"Replaced stages formation_law = mine.pd_law, source {'ab' * 32}" in words
-    assert "rpojax run " not in words
+    assert "rpojax rerun " not in words
     assert "'run_4', 1, first_run=4, block_size=256, stages=...)" in words
 
 
