@@ -83,6 +83,7 @@ def histogram(shown: Metric, values: np.ndarray) -> Chart:
     }
     found = layout(shown.unit, "runs")
     found["bargap"] = 0
+    found["yaxis"]["automargin"] = True
     found["showlegend"] = False
     found["shapes"] = [
         _marker_line(float(np.percentile(values, 50)), "solid"),

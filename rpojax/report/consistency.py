@@ -243,4 +243,4 @@ def _shares(ends: Sequence[float] | None) -> str:
 
 
 def _percent(share: float | None) -> str:
-    return number(None) if share is None else f"{100.0 * share:.1f} %"
+    return number(None) if share is None else f"{100.0 * share:.1f}\N{NO-BREAK SPACE}%"

@@ -14,6 +14,11 @@
     setTimeout(() => drawNext(waiting), 0);
   }
 
+  // Plotly takes markup in texts; names are none.
+  function asText(name) {
+    return name.replaceAll("&", "&amp;").replaceAll("<", "&lt;");
+  }
+
   function fill(select, entries) {
     for (const [value, text] of entries) select.add(new Option(text, value));
   }
@@ -34,7 +39,7 @@
       const line = (x) => ({ type: "line", yref: "paper", y0: 0, y1: 1, x0: x, x1: x, line: { color: "#5b6776", dash: "dot", width: 1.5 } });
       const colors = ranks.map(([key]) => (key === input ? "#D55E00" : "#0072B2"));
       Plotly.react("rank-chart", [{
-        type: "bar", orientation: "h", x: ranks.map((r) => r[1]), y: ranks.map((r) => r[0]),
+        type: "bar", orientation: "h", x: ranks.map((r) => r[1]), y: ranks.map((r) => asText(r[0])), customdata: ranks.map((r) => r[0]),
         marker: { color: colors, opacity: 0.8 }, hovertemplate: "%{y}: %{x:.3f}<extra></extra>",
       }], {
         ...base, shapes: [line(metric.chance), line(-metric.chance)],
@@ -48,7 +53,7 @@
       Plotly.react("scatter-chart", [{
         type: "scatter", mode: "markers", x: explorer.inputs[input], y: metric.values, text: explorer.runs.map((run) => "run " + run),
         marker: { size: 5, color: "#0072B2", opacity: 0.5 }, hovertemplate: "%{text}<br>%{x}, %{y}<extra></extra>",
-      }], { ...base, xaxis: { ...axis, title: { text: input } }, yaxis: { ...axis, title: { text: title } } }, quiet);
+      }], { ...base, xaxis: { ...axis, title: { text: asText(input) } }, yaxis: { ...axis, title: { text: title } } }, quiet);
       const rank = metric.rank[input];
       document.getElementById("scatter-note").textContent = rank === undefined ? "" : "rank correlation " + rank.toFixed(3);
     }
@@ -71,7 +76,7 @@
     inputPick.addEventListener("change", draw);
     chooseStrongest();
     document.getElementById("rank-chart").on("plotly_click", (event) => {
-      inputPick.value = event.points[0].y;
+      inputPick.value = event.points[0].customdata;
       draw();
     });
   }

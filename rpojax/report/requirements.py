@@ -19,7 +19,11 @@ _STATES = {Verdict.VERIFIED: "good", Verdict.NOT_VERIFIED: "alert", Verdict.MORE
 
 @dataclass(frozen=True)
 class Row:
-    """One requirement as the page shows it: texts, a state for its colour, and the runs that violate it."""
+    """One requirement as the page shows it: texts, a state for its colour, and the runs that violate it.
+
+    `cells` are of the table, each a text and a smaller one below it: worst value; run compared with the limit, and its
+    rank; margin; violations, and those allowed; share of success, and its bounds; consumer's risk, and that reached.
+    """
 
     text: str
     short: str
@@ -27,7 +31,7 @@ class Row:
     verdict: str
     state: str
     note: str
-    cells: list[str]
+    cells: list[tuple[str, str]]
     violating: list[int]
     more_violating: int
 
@@ -43,7 +47,7 @@ def judged(campaign: Results) -> list[dict[str, Any]]:
 
 
 def rows(entries: Sequence[Mapping[str, Any]]) -> list[Row]:
-    """Lines of the table: worst, compared run, margin, violations, share of success, its bounds, consumer's risk."""
+    """Lines of the table and tiles of the page."""
     return [_row(entry) for entry in entries]
 
 
@@ -90,19 +94,7 @@ _JUDGED = tuple(
 
 def _row(entry: Mapping[str, Any]) -> Row:
     shown = metric(entry["metric"])
-    rank = "" if entry["rank"] is None else f" (rank {entry['rank']})"
-    allowed = "too few runs" if entry["allowed"] is None else f"{entry['allowed']} allowed"
-    risk, reached = 100.0 * entry["consumer_risk"], entry["risk_reached"]
-    independent_runs = entry["success_interval"] is not None
-    cells = [
-        number(entry["worst"]),
-        _value(entry) + rank,
-        _signed(entry["margin"]),
-        f"{entry['violations']} ({allowed if independent_runs else 'not independent'})",
-        number(None) if entry["success"] is None else _floor(entry["success"]),
-        _interval(entry["success_interval"]),
-        f"{risk:g} % / {number(None if reached is None else 100.0 * reached, 2)} %",
-    ]
+    cells = _cells(entry)
     side = "\N{LESS-THAN OR EQUAL TO}" if entry["bound"] == "at most" else "\N{GREATER-THAN OR EQUAL TO}"
     return Row(
         text=entry["text"],
@@ -118,6 +110,28 @@ def _row(entry: Mapping[str, Any]) -> Row:
     )
 
 
+def _cells(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
+    interval = entry["success_interval"]
+    allowed = "too few runs" if entry["allowed"] is None else f"{entry['allowed']} allowed"
+    return [
+        (number(entry["worst"]), ""),
+        (_value(entry), "" if entry["rank"] is None else f"rank {entry['rank']} of {entry['runs']}"),
+        (_signed(entry["margin"]), ""),
+        (f"{entry['violations']} of {entry['runs']}", "not independent" if interval is None else allowed),
+        (
+            number(None) if entry["success"] is None else _floor(entry["success"]),
+            "" if interval is None else f"{_floor(interval[0])} to {_ceiling(interval[1])}",
+        ),
+        (f"{100.0 * entry['consumer_risk']:g} %", _risk(entry["risk_reached"])),
+    ]
+
+
+def _risk(reached: float | None) -> str:
+    if reached is None:
+        return ""
+    return "below 0.01 %" if reached < 1e-4 else f"{number(100.0 * reached, 2)} %"
+
+
 def _value(entry: Mapping[str, Any]) -> str:
     """Value of the run to compare with the limit; a word where that run has none."""
     if entry["order_statistic"] is None and entry["rank"] is not None:
@@ -127,10 +141,6 @@ def _value(entry: Mapping[str, Any]) -> str:
 
 def _signed(value: float | None) -> str:
     return number(value) if value is None or value <= 0.0 else f"+{number(value)}"
-
-
-def _interval(ends: Sequence[float] | None) -> str:
-    return number(None) if ends is None else f"{_floor(ends[0])} to {_ceiling(ends[1])}"
 
 
 def _floor(share: float) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from markupsafe import escape
 
 from rpojax.analysis.sensitivity import Ranking, rank_inputs
 from rpojax.report.charts import BLANK, Chart, compact, layout
@@ -32,7 +33,8 @@ def content(campaign: Results) -> list[dict[str, Any]]:
 def chart(entry: Mapping[str, Any]) -> Chart:
     """Bars of both methods for the inputs that either finds strongest; pale where chance alone might do as much."""
     strongest = _strongest(entry["inputs"])
-    names = [one["name"] for one in strongest]
+    # Plotly takes markup in texts; names are none.
+    names = [str(escape(one["name"])) for one in strongest]
     sides = (("spearman", "spearman_p", BLUE, "x"), ("hsic", "hsic_p", ORANGE, "x2"))
     bars = [_bars(names, strongest, value, chance, color, axis) for value, chance, color, axis in sides]
     drawn = layout("Spearman rank correlation", "")
@@ -83,8 +85,8 @@ def _sentence(by_rank: Sequence[str], by_hsic: Sequence[str]) -> str:
         )
     if only_rank:
         parts.append(
-            f"Only rank correlation puts {', '.join(only_rank)} among them: a steady trend that HSIC, which looks at "
-            "fewer runs, ranks behind others or cannot tell from chance."
+            f"Only rank correlation puts {', '.join(only_rank)} among them: a steady trend that HSIC ranks behind "
+            "others or cannot tell from chance."
         )
     return " ".join(parts)
 

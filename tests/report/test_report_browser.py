@@ -26,9 +26,12 @@ def _browse(page: Path, *options: str) -> subprocess.CompletedProcess[str]:
 
 def test_the_page_draws_every_chart_without_a_word_on_the_console(build):
     campaign = build(runs=30, seconds=60, kept=(), failed=(3,))
+    campaign.drawn["<img src=http://x>"] = campaign.metrics["delta_v_m_s"].copy()
+    campaign.drawn["<img src=http://x>"][3] = 0.3
     page = write_report(campaign)
     shown = _browse(page, "--dump-dom")
     assert [line for line in shown.stderr.splitlines() if "CONSOLE" in line] == []
+    assert "<img src=" not in shown.stdout.partition("<script")[0]
     places = len(re.findall(r'data-chart="', shown.stdout))
     assert places > 20
     assert len(re.findall(r'class="[^"]*js-plotly-plot', shown.stdout)) == places + 2

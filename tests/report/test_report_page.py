@@ -92,6 +92,8 @@ def test_every_chart_has_data_that_plotly_accepts(campaign):
 
 def test_text_from_the_scenario_cannot_become_markup(campaign):
     campaign.drawn["<img src=http://x>"] = np.arange(40.0)
+    campaign.failure_reason = np.where(np.arange(40) == 3, "<img src=http://y>", campaign.failure_reason)
+    campaign.completed[3], campaign.failed_at_s[3] = False, 10.0
     text = write_report(campaign).read_text()
     assert "<script>alert(1)" not in text
     assert "<img src=http" not in text
