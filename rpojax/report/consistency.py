@@ -9,7 +9,7 @@ import numpy as np
 from rpojax.analysis.consistency import average_nees, coverage_per_axis, nis_interval, whiteness_bound
 from rpojax.analysis.proportions import proportion_interval
 from rpojax.report.charts import Chart, average
-from rpojax.report.describe import Interval, interval_of_mean
+from rpojax.report.describe import interval_of_mean
 from rpojax.report.design import independent
 from rpojax.report.labels import Channel, metric, number
 from rpojax.report.results import Results
@@ -158,10 +158,10 @@ def _updates(campaign: Results, name: str) -> np.ndarray:
     return np.where(campaign.completed, ticks * shares, np.nan)
 
 
-def _says(kind: str, made: tuple[Interval, str] | None, expected: float) -> str:
-    if made is None or made[0][0] is None or made[0][1] is None:
+def _says(kind: str, made: tuple[list[float], str] | None, expected: float) -> str:
+    if made is None:
         return "Too few independent runs to tell a departure from chance."
-    low, high = made[0][0], made[0][1]
+    low, high = made[0]
     if low > expected:
         return f"Above: {_SAYS[kind][0]}."
     if high < expected:

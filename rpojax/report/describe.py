@@ -9,8 +9,6 @@ from rpojax.analysis.order_statistics import quantile_ranks, quantile_upper_boun
 from rpojax.analysis.precision import deviation_interval, mean_interval
 from rpojax.simulation.figures_of_merit import UNITS
 
-Interval = list[float | None]
-
 _PERCENTILES = {"min": 0.0, "p1": 1.0, "p5": 5.0, "p50": 50.0, "p95": 95.0, "p99": 99.0, "max": 100.0}
 _QUANTILES = ("p1", "p5", "p50", "p95", "p99")
 _KEYS = (
@@ -40,7 +38,7 @@ def describe(name: str, values: np.ndarray, failed: int, independent: bool) -> d
     return entry | _intervals(defined, failed, entry["std"]) if independent else entry
 
 
-def interval_of_mean(values: np.ndarray) -> tuple[Interval, str] | None:
+def interval_of_mean(values: np.ndarray) -> tuple[list[float], str] | None:
     """95 % interval of the mean of independent `values` (n,), all finite, and how it was made; None for few runs.
 
     By the bootstrap (BCa) up to 500 runs, then by the normal approximation.
