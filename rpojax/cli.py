@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import FlagCreatePairsOff, Positional, UseAppendAction, arg
 
-from rpojax import calibration_verb, console, detector_verbs, field_verbs
+from rpojax import calibration_verb, console, detector_verbs, field_verbs, plan_verb
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.machine import prepare_jax
 from rpojax.version import __version__
@@ -99,7 +99,9 @@ def campaign(
     scenario: Source,
     *,
     runs: Annotated[int, arg(metavar="N", help="Number of runs.")],
-    out: Out,
+    out: Annotated[
+        Path | None, arg(metavar="DIR", help="Folder to make for the results.", help_behavior_hint="(required)")
+    ] = None,
     seed: Seed = 0,
     overrides: Overrides = (),
     block_size: Annotated[
@@ -114,14 +116,27 @@ def campaign(
     force: Force = False,
     no_report: Annotated[bool, arg(help="Write no report.html, report.json and figures.")] = False,
     no_film: NoFilm = False,
+    dry_run: Annotated[bool, arg(help="Fly nothing: show what the runs would draw, and what they would take.")] = False,
+    plan: Annotated[Path | None, arg(metavar="FILE", help="Of a dry run: CSV file to write, one row a run.")] = None,
+    speed: Annotated[
+        float | None, arg(metavar="X", help="Of a dry run: run-seconds per second, as `rpojax bench` tells.")
+    ] = None,
     as_json: AsJson = False,
     no_cache: NoCache = False,
 ) -> int:
     """Many dispersed runs, with a report on them."""
+    plan_verb.check(dry_run, plan, speed, out, force)
     file = _load(scenario, overrides)
     kept = _histories(histories, runs)
     prepare_jax(cache=not no_cache)
-    from rpojax.campaign import runner
+    from rpojax.campaign import admission, runner
+
+    if dry_run:
+        if out is not None:
+            admission.check_folder(out, force)
+        plan_verb.show(file, runs, seed, block_size, kept, plan, speed, as_json)
+        return Status.DONE
+    assert out is not None
 
     def work(watch: console.Watch) -> "Campaign":
         return runner.run_campaign(
@@ -197,6 +212,7 @@ def film(
         raise RpojaxError(f"--every: found {every}, expected at least 1")
     prepare_jax(cache=not no_cache)
     from rpojax.campaign import filming
+    from rpojax.campaign.design import population_of
     from rpojax.campaign.store import Campaign
     from rpojax.report import film as drawing
     from rpojax.report.files import write_atomically
@@ -207,7 +223,8 @@ def film(
     end = filming.last_tick(history)
     ticks = drawing.stills(history, end) if suffix == ".png" else list(range(0, end, every))
     with console.counting("taking pictures", quiet=False) as watch:
-        shots = _counted(filming.pictures(file, found.info["seed"], run, history, ticks), len(ticks), watch)
+        pictures = filming.pictures(file, found.info["seed"], run, history, ticks, population_of(found.info))
+        shots = _counted(pictures, len(ticks), watch)
         if suffix == ".png":
             write_atomically(out, drawing.png(drawing.strip(shots)))
         else:
@@ -245,6 +262,7 @@ def _counted(shots: "Iterable[Shot]", total: int, watch: Callable[..., None]) ->
 @app.command
 def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = False) -> int:
     """Check a scenario without running it."""
+    from rpojax.simulation import dispersed
     from rpojax.simulation import scenario as scenarios
 
     file = _load(scenario, overrides)
@@ -253,7 +271,8 @@ def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = F
         "description": file.description,
         "duration_s": file.duration_s,
         "scenario_hash": scenarios.digest(file),
-        "dispersions": [dispersion.key for dispersion in file.dispersions],
+        "dispersions": dispersed.keys(file),
+        "design": file.design.kind,
     }
     if as_json:
         _print_json(content)

@@ -7,7 +7,7 @@ import re
 import subprocess
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import jax
 import pytest
@@ -17,6 +17,7 @@ from rpojax import Stages
 from rpojax.analysis.order_statistics import runs_for_bound
 from rpojax.campaign.single import dispersed
 from rpojax.core.random import Stream
+from rpojax.errors import RpojaxError
 from rpojax.physics import faults
 from rpojax.report.labels import metric
 from rpojax.simulation import closed_loop, figures_of_merit, scenario, schema, telemetry, traces, units
@@ -71,12 +72,11 @@ def sections_of_the_schema() -> dict[str, type[Section]]:
     return {name: model for name, model in models.items() if isinstance(model, type) and issubclass(model, Section)}
 
 
-def kinds_of_dispersion() -> dict[str, set[str]]:
+def kinds(union: Any) -> dict[str, set[str]]:
     """Kind -> its settings, the key and the kind left out."""
-    union = get_args(schema.Dispersion)[0]
     return {
         get_args(model.model_fields["kind"].annotation)[0]: set(model.model_fields) - {"key", "kind"}
-        for model in get_args(union)
+        for model in get_args(get_args(union)[0])
     }
 
 
@@ -194,7 +194,7 @@ def headings_of_sections() -> list[str]:
 
 def test_the_scenario_page_lists_every_section_once() -> None:
     named = [name for heading in headings_of_sections() for name in quoted(heading)]
-    assert sorted(named) == sorted([*sections_of_the_schema(), "dispersions", "requirements"])
+    assert sorted(named) == sorted([*sections_of_the_schema(), "design", "dispersions", "requirements"])
 
 
 @pytest.mark.parametrize("name", sections_of_the_schema())
@@ -211,7 +211,12 @@ def test_the_scenario_page_names_every_kind_of_fault() -> None:
 
 def test_the_scenario_page_lists_the_keys_at_the_top_level() -> None:
     listed = {cell.strip("`") for cell in first_cells(section(SCENARIO_PAGE, "Top level"))}
-    assert listed == set(ScenarioFile.model_fields) - set(sections_of_the_schema()) - {"dispersions", "requirements"}
+    assert listed == set(ScenarioFile.model_fields) - {
+        *sections_of_the_schema(),
+        "design",
+        "dispersions",
+        "requirements",
+    }
 
 
 def test_the_scenario_page_lists_every_key_of_a_requirement() -> None:
@@ -227,10 +232,26 @@ def test_the_scenario_page_says_how_many_runs_verify() -> None:
     assert runs == [runs_for_bound(probability, 1.0 - risk, rank) for rank in (1, 2, 3)]
 
 
-def test_the_scenario_page_lists_every_kind_of_dispersion_with_its_settings() -> None:
-    rows = [line.strip("|").split("|") for line in section(SCENARIO_PAGE, "`dispersions`").splitlines()]
+@pytest.mark.parametrize(
+    ("heading", "union"),
+    [("`dispersions`", schema.Dispersion), ("`design`", schema.Design)],
+    ids=["dispersion", "design"],
+)
+def test_the_scenario_page_lists_every_kind_with_its_settings(heading: str, union: Any) -> None:
+    rows = [line.strip("|").split("|") for line in section(SCENARIO_PAGE, heading).splitlines()]
     listed = {row[0].strip(" `"): set(quoted(row[1])) for row in rows if len(row) > 1 and "`" in row[0]}
-    assert listed == kinds_of_dispersion()
+    assert listed == kinds(union)
+
+
+def test_the_scenarios_of_the_scenario_page_are_accepted(tmp_path: Path) -> None:
+    derived, grid = blocks(SCENARIO_PAGE, "toml")
+    path = tmp_path / "mine.toml"
+    path.write_text('extends = "inspection"\n' + derived)
+    assert scenario.load(path).dispersions[-1].kind == "derived"
+    path.write_text('extends = "inspection_cold"\n' + grid)
+    with pytest.raises(RpojaxError, match=r"^design.values: found 'servicer.mass_kg'"):
+        scenario.load(path)
+    assert scenario.load(path, ["dispersions=[]"]).design.kind == "grid"
 
 
 def test_keys_named_anywhere_in_the_pages_exist() -> None:

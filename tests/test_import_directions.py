@@ -36,13 +36,14 @@ LEFT_TO_RIGHT = {
     "formation_control attitude_control pointing slew looking burn_plan search guidance thrust_gauge computer",
     "sensors": "gps star_tracker gyro chamber_pressure box_camera image_camera statistical_camera statistics_file",
     "training": "optional target_mesh raytrace checkpoint train_field judge shapes spacecraft sprites backdrops "
-    "detection_data augment average_precision detector_judge orthogonal descent giou first_look_loss second_look_loss "
-    "train_detector",
-    "simulation": "units figures_of_merit schema checks networks scenario params camera closed_loop metrics",
-    "campaign": "store dispersions runner",
+    "composites detection_data augment average_precision detector_judge orthogonal descent giou first_look_loss "
+    "second_look_loss train_detector",
+    "simulation": "units figures_of_merit schema dispersed dispersion_checks checks networks table_file scenario "
+    "params camera closed_loop metrics",
+    "campaign": "admission store design sources dispersions engine plan runner",
     "analysis": "chance laws order_statistics proportions precision consistency dependence sensitivity requirements "
     "comparison convergence linear_covariance worst_case tuning camera_calibration lasting_errors",
-    "top": "machine console outputs field_verbs detector_verbs calibration_verb cli __main__",
+    "top": "machine console outputs field_verbs detector_verbs calibration_verb plan_verb compare_verb cli __main__",
 }
 """Order inside a folder, for the modules whose order is fixed; the rest need only have one."""
 

@@ -5,6 +5,7 @@ import json
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.training import backdrops, detector_judge, judge, raytrace, target_mesh
-from rpojax.training.detection_data import Dataset, Sensor, expose, read, visible_box
-from rpojax.vision import pictures
+from rpojax.training.composites import Sensor, expose, visible_box
+from rpojax.training.detection_data import Dataset, read
+from rpojax.vision import first_look, pictures
 from rpojax.vision.background import background, sky
 from rpojax.vision.detector import Params, detect, load_detector
 from rpojax.vision.pinhole import lens
@@ -26,6 +28,7 @@ FIELD_OF_VIEW_DEG = 10.0
 SIZE_PX = 128
 RANGES_M = (20.0, 60.0)
 SIDES_PX = (12, 16, 24, 32, 48, 64, 96)
+_SPEED_BATCH = 16
 
 
 def main() -> int:
@@ -134,24 +137,37 @@ def _drawn(data: Dataset, found: detector_judge.Found, count: int) -> np.ndarray
 
 
 def _speed(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
-    results = {}
-    program = jax.jit(detect, static_argnums=2)
-    for size in (1, 16, 64):
-        images = jnp.asarray(np.random.default_rng(0).random((size, SIZE_PX, SIZE_PX, 3)), jnp.float32)
+    """Milliseconds a picture in a batch, as one program and as one for each device, as campaigns run."""
+    results: dict[str, Any] = {"devices": jax.device_count()}
+    images = jnp.asarray(np.random.default_rng(0).random((_SPEED_BATCH, SIZE_PX, SIZE_PX, 3)), jnp.float32)
+    looks: dict[str, Callable[..., Any]] = {"first look alone": partial(first_look.detect, count=1)}
+    looks |= {f"second look at {count}": partial(detect, count=count) for count in (1, 2, 4)}
+    for name, look in looks.items():
+        program = jax.jit(look)
         begin = time.perf_counter()
-        jax.block_until_ready(program(params, images, 4))
+        jax.block_until_ready(program(params, images))
         compiled = time.perf_counter() - begin
-        times = []
-        for _ in range(30):
-            begin = time.perf_counter()
-            jax.block_until_ready(program(params, images, 4))
-            times.append((time.perf_counter() - begin) / size * 1e3)
-        results[f"batch {size}"] = {
-            "best_ms": round(min(times), 3),
-            "median_ms": round(float(np.median(times)), 3),
+        shares = [
+            jax.device_put((params, share), device)
+            for share, device in zip(jnp.split(images, jax.device_count()), jax.devices(), strict=True)
+        ]
+        results[name] = {
+            "one_program_ms": _time_of(lambda p=program: p(params, images)),
+            "a_program_a_device_ms": _time_of(lambda p=program, s=shares: [p(*share) for share in s]),
             "compile_s": round(compiled, 2),
         }
     return results
+
+
+def _time_of(call: Callable[[], Any]) -> dict[str, float]:
+    """Best and median of many calls, by picture."""
+    times = []
+    jax.block_until_ready(call())
+    for _ in range(60):
+        begin = time.perf_counter()
+        jax.block_until_ready(call())
+        times.append((time.perf_counter() - begin) / _SPEED_BATCH * 1e3)
+    return {"best": round(min(times), 3), "median": round(float(np.median(times)), 3)}
 
 
 # Photographs.

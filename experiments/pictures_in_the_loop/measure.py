@@ -1,8 +1,8 @@
 """The loop closed through pixels: how it holds the formation, what it costs, how true the statistical camera is.
 
-python experiments/pictures_in_the_loop/measure.py run [--scenario NAME] [--model rendered] [--runs 20] [--seed 0]
+python experiments/pictures_in_the_loop/measure.py run [--scenario NAME] [--model rendered] [--runs 20] [--first-run 0]
 python experiments/pictures_in_the_loop/measure.py table DIR...
-python experiments/pictures_in_the_loop/measure.py equivalence RENDERED_DIR STATISTICAL_DIR
+python experiments/pictures_in_the_loop/measure.py equivalence RENDERED_DIR... --statistical DIR...
 """
 
 import argparse
@@ -31,7 +31,9 @@ RATE_BOUND = 0.03
 RESAMPLES = 4000
 
 
-def run(scenario: str, model: str, runs: int, duration_s: float, seed: int, block_size: int | None) -> Path:
+def run(
+    scenario: str, model: str, runs: int, first_run: int, duration_s: float, seed: int, block_size: int | None
+) -> Path:
     """One campaign, with its cost printed."""
     from rpojax.machine import prepare_jax
 
@@ -40,9 +42,12 @@ def run(scenario: str, model: str, runs: int, duration_s: float, seed: int, bloc
     from rpojax.simulation import scenario as scenarios
 
     file = scenarios.load(scenario, [f"camera.model={model}", f"duration_s={duration_s}"])
-    out = OUT / f"{scenario}_{model}_{runs}"
+    out = OUT / (f"{scenario}_{model}_{runs}" + (f"_from_{first_run}" if first_run else ""))
+    kept = range(first_run, first_run + runs)
     begin = time.perf_counter()
-    result = runner.run_campaign(file, runs, out, seed, block_size=block_size, histories=range(runs), force=True)
+    result = runner.run_campaign(
+        file, runs, out, seed, first_run=first_run, block_size=block_size, histories=kept, force=True
+    )
     total = time.perf_counter() - begin
     timing = result.info["timing"]
     per_second = 1e3 * timing["run_s"] / (runs * duration_s)
@@ -96,34 +101,46 @@ def look_away(campaign: "Campaign") -> str:
     return f"| | | look-away frames, boxes, false boxes | {frames} | {boxes} | {false} ({share:.2%}) |"
 
 
-def equivalence(rendered: Path, statistical: Path, seed: int = 0) -> bool:
-    """Whether the two campaigns are alike: ratios of medians with 90 % bootstrap intervals, and detection rates.
+def by_run(folders: list[Path], name: str) -> dict[int, float]:
+    """A metric by run number, of the runs of several campaigns that did not fail."""
+    found: dict[int, float] = {}
+    for folder in folders:
+        campaign = opened(folder)
+        values = zip(campaign.run_ids.tolist(), campaign.metrics[name].tolist(), strict=True)
+        found |= {run_id: value for run_id, value in values if np.isfinite(value)}
+    return found
 
-    Runs that both have are compared: run n has the same dispersions in either, so runs are drawn in pairs.
-    """
-    one, other = opened(rendered), opened(statistical)
-    runs = min(int(one.info["runs"]), int(other.info["runs"]))
+
+def paired(first: list[Path], second: list[Path], name: str) -> np.ndarray:
+    """A metric (2, runs) of the runs that both sides have: run n has the same dispersions in either."""
+    one, other = by_run(first, name), by_run(second, name)
+    both = sorted(one.keys() & other.keys())
+    return np.array([[one[run] for run in both], [other[run] for run in both]])
+
+
+def equivalence(rendered: list[Path], statistical: list[Path], seed: int = 0) -> bool:
+    """Whether the cameras are alike: ratios of medians with 90 % bootstrap intervals over pairs, detection rates."""
     rng = np.random.default_rng(seed)
     alike = True
-    print("| quantity | rendered | statistical | ratio or difference | 90 % interval | bound | holds |")
-    print("|---|---|---|---|---|---|---|")
+    print("| quantity | pairs | rendered | statistical | ratio or difference | 90 % interval | bound | holds |")
+    print("|---|---|---|---|---|---|---|---|")
     for name in RATIOS:
-        pairs = np.stack([np.asarray(c.metrics[name], dtype=float)[:runs] for c in (one, other)])
-        a, b = pairs[:, np.isfinite(pairs).all(axis=0)]
+        a, b = paired(rendered, statistical, name)
         drawn = rng.integers(0, len(a), (RESAMPLES, len(a)))
         medians = [np.median(x[drawn], axis=1) for x in (a, b)]
         low, high = np.percentile(medians[1] / medians[0], [5, 95])
-        holds = RATIO_BOUNDS[0] <= low and high <= RATIO_BOUNDS[1]
+        holds = bool(RATIO_BOUNDS[0] <= low and high <= RATIO_BOUNDS[1])
         alike &= holds
         first, second = np.median(a), np.median(b)
         bound = f"{RATIO_BOUNDS[0]} to {RATIO_BOUNDS[1]}"
-        print(f"| {METRICS[name]}, median | {first:.3f} | {second:.3f} | {second / first:.3f} ", end="")
+        print(f"| {METRICS[name]}, median | {len(a)} | {first:.3f} | {second:.3f} | {second / first:.3f} ", end="")
         print(f"| {low:.3f} to {high:.3f} | {bound} | {holds} |")
-    a, b = (values(c, "detection_rate")[:runs] for c in (one, other))
+    a, b = paired(rendered, statistical, "detection_rate")
     first, second = a.mean(), b.mean()
     holds = bool(abs(second - first) <= RATE_BOUND)
-    print(f"| detection rate, mean | {first:.4f} | {second:.4f} | {second - first:+.4f} | | {RATE_BOUND} | {holds} |")
-    return bool(alike) and holds
+    print(f"| detection rate, mean | {len(a)} | {first:.4f} | {second:.4f} ", end="")
+    print(f"| {second - first:+.4f} | | {RATE_BOUND} | {holds} |")
+    return alike and holds
 
 
 def main() -> int:
@@ -134,20 +151,22 @@ def main() -> int:
     one.add_argument("--scenario", default="inspection")
     one.add_argument("--model", default="rendered", choices=["rendered", "statistical", "geometric"])
     one.add_argument("--runs", type=int, default=20)
+    one.add_argument("--first-run", type=int, default=0)
     one.add_argument("--duration", type=float, default=3000.0)
     one.add_argument("--seed", type=int, default=0)
     one.add_argument("--block-size", type=int, default=None)
     two = parts.add_parser("table")
     two.add_argument("folders", type=Path, nargs="+")
     three = parts.add_parser("equivalence")
-    three.add_argument("rendered", type=Path)
-    three.add_argument("statistical", type=Path)
+    three.add_argument("rendered", type=Path, nargs="+")
+    three.add_argument("--statistical", type=Path, nargs="+", required=True)
     arguments = parser.parse_args()
     if arguments.part == "run":
         run(
             arguments.scenario,
             arguments.model,
             arguments.runs,
+            arguments.first_run,
             arguments.duration,
             arguments.seed,
             arguments.block_size,

@@ -6,6 +6,7 @@ import shutil
 from pathlib import Path
 
 from rpojax.errors import OutputError, RpojaxError
+from rpojax.simulation import dispersed
 from rpojax.simulation.schema import ScenarioFile
 
 LARGEST_SEED = 2**63 - 1
@@ -73,21 +74,36 @@ def check_size(file: ScenarioFile, runs: int, block_size: int, devices: int, his
     Raises:
         RpojaxError: saying how much is needed, how much there is and what to lower.
     """
-    ticks = round(file.duration_s * file.rates.camera_hz)
-    at_once = block_size * devices
-    kept = histories * ticks * HISTORY_BYTES
-    memory = _RESERVE_BYTES + ticks * (at_once * RECORD_BYTES + block_size * EVALUATION_BYTES) + kept
+    ticks, at_once = _ticks(file), block_size * devices
+    memory = memory_bytes(file, runs, block_size, devices, histories)
     if memory > (available := _available_memory()):
         raise RpojaxError(
             f"memory: found {_size(available)} available, expected {_size(memory)} for {at_once} runs of {ticks} ticks "
             "at once; lower --block-size, duration_s or --histories"
         )
-    disk = _REPORT_BYTES + runs * (_RUN_BYTES + round(file.duration_s) * _TRACE_BYTES_PER_S) + kept
+    disk = disk_bytes(file, runs, histories)
     if disk > (free := shutil.disk_usage(_existing_parent(directory)).free):
         raise RpojaxError(
             f"disk: found {_size(free)} free, expected {_size(disk)} for {runs} runs of {file.duration_s:g} s and "
             f"{histories} full histories; lower --runs, duration_s or --histories"
         )
+
+
+def memory_bytes(file: ScenarioFile, runs: int, block_size: int, devices: int, histories: int) -> int:
+    """Memory that a campaign takes at most, by a rough count [B]."""
+    ticks = _ticks(file)
+    records = ticks * (block_size * devices * RECORD_BYTES + block_size * EVALUATION_BYTES)
+    return _RESERVE_BYTES + records + histories * ticks * HISTORY_BYTES + dispersed.design_bytes(file, runs)
+
+
+def disk_bytes(file: ScenarioFile, runs: int, histories: int) -> int:
+    """Disk that a campaign takes at most, by a rough count [B]."""
+    kept = histories * _ticks(file) * HISTORY_BYTES
+    return _REPORT_BYTES + runs * (_RUN_BYTES + round(file.duration_s) * _TRACE_BYTES_PER_S) + kept
+
+
+def _ticks(file: ScenarioFile) -> int:
+    return round(file.duration_s * file.rates.camera_hz)
 
 
 def _existing_parent(directory: Path) -> Path:

@@ -11,6 +11,8 @@ from typing import Any
 import jax
 import numpy as np
 
+from rpojax.campaign import design
+from rpojax.campaign.design import Population
 from rpojax.campaign.engine import Block, Engine
 from rpojax.errors import RpojaxError
 from rpojax.simulation.schema import ScenarioFile
@@ -55,7 +57,8 @@ def check(batches: Sequence[int]) -> None:
 def prepare(file: ScenarioFile, batch: int, devices: Sequence[Any] | None = None) -> Engine:
     """Compiled engine that takes `batch` runs at once, spread evenly over the devices."""
     used = list(jax.devices() if devices is None else devices)[:batch]
-    engine = Engine(file, -(-batch // len(used)), used)
+    size = -(-batch // len(used))
+    engine = Engine(file, size, used, design=design.make(file, 0, Population(0, size * len(used))))
     engine.compile(seed=0)
     return engine
 

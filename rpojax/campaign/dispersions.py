@@ -1,66 +1,121 @@
-"""Dispersed values: one draw per run and key, from the run's own random stream."""
+"""Dispersed values: of every run and key, drawn from the run's own random stream or given by the design."""
 
 import zlib
+from collections.abc import Mapping
 
-import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Array
 
+from rpojax.campaign.sources import Drawn, Placed, Source
 from rpojax.core import quaternion, random
 from rpojax.core.random import Stream
 from rpojax.physics import faults
+from rpojax.simulation import dispersed, schema
 from rpojax.simulation import params as parameters
-from rpojax.simulation import schema
+from rpojax.simulation.dispersed import Place
 from rpojax.simulation.params import Params
 from rpojax.simulation.schema import ScenarioFile
 
 Values = dict[str, Array]
 
 
-def draw(file: ScenarioFile, run_key: Array) -> Values:
+def draw(file: ScenarioFile, run_key: Array, given: Mapping[str, Array]) -> Values:
     """Values of all dispersed keys of one run, in the user's units.
 
-    A key's draw depends on the run and on the key's name, so adding a dispersion leaves the others as they were.
+    What is drawn depends on the run and on the key's name, so adding a dispersion leaves the others as they were.
+    `given` is this run's part of a design: values by key, or coordinates from 0 to 1 by name of the dispersion.
     """
     stream = random.fold_in(run_key, Stream.DISPERSION)
     values: Values = {}
-    for dispersion in file.dispersions:
-        key = random.fold_in(stream, zlib.crc32(dispersion.key.encode()) & 0x7FFFFFFF)
-        nominal = jnp.asarray(schema.nominal(file, dispersion.key), dtype=jnp.float64)
-        values[dispersion.key] = _draw_one(dispersion, nominal, key)
+    for text in dispersed.tabled(file):
+        _put(file, values, dispersed.place(text), given[text])
+    for entry in dispersed.in_order(file):
+        name = dispersed.name(entry)
+        key = random.fold_in(stream, zlib.crc32(name.encode()) & 0x7FFFFFFF)
+        source = Placed(given[name]) if name in given else Drawn(key)
+        match entry:
+            case schema.Derived():
+                _put(file, values, dispersed.place(entry.key), _derived(file, values, entry))
+            case schema.CorrelatedNormal():
+                places = dispersed.components(file, entry.keys)
+                for place, error in zip(places, _errors(entry, source), strict=True):
+                    _put(file, values, place, _nominal(file, place) + error)
+            case _:
+                place = dispersed.place(entry.key)
+                _put(file, values, place, _draw_one(entry, _nominal(file, place), source))
     return values
 
 
-def _draw_one(dispersion: schema.Dispersion, nominal: Array, key: Array) -> Array:
-    typed = jax.random.wrap_key_data(key, impl="threefry2x32")
+def _nominal(file: ScenarioFile, place: Place) -> Array:
+    return jnp.asarray(dispersed.nominal(file, place), dtype=jnp.float64)
 
-    def normals(shape: tuple[int, ...]) -> Array:
-        return jax.random.normal(typed, shape, dtype=jnp.float64)
 
+def _put(file: ScenarioFile, values: Values, place: Place, value: Array) -> None:
+    """Enters a value; components that nothing gives stay nominal."""
+    if place.index is None:
+        values[place.key] = value
+    else:
+        whole = values.get(place.key, _nominal(file, Place(place.key, None)))
+        values[place.key] = whole.at[place.index].set(value)
+
+
+def _derived(file: ScenarioFile, values: Values, entry: schema.Derived) -> Array:
+    shape = np.shape(dispersed.nominal(file, dispersed.place(entry.key)))
+    total = jnp.broadcast_to(jnp.asarray(entry.offset, dtype=jnp.float64), shape)
+    for term in entry.terms:
+        place = dispersed.place(term.key)
+        value = values.get(place.key, _nominal(file, Place(place.key, None)))
+        total = total + jnp.broadcast_to(term.factor * (value if place.index is None else value[place.index]), shape)
+    return total
+
+
+def _errors(entry: schema.CorrelatedNormal, source: Source) -> Array:
+    """(n,) normal errors with the covariance of the entry; the first takes no coordinate but its own."""
+    factor = lower_factor(np.array(entry.covariance))
+    normals = source.normals((len(factor),))
+    return jnp.sum(jnp.asarray(factor) * normals[None, :], axis=1)
+
+
+def lower_factor(covariance: np.ndarray) -> np.ndarray:
+    """Lower triangular (n, n) whose product with its transpose is a positive semidefinite matrix (Cholesky).
+
+    What rounding leaves of a variance that the earlier ones explain in full counts as zero.
+    """
+    variance = np.diag(covariance)
+    factor = np.zeros_like(covariance)
+    for column in range(len(covariance)):
+        rest = covariance[column:, column] - factor[column:, :column] @ factor[column, :column]
+        if rest[0] > 1e-9 * variance[column]:
+            factor[column:, column] = rest / np.sqrt(rest[0])
+    return factor
+
+
+def _draw_one(dispersion: schema.Dispersion, nominal: Array, source: Source) -> Array:
     match dispersion:
         case schema.Normal():
-            return nominal + jnp.asarray(dispersion.sigma, dtype=jnp.float64) * normals(nominal.shape)
+            return nominal + jnp.asarray(dispersion.sigma, dtype=jnp.float64) * source.normals(nominal.shape)
         case schema.TruncatedNormal():
             low, high = ndtr(-dispersion.limit_sigmas), ndtr(dispersion.limit_sigmas)
-            share = jax.random.uniform(typed, nominal.shape, dtype=jnp.float64)
-            cut = ndtri(low + (high - low) * share)
+            cut = ndtri(low + (high - low) * source.shares(nominal.shape))
             return nominal + jnp.asarray(dispersion.sigma, dtype=jnp.float64) * cut
         case schema.Uniform():
-            share = jax.random.uniform(typed, nominal.shape, dtype=jnp.float64)
-            return dispersion.low + (dispersion.high - dispersion.low) * share
+            return dispersion.low + (dispersion.high - dispersion.low) * source.shares(nominal.shape)
         case schema.LogNormal():
-            return nominal * jnp.exp(jnp.asarray(dispersion.sigma, dtype=jnp.float64) * normals(nominal.shape))
+            return nominal * jnp.exp(jnp.asarray(dispersion.sigma, dtype=jnp.float64) * source.normals(nominal.shape))
         case schema.Choice():
             choices = jnp.asarray([faults.code(value) for value in dispersion.values], dtype=jnp.float64)
-            return choices[jax.random.randint(typed, (), 0, len(dispersion.values))]
+            return choices[source.pick(len(dispersion.values))]
         case schema.RandomDirection():
-            return quaternion.normalize(normals((3,)))
+            return source.direction()
         case schema.RandomAttitude():
-            return quaternion.normalize(normals((4,)))
+            return source.attitude()
         case schema.SmallRotation():
             sigma = jnp.deg2rad(jnp.asarray(dispersion.sigma_deg, dtype=jnp.float64))
-            return quaternion.multiply(quaternion.exp(sigma * normals((3,))), quaternion.normalize(nominal))
+            return quaternion.multiply(quaternion.exp(sigma * source.normals((3,))), quaternion.normalize(nominal))
+        case schema.CorrelatedNormal() | schema.Derived():
+            raise AssertionError(f"{dispersion.kind} is not drawn alone")
 
 
 def apply(params: Params, values: Values) -> Params:

@@ -13,10 +13,12 @@ import numpy as np
 from jaxtyping import Array
 
 from rpojax.campaign import dispersions
+from rpojax.campaign.design import Design, independent
 from rpojax.campaign.dispersions import Values
 from rpojax.core import random
+from rpojax.errors import RpojaxError
 from rpojax.flight.computer import Stages
-from rpojax.simulation import closed_loop, params, scenario, telemetry
+from rpojax.simulation import closed_loop, dispersed, params, scenario, telemetry
 from rpojax.simulation.closed_loop import State
 from rpojax.simulation.params import Params
 from rpojax.simulation.schema import ScenarioFile
@@ -84,18 +86,23 @@ class Engine:
         size: int | None = None,
         devices: Sequence[Any] | None = None,
         stages: Stages | None = None,
+        design: Design | None = None,
     ) -> None:
+        if design is None and not independent(file):
+            raise RpojaxError(f"design: found none, expected that of the campaign for {file.design.kind!r}")
+        self.design = design
         self.file = file
         self.scenario = scenario.static(file)
         self.size = size or block_size(file)
         self.devices = list(devices if devices is not None else jax.devices())
         self.stages = stages or Stages()
-        self.keys = [dispersion.key for dispersion in file.dispersions]
+        self.keys = dispersed.keys(file)
         self.compile_s = 0.0
         count = -(-self.scenario.ticks // SEGMENT_TICKS)
         self.segment_ticks = -(-self.scenario.ticks // count)
         self.segments = count
         self._nominal = params.build(file.model_dump(), self.scenario.width_px, self.scenario.height_px)
+        self._preparation: Any = None
         self._programs: tuple[Any, list[Any]] | None = None
 
     @property
@@ -108,23 +115,34 @@ class Engine:
         if self._programs is not None:
             return
         begin = time.perf_counter()
-        ids = np.zeros(self.size, dtype=np.int32)
-        prepare = jax.jit(self._prepare).lower(self._nominal, _master_key(seed), ids).compile()
-        drawn, _, state = prepare(self._nominal, _master_key(seed), ids)
+        prepare = self._compile_preparation(seed)
+        drawn, _, state = prepare(*self._inputs(seed, np.zeros(self.size, dtype=np.int64)))
         advance = jax.jit(self._advance, donate_argnums=(2,))
         lowered = [advance.lower(*jax.device_put((self._nominal, drawn, state), device)) for device in self.devices]
         with ThreadPoolExecutor(len(lowered)) as pool:
             self._programs = (prepare, list(pool.map(lambda program: program.compile(), lowered)))
         self.compile_s = time.perf_counter() - begin
 
+    def _compile_preparation(self, seed: int) -> Any:
+        if self._preparation is None:
+            inputs = self._inputs(seed, np.zeros(self.size, dtype=np.int64))
+            self._preparation = jax.jit(self._prepare).lower(*inputs).compile()
+        return self._preparation
+
+    def _inputs(self, seed: int, ids: np.ndarray) -> tuple[Params, Array, np.ndarray, dict[str, np.ndarray]]:
+        given = self.design.of_runs(ids) if self.design else {}
+        return self._nominal, _master_key(seed), ids.astype(np.int32), given
+
+    def draw(self, seed: int, ids: np.ndarray) -> dict[str, np.ndarray]:
+        """Values drawn for `size` runs: those of `prepare`, from the same program, without compiling the loop."""
+        drawn, _, _ = self._compile_preparation(seed)(*self._inputs(seed, ids))
+        return {name: np.asarray(values) for name, values in drawn.items()}
+
     def prepare(self, seed: int, ids: np.ndarray) -> Block:
         """Dispersed values and initial states of `capacity` runs."""
         self.compile(seed)
         assert self._programs is not None
-        parts = [
-            self._programs[0](self._nominal, _master_key(seed), share)
-            for share in np.split(ids.astype(np.int32), len(self.devices))
-        ]
+        parts = [self._programs[0](*self._inputs(seed, share)) for share in np.split(ids, len(self.devices))]
         placed = [
             jax.device_put((self._nominal, drawn, state), device)
             for (drawn, _, state), device in zip(parts, self.devices, strict=True)
@@ -157,15 +175,15 @@ class Engine:
                 failed_at=np.concatenate([np.asarray(state.failed_at) for state in states]),
             )
 
-    def _prepare(self, nominal: Params, key: Array, ids: Array) -> tuple[Values, Values, State]:
-        def one(run_id: Array) -> tuple[Values, Values, State]:
+    def _prepare(self, nominal: Params, key: Array, ids: Array, given: Values) -> tuple[Values, Values, State]:
+        def one(run_id: Array, given: Values) -> tuple[Values, Values, State]:
             run_key = random.fold_in(key, run_id)
-            drawn = dispersions.draw(self.file, run_key)
+            drawn = dispersions.draw(self.file, run_key, given)
             dispersed = dispersions.apply(nominal, drawn)
             used = dispersions.read_back(dispersed, self.keys)
             return drawn, used, closed_loop.init(self.scenario, dispersed, run_key)
 
-        return jax.vmap(one, out_axes=(0, 0, _run_axes()))(ids)
+        return jax.vmap(one, out_axes=(0, 0, _run_axes()))(ids, given)
 
     def _advance(self, nominal: Params, values: Values, state: State) -> tuple[State, telemetry.Channels]:
         axes = _run_axes()

@@ -16,7 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, UInt8
 
-from rpojax.campaign import runner, single
+from rpojax.campaign import design, runner, single
+from rpojax.campaign.design import Population
 from rpojax.core.pytree import replace
 from rpojax.errors import ResultError, RpojaxError
 from rpojax.physics.plant import Truth
@@ -61,7 +62,16 @@ def fly_again(
         raise RpojaxError(f"run {run_id}: found replaced stages {sorted(stages)}, expected a run with a kept history")
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run"
-        flown = runner.run_campaign(file, 1, out, info["seed"], first_run=run_id, block_size=1, on_progress=on_progress)
+        flown = runner.run_campaign(
+            file,
+            1,
+            out,
+            info["seed"],
+            first_run=run_id,
+            block_size=1,
+            population=design.population_of(info),
+            on_progress=on_progress,
+        )
         return flown.history(run_id)
 
 
@@ -72,16 +82,23 @@ def last_tick(history: History) -> int:
 
 
 def pictures(
-    file: ScenarioFile, seed: int, run_id: int, history: History, ticks: Sequence[int]
+    file: ScenarioFile,
+    seed: int,
+    run_id: int,
+    history: History,
+    ticks: Sequence[int],
+    population: Population | None = None,
 ) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
     """Picture (p, p, 3), uint8 sRGB codes, and channels of each of some ticks of a run; one at a time is in memory.
+
+    `population` are the runs of its campaign, by default this one.
 
     Raises:
         ResultError: the history does not say what its pictures showed.
     """
     if missing := [name for name in _NEEDED if name not in history]:
         raise ResultError(f"run {run_id}: found no channel {missing[0]!r}, expected the history of a rendered camera")
-    static, chosen, state = single.dispersed(file, seed, run_id)
+    static, chosen, state = single.dispersed(file, seed, run_id, population)
     whole = len(history["time_s"])
     of_ticks = {name: values for name, values in history.items() if values.ndim and len(values) == whole}
     for tick in ticks:

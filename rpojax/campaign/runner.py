@@ -9,7 +9,8 @@ from typing import Any
 import jax
 import numpy as np
 
-from rpojax.campaign import admission, engine, replaced, store
+from rpojax.campaign import admission, design, engine, replaced, store
+from rpojax.campaign.design import Population
 from rpojax.campaign.engine import Block, Engine, Segment
 from rpojax.campaign.store import Campaign
 from rpojax.errors import RpojaxError
@@ -56,9 +57,12 @@ def run_campaign(
     force: bool = False,
     devices: Sequence[Any] | None = None,
     stages: Stages | None = None,
+    population: Population | None = None,
     on_progress: Report | None = None,
 ) -> Campaign:
     """Runs numbers `first_run` to `first_run + runs - 1` of a scenario into a new folder.
+
+    `population` are the runs that the design is made for, where they are more than these.
 
     Raises:
         RpojaxError: a number is out of range, the folder cannot be used, or memory or disk are too small.
@@ -72,9 +76,11 @@ def run_campaign(
     size = block_size or engine.block_size(file)
     used = _enough(devices, -(-runs // size))
     admission.check_size(file, runs, size, len(used), len(set(kept)), Path(out))
-    machine = Engine(file, size, used, stages)
+    given = design.make(file, seed, population or Population(first_run, runs))
+    machine = Engine(file, size, used, stages, given)
     described = replaced.describe(machine.stages)
-    result = store.create(Path(out), file, seed, runs, first_run, size, sorted(set(kept)), force, described)
+    wanted = sorted(set(kept))
+    result = store.create(Path(out), file, seed, runs, first_run, size, wanted, force, described, given.record())
     complete(result, machine, on_progress)
     return result
 
@@ -95,7 +101,9 @@ def resume_campaign(
     result = Campaign(directory)
     if missing := result.missing():
         replaced.check_same(result.info["stages"], stages or Stages())
-        machine = Engine(result.file, result.info["block_size"], _enough(None, len(missing)), stages)
+        file = result.file
+        given = design.of_campaign(file, result.info)
+        machine = Engine(file, result.info["block_size"], _enough(None, len(missing)), stages, given)
         complete(result, machine, on_progress)
     return result
 

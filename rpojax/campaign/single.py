@@ -3,9 +3,11 @@
 from functools import partial
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
-from rpojax.campaign import dispersions
+from rpojax.campaign import design, dispersions
+from rpojax.campaign.design import Population
 from rpojax.flight.computer import Stages
 from rpojax.simulation import closed_loop, params, scenario, telemetry
 from rpojax.simulation.closed_loop import State
@@ -20,17 +22,30 @@ def nominal(file: ScenarioFile) -> tuple[Scenario, Params]:
     return static, params.build(file.model_dump(), static.width_px, static.height_px)
 
 
-def dispersed(file: ScenarioFile, seed: int = 0, run_id: int = 0) -> tuple[Scenario, Params, State]:
-    """Static settings, dispersed numbers and initial state of one run of a campaign."""
+def dispersed(
+    file: ScenarioFile, seed: int = 0, run_id: int = 0, population: Population | None = None
+) -> tuple[Scenario, Params, State]:
+    """Static settings, dispersed numbers and initial state of one run of a campaign.
+
+    `population` are the runs of the campaign, on which the values of a Latin hypercube depend; by default this one.
+    """
     static, base = nominal(file)
     key = closed_loop.run_key(seed, run_id)
-    chosen = dispersions.apply(base, dispersions.draw(file, key))
+    rows = design.make(file, seed, population or Population(run_id, 1)).of_runs(np.array([run_id]))
+    given = {name: jnp.asarray(values[0]) for name, values in rows.items()}
+    chosen = dispersions.apply(base, dispersions.draw(file, key, given))
     return static, chosen, closed_loop.init(static, chosen, key)
 
 
-def simulate(file: ScenarioFile, seed: int = 0, run_id: int = 0, stages: Stages | None = None) -> dict[str, np.ndarray]:
+def simulate(
+    file: ScenarioFile,
+    seed: int = 0,
+    run_id: int = 0,
+    stages: Stages | None = None,
+    population: Population | None = None,
+) -> dict[str, np.ndarray]:
     """All channels of one run at every camera tick, time first, as a campaign's history holds them."""
-    static, chosen, state = dispersed(file, seed, run_id)
+    static, chosen, state = dispersed(file, seed, run_id, population)
     channels = jax.tree.map(np.asarray, _run(static, stages or Stages(), chosen, state))
     return {
         "time_s": np.arange(static.ticks) * static.tick_s,

@@ -63,8 +63,11 @@ def create(
     history_ids: list[int],
     force: bool,
     stages: Mapping[str, Any] | None = None,
+    design: Mapping[str, Any] | None = None,
 ) -> "Campaign":
-    """New campaign folder with its `campaign.json` and `scenario.toml`; `stages` are those replaced, as text.
+    """New campaign folder with its `campaign.json` and `scenario.toml`.
+
+    `stages` are those replaced, as text; `design` is the record of the design, by default that of just these runs.
 
     Raises:
         OutputError: the folder exists and `force` is not given, or it holds something that is no campaign.
@@ -82,6 +85,7 @@ def create(
         "block_size": block_size,
         "history_ids": history_ids,
         "stages": dict(stages or {}),
+        "design": dict(design or {"first_run": first_run, "runs": runs}),
         "versions": _versions(),
         "device": _device(),
         "dtype": "float64",
@@ -248,7 +252,7 @@ class Campaign:
         try:
             root = zarr.open_group(str(results), mode="r")
             if group not in root:
-                if group in ("drawn", "used") and not self.info["scenario"].get("dispersions"):
+                if group in ("drawn", "used") and not _disperses(self.info["scenario"]):
                     return {}
                 raise ResultError(f"{results / group}: found nothing, expected the arrays of a campaign")
             node = root[group]
@@ -354,6 +358,12 @@ class Campaign:
         if run_id not in self.history_ids:
             raise ResultError(f"run {run_id}: found no history, expected one of {self.history_ids}")
         return self._load(f"histories/{run_id}", [0])
+
+
+def _disperses(tables: Mapping[str, Any]) -> bool:
+    """Whether anything changes from run to run in a scenario's tables."""
+    design = tables.get("design")
+    return bool(tables.get("dispersions") or (isinstance(design, Mapping) and design.get("values")))
 
 
 @contextmanager

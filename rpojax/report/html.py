@@ -83,6 +83,7 @@ def _film(campaign: Results, shown: int | None) -> Seen:
         return Seen(None, "No full history was kept.")
     # Here, because it takes what a simulation takes.
     from rpojax.campaign import filming
+    from rpojax.campaign.design import population_of
     from rpojax.report import film
 
     if campaign.info["scenario"].get("camera", {}).get("model") != "rendered":
@@ -91,7 +92,8 @@ def _film(campaign: Results, shown: int | None) -> Seen:
         file = filming.scenario_of(campaign.info)
         history = campaign.history(shown)
         ticks = film.stills(history, filming.last_tick(history))
-        sheet = film.strip(filming.pictures(file, campaign.info["seed"], shown, history, ticks))
+        population = population_of(campaign.info)
+        sheet = film.strip(filming.pictures(file, campaign.info["seed"], shown, history, ticks, population))
     except RpojaxError as error:
         return Seen(None, f"The pictures cannot be taken again: {error}.")
     return Seen(write_atomically(campaign.directory / "figures" / "camera.jpg", film.jpeg(sheet)))

@@ -17,6 +17,7 @@ from rpojax.report.labels import CHANNELS, Channel, metric, number, ordered
 from rpojax.report.results import Results
 
 _MOST_FAILURES = 50
+_LONGEST_LINE = 4000
 _NEES_COMPONENTS = 12
 _NOMINAL_COVERAGE = 0.9973
 
@@ -177,8 +178,12 @@ def chosen_metrics(campaign: Results, run_id: int) -> list[tuple[str, str, str]]
 
 
 def scenario_lines(campaign: Results) -> list[str]:
-    """The resolved scenario as `section.key = value` lines, the form in which one value can be set from outside."""
-    return _flatten(campaign.info.get("scenario", {}), "")
+    """The resolved scenario as `section.key = value` lines, the form in which one value can be set from outside.
+
+    Long lines, such as columns of a design's table, are cut short.
+    """
+    lines = _flatten(campaign.info.get("scenario", {}), "")
+    return [line if len(line) <= _LONGEST_LINE else f"{line[:_LONGEST_LINE]} ..." for line in lines]
 
 
 def _timing(timing: Mapping[str, Any]) -> str:

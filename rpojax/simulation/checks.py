@@ -1,13 +1,10 @@
 """Checks of a scenario that span sections: rates that divide, a sane vehicle, dispersions that can be drawn."""
 
 import math
-from typing import Any
-
-import numpy as np
-from pydantic import ValidationError
 
 from rpojax.errors import ScenarioError
-from rpojax.simulation.schema import OrbitSection, ScenarioFile, nominal
+from rpojax.simulation.dispersion_checks import check_design, check_dispersions
+from rpojax.simulation.schema import OrbitSection, ScenarioFile
 
 _LOWEST_PERIGEE_M = 6.47e6
 """Some 100 km above the ground; nothing stays in orbit below [m]."""
@@ -42,9 +39,8 @@ def check_together(file: ScenarioFile) -> None:
             file.formation.desired_position_m,
             f"a place farther from the target than limits.keep_out_m = {file.limits.keep_out_m:g}",
         )
-    seen: set[str] = set()
-    for index, dispersion in enumerate(file.dispersions):
-        _check_dispersion(file, index, dispersion, seen)
+    check_dispersions(file)
+    check_design(file)
 
 
 def _check_orbit(orbit: OrbitSection) -> None:
@@ -86,64 +82,3 @@ def _check_burns(file: ScenarioFile) -> None:
 def _whole(ratio: float, key: str, found: float, expected: str) -> None:
     if not 0.5 <= ratio < math.inf or not math.isclose(ratio, round(ratio), rel_tol=1e-9):
         raise ScenarioError(key, found, expected)
-
-
-def _check_dispersion(file: ScenarioFile, index: int, dispersion: Any, seen: set[str]) -> None:
-    where = f"dispersions.{index}"
-    value = nominal(file, dispersion.key)
-    if value is None:
-        raise ScenarioError(
-            f"{where}.key", dispersion.key, "the key of a number in this scenario, such as 'servicer.mass_kg'"
-        )
-    if dispersion.key in seen:
-        raise ScenarioError(f"{where}.key", dispersion.key, "a key that no other dispersion draws")
-    seen.add(dispersion.key)
-    shape = np.shape(value)
-    expected = {"direction": (3,), "attitude": (4,), "small_rotation": (4,)}.get(dispersion.kind)
-    if expected is not None and shape != expected:
-        raise ScenarioError(f"{where}.kind", dispersion.kind, f"a key with {expected[0]} components")
-    sigma = getattr(dispersion, "sigma", getattr(dispersion, "sigma_deg", 0.0))
-    wanted = (3,) if dispersion.kind == "small_rotation" else shape
-    if np.ndim(sigma) and np.shape(sigma) != wanted:
-        raise ScenarioError(f"{where}.sigma", sigma, f"one number, or numbers of shape {wanted}")
-    if dispersion.kind == "choice":
-        named = any(isinstance(choice, str) for choice in dispersion.values)
-        if named != (dispersion.key == "fault.kind"):
-            expected_values = "kinds of fault" if dispersion.key == "fault.kind" else "numbers"
-            raise ScenarioError(f"{where}.values", dispersion.values, expected_values)
-        if any(np.shape(choice) != shape for choice in dispersion.values):
-            raise ScenarioError(f"{where}.values", dispersion.values, f"values of shape {shape}")
-    elif dispersion.key in ("fault.kind", "fault.wheel"):
-        raise ScenarioError(f"{where}.kind", dispersion.kind, f"'choice' for {dispersion.key}")
-    if dispersion.kind == "log_normal" and np.any(np.asarray(value) <= 0.0):
-        raise ScenarioError(f"{where}.key", dispersion.key, "a nominal value above zero for a log-normal")
-    _check_drawn_values(file, where, dispersion, value)
-
-
-def _check_drawn_values(file: ScenarioFile, where: str, dispersion: Any, value: Any) -> None:
-    """Values that a dispersion is sure to draw, or to come near to, must be acceptable for their key."""
-    candidates: dict[str, list[Any]] = {}
-    if dispersion.kind == "uniform":
-        candidates = {end: [np.full(np.shape(value), getattr(dispersion, end)).tolist()] for end in ("low", "high")}
-    elif dispersion.kind == "choice":
-        candidates = {"values": dispersion.values}
-    for name, drawn in candidates.items():
-        for candidate in drawn:
-            # The ends of a uniform, all components at once, are drawn by no run: only their limits one by one count.
-            fault = _fault(file, dispersion.key, candidate, whole=dispersion.kind == "choice")
-            if fault is not None:
-                found = getattr(dispersion, name) if dispersion.kind == "uniform" else candidate
-                raise ScenarioError(f"{where}.{name}", found, f"what {dispersion.key} can be: {fault}")
-
-
-def _fault(file: ScenarioFile, key: str, value: Any, whole: bool) -> str | None:
-    """Why a key cannot hold a value, or None if it can; `whole` counts checks of all components together too."""
-    section_name, _, name = key.partition(".")
-    section = getattr(file, section_name)
-    try:
-        type(section).model_validate({**section.model_dump(), name: value})
-    except ValidationError as error:
-        for fault in error.errors():
-            if whole or fault["type"] != "value_error":
-                return fault["msg"].removeprefix("Value error, expected ").removeprefix("Input should be ")
-    return None

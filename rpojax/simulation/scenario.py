@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from rpojax.errors import ScenarioError, UnknownKeyError
 from rpojax.physics.effects import Effects
-from rpojax.simulation import networks
+from rpojax.simulation import networks, table_file
 from rpojax.simulation.checks import check_together
 from rpojax.simulation.schema import ScenarioFile, epoch_seconds
 
@@ -77,6 +77,7 @@ def load(source: str | Path, overrides: Sequence[str] = ()) -> ScenarioFile:
     """Scenario from a packaged name or a TOML file, with `KEY=VALUE` overrides, checked.
 
     A file may say `extends = NAME_OR_PATH` and then needs only the keys that differ; its dispersions join the others.
+    The table of a design is read here, and its values are part of the scenario from then on.
 
     Raises:
         ScenarioError: the source is unknown or a key is not acceptable.
@@ -84,6 +85,7 @@ def load(source: str | Path, overrides: Sequence[str] = ()) -> ScenarioFile:
     tables = _read(source)
     for override in overrides:
         _override(tables, override)
+    _read_table(tables)
     return validate(tables)
 
 
@@ -124,6 +126,11 @@ def static(file: ScenarioFile) -> Scenario:
 def digest(file: ScenarioFile) -> str:
     """Hash of everything in a scenario that can change a number of a run; name, description, requirements cannot."""
     content = file.model_dump(mode="json", exclude={"name", "description", "requirements"})
+    if file.design.kind == "independent":
+        del content["design"]
+    elif file.design.kind == "grid":
+        # The order of a grid's keys says which run has which combination.
+        content["design"]["values"] = list(content["design"]["values"].items())
     if trained := networks.digests(content):
         content["trained"] = trained
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
@@ -147,12 +154,26 @@ def _read(source: str | Path, depth: int = 0) -> dict[str, Any]:
 
 
 def _anchor(tables: dict[str, Any], folder: Path) -> None:
-    """Paths of trained files start from the scenario's folder."""
+    """Paths of trained files and tables start from the scenario's folder."""
     imaging = tables.get("imaging")
     for key in networks.FILES:
         name = imaging.get(key) if isinstance(imaging, dict) else None
         if isinstance(name, str) and name != networks.PACKAGED and isinstance(imaging, dict):
             imaging[key] = str((folder / name).resolve())
+    design = tables.get("design")
+    if isinstance(design, dict) and isinstance(design.get("file"), str) and design["file"]:
+        design["file"] = str(folder.absolute() / design["file"])
+
+
+def _read_table(tables: dict[str, Any]) -> None:
+    """Puts the values of a design's table in place of its file, so that the scenario holds all that a run needs."""
+    design = tables.get("design")
+    if not isinstance(design, dict) or design.get("kind") != "table" or not isinstance(design.get("file"), str):
+        return
+    if design["file"] and design.get("values"):
+        raise ScenarioError("design.file", design["file"], "no file beside values")
+    if design["file"]:
+        tables["design"] = {**design, "file": "", "values": table_file.read(Path(design["file"]))}
 
 
 def _text(source: str | Path) -> tuple[str, Path]:
@@ -175,15 +196,21 @@ def _merge(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
         if key == "dispersions" and isinstance(old, list) and isinstance(value, list):
             merged[key] = _merge_dispersions(old, value)
             continue
+        if key == "design":
+            merged[key] = value
+            continue
         merged[key] = _merge(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
     return merged
 
 
 def _merge_dispersions(base: list[Any], changes: list[Any]) -> list[Any]:
-    """The base's dispersions, those of the same key replaced, the others added."""
-    keys = [entry.get("key") if isinstance(entry, dict) else None for entry in changes]
-    kept = [entry for entry in base if not (isinstance(entry, dict) and entry.get("key") in keys)]
-    return kept + changes
+    """The base's dispersions, those of the same key, or keys, replaced, the others added."""
+
+    def name(entry: Any) -> Any:
+        return (entry.get("key"), entry.get("keys")) if isinstance(entry, dict) else None
+
+    changed = [name(entry) for entry in changes]
+    return [entry for entry in base if name(entry) not in changed] + changes
 
 
 def _override(tables: dict[str, Any], override: str) -> None:
@@ -230,8 +257,8 @@ def _first_fault(error: ValidationError) -> ScenarioError:
 
 def _path(location: tuple[int | str, ...]) -> list[str]:
     """Key's path as a user wrote it: without the names that pydantic gives to the branches of a union."""
-    in_dispersion = len(location) > 2 and location[0] == "dispersions"
-    parts = [part for index, part in enumerate(location) if not (in_dispersion and index == 2)]
+    branch = {"dispersions": 2, "design": 1}.get(str(location[0])) if location else None
+    parts = [part for index, part in enumerate(location) if index != branch]
     return [str(part) for part in parts if not str(part).startswith(("constrained-", "list["))]
 
 

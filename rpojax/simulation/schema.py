@@ -53,6 +53,21 @@ def _invertible(value: list[list[float]]) -> list[list[float]]:
     return value
 
 
+def _covariance(value: list[list[float]]) -> list[list[float]]:
+    if any(len(row) != len(value) for row in value):
+        raise ValueError("expected as many columns as rows")
+    matrix = np.array(value)
+    sigma = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    # Of unit variances, so that metres beside millimetres per second do not hide a fault.
+    scale = np.outer(*(2 * [np.where(sigma > 0.0, sigma, 1.0)]))
+    correlation = matrix / scale
+    if not np.allclose(correlation, correlation.T, rtol=0.0, atol=1e-9):
+        raise ValueError("expected a symmetric matrix")
+    if np.any(np.diag(matrix) < 0.0) or np.linalg.eigvalsh(correlation)[0] < -1e-9:
+        raise ValueError("expected a positive semidefinite matrix")
+    return value
+
+
 def _as_text(value: Any) -> Any:
     """TOML has dates of its own; unquoted they arrive as such."""
     return value.isoformat() if isinstance(value, date) else value
@@ -98,6 +113,7 @@ Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4), AfterVal
 Rows3 = Annotated[list[Vector], Field(min_length=3, max_length=3)]
 Inertia = Annotated[Rows3, AfterValidator(_inertia)]
 Axes = Annotated[Rows3, AfterValidator(_invertible)]
+Covariance = Annotated[list[list[Finite]], Field(min_length=1, max_length=64), AfterValidator(_covariance)]
 Hull = Annotated[list[Vector], Field(min_length=4, max_length=64)]
 
 
@@ -450,8 +466,41 @@ class SmallRotation(Section):
     sigma_deg: NonNegative | list[NonNegative]
 
 
+class CorrelatedNormal(Section):
+    """Nominal values plus normal errors that depend on one another; a vector key stands for its components."""
+
+    keys: Annotated[list[str], Field(min_length=1, max_length=64)]
+    kind: Literal["correlated_normal"]
+    covariance: Covariance
+
+
+class Term(Section):
+    """A multiple of another number of the same run."""
+
+    key: str
+    factor: Finite
+
+
+class Derived(Section):
+    """What follows from other numbers of the same run, drawn or nominal: an offset plus a sum of terms."""
+
+    key: str
+    kind: Literal["derived"]
+    offset: Finite | list[Finite]
+    terms: Annotated[list[Term], Field(min_length=1, max_length=64)]
+
+
 Dispersion = Annotated[
-    Normal | TruncatedNormal | Uniform | LogNormal | Choice | RandomDirection | RandomAttitude | SmallRotation,
+    Normal
+    | TruncatedNormal
+    | Uniform
+    | LogNormal
+    | Choice
+    | RandomDirection
+    | RandomAttitude
+    | SmallRotation
+    | CorrelatedNormal
+    | Derived,
     Field(discriminator="kind"),
 ]
 
@@ -464,6 +513,47 @@ class RequirementSection(Section):
     limit: Finite
     probability: Annotated[float, Field(gt=0.0, lt=1.0, allow_inf_nan=False)]
     consumer_risk: Annotated[float, Field(gt=0.0, lt=0.5, allow_inf_nan=False)]
+
+
+class IndependentDesign(Section):
+    """Every run draws for itself."""
+
+    kind: Literal["independent"]
+
+
+class LatinHypercubeDesign(Section):
+    """Runs that fill the range of every dispersed number evenly."""
+
+    kind: Literal["latin_hypercube"]
+
+
+class SobolDesign(Section):
+    """Runs that fill the space of all dispersed numbers evenly."""
+
+    kind: Literal["sobol"]
+
+
+class TableDesign(Section):
+    """Values of some keys for each run, from a CSV file; once loaded, they are in `values` and `file` is empty."""
+
+    kind: Literal["table"]
+    file: str = ""
+    values: dict[str, list[Finite] | list[FaultKind]] = {}
+
+
+class GridDesign(Section):
+    """Every combination of some values of some keys; the last key changes from run to run."""
+
+    kind: Literal["grid"]
+    values: Annotated[
+        dict[str, Annotated[list[Finite] | list[list[Finite]] | list[FaultKind], Field(min_length=1)]],
+        Field(min_length=1, max_length=64),
+    ]
+
+
+Design = Annotated[
+    IndependentDesign | LatinHypercubeDesign | SobolDesign | TableDesign | GridDesign, Field(discriminator="kind")
+]
 
 
 class ScenarioFile(Section):
@@ -499,6 +589,7 @@ class ScenarioFile(Section):
     fault: FaultSection
     dispersions: list[Dispersion]
     requirements: list[RequirementSection] = []
+    design: Design = IndependentDesign(kind="independent")
 
 
 def nominal(file: ScenarioFile, key: str) -> Any:

@@ -30,7 +30,7 @@ def loss(
     maps = first_look.forward(fixed, images)
     keys = jax.random.split(key, images.shape[0])
     asked = jax.lax.stop_gradient(jax.vmap(_asked)(maps.heat, maps.edges, boxes, weight, keys))
-    cuts, frame = jax.vmap(lambda image, some: jax.vmap(lambda box: cut(image, box))(some))(images, asked)
+    cuts, frame = jax.vmap(cut)(images, asked)
     raw = NETWORK.apply({"params": params}, cuts.reshape(-1, *cuts.shape[2:]))
     raw = raw.reshape(*asked.shape[:2], 5)  # pyright: ignore[reportAttributeAccessIssue]
     edge, good, right = jax.vmap(_picture_loss)(raw, frame, asked, boxes, weight)

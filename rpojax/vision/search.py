@@ -9,11 +9,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.vision.detector import THRESHOLD, Params, detect
+from rpojax.vision.detector import Params, detect
 
 WINDOW_PX = 128
 FINEST_PX = 2048
 """Long side at which a picture is searched at its finest; larger ones are shrunk to it."""
+LEAST_SCORE = 0.65
+"""Score of all views together from which a box is told: a picture has many windows, and each may err."""
+_CANDIDATE = 0.4
+"""Score in one window from which a box is looked at more closely."""
 _FAR_PX = 72
 """Long side at which a picture is seen first, so that what fills it has room around it."""
 _STEP_PX = 80
@@ -24,6 +28,9 @@ _BORDER_PX = 2.0
 _INSIDE = 0.6
 _SAME_IOU = 0.4
 _CLOSE_PX = 44.0
+_MIRRORS = ((1, 1), (-1, 1), (1, -1), (-1, -1))
+_UNSEEN = 0.05
+"""Score of a view that shows no such box."""
 
 _detect = jax.jit(detect, static_argnums=2)
 
@@ -65,20 +72,21 @@ class _Window:
     scale: float
 
 
-def search(params: Params, image: np.ndarray, threshold: float = THRESHOLD) -> list[Box]:
+def search(params: Params, image: np.ndarray, threshold: float = LEAST_SCORE) -> list[Box]:
     """Boxes of spacecraft in sRGB codes (h, w, 3) in 0..1, by falling score."""
     height, width = image.shape[:2]
+    candidate = min(_CANDIDATE, threshold)
     kept: list[Box] = []
     for sides in _levels(max(height, width)):
         whole = max(sides) <= WINDOW_PX
         windows = [w for side in sides for w in _windows(image, min(side / max(height, width), 1.0))]
-        for box in _best_first(_found(params, windows, (height, width), threshold, whole)):
+        for box in _best_first(_found(params, windows, (height, width), candidate, whole)):
             if _is_new(box, kept):
                 kept.append(box)
     closer: list[Box] = []
     for box in kept:
-        seen = _closer(params, image, box, threshold)
-        if _is_new(seen, closer):
+        seen = _closer(params, image, box)
+        if seen is not None and seen.score >= threshold and _is_new(seen, closer):
             closer.append(seen)
     return _best_first(closer)
 
@@ -163,8 +171,33 @@ def _placed(window: _Window, edges: np.ndarray, score: float, shape: tuple[int, 
     return Box(float(left), float(top), float(right), float(bottom), score)
 
 
-def _closer(params: Params, image: np.ndarray, box: Box, threshold: float) -> Box:
-    """The box as a window sees it that is laid around it so that it has a middling size; itself where none agrees."""
+def _closer(params: Params, image: np.ndarray, box: Box) -> Box | None:
+    """The box as it is seen in a window around it and in that window's mirror images; None where none agrees.
+
+    The odds of all views count alike: what is a spacecraft in one of them alone rarely is one.
+    """
+    window = _around(image, box)
+    pixels = np.zeros((_BATCH, WINDOW_PX, WINDOW_PX, 3), np.float32)
+    for place, (across, down) in enumerate(_MIRRORS):
+        pixels[place] = window.pixels[::down, ::across]
+    result = _detect(params, jnp.asarray(pixels), _COUNT)
+    agreeing = []
+    for place, mirror in enumerate(_MIRRORS):
+        edges = _mirrored(np.asarray(result.box_px[place], np.float64), mirror)
+        scores = np.asarray(result.score[place], np.float64)
+        seen = [_placed(window, e, float(s), image.shape[:2]) for e, s in zip(edges, scores, strict=True)]
+        seen = [other for other in seen if other.overlap(box) >= 0.5]
+        agreeing += [max(seen, key=lambda other: other.score)] if seen else []
+    if not agreeing:
+        return None
+    scores = [box.score, *(other.score for other in agreeing)]
+    scores += [_UNSEEN] * (1 + len(_MIRRORS) - len(scores))
+    left, top, right, bottom = np.mean([[b.left, b.top, b.right, b.bottom] for b in agreeing], axis=0).tolist()
+    return Box(left, top, right, bottom, _joint(scores))
+
+
+def _around(image: np.ndarray, box: Box) -> _Window:
+    """A window with a box in the middle, shrunk so that the box has a middling size at most."""
     import cv2
 
     height, width = image.shape[:2]
@@ -181,12 +214,21 @@ def _closer(params: Params, image: np.ndarray, box: Box, threshold: float) -> Bo
     pad_left, pad_top = (max(0, min(WINDOW_PX - n, round(-v * scale))) for n, v in zip(sides, (left, top), strict=True))
     rest = WINDOW_PX - small.shape[0] - pad_top, WINDOW_PX - small.shape[1] - pad_left
     pixels = cv2.copyMakeBorder(small, pad_top, max(rest[0], 0), pad_left, max(rest[1], 0), cv2.BORDER_REPLICATE)
-    window = _Window(
-        np.asarray(pixels)[:WINDOW_PX, :WINDOW_PX], first[0] - pad_left / scale, first[1] - pad_top / scale, scale
-    )
-    seen = _found(params, [window], (height, width), 0.5 * threshold, whole=True)
-    agreeing = [other for other in seen if other.overlap(box) >= 0.5]
-    if not agreeing:
-        return box
-    best = max(agreeing, key=lambda other: other.score)
-    return dataclasses.replace(best, score=max(box.score, best.score))
+    corner = first[0] - pad_left / scale, first[1] - pad_top / scale
+    return _Window(np.asarray(pixels)[:WINDOW_PX, :WINDOW_PX], *corner, scale)
+
+
+def _mirrored(edges: np.ndarray, mirror: tuple[int, int]) -> np.ndarray:
+    """Boxes (n, 4) of a mirrored window in the window itself, and the other way round."""
+    left, top, right, bottom = edges.T
+    if mirror[0] < 0:
+        left, right = WINDOW_PX - right, WINDOW_PX - left
+    if mirror[1] < 0:
+        top, bottom = WINDOW_PX - bottom, WINDOW_PX - top
+    return np.stack([left, top, right, bottom], axis=1)
+
+
+def _joint(scores: list[float]) -> float:
+    """Score whose odds are the geometric mean of those of several."""
+    values = np.clip(scores, 1e-6, 1.0 - 1e-6)
+    return float(1.0 / (1.0 + np.exp(-np.mean(np.log(values / (1.0 - values))))))

@@ -54,7 +54,7 @@ def look(
     params: Params, image: Float[Array, "h w 3"], boxes: Float[Array, "n 4"]
 ) -> tuple[Float[Array, "n 4"], Float[Array, " n"]]:
     """Boxes [px] measured again in a picture of codes in 0..1, and how good each is (logit)."""
-    cuts, frame = jax.vmap(lambda box: cut(image, box))(boxes)
+    cuts, frame = cut(image, boxes)
     return to_boxes(NETWORK.apply({"params": params}, cuts), frame)  # pyright: ignore[reportArgumentType]
 
 
@@ -66,19 +66,24 @@ def to_boxes(raw: Float[Array, "n 5"], frame: Float[Array, "n 4"]) -> tuple[Floa
     return jnp.tile(corner, (1, 2)) + place * jnp.tile(side, (1, 2)), raw[:, 4]
 
 
-def cut(image: Float[Array, "h w 3"], box: Float[Array, "4"]) -> tuple[Float[Array, "32 32 4"], Float[Array, "4"]]:
-    """What lies around a box, stretched to a square, and where that is [px]; both differentiable in picture and box.
+def cut(
+    image: Float[Array, "h w 3"], boxes: Float[Array, "n 4"]
+) -> tuple[Float[Array, "n 32 32 4"], Float[Array, "n 4"]]:
+    """What lies around each box, stretched to a square, and where that is [px]; differentiable in picture and boxes.
 
     Colours are from -1 to 1 and 0 beyond the picture; the fourth channel is 1 within it.
     """
-    middle = 0.5 * (box[:2] + box[2:])
-    side = _AROUND * jnp.maximum(box[2:] - box[:2], 1.0) + _MARGIN_PX
+    height, width = image.shape[:2]
+    middle = 0.5 * (boxes[:, :2] + boxes[:, 2:])
+    side = _AROUND * jnp.maximum(boxes[:, 2:] - boxes[:, :2], 1.0) + _MARGIN_PX
     low = middle - 0.5 * side
-    across, in_x = _weights(low[0], side[0], image.shape[1])
-    down, in_y = _weights(low[1], side[1], image.shape[0])
-    color = jnp.einsum("yi,xj,ijc->yxc", down, across, 2.0 * image - 1.0, optimize=True)
-    inside = in_y[:, None, None] * in_x[None, :, None]
-    return jnp.concatenate([color, inside], axis=-1), jnp.concatenate([low, low + side])
+    across, in_x = jax.vmap(lambda start, length: _weights(start, length, width))(low[:, 0], side[:, 0])
+    down, in_y = jax.vmap(lambda start, length: _weights(start, length, height))(low[:, 1], side[:, 1])
+    # Rows of all boxes in one product of matrices, as the picture lies in memory.
+    rows = down.reshape(-1, height) @ image.reshape(height, -1)
+    color = jnp.einsum("nxj,nyjc->nyxc", across, rows.reshape(-1, CUT_PX, width, 3))
+    inside = in_y[:, :, None, None] * in_x[:, None, :, None]
+    return jnp.concatenate([2.0 * color - inside, inside], axis=-1), jnp.concatenate([low, low + side], axis=1)
 
 
 def _weights(low: Array, side: Array, count: int) -> tuple[Array, Array]:

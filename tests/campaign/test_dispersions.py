@@ -34,7 +34,7 @@ def draw(file: ScenarioFile, run_ids: Sequence[int] | np.ndarray, seed: int = 3)
     """Values of the given runs."""
 
     def one(run_id: jax.Array) -> dispersions.Values:
-        return dispersions.draw(file, random.fold_in(random.master_key(seed), run_id))
+        return dispersions.draw(file, random.fold_in(random.master_key(seed), run_id), {})
 
     return jax.tree.map(np.asarray, jax.jit(jax.vmap(one))(jnp.asarray(run_ids, dtype=jnp.int32)))
 
@@ -192,7 +192,7 @@ def test_the_value_used_is_the_value_drawn_for_every_key_there_is(mission: Scena
     file = dispersed(mission, *(_any_dispersion(key) for key in keys))
     static = scenario.static(file)
     nominal = params.build(file.model_dump(), static.width_px, static.height_px)
-    values = dispersions.draw(file, random.fold_in(random.master_key(0), 1))
+    values = dispersions.draw(file, random.fold_in(random.master_key(0), 1), {})
     used = dispersions.read_back(dispersions.apply(nominal, values), keys)
     for key in keys:
         np.testing.assert_allclose(used[key], values[key], rtol=LAST_DIGITS, err_msg=key)

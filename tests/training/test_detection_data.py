@@ -9,7 +9,8 @@ import pytest
 
 from rpojax.training import backdrops, detection_data, raytrace, spacecraft, sprites
 from rpojax.training.backdrops import Globe, backdrop
-from rpojax.training.detection_data import ANNOTATIONS, DatasetError, Sensor, composite, read, visible_box, write
+from rpojax.training.composites import Sensor, composite, visible_box
+from rpojax.training.detection_data import ANNOTATIONS, DatasetError, read, write
 from rpojax.training.sprites import Sprite
 
 cv2 = pytest.importorskip("cv2")

@@ -1,5 +1,6 @@
 """A picture of any size is searched whole and in windows; what windows see comes together in its own pixels."""
 
+import inspect
 import itertools
 
 import cv2
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from jaxtyping import Array
 
+from rpojax.detector_verbs import detect
 from rpojax.vision import search
 from rpojax.vision.detector import Detections
 from rpojax.vision.search import Box
@@ -71,6 +73,32 @@ def test_plates_far_apart_are_each_found_and_an_empty_picture_has_none(by_bright
     for plate, box in zip(plates, boxes, strict=True):
         assert box.overlap(Box(*(float(edge) for edge in plate), score=1.0)) > 0.8
     assert search.search({}, picture(300, 400)) == []
+
+
+def test_what_is_seen_in_one_view_alone_is_no_box(by_brightness: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    everywhere = search._detect
+
+    def once(params: object, images: Array, count: int) -> Detections:
+        found = everywhere(params, images, count)
+        first = np.arange(len(images))[:, None] == 0  # of the windows, and of the views the one that is not mirrored
+        return Detections(box_px=found.box_px, score=jnp.asarray(np.where(first, found.score, 0.01), jnp.float32))
+
+    image = picture(64, 100, (30, 10, 60, 25))
+    assert len(search.search({}, image)) == 1
+    monkeypatch.setattr(search, "_detect", once)
+    assert search.search({}, image) == []
+    assert len(search.search({}, image, threshold=0.001)) == 1
+
+
+@pytest.mark.parametrize("mirror", search._MIRRORS)
+def test_boxes_of_a_mirrored_window_come_back(mirror: tuple[int, int]) -> None:
+    image = picture(search.WINDOW_PX, search.WINDOW_PX, (20, 30, 60, 44))
+    seen = bright_boxes(image[:: mirror[1], :: mirror[0]])
+    np.testing.assert_array_equal(search._mirrored(np.array(seen, float), mirror), [[20, 30, 60, 44]])
+
+
+def test_the_verb_tells_boxes_from_the_same_score_on() -> None:
+    assert inspect.signature(detect).parameters["threshold"].default == search.LEAST_SCORE
 
 
 @pytest.mark.parametrize("long_side", [1, 100, 128, 200, 300, 1024, 5000, 20_000])
