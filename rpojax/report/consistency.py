@@ -127,6 +127,7 @@ def _mean(campaign: Results, name: str) -> dict[str, Any]:
     values = campaign.metrics[name]
     defined = np.asarray(values[np.isfinite(values)], dtype=np.float64)
     covers = name == _COVERAGE
+    kind = "coverage" if covers else name.partition("_")[0]
     expected = coverage_per_axis(3.0) if covers else float(_SIZES[name])
     made = interval_of_mean(defined) if independent(campaign) else None
     return {
@@ -137,7 +138,7 @@ def _mean(campaign: Results, name: str) -> dict[str, Any]:
         "interval_method": None if made is None else made[1],
         "expected": expected,
         "chance_interval_95": None if covers or not independent(campaign) else _chance(campaign, name, len(defined)),
-        "says": _says("coverage" if covers else name.partition("_")[0], made, expected),
+        "says": _says(kind, made[0], expected) if made is not None else _silence(campaign),
     }
 
 
@@ -158,10 +159,15 @@ def _updates(campaign: Results, name: str) -> np.ndarray:
     return np.where(campaign.completed, ticks * shares, np.nan)
 
 
-def _says(kind: str, made: tuple[list[float], str] | None, expected: float) -> str:
-    if made is None:
-        return "Too few independent runs to tell a departure from chance."
-    low, high = made[0]
+def _silence(campaign: Results) -> str:
+    """Why nothing is said where there is no interval."""
+    if independent(campaign):
+        return "Nothing: too few runs to tell a departure from chance."
+    return "Nothing, as the runs are not independent."
+
+
+def _says(kind: str, made: Sequence[float], expected: float) -> str:
+    low, high = made
     if low > expected:
         return f"Above: {_SAYS[kind][0]}."
     if high < expected:
@@ -217,13 +223,13 @@ def _whiteness(campaign: Results, name: str) -> dict[str, Any]:
         "outside": beyond / runs if runs else None,
         "outside_interval_95": None if interval is None else list(interval),
         "expected_outside": _EXPECTED_OUTSIDE,
-        "says": _says_of_whiteness(_WHITENESS[name], mean, interval),
+        "says": _silence(campaign)
+        if mean is None or interval is None
+        else _says_of_whiteness(_WHITENESS[name], mean, interval),
     }
 
 
-def _says_of_whiteness(source: str, mean: float | None, interval: tuple[float, float] | None) -> str:
-    if mean is None or interval is None:
-        return "Too few independent runs to tell a departure from chance."
+def _says_of_whiteness(source: str, mean: float, interval: tuple[float, float]) -> str:
     if interval[0] <= _EXPECTED_OUTSIDE:
         return "Not more often beyond the bound than white innovations, 5 % of runs."
     if mean > 0.0:

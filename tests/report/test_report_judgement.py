@@ -121,6 +121,7 @@ def test_runs_that_are_not_independent_get_labels_in_place_of_intervals_and_verd
     assert content["design"] == {"kind": kind, "independent": False}
     stated = {place: value for place, value in _intervals(content).items() if value is not None}
     assert stated == {}
+    assert {entry["says"] for entry in content["consistency"]["means"]} == {"Nothing, as the runs are not independent."}
     assert any("are not independent of one another" in sentence for sentence in content["limits"])
     assert "so there is no rank, no interval and no verdict" in path.read_text()
 
