@@ -187,7 +187,7 @@ def test_the_reports_command_flies_a_run_again_to_the_last_bit_without_the_overr
 ) -> None:
     monkeypatch.chdir(tmp_path)
     page = html.unescape((finished / "report.html").read_text())
-    found = re.search(r"<dd>rpojax (run [^<]*) --run-id I --out DIR</dd>", page)
+    found = re.search(r"<dd>rpojax (rerun [^<]*) --run-id I --out DIR</dd>", page)
     assert found
     result = call(*shlex.split(found[1]), "--run-id", 2, "--out", "again", "--json")
     assert result.status == 0

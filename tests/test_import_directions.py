@@ -42,7 +42,7 @@ LEFT_TO_RIGHT = {
     "params camera closed_loop metrics",
     "campaign": "files admission description manifests encoding reading creation store design sources dispersions "
     "engine plan retention recording replaced flying executors cluster runner rerun",
-    "analysis": "chance order_statistics proportions precision consistency dependence sensitivity requirements "
+    "analysis": "chance laws order_statistics proportions precision consistency dependence sensitivity requirements "
     "comparison convergence linear_covariance worst_case tuning camera_calibration lasting_errors",
     "top": "machine console outputs verb_parts plan_verb compare_verb campaign_verbs field_verbs detector_verbs "
     "calibration_verb cli __main__",

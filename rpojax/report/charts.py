@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from rpojax.analysis.consistency import AverageNees
 from rpojax.analysis.order_statistics import percentiles_over_runs
 from rpojax.report.labels import Channel, Metric
 from rpojax.report.style import BLUE, FAINT, FONT, GREEN, GRID, INK, MUTED, VERMILLION
@@ -15,7 +16,9 @@ _MOST_POINTS = 800
 _MOST_BINS = 36
 _RUNS_FOR_5_95 = 20
 _RUNS_FOR_1_99 = 100
+BLANK = {"text": ""}
 _OUTER_FILL = "rgba(0, 114, 178, 0.13)"
+_SHADE = "rgba(0, 158, 115, 0.25)"
 _INNER_FILL = "rgba(0, 114, 178, 0.26)"
 
 
@@ -78,15 +81,16 @@ def histogram(shown: Metric, values: np.ndarray) -> Chart:
         "marker": {"color": BLUE, "opacity": 0.75, "line": {"width": 0}},
         "hovertemplate": "%{y} runs near %{x}<extra></extra>",
     }
-    layout = _layout(shown.unit, "runs")
-    layout["bargap"] = 0
-    layout["showlegend"] = False
-    layout["shapes"] = [
+    found = layout(shown.unit, "runs")
+    found["bargap"] = 0
+    found["yaxis"]["automargin"] = True
+    found["showlegend"] = False
+    found["shapes"] = [
         _marker_line(float(np.percentile(values, 50)), "solid"),
         _marker_line(float(np.percentile(values, 1 if shown.low_is_bad else 99)), "dash"),
     ]
-    layout["margin"] = {"l": 42, "r": 10, "t": 6, "b": 36}
-    return {"data": [bars], "layout": layout}
+    found["margin"] = {"l": 42, "r": 10, "t": 6, "b": 36}
+    return {"data": [bars], "layout": found}
 
 
 def binned(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -112,6 +116,20 @@ def reference_lines(chart: Chart, unit: str, levels: Sequence[tuple[float, str]]
     return chart
 
 
+def average(channel: Channel, time_s: np.ndarray, found: AverageNees, interval: bool) -> Chart:
+    """Chart of the average over runs of NEES over time [s], with its expectation and, if wanted, its 95 % interval."""
+    shown = np.flatnonzero(np.isfinite(found.mean))
+    shown = shown[:: max(1, -(-len(shown) // _MOST_POINTS))]
+    time = compact(time_s[shown])
+    traces: list[dict[str, Any]] = []
+    if interval:
+        low, high = compact(found.low[shown]), compact(found.high[shown])
+        traces += band(time, low, high, "95 % of a consistent filter", _SHADE)
+    traces.append(_line(channel, time, found.mean[shown], "average over runs", BLUE, 1.8))
+    chart = {"data": traces, "layout": _time_layout(channel, traces)}
+    return reference_lines(chart, channel.unit, [(float(found.components), "expected")])
+
+
 def _bands(channel: Channel, time: list[float | None], values: np.ndarray) -> list[dict[str, Any]]:
     runs = len(values)
     if runs < 2:
@@ -130,11 +148,24 @@ def _band(
     whole = percents == (0.0, 100.0)
     name = "smallest to largest" if whole else f"{percents[0]:.0f}\N{EN DASH}{percents[1]:.0f} %"
     ends = ("smallest", "largest") if whole else tuple(f"{percent:.0f} %" for percent in percents)
-    edge = {"type": "scatter", "mode": "lines", "x": time, "line": {"width": 0, "color": BLUE}, "legendgroup": name}
-    edges = [
-        {**edge, "y": _drawable(channel, values), "name": name, "hovertemplate": _hover(channel, end)}
-        for values, end in zip((low, high), ends, strict=True)
-    ]
+    drawn = band(time, _drawable(channel, low), _drawable(channel, high), name, fill)
+    return [{**edge, "hovertemplate": _hover(channel, end)} for edge, end in zip(drawn, ends, strict=True)]
+
+
+def line(
+    x: list[float | None], y: list[float | None], name: str, color: str, width: float, dash: str = "solid"
+) -> dict[str, Any]:
+    """A line through points, with its name in the legend."""
+    style = {"color": color, "width": width, "dash": dash}
+    return {"type": "scatter", "mode": "lines", "x": x, "y": y, "name": name, "line": style}
+
+
+def band(
+    x: list[float | None], low: list[float | None], high: list[float | None], name: str, fill: str
+) -> list[dict[str, Any]]:
+    """An area between two lines, with its name in the legend."""
+    edge = {"type": "scatter", "mode": "lines", "x": x, "line": {"width": 0, "color": BLUE}, "legendgroup": name}
+    edges = [{**edge, "y": y, "name": name} for y in (low, high)]
     return [{**edges[0], "showlegend": False}, {**edges[1], "fill": "tonexty", "fillcolor": fill}]
 
 
@@ -147,15 +178,8 @@ def _line(
     width: float,
     dash: str = "solid",
 ) -> dict[str, Any]:
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "x": time,
-        "y": _drawable(channel, values),
-        "name": name,
-        "line": {"color": color, "width": width, "dash": dash},
-        "hovertemplate": _hover(channel, name),
-    }
+    drawn = line(time, _drawable(channel, values), name, color, width, dash)
+    return {**drawn, "hovertemplate": _hover(channel, name)}
 
 
 def _drawable(channel: Channel, values: np.ndarray) -> list[float | None]:
@@ -167,16 +191,22 @@ def _hover(channel: Channel, name: str) -> str:
 
 
 def _time_layout(channel: Channel, traces: list[dict[str, Any]]) -> dict[str, Any]:
-    layout = _layout("", f"[{channel.unit}]" if channel.unit else "[-]")
-    layout["xaxis"]["ticksuffix"] = " s"
-    layout["hovermode"] = "x unified"
-    layout["legend"] = {"orientation": "h", "x": 0, "y": -0.13, "yanchor": "top", "font": {"size": 11}}
-    if channel.logarithmic:
+    found = layout("", f"[{channel.unit}]" if channel.unit else "[-]")
+    found["xaxis"]["ticksuffix"] = " s"
+    found["hovermode"] = "x unified"
+    found["legend"] = {"orientation": "h", "x": 0, "y": -0.13, "yanchor": "top", "font": {"size": 11}}
+    if channel.logarithmic and _spans_decades(traces):
         minor = {"showgrid": True, "gridcolor": FAINT}
-        layout["yaxis"].update(type="log", tickformat="~g", dtick=_log_step(traces), minor=minor)
-    else:
-        layout["yaxis"]["rangemode"] = "tozero"
-    return layout
+        found["yaxis"].update(type="log", tickformat="~g", dtick=_log_step(traces), minor=minor)
+    elif not channel.logarithmic:
+        found["yaxis"]["rangemode"] = "tozero"
+    return found
+
+
+def _spans_decades(traces: list[dict[str, Any]]) -> bool:
+    """Whether values differ so much that a linear axis would hide the small ones."""
+    shown = [value for trace in traces for value in trace["y"] if value is not None]
+    return not shown or max(shown) > 5.0 * min(shown)
 
 
 def _log_step(traces: list[dict[str, Any]]) -> str | int:
@@ -185,7 +215,8 @@ def _log_step(traces: list[dict[str, Any]]) -> str | int:
     return "D2" if shown and max(shown) < 3e3 * min(shown) else 1
 
 
-def _layout(x_title: str, y_title: str) -> dict[str, Any]:
+def layout(x_title: str, y_title: str) -> dict[str, Any]:
+    """Plotly's layout of a chart with two titled axes."""
     ticks = {"ticks": "outside", "tickcolor": GRID, "ticklen": 4}
     # Plain decimals: with a prefix, as plotly has it by default, a share of 0.00025 would be "250u".
     axis = {"gridcolor": GRID, "linecolor": MUTED, "zeroline": False, "exponentformat": "none", **ticks}

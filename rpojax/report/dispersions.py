@@ -6,11 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.dependence import rank_correlation
+from rpojax.analysis.chance import holm
+from rpojax.analysis.dependence import rank_correlations
+from rpojax.analysis.laws import Marginal, fit_p, marginals, nominal
 from rpojax.report.charts import binned, compact
+from rpojax.report.design import independent
 from rpojax.report.labels import metric, number, ordered
+from rpojax.report.leading import varies
 from rpojax.report.results import Results
 
+LEVEL = 0.01
+"""Chance below which a drawn distribution is called doubtful."""
 _FEWEST_RUNS = 10
 _MOST_POINTS = 1500
 
@@ -19,7 +25,9 @@ _MOST_POINTS = 1500
 class Dispersion:
     """One dispersed scalar over all runs, in the unit of its key, and what the scenario says of it.
 
-    `nominal` and `declared` are texts, empty where the scenario is silent; `bars` are bin heights from 0 to 1.
+    `nominal` and `declared` are texts, empty where the scenario is silent; `p` is that of the drawn values under the
+    declared law, corrected for the number of scalars; `bars` are bin heights, `curve` those that the law expects, both
+    over the greatest of them.
     """
 
     key: str
@@ -29,7 +37,21 @@ class Dispersion:
     std: float | None
     minimum: float
     maximum: float
+    law_mean: float | None
+    law_std: float | None
+    p: float | None
     bars: list[float]
+    curve: list[float]
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether the drawn values contradict the declared law beyond chance."""
+        return self.p is not None and self.p < LEVEL
+
+    def content(self) -> dict[str, Any]:
+        """Part of report.json."""
+        names = ("key", "nominal", "declared", "mean", "std", "minimum", "maximum", "law_mean", "law_std", "p")
+        return {name: getattr(self, name) for name in names}
 
 
 def scalars(campaign: Results) -> dict[str, np.ndarray]:
@@ -44,10 +66,19 @@ def scalars(campaign: Results) -> dict[str, np.ndarray]:
 
 
 def as_drawn(campaign: Results) -> list[Dispersion]:
-    """Mean, standard deviation, extremes and shape of every dispersed scalar, in drawing order."""
-    scenario = campaign.info.get("scenario", {})
-    found = {key: values[np.isfinite(values)] for key, values in scalars(campaign).items()}
-    return [_describe(scenario, key, values) for key, values in found.items() if len(values)]
+    """Every dispersed scalar in drawing order, drawn beside declared; a turned quaternion as its rotation vector.
+
+    P-values are None for constants, unknown laws and runs that are not independent.
+    """
+    scenario, known = campaign.info.get("scenario", {}), independent(campaign)
+    found = [
+        Marginal(one.name, one.values[np.isfinite(one.values)], one.law) for one in marginals(scenario, campaign.drawn)
+    ]
+    found = [one for one in found if len(one.values)]
+    tested = [one for one in found if known and one.law is not None and len(one.values) >= _FEWEST_RUNS]
+    chances = holm(np.array([fit_p(one.values, one.law) for one in tested if one.law is not None]))
+    by_name = {one.name: float(chance) for one, chance in zip(tested, chances, strict=True)}
+    return [_describe(scenario, one, by_name.get(one.name)) for one in found]
 
 
 def explorer(campaign: Results) -> dict[str, Any] | None:
@@ -58,7 +89,7 @@ def explorer(campaign: Results) -> dict[str, Any] | None:
     """
     inputs = {key: values for key, values in scalars(campaign).items() if np.ptp(values) > 0.0}
     found = campaign.metrics
-    metrics = {name: found[name] for name in ordered(found) if _varies(found[name])}
+    metrics = {name: found[name] for name in ordered(found) if varies(found[name])}
     if not inputs or not metrics:
         return None
     return {
@@ -77,39 +108,35 @@ def explorer(campaign: Results) -> dict[str, Any] | None:
     }
 
 
-def _varies(values: np.ndarray) -> bool:
-    defined = values[np.isfinite(values)]
-    return len(defined) >= _FEWEST_RUNS and float(np.ptp(defined)) > 0.0
-
-
-def _ranks(values: np.ndarray, inputs: dict[str, np.ndarray]) -> dict[str, float]:
+def _ranks(values: np.ndarray, inputs: Mapping[str, np.ndarray]) -> dict[str, float]:
     defined = np.isfinite(values)
-    found = {key: rank_correlation(drawn[defined], values[defined]) for key, drawn in inputs.items()}
-    return {key: round(rank, 4) for key, rank in found.items() if rank is not None}
+    columns = {key: drawn[defined] for key, drawn in inputs.items() if np.ptp(drawn[defined]) > 0.0}
+    if not columns:
+        return {}
+    found = rank_correlations(np.stack(list(columns.values()), axis=1), values[defined])
+    return dict(zip(columns, np.round(found, 4).tolist(), strict=True))
 
 
-def _describe(scenario: Mapping[str, Any], key: str, values: np.ndarray) -> Dispersion:
-    counts, _ = binned(values)
+def _describe(scenario: Mapping[str, Any], one: Marginal, p: float | None) -> Dispersion:
+    values, law = one.values, one.law
+    counts, edges = binned(values)
+    expected = np.zeros(0) if law is None else len(values) * np.diff(law.cdf(edges))
+    top = max(counts.max(), expected.max(initial=0.0))
+    start = nominal(scenario, one.name)
     return Dispersion(
-        key=key,
-        nominal=_nominal(scenario, key),
-        declared=_declared(scenario, key),
+        key=one.name,
+        nominal=number(float(start)) if isinstance(start, int | float) else "",
+        declared=_declared(scenario, one.name),
         mean=float(values.mean()),
         std=float(values.std(ddof=1)) if len(values) > 1 else None,
         minimum=float(values.min()),
         maximum=float(values.max()),
-        bars=[round(float(count), 3) for count in counts / counts.max()],
+        law_mean=None if law is None else float(law.mean()),
+        law_std=None if law is None else float(law.std()),
+        p=p,
+        bars=[round(float(count / top), 3) for count in counts],
+        curve=[round(float(count / top), 3) for count in expected],
     )
-
-
-def _nominal(scenario: Mapping[str, Any], key: str) -> str:
-    path, _, component = key.partition("[")
-    value: Any = scenario
-    for part in path.split("."):
-        value = value.get(part) if isinstance(value, Mapping) else None
-    if component and isinstance(value, list):
-        value = value[int(component.rstrip("]"))]
-    return number(float(value)) if isinstance(value, int | float) else ""
 
 
 def _declared(scenario: Mapping[str, Any], key: str) -> str:

@@ -3,7 +3,6 @@
 import base64
 import json
 import re
-import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -15,13 +14,27 @@ from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.report import detections, dispersions, faults, sections
+from rpojax.report import (
+    causes,
+    commands,
+    consistency,
+    convergence,
+    detections,
+    dispersions,
+    faults,
+    requirements,
+    safety,
+    sections,
+    sensitivity,
+    worst,
+)
 from rpojax.report.charts import Chart
+from rpojax.report.content import report_content
 from rpojax.report.figures import lacking, write_figures
 from rpojax.report.files import write_atomically
-from rpojax.report.labels import number
+from rpojax.report.labels import chance, number
 from rpojax.report.results import Results
-from rpojax.report.summary import choose_run, summarise
+from rpojax.report.summary import choose_run
 
 _CAPTIONS = {
     "bearing_and_range.png": "Bearing unit vector from servicer to target in the Hill frame (left) and range from the "
@@ -45,7 +58,7 @@ def write_report(campaign: Results, run_id: int | None = None, film: bool = True
     `run_id` is kept.
     """
     shown = choose_run(campaign, run_id)
-    summary = summarise(campaign)
+    content = report_content(campaign)
     _refuse_links(campaign.directory / "figures")
     figures: dict[str, Path] = {}
     left_out: dict[str, list[str]] = {}
@@ -53,11 +66,10 @@ def write_report(campaign: Results, run_id: int | None = None, film: bool = True
         title = f"{campaign.info.get('name', 'campaign')}, run {shown}"
         history = campaign.history(shown)
         figures, left_out = write_figures(history, campaign.directory / "figures", title), lacking(history)
-    lines = detections.by_range(campaign.history(run) for run in sorted(campaign.history_ids))
     seen = _film(campaign, shown) if film else Seen(None, "It was left out by --no-film.")
-    page = _page(campaign, summary, shown, figures, left_out, lines, seen)
-    content = json.dumps({**summary, "detections": lines}, indent=2, allow_nan=False) + "\n"
-    write_atomically(campaign.directory / "report.json", content.encode())
+    page = _page(campaign, content, shown, figures, left_out, seen)
+    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
+    write_atomically(campaign.directory / "report.json", text.encode())
     return write_atomically(campaign.directory / "report.html", page.encode())
 
 
@@ -100,59 +112,124 @@ def _film(campaign: Results, shown: int | None) -> Seen:
 
 def _page(
     campaign: Results,
-    summary: Mapping[str, Any],
+    content: Mapping[str, Any],
     shown: int | None,
     figures: Mapping[str, Path],
     left_out: Mapping[str, list[str]],
-    lines: list[dict[str, Any]],
     seen: Seen,
 ) -> str:
-    folder = jinja2.FileSystemLoader(Path(__file__).parent)
+    drawn = _drawings(campaign, content)
+    return (
+        _environment()
+        .get_template("template.html")
+        .render(
+            name=campaign.info.get("name", "campaign"),
+            description=campaign.info.get("description", ""),
+            again=partial(commands.again, campaign),
+            resume=commands.resume(campaign),
+            runs=content["runs"],
+            independent=content["design"]["independent"],
+            scenario=sections.scenario_lines(campaign),
+            limits=content["limits"],
+            page_data=_script_json({"charts": drawn.charts, "explorer": drawn.explorer}),
+            plotly=Markup(get_plotlyjs()),
+            **drawn.places,
+            **_tables(campaign, content),
+            **_one_run(campaign, content, shown, figures, left_out, seen),
+        )
+    )
+
+
+def _environment() -> jinja2.Environment:
     environment = jinja2.Environment(
-        loader=folder, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=jinja2.FileSystemLoader(Path(__file__).parent),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     environment.filters["number"] = number
     environment.filters["breakable"] = _breakable
-    curves = sections.envelopes(campaign)
-    bars = sections.histograms(campaign, summary)
-    charts: dict[str, Chart] = {f"envelope-{name}": chart for name, (_, chart) in curves.items()}
-    charts.update({f"histogram-{entry['name']}": entry["chart"] for entry in bars if entry["chart"] is not None})
+    environment.filters["chance"] = chance
+    return environment
+
+
+@dataclass(frozen=True)
+class Drawings:
+    """Charts by name, data of the explorer, and what the template needs to place them."""
+
+    charts: dict[str, Chart]
+    explorer: dict[str, Any] | None
+    places: dict[str, Any]
+
+
+def _drawings(campaign: Results, content: Mapping[str, Any]) -> Drawings:
+    curves, averages = sections.envelopes(campaign), consistency.charts(campaign)
+    bars = sections.histograms(campaign, content)
+    settling = {} if content["convergence"] is None else convergence.charts(content["convergence"])
     explorer = dispersions.explorer(campaign)
-    return environment.get_template("template.html").render(
-        name=campaign.info.get("name", "campaign"),
-        description=campaign.info.get("description", ""),
-        again=partial(sections.again, campaign),
-        resume=f"rpojax resume {shlex.quote(str(campaign.directory))}",
-        runs=summary["runs"],
-        identity=sections.identity(campaign, summary),
-        tiles=sections.tiles(summary),
-        metric_rows=sections.metric_rows(campaign, summary),
-        envelopes=[channel for channel, _ in curves.values()],
-        consistency=sections.consistency(campaign, summary),
-        histograms=bars,
-        constants=[entry for entry in bars if entry["chart"] is None and entry["defined"]],
-        undefined=[entry["metric"].title for entry in bars if not entry["defined"]],
-        dispersions=dispersions.as_drawn(campaign),
-        explorer=explorer is not None,
-        failures=sections.failures(summary),
-        faults={"rows": faults.by_kind(campaign), "headings": faults.headings()},
-        shown=shown,
-        shown_metrics=[] if shown is None else sections.chosen_metrics(campaign, shown),
-        detections=detections.rows(lines),
-        rendered=campaign.info.get("scenario", {}).get("camera", {}).get("model") == "rendered",
-        film="" if seen.strip is None else _data_url(seen.strip),
-        no_film=seen.reason,
-        film_command=f"rpojax film {shlex.quote(str(campaign.directory))} --run-id {shown} --out film.mp4",
-        figures=[(_CAPTIONS[name], _data_url(path)) for name, path in figures.items()],
-        left_out=[
+    charts: dict[str, Chart] = {f"envelope-{name}": chart for name, (_, chart) in curves.items()}
+    charts |= {f"average-{name}": chart for name, (_, chart) in averages.items()}
+    charts |= {f"histogram-{entry['name']}": entry["chart"] for entry in bars if entry["chart"] is not None}
+    charts |= {f"convergence-{name}": chart for name, (_, chart) in settling.items()}
+    charts |= {f"sensitivity-{entry['metric']}": sensitivity.chart(entry) for entry in content["sensitivity"]}
+    places = {
+        "envelopes": [channel for channel, _ in curves.values()],
+        "averages": [channel for channel, _ in averages.values()],
+        "histograms": bars,
+        "constants": [entry for entry in bars if entry["chart"] is None and entry["defined"]],
+        "undefined": [entry["metric"].title for entry in bars if not entry["defined"]],
+        "convergence": [(name, title) for name, (title, _) in settling.items()],
+        "explorer": explorer is not None,
+    }
+    return Drawings(charts, explorer, places)
+
+
+def _tables(campaign: Results, content: Mapping[str, Any]) -> dict[str, Any]:
+    found = content["consistency"]
+    return {
+        "identity": sections.identity(campaign, content),
+        "requirements": requirements.rows(content["requirements"]),
+        "tiles": sections.tiles(content),
+        "metric_rows": sections.metric_rows(campaign, content),
+        "safety": safety.rows(content["safety"]),
+        "entries": content["safety"]["entries"]["run_ids"],
+        "consistency": {
+            "means": consistency.mean_rows(found),
+            "instants": consistency.time_rows(found),
+            "whiteness": consistency.whiteness_rows(found),
+        },
+        "dispersions": dispersions.as_drawn(campaign),
+        "sensitivity": content["sensitivity"],
+        "failures": sections.failures(content),
+        "causes": [(one, causes.rows(one), causes.sentence(one)) for one in content["failure_causes"]],
+        "faults": {"rows": faults.by_kind(campaign), "headings": faults.headings()},
+        "worst": worst.rows(content["worst_runs"]),
+    }
+
+
+def _one_run(
+    campaign: Results,
+    content: Mapping[str, Any],
+    shown: int | None,
+    figures: Mapping[str, Path],
+    left_out: Mapping[str, list[str]],
+    seen: Seen,
+) -> dict[str, Any]:
+    return {
+        "shown": shown,
+        "shown_metrics": [] if shown is None else sections.chosen_metrics(campaign, shown),
+        "detections": detections.rows(content["detections"]),
+        "rendered": campaign.info.get("scenario", {}).get("camera", {}).get("model") == "rendered",
+        "film": "" if seen.strip is None else _data_url(seen.strip),
+        "no_film": seen.reason,
+        "film_command": commands.film(campaign, shown),
+        "figures": [(_CAPTIONS[name], _data_url(path)) for name, path in figures.items()],
+        "left_out": [
             f"{name} is left out: of this run the channels {', '.join(channels)} were not kept."
             for name, channels in left_out.items()
         ],
-        scenario=sections.scenario_lines(campaign),
-        limits=sections.limits(campaign, summary),
-        page_data=_script_json({"charts": charts, "explorer": explorer}),
-        plotly=Markup(get_plotlyjs()),
-    )
+    }
 
 
 def _breakable(text: str) -> Markup:

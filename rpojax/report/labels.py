@@ -140,6 +140,11 @@ def ordered(names: Iterable[str]) -> list[str]:
     return sorted(names, key=lambda name: (places.get(name, len(places)), name))
 
 
+def with_unit(text: str, unit: str) -> str:
+    """A number's text and its unit, which is empty for a pure number."""
+    return f"{text} {unit}" if unit else text
+
+
 def number(value: float | None, digits: int = 4) -> str:
     """`value` with `digits` significant digits, whole numbers without decimals, and a dash for None or NaN."""
     if value is None or not math.isfinite(value):
@@ -150,3 +155,8 @@ def number(value: float | None, digits: int = 4) -> str:
     if magnitude < -6 or magnitude > 6:
         return f"{value:.{digits - 1}e}"
     return f"{value:.{max(0, digits - 1 - magnitude)}f}"
+
+
+def chance(p: float | None) -> str:
+    """A p-value with two significant digits, and a dash for None."""
+    return number(None) if p is None else f"{p:.2g}"

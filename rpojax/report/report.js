@@ -3,14 +3,20 @@
   const data = JSON.parse(document.getElementById("page-data").textContent);
   const buttons = [["toImage", "zoom2d", "pan2d", "resetScale2d"]];
   const config = { responsive: true, displaylogo: false, plotlyServerURL: "", modeBarButtons: buttons };
+  const paperWidth = 690;
   const quiet = { ...config, displayModeBar: false };
 
   function drawNext(waiting) {
     const place = waiting.shift();
     if (!place) return;
     const chart = data.charts[place.dataset.chart];
-    Plotly.newPlot(place, chart.data, chart.layout, place.classList.contains("small") ? quiet : config);
+    Plotly.newPlot(place, chart.data, chart.layout, place.classList.contains("tall") ? config : quiet);
     setTimeout(() => drawNext(waiting), 0);
+  }
+
+  // Plotly takes markup in texts; names are none.
+  function asText(name) {
+    return name.replaceAll("&", "&amp;").replaceAll("<", "&lt;");
   }
 
   function fill(select, entries) {
@@ -33,7 +39,7 @@
       const line = (x) => ({ type: "line", yref: "paper", y0: 0, y1: 1, x0: x, x1: x, line: { color: "#5b6776", dash: "dot", width: 1.5 } });
       const colors = ranks.map(([key]) => (key === input ? "#D55E00" : "#0072B2"));
       Plotly.react("rank-chart", [{
-        type: "bar", orientation: "h", x: ranks.map((r) => r[1]), y: ranks.map((r) => r[0]),
+        type: "bar", orientation: "h", x: ranks.map((r) => r[1]), y: ranks.map((r) => asText(r[0])), customdata: ranks.map((r) => r[0]),
         marker: { color: colors, opacity: 0.8 }, hovertemplate: "%{y}: %{x:.3f}<extra></extra>",
       }], {
         ...base, shapes: [line(metric.chance), line(-metric.chance)],
@@ -47,7 +53,7 @@
       Plotly.react("scatter-chart", [{
         type: "scatter", mode: "markers", x: explorer.inputs[input], y: metric.values, text: explorer.runs.map((run) => "run " + run),
         marker: { size: 5, color: "#0072B2", opacity: 0.5 }, hovertemplate: "%{text}<br>%{x}, %{y}<extra></extra>",
-      }], { ...base, xaxis: { ...axis, title: { text: input } }, yaxis: { ...axis, title: { text: title } } }, quiet);
+      }], { ...base, xaxis: { ...axis, title: { text: asText(input) } }, yaxis: { ...axis, title: { text: title } } }, quiet);
       const rank = metric.rank[input];
       document.getElementById("scatter-note").textContent = rank === undefined ? "" : "rank correlation " + rank.toFixed(3);
     }
@@ -70,7 +76,7 @@
     inputPick.addEventListener("change", draw);
     chooseStrongest();
     document.getElementById("rank-chart").on("plotly_click", (event) => {
-      inputPick.value = event.points[0].y;
+      inputPick.value = event.points[0].customdata;
       draw();
     });
   }
@@ -87,13 +93,28 @@
     links.forEach((_, id) => watcher.observe(document.getElementById(id)));
   }
 
-  function resizeAll() {
-    document.querySelectorAll(".js-plotly-plot").forEach((place) => Plotly.Plots.resize(place));
+  const closed = [];
+
+  // The page is laid out for paper only while it is printed, so charts get the width of what holds them there.
+  function fitPaper() {
+    for (const details of document.querySelectorAll("details:not([open])")) {
+      details.open = true;
+      closed.push(details);
+    }
+    for (const place of document.querySelectorAll(".js-plotly-plot")) {
+      const columns = place.closest(".cards.two, .pair") ? 2 : place.closest(".cards") ? 3 : 1;
+      Plotly.relayout(place, { autosize: false, width: paperWidth / columns - (columns > 1 ? 26 : 0) });
+    }
+  }
+
+  function fitScreen() {
+    closed.splice(0).forEach((details) => { details.open = false; });
+    document.querySelectorAll(".js-plotly-plot").forEach((place) => Plotly.relayout(place, { autosize: true, width: null }));
   }
 
   if (window.matchMedia("(max-width: 700px)").matches) document.querySelector(".contents details").open = false;
-  window.addEventListener("beforeprint", resizeAll);
-  window.addEventListener("afterprint", resizeAll);
+  window.addEventListener("beforeprint", fitPaper);
+  window.addEventListener("afterprint", fitScreen);
   drawNext([...document.querySelectorAll("[data-chart]")]);
   if (data.explorer) explore(data.explorer);
   followScroll();

@@ -1,7 +1,6 @@
 """The contents of the page's sections as plain records; the template only lays them out."""
 
 import json
-import shlex
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,7 +10,9 @@ import numpy as np
 
 from rpojax.analysis.consistency import mean_nees_interval
 from rpojax.analysis.proportions import proportion_interval
+from rpojax.report import commands
 from rpojax.report.charts import Chart, envelope, histogram, reference_lines
+from rpojax.report.design import in_words, independent
 from rpojax.report.labels import CHANNELS, Channel, metric, number, ordered
 from rpojax.report.results import Results
 
@@ -34,9 +35,10 @@ class Tile:
 
 @dataclass(frozen=True)
 class MetricRow:
-    """One line of the metric table; `cells` are mean, sd, min, p50, p95, p99, bound of p99 and max.
+    """One line of the metric tables; `cells` are mean, sd, min, p50, p95, p99, bound of p99 and max.
 
-    Where a low value is the bad one, p5, p1 and the bound of p1 stand in place of p95, p99 and its bound, and say so.
+    `intervals` are those of mean, sd, p50, p95 and p99. Where a low value is the bad one, p5, p1 and the bound of p1
+    stand in place of p95, p99 and its bound, and say so.
     """
 
     name: str
@@ -44,6 +46,7 @@ class MetricRow:
     meaning: str
     unit: str
     cells: list[str]
+    intervals: list[str]
     defined: int
     worst_run: int | None
 
@@ -63,21 +66,10 @@ def identity(campaign: Results, summary: Mapping[str, Any]) -> list[tuple[str, s
         ("Block size", info.get("block_size")),
         ("Created", info.get("created")),
         ("Timing", _timing(info.get("timing") or {})),
-        ("Any run again", again(campaign, "I", "DIR")),
+        ("Design", "" if independent(campaign) else f"{in_words(campaign)}: runs are not independent"),
+        ("Any run again", commands.again(campaign, "I", "DIR")),
     ]
     return [(label, str(text)) for label, text in lines if text not in (None, "")]
-
-
-def again(campaign: Results, run: int | str, out: str) -> str:
-    """Command that flies one run again, bit for bit on the same kind of device; in Python if stages were replaced."""
-    info, file = campaign.info, campaign.directory / "scenario.toml"
-    seed, size = info.get("seed"), info.get("block_size")
-    if info.get("stages"):
-        return (
-            f"rpojax.run_campaign(rpojax.load({str(file)!r}), 1, {out!r}, {seed}, first_run={run}, "
-            f"block_size={size}, stages=...)"
-        )
-    return f"rpojax run {shlex.quote(str(file))} --seed {seed} --block-size {size} --run-id {run} --out {out}"
 
 
 def _replaced(stages: Mapping[str, Any]) -> str:
@@ -97,7 +89,7 @@ def tiles(summary: Mapping[str, Any]) -> list[Tile]:
         Tile("3-sigma coverage", number(coverage), "", f"mean; a normal error gives {_NOMINAL_COVERAGE}"),
         Tile("NEES / 12", number(None if nees is None else nees / _NEES_COMPONENTS, 3), "", "mean; 1 is consistent"),
         _median_tile(metrics, "delta_v_m_s"),
-        _failure_tile(summary["runs"]),
+        _failure_tile(summary["runs"], summary["design"]["independent"]),
     ]
 
 
@@ -110,8 +102,13 @@ def metric_rows(campaign: Results, summary: Mapping[str, Any]) -> list[MetricRow
         cells = [_marked(key, number(entry[key])) for key in keys]
         row = _worst(campaign.metrics[name], shown.low_is_bad)
         worst = None if row is None else int(campaign.run_ids[row])
-        rows.append(MetricRow(name, shown.title, shown.meaning, shown.unit, cells, entry["defined"], worst))
+        ends = [_interval(key, entry[f"{key}_interval_95"]) for key in ("mean", "std", "p50", *shown.tail[:2])]
+        rows.append(MetricRow(name, shown.title, shown.meaning, shown.unit, cells, ends, entry["defined"], worst))
     return rows
+
+
+def _interval(key: str, ends: list[float | None] | None) -> str:
+    return number(None) if ends is None else _marked(key, f"{number(ends[0])} to {number(ends[1])}")
 
 
 def _marked(key: str, text: str) -> str:
@@ -159,22 +156,6 @@ def histograms(campaign: Results, summary: Mapping[str, Any]) -> list[dict[str, 
     return shown
 
 
-def consistency(campaign: Results, summary: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Quantity, value found and value expected of a filter whose covariance tells the truth."""
-    metrics = summary["metrics"]
-    rows = [
-        ("3-sigma coverage, mean over runs", number(_statistic(metrics, "sigma3_coverage", "mean")), "0.9973"),
-        ("NEES of both spacecraft, mean over runs", number(_statistic(metrics, "nees_mean", "mean")), "12"),
-        ("NEES of the relative state, mean over runs", number(_statistic(metrics, "nees_relative_mean", "mean")), "6"),
-    ]
-    inside = _share_inside(campaign)
-    if inside is not None:
-        share, low, high = inside
-        quantity = f"Instants at which the mean NEES over runs lies in [{low:.2f}, {high:.2f}]"
-        rows.append((quantity, f"{100.0 * share:.1f} %", "95 %"))
-    return rows
-
-
 def failures(summary: Mapping[str, Any]) -> dict[str, Any]:
     """Count of each reason, the first failed runs, and how many more there are."""
     rows = summary["failures"]
@@ -205,42 +186,6 @@ def scenario_lines(campaign: Results) -> list[str]:
     return [line if len(line) <= _LONGEST_LINE else f"{line[:_LONGEST_LINE]} ..." for line in lines]
 
 
-def limits(campaign: Results, summary: Mapping[str, Any]) -> list[str]:
-    """Sentences that say how far the results reach."""
-    scenario, runs = campaign.info.get("scenario", {}), summary["runs"]
-    sentences = [_camera_limit(scenario.get("camera"))]
-    if "duration_s" in scenario:
-        duration = number(float(scenario["duration_s"]))
-        sentences.append(f"Each run lasts {duration} s; nothing is said about later times.")
-    sentences.append(
-        "From run to run vary the quantities under Dispersions, the error of the hand-over, the execution errors of "
-        "burns, and the noise and slowly varying errors of the sensors; nothing else does. "
-        "A model error that simulation and flight software share does not show."
-    )
-    if (kind := scenario.get("design", {}).get("kind", "independent")) != "independent":
-        sentences.append(
-            f"The runs are a design ({kind}), not independent draws: intervals, bounds and order statistics, which "
-            "count on such draws, are descriptions of these runs only."
-        )
-    if runs["missing"]:
-        sentences.append(f"{runs['missing']} of {runs['requested']} runs are missing; nothing here is about them.")
-    if runs["completed"] < 299:
-        sentences.append(
-            f"{runs['completed']} completed runs cannot bound a 99th percentile without assuming a distribution "
-            "(299 are needed for 95 % confidence); p99 is then a description of these runs only."
-        )
-    if runs["failed"]:
-        sentences.append(
-            "Metrics leave out runs in which they are undefined, as after a failure: "
-            "they describe the survivors and must be read together with the failures. "
-            "Only the bounds of p99 and p1 count failed runs, as worse than any other."
-        )
-    sentences.append("Intervals and bounds take the runs as independent: each with its own random draws.")
-    if not summary["requirements"]:
-        sentences.append("The campaign states no requirements, so this report gives no verdict.")
-    return sentences
-
-
 def _timing(timing: Mapping[str, Any]) -> str:
     parts = [
         ("compile_s", "{} s compiling"),
@@ -262,10 +207,12 @@ def _median_tile(metrics: Mapping[str, Any], name: str) -> Tile:
     return Tile(shown.title, number(_statistic(metrics, name, "p50"), 3), shown.unit, note)
 
 
-def _failure_tile(runs: Mapping[str, int]) -> Tile:
+def _failure_tile(runs: Mapping[str, int], known: bool) -> Tile:
     failed, total = runs["failed"], runs["failed"] + runs["completed"]
     if total == 0:
         return Tile("Failed runs", "0", "", "no run has ended yet")
+    if not known:
+        return Tile("Failed runs", str(failed), f"of {total}", "runs are not independent", alert=failed > 0)
     low, high = proportion_interval(failed, total)
     note = f"95 % interval of the rate: {100.0 * low:.2g} to {100.0 * high:.2g} %"
     return Tile("Failed runs", str(failed), f"of {total}", note, alert=failed > 0)
@@ -276,22 +223,6 @@ def _worst(values: np.ndarray, low_is_bad: bool) -> int | None:
     if len(defined) < 2 or float(np.ptp(values[defined])) == 0.0:
         return None
     return int(defined[np.argmin(values[defined]) if low_is_bad else np.argmax(values[defined])])
-
-
-def _share_inside(campaign: Results) -> tuple[float, float, float] | None:
-    """Share of the settled instants whose mean NEES over completed runs is in its 95 % interval, and the interval."""
-    completed = np.asarray(campaign.completed, dtype=bool)
-    values = campaign.traces.get("nees")
-    if values is None or not completed.any():
-        return None
-    time = campaign.trace_time_s
-    settled = time >= min(1000.0, float(time[-1]) / 3.0)
-    means = np.asarray(values[completed][:, settled], dtype=np.float64).mean(axis=0)
-    mean = means[np.isfinite(means)]
-    if len(mean) == 0:
-        return None
-    low, high = mean_nees_interval(_NEES_COMPONENTS, int(completed.sum()))
-    return float(np.mean((mean >= low) & (mean <= high))), low, high
 
 
 def _levels(scenario: Mapping[str, Any]) -> dict[str, list[tuple[float, str]]]:
@@ -309,18 +240,3 @@ def _flatten(value: Any, path: str) -> list[str]:
     if isinstance(value, list) and value and all(isinstance(item, Mapping) for item in value):
         return [f"{path}[{index}] = {json.dumps(item, default=str)}" for index, item in enumerate(value)]
     return [f"{path} = {json.dumps(value, default=str)}"] if path else []
-
-
-def _camera_limit(camera: Any) -> str:
-    model = camera.get("model") if isinstance(camera, Mapping) else None
-    texts = {
-        "geometric": "boxes are computed from the geometry of the target with modelled errors. No image is rendered "
-        "and no detector runs, so nothing is said about appearance, exposure or clutter",
-        "statistical": "boxes are drawn from an error model of the detector. No image is rendered, so nothing is said "
-        "about images unlike those from which the model was made",
-        "rendered": "images are rendered and a trained detector finds the boxes. Results hold as far as the rendered "
-        "images are like real ones",
-    }
-    if model not in texts:
-        return "The scenario names no known camera model; how boxes were made must be looked up in the scenario."
-    return f"The camera model is {model}: {texts[model]}."

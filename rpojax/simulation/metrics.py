@@ -91,7 +91,7 @@ def _innovations(name: str, sigmas: Floats) -> dict[str, Floats]:
     Rows are normalised one given the others, so a consistent filter has 3 for the mean, and for the autocorrelation of
     so many products of rows 0 with a variance of one over their number (Bar-Shalom, Li and Kirubarajan, 5.4.2).
     """
-    whole = np.isfinite(sigmas).all(axis=2)
+    whole: NDArray[np.bool_] = np.all(np.isfinite(sigmas), axis=2)
     rows = np.where(whole[:, :, None], sigmas, 0.0).astype(float)
     square = _sum((rows * rows).sum(axis=2))
     pairs = whole[:, 1:] & whole[:, :-1]

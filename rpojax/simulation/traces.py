@@ -16,6 +16,7 @@ TRACES: Final = {
     "range_m": "m",
     "delta_v_m_s": "m/s",
     "nees": "-",
+    "nees_relative": "-",
     "wheel_speed_fraction": "-",
 }
 """Scalar channels kept of every run, decimated -> unit."""
@@ -37,6 +38,7 @@ def traces(file: ScenarioFile, records: Records, every: int) -> dict[str, Floats
         "range_m": records["range_m"][:, ::every],
         "delta_v_m_s": records["delta_v_m_s"][:, ::every],
         "nees": records["nees"][:, ::every],
+        "nees_relative": records["nees_relative"][:, ::every],
         "wheel_speed_fraction": np.abs(records["wheel_speed_fraction"][:, ::every]).max(axis=2),
     }
     return {name: value.astype(np.float32) for name, value in values.items()}

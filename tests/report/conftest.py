@@ -133,6 +133,7 @@ def _traces(rng: np.random.Generator, time: np.ndarray, failed_at: np.ndarray) -
         "range_m": 30.0 + 20.0 * decay + 0.3 * (level - 1.0) * np.sin(time / 300.0),
         "delta_v_m_s": 0.32 * level**0.2 * np.floor(1.0 + time / 200.0) / np.floor(1.0 + time[-1] / 200.0),
         "nees": rng.chisquare(12, (runs, steps)),
+        "nees_relative": rng.chisquare(6, (runs, steps)),
         "wheel_speed_fraction": 0.3 * noise,
     }
     ended = time[None, :] > np.where(np.isnan(failed_at), np.inf, failed_at)[:, None]

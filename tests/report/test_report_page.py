@@ -18,8 +18,8 @@ from rpojax.report.summary import summarise
 _DASH = "\N{EN DASH}"
 _VOID = {"meta", "img", "rect", "br", "wbr", "link"}
 _SECTIONS = {
-    *("identity", "headline", "metrics", "envelopes", "consistency", "distributions", "dispersions"),
-    *("sensitivity", "failures", "camera", "run", "scenario", "limits"),
+    *("identity", "requirements", "headline", "metrics", "safety", "envelopes", "consistency", "distributions"),
+    *("convergence", "dispersions", "sensitivity", "failures", "worst", "camera", "run", "scenario", "limits"),
 }
 
 
@@ -92,6 +92,8 @@ def test_every_chart_has_data_that_plotly_accepts(campaign):
 
 def test_text_from_the_scenario_cannot_become_markup(campaign):
     campaign.drawn["<img src=http://x>"] = np.arange(40.0)
+    campaign.failure_reason = np.where(np.arange(40) == 3, "<img src=http://y>", campaign.failure_reason)
+    campaign.completed[3], campaign.failed_at_s[3] = False, 10.0
     text = write_report(campaign).read_text()
     assert "<script>alert(1)" not in text
     assert "<img src=http" not in text
@@ -125,9 +127,9 @@ def test_a_report_of_an_unfinished_campaign_says_so_at_its_head_and_how_to_go_on
     assert any(attributes.get("class") == "banner" for _, attributes in page.tags)
 
 
-def test_the_command_that_flies_a_run_again_names_the_folders_own_scenario(build):
+def test_the_command_that_flies_a_run_again_names_the_campaigns_folder(build):
     campaign = build(runs=12, failed=(4,))
-    command = f"rpojax run {campaign.directory / 'scenario.toml'} --seed 1 --block-size 256 --run-id"
+    command = f"rpojax rerun {campaign.directory} --run-id"
     words = _words(_page(campaign))
     assert f"Any run again {command} I --out DIR" in words
     assert f"{command} 4 --out run_4" in words
@@ -138,7 +140,7 @@ def test_replaced_stages_are_part_of_the_identity_and_have_to_be_given_to_fly_a_
     campaign.info["stages"] = {"formation_law": {"function": "mine.pd_law", "source_sha256": "ab" * 32}}
     words = _words(_page(campaign))
     assert f"Replaced stages formation_law = mine.pd_law, source {'ab' * 32}" in words
-    assert "rpojax run " not in words
+    assert "rpojax rerun " not in words
     assert "'run_4', 1, first_run=4, block_size=256, stages=...)" in words
 
 
