@@ -1,0 +1,48 @@
+"""Two failing runs planted into a campaign: does it list exactly these, with time and reason, and say so as it ends?
+
+python experiments/campaign_storage/planted.py --out out/planted
+"""
+
+import argparse
+import json
+import shutil
+from pathlib import Path
+
+import common
+
+RUNS = 40
+PLANTED = (11, 29)
+FAR_M, INSIDE_M = -50.0, -8.0
+"""Starts behind the target; the second one is within the keep-out sphere of 10 m."""
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, required=True)
+    options = parser.parse_args()
+    shutil.rmtree(options.out, ignore_errors=True)
+    options.out.mkdir(parents=True)
+    starts = [INSIDE_M if run in PLANTED else FAR_M for run in range(RUNS)]
+    (options.out / "cases.csv").write_text("\n".join(["initial.relative_position_m[1]", *map(str, starts), ""]))
+    scenario = options.out / "planted.toml"
+    scenario.write_text(
+        'extends = "inspection"\nname = "planted"\nduration_s = 200.0\n\n[design]\nkind = "table"\nfile = "cases.csv"\n'
+    )
+    without = ("--set", "dispersions=[]")
+    folder = options.out / "runs"
+    process = common.start(
+        common.command("campaign", scenario, *without, "--runs", RUNS, "--block-size", 8, "--out", folder, "--json")
+    )
+    printed, said = process.communicate()
+    if process.returncode not in (0, 3):
+        print(said)
+        return 1
+    found = json.loads(printed)["failures"]
+    for failure in found:
+        print(failure)
+    print(f"exit status {process.returncode}; planted: {list(PLANTED)}")
+    return int([failure["run_id"] for failure in found] != list(PLANTED) or process.returncode != 3)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
