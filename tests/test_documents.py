@@ -21,7 +21,8 @@ from rpojax.errors import RpojaxError
 from rpojax.physics import faults
 from rpojax.report.labels import metric
 from rpojax.simulation import closed_loop, figures_of_merit, scenario, schema, telemetry, traces, units
-from rpojax.simulation.schema import ScenarioFile, Section
+from rpojax.simulation.forms import Section
+from rpojax.simulation.schema import ScenarioFile
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -4,7 +4,8 @@ import math
 
 from rpojax.errors import ScenarioError
 from rpojax.simulation.dispersion_checks import check_design, check_dispersions
-from rpojax.simulation.schema import OrbitSection, ScenarioFile
+from rpojax.simulation.schema import ScenarioFile
+from rpojax.simulation.sections import OrbitSection
 
 _LOWEST_PERIGEE_M = 6.47e6
 """Some 100 km above the ground; nothing stays in orbit below [m]."""

@@ -16,7 +16,8 @@ from rpojax.errors import ScenarioError, UnknownKeyError
 from rpojax.physics.effects import Effects
 from rpojax.simulation import networks, table_file
 from rpojax.simulation.checks import check_together
-from rpojax.simulation.schema import ScenarioFile, epoch_seconds
+from rpojax.simulation.forms import epoch_seconds
+from rpojax.simulation.schema import ScenarioFile
 
 if TYPE_CHECKING:
     from rpojax.vision.region import Sampling
