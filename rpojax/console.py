@@ -168,6 +168,8 @@ def show_campaign(summary: Mapping[str, Any], directory: Path, report: Path | No
         console.print(f"unfinished: {_count(runs['missing'])} missing", markup=False)
     for reason, count in _reasons(summary).items():
         console.print(f"failed: {count} x {reason}", markup=False)
+    for judged in summary["requirements"]:
+        console.print(f"{judged['verdict_text']}: {judged['text']}", markup=False, soft_wrap=True)
     console.print(f"results: {directory}", soft_wrap=True, markup=False)
     if report is not None:
         console.print(f"report: {report}", soft_wrap=True, markup=False)
