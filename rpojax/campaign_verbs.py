@@ -1,5 +1,6 @@
 """The verbs that make campaigns and look at them."""
 
+import json
 import shlex
 import sys
 from collections.abc import Callable, Iterator
@@ -65,7 +66,7 @@ def run(
 
     def work(watch: console.Watch) -> "Campaign":
         return runner.run_campaign(
-            file, 1, out, seed, first_run=run_id, block_size=block_size, force=force, on_progress=watch
+            file, 1, out, seed, first_run=run_id, block_size=block_size, force=force, on_progress=watch, report=True
         )
 
     with _keeping(out):
@@ -140,6 +141,7 @@ def campaign(
             on_progress=watch,
             shard=part,
             executor=_executor(executor, scheduler, workers),
+            report=not no_report,
         )
 
     with _keeping(out):
@@ -160,12 +162,15 @@ def resume(
     """Complete an interrupted campaign and its report; one that is complete is left as it is, with exit status 0."""
     _check_executor(executor, scheduler, workers, shard, force=False)
     prepare_jax(cache=not no_cache)
-    from rpojax.campaign import runner
+    from rpojax.campaign import files, runner
     from rpojax.campaign.store import Campaign
 
     part = runner.Shard.parse(shard) if shard is not None else None
     found = Campaign(directory)
     if runner.is_complete(found):
+        files.sweep(found.directory)
+        if found.asked["report"] and not _has_whole_report(found):
+            return _conclude(found, report=True, as_json=as_json)
         _show(found, _report_of(found), as_json)
         return Status.DONE
 
@@ -334,6 +339,15 @@ def _conclude(
     if not shared and (missing := result.missing()):
         raise UnfinishedError(f"found {len(missing)} blocks missing, expected none")
     return Status.DONE if result.completed.all() else Status.SOME_FAILED
+
+
+def _has_whole_report(result: "Campaign") -> bool:
+    """Whether there is a report, and on all runs: it may have been written before the last ones, or not to its end."""
+    try:
+        content = json.loads((result.directory / "report.json").read_text(encoding="utf-8"))
+        return content["runs"]["missing"] == 0 and _report_of(result) is not None
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
 
 
 def _report_of(result: "Campaign") -> Path | None:

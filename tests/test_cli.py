@@ -162,7 +162,16 @@ def test_a_report_can_show_another_run(call: Call, finished: Path, tmp_path: Pat
 def test_a_table_for_people_says_what_came_out_and_where_it_is(call: Call, finished: Path) -> None:
     result = call("resume", finished)
     assert result.status == 0
-    for text in ("inspection, 3 runs", "Formation error", "median", "p95", "p99", "3 completed, 0 failed", "more runs: Formation error at most 2 m"):
+    for text in (
+        "inspection, 3 runs",
+        "Formation error",
+        "median",
+        "p95",
+        "p99",
+        "3 completed, 0 failed",
+        "not verified: Formation error at most 2 m",
+        "needs 227 more runs: Minimum range",
+    ):
         assert text in result.out
     assert f"report: {finished / 'report.html'}" in result.out
 

@@ -3,6 +3,7 @@
 import datetime
 import os
 import platform
+import secrets
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -29,10 +30,11 @@ def describe(
     histories: Mapping[str, Any],
     stages: Mapping[str, Any] | None = None,
     design: Mapping[str, Any] | None = None,
+    report: bool = False,
 ) -> dict[str, Any]:
     """Content of `campaign.json`; `histories` is a rule as `Retention` writes it down, `stages` those replaced.
 
-    `design` is the record of the design, by default that of just these runs.
+    `design` is the record of the design, by default that of just these runs; `report` tells whether one is wanted.
     """
     return {
         "format": description.FORMAT,
@@ -47,13 +49,15 @@ def describe(
         "histories": dict(histories),
         "stages": dict(stages or {}),
         "design": dict(design or {"first_run": first_run, "runs": runs}),
+        "report": report,
         **made_here(len(jax.devices())),
     }
 
 
 def made_here(devices: int) -> dict[str, Any]:
-    """Entries of `campaign.json` about where and when it was made."""
+    """Entries of `campaign.json` about where and when it was made; `id` tells it from any other."""
     return {
+        "id": secrets.token_hex(8),
         "versions": versions(),
         "device": device(devices),
         "dtype": "float64",

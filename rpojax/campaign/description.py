@@ -25,6 +25,8 @@ _ENTRIES: dict[str, type] = {
     "histories": dict,
     "stages": dict,
     "design": dict,
+    "report": bool,
+    "id": str,
     "versions": dict,
 }
 """What `campaign.json` must hold, and in which form."""
@@ -61,7 +63,7 @@ def read(directory: Path) -> dict[str, Any]:
 
 
 def _acceptable(key: str, value: Any, form: type) -> bool:
-    if not isinstance(value, form) or isinstance(value, bool):
+    if not isinstance(value, form) or (isinstance(value, bool) and form is not bool):
         return False
     if key == "histories":
         return _histories_acceptable(value)

@@ -177,18 +177,29 @@ def _cores() -> set[int]:
 def _tend(slot: int, devices: Sequence[int], cores: Sequence[int], directory: str, work: _Work) -> None:
     """Keeps a worker busy, and puts another into the place of one that died."""
     while (wave := work.next()) is not None:
-        with tempfile.TemporaryFile() as errors:
-            process = _start(directory, len(devices), cores, errors)
-            try:
-                while wave is not None and _converse(slot, process, wave, work):
-                    wave = work.next()
-            except OSError:
-                pass  # it died while it was written to
-            finally:
-                process.kill()
-                process.wait()
-            if wave is not None and work.error is None:
-                work.lose(slot, wave, _last_words(process.returncode, errors))
+        try:
+            _employ(slot, devices, cores, directory, wave, work)
+        except OSError as error:  # there is no room for another process, or for what it says
+            work.lose(slot, wave, f"no worker could be started: {error.strerror or error}")
+
+
+def _employ(
+    slot: int, devices: Sequence[int], cores: Sequence[int], directory: str, first: list[int], work: _Work
+) -> None:
+    """Has a worker do waves from a first one on, until there are no more or it dies."""
+    wave: list[int] | None = first
+    with tempfile.TemporaryFile() as errors:
+        process = _start(directory, len(devices), cores, errors)
+        try:
+            while wave is not None and _converse(slot, process, wave, work):
+                wave = work.next()
+        except OSError:
+            pass  # it died while it was written to
+        finally:
+            process.kill()
+            process.wait()
+        if wave is not None and work.error is None:
+            work.lose(slot, wave, _last_words(process.returncode, errors))
 
 
 def _start(directory: str, devices: int, cores: Sequence[int], errors: IO[bytes]) -> "subprocess.Popen[str]":

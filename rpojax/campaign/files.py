@@ -1,5 +1,6 @@
 """Files of a shared folder: whole or absent, never outside of it, and leftovers of dead writers swept away."""
 
+import contextlib
 import errno
 import functools
 import hashlib
@@ -125,8 +126,9 @@ def sweep(folder: Path) -> None:
     here = machine()
     for place, _, names in os.walk(folder):
         for name in names:
-            if name.endswith(".partial") and _abandoned(Path(place, name), here):
-                Path(place, name).unlink(missing_ok=True)
+            if _PARTIAL.search(name) and _abandoned(Path(place, name), here):
+                with contextlib.suppress(OSError):  # one of another user, whose own sweep removes it
+                    Path(place, name).unlink()
 
 
 def _abandoned(path: Path, here: str) -> bool:

@@ -16,6 +16,9 @@ from rpojax.errors import RpojaxError
 from rpojax.flight.computer import Stages
 from rpojax.simulation import scenario
 
+_DECISIVE = ("rpojax", "jax")
+"""Packages that a run's last digits depend on."""
+
 During = Callable[[float, int], None]
 """Told the share of a batch of runs that is done, and how many of them have failed."""
 
@@ -82,12 +85,27 @@ def fly(
     return Flown(block, recorder, failure, last.failed_at)
 
 
+def check_versions(recorded: Mapping[str, str]) -> None:
+    """Refuses to add blocks with other packages than those that a campaign began with: their last digits may differ.
+
+    Raises:
+        RpojaxError: naming the package.
+    """
+    here = creation.versions()
+    for name in _DECISIVE:
+        if recorded.get(name) != here[name]:
+            raise RpojaxError(
+                f"{name}: found version {here[name]}, expected {recorded.get(name)}, with which the campaign began"
+            )
+
+
 def do_blocks(result: Campaign, engine: Engine, wave: Sequence[int], during: During) -> int:
     """Runs some blocks at once, one a device, and stores them; returns how many of their runs failed.
 
     Raises:
         UnfinishedError: they cannot be stored.
     """
+    check_versions(result.asked["versions"])
     engine.compile(result.asked["seed"])
     for block in wave:
         manifests.begin(result.directory, block)

@@ -24,6 +24,7 @@ class Manifest:
     """One finished block.
 
     Attributes:
+        campaign: `id` of the campaign that it belongs to
         first: row of its first run
         count: number of its runs
         completed: how many of them reached their end
@@ -38,6 +39,7 @@ class Manifest:
         versions: of which packages
     """
 
+    campaign: str
     first: int
     count: int
     completed: int
@@ -119,6 +121,8 @@ def read(directory: Path, info: Mapping[str, Any], block: int) -> Manifest:
         if not _acceptable(field.name, value):
             raise ResultError(f"{path}: found {value!r:.60} for {field.name!r}, expected {expected}")
     found = Manifest(**{field.name: content[field.name] for field in fields(Manifest)})
+    if found.campaign != info["id"]:
+        raise ResultError(f"{path}: found campaign {found.campaign:.40}, expected {info['id']:.40} {_REST}")
     whole = (block * info["block_size"], description.count(info, block))
     if (found.first, found.count) != whole:
         text = f"first {found.first}, count {found.count}"
@@ -139,7 +143,7 @@ def _acceptable(name: str, value: Any) -> bool:
             return isinstance(value, dict) and all(_whole(number) for number in value.values())
         case "sha256":
             return isinstance(value, dict) and all(_digest(text) for text in value.values())
-        case "device":
+        case "device" | "campaign":
             return isinstance(value, str)
         case _:
             return isinstance(value, dict) and all(isinstance(text, str) for text in value.values())

@@ -30,7 +30,10 @@ def group(
     for block, entry in manifests.items():
         rows = {key: values[first : first + entry.count] for key, values in arrays.items()}
         if encoding.digest(rows) != entry.sha256.get(name):
-            raise ResultError(f"{folder}: found other values in block {block}, expected those that its manifest names")
+            raise ResultError(
+                f"{folder}: found other values in block {block}, expected those that its manifest names "
+                "(without the manifest, a resume runs the block again)"
+            )
         first += entry.count
     return arrays
 

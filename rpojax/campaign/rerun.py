@@ -1,5 +1,6 @@
 """One run of a campaign once more, as a campaign of its own, bit for bit at the recorded block size."""
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 from rpojax.campaign import creation, executors, flying, runner
 from rpojax.campaign.retention import Retention
 from rpojax.campaign.store import Campaign
-from rpojax.errors import RpojaxError
+from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.computer import Stages
 
 
@@ -56,12 +57,14 @@ def rerun(
             cannot be used.
     """
     check_run(found, run_id)
+    _check_apart(found.directory, out)
     engine = flying.engine_of(found.asked, jax.devices()[:1], stages)
     asked = {
         **found.asked,
         "runs": 1,
         "first_run": run_id,
         "histories": Retention("all").recorded(),
+        "report": True,
         "rerun_of": {key: found.asked[key] for key in ("first_run", "runs")},
         **creation.made_here(1),
     }
@@ -71,6 +74,13 @@ def rerun(
     rows = np.flatnonzero(found.run_ids == run_id)
     recorded = {name: float(values[rows[0]]) for name, values in found.metrics.items()} if len(rows) else {}
     return Rerun(result, len(rows) > 0, _different(recorded, result.metrics))
+
+
+def _check_apart(source: Path, out: Path) -> None:
+    """Refuses to make the new folder where the campaign itself is."""
+    place, origin = Path(os.path.realpath(out)), Path(os.path.realpath(source))
+    if place == origin or place in origin.parents:
+        raise OutputError(f"--out: found {str(out)!r}, where the campaign itself is, expected another folder")
 
 
 def _different(recorded: Mapping[str, float], now: Mapping[str, np.ndarray]) -> dict[str, tuple[float, float]]:

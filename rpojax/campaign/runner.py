@@ -97,12 +97,14 @@ def run_campaign(
     on_progress: Report | None = None,
     shard: Shard | None = None,
     executor: MakeExecutor | None = None,
+    report: bool = False,
 ) -> Campaign:
     """Runs numbers `first_run` to `first_run + runs - 1` of a scenario into a new folder.
 
     With a `shard` the folder may be one that other shards of the same campaign have made, and only the shard's blocks
     are run. `executor` says how; the default is on all devices of this process.
-    `population` are the runs that the design is made for, where they are more than these.
+    `population` are the runs that the design is made for, where they are more than these. `report` is noted in the
+    folder: whoever finishes the campaign with a verb writes one.
 
     Raises:
         RpojaxError: a number is out of range, the folder cannot be used, or memory or disk are too small.
@@ -119,7 +121,7 @@ def run_campaign(
     admission.check_size(file, runs, size, len(used), expected, Path(out))
     described = replaced.describe(stages or Stages())
     given = design.make(file, seed, population or Population(first_run, runs))
-    asked = creation.describe(file, seed, runs, first_run, size, kept.recorded(), described, given.record())
+    asked = creation.describe(file, seed, runs, first_run, size, kept.recorded(), described, given.record(), report)
     machine = flying.engine_of(asked, used, stages)
     if kept.channels is not None:
         retention.check_channels(kept.channels, machine.channels())
@@ -166,7 +168,7 @@ def resume_campaign(
             complete(result, executors.Local(result, machine), on_progress, shard, stages)
         else:
             complete(result, executor(result), on_progress, shard, stages)
-    elif not is_complete(result):
+    elif not result.missing():
         _second_pass(result, on_progress or (lambda _: None), stages)
     return result
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from rpojax.campaign import creation, description, encoding, files, manifests, reading
 from rpojax.campaign.manifests import Manifest
-from rpojax.errors import ResultError
+from rpojax.errors import ResultError, UnfinishedError
 from rpojax.simulation import figures_of_merit, scenario, traces, units
 from rpojax.simulation.closed_loop import FAILURES
 from rpojax.simulation.schema import ScenarioFile
@@ -110,6 +110,7 @@ class Campaign:
         Raises:
             UnfinishedError: they cannot be written.
         """
+        self._check_place()
         count = description.count(self.asked, block)
         groups: dict[str, dict[str, np.ndarray]] = {}
         for path, values in results.items():
@@ -122,6 +123,7 @@ class Campaign:
         failure = groups["status"]["failure"]
         failed = Counter(FAILURES[code] for code in failure.tolist() if code > 0)
         manifest = Manifest(
+            campaign=self.asked["id"],
             first=block * self.asked["block_size"],
             count=count,
             completed=int((failure == 0).sum()),
@@ -136,6 +138,11 @@ class Campaign:
             versions=creation.versions(),
         )
         manifests.write(self.directory, block, manifest)
+
+    def _check_place(self) -> None:
+        """Refuses to write where another campaign has taken this one's place."""
+        if description.read(self.directory)["id"] != self.asked["id"]:
+            raise UnfinishedError(f"{self.directory}: found another campaign, expected the one that was begun there")
 
     def _write_rows(self, group: str, name: str, block: int, values: np.ndarray) -> None:
         layout = encoding.of_runs(self.asked["runs"], self.asked["block_size"], group, values, units_of(group, name))
@@ -158,7 +165,7 @@ class Campaign:
         """Writes a file of the store; who else writes it writes the same."""
         full = self.directory / "results.zarr" / path
         manifests.make_folder(self.directory, full.parent)
-        files.write(full, content)
+        files.write(full, content, sync=True)
 
     def write_history(self, run_id: int, channels: Mapping[str, np.ndarray]) -> None:
         """Stores the history of one run; its group, written last, says that it is whole.

@@ -24,7 +24,7 @@ JSON = st.recursive(
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3),
     max_leaves=6,
 )
-ENTRY = Manifest(0, 2, 1, 1, {"x": 1}, {"metrics": "0" * 64}, 100.0, 10.0, 3.0, 1, "a cpu", {"jax": "1"})
+ENTRY = Manifest("0f", 0, 2, 1, 1, {"x": 1}, {"metrics": "0" * 64}, 100.0, 10.0, 3.0, 1, "a cpu", {"jax": "1"})
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """Several processes at one folder: kills cost the blocks under way, and two at one block write the same bytes."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,10 +15,11 @@ from folders import effort, new_campaign
 from test_store import results
 
 import rpojax
-from rpojax.campaign import creation, files
-from rpojax.campaign.runner import Shard
+from rpojax.campaign import creation, files, flying, rerun
+from rpojax.campaign.retention import Retention
+from rpojax.campaign.runner import Shard, resume_campaign
 from rpojax.campaign.store import Campaign
-from rpojax.errors import OutputError, ResultError, RpojaxError
+from rpojax.errors import OutputError, ResultError, RpojaxError, UnfinishedError
 from rpojax.simulation.schema import ScenarioFile
 
 RUNS, BLOCK = 60, 2
@@ -160,3 +162,46 @@ def test_shards_have_every_block_once() -> None:
     parts = [Shard.parse(f"{number}/3").of(range(10)) for number in (1, 2, 3)]
     assert parts[0] == [0, 3, 6, 9]
     assert sorted(block for part in parts for block in part) == list(range(10))
+
+
+def test_a_writer_whose_folder_was_taken_by_another_campaign_writes_nothing_more(
+    mission: ScenarioFile, tmp_path: Path
+) -> None:
+    before = new_campaign(tmp_path / "runs", mission, 7, RUNS, 0, BLOCK)
+    before.write_block(0, results(0), effort())
+    after = new_campaign(tmp_path / "runs", mission, 8, RUNS, 0, BLOCK, force=True)
+    with pytest.raises(UnfinishedError, match="found another campaign"):
+        before.write_block(1, results(1), effort())
+    assert after.missing() == list(range(after.blocks))
+
+
+def test_a_manifest_of_another_campaign_is_refused(mission: ScenarioFile, tmp_path: Path) -> None:
+    one = new_campaign(tmp_path / "one", mission, 7, RUNS, 0, BLOCK)
+    other = new_campaign(tmp_path / "other", mission, 7, RUNS, 0, BLOCK)
+    one.write_block(0, results(0), effort())
+    (other.directory / "manifest").mkdir()
+    shutil.copy(one.directory / "manifest" / "000000.json", other.directory / "manifest")
+    with pytest.raises(ResultError, match="found campaign"):
+        _ = other.manifests
+
+
+def test_a_shard_with_nothing_left_leaves_the_second_pass_to_the_last_one(
+    mission: ScenarioFile, tmp_path: Path
+) -> None:
+    kept = Retention("worst:1:min_range_m")
+    asked = creation.describe(mission, 0, 4, 0, 2, kept.recorded())
+    creation.create(tmp_path / "runs", asked, force=False)
+    assert resume_campaign(tmp_path / "runs", shard=Shard.parse("3/3")).missing() == [0, 1]
+
+
+def test_blocks_are_not_added_with_another_version() -> None:
+    with pytest.raises(RpojaxError, match=r"jax: found version .*, expected 0\.1\.2, with which the campaign began"):
+        flying.check_versions(creation.versions() | {"jax": "0.1.2"})
+
+
+def test_a_run_is_not_flown_again_onto_its_own_campaign(mission: ScenarioFile, tmp_path: Path) -> None:
+    found = new_campaign(tmp_path / "runs", mission, 7, RUNS, 0, BLOCK)
+    for place in (tmp_path / "runs", tmp_path):
+        with pytest.raises(OutputError, match="where the campaign itself is"):
+            rerun.rerun(found, 0, place, force=True)
+    assert (tmp_path / "runs" / "campaign.json").is_file()
