@@ -12,10 +12,10 @@ from rpojax.report.html import write_report
 
 def test_intervals_of_quantiles_are_ranks_and_hold_what_they_say():
     values = np.arange(1.0, 1001.0)
-    entry = describe("delta_v_m_s", values, 0, True)
+    entry = describe("delta_v_m_s", values, True)
     # Row of a table: for q = 0.99 and 1000 runs the ranks are 983 and 997.
     assert entry["p99_interval_95"] == [983.0, 997.0]
-    assert describe("delta_v_m_s", values[:100], 0, True)["p99_interval_95"][1] is None
+    assert describe("delta_v_m_s", values[:100], True)["p99_interval_95"][1] is None
     # For 1000 runs the interval of the deviation is 0.958012 to 1.045865 of it.
     assert np.array(entry["std_interval_95"]) / entry["std"] == pytest.approx([0.958012, 1.045865], abs=1e-6)
     assert entry["mean_interval_method"] == "normal"
