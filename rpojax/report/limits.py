@@ -33,10 +33,13 @@ def sentences(campaign: Results, summary: Mapping[str, Any]) -> list[str]:
     found.append(_about_design(campaign))
     if not summary["requirements"]:
         found.append("The campaign states no requirements, so this report gives no verdict.")
+    elif runs["missing"]:
+        found.append("Requirements are judged when all runs have ended: those that are missing may be the bad ones.")
     elif independent(campaign):
         found.append(
             "A verdict is about runs drawn as the scenario declares, with the consumer's risk stated for each "
-            "requirement alone: with several requirements the risk that one of them is verified wrongly is greater."
+            "requirement alone: with several requirements the risk that one of them is verified wrongly is greater. "
+            "It is also for a number of runs fixed beforehand: who adds runs until it verifies bears a greater risk."
         )
     return found
 
