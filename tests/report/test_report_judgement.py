@@ -149,7 +149,7 @@ def test_the_least_range_counts_what_a_failed_run_came_to_before_it_failed(build
     campaign.metrics["passive_range_m"] = np.where(np.arange(30) < 2, 8.0, 20.0)
     campaign.metrics["passive_range_m"][5] = np.nan
     found = safety.content(campaign)
-    assert found["least_range"] == {"value": 9.5, "run_id": 5}
+    assert found["least_range"] == {"value": 9.5, "run_id": 5, "at_most": False}
     assert found["entries"]["run_ids"] == [5]
     # Clopper and Pearson for one of thirty: the ends solve the two binomial tails for 2.5 %.
     low, high = found["entries"]["interval_95"]
@@ -158,6 +158,16 @@ def test_the_least_range_counts_what_a_failed_run_came_to_before_it_failed(build
     assert (found["passive_below_keep_out"]["count"], found["passive_below_keep_out"]["runs"]) == (3, 30)
     assert found["least_passive_range"] == {"value": 8.0, "run_id": 0}
     assert found["longest_look_away"] is None
+
+
+def test_the_least_range_of_a_run_that_entered_the_sphere_is_at_most_its_radius(build):
+    campaign = build(runs=30, seconds=300, kept=(), failed=(5,))
+    found = safety.content(campaign)
+    assert np.nanmin(campaign.traces["range_m"]) > 10.0
+    assert found["least_range"] == {"value": 10.0, "run_id": 5, "at_most": True}
+    assert safety.rows(found)[0] == ("Least range of any run", "at most 10 m", "run 5")
+    campaign.info["scenario"]["limits"] = {}
+    assert safety.content(campaign)["least_range"]["at_most"] is False
 
 
 def test_what_sets_failing_runs_apart_is_named_by_reason(build):
