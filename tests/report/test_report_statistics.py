@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from rpojax.report import consistency, convergence, dispersions, sensitivity
+from rpojax.report import causes, consistency, convergence, dispersions, sensitivity
 from rpojax.report.describe import describe, interval_of_mean
 from rpojax.report.html import write_report
 
@@ -125,6 +125,37 @@ def test_an_influence_that_ranks_miss_is_named_by_the_other_method(build):
     assert left["y"] == right["y"]
     assert right["y"][-1] == "camera.misalignment_deg[1]"
     assert right["marker"]["opacity"][-1] > right["marker"]["opacity"][0]
+
+
+def test_runs_of_a_design_are_ranked_by_size_without_a_word_on_chance(build):
+    campaign = build(runs=60, seconds=60, kept=())
+    campaign.info["scenario"]["design"] = {"kind": "sobol"}
+    campaign.metrics["delta_v_m_s"] = campaign.drawn["servicer.mass_kg"] ** 3
+    campaign.metrics["min_range_m"] = np.random.default_rng(1).normal(size=60)
+    found = {entry["metric"]: entry for entry in sensitivity.content(campaign)}
+    for entry in found.values():
+        sizes = [abs(one["spearman"]) for one in entry["inputs"]]
+        assert entry["by_spearman"] == [one["name"] for one in entry["inputs"][:3]]
+        assert sizes == sorted(sizes, reverse=True)
+        assert entry["disagree"] is None
+        assert entry["sentence"].startswith(f"Greatest by rank correlation: {entry['by_spearman'][0]}, ")
+    assert found["delta_v_m_s"]["by_hsic"][0] == "servicer.mass_kg"
+    explorer = dispersions.explorer(campaign)
+    assert explorer is not None
+    assert {one["chance"] for one in explorer["metrics"].values()} == {None}
+    assert "dotted lines" not in write_report(campaign).read_text()
+
+
+def test_codes_of_faults_are_not_ranked(build):
+    campaign = build(runs=60, seconds=60, kept=(), failed=tuple(range(20)))
+    campaign.drawn |= {"fault.kind": np.repeat([3.0, 1.0, 2.0], 20), "fault.wheel": np.arange(60.0) % 3.0}
+    codes = {"fault.kind", "fault.wheel"}
+    assert all(codes.isdisjoint(one["name"] for one in entry["inputs"]) for entry in sensitivity.content(campaign))
+    assert all(codes.isdisjoint(one["input"] for one in entry["inputs"]) for entry in causes.content(campaign))
+    explorer = dispersions.explorer(campaign)
+    assert explorer is not None
+    assert all(codes.isdisjoint(one["rank"]) for one in explorer["metrics"].values())
+    assert codes <= set(explorer["inputs"])
 
 
 def test_draws_are_held_against_what_the_scenario_declares(build):
