@@ -75,11 +75,26 @@ def test_averages_at_instants_and_their_sentence(build):
     assert first["interval_95"] == pytest.approx([11.05890, 12.97898], abs=1e-5)
     assert first["inside"] == pytest.approx(0.95, abs=0.05)
     assert first["inside"] + first["above"] + first["below"] == pytest.approx(1.0)
-    campaign.traces["nees"] = campaign.traces["nees"] * np.float32(1.5)
-    assert consistency.content(campaign)["over_time"][0]["says"].startswith("Mostly above: errors are larger")
+    assert first["says"].startswith("No departure can be told")
+    nees = campaign.traces["nees"]
+    for factor, words in ((1.5, "Mostly above: errors are larger"), (0.6, "Mostly below: errors are smaller")):
+        campaign.traces["nees"] = nees * np.float32(factor)
+        assert consistency.content(campaign)["over_time"][0]["says"].startswith(words)
 
 
-@pytest.mark.parametrize(("mean", "words"), [(0.0, "Not more often"), (0.2, "resemble"), (-0.2, "alternate")])
+def test_instants_outside_are_no_verdict_where_the_spread_between_runs_gives_none(build):
+    # A few runs with lasting large errors put the average above at every instant.
+    campaign = build(runs=100, seconds=600, kept=())
+    campaign.traces["nees"] = np.full_like(campaign.traces["nees"], 12.0)
+    campaign.traces["nees"][:2] = 120.0
+    entry = consistency.content(campaign)["over_time"][0]
+    assert entry["above"] == 1.0
+    assert entry["says"] == "No departure can be told from the shares of instants alone."
+
+
+@pytest.mark.parametrize(
+    ("mean", "words"), [(0.0, "No departure can be told from white"), (0.2, "resemble"), (-0.2, "alternate")]
+)
 def test_whiteness_counts_the_runs_beyond_the_bound_of_their_updates(build, mean, words):
     campaign = build(runs=400, seconds=600, kept=())
     campaign.info["scenario"]["rates"] = {"camera_hz": 1.0}
@@ -91,7 +106,7 @@ def test_whiteness_counts_the_runs_beyond_the_bound_of_their_updates(build, mean
     assert gps["bound"] == pytest.approx(1.96 / np.sqrt(1800.0))
     assert boxes["bound"] == pytest.approx(1.96 / np.sqrt(450.0))
     assert words in gps["says"]
-    assert "Not more often" in boxes["says"]
+    assert "No departure can be told from white" in boxes["says"]
     assert gps["outside"] == pytest.approx(0.05 if mean == 0.0 else 1.0, abs=0.03)
 
 
