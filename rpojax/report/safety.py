@@ -60,8 +60,9 @@ def _least_range(campaign: Results, keep_out: float | None, entered: np.ndarray)
     if traced is not None and traced.size:
         ranges = np.fmin(ranges, np.fmin.reduce(traced, axis=1))
     # Traces are coarse: the last instant that they hold may be well before the entry.
-    bounded = entered & ~(ranges <= keep_out) if keep_out is not None else np.zeros(len(ranges), dtype=bool)
-    ranges = np.where(bounded, keep_out, ranges).astype(np.float64)
+    radius = np.inf if keep_out is None else keep_out
+    bounded = entered & np.isfinite(radius) & ~(ranges <= radius)
+    ranges = np.where(bounded, radius, ranges).astype(np.float64)
     rows = worst_rows("min_range_m", ranges, 1)
     if not rows:
         return None
