@@ -23,13 +23,15 @@ class Verdict(StrEnum):
     NOT_VERIFIED = "not verified"
     MORE_RUNS = "needs more runs"
     NOT_INDEPENDENT = "not independent: no verdict"
+    UNFINISHED = "unfinished: no verdict"
 
 
 @dataclass(frozen=True)
 class Judgement:
     """A requirement and what the runs of a campaign say of it.
 
-    Where runs are not independent, what rests on independence is None. Values are in the metric's unit.
+    Where runs are not independent, or some are missing, what rests on independence is None: runs that did not come to
+    their end may well be the bad ones. Values are in the metric's unit.
 
     Attributes:
         requirement: that was judged
@@ -41,7 +43,8 @@ class Judgement:
         rank: of the run that must keep the limit, 1 is the best; None if too few runs
         order_statistic: value of that run; None if too few runs, or if it failed or has no metric
         margin: from that value to the limit, positive inside; None without it
-        worst: worst value of the runs that have one; None without any
+        without_value: runs that failed or have not the metric
+        worst: worst value of the others; None without any
         success: share of runs without violation; None without runs
         success_interval: exact bounds of the probability of success, each of them wrong with the consumer's risk
         risk_reached: smallest consumer's risk at which the runs would verify
@@ -57,6 +60,7 @@ class Judgement:
     rank: int | None
     order_statistic: float | None
     margin: float | None
+    without_value: int
     worst: float | None
     success: float | None
     success_interval: tuple[float, float] | None
@@ -75,17 +79,26 @@ def violations(requirement: RequirementSection, values: np.ndarray, failed: np.n
 
 
 def judge(
-    requirement: RequirementSection, values: np.ndarray, failed: np.ndarray, run_ids: np.ndarray, independent: bool
+    requirement: RequirementSection,
+    values: np.ndarray,
+    failed: np.ndarray,
+    run_ids: np.ndarray,
+    independent: bool,
+    missing: int = 0,
 ) -> Judgement:
-    """Judges a requirement by the metric's `values` (n,), which runs `failed` (n,), and their `run_ids` (n,)."""
+    """Judges a requirement by the metric's `values` (n,), which runs `failed` (n,), and their `run_ids` (n,).
+
+    With runs still `missing` of those that were asked for there is no verdict.
+    """
     badness = _badness(requirement, values, failed)
     violating = badness > _sign(requirement) * requirement.limit
     count, runs = int(violating.sum()), len(values)
-    allowed = failures_allowed(runs, requirement.probability, requirement.consumer_risk) if independent else None
+    told = independent and not missing
+    allowed = failures_allowed(runs, requirement.probability, requirement.consumer_risk) if told else None
     rank = None if allowed is None else runs - allowed
     at_rank = None if rank is None else _value(requirement, np.sort(badness)[rank - 1])
-    verdict, interval = Verdict.NOT_INDEPENDENT, None
-    if independent:
+    verdict, interval = Verdict.UNFINISHED if independent else Verdict.NOT_INDEPENDENT, None
+    if told:
         interval = success_interval(count, runs, requirement.consumer_risk)
         verdict = _verdict(requirement, count, allowed, interval[1])
     return Judgement(
@@ -98,10 +111,11 @@ def judge(
         rank=rank,
         order_statistic=at_rank,
         margin=None if at_rank is None else _sign(requirement) * (requirement.limit - at_rank),
+        without_value=int(np.sum(np.isinf(badness))),
         worst=_value(requirement, np.max(badness[np.isfinite(badness)], initial=-np.inf)),
         success=1.0 - count / runs if runs else None,
         success_interval=interval,
-        risk_reached=consumer_risk_reached(count, runs, requirement.probability) if independent else None,
+        risk_reached=consumer_risk_reached(count, runs, requirement.probability) if told else None,
         violating_ids=_worst_first(badness, violating, run_ids),
     )
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from rpojax.analysis.sensitivity import Separation, separate
 from rpojax.report.design import independent
-from rpojax.report.dispersions import scalars
+from rpojax.report.dispersions import measured
 from rpojax.report.labels import chance, number
 from rpojax.report.results import Results
 
@@ -16,13 +16,13 @@ _MOST_INPUTS = 5
 
 
 def content(campaign: Results) -> list[dict[str, Any]]:
-    """Part of report.json: for each reason how many runs failed, when, and all inputs, those most apart first.
+    """Part of report.json: for each reason how many runs failed, when, and all inputs but codes, most apart first.
 
     P-values, corrected for the number of inputs, are None where runs are not independent.
     """
     completed = np.asarray(campaign.completed, dtype=bool)
     reasons = Counter(str(reason) for reason in campaign.failure_reason if reason)
-    inputs = scalars(campaign)
+    inputs = measured(campaign)
     return [_cause(campaign, inputs, completed, reason, independent(campaign)) for reason, _ in reasons.most_common()]
 
 

@@ -8,12 +8,8 @@ from rpojax.report.results import Results
 def again(campaign: Results, run: int | str, out: str) -> str:
     """Command that flies one run again, bit for bit on the same kind of device; in Python if stages were replaced."""
     if campaign.info.get("stages"):
-        file = str(campaign.directory / "scenario.toml")
-        seed, size = campaign.info.get("seed"), campaign.info.get("block_size")
-        return (
-            f"rpojax.run_campaign(rpojax.load({file!r}), 1, {out!r}, {seed}, first_run={run}, "
-            f"block_size={size}, stages=...)"
-        )
+        found = f"rpojax.Campaign({str(campaign.directory)!r})"
+        return f"rpojax.campaign.rerun.rerun({found}, {run}, pathlib.Path({out!r}), stages=...)"
     return f"rpojax rerun {shlex.quote(str(campaign.directory))} --run-id {run} --out {out}"
 
 

@@ -181,7 +181,8 @@ def _over_time(campaign: Results, name: str, components: int) -> list[dict[str, 
     if values is None or not completed.any() or not independent(campaign):
         return []
     settled = campaign.trace_time_s >= _settled_from_s(campaign.trace_time_s)
-    found = average_nees(np.asarray(values[completed][:, settled], dtype=np.float64), components)
+    of_runs = np.asarray(values[completed][:, settled], dtype=np.float64)
+    found = average_nees(of_runs, components)
     if not np.isfinite(found.mean).any():
         return []
     inside = 1.0 - found.share_above - found.share_below
@@ -194,16 +195,28 @@ def _over_time(campaign: Results, name: str, components: int) -> list[dict[str, 
             "inside": inside,
             "above": found.share_above,
             "below": found.share_below,
-            "says": _says_of_instants(found.share_above, found.share_below),
+            "says": _says_of_instants(found.share_above, found.share_below, _side(of_runs, components)),
         }
     ]
 
 
-def _says_of_instants(above: float, below: float) -> str:
-    if above + below <= 2.0 * _EXPECTED_OUTSIDE:
-        return "About as often outside as a consistent filter, which is so at 5 % of instants."
-    side = 0 if above > below else 1
-    return f"Mostly {('above', 'below')[side]}: {_SAYS['nees'][side]}."
+def _side(of_runs: np.ndarray, components: int) -> int | None:
+    """Where the mean of `of_runs` (runs, ticks) lies by the spread between runs: 0 above, 1 below, None if unknown."""
+    known = of_runs[np.isfinite(of_runs).any(axis=1)]
+    made = interval_of_mean(np.nanmean(known, axis=1))
+    if made is None:
+        return None
+    low, high = made[0]
+    if low > components:
+        return 0
+    return 1 if high < components else None
+
+
+def _says_of_instants(above: float, below: float, side: int | None) -> str:
+    """A verdict only where the mean over runs agrees: instants share their errors, so their shares alone give none."""
+    if side is not None and (above, below)[side] > max((above, below)[1 - side], 2.0 * _EXPECTED_OUTSIDE):
+        return f"Mostly {('above', 'below')[side]}: {_SAYS['nees'][side]}."
+    return "No departure can be told from the shares of instants alone."
 
 
 def _whiteness(campaign: Results, name: str) -> dict[str, Any]:
@@ -231,7 +244,7 @@ def _whiteness(campaign: Results, name: str) -> dict[str, Any]:
 
 def _says_of_whiteness(source: str, mean: float, interval: tuple[float, float]) -> str:
     if interval[0] <= _EXPECTED_OUTSIDE:
-        return "Not more often beyond the bound than white innovations, 5 % of runs."
+        return "No departure can be told from white innovations, beyond the bound in 5 % of runs."
     if mean > 0.0:
         return (
             f"Innovations of {source} resemble the ones before: the filter follows too slowly, or errors of the "

@@ -22,11 +22,12 @@ _MOST_RESAMPLED = 500
 _RESAMPLES = 1999
 
 
-def describe(name: str, values: np.ndarray, failed: int, independent: bool) -> dict[str, Any]:
+def describe(name: str, values: np.ndarray, independent: bool) -> dict[str, Any]:
     """Statistics of a metric's `values` (runs,), None where undefined; intervals are 95 % and need independent runs.
 
-    A number of `failed` runs counts in the bounds of p99 and p1 as worse than any other. Intervals of quantiles are
-    from ranks and None at an end that no run bounds; that of the standard deviation is for a normal quantity.
+    A run without a value, failed or not, counts in the bounds of p99 and p1 as worse than any other; a bound is None
+    where it would be such a run. Intervals of quantiles are from ranks and None at an end that no run bounds; that of
+    the standard deviation is for a normal quantity.
     """
     defined = np.asarray(values, dtype=np.float64)
     defined = defined[np.isfinite(defined)]
@@ -35,7 +36,7 @@ def describe(name: str, values: np.ndarray, failed: int, independent: bool) -> d
         return entry
     entry |= dict(zip(_PERCENTILES, np.percentile(defined, list(_PERCENTILES.values())).tolist(), strict=True))
     entry |= {"mean": float(np.mean(defined)), "std": _deviation(defined)}
-    return entry | _intervals(defined, failed, entry["std"]) if independent else entry
+    return entry | _intervals(defined, len(values) - len(defined), entry["std"]) if independent else entry
 
 
 def interval_of_mean(values: np.ndarray) -> tuple[list[float], str] | None:
@@ -55,11 +56,11 @@ def interval_of_mean(values: np.ndarray) -> tuple[list[float], str] | None:
     return [float(np.mean(values)) - half, float(np.mean(values)) + half], "normal"
 
 
-def _intervals(defined: np.ndarray, failed: int, deviation: float | None) -> dict[str, Any]:
-    below = _bound(-defined, failed)
+def _intervals(defined: np.ndarray, undefined: int, deviation: float | None) -> dict[str, Any]:
+    below = _bound(-defined, undefined)
     found: dict[str, Any] = {
         "p1_lower_95": None if below is None else -below,
-        "p99_upper_95": _bound(defined, failed),
+        "p99_upper_95": _bound(defined, undefined),
     }
     of_mean = interval_of_mean(defined)
     if of_mean is not None and deviation is not None:
@@ -72,9 +73,9 @@ def _intervals(defined: np.ndarray, failed: int, deviation: float | None) -> dic
     return found
 
 
-def _bound(badness: np.ndarray, failed: int) -> float | None:
-    """Upper 95 % bound of the 99th percentile, each failed run being worse than all others; None if it is one."""
-    bound = quantile_upper_bound(np.concatenate([badness, np.full(failed, np.inf)]), 0.99, 0.95)
+def _bound(badness: np.ndarray, undefined: int) -> float | None:
+    """Upper 95 % bound of the 99th percentile, each undefined run being worse than all others; None if it is one."""
+    bound = quantile_upper_bound(np.concatenate([badness, np.full(undefined, np.inf)]), 0.99, 0.95)
     return bound if bound is not None and np.isfinite(bound) else None
 
 

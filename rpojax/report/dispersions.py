@@ -17,6 +17,8 @@ from rpojax.report.results import Results
 
 LEVEL = 0.01
 """Chance below which a drawn distribution is called doubtful."""
+_NOMINAL = ("fault.kind", "fault.wheel")
+"""Keys whose numbers are names in disguise: none is greater than another."""
 _FEWEST_RUNS = 10
 _MOST_POINTS = 1500
 
@@ -65,6 +67,11 @@ def scalars(campaign: Results) -> dict[str, np.ndarray]:
     return found
 
 
+def measured(campaign: Results) -> dict[str, np.ndarray]:
+    """Dispersed scalars (runs,) that can be ranked: all but those whose numbers are codes, as of kinds of fault."""
+    return {key: values for key, values in scalars(campaign).items() if key not in _NOMINAL}
+
+
 def as_drawn(campaign: Results) -> list[Dispersion]:
     """Every dispersed scalar in drawing order, drawn beside declared; a turned quaternion as its rotation vector.
 
@@ -85,9 +92,11 @@ def explorer(campaign: Results) -> dict[str, Any] | None:
     """Data for scatter plots of each metric against each dispersed scalar, None with too few runs or nothing dispersed.
 
     Holds the values of at most 1500 runs (the first ones, which are as random as any), the rank correlation of each
-    pair over all runs, and the size below which a correlation of independent quantities lies in 95 % of the cases.
+    pair over all runs unless the scalar is a code, and the size below which a correlation of independent quantities
+    lies in 95 % of the cases, None where runs are not independent.
     """
     inputs = {key: values for key, values in scalars(campaign).items() if np.ptp(values) > 0.0}
+    ranked, known = {key: inputs[key] for key in measured(campaign) if key in inputs}, independent(campaign)
     found = campaign.metrics
     metrics = {name: found[name] for name in ordered(found) if varies(found[name])}
     if not inputs or not metrics:
@@ -99,8 +108,8 @@ def explorer(campaign: Results) -> dict[str, Any] | None:
                 "title": metric(name).title,
                 "unit": metric(name).unit,
                 "values": compact(values[:_MOST_POINTS]),
-                "rank": _ranks(values, inputs),
-                "chance": round(1.96 / float(np.sqrt(np.isfinite(values).sum() - 1)), 4),
+                "rank": _ranks(values, ranked),
+                "chance": round(1.96 / float(np.sqrt(np.isfinite(values).sum() - 1)), 4) if known else None,
             }
             for name, values in metrics.items()
         },

@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+from rpojax.campaign.files import partial_name
 from rpojax.errors import OutputError
 
 
@@ -14,7 +15,7 @@ def write_atomically(path: Path, content: bytes) -> Path:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _write(path, path.with_name(f"{path.name}.{os.getpid()}.partial"), content)
+        _write(path, path.with_name(partial_name(path.name)), content)
     except OSError as error:
         raise OutputError(f"{path}: found {error.strerror or error}, expected a file that can be written") from None
     return path
@@ -22,7 +23,7 @@ def write_atomically(path: Path, content: bytes) -> Path:
 
 def _write(path: Path, partial: Path, content: bytes) -> None:
     try:
-        with partial.open("wb") as file:
+        with partial.open("xb") as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())

@@ -3,8 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from rpojax.report.design import in_words, independent
-from rpojax.report.labels import number
+from rpojax.report.labels import metric, number, ordered
 from rpojax.report.results import Results
 
 
@@ -27,19 +29,40 @@ def sentences(campaign: Results, summary: Mapping[str, Any]) -> list[str]:
             f"{runs['completed']} completed runs cannot bound a 99th percentile without assuming a distribution "
             "(299 are needed for 95 % confidence); p99 is then a description of these runs only."
         )
-    if runs["failed"]:
-        found.append(
-            "Metrics leave out runs in which they are undefined, as after a failure: "
-            "they describe the survivors and must be read together with the failures. "
-            "Only the bounds of p99 and p1 count failed runs, as worse than any other."
-        )
+    found += _about_undefined(campaign, runs["failed"])
     found.append(_about_design(campaign))
     if not summary["requirements"]:
         found.append("The campaign states no requirements, so this report gives no verdict.")
+    elif runs["missing"]:
+        found.append("Requirements are judged when all runs have ended: those that are missing may be the bad ones.")
     elif independent(campaign):
         found.append(
             "A verdict is about runs drawn as the scenario declares, with the consumer's risk stated for each "
-            "requirement alone: with several requirements the risk that one of them is verified wrongly is greater."
+            "requirement alone: with several requirements the risk that one of them is verified wrongly is greater. "
+            "It is also for a number of runs fixed beforehand: who adds runs until it verifies bears a greater risk."
+        )
+    return found
+
+
+def _about_undefined(campaign: Results, failed: int) -> list[str]:
+    """What metrics leave out; those that no completed run has describe nothing, and need no word."""
+    completed = np.asarray(campaign.completed, dtype=bool)
+    without = {
+        name: int(np.sum(completed & ~np.isfinite(campaign.metrics[name]))) for name in ordered(campaign.metrics)
+    }
+    partly = [name for name, count in without.items() if 0 < count < int(completed.sum())]
+    if not failed and not partly:
+        return []
+    found = [
+        "Metrics leave out runs in which they are undefined, as after a failure: "
+        "they describe the other runs and must be read together with the failures. "
+        "Only the bounds of p99 and p1 count runs without a value, as worse than any other."
+    ]
+    if partly:
+        named = ", ".join(f"{metric(name).title} ({without[name]})" for name in partly)
+        found.append(
+            f"Undefined in some of the {int(completed.sum())} completed runs: {named}. That is no failure where there "
+            "was nothing to measure, but the bounds take the worse case: none is given that would be such a run."
         )
     return found
 

@@ -36,14 +36,16 @@ class Row:
     more_violating: int
 
 
-def judged(campaign: Results) -> list[dict[str, Any]]:
+def judged(campaign: Results, missing: int) -> list[dict[str, Any]]:
     """Part of report.json: every requirement of the scenario with its judgement, None where runs allow no statement.
+
+    With `missing` runs there is no verdict.
 
     Raises:
         ResultError: the campaign has not the metric of a requirement, or its requirement is none.
     """
     entries = campaign.info.get("scenario", {}).get("requirements") or []
-    return [_entry(campaign, _requirement(campaign, index, entry)) for index, entry in enumerate(entries)]
+    return [_entry(campaign, _requirement(campaign, index, entry), missing) for index, entry in enumerate(entries)]
 
 
 def rows(entries: Sequence[Mapping[str, Any]]) -> list[Row]:
@@ -69,10 +71,10 @@ def _requirement(campaign: Results, index: int, entry: Mapping[str, Any]) -> Req
     return found
 
 
-def _entry(campaign: Results, requirement: RequirementSection) -> dict[str, Any]:
+def _entry(campaign: Results, requirement: RequirementSection, missing: int) -> dict[str, Any]:
     values = np.asarray(campaign.metrics[requirement.metric], dtype=np.float64)
     failed = ~np.asarray(campaign.completed, dtype=bool)
-    found = judge(requirement, values, failed, campaign.run_ids, independent(campaign))
+    found = judge(requirement, values, failed, campaign.run_ids, independent(campaign), missing)
     return {
         "text": in_words(requirement),
         **requirement.model_dump(),
@@ -113,11 +115,13 @@ def _row(entry: Mapping[str, Any]) -> Row:
 def _cells(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
     interval = entry["success_interval"]
     allowed = "too few runs" if entry["allowed"] is None else f"{entry['allowed']} allowed"
+    untold = str(entry["verdict"]).partition(":")[0]
+    valued = entry["runs"] - entry["without_value"]
     return [
-        (number(entry["worst"]), ""),
+        (number(entry["worst"]), f"of {valued} runs with a value" if valued < entry["runs"] else ""),
         (_value(entry), "" if entry["rank"] is None else f"rank {entry['rank']} of {entry['runs']}"),
         (_signed(entry["margin"]), ""),
-        (f"{entry['violations']} of {entry['runs']}", "not independent" if interval is None else allowed),
+        (f"{entry['violations']} of {entry['runs']}", untold if interval is None else allowed),
         (
             number(None) if entry["success"] is None else _floor(entry["success"]),
             "" if interval is None else f"{_floor(interval[0])} to {_ceiling(interval[1])}",
@@ -135,7 +139,7 @@ def _risk(reached: float | None) -> str:
 def _value(entry: Mapping[str, Any]) -> str:
     """Value of the run to compare with the limit; a word where that run has none."""
     if entry["order_statistic"] is None and entry["rank"] is not None:
-        return "failed run"
+        return "run without value"
     return number(entry["order_statistic"])
 
 

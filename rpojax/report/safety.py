@@ -18,14 +18,15 @@ _KEEP_OUT = FAILURES[2]
 def content(campaign: Results) -> dict[str, Any]:
     """Part of report.json: least ranges, entries of the keep-out sphere, and the longest times without a look.
 
-    The least range counts failed runs too, up to their failure, as far as their traces say. Shares have exact 95 %
+    The least range counts failed runs too, up to their failure, as far as their traces say; of a run that entered the
+    keep-out sphere it is at most the sphere's radius, which `at_most` then marks as a bound. Shares have exact 95 %
     intervals, None where runs are not independent.
     """
     entered = np.asarray(campaign.failure_reason == _KEEP_OUT)
     keep_out = campaign.info.get("scenario", {}).get("limits", {}).get("keep_out_m")
     return {
         "keep_out_m": keep_out,
-        "least_range": _least_range(campaign),
+        "least_range": _least_range(campaign, keep_out, entered),
         "entries": {
             **_share(campaign, entered, np.ones(len(entered), dtype=bool)),
             "run_ids": campaign.run_ids[entered].tolist(),
@@ -53,13 +54,20 @@ def rows(found: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     return [(quantity, value, remark) for quantity, value, remark in lines if value]
 
 
-def _least_range(campaign: Results) -> dict[str, Any] | None:
+def _least_range(campaign: Results, keep_out: float | None, entered: np.ndarray) -> dict[str, Any] | None:
     ranges = np.asarray(campaign.metrics.get("min_range_m", np.full(len(campaign.completed), np.nan)), dtype=np.float64)
     traced = campaign.traces.get("range_m")
     if traced is not None and traced.size:
         ranges = np.fmin(ranges, np.fmin.reduce(traced, axis=1))
+    # Traces are coarse: the last instant that they hold may be well before the entry.
+    radius = np.inf if keep_out is None else keep_out
+    bounded = entered & np.isfinite(radius) & ~(ranges <= radius)
+    ranges = np.where(bounded, radius, ranges).astype(np.float64)
     rows = worst_rows("min_range_m", ranges, 1)
-    return {"value": float(ranges[rows[0]]), "run_id": int(campaign.run_ids[rows[0]])} if rows else None
+    if not rows:
+        return None
+    row = rows[0]
+    return {"value": float(ranges[row]), "run_id": int(campaign.run_ids[row]), "at_most": bool(bounded[row])}
 
 
 def _extreme(campaign: Results, name: str) -> dict[str, Any] | None:
@@ -90,7 +98,10 @@ def _share(campaign: Results, events: np.ndarray, known: np.ndarray) -> dict[str
 
 
 def _extreme_texts(found: Mapping[str, Any] | None, unit: str) -> tuple[str, str]:
-    return ("", "") if found is None else (with_unit(number(found["value"]), unit), f"run {found['run_id']}")
+    if found is None:
+        return "", ""
+    bound = "at most " if found.get("at_most") else ""
+    return bound + with_unit(number(found["value"]), unit), f"run {found['run_id']}"
 
 
 def _share_texts(found: Mapping[str, Any] | None) -> tuple[str, str]:

@@ -9,7 +9,7 @@ from markupsafe import escape
 from rpojax.analysis.sensitivity import Ranking, rank_inputs
 from rpojax.report.charts import BLANK, Chart, compact, layout
 from rpojax.report.design import independent
-from rpojax.report.dispersions import scalars
+from rpojax.report.dispersions import measured
 from rpojax.report.labels import metric
 from rpojax.report.leading import leading_metrics
 from rpojax.report.results import Results
@@ -17,14 +17,17 @@ from rpojax.report.style import BLUE, GRID, ORANGE
 
 _MOST_BARS = 8
 _LEVEL = 0.05
+_GREATEST = 3
 
 
 def content(campaign: Results) -> list[dict[str, Any]]:
-    """Part of report.json: for each leading metric all inputs, the strongest rank correlation first, and a sentence.
+    """Part of report.json: for each leading metric all inputs but codes, the strongest rank correlation first, and a
+    sentence.
 
-    P-values, corrected for the number of inputs, are None where runs are not independent.
+    P-values, corrected for the number of inputs, are None where runs are not independent; the leading inputs are then
+    those of greatest size, and whether the methods disagree beyond chance is None.
     """
-    inputs = {key: values for key, values in scalars(campaign).items() if np.isfinite(values).all()}
+    inputs = {key: values for key, values in measured(campaign).items() if np.isfinite(values).all()}
     rankings = {name: rank_inputs(inputs, campaign.metrics[name]) for name in leading_metrics(campaign)}
     known = independent(campaign)
     return [_entry(name, ranking, known) for name, ranking in rankings.items() if ranking.inputs]
@@ -57,17 +60,32 @@ def _entry(name: str, ranking: Ranking, known: bool) -> dict[str, Any]:
         }
         for one in ranking.inputs
     ]
+    by_rank, by_hsic = list(ranking.by_correlation), list(ranking.by_hsic)
+    if not known:
+        by_rank, by_hsic = _greatest(inputs, "spearman"), _greatest(inputs, "hsic")
     return {
         "metric": name,
         "title": metric(name).title,
         "runs": ranking.runs,
         "sampled": ranking.sampled,
         "inputs": inputs,
-        "by_spearman": list(ranking.by_correlation),
-        "by_hsic": list(ranking.by_hsic),
-        "disagree": ranking.disagree,
-        "sentence": _sentence(ranking.by_correlation, ranking.by_hsic),
+        "by_spearman": by_rank,
+        "by_hsic": by_hsic,
+        "disagree": ranking.disagree if known else None,
+        "sentence": _sentence(by_rank, by_hsic) if known else _sentence_of_sizes(by_rank, by_hsic),
     }
+
+
+def _greatest(inputs: Sequence[Mapping[str, Any]], key: str) -> list[str]:
+    """Names of the few inputs of greatest size by one method."""
+    return [one["name"] for one in sorted(inputs, key=lambda one: -abs(one[key]))[:_GREATEST]]
+
+
+def _sentence_of_sizes(by_rank: Sequence[str], by_hsic: Sequence[str]) -> str:
+    return (
+        f"Greatest by rank correlation: {', '.join(by_rank)}; by HSIC: {', '.join(by_hsic)}. "
+        "Whether chance would do as much is not told."
+    )
 
 
 def _sentence(by_rank: Sequence[str], by_hsic: Sequence[str]) -> str:

@@ -16,12 +16,12 @@ _CHOOSING_METRIC = "formation_error_rms_m"
 
 def summarise(campaign: Results) -> dict[str, Any]:
     """Content of report.json: runs, metrics in their units, requirements, provenance and failures, without NaN."""
-    failed = int(np.sum(~np.asarray(campaign.completed, dtype=bool)))
     metrics, known = campaign.metrics, design.independent(campaign)
+    counted = _run_counts(campaign)
     return {
-        "runs": _run_counts(campaign),
-        "metrics": {name: plain(describe(name, metrics[name], failed, known)) for name in ordered(metrics)},
-        "requirements": plain(requirements.judged(campaign)),
+        "runs": counted,
+        "metrics": {name: plain(describe(name, metrics[name], known)) for name in ordered(metrics)},
+        "requirements": plain(requirements.judged(campaign, counted["missing"])),
         "design": design.content(campaign),
         "provenance": plain({key: value for key, value in campaign.info.items() if key != "scenario"}),
         "failures": _failures(campaign),

@@ -68,10 +68,25 @@ def test_verdicts_in_words(build, runs, limit, verdict):
 def test_a_failed_run_violates_every_requirement_and_can_be_flown_again(build):
     campaign = build(runs=12, seconds=30, kept=(), failed=(4,))
     found = _require(campaign, metric="min_range_m", bound="at least", limit=1.0)
-    assert (found["violations"], found["violating_ids"]) == (1, [4])
+    assert (found["violations"], found["violating_ids"], found["without_value"]) == (1, [4], 1)
+    assert requirements.rows([found])[0].cells[0][1] == "of 11 runs with a value"
     page = write_report(campaign).read_text()
     assert f"rpojax rerun {campaign.directory} --run-id 4 --out run_4" in page
     assert "Minimum range \N{GREATER-THAN OR EQUAL TO} 1 m" in page
+
+
+@pytest.mark.parametrize("limit", [1.0, 0.3])
+def test_with_missing_runs_nothing_is_verified_nor_refuted(build, limit):
+    # The 388 runs at hand would verify the first and refute the second.
+    campaign = build(runs=388, seconds=30, kept=())
+    campaign.info["runs"] = 400
+    found = _require(campaign, limit=limit)
+    assert (found["verdict"], found["verdict_text"]) == ("unfinished: no verdict",) * 2
+    silent = ("more_runs", "allowed", "rank", "order_statistic", "margin", "success_interval", "risk_reached")
+    assert {found[key] for key in silent} == {None}
+    row = requirements.rows([found])[0]
+    assert (row.verdict, row.state, row.cells[3][1]) == ("unfinished: no verdict", "open", "unfinished")
+    assert "no verdict before all have ended" in write_report(campaign).read_text()
 
 
 def test_a_probability_is_never_rounded_up_to_what_is_asked():
@@ -90,6 +105,7 @@ def test_a_probability_is_never_rounded_up_to_what_is_asked():
         "rank": 99100,
         "order_statistic": 1.1,
         "margin": -0.1,
+        "without_value": 1,
         "worst": 2.0,
         "success": 0.98999,
         "success_interval": [0.98955, 0.99034],
@@ -97,6 +113,7 @@ def test_a_probability_is_never_rounded_up_to_what_is_asked():
         "violating_ids": [],
     }
     cells = requirements.rows([entry])[0].cells
+    assert cells[0] == ("2", "of 99999 runs with a value")
     assert cells[4] == ("0.9899", "0.9895 to 0.9904")
     assert cells[2] == ("-0.1000", "")
 
@@ -132,7 +149,7 @@ def test_the_least_range_counts_what_a_failed_run_came_to_before_it_failed(build
     campaign.metrics["passive_range_m"] = np.where(np.arange(30) < 2, 8.0, 20.0)
     campaign.metrics["passive_range_m"][5] = np.nan
     found = safety.content(campaign)
-    assert found["least_range"] == {"value": 9.5, "run_id": 5}
+    assert found["least_range"] == {"value": 9.5, "run_id": 5, "at_most": False}
     assert found["entries"]["run_ids"] == [5]
     # Clopper and Pearson for one of thirty: the ends solve the two binomial tails for 2.5 %.
     low, high = found["entries"]["interval_95"]
@@ -141,6 +158,16 @@ def test_the_least_range_counts_what_a_failed_run_came_to_before_it_failed(build
     assert (found["passive_below_keep_out"]["count"], found["passive_below_keep_out"]["runs"]) == (3, 30)
     assert found["least_passive_range"] == {"value": 8.0, "run_id": 0}
     assert found["longest_look_away"] is None
+
+
+def test_the_least_range_of_a_run_that_entered_the_sphere_is_at_most_its_radius(build):
+    campaign = build(runs=30, seconds=300, kept=(), failed=(5,))
+    found = safety.content(campaign)
+    assert np.nanmin(campaign.traces["range_m"]) > 10.0
+    assert found["least_range"] == {"value": 10.0, "run_id": 5, "at_most": True}
+    assert safety.rows(found)[0] == ("Least range of any run", "at most 10 m", "run 5")
+    campaign.info["scenario"]["limits"] = {}
+    assert safety.content(campaign)["least_range"]["at_most"] is False
 
 
 def test_what_sets_failing_runs_apart_is_named_by_reason(build):

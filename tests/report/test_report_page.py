@@ -1,5 +1,7 @@
 """The page: self-contained, well formed, and plain about what is missing."""
 
+import ast
+import inspect
 import json
 import re
 from html.parser import HTMLParser
@@ -8,6 +10,7 @@ import numpy as np
 import plotly.graph_objects
 import pytest
 
+from rpojax.campaign.rerun import rerun
 from rpojax.errors import OutputError, ResultError
 from rpojax.report import sections
 from rpojax.report.charts import binned, envelope, worst_run
@@ -141,7 +144,12 @@ def test_replaced_stages_are_part_of_the_identity_and_have_to_be_given_to_fly_a_
     words = _words(_page(campaign))
     assert f"Replaced stages formation_law = mine.pd_law, source {'ab' * 32}" in words
     assert "rpojax rerun " not in words
-    assert "'run_4', 1, first_run=4, block_size=256, stages=...)" in words
+    found = f"rpojax.Campaign({str(campaign.directory)!r})"
+    command = f"rpojax.campaign.rerun.rerun({found}, 4, pathlib.Path('run_4'), stages=...)"
+    assert command in words
+    call = ast.parse(command, mode="eval").body
+    assert isinstance(call, ast.Call)
+    inspect.signature(rerun).bind(*call.args, **{str(word.arg): word.value for word in call.keywords})
 
 
 def test_where_low_is_bad_the_low_side_is_shown(campaign):

@@ -5,17 +5,17 @@ import json
 import numpy as np
 import pytest
 
-from rpojax.report import consistency, convergence, dispersions, sensitivity
+from rpojax.report import causes, consistency, convergence, dispersions, sensitivity
 from rpojax.report.describe import describe, interval_of_mean
 from rpojax.report.html import write_report
 
 
 def test_intervals_of_quantiles_are_ranks_and_hold_what_they_say():
     values = np.arange(1.0, 1001.0)
-    entry = describe("delta_v_m_s", values, 0, True)
+    entry = describe("delta_v_m_s", values, True)
     # Row of a table: for q = 0.99 and 1000 runs the ranks are 983 and 997.
     assert entry["p99_interval_95"] == [983.0, 997.0]
-    assert describe("delta_v_m_s", values[:100], 0, True)["p99_interval_95"][1] is None
+    assert describe("delta_v_m_s", values[:100], True)["p99_interval_95"][1] is None
     # For 1000 runs the interval of the deviation is 0.958012 to 1.045865 of it.
     assert np.array(entry["std_interval_95"]) / entry["std"] == pytest.approx([0.958012, 1.045865], abs=1e-6)
     assert entry["mean_interval_method"] == "normal"
@@ -75,11 +75,26 @@ def test_averages_at_instants_and_their_sentence(build):
     assert first["interval_95"] == pytest.approx([11.05890, 12.97898], abs=1e-5)
     assert first["inside"] == pytest.approx(0.95, abs=0.05)
     assert first["inside"] + first["above"] + first["below"] == pytest.approx(1.0)
-    campaign.traces["nees"] = campaign.traces["nees"] * np.float32(1.5)
-    assert consistency.content(campaign)["over_time"][0]["says"].startswith("Mostly above: errors are larger")
+    assert first["says"].startswith("No departure can be told")
+    nees = campaign.traces["nees"]
+    for factor, words in ((1.5, "Mostly above: errors are larger"), (0.6, "Mostly below: errors are smaller")):
+        campaign.traces["nees"] = nees * np.float32(factor)
+        assert consistency.content(campaign)["over_time"][0]["says"].startswith(words)
 
 
-@pytest.mark.parametrize(("mean", "words"), [(0.0, "Not more often"), (0.2, "resemble"), (-0.2, "alternate")])
+def test_instants_outside_are_no_verdict_where_the_spread_between_runs_gives_none(build):
+    # A few runs with lasting large errors put the average above at every instant.
+    campaign = build(runs=100, seconds=600, kept=())
+    campaign.traces["nees"] = np.full_like(campaign.traces["nees"], 12.0)
+    campaign.traces["nees"][:2] = 120.0
+    entry = consistency.content(campaign)["over_time"][0]
+    assert entry["above"] == 1.0
+    assert entry["says"] == "No departure can be told from the shares of instants alone."
+
+
+@pytest.mark.parametrize(
+    ("mean", "words"), [(0.0, "No departure can be told from white"), (0.2, "resemble"), (-0.2, "alternate")]
+)
 def test_whiteness_counts_the_runs_beyond_the_bound_of_their_updates(build, mean, words):
     campaign = build(runs=400, seconds=600, kept=())
     campaign.info["scenario"]["rates"] = {"camera_hz": 1.0}
@@ -91,7 +106,7 @@ def test_whiteness_counts_the_runs_beyond_the_bound_of_their_updates(build, mean
     assert gps["bound"] == pytest.approx(1.96 / np.sqrt(1800.0))
     assert boxes["bound"] == pytest.approx(1.96 / np.sqrt(450.0))
     assert words in gps["says"]
-    assert "Not more often" in boxes["says"]
+    assert "No departure can be told from white" in boxes["says"]
     assert gps["outside"] == pytest.approx(0.05 if mean == 0.0 else 1.0, abs=0.03)
 
 
@@ -125,6 +140,37 @@ def test_an_influence_that_ranks_miss_is_named_by_the_other_method(build):
     assert left["y"] == right["y"]
     assert right["y"][-1] == "camera.misalignment_deg[1]"
     assert right["marker"]["opacity"][-1] > right["marker"]["opacity"][0]
+
+
+def test_runs_of_a_design_are_ranked_by_size_without_a_word_on_chance(build):
+    campaign = build(runs=60, seconds=60, kept=())
+    campaign.info["scenario"]["design"] = {"kind": "sobol"}
+    campaign.metrics["delta_v_m_s"] = campaign.drawn["servicer.mass_kg"] ** 3
+    campaign.metrics["min_range_m"] = np.random.default_rng(1).normal(size=60)
+    found = {entry["metric"]: entry for entry in sensitivity.content(campaign)}
+    for entry in found.values():
+        sizes = [abs(one["spearman"]) for one in entry["inputs"]]
+        assert entry["by_spearman"] == [one["name"] for one in entry["inputs"][:3]]
+        assert sizes == sorted(sizes, reverse=True)
+        assert entry["disagree"] is None
+        assert entry["sentence"].startswith(f"Greatest by rank correlation: {entry['by_spearman'][0]}, ")
+    assert found["delta_v_m_s"]["by_hsic"][0] == "servicer.mass_kg"
+    explorer = dispersions.explorer(campaign)
+    assert explorer is not None
+    assert {one["chance"] for one in explorer["metrics"].values()} == {None}
+    assert "dotted lines" not in write_report(campaign).read_text()
+
+
+def test_codes_of_faults_are_not_ranked(build):
+    campaign = build(runs=60, seconds=60, kept=(), failed=tuple(range(20)))
+    campaign.drawn |= {"fault.kind": np.repeat([3.0, 1.0, 2.0], 20), "fault.wheel": np.arange(60.0) % 3.0}
+    codes = {"fault.kind", "fault.wheel"}
+    assert all(codes.isdisjoint(one["name"] for one in entry["inputs"]) for entry in sensitivity.content(campaign))
+    assert all(codes.isdisjoint(one["input"] for one in entry["inputs"]) for entry in causes.content(campaign))
+    explorer = dispersions.explorer(campaign)
+    assert explorer is not None
+    assert all(codes.isdisjoint(one["rank"]) for one in explorer["metrics"].values())
+    assert codes <= set(explorer["inputs"])
 
 
 def test_draws_are_held_against_what_the_scenario_declares(build):
