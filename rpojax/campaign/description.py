@@ -63,7 +63,8 @@ def read(directory: Path) -> dict[str, Any]:
 
 
 def _acceptable(key: str, value: Any, form: type) -> bool:
-    if not isinstance(value, form) or (isinstance(value, bool) and form is not bool):
+    fits = isinstance(value, form) and isinstance(value, bool) == (form is bool)
+    if not fits:
         return False
     if key == "histories":
         return _histories_acceptable(value)
