@@ -1,7 +1,6 @@
 """The verb `rpojax compare`: what changed between two campaigns of the same runs."""
 
 import dataclasses
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import Positional, arg
 
 from rpojax.machine import prepare_jax
+from rpojax.verb_parts import AsJson, print_json
 
 if TYPE_CHECKING:
     from rpojax.analysis.comparison import Comparison, Estimate
@@ -19,13 +19,14 @@ def compare(
     first: Annotated[Positional[Path], arg(metavar="DIR_A", help="Folder of a campaign.")],
     second: Annotated[Positional[Path], arg(metavar="DIR_B", help="Folder of another one with the same seed.")],
     *,
-    as_json: Annotated[bool, arg(name="json", help="JSON on stdout.")] = False,
+    as_json: AsJson = False,
 ) -> int:
     """What changed from one campaign to another, run by run: run n had the same dispersions in both."""
     prepare_jax(cache=True)
     from rpojax.analysis import comparison
     from rpojax.campaign import design
     from rpojax.campaign.store import Campaign
+    from rpojax.report.values import plain
 
     one, other = Campaign(first), Campaign(second)
     _check_paired(one, other)
@@ -36,7 +37,7 @@ def compare(
     changed = changes(one.info["scenario"], other.info["scenario"])
     if as_json:
         content = {"first": str(first), "second": str(second), "changed": changed, "independent": independent}
-        print(json.dumps({**content, **_plain(dataclasses.asdict(found))}, indent=2, allow_nan=False))
+        print_json({**content, **plain(dataclasses.asdict(found))})
     else:
         _show(found, changed, independent)
     return 0
@@ -78,12 +79,6 @@ def changes(first: Any, second: Any, path: str = "") -> list[dict[str, Any]]:
             for each in changes(first.get(key), second.get(key), f"{path}.{key}" if path else str(key))
         ]
     return [] if first == second else [{"key": path, "first": first, "second": second}]
-
-
-def _plain(value: Any) -> Any:
-    from rpojax.report.summary import plain
-
-    return plain(value)
 
 
 def _show(found: "Comparison", changed: Sequence[dict[str, Any]], independent: bool) -> None:

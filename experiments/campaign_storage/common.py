@@ -1,6 +1,8 @@
 """What the scripts of this folder share: a short campaign, its command line, and a comparison value by value."""
 
+import argparse
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +12,18 @@ import zarr
 
 SETTINGS = ("--set", "duration_s=200", "--seed", "0")
 ONE_DEVICE = {"XLA_FLAGS": "--xla_force_host_platform_device_count=1"}
+
+
+def options(about: str | None, **defaults: float) -> argparse.Namespace:
+    """Words of a script's command line: numbers with their defaults, and `--out`, a folder that is then empty."""
+    parser = argparse.ArgumentParser(description=about)
+    parser.add_argument("--out", type=Path, required=True)
+    for name, value in defaults.items():
+        parser.add_argument("--" + name.replace("_", "-"), type=type(value), default=value)
+    found = parser.parse_args()
+    shutil.rmtree(found.out, ignore_errors=True)
+    found.out.mkdir(parents=True)
+    return found
 
 
 def command(verb: str, *words: object) -> list[str]:

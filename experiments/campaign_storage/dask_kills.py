@@ -3,12 +3,9 @@
 python experiments/campaign_storage/dask_kills.py --out out/dask
 """
 
-import argparse
 import os
-import shutil
 import signal
 import time
-from pathlib import Path
 from typing import Any
 
 import common
@@ -16,12 +13,7 @@ import distributed
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--workers", type=int, default=2)
-    options = parser.parse_args()
-    shutil.rmtree(options.out, ignore_errors=True)
-    options.out.mkdir(parents=True)
+    options = common.options(__doc__, workers=2)
     whole, spread = options.out / "whole", options.out / "spread"
     shape = (24, 2, "--histories", "2")
     common.start(common.campaign(whole, *shape)).communicate()

@@ -3,9 +3,7 @@
 python experiments/campaign_storage/kills.py --out out/kills
 """
 
-import argparse
 import random
-import shutil
 import time
 from pathlib import Path
 
@@ -31,15 +29,7 @@ def blocks_in(folder: Path) -> int:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--kills", type=int, default=20)
-    parser.add_argument("--runs", type=int, default=120)
-    parser.add_argument("--block-size", type=int, default=2)
-    parser.add_argument("--longest-s", type=float, default=12.0)
-    options = parser.parse_args()
-    shutil.rmtree(options.out, ignore_errors=True)
-    options.out.mkdir(parents=True)
+    options = common.options(__doc__, kills=20, runs=120, block_size=2, longest_s=12.0)
     whole, broken = options.out / "whole", options.out / "broken"
     histories = ("--histories", "every:40+worst:3:min_range_m")
     process = common.start(common.campaign(whole, options.runs, options.block_size, *histories))

@@ -3,15 +3,13 @@
 python experiments/campaign_storage/overhead.py --out out/overhead
 """
 
-import argparse
 import os
-import shutil
 import statistics
 import time
-from pathlib import Path
 
 os.environ.setdefault("XLA_FLAGS", "--xla_force_host_platform_device_count=1")
 
+import common
 import jax
 
 import rpojax
@@ -21,18 +19,12 @@ from rpojax.campaign.store import Campaign
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--pairs", type=int, default=8)
-    parser.add_argument("--block-size", type=int, default=256)
-    parser.add_argument("--duration-s", type=float, default=1000.0)
-    options = parser.parse_args()
-    shutil.rmtree(options.out, ignore_errors=True)
+    options = common.options(__doc__, pairs=8, block_size=256, duration_s=1000.0)
     file = rpojax.load("inspection", [f"duration_s={options.duration_s}"])
     runs = options.block_size * (options.pairs + 1)
     asked = creation.describe(file, 0, runs, 0, options.block_size, Retention("none").recorded())
-    creation.create(options.out, asked, force=False)
-    result = Campaign(options.out)
+    creation.create(options.out / "runs", asked, force=False)
+    result = Campaign(options.out / "runs")
     engine = flying.engine_of(asked, jax.devices()[:1])
     engine.compile(0)
     print(f"compiled in {engine.compile_s:.0f} s", flush=True)

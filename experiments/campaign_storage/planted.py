@@ -3,10 +3,7 @@
 python experiments/campaign_storage/planted.py --out out/planted
 """
 
-import argparse
 import json
-import shutil
-from pathlib import Path
 
 import common
 
@@ -17,11 +14,7 @@ FAR_M, INSIDE_M = -50.0, -8.0
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, required=True)
-    options = parser.parse_args()
-    shutil.rmtree(options.out, ignore_errors=True)
-    options.out.mkdir(parents=True)
+    options = common.options(__doc__)
     starts = [INSIDE_M if run in PLANTED else FAR_M for run in range(RUNS)]
     (options.out / "cases.csv").write_text("\n".join(["initial.relative_position_m[1]", *map(str, starts), ""]))
     scenario = options.out / "planted.toml"

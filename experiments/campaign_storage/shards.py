@@ -3,22 +3,11 @@
 python experiments/campaign_storage/shards.py --out out/shards
 """
 
-import argparse
-import shutil
-from pathlib import Path
-
 import common
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--shards", type=int, default=3)
-    parser.add_argument("--runs", type=int, default=24)
-    parser.add_argument("--block-size", type=int, default=2)
-    options = parser.parse_args()
-    shutil.rmtree(options.out, ignore_errors=True)
-    options.out.mkdir(parents=True)
+    options = common.options(__doc__, shards=3, runs=24, block_size=2)
     shape = (options.runs, options.block_size, "--histories", "2+worst:1:min_range_m")
     whole, shared = options.out / "whole", options.out / "shared"
     common.start(common.campaign(whole, *shape)).communicate()

@@ -3,13 +3,10 @@
 python experiments/campaign_storage/workers.py --out out/workers
 """
 
-import argparse
 import os
-import shutil
 import signal
 import subprocess
 import time
-from pathlib import Path
 
 import common
 
@@ -23,13 +20,7 @@ def workers_of(process: int) -> list[int]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--runs", type=int, default=120)
-    parser.add_argument("--block-size", type=int, default=2)
-    options = parser.parse_args()
-    shutil.rmtree(options.out, ignore_errors=True)
-    options.out.mkdir(parents=True)
+    options = common.options(__doc__, runs=120, block_size=2)
     whole, shared = options.out / "whole", options.out / "shared"
     common.start(common.campaign(whole, options.runs, options.block_size)).communicate()
     process = common.start(common.campaign(shared, options.runs, options.block_size, "--workers", 2))

@@ -1,6 +1,5 @@
 """What a scenario declares of the numbers that it disperses, one by one, and whether drawn values follow it."""
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
@@ -9,8 +8,8 @@ import numpy as np
 from scipy.stats import chisquare, kstest, lognorm, norm, semicircular, truncnorm, uniform
 
 from rpojax.physics import faults
+from rpojax.simulation import dispersed
 
-_COMPONENT = re.compile(r"(.+)\[([0-9]{1,3})\]")
 _AXES = "xyz"
 
 
@@ -84,12 +83,9 @@ def marginals(scenario: Mapping[str, Any], drawn: Mapping[str, np.ndarray]) -> l
             turns = _rotations_deg(rows, np.asarray(nominal(scenario, key), dtype=np.float64))
             named = zip(_AXES, turns.T, turned[key], strict=True)
             found += [Marginal(f"{key}[about {axis}, deg]", turn, law) for axis, turn, law in named]
-        elif rows.ndim == 1:
-            found.append(Marginal(key, rows, laws.get(key)))
         else:
-            columns = rows.reshape(len(rows), -1).T
-            names = [f"{key}[{index}]" for index in range(len(columns))]
-            found += [Marginal(name, column, laws.get(name)) for name, column in zip(names, columns, strict=True)]
+            columns = dispersed.columns({key: rows})
+            found += [Marginal(name, column, laws.get(name)) for name, column in columns.items()]
     return found
 
 
@@ -105,13 +101,12 @@ def fit_p(values: np.ndarray, law: Law) -> float:
 
 def nominal(scenario: Mapping[str, Any], key: str) -> Any:
     """Value of a key, or of one component such as `a.b[1]`, in the tables of a scenario; None if there is none."""
-    component = _COMPONENT.fullmatch(key)
+    place = dispersed.place(key)
     value: Any = scenario
-    for part in (component[1] if component else key).split("."):
+    for part in place.key.split("."):
         value = value.get(part) if isinstance(value, Mapping) else None
-    if component:
-        index = int(component[2])
-        return value[index] if isinstance(value, list) and index < len(value) else None
+    if place.index is not None:
+        return value[place.index] if isinstance(value, list) and place.index < len(value) else None
     return faults.code(value) if key == "fault.kind" else value
 
 

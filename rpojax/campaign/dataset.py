@@ -5,8 +5,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
+from rpojax.campaign.encoding import dimensions
 from rpojax.campaign.store import Campaign, units_of
 from rpojax.errors import RpojaxError
 
@@ -44,15 +43,9 @@ def open_campaign(path: Path | str) -> "xarray.Dataset":
     for group, arrays in groups.items():
         for name, values in arrays.items():
             shown = _PREFIXES[group] + name
-            variables[shown] = (_dimensions(group, values), values, {"units": units_of(group, name)})
+            variables[shown] = (dimensions(group, values), values, {"units": units_of(group, name)})
     coordinates = {"run": ("run", found.run_ids), "time": ("time", found.trace_time_s, {"units": "s"})}
     return labelled.Dataset(variables, coordinates, _identity(found))
-
-
-def _dimensions(group: str, values: np.ndarray) -> tuple[str, ...]:
-    if group == "traces":
-        return ("run", "time")
-    return ("run", *(f"axis{i}_{n}" for i, n in enumerate(values.shape[1:], start=1)))
 
 
 def _identity(found: Campaign) -> dict[str, Any]:

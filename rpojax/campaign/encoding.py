@@ -40,9 +40,14 @@ class Layout:
 
 def of_runs(runs: int, block_size: int, group: str, values: np.ndarray, units: str) -> Layout:
     """Layout of an array with one row per run: a file per block, a shard for rows over time."""
+    shape, names = (runs, *values.shape[1:]), dimensions(group, values)
+    return Layout(shape, min(block_size, runs), values.dtype.str, names, (("units", units),))
+
+
+def dimensions(group: str, values: np.ndarray) -> tuple[str, ...]:
+    """Names of the axes of an array of a group, with one row per run."""
     long = ("time",) if group == "traces" else tuple(f"axis{i}_{n}" for i, n in enumerate(values.shape[1:], start=1))
-    shape = (runs, *values.shape[1:])
-    return Layout(shape, min(block_size, runs), values.dtype.str, ("run", *long), (("units", units),))
+    return ("run", *long)
 
 
 def of_history(name: str, values: np.ndarray, timed: bool) -> Layout:

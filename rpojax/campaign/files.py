@@ -50,21 +50,26 @@ def write(path: Path, content: bytes, sync: bool = False) -> None:
     Raises:
         UnfinishedError: the disk is full, or the file cannot be written for another reason.
     """
-    partial = path.with_name(partial_name(path.name))
     try:
-        try:
-            with partial.open("xb") as stream:
-                stream.write(content)
-                stream.flush()
-                if sync:
-                    os.fsync(stream.fileno())
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
-        if sync:
-            _sync_folder(path.parent)
+        put(path, content, sync)
     except OSError as error:
         raise unfinished(path, error) from None
+
+
+def put(path: Path, content: bytes, sync: bool) -> None:
+    """What `write` does; a fault is an `OSError` of whoever calls."""
+    partial = path.with_name(partial_name(path.name))
+    try:
+        with partial.open("xb") as stream:
+            stream.write(content)
+            stream.flush()
+            if sync:
+                os.fsync(stream.fileno())
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+    if sync:
+        _sync_folder(path.parent)
 
 
 def _sync_folder(folder: Path) -> None:

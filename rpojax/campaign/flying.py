@@ -24,7 +24,7 @@ During = Callable[[float, int], None]
 
 
 def engine_of(asked: Mapping[str, Any], devices: Sequence[Any], stages: Stages | None = None) -> Engine:
-    """The engine of a campaign as `campaign.json` asks for it: the only way in which one is made.
+    """The engine of a campaign that was begun, as its `campaign.json` asks for it.
 
     Raises:
         RpojaxError: the scenario, its trained files or the stages are not those of the campaign.

@@ -119,19 +119,9 @@ def _estimate(
     )
 
 
-def columns(plan: Plan) -> dict[str, np.ndarray]:
-    """Every dispersed number (runs,): a vector gives one column per component, named `key[0]`, `key[1]`, ..."""
-    found: dict[str, np.ndarray] = {}
-    for key, values in plan.values.items():
-        parts = values.reshape(len(values), -1).T
-        names = [key] if values.ndim == 1 else [f"{key}[{index}]" for index in range(len(parts))]
-        found.update(zip(names, parts, strict=True))
-    return found
-
-
 def csv_text(plan: Plan) -> str:
     """Table of a plan, one row a run; numbers have all digits that they need to be read back as they were."""
-    found = columns(plan)
+    found = dispersed.columns(plan.values)
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(["run_id", "seed", *found])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rpojax.errors import RpojaxError
-from rpojax.simulation.figures_of_merit import LOW_IS_BAD, UNITS
+from rpojax.simulation.figures_of_merit import UNITS, worst_rows
 
 FORMS = "none, all, N (the first N), I,J,... (run numbers), every:N, failures, worst:K:METRIC, or several joined by '+'"
 
@@ -84,7 +84,7 @@ class Retention:
             if kind == "failures":
                 kept.update(run_ids[~completed].tolist())
             elif kind == "worst":
-                kept.update(run_ids[_worst(metrics[metric], metric in LOW_IS_BAD)[: numbers[0]]].tolist())
+                kept.update(run_ids[worst_rows(metric, metrics[metric])[: numbers[0]]].tolist())
         return kept
 
     def at_most_later(self, runs: int) -> int:
@@ -118,13 +118,6 @@ def check_channels(channels: Sequence[str] | None, known: Sequence[str]) -> None
             close = difflib.get_close_matches(name, known, n=1)
             hint = f" (did you mean {close[0]!r}?)" if close else ""
             raise RpojaxError(f"--history-channels: found {name!r}, expected channels of a history{hint}")
-
-
-def _worst(values: np.ndarray, low_is_bad: bool) -> np.ndarray:
-    """Rows in which a metric is defined, the worst first; of equals, the first ones."""
-    defined = np.flatnonzero(np.isfinite(values))
-    goodness = values[defined] if low_is_bad else -values[defined]
-    return defined[np.argsort(goodness, kind="stable")]
 
 
 def _parse(term: str) -> tuple[str, list[int], str]:

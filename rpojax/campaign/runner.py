@@ -122,7 +122,7 @@ def run_campaign(
     described = replaced.describe(stages or Stages())
     given = design.make(file, seed, population or Population(first_run, runs))
     asked = creation.describe(file, seed, runs, first_run, size, kept.recorded(), described, given.record(), report)
-    machine = flying.engine_of(asked, used, stages)
+    machine = Engine(file, size, used, stages, given)
     if kept.channels is not None:
         retention.check_channels(kept.channels, machine.channels())
     if shard is None:

@@ -95,10 +95,6 @@ class Campaign:
         self._manifests = known
         return known
 
-    def is_done(self, block: int) -> bool:
-        """True if the block's manifest is there."""
-        return manifests.path_of(self.directory, block).is_file()
-
     def missing(self) -> list[int]:
         """Blocks still to be run."""
         done = set(manifests.done(self.directory, self.blocks))

@@ -14,6 +14,7 @@ from rpojax.report.design import independent
 from rpojax.report.labels import metric, number, ordered
 from rpojax.report.leading import varies
 from rpojax.report.results import Results
+from rpojax.simulation import dispersed
 
 LEVEL = 0.01
 """Chance below which a drawn distribution is called doubtful."""
@@ -58,13 +59,7 @@ class Dispersion:
 
 def scalars(campaign: Results) -> dict[str, np.ndarray]:
     """Every dispersed scalar (runs,): a vector gives one entry per component, named `key[0]`, `key[1]`, ..."""
-    found: dict[str, np.ndarray] = {}
-    for key, values in campaign.drawn.items():
-        rows = np.asarray(values, dtype=np.float64)
-        columns = rows.reshape(len(rows), -1).T
-        names = [key] if rows.ndim == 1 else [f"{key}[{index}]" for index in range(len(columns))]
-        found.update(zip(names, columns, strict=True))
-    return found
+    return dispersed.columns({key: np.asarray(values, dtype=np.float64) for key, values in campaign.drawn.items()})
 
 
 def measured(campaign: Results) -> dict[str, np.ndarray]:

@@ -58,7 +58,8 @@ def write_report(campaign: Results, run_id: int | None = None, film: bool = True
     `run_id` is kept.
     """
     shown = choose_run(campaign, run_id)
-    content = report_content(campaign)
+    drawn = dispersions.as_drawn(campaign)
+    content = report_content(campaign, drawn)
     _refuse_links(campaign.directory / "figures")
     figures: dict[str, Path] = {}
     left_out: dict[str, list[str]] = {}
@@ -67,7 +68,7 @@ def write_report(campaign: Results, run_id: int | None = None, film: bool = True
         history = campaign.history(shown)
         figures, left_out = write_figures(history, campaign.directory / "figures", title), lacking(history)
     seen = _film(campaign, shown) if film else Seen(None, "It was left out by --no-film.")
-    page = _page(campaign, content, shown, figures, left_out, seen)
+    page = _page(campaign, content, drawn, OneRun(shown, figures, left_out, seen))
     text = json.dumps(content, indent=2, allow_nan=False) + "\n"
     write_atomically(campaign.directory / "report.json", text.encode())
     return write_atomically(campaign.directory / "report.html", page.encode())
@@ -110,15 +111,18 @@ def _film(campaign: Results, shown: int | None) -> Seen:
     return Seen(write_atomically(campaign.directory / "figures" / "camera.jpg", film.jpeg(sheet)))
 
 
-def _page(
-    campaign: Results,
-    content: Mapping[str, Any],
-    shown: int | None,
-    figures: Mapping[str, Path],
-    left_out: Mapping[str, list[str]],
-    seen: Seen,
-) -> str:
-    drawn = _drawings(campaign, content)
+@dataclass(frozen=True)
+class OneRun:
+    """The run that is shown in detail, if there is one: its figures, and for others the channels that they lack."""
+
+    number: int | None
+    figures: Mapping[str, Path]
+    left_out: Mapping[str, list[str]]
+    seen: Seen
+
+
+def _page(campaign: Results, content: Mapping[str, Any], drawn: list[dispersions.Dispersion], one: OneRun) -> str:
+    drawings = _drawings(campaign, content)
     return (
         _environment()
         .get_template("template.html")
@@ -131,11 +135,12 @@ def _page(
             independent=content["design"]["independent"],
             scenario=sections.scenario_lines(campaign),
             limits=content["limits"],
-            page_data=_script_json({"charts": drawn.charts, "explorer": drawn.explorer}),
+            page_data=_script_json({"charts": drawings.charts, "explorer": drawings.explorer}),
             plotly=Markup(get_plotlyjs()),
-            **drawn.places,
+            **drawings.places,
+            dispersions=drawn,
             **_tables(campaign, content),
-            **_one_run(campaign, content, shown, figures, left_out, seen),
+            **_one_run(campaign, content, one),
         )
     )
 
@@ -199,7 +204,6 @@ def _tables(campaign: Results, content: Mapping[str, Any]) -> dict[str, Any]:
             "instants": consistency.time_rows(found),
             "whiteness": consistency.whiteness_rows(found),
         },
-        "dispersions": dispersions.as_drawn(campaign),
         "sensitivity": content["sensitivity"],
         "failures": sections.failures(content),
         "causes": [(one, causes.rows(one), causes.sentence(one)) for one in content["failure_causes"]],
@@ -208,26 +212,19 @@ def _tables(campaign: Results, content: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _one_run(
-    campaign: Results,
-    content: Mapping[str, Any],
-    shown: int | None,
-    figures: Mapping[str, Path],
-    left_out: Mapping[str, list[str]],
-    seen: Seen,
-) -> dict[str, Any]:
+def _one_run(campaign: Results, content: Mapping[str, Any], one: OneRun) -> dict[str, Any]:
     return {
-        "shown": shown,
-        "shown_metrics": [] if shown is None else sections.chosen_metrics(campaign, shown),
+        "shown": one.number,
+        "shown_metrics": [] if one.number is None else sections.chosen_metrics(campaign, one.number),
         "detections": detections.rows(content["detections"]),
         "rendered": campaign.info.get("scenario", {}).get("camera", {}).get("model") == "rendered",
-        "film": "" if seen.strip is None else _data_url(seen.strip),
-        "no_film": seen.reason,
-        "film_command": commands.film(campaign, shown),
-        "figures": [(_CAPTIONS[name], _data_url(path)) for name, path in figures.items()],
+        "film": "" if one.seen.strip is None else _data_url(one.seen.strip),
+        "no_film": one.seen.reason,
+        "film_command": commands.film(campaign, one.number),
+        "figures": [(_CAPTIONS[name], _data_url(path)) for name, path in one.figures.items()],
         "left_out": [
             f"{name} is left out: of this run the channels {', '.join(channels)} were not kept."
-            for name, channels in left_out.items()
+            for name, channels in one.left_out.items()
         ],
     }
 

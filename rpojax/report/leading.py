@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rpojax.report.labels import metric, ordered
+from rpojax.report.labels import ordered
 from rpojax.report.results import Results
 
 _ALWAYS = {"formation_error_rms_m", "nav_relative_position_error_rms_m", "delta_v_m_s", "min_range_m"}
@@ -23,10 +23,3 @@ def varies(values: np.ndarray) -> bool:
     """Whether enough runs have a metric, and not all the same."""
     defined = values[np.isfinite(values)]
     return len(defined) >= _FEWEST_RUNS and float(np.ptp(defined)) > 0.0
-
-
-def worst_rows(name: str, values: np.ndarray, count: int) -> list[int]:
-    """Rows of at most `count` runs with the worst of a metric's `values` (runs,), the worst first."""
-    badness = -values if metric(name).low_is_bad else values
-    defined = np.flatnonzero(np.isfinite(badness))
-    return defined[np.argsort(-badness[defined], kind="stable")][:count].tolist()

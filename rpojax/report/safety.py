@@ -8,9 +8,9 @@ import numpy as np
 from rpojax.analysis.proportions import proportion_interval
 from rpojax.report.design import independent
 from rpojax.report.labels import metric, number, with_unit
-from rpojax.report.leading import worst_rows
 from rpojax.report.results import Results
 from rpojax.simulation.closed_loop import FAILURES
+from rpojax.simulation.figures_of_merit import worst_rows
 
 _KEEP_OUT = FAILURES[2]
 
@@ -63,8 +63,8 @@ def _least_range(campaign: Results, keep_out: float | None, entered: np.ndarray)
     radius = np.inf if keep_out is None else keep_out
     bounded = entered & np.isfinite(radius) & ~(ranges <= radius)
     ranges = np.where(bounded, radius, ranges).astype(np.float64)
-    rows = worst_rows("min_range_m", ranges, 1)
-    if not rows:
+    rows = worst_rows("min_range_m", ranges)
+    if not len(rows):
         return None
     row = rows[0]
     return {"value": float(ranges[row]), "run_id": int(campaign.run_ids[row]), "at_most": bool(bounded[row])}
@@ -72,8 +72,7 @@ def _least_range(campaign: Results, keep_out: float | None, entered: np.ndarray)
 
 def _extreme(campaign: Results, name: str) -> dict[str, Any] | None:
     values = campaign.metrics.get(name)
-    rows = [] if values is None else worst_rows(name, values, 1)
-    if values is None or not rows:
+    if values is None or not len(rows := worst_rows(name, values)):
         return None
     return {"value": float(values[rows[0]]), "run_id": int(campaign.run_ids[rows[0]])}
 

@@ -15,6 +15,7 @@ from rpojax.report.charts import Chart, envelope, histogram, reference_lines
 from rpojax.report.design import in_words, independent
 from rpojax.report.labels import CHANNELS, Channel, metric, number, ordered
 from rpojax.report.results import Results
+from rpojax.simulation.figures_of_merit import worst_rows
 
 _MOST_FAILURES = 50
 _LONGEST_LINE = 4000
@@ -100,7 +101,7 @@ def metric_rows(campaign: Results, summary: Mapping[str, Any]) -> list[MetricRow
         shown = metric(name)
         keys = ("mean", "std", "min", "p50", *shown.tail[:3], "max")
         cells = [_marked(key, number(entry[key])) for key in keys]
-        row = _worst(campaign.metrics[name], shown.low_is_bad)
+        row = _worst(name, campaign.metrics[name])
         worst = None if row is None else int(campaign.run_ids[row])
         ends = [_interval(key, entry[f"{key}_interval_95"]) for key in ("mean", "std", "p50", *shown.tail[:2])]
         rows.append(MetricRow(name, shown.title, shown.meaning, shown.unit, cells, ends, entry["defined"], worst))
@@ -218,11 +219,10 @@ def _failure_tile(runs: Mapping[str, int], known: bool) -> Tile:
     return Tile("Failed runs", str(failed), f"of {total}", note, alert=failed > 0)
 
 
-def _worst(values: np.ndarray, low_is_bad: bool) -> int | None:
-    defined = np.flatnonzero(np.isfinite(values))
-    if len(defined) < 2 or float(np.ptp(values[defined])) == 0.0:
-        return None
-    return int(defined[np.argmin(values[defined]) if low_is_bad else np.argmax(values[defined])])
+def _worst(name: str, values: np.ndarray) -> int | None:
+    """Row of the worst run; None where there is no other, or all agree."""
+    rows = worst_rows(name, values)
+    return int(rows[0]) if len(rows) > 1 and values[rows[0]] != values[rows[-1]] else None
 
 
 def _levels(scenario: Mapping[str, Any]) -> dict[str, list[tuple[float, str]]]:

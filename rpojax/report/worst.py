@@ -3,8 +3,9 @@
 from typing import Any
 
 from rpojax.report.labels import metric, number, with_unit
-from rpojax.report.leading import leading_metrics, worst_rows
+from rpojax.report.leading import leading_metrics
 from rpojax.report.results import Results
+from rpojax.simulation.figures_of_merit import worst_rows
 
 _COUNT = 5
 
@@ -15,7 +16,7 @@ def content(campaign: Results) -> list[dict[str, Any]]:
         {"metric": name, "runs": [{"run_id": int(campaign.run_ids[row]), "value": float(values[row])} for row in rows]}
         for name in leading_metrics(campaign)
         for values in [campaign.metrics[name]]
-        for rows in [worst_rows(name, values, _COUNT)]
+        for rows in [worst_rows(name, values)[:_COUNT]]
     ]
 
 

@@ -1,7 +1,7 @@
 """Which numbers of a scenario change from run to run, and in which order they become known; free of jax."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,6 +44,16 @@ def nominal(file: ScenarioFile, where: Place) -> Any:
     if value is None or where.index is None:
         return value
     return value[where.index] if np.ndim(value) == 1 and where.index < len(value) else None
+
+
+def columns(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Every number (runs,) of values (runs, ...) by key: a vector gives a column per component, `key[0]`, `key[1]`."""
+    found: dict[str, np.ndarray] = {}
+    for key, rows in values.items():
+        parts = rows.reshape(len(rows), -1).T
+        names = [key] if rows.ndim == 1 else [f"{key}[{index}]" for index in range(len(parts))]
+        found.update(zip(names, parts, strict=True))
+    return found
 
 
 def components(file: ScenarioFile, texts: Sequence[str]) -> list[Place]:

@@ -1,6 +1,8 @@
-"""Names and units of the metrics; free of jax, so that a scenario's requirements are checked without it."""
+"""Names, units and bad sides of the metrics; free of jax, so that a scenario's requirements are checked without it."""
 
 from typing import Final
+
+import numpy as np
 
 UNITS: Final[dict[str, str]] = {
     "formation_error_rms_m": "m",
@@ -36,3 +38,10 @@ LOW_IS_BAD: Final = frozenset(
     {"min_range_m", "passive_range_m", "sigma3_coverage", "detection_rate", "visible_fraction"}
 )
 """Metrics whose low values are the bad ones."""
+
+
+def worst_rows(name: str, values: np.ndarray) -> np.ndarray:
+    """Rows in which a metric's `values` (runs,) are defined, the worst first; of equals, the first ones."""
+    defined = np.flatnonzero(np.isfinite(values))
+    goodness = values[defined] if name in LOW_IS_BAD else -values[defined]
+    return defined[np.argsort(goodness, kind="stable")]

@@ -43,9 +43,9 @@ def read_all(directory: Path) -> None:
     status(directory)
 
 
-@given(key=st.sampled_from(sorted({*description._ENTRIES, "format"})), value=JSON)
-def test_whatever_campaign_json_holds_is_read_or_refused_in_one_line(begun: Campaign, key: str, value: Any) -> None:
-    path = begun.directory / "campaign.json"
+def read_with(begun: Campaign, name: str, key: str, value: Any) -> None:
+    """Reads everything with another entry in a file; what is refused is so in one line."""
+    path = begun.directory / name
     before = path.read_bytes()
     try:
         path.write_text(json.dumps(json.loads(before) | {key: value}))
@@ -54,19 +54,16 @@ def test_whatever_campaign_json_holds_is_read_or_refused_in_one_line(begun: Camp
         assert "\n" not in str(error)
     finally:
         path.write_bytes(before)
+
+
+@given(key=st.sampled_from(sorted({*description._ENTRIES, "format"})), value=JSON)
+def test_whatever_campaign_json_holds_is_read_or_refused_in_one_line(begun: Campaign, key: str, value: Any) -> None:
+    read_with(begun, "campaign.json", key, value)
 
 
 @given(key=st.sampled_from(sorted(Manifest.__dataclass_fields__)), value=JSON)
 def test_whatever_a_manifest_holds_is_read_or_refused_in_one_line(begun: Campaign, key: str, value: Any) -> None:
-    path = begun.directory / "manifest" / "000000.json"
-    before = path.read_bytes()
-    try:
-        path.write_text(json.dumps(json.loads(before) | {key: value}))
-        read_all(begun.directory)
-    except RpojaxError as error:
-        assert "\n" not in str(error)
-    finally:
-        path.write_bytes(before)
+    read_with(begun, "manifest/000000.json", key, value)
 
 
 def contents(path: Path) -> dict[str, bytes]:

@@ -227,7 +227,7 @@ def test_derived_keys_follow_what_they_are_derived_from(mission: ScenarioFile) -
 def test_a_plans_table_can_be_read_back_to_the_last_bit(grid_plan: plan.Plan) -> None:
     rows = list(csv.DictReader(io.StringIO(plan.csv_text(grid_plan))))
     assert [(row["run_id"], row["seed"]) for row in rows] == [("1", "5"), ("2", "5")]
-    for name, values in plan.columns(grid_plan).items():
+    for name, values in dispersed.columns(grid_plan.values).items():
         assert [float(row[name]) for row in rows] == values.tolist()
     assert "initial.relative_position_m[2]" in rows[0]
     content = json.loads(json.dumps(plan.as_json(grid_plan), allow_nan=False))
