@@ -28,7 +28,8 @@ FLOORS = {
 """Floor of every folder; the modules of the command line, which lie beside the folders, count as the folder `top`."""
 
 LEFT_TO_RIGHT = {
-    "core": "constants pytree safe series quaternion frames difference orbital_mechanics ephemeris light integrate",
+    "core": "constants pytree safe gaussian series quaternion frames difference orbital_mechanics ephemeris light "
+    "integrate",
     "physics": "effects environment actuators rigid_body faults plant",
     "vision": "pinhole box_model rays grid_field grid_build point_field field region render exposure weights "
     "sheets turntable background overlap layers first_look second_look detector pictures search imager",
@@ -39,11 +40,11 @@ LEFT_TO_RIGHT = {
     "composites detection_data augment average_precision detector_judge orthogonal descent giou first_look_loss "
     "second_look_loss train_detector",
     "simulation": "units figures_of_merit forms sections schema dispersed dispersion_checks checks networks table_file "
-    "scenario params camera closed_loop metrics",
+    "scenario params camera closed_loop telemetry running_metrics metrics",
     "campaign": "files admission description manifests encoding reading creation store design sources dispersions "
     "engine plan retention recording replaced flying executors cluster runner rerun",
     "analysis": "chance laws order_statistics proportions precision consistency dependence sensitivity requirements "
-    "comparison convergence linear_covariance worst_case tuning camera_calibration lasting_errors",
+    "comparison convergence derivatives linear_covariance worst_case tuning camera_calibration lasting_errors",
     "top": "machine console outputs verb_parts plan_verb compare_verb campaign_verbs field_verbs detector_verbs "
     "calibration_verb cli __main__",
 }

@@ -189,10 +189,10 @@ class Engine:
             used = dispersions.read_back(dispersed, self.keys)
             return drawn, used, closed_loop.init(self.scenario, dispersed, run_key)
 
-        return jax.vmap(one, out_axes=(0, 0, _run_axes()))(ids, given)
+        return jax.vmap(one, out_axes=(0, 0, run_axes()))(ids, given)
 
     def _advance(self, nominal: Params, values: Values, state: State) -> tuple[State, telemetry.Channels]:
-        axes = _run_axes()
+        axes = run_axes()
 
         def one(values: Values, state: State) -> tuple[State, telemetry.Channels]:
             dispersed = dispersions.apply(nominal, values)
@@ -212,7 +212,7 @@ def _joined(parts: list[dict[str, Array]], axis: int) -> dict[str, np.ndarray]:
     return {name: np.concatenate([np.asarray(part[name]) for part in parts], axis=axis) for name in parts[0]}
 
 
-def _run_axes() -> State:
+def run_axes() -> State:
     """Batch axis of each field of State: none for the tick, which all runs have in common.
 
     That makes the burn decision a true branch, taken on one tick in two hundred.

@@ -4,6 +4,7 @@ from typing import Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from rpojax.core.orbital_mechanics import relative_transition
@@ -92,13 +93,14 @@ def lqr_gain(formation: Formation, n: Scalar, period: float) -> Float[Array, "3 
     return jnp.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
 
 
+@jax.custom_jvp
 def solve_riccati(
     A: Float[Array, "n n"], B: Float[Array, "n m"], Q: Float[Array, "n n"], R: Float[Array, "m m"]
 ) -> Float[Array, "n n"]:
     """Stabilising solution P of `P = A'PA - A'PB (R + B'PB)^-1 B'PA + Q`, differentiable in all arguments.
 
-    Structure-preserving doubling, quadratically convergent (Chu, Fan, Lin, Wang, 2004); a fixed number of doublings
-    keeps it differentiable in forward and reverse mode.
+    Structure-preserving doubling, quadratically convergent (Chu, Fan, Lin, Wang, 2004). The derivative is that of the
+    equation, not of the iteration.
     """
     identity = jnp.eye(A.shape[0], dtype=A.dtype)
 
@@ -111,3 +113,25 @@ def solve_riccati(
     start = (A, B @ jnp.linalg.solve(R, B.T), Q)
     (_, _, H), _ = jax.lax.scan(double, start, None, length=_DOUBLINGS)
     return 0.5 * (H + H.T)
+
+
+@solve_riccati.defjvp
+def _riccati_jvp(primals: tuple[ArrayLike, ...], tangents: tuple[ArrayLike, ...]) -> tuple[Array, Array]:
+    """The optimal gain K does not change P to first order, so only `P = Q + K'RK + (A - BK)'P(A - BK)` counts."""
+    A, B, Q, R = map(jnp.asarray, primals)
+    dA, dB, dQ, dR = map(jnp.asarray, tangents)
+    P = solve_riccati(A, B, Q, R)
+    K = jnp.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    closed = A - B @ K
+    change = closed.T @ P @ (dA - dB @ K)
+    return P, _solve_lyapunov(closed, dQ + K.T @ dR @ K + change + change.T)
+
+
+def _solve_lyapunov(F: Float[Array, "n n"], S: Float[Array, "n n"]) -> Float[Array, "n n"]:
+    """X of `X = F'XF + S` for a stable F, by doubling (Smith, 1968)."""
+
+    def double(carry: tuple[Array, Array], _: None) -> tuple[tuple[Array, Array], None]:
+        X, F = carry
+        return (X + F.T @ X @ F, F @ F), None
+
+    return jax.lax.scan(double, (S, F), None, length=_DOUBLINGS)[0][0]

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import orbital_mechanics, quaternion, safe
+from rpojax.core import gaussian, orbital_mechanics, quaternion, safe
 from rpojax.core.frames import apply, hill_frame
 from rpojax.core.quaternion import rotate
 from rpojax.sensors import box_camera
@@ -51,15 +51,12 @@ def _motion(telemetry: Telemetry) -> Channels:
 
 
 def _errors(telemetry: Telemetry) -> Channels:
-    truth, servicer, relative = telemetry.truth, telemetry.flight.orbit.servicer, telemetry.flight.orbit.relative
+    truth, orbit = telemetry.truth, telemetry.flight.orbit
     R_HN, _ = hill_frame(truth.r_TN_N, truth.v_TN_N)
-    servicer_error = servicer.r_SN_N - (truth.r_TN_N + truth.r_ST_N)
-    servicer_rate_error = servicer.v_SN_N - (truth.v_TN_N + truth.v_ST_N)
-    relative_error = relative.r_TS_N + truth.r_ST_N
-    relative_rate_error = relative.v_TS_N + truth.v_ST_N
-    P_servicer, P_relative = servicer.covariance[:6, :6], relative.covariance[:6, :6]
-    nees_relative = mahalanobis(P_relative, jnp.concatenate([relative_error, relative_rate_error]))
-    nees_servicer = mahalanobis(P_servicer, jnp.concatenate([servicer_error, servicer_rate_error]))
+    servicer, relative = orbit_errors(telemetry)
+    servicer_error, relative_error = servicer[:3], relative[:3]
+    P_servicer, P_relative = orbit.servicer.covariance[:6, :6], orbit.relative.covariance[:6, :6]
+    nees_relative, nees_servicer = mahalanobis(P_relative, relative), mahalanobis(P_servicer, servicer)
     return {
         "relative_error_H": apply(R_HN, relative_error),
         "relative_sigma_H": _sigma(R_HN, P_relative[:3, :3]),
@@ -70,6 +67,20 @@ def _errors(telemetry: Telemetry) -> Channels:
         "nees": nees_servicer + nees_relative,
         "nees_relative": nees_relative,
     }
+
+
+def orbit_errors(telemetry: Telemetry) -> tuple[Float[Array, "6"], Float[Array, "6"]]:
+    """Estimate less truth in N [m, m/s]: position and velocity of the servicer, and of the target relative to it."""
+    truth, servicer, relative = telemetry.truth, telemetry.flight.orbit.servicer, telemetry.flight.orbit.relative
+    return (
+        jnp.concatenate(
+            [
+                servicer.r_SN_N - (truth.r_TN_N + truth.r_ST_N),
+                servicer.v_SN_N - (truth.v_TN_N + truth.v_ST_N),
+            ]
+        ),
+        jnp.concatenate([relative.r_TS_N + truth.r_ST_N, relative.v_TS_N + truth.v_ST_N]),
+    )
 
 
 def _innovations(telemetry: Telemetry) -> Channels:
@@ -172,14 +183,5 @@ def _sigma(R_HN: Matrix, P_N: Matrix) -> Vector:
 
 
 def mahalanobis(P: Float[Array, "n n"], error: Float[Array, " n"]) -> Float[Array, ""]:
-    """Squared error normalised by its covariance, `e' P^-1 e`, by conditioning on one component after the other."""
-
-    def condition(carry: tuple[Array, Array, Array], index: Array) -> tuple[tuple[Array, Array, Array], None]:
-        P, e, total = carry
-        column, variance, own = P[index], P[index, index], e[index]
-        gain = column / variance
-        return (P - gain[:, None] * column[None, :], e - gain * own, total + own * own / variance), None
-
-    start = (P, error, jnp.zeros((), dtype=error.dtype))
-    (_, _, total), _ = jax.lax.scan(condition, start, jnp.arange(error.shape[0]))
-    return total
+    """Squared error normalised by its covariance, `e' P^-1 e`."""
+    return gaussian.square_and_log_determinant(P, error)[0]

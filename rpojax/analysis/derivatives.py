@@ -1,0 +1,213 @@
+"""Runs of the closed loop as a function of a few numbers: figures of merit, and their derivatives in both modes.
+
+What the numbers mean is the caller's: gains to be tuned, or the coordinates from which dispersions are made. Runs are
+independent, so a derivative is one per run, and those of runs that were lost can be told apart.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from rpojax.campaign import dispersions, single
+from rpojax.campaign.dispersions import Values
+from rpojax.campaign.engine import run_axes
+from rpojax.core import random
+from rpojax.flight.computer import Stages
+from rpojax.simulation import closed_loop, running_metrics
+from rpojax.simulation.closed_loop import State
+from rpojax.simulation.running_metrics import Sums
+from rpojax.simulation.schema import ScenarioFile
+
+Inputs = Callable[[Array, Array], Values]
+"""Values in the user's units by scenario key, from the numbers (k,) and the random key of a run."""
+Program = Literal["values", "forward", "reverse"]
+
+BATCH = 64
+"""Runs at a time on each device: more are no faster."""
+MEMORY_BYTES = 2_000_000_000
+"""What the states kept for the reverse mode may take on each device before they are worked out twice instead [B]."""
+FORWARD_UP_TO = 4
+"""Numbers up to which the forward mode is the faster one (measured; see experiments/tuning)."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """Figures of runs and what they depend on.
+
+    Attributes:
+        figures: (runs, figures)
+        jacobian: (runs, figures, k) from the forward mode, else None
+        gradient: (runs, k) of the weighted sum of figures, from the reverse mode, else None
+        failed: (runs,) bool, the run ended before its time
+    """
+
+    figures: np.ndarray
+    jacobian: np.ndarray | None
+    gradient: np.ndarray | None
+    failed: np.ndarray
+
+
+class Flights:
+    """Runs of a scenario as a function of numbers, compiled once for each kind of derivative that is asked for.
+
+    Attributes:
+        file: the scenario
+        names: of the figures, from `running_metrics.FIGURES`
+        count: of the numbers
+        compile_s: time that compilation has taken so far [s]
+        memory_bytes: that the largest program takes beside its arguments, on all devices together
+    """
+
+    def __init__(
+        self,
+        file: ScenarioFile,
+        inputs: Inputs,
+        count: int,
+        names: Sequence[str],
+        runs: int,
+        stages: Stages | None = None,
+        memory_bytes: int = MEMORY_BYTES,
+    ) -> None:
+        self.file, self.names, self.count = file, tuple(names), count
+        self.scenario, self._nominal = single.nominal(file)
+        self._inputs, self._stages = inputs, stages or Stages()
+        self._devices = jax.devices()[:runs]
+        self.size = min(BATCH, -(-runs // len(self._devices)))
+        self.chunk_ticks = chunk_ticks(self.scenario.ticks, self._state_bytes(), self.size, memory_bytes)
+        self._programs: dict[Program, list[Any]] = {}
+        self.compile_s = 0.0
+        self.memory_bytes = 0
+
+    @property
+    def capacity(self) -> int:
+        """Runs that all devices take at once."""
+        return self.size * len(self._devices)
+
+    def values(self, numbers: np.ndarray, keys: np.ndarray) -> Found:
+        """Figures alone, for numbers (runs, k) and random keys (runs, 2) of runs."""
+        return self._fly("values", numbers, keys)
+
+    def forward(self, numbers: np.ndarray, keys: np.ndarray) -> Found:
+        """Figures and their Jacobian in forward mode: takes about 0.75 of a flight for each number."""
+        return self._fly("forward", numbers, keys)
+
+    def reverse(self, numbers: np.ndarray, keys: np.ndarray, weights: np.ndarray) -> Found:
+        """Figures, and the gradient of their sum with `weights` (runs, figures) in reverse mode: seven flights."""
+        return self._fly("reverse", numbers, keys, weights)
+
+    def _fly(self, kind: Program, *arrays: np.ndarray) -> Found:
+        """Runs in batches, each spread over all devices; the last one is filled up with its last run."""
+        programs = self._compiled(kind)
+        runs = len(arrays[0])
+        parts: list[tuple[Array, ...]] = []
+        for first in range(0, runs, self.capacity):
+            rows = np.minimum(np.arange(first, first + self.capacity), runs - 1)
+            shares = [[array[share] for array in arrays] for share in np.split(rows, len(programs))]
+            # Calls return at once, so all devices work at the same time until the first result is looked at.
+            parts += [
+                program(*jax.device_put(share, device))
+                for program, share, device in zip(programs, shares, self._devices, strict=True)
+            ]
+        joined = [np.concatenate([np.asarray(part[index]) for part in parts])[:runs] for index in range(len(parts[0]))]
+        figures, failed, *derivative = joined
+        return Found(
+            figures=figures,
+            jacobian=derivative[0] if kind == "forward" else None,
+            gradient=derivative[0] if kind == "reverse" else None,
+            failed=failed,
+        )
+
+    def _compiled(self, kind: Program) -> list[Any]:
+        if kind not in self._programs:
+            begin = time.perf_counter()
+            function = {"values": self._figures, "forward": self._jacobian, "reverse": self._gradient}[kind]
+            shapes = [(self.size, self.count), (self.size, 2), (self.size, len(self.names))]
+            types = [np.float64, np.uint32, np.float64]
+            arguments = [np.zeros(*form) for form in zip(shapes, types, strict=True)][: 3 if kind == "reverse" else 2]
+            lowered = [jax.jit(function).lower(*jax.device_put(arguments, device)) for device in self._devices]
+            with ThreadPoolExecutor(len(lowered)) as pool:
+                self._programs[kind] = list(pool.map(lambda program: program.compile(), lowered))
+            self.compile_s += time.perf_counter() - begin
+            sizes = [program.memory_analysis().temp_size_in_bytes for program in self._programs[kind]]
+            self.memory_bytes = max(self.memory_bytes, sum(sizes))
+        return self._programs[kind]
+
+    def _figures(self, numbers: Array, keys: Array, chunk: int = 0) -> tuple[Array, Array]:
+        """Figures (runs, figures) and which runs failed; `chunk` 0 keeps nothing for a reverse mode."""
+        axes = run_axes()
+        values = jax.vmap(self._inputs)(numbers, keys)
+
+        def begin(values: Values, key: Array) -> State:
+            return closed_loop.init(self.scenario, dispersions.apply(self._nominal, values), key)
+
+        def one(values: Values, state: State, sums: Sums) -> tuple[State, Sums]:
+            params = dispersions.apply(self._nominal, values)
+            after, seen = closed_loop.tick(self._stages, self.scenario, params, state)
+            return after, running_metrics.add(self.names, self.scenario, params, seen, sums)
+
+        every = jax.vmap(one, in_axes=(0, axes, 0), out_axes=(axes, 0))
+        state = jax.vmap(begin, out_axes=axes)(values, keys)
+        sums = jax.vmap(lambda _: running_metrics.start(self.names))(keys)
+        state, sums = _scan(lambda carry: every(values, *carry), (state, sums), self.scenario.ticks, chunk)
+        return jax.vmap(partial(running_metrics.finish, self.names))(sums), state.failure > 0
+
+    def _jacobian(self, numbers: Array, keys: Array) -> tuple[Array, Array, Array]:
+        def along(direction: Array) -> tuple[Array, Array, Array]:
+            tangent = jnp.broadcast_to(direction, numbers.shape)
+            figures, change, failed = jax.jvp(lambda x: self._figures(x, keys), (numbers,), (tangent,), has_aux=True)
+            return figures, failed, change
+
+        directions = jnp.eye(self.count, dtype=numbers.dtype)
+        return jax.vmap(along, out_axes=(None, None, 2))(directions)
+
+    def _gradient(self, numbers: Array, keys: Array, weights: Array) -> tuple[Array, Array, Array]:
+        figures, pull_back, failed = jax.vjp(
+            lambda x: self._figures(x, keys, chunk=self.chunk_ticks), numbers, has_aux=True
+        )
+        return figures, failed, pull_back(weights)[0]
+
+    def _state_bytes(self) -> int:
+        """Size of what a run carries from tick to tick [B]."""
+        key = jax.ShapeDtypeStruct((2,), np.uint32)
+        state = jax.eval_shape(lambda key: closed_loop.init(self.scenario, self._nominal, key), key)
+        sums = jax.eval_shape(lambda: running_metrics.start(self.names))
+        return sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves((state, sums)))
+
+
+def run_keys(seed: int, ids: np.ndarray) -> np.ndarray:
+    """Random keys (runs, 2) of the runs of a campaign with a given seed."""
+    return np.asarray(jax.vmap(lambda run_id: random.fold_in(random.master_key(seed), run_id))(jnp.asarray(ids)))
+
+
+def chunk_ticks(ticks: int, state_bytes: int, runs: int, memory_bytes: int) -> int:
+    """Ticks from one kept state to the next in reverse mode: 1 if all fit, else as many as make the least memory."""
+    if ticks * state_bytes * runs <= memory_bytes:
+        return 1
+    return max(2, round(ticks**0.5))
+
+
+def _scan(step: Callable[[Any], Any], start: Any, length: int, chunk: int) -> Any:
+    """`step` applied `length` times; for the reverse mode one state in every `chunk` is kept, the rest worked out anew.
+
+    Within a tick nothing is kept at all: working it out once more is cheaper than the traffic to memory.
+    """
+    if chunk == 0:
+        return jax.lax.scan(lambda carry, _: (step(carry), None), start, None, length=length)[0]
+    body = jax.checkpoint(step)
+
+    def stretch(carry: Any, count: int) -> Any:
+        return jax.lax.scan(lambda inner, _: (body(inner), None), carry, None, length=count)[0]
+
+    if chunk == 1:
+        return stretch(start, length)
+    whole = jax.checkpoint(lambda carry: stretch(carry, chunk))
+    carry = jax.lax.scan(lambda inner, _: (whole(inner), None), start, None, length=length // chunk)[0]
+    return stretch(carry, length % chunk)

@@ -1,0 +1,77 @@
+"""Figures added up in flight against those from recorded channels."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import rpojax
+from rpojax.campaign import single
+from rpojax.flight.pointing import Mode
+from rpojax.simulation import closed_loop, metrics, running_metrics, telemetry
+from rpojax.simulation.figures_of_merit import UNITS
+from rpojax.simulation.running_metrics import FIGURES, Sums
+
+SHARED = [name for name in FIGURES if name in UNITS]
+
+
+Flown = tuple[dict[str, float], dict[str, np.ndarray], dict[str, np.ndarray]]
+
+
+@pytest.fixture(scope="module")
+def flown() -> Flown:
+    """Figures added up over 240 s with a burn, the metrics of the same flight's records, and these."""
+    file = rpojax.load("inspection", ["duration_s=240.0", "rates.formation_period_s=120.0"])
+    scenario, params, state = single.dispersed(file, seed=0, run_id=3)
+    names = tuple(FIGURES)
+
+    @jax.jit
+    def fly(state: closed_loop.State) -> tuple[jax.Array, telemetry.Channels]:
+        def body(carry: tuple[closed_loop.State, Sums], _: None) -> tuple[tuple[closed_loop.State, Sums], object]:
+            state, sums = carry
+            after, seen = closed_loop.tick(rpojax.Stages(), scenario, params, state)
+            sums = running_metrics.add(names, scenario, params, seen, sums)
+            return (after, sums), telemetry.observe(scenario, params, seen)
+
+        start = (state, running_metrics.start(names))
+        (_, sums), channels = jax.lax.scan(body, start, None, length=scenario.ticks)
+        return running_metrics.finish(names, sums), channels
+
+    figures, channels = fly(state)
+    records = {name: np.asarray(values)[None] for name, values in channels.items()}
+    return dict(zip(names, map(float, figures), strict=True)), metrics.evaluate(file, records), records
+
+
+@pytest.mark.parametrize("name", SHARED)
+def test_a_figure_that_is_a_metric_has_its_value(name: str, flown: Flown) -> None:
+    figures, expected, _ = flown
+    np.testing.assert_allclose(figures[name], expected[name][0], rtol=2e-5)
+
+
+def test_the_flight_has_what_the_figures_are_about(flown: Flown) -> None:
+    figures, _, _ = flown
+    assert figures["delta_v_m_s"] > 0.0
+    assert 0.0 < figures["pointing_error_rms_deg"] < 1.0
+    # A density of metres and millimetres a second, of pixels over a focal length: neither is near one.
+    assert figures["estimate_surprise"] != pytest.approx(0.0, abs=0.1)
+
+
+def test_the_pointing_error_is_that_of_settled_looks_alone(flown: Flown) -> None:
+    figures, _, records = flown
+    looking = records["mode"][0] == Mode.LOOK
+    settled = np.array([looking[max(0, tick - 5) : tick + 1].all() for tick in range(240)])
+    settled[:80] = False
+    expected = np.sqrt(np.mean(records["pointing_error_deg"][0][settled] ** 2))
+    np.testing.assert_allclose(figures["pointing_error_rms_deg"], expected, rtol=1e-4)
+
+
+def test_a_figure_without_any_weight_is_zero_and_has_a_zero_derivative() -> None:
+    names = ("nis_box_mean", "formation_error_rms_m")
+
+    def last(x: jax.Array) -> jax.Array:
+        sums = running_metrics.start(names)
+        return running_metrics.finish(names, Sums(total=sums.total * x, weight=sums.weight, looking=sums.looking))
+
+    value, slope = jax.jvp(last, (jnp.ones(()),), (jnp.ones(()),))
+    np.testing.assert_array_equal(value, 0.0)
+    np.testing.assert_array_equal(slope, 0.0)
