@@ -20,6 +20,12 @@ CALM = [
     "rates.formation_period_s=120.0",
     "camera.outlier_probability=0.0",
     "formation.dead_band_mm_s=0.0",
+    "navigation.gating=none",
+]
+    "duration_s=240.0",
+    "rates.formation_period_s=120.0",
+    "camera.outlier_probability=0.0",
+    "formation.dead_band_mm_s=0.0",
 ]
 
 
