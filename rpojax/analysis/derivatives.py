@@ -23,6 +23,7 @@ from rpojax.core import random
 from rpojax.flight.computer import Stages
 from rpojax.simulation import closed_loop, running_metrics
 from rpojax.simulation.closed_loop import State
+from rpojax.simulation.params import Params
 from rpojax.simulation.running_metrics import Sums
 from rpojax.simulation.schema import ScenarioFile
 
@@ -83,6 +84,7 @@ class Flights:
         self.size = min(BATCH, -(-runs // len(self._devices)))
         self.chunk_ticks = chunk_ticks(self.scenario.ticks, self._state_bytes(), self.size, memory_bytes)
         self._programs: dict[Program, list[Any]] = {}
+        self._backward: list[Any] = []
         self.compile_s = 0.0
         self.memory_bytes = 0
 
@@ -99,57 +101,98 @@ class Flights:
         """Figures and their Jacobian in forward mode: takes about 0.75 of a flight for each number."""
         return self._fly("forward", numbers, keys)
 
-    def reverse(self, numbers: np.ndarray, keys: np.ndarray, weights: np.ndarray) -> Found:
-        """Figures, and the gradient of their sum with `weights` (runs, figures) in reverse mode: seven flights."""
-        return self._fly("reverse", numbers, keys, weights)
+    def reverse(self, numbers: np.ndarray, keys: np.ndarray, weigh: Callable[[np.ndarray], np.ndarray]) -> Found:
+        """Figures, and the gradient of their weighted sum in reverse mode: about seven flights.
 
-    def _fly(self, kind: Program, *arrays: np.ndarray) -> Found:
+        `weigh` gives the weights (runs, figures) from the figures of all runs, as the gradient of any function of them
+        does. More runs than the devices take at once are flown once more beforehand.
+        """
+        if len(numbers) <= self.capacity:
+            return self._reverse_batch(numbers, keys, weigh)
+        weights = weigh(self.values(numbers, keys).figures)
+        return _joined(
+            [
+                self._reverse_batch(numbers[rows], keys[rows], lambda _, rows=rows: weights[rows])
+                for rows in self._batches(len(numbers))
+            ]
+        )
+
+    def _batches(self, runs: int) -> list[slice]:
+        return [slice(first, min(first + self.capacity, runs)) for first in range(0, runs, self.capacity)]
+
+    def _fly(self, kind: Program, numbers: np.ndarray, keys: np.ndarray) -> Found:
         """Runs in batches, each spread over all devices; the last one is filled up with its last run."""
         programs = self._compiled(kind)
-        runs = len(arrays[0])
-        parts: list[tuple[Array, ...]] = []
-        for first in range(0, runs, self.capacity):
-            rows = np.minimum(np.arange(first, first + self.capacity), runs - 1)
-            shares = [[array[share] for array in arrays] for share in np.split(rows, len(programs))]
-            # Calls return at once, so all devices work at the same time until the first result is looked at.
-            parts += [
-                program(*jax.device_put(share, device))
-                for program, share, device in zip(programs, shares, self._devices, strict=True)
+        found = []
+        for rows in self._batches(len(numbers)):
+            results = self._start(programs, numbers[rows], keys[rows])
+            figures, failed, *jacobian = _gathered(results, rows.stop - rows.start)
+            found.append(Found(figures, jacobian[0] if jacobian else None, None, failed))
+        return _joined(found)
+
+    def _start(self, programs: list[Any], numbers: np.ndarray, keys: np.ndarray) -> list[Any]:
+        """Results of one batch, under way on all devices at the same time; calls return at once."""
+        shares = np.split(np.minimum(np.arange(self.capacity), len(numbers) - 1), len(programs))
+        return [
+            program(*jax.device_put((self._nominal, numbers[share], keys[share]), device))
+            for program, share, device in zip(programs, shares, self._devices, strict=True)
+        ]
+
+    def _reverse_batch(self, numbers: np.ndarray, keys: np.ndarray, weigh: Callable[[np.ndarray], np.ndarray]) -> Found:
+        runs = len(numbers)
+        results = self._start(self._compiled("reverse"), numbers, keys)
+        figures, failed = _gathered([result[:2] for result in results], runs)
+        weights = np.zeros((self.capacity, len(self.names)))
+        weights[:runs] = weigh(figures)
+        back = [
+            pull_back(result[2], jax.device_put(share, device))
+            for pull_back, result, share, device in zip(
+                self._pull_backs(results), results, np.split(weights, len(results)), self._devices, strict=True
+            )
+        ]
+        return Found(figures, None, _gathered([(part,) for part in back], runs)[0], failed)
+
+    def _pull_backs(self, results: list[Any]) -> list[Any]:
+        """Programs that carry weights of figures back through the flights of `results`."""
+        if not self._backward:
+            begin = time.perf_counter()
+            weights = np.zeros((self.size, len(self.names)))
+            lowered = [
+                jax.jit(lambda back, weights: back(weights)[0]).lower(result[2], jax.device_put(weights, device))
+                for result, device in zip(results, self._devices, strict=True)
             ]
-        joined = [np.concatenate([np.asarray(part[index]) for part in parts])[:runs] for index in range(len(parts[0]))]
-        figures, failed, *derivative = joined
-        return Found(
-            figures=figures,
-            jacobian=derivative[0] if kind == "forward" else None,
-            gradient=derivative[0] if kind == "reverse" else None,
-            failed=failed,
-        )
+            self._backward = self._finish_compiling(lowered, begin)
+        return self._backward
 
     def _compiled(self, kind: Program) -> list[Any]:
         if kind not in self._programs:
             begin = time.perf_counter()
-            function = {"values": self._figures, "forward": self._jacobian, "reverse": self._gradient}[kind]
-            shapes = [(self.size, self.count), (self.size, 2), (self.size, len(self.names))]
-            types = [np.float64, np.uint32, np.float64]
-            arguments = [np.zeros(*form) for form in zip(shapes, types, strict=True)][: 3 if kind == "reverse" else 2]
+            function = {"values": self._figures, "forward": self._jacobian, "reverse": self._linearised}[kind]
+            arguments = self._nominal, np.zeros((self.size, self.count)), np.zeros((self.size, 2), dtype=np.uint32)
             lowered = [jax.jit(function).lower(*jax.device_put(arguments, device)) for device in self._devices]
-            with ThreadPoolExecutor(len(lowered)) as pool:
-                self._programs[kind] = list(pool.map(lambda program: program.compile(), lowered))
-            self.compile_s += time.perf_counter() - begin
-            sizes = [program.memory_analysis().temp_size_in_bytes for program in self._programs[kind]]
-            self.memory_bytes = max(self.memory_bytes, sum(sizes))
+            self._programs[kind] = self._finish_compiling(lowered, begin)
         return self._programs[kind]
 
-    def _figures(self, numbers: Array, keys: Array, chunk: int = 0) -> tuple[Array, Array]:
+    def _finish_compiling(self, lowered: list[Any], begin: float) -> list[Any]:
+        """Programs for all devices, with account of the time since `begin` and of their memory."""
+        with ThreadPoolExecutor(len(lowered)) as pool:
+            programs = list(pool.map(lambda program: program.compile(), lowered))
+        self.compile_s += time.perf_counter() - begin
+        sizes = [program.memory_analysis() for program in programs]
+        needed = sum(size.temp_size_in_bytes + size.output_size_in_bytes for size in sizes)
+        self.memory_bytes = max(self.memory_bytes, needed)
+        return programs
+
+    def _figures(self, nominal: Params, numbers: Array, keys: Array, chunk: int = 0) -> tuple[Array, Array]:
         """Figures (runs, figures) and which runs failed; `chunk` 0 keeps nothing for a reverse mode."""
         axes = run_axes()
         values = jax.vmap(self._inputs)(numbers, keys)
 
         def begin(values: Values, key: Array) -> State:
-            return closed_loop.init(self.scenario, dispersions.apply(self._nominal, values), key)
+            return closed_loop.init(self.scenario, dispersions.apply(nominal, values), key)
 
         def one(values: Values, state: State, sums: Sums) -> tuple[State, Sums]:
-            params = dispersions.apply(self._nominal, values)
+            params = dispersions.apply(nominal, values)
             after, seen = closed_loop.tick(self._stages, self.scenario, params, state)
             return after, running_metrics.add(self.names, self.scenario, params, seen, sums)
 
@@ -159,20 +202,22 @@ class Flights:
         state, sums = _scan(lambda carry: every(values, *carry), (state, sums), self.scenario.ticks, chunk)
         return jax.vmap(partial(running_metrics.finish, self.names))(sums), state.failure > 0
 
-    def _jacobian(self, numbers: Array, keys: Array) -> tuple[Array, Array, Array]:
+    def _jacobian(self, nominal: Params, numbers: Array, keys: Array) -> tuple[Array, Array, Array]:
         def along(direction: Array) -> tuple[Array, Array, Array]:
             tangent = jnp.broadcast_to(direction, numbers.shape)
-            figures, change, failed = jax.jvp(lambda x: self._figures(x, keys), (numbers,), (tangent,), has_aux=True)
+            figures, change, failed = jax.jvp(
+                lambda x: self._figures(nominal, x, keys), (numbers,), (tangent,), has_aux=True
+            )
             return figures, failed, change
 
         directions = jnp.eye(self.count, dtype=numbers.dtype)
         return jax.vmap(along, out_axes=(None, None, 2))(directions)
 
-    def _gradient(self, numbers: Array, keys: Array, weights: Array) -> tuple[Array, Array, Array]:
+    def _linearised(self, nominal: Params, numbers: Array, keys: Array) -> tuple[Array, Array, Any]:
         figures, pull_back, failed = jax.vjp(
-            lambda x: self._figures(x, keys, chunk=self.chunk_ticks), numbers, has_aux=True
+            lambda x: self._figures(nominal, x, keys, chunk=self.chunk_ticks), numbers, has_aux=True
         )
-        return figures, failed, pull_back(weights)[0]
+        return figures, failed, pull_back
 
     def _state_bytes(self) -> int:
         """Size of what a run carries from tick to tick [B]."""
@@ -180,6 +225,24 @@ class Flights:
         state = jax.eval_shape(lambda key: closed_loop.init(self.scenario, self._nominal, key), key)
         sums = jax.eval_shape(lambda: running_metrics.start(self.names))
         return sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves((state, sums)))
+
+
+def _gathered(results: Sequence[Sequence[Array]], runs: int) -> list[np.ndarray]:
+    """Each array of the devices' results, one device after the other, without the runs that fill up."""
+    return [np.concatenate([np.asarray(part) for part in parts])[:runs] for parts in zip(*results, strict=True)]
+
+
+def _joined(found: Sequence[Found]) -> Found:
+    def all_of(parts: Sequence[np.ndarray | None]) -> np.ndarray | None:
+        there = [part for part in parts if part is not None]
+        return np.concatenate(there) if there else None
+
+    return Found(
+        figures=np.concatenate([one.figures for one in found]),
+        jacobian=all_of([one.jacobian for one in found]),
+        gradient=all_of([one.gradient for one in found]),
+        failed=np.concatenate([one.failed for one in found]),
+    )
 
 
 def run_keys(seed: int, ids: np.ndarray) -> np.ndarray:

@@ -74,7 +74,7 @@ def guide(
 ) -> tuple[PointingState, Array]:
     """Reference for the next `dt` [s] and the present mode; in the dark (not `visible`) nothing is searched for."""
     visible = visible | box_accepted
-    to_burn = (time >= plan.turn_start) & (time < plan.cutoff)
+    to_burn = (time >= plan.turn_start - _ON_THE_DOT) & (time < plan.cutoff)
     looking_away = to_burn | (state.to_burn | _slewing_back(state)) & ~box_accepted
     sightings = search.count_sightings(state.sightings, box_accepted, visible, looking_away)
     sure = box_accepted & (sightings > search.SURE)
@@ -113,6 +113,10 @@ def guide(
         search_time=search_time,
     )
     return after, mode
+
+
+_ON_THE_DOT = 1e-6
+"""The turn to a burn of the longest duration begins on a whole tick, and rounding must not put it off by one [s]."""
 
 
 def _slewing_back(state: PointingState) -> Flag:

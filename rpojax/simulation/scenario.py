@@ -125,8 +125,11 @@ def static(file: ScenarioFile) -> Scenario:
 
 
 def digest(file: ScenarioFile) -> str:
-    """Hash of everything in a scenario that can change a number of a run; name, description, requirements cannot."""
-    content = file.model_dump(mode="json", exclude={"name", "description", "requirements"})
+    """Hash of everything in a scenario that can change a number of a run.
+
+    Name, description, requirements and what tuning strives for cannot.
+    """
+    content = file.model_dump(mode="json", exclude={"name", "description", "requirements", "tuning"})
     if file.design.kind == "independent":
         del content["design"]
     elif file.design.kind == "grid":

@@ -37,6 +37,7 @@ from rpojax.simulation.sections import (
     SurfaceSection,
     TargetSection,
     ThrusterSection,
+    TuningSection,
     WheelsSection,
 )
 
@@ -234,6 +235,7 @@ class ScenarioFile(Section):
     fault: FaultSection
     dispersions: list[Dispersion]
     requirements: list[RequirementSection] = Field(default_factory=list)
+    tuning: TuningSection = TuningSection()
     design: Design = IndependentDesign(kind="independent")
 
 
@@ -243,7 +245,7 @@ def nominal(file: ScenarioFile, key: str) -> Any:
     section = getattr(file, section_name, None) if section_name in ScenarioFile.model_fields else None
     if (
         not isinstance(section, Section)
-        or isinstance(section, Rates | EffectsSection)
+        or isinstance(section, Rates | EffectsSection | TuningSection)
         or name not in type(section).model_fields
     ):
         return None

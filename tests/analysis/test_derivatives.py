@@ -22,11 +22,6 @@ CALM = [
     "formation.dead_band_mm_s=0.0",
     "navigation.gating=none",
 ]
-    "duration_s=240.0",
-    "rates.formation_period_s=120.0",
-    "camera.outlier_probability=0.0",
-    "formation.dead_band_mm_s=0.0",
-]
 
 
 def scaled(file: ScenarioFile) -> derivatives.Inputs:
@@ -49,7 +44,7 @@ def flights() -> Flights:
     return Flights(file, scaled(file), 3, NAMES, runs=3)
 
 
-KEYS_OF_RUNS = derivatives.run_keys(0, np.array([0, 2, 3]))
+KEYS_OF_RUNS = derivatives.run_keys(0, np.array([1, 5, 7]))
 
 
 def forward(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -74,7 +69,7 @@ def test_the_reverse_mode_agrees_with_the_forward_mode(memory: int) -> None:
     weights = np.ones((3, 4)) * np.array([1.0, 2.0, -1.0, 30.0])
     file = rpojax.load("inspection", CALM)
     kept = Flights(file, scaled(file), 3, NAMES, runs=3, memory_bytes=memory)
-    reverse = kept.reverse(np.zeros((3, 3)), KEYS_OF_RUNS, weights)
+    reverse = kept.reverse(np.zeros((3, 3)), KEYS_OF_RUNS, lambda _: weights)
     figures, jacobian = forward(np.zeros(3))
     assert reverse.gradient is not None
     np.testing.assert_allclose(reverse.figures, figures, rtol=1e-9)

@@ -1,0 +1,194 @@
+"""The numbers of flight software that can be tuned, and the coordinates in which a gradient walks.
+
+A positive number is walked in its logarithm, one between bounds in its logit, so that each step keeps to what is allowed
+and counts alike for numbers of any size. Weights of the LQR matter by their ratios, which differences of logarithms are.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from rpojax.campaign import dispersions
+from rpojax.campaign.dispersions import Values
+from rpojax.errors import ScenarioError
+from rpojax.simulation import dispersed, schema
+from rpojax.simulation.schema import ScenarioFile
+
+
+class Coordinate(Protocol):
+    """A smooth way from the real numbers to the allowed values, and back."""
+
+    def allows(self, value: np.ndarray) -> bool:
+        """Whether a walk can start from this value."""
+        ...
+
+    def place(self, value: np.ndarray) -> np.ndarray:
+        """Coordinate of a value."""
+        ...
+
+    def value(self, x: Array) -> Array:
+        """Value at a coordinate."""
+        ...
+
+
+@dataclass(frozen=True)
+class Log:
+    """Positive numbers, by their logarithm: a step of 0.1 is about ten per cent."""
+
+    def allows(self, value: np.ndarray) -> bool:
+        """Whether all are positive."""
+        return bool(np.all(value > 0.0))
+
+    def place(self, value: np.ndarray) -> np.ndarray:
+        """Coordinate of a value."""
+        return np.log(value)
+
+    def value(self, x: Array) -> Array:
+        """Value at a coordinate."""
+        return jnp.exp(x)
+
+
+@dataclass(frozen=True)
+class Between:
+    """Numbers between two bounds, by the logit of their place."""
+
+    low: float
+    high: float
+
+    def allows(self, value: np.ndarray) -> bool:
+        """Whether all lie inside."""
+        return bool(np.all((value > self.low) & (value < self.high)))
+
+    def place(self, value: np.ndarray) -> np.ndarray:
+        """Coordinate of a value."""
+        return np.log((value - self.low) / (self.high - value))
+
+    def value(self, x: Array) -> Array:
+        """Value at a coordinate."""
+        return self.low + (self.high - self.low) * jax.nn.sigmoid(x)
+
+
+GROUPS: Final[dict[str, dict[str, Coordinate]]] = {
+    "navigation": {
+        "navigation.gps_noise_m": Log(),
+        "navigation.gps_error_sigma_m": Log(),
+        "navigation.gps_error_time_constant_s": Log(),
+        "navigation.edge_noise_px": Log(),
+        "navigation.center_sigma_m": Log(),
+        "navigation.center_time_constant_s": Log(),
+        "navigation.scale_sigma": Log(),
+        "navigation.scale_time_constant_s": Log(),
+        "navigation.bearing_bias_sigma_deg": Log(),
+        "navigation.attitude_sigma_deg": Log(),
+        "navigation.acceleration_noise_m_s2_sqrt_hz": Log(),
+        "navigation.relative_acceleration_noise_m_s2_sqrt_hz": Log(),
+        "navigation.burn_magnitude_sigma": Log(),
+        "navigation.burn_direction_sigma_deg": Log(),
+    },
+    "gate": {"navigation.gate_sigma": Between(1.5, 12.0)},
+    "formation": {
+        "formation.position_weight": Log(),
+        "formation.velocity_weight": Log(),
+        "formation.delta_v_weight": Log(),
+    },
+    "attitude": {
+        "attitude_control.bandwidth_rad_s": Between(0.02, 2.0),
+        "attitude_control.damping": Between(0.2, 3.0),
+        "attitude_filter.star_tracker_noise_deg": Log(),
+        "attitude_filter.angle_random_walk_deg_sqrt_s": Log(),
+    },
+    "schedule": {
+        "formation.lead_s": Between(20.0, 150.0),
+        "formation.dead_band_mm_s": Log(),
+    },
+}
+"""Keys by the name under which they are tuned together, with their coordinates."""
+
+TUNABLE: Final = {key: coordinate for group in GROUPS.values() for key, coordinate in group.items()}
+
+
+@dataclass(frozen=True)
+class Tunable:
+    """Numbers to be tuned, each vector in one piece.
+
+    Attributes:
+        nominal: value to start from by key, in the user's units
+        held: keys of the groups asked for that stay as they are, since no walk can start from them
+    """
+
+    nominal: dict[str, np.ndarray]
+    held: tuple[str, ...]
+
+    @property
+    def count(self) -> int:
+        """How many coordinates there are."""
+        return sum(value.size for value in self.nominal.values())
+
+    @property
+    def names(self) -> list[str]:
+        """Name of every coordinate: the key, or `key[0]`, `key[1]` for a vector."""
+        return list(dispersed.columns({key: value[None] for key, value in self.nominal.items()}))
+
+    @property
+    def start(self) -> np.ndarray:
+        """Coordinates (k,) to start from."""
+        return np.concatenate([TUNABLE[key].place(value).ravel() for key, value in self.nominal.items()])
+
+    def values(self, x: Float[Array, " k"]) -> Values:
+        """Values by key at coordinates (k,)."""
+        found: Values = {}
+        first = 0
+        for key, nominal in self.nominal.items():
+            part = x[first : first + nominal.size].reshape(nominal.shape)
+            found[key] = TUNABLE[key].value(part)
+            first += nominal.size
+        return found
+
+
+def choose(file: ScenarioFile, words: Sequence[str]) -> Tunable:
+    """What to tune, from names of groups and keys.
+
+    A key of a group from which no walk can start, such as a weight of zero, is held; one that is asked for by its own
+    name is refused.
+
+    Raises:
+        ScenarioError: a word is neither a group nor a key that can be tuned, the key is dispersed, or nothing is left.
+    """
+    asked: list[tuple[str, bool]] = []
+    for word in words:
+        if word in GROUPS:
+            asked += [(key, False) for key in GROUPS[word]]
+        elif word in TUNABLE:
+            asked.append((word, True))
+        else:
+            raise ScenarioError("--parameters", word, f"one of {', '.join(GROUPS)}, or a key of theirs")
+    nominal, held = {}, []
+    for key, by_name in dict(asked).items():
+        value = np.asarray(schema.nominal(file, key), dtype=np.float64)
+        if key in dispersed.keys(file):
+            raise ScenarioError(key, "a dispersion of it", "a number that all runs share, to tune it")
+        if TUNABLE[key].allows(value):
+            nominal[key] = value
+        elif by_name:
+            raise ScenarioError(key, value.tolist(), _expected(TUNABLE[key]))
+        else:
+            held.append(key)
+    if not nominal:
+        raise ScenarioError("--parameters", ",".join(words), "at least one number that can be tuned")
+    return Tunable(nominal, tuple(held))
+
+
+def inputs(file: ScenarioFile, tunable: Tunable, x: Array, run_key: Array) -> Values:
+    """Values of a run: its dispersions as drawn, and the tuned numbers at coordinates (k,)."""
+    return {**dispersions.draw(file, run_key, {}), **tunable.values(x)}
+
+
+def _expected(coordinate: Coordinate) -> str:
+    if isinstance(coordinate, Between):
+        return f"a start between {coordinate.low:g} and {coordinate.high:g}"
+    return "a positive start: the walk is one in its logarithm"

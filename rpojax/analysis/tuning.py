@@ -1,0 +1,285 @@
+"""Tuning by gradient: Adam down the derivative of the closed loop, with fresh runs at every step.
+
+Fresh runs keep the walk from learning the noise of a few; it ends with small steps, and the mean of its last quarter is
+its result, so that what is left of the noise averages out (Polyak and Juditsky, 1992).
+"""
+
+import json
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Final
+
+import jax
+import numpy as np
+import optax
+
+from rpojax.analysis import tunable
+from rpojax.analysis.derivatives import FORWARD_UP_TO, Flights, Found, run_keys
+from rpojax.analysis.objective import Objective
+from rpojax.analysis.tunable import Tunable
+from rpojax.campaign import files
+from rpojax.errors import ResultError, RpojaxError, ScenarioError
+from rpojax.flight.computer import Stages
+from rpojax.simulation import scenario
+from rpojax.simulation.schema import ScenarioFile
+
+CLIP: Final = 10.0
+"""A run whose gradient is longer than so many times the batch's median is shortened to that."""
+_TAIL: Final = 0.25
+"""Share of the steps whose mean is the result."""
+_LAST_RATE: Final = 0.05
+"""Size of the last step over that of the first."""
+_LARGEST_FILE: Final = 50_000_000
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to tune.
+
+    Attributes:
+        parameters: names of groups and keys
+        runs: per step
+        steps: of the walk
+        seed: of the runs; step n flies runs n * runs and on
+        horizon_s: length of each run [s]
+        rate: length of the first steps, in coordinates: 0.1 changes a number by about ten per cent
+    """
+
+    parameters: tuple[str, ...]
+    runs: int = 64
+    steps: int = 80
+    seed: int = 0
+    horizon_s: float = 2000.0
+    rate: float = 0.1
+
+
+@dataclass(frozen=True)
+class Step:
+    """What there was to see at one step.
+
+    Attributes:
+        objective: its value
+        parts: of it, without their weights
+        gradient_norm: of the mean over runs
+        left_out: runs without a finite gradient
+        shortened: runs whose gradient was clipped
+        run_s: time it took [s]
+    """
+
+    objective: float
+    parts: dict[str, float]
+    gradient_norm: float
+    left_out: int
+    shortened: int
+    run_s: float
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Where a walk is.
+
+    Attributes:
+        x: (k,) coordinates
+        optimizer: leaves of the state of Adam
+        tail: (k,) sum of the coordinates of the last quarter so far
+        steps: made so far
+    """
+
+    x: np.ndarray
+    optimizer: list[np.ndarray]
+    tail: np.ndarray
+    steps: tuple[Step, ...]
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """Result of a walk.
+
+    Attributes:
+        x: (k,) coordinates, mean of the last quarter
+        values: by key, in the user's units
+        steps: all
+        mode: of differentiation, `forward` or `reverse`
+        compile_s: [s]
+        memory_bytes: of the programs beside their arguments [B]
+    """
+
+    x: np.ndarray
+    values: dict[str, Any]
+    steps: tuple[Step, ...]
+    mode: str
+    compile_s: float
+    memory_bytes: int
+
+
+def check(file: ScenarioFile, settings: Settings) -> ScenarioFile:
+    """The scenario at the horizon of the tuning.
+
+    Raises:
+        RpojaxError: a setting makes no sense, or the scenario cannot be tuned by gradient.
+    """
+    for option, found, good in (
+        ("--runs", settings.runs, settings.runs >= 1),
+        ("--steps", settings.steps, settings.steps >= 1),
+        ("--rate", settings.rate, 0.0 < settings.rate <= 1.0),
+        ("--seed", settings.seed, 0 <= settings.seed < 2**63),
+        ("--horizon", settings.horizon_s, math.isfinite(settings.horizon_s) and settings.horizon_s > 0.0),
+    ):
+        if not good:
+            raise RpojaxError(f"{option}: found {found}, expected {_EXPECTED[option]}")
+    if file.camera.model == "rendered":
+        raise ScenarioError("camera.model", "rendered", "'geometric' or 'statistical': pictures have no useful slope")
+    if file.design.kind != "independent":
+        raise ScenarioError("design.kind", file.design.kind, "'independent', since every step draws fresh runs")
+    horizon = min(settings.horizon_s, file.duration_s)
+    return scenario.validate({**file.model_dump(), "duration_s": horizon})
+
+
+_EXPECTED: Final = {
+    "--runs": "at least 1",
+    "--steps": "at least 1",
+    "--rate": "a number above 0 and up to 1",
+    "--seed": "a number from 0",
+    "--horizon": "a time above 0 s",
+}
+
+
+def tune(
+    file: ScenarioFile,
+    settings: Settings,
+    progress_file: Path | None = None,
+    tell: Callable[[int, Step], None] = lambda number, step: None,
+    stages: Stages | None = None,
+) -> Tuned:
+    """Tunes numbers of a scenario; a walk found in `progress_file` goes on from there, and each step is kept there.
+
+    Raises:
+        RpojaxError: a setting makes no sense, the scenario cannot be tuned, or its start gives no finite objective.
+    """
+    short = check(file, settings)
+    objective = Objective(short)
+    chosen = tunable.choose(short, settings.parameters)
+    inputs = partial(tunable.inputs, short, chosen)
+    flights = Flights(short, inputs, chosen.count, objective.names, settings.runs, stages)
+    optimizer = optax.adam(optax.cosine_decay_schedule(settings.rate, settings.steps, _LAST_RATE))
+    identity = {**asdict(settings), "scenario_hash": scenario.digest(file), "tuning": file.tuning.model_dump()}
+    walk = _begin(optimizer, chosen.start, progress_file, json.loads(json.dumps(identity)))
+    while len(walk.steps) < settings.steps:
+        walk = _step(flights, objective, optimizer, settings, walk)
+        tell(len(walk.steps), walk.steps[-1])
+        if progress_file is not None:
+            _save(progress_file, identity, walk)
+    x = walk.tail / _tail_length(settings.steps)
+    values = {key: np.asarray(value).tolist() for key, value in chosen.values(jax.numpy.asarray(x)).items()}
+    mode = _mode(chosen)
+    return Tuned(x, values, walk.steps, mode, flights.compile_s, flights.memory_bytes)
+
+
+def derivative(flights: Flights, objective: Objective, x: np.ndarray, keys: np.ndarray) -> tuple[Found, np.ndarray]:
+    """Figures of runs at coordinates (k,), and the gradient (runs, k) of the objective's share of each run."""
+    numbers = np.tile(x, (len(keys), 1))
+    if flights.count <= FORWARD_UP_TO:
+        found = flights.forward(numbers, keys)
+        assert found.jacobian is not None
+        return found, np.einsum("rf,rfk->rk", objective(found.figures)[2], found.jacobian)
+    found = flights.reverse(numbers, keys, lambda figures: objective(figures)[2])
+    assert found.gradient is not None
+    return found, found.gradient
+
+
+def combine(gradients: np.ndarray) -> tuple[np.ndarray, int, int]:
+    """Sum (k,) of the gradients (runs, k) of runs, how many were left out as not finite, and how many shortened.
+
+    The loop has discrete events, and next to one a run's derivative may be enormous while that of the mean is not.
+    """
+    finite = np.isfinite(gradients).all(axis=1)
+    there = gradients[finite]
+    if len(there) == 0:
+        return np.zeros(gradients.shape[1]), len(gradients), 0
+    norms = np.linalg.norm(there, axis=1)
+    longest = CLIP * np.median(norms)
+    factors = np.where(norms > longest, longest / np.where(norms > 0.0, norms, 1.0), 1.0)
+    total = (there * factors[:, None]).sum(axis=0)
+    return total * len(gradients) / len(there), int((~finite).sum()), int((factors < 1.0).sum())
+
+
+def _mode(chosen: Tunable) -> str:
+    return "forward" if chosen.count <= FORWARD_UP_TO else "reverse"
+
+
+def _tail_length(steps: int) -> int:
+    return max(1, round(_TAIL * steps))
+
+
+def _begin(optimizer: Any, x: np.ndarray, progress_file: Path | None, identity: dict[str, Any]) -> Walk:
+    """A new walk, or the one under way."""
+    if progress_file is None or not progress_file.exists():
+        return Walk(x, [np.asarray(leaf) for leaf in jax.tree.leaves(optimizer.init(x))], np.zeros_like(x), ())
+    content = files.read_json(progress_file, "the progress of a tuning", _LARGEST_FILE)
+    try:
+        same = content["of"] == identity
+        kinds = [np.asarray(leaf) for leaf in jax.tree.leaves(optimizer.init(x))]
+        leaves = [
+            np.asarray(leaf, dtype=kind.dtype).reshape(kind.shape)
+            for leaf, kind in zip(content["optimizer"], kinds, strict=True)
+        ]
+        steps = tuple(Step(**step) for step in content["steps"])
+        walk = Walk(np.asarray(content["x"], dtype=float), leaves, np.asarray(content["tail"], dtype=float), steps)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ResultError(f"{progress_file}: found {error!r}, expected the progress of a tuning") from None
+    if not same or walk.x.shape != x.shape:
+        raise ResultError(f"{progress_file}: found the progress of another tuning, expected that of this one")
+    return walk
+
+
+def _save(progress_file: Path, identity: dict[str, Any], walk: Walk) -> None:
+    content = {
+        "of": identity,
+        "x": walk.x.tolist(),
+        "optimizer": [leaf.tolist() for leaf in walk.optimizer],
+        "tail": walk.tail.tolist(),
+        "steps": [asdict(step) for step in walk.steps],
+    }
+    files.write_json(progress_file, content)
+
+
+def _step(flights: Flights, objective: Objective, optimizer: Any, settings: Settings, walk: Walk) -> Walk:
+    number = len(walk.steps)
+    keys = run_keys(settings.seed, number * settings.runs + np.arange(settings.runs))
+    compiled = flights.compile_s
+    begin = time.perf_counter()
+    found, gradients = derivative(flights, objective, walk.x, keys)
+    value, parts, _ = objective(found.figures)
+    if not math.isfinite(value):
+        raise RpojaxError(
+            f"step {number + 1}: found an objective of {value}, expected a finite one; try a lower --rate"
+        )
+    total, left_out, shortened = combine(gradients)
+    if left_out == len(gradients):
+        raise RpojaxError(f"step {number + 1}: found no run with a finite gradient, expected some; try a lower --rate")
+    state = jax.tree.unflatten(jax.tree.structure(optimizer.init(walk.x)), walk.optimizer)
+    updates, state = optimizer.update(total, state)
+    x = np.asarray(optax.apply_updates(walk.x, updates))
+    run_s = time.perf_counter() - begin - (flights.compile_s - compiled)
+    step = Step(value, parts, float(np.linalg.norm(total)), left_out, shortened, run_s)
+    counts = number >= settings.steps - _tail_length(settings.steps)
+    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(state)]
+    return Walk(x, leaves, walk.tail + (x if counts else 0.0), (*walk.steps, step))
+
+
+def tuned_scenario(file: ScenarioFile, values: dict[str, Any]) -> ScenarioFile:
+    """The scenario with other values for some of its keys."""
+    tables = file.model_dump(mode="json")
+    for key, value in values.items():
+        section, _, name = key.partition(".")
+        tables[section][name] = value
+    return scenario.validate(tables)
+
+
+def names_of_parameters(words: Sequence[str]) -> tuple[str, ...]:
+    """Names of groups and keys, from words with commas between names."""
+    return tuple(name for word in words for name in word.split(",") if name)
