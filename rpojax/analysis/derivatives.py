@@ -6,7 +6,6 @@ independent, so a derivative is one per run, and those of runs that were lost ca
 
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal
@@ -14,6 +13,7 @@ from typing import Any, Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import Array
 
 from rpojax.campaign import dispersions, single
@@ -29,12 +29,18 @@ from rpojax.simulation.schema import ScenarioFile
 
 Inputs = Callable[[Array, Array], Values]
 """Values in the user's units by scenario key, from the numbers (k,) and the random key of a run."""
+Seen = tuple[Array, Array]
+"""Of runs: failed or not, and the fingerprint of their events."""
+Slope = Callable[[Array, Array, Array], Array]
+"""Weights (runs, figures) from the figures of all runs of a batch, the weights given, and (runs,) 1 for runs that count
+and 0 for those that fill up the batch."""
 Program = Literal["values", "forward", "reverse"]
 
 BATCH = 64
 """Runs at a time on each device: more are no faster."""
 MEMORY_BYTES = 2_000_000_000
 """What the states kept for the reverse mode may take on each device before they are worked out twice instead [B]."""
+_RUNS = "runs"
 FORWARD_UP_TO = 4
 """Numbers up to which the forward mode is the faster one (measured; see experiments/tuning)."""
 
@@ -48,12 +54,20 @@ class Found:
         jacobian: (runs, figures, k) from the forward mode, else None
         gradient: (runs, k) of the weighted sum of figures, from the reverse mode, else None
         failed: (runs,) bool, the run ended before its time
+        events: (runs,) the same number for the same boxes taken and refused and the same modes, at all ticks
     """
 
     figures: np.ndarray
     jacobian: np.ndarray | None
     gradient: np.ndarray | None
     failed: np.ndarray
+    events: np.ndarray
+
+
+def given_weights(figures: Array, weights: Array, there: Array) -> Array:
+    """The slope of a sum of figures with the weights that are given."""
+    del figures
+    return weights * there[:, None]
 
 
 class Flights:
@@ -75,23 +89,24 @@ class Flights:
         names: Sequence[str],
         runs: int,
         stages: Stages | None = None,
+        slope: Slope = given_weights,
         memory_bytes: int = MEMORY_BYTES,
     ) -> None:
         self.file, self.names, self.count = file, tuple(names), count
         self.scenario, self._nominal = single.nominal(file)
-        self._inputs, self._stages = inputs, stages or Stages()
-        self._devices = jax.devices()[:runs]
-        self.size = min(BATCH, -(-runs // len(self._devices)))
+        self._inputs, self._stages, self._slope = inputs, stages or Stages(), slope
+        devices = jax.devices()[:runs]
+        self._mesh = Mesh(np.array(devices), (_RUNS,))
+        self.size = min(BATCH, -(-runs // len(devices)))
         self.chunk_ticks = chunk_ticks(self.scenario.ticks, self._state_bytes(), self.size, memory_bytes)
-        self._programs: dict[Program, list[Any]] = {}
-        self._backward: list[Any] = []
+        self._programs: dict[Program, Any] = {}
         self.compile_s = 0.0
         self.memory_bytes = 0
 
     @property
     def capacity(self) -> int:
         """Runs that all devices take at once."""
-        return self.size * len(self._devices)
+        return self.size * self._mesh.size
 
     def values(self, numbers: np.ndarray, keys: np.ndarray) -> Found:
         """Figures alone, for numbers (runs, k) and random keys (runs, 2) of runs."""
@@ -101,90 +116,62 @@ class Flights:
         """Figures and their Jacobian in forward mode: takes about 0.75 of a flight for each number."""
         return self._fly("forward", numbers, keys)
 
-    def reverse(self, numbers: np.ndarray, keys: np.ndarray, weigh: Callable[[np.ndarray], np.ndarray]) -> Found:
+    def reverse(self, numbers: np.ndarray, keys: np.ndarray, weights: np.ndarray | None = None) -> Found:
         """Figures, and the gradient of their weighted sum in reverse mode: about seven flights.
 
-        `weigh` gives the weights (runs, figures) from the figures of all runs, as the gradient of any function of them
-        does. More runs than the devices take at once are flown once more beforehand.
+        `weights` (runs, figures) are needed unless the flights have a slope of their own, which then is that of each
+        batch of runs.
         """
-        if len(numbers) <= self.capacity:
-            return self._reverse_batch(numbers, keys, weigh)
-        weights = weigh(self.values(numbers, keys).figures)
-        return _joined(
-            [
-                self._reverse_batch(numbers[rows], keys[rows], lambda _, rows=rows: weights[rows])
-                for rows in self._batches(len(numbers))
-            ]
+        chosen = np.zeros((len(numbers), len(self.names))) if weights is None else weights
+        return self._fly("reverse", numbers, keys, chosen)
+
+    def _fly(self, kind: Program, *arrays: np.ndarray) -> Found:
+        """Runs in batches, each spread over all devices; the last one is filled up with its last run."""
+        program = self._compiled(kind)
+        runs = len(arrays[0])
+        parts = []
+        for first in range(0, runs, self.capacity):
+            rows = np.minimum(np.arange(first, first + self.capacity), runs - 1)
+            there = (rows == np.arange(first, first + self.capacity)).astype(np.float64)
+            # One batch at a time: two programs that span the same devices may wait for each other for ever.
+            parts.append(jax.tree.map(np.asarray, program(self._nominal, there, *(array[rows] for array in arrays))))
+        figures, failed, events, *derivative = (np.concatenate(column)[:runs] for column in zip(*parts, strict=True))
+        return Found(
+            figures=figures,
+            jacobian=derivative[0] if kind == "forward" else None,
+            gradient=derivative[0] if kind == "reverse" else None,
+            failed=failed,
+            events=events,
         )
 
-    def _batches(self, runs: int) -> list[slice]:
-        return [slice(first, min(first + self.capacity, runs)) for first in range(0, runs, self.capacity)]
-
-    def _fly(self, kind: Program, numbers: np.ndarray, keys: np.ndarray) -> Found:
-        """Runs in batches, each spread over all devices; the last one is filled up with its last run."""
-        programs = self._compiled(kind)
-        found = []
-        for rows in self._batches(len(numbers)):
-            results = self._start(programs, numbers[rows], keys[rows])
-            figures, failed, *jacobian = _gathered(results, rows.stop - rows.start)
-            found.append(Found(figures, jacobian[0] if jacobian else None, None, failed))
-        return _joined(found)
-
-    def _start(self, programs: list[Any], numbers: np.ndarray, keys: np.ndarray) -> list[Any]:
-        """Results of one batch, under way on all devices at the same time; calls return at once."""
-        shares = np.split(np.minimum(np.arange(self.capacity), len(numbers) - 1), len(programs))
-        return [
-            program(*jax.device_put((self._nominal, numbers[share], keys[share]), device))
-            for program, share, device in zip(programs, shares, self._devices, strict=True)
-        ]
-
-    def _reverse_batch(self, numbers: np.ndarray, keys: np.ndarray, weigh: Callable[[np.ndarray], np.ndarray]) -> Found:
-        runs = len(numbers)
-        results = self._start(self._compiled("reverse"), numbers, keys)
-        figures, failed = _gathered([result[:2] for result in results], runs)
-        weights = np.zeros((self.capacity, len(self.names)))
-        weights[:runs] = weigh(figures)
-        back = [
-            pull_back(result[2], jax.device_put(share, device))
-            for pull_back, result, share, device in zip(
-                self._pull_backs(results), results, np.split(weights, len(results)), self._devices, strict=True
-            )
-        ]
-        return Found(figures, None, _gathered([(part,) for part in back], runs)[0], failed)
-
-    def _pull_backs(self, results: list[Any]) -> list[Any]:
-        """Programs that carry weights of figures back through the flights of `results`."""
-        if not self._backward:
-            begin = time.perf_counter()
-            weights = np.zeros((self.size, len(self.names)))
-            lowered = [
-                jax.jit(lambda back, weights: back(weights)[0]).lower(result[2], jax.device_put(weights, device))
-                for result, device in zip(results, self._devices, strict=True)
-            ]
-            self._backward = self._finish_compiling(lowered, begin)
-        return self._backward
-
-    def _compiled(self, kind: Program) -> list[Any]:
+    def _compiled(self, kind: Program) -> Any:
         if kind not in self._programs:
             begin = time.perf_counter()
-            function = {"values": self._figures, "forward": self._jacobian, "reverse": self._linearised}[kind]
-            arguments = self._nominal, np.zeros((self.size, self.count)), np.zeros((self.size, 2), dtype=np.uint32)
-            lowered = [jax.jit(function).lower(*jax.device_put(arguments, device)) for device in self._devices]
-            self._programs[kind] = self._finish_compiling(lowered, begin)
+            function = {"values": self._values, "forward": self._jacobian, "reverse": self._gradient}[kind]
+            shapes = [(), (self.count,), (2,), (len(self.names),)][: 4 if kind == "reverse" else 3]
+            types = [np.float64, np.float64, np.uint32, np.float64]
+            forms = zip(shapes, types, strict=False)
+            arguments = [jax.ShapeDtypeStruct((self.capacity, *shape), dtype) for shape, dtype in forms]
+            spread = jax.shard_map(
+                function,
+                mesh=self._mesh,
+                in_specs=(PartitionSpec(), *[PartitionSpec(_RUNS)] * len(arguments)),
+                out_specs=PartitionSpec(_RUNS),
+                check_vma=False,
+            )
+            program = jax.jit(spread).lower(self._nominal, *arguments).compile()
+            self.compile_s += time.perf_counter() - begin
+            needed = program.memory_analysis()
+            self.memory_bytes = max(self.memory_bytes, needed.temp_size_in_bytes * self._mesh.size)
+            self._programs[kind] = program
         return self._programs[kind]
 
-    def _finish_compiling(self, lowered: list[Any], begin: float) -> list[Any]:
-        """Programs for all devices, with account of the time since `begin` and of their memory."""
-        with ThreadPoolExecutor(len(lowered)) as pool:
-            programs = list(pool.map(lambda program: program.compile(), lowered))
-        self.compile_s += time.perf_counter() - begin
-        sizes = [program.memory_analysis() for program in programs]
-        needed = sum(size.temp_size_in_bytes + size.output_size_in_bytes for size in sizes)
-        self.memory_bytes = max(self.memory_bytes, needed)
-        return programs
+    def _values(self, nominal: Params, _: Array, numbers: Array, keys: Array) -> tuple[Array, ...]:
+        figures, seen = self._figures(nominal, numbers, keys)
+        return figures, *seen
 
-    def _figures(self, nominal: Params, numbers: Array, keys: Array, chunk: int = 0) -> tuple[Array, Array]:
-        """Figures (runs, figures) and which runs failed; `chunk` 0 keeps nothing for a reverse mode."""
+    def _figures(self, nominal: Params, numbers: Array, keys: Array, chunk: int = 0) -> tuple[Array, Seen]:
+        """Figures (runs, figures), failures and events of runs; `chunk` 0 keeps nothing for a reverse mode."""
         axes = run_axes()
         values = jax.vmap(self._inputs)(numbers, keys)
 
@@ -200,24 +187,29 @@ class Flights:
         state = jax.vmap(begin, out_axes=axes)(values, keys)
         sums = jax.vmap(lambda _: running_metrics.start(self.names))(keys)
         state, sums = _scan(lambda carry: every(values, *carry), (state, sums), self.scenario.ticks, chunk)
-        return jax.vmap(partial(running_metrics.finish, self.names))(sums), state.failure > 0
+        return jax.vmap(partial(running_metrics.finish, self.names))(sums), (state.failure > 0, sums.events)
 
-    def _jacobian(self, nominal: Params, numbers: Array, keys: Array) -> tuple[Array, Array, Array]:
-        def along(direction: Array) -> tuple[Array, Array, Array]:
+    def _jacobian(self, nominal: Params, _: Array, numbers: Array, keys: Array) -> tuple[Array, ...]:
+        def along(direction: Array) -> tuple[Array, ...]:
             tangent = jnp.broadcast_to(direction, numbers.shape)
-            figures, change, failed = jax.jvp(
+            figures, change, seen = jax.jvp(
                 lambda x: self._figures(nominal, x, keys), (numbers,), (tangent,), has_aux=True
             )
-            return figures, failed, change
+            return figures, *seen, change
 
         directions = jnp.eye(self.count, dtype=numbers.dtype)
-        return jax.vmap(along, out_axes=(None, None, 2))(directions)
+        return jax.vmap(along, out_axes=(None, None, None, 2))(directions)
 
-    def _linearised(self, nominal: Params, numbers: Array, keys: Array) -> tuple[Array, Array, Any]:
-        figures, pull_back, failed = jax.vjp(
+    def _gradient(
+        self, nominal: Params, there: Array, numbers: Array, keys: Array, weights: Array
+    ) -> tuple[Array, ...]:
+        figures, pull_back, seen = jax.vjp(
             lambda x: self._figures(nominal, x, keys, chunk=self.chunk_ticks), numbers, has_aux=True
         )
-        return figures, failed, pull_back
+        every = (jax.lax.all_gather(array, _RUNS, tiled=True) for array in (figures, weights, there))
+        own = jax.lax.axis_index(_RUNS) * self.size
+        slopes = jax.lax.dynamic_slice_in_dim(self._slope(*every), own, self.size)
+        return figures, *seen, pull_back(slopes)[0]
 
     def _state_bytes(self) -> int:
         """Size of what a run carries from tick to tick [B]."""
@@ -225,24 +217,6 @@ class Flights:
         state = jax.eval_shape(lambda key: closed_loop.init(self.scenario, self._nominal, key), key)
         sums = jax.eval_shape(lambda: running_metrics.start(self.names))
         return sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves((state, sums)))
-
-
-def _gathered(results: Sequence[Sequence[Array]], runs: int) -> list[np.ndarray]:
-    """Each array of the devices' results, one device after the other, without the runs that fill up."""
-    return [np.concatenate([np.asarray(part) for part in parts])[:runs] for parts in zip(*results, strict=True)]
-
-
-def _joined(found: Sequence[Found]) -> Found:
-    def all_of(parts: Sequence[np.ndarray | None]) -> np.ndarray | None:
-        there = [part for part in parts if part is not None]
-        return np.concatenate(there) if there else None
-
-    return Found(
-        figures=np.concatenate([one.figures for one in found]),
-        jacobian=all_of([one.jacobian for one in found]),
-        gradient=all_of([one.gradient for one in found]),
-        failed=np.concatenate([one.failed for one in found]),
-    )
 
 
 def run_keys(seed: int, ids: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """What tuning makes small: a weighted sum over a batch of runs of what their figures of merit say.
 
-Errors and effort count by their logarithm, run by run: a per cent less of anything counts alike, and a lost run weighs no
-more than others. Weights are those of the scenario's section `tuning`.
+Errors and effort count by their logarithm, run by run: a per cent less of anything counts alike, and a lost run weighs
+no more than others. Weights are those of the scenario's section `tuning`.
 """
 
 from typing import Final
@@ -46,37 +46,45 @@ class Objective:
         if not self.weights:
             raise ScenarioError("tuning", "no weight above zero", f"a weight for one of {', '.join(NEEDS)}")
         self.names = tuple(dict.fromkeys(name for part in self.weights for name in NEEDS[part]))
-        self._value_and_slope = jax.jit(jax.value_and_grad(self._total, has_aux=True))
+        self._value = jax.jit(self._total)
 
-    def __call__(self, figures: np.ndarray) -> tuple[float, dict[str, float], np.ndarray]:
-        """Value, parts without their weights, and gradient (runs, figures); runs with nan figures are left out."""
-        there = np.isfinite(figures).all(axis=1)
-        slope = np.zeros_like(figures)
-        if not there.any():
-            return float("nan"), {}, slope
-        (value, parts), slope[there] = self._value_and_slope(jnp.asarray(figures[there]))
-        return float(value), {name: float(part) for name, part in parts.items()}, slope
+    def __call__(self, figures: np.ndarray) -> tuple[float, dict[str, float]]:
+        """Value of the figures (runs, figures) of a batch, and its parts without their weights."""
+        value, parts = self._value(jnp.asarray(figures), jnp.ones(len(figures)))
+        return float(value), {name: float(part) for name, part in parts.items()}
 
-    def _total(self, figures: Figures) -> tuple[Array, dict[str, Array]]:
-        columns = {name: figures[:, index] for index, name in enumerate(self.names)}
-        parts = {name: _part(name, columns) for name in self.weights}
+    def slope(self, figures: Array, weights: Array, there: Array) -> Array:
+        """Gradient (runs, figures) of the value of a batch, in which runs that are not `there` (runs,) do not count."""
+        del weights
+        return jax.grad(lambda x: self._total(x, there)[0])(figures)
+
+    def _total(self, figures: Figures, there: Array) -> tuple[Array, dict[str, Array]]:
+        finite = jnp.all(jnp.isfinite(figures), axis=1)
+        counted = there * jnp.where(finite, 1.0, 0.0)
+        safe = jnp.where(finite[:, None], figures, 1.0)
+        columns = {name: safe[:, index] for index, name in enumerate(self.names)}
+        parts = {name: _part(name, columns, counted) for name in self.weights}
         total = sum((weight * parts[name] for name, weight in self.weights.items()), jnp.zeros(()))
         return total, parts
 
 
-def _part(name: str, columns: dict[str, Array]) -> Array:
+def _part(name: str, columns: dict[str, Array], counted: Array) -> Array:
     if name == "consistency":
         relative = columns["nees_relative_mean"]
         servicer = columns["nees_mean"] - relative
-        return _inconsistency(relative) + _inconsistency(servicer)
+        return _inconsistency(relative, counted) + _inconsistency(servicer, counted)
     values = columns[NEEDS[name][0]]
     if name in ("innovations", "estimate"):
-        return jnp.mean(values)
-    return jnp.mean(jnp.log(jnp.maximum(values, _FLOOR.get(name, 0.0))))
+        return _mean(values, counted)
+    return _mean(jnp.log(jnp.maximum(values, _FLOOR.get(name, 0.0))), counted)
 
 
-def _inconsistency(nees: Float[Array, " runs"]) -> Array:
+def _mean(values: Array, counted: Array) -> Array:
+    return jnp.sum(counted * values) / jnp.sum(counted)
+
+
+def _inconsistency(nees: Float[Array, " runs"], counted: Array) -> Array:
     """Squared log of the mean NEES of six components over six, lost runs left out."""
-    kept = nees <= _LOST * jnp.median(nees)
-    mean = jnp.sum(jnp.where(kept, nees, 0.0)) / jnp.sum(kept)
-    return jnp.log(mean / 6.0) ** 2
+    typical = jnp.nanmedian(jnp.where(counted > 0.0, nees, jnp.nan))
+    kept = counted * jnp.where(nees <= _LOST * typical, 1.0, 0.0)
+    return jnp.log(_mean(nees, kept) / 6.0) ** 2

@@ -1,12 +1,13 @@
 """The numbers of flight software that can be tuned, and the coordinates in which a gradient walks.
 
-A positive number is walked in its logarithm, one between bounds in its logit, so that each step keeps to what is allowed
-and counts alike for numbers of any size. Weights of the LQR matter by their ratios, which differences of logarithms are.
+A positive number is walked in its logarithm, one between bounds in its logit, so that each step keeps to what is
+allowed and counts alike for numbers of any size. Weights of the LQR matter by their ratios:
+differences of logarithms.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final
 
 import jax
 import jax.numpy as jnp
@@ -20,22 +21,6 @@ from rpojax.simulation import dispersed, schema
 from rpojax.simulation.schema import ScenarioFile
 
 
-class Coordinate(Protocol):
-    """A smooth way from the real numbers to the allowed values, and back."""
-
-    def allows(self, value: np.ndarray) -> bool:
-        """Whether a walk can start from this value."""
-        ...
-
-    def place(self, value: np.ndarray) -> np.ndarray:
-        """Coordinate of a value."""
-        ...
-
-    def value(self, x: Array) -> Array:
-        """Value at a coordinate."""
-        ...
-
-
 @dataclass(frozen=True)
 class Log:
     """Positive numbers, by their logarithm: a step of 0.1 is about ten per cent."""
@@ -46,7 +31,7 @@ class Log:
 
     def place(self, value: np.ndarray) -> np.ndarray:
         """Coordinate of a value."""
-        return np.log(value)
+        return np.asarray(np.log(value))
 
     def value(self, x: Array) -> Array:
         """Value at a coordinate."""
@@ -66,12 +51,14 @@ class Between:
 
     def place(self, value: np.ndarray) -> np.ndarray:
         """Coordinate of a value."""
-        return np.log((value - self.low) / (self.high - value))
+        return np.asarray(np.log((value - self.low) / (self.high - value)))
 
     def value(self, x: Array) -> Array:
         """Value at a coordinate."""
         return self.low + (self.high - self.low) * jax.nn.sigmoid(x)
 
+
+Coordinate = Log | Between
 
 GROUPS: Final[dict[str, dict[str, Coordinate]]] = {
     "navigation": {

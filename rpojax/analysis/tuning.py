@@ -164,7 +164,7 @@ def tune(
     objective = Objective(short)
     chosen = tunable.choose(short, settings.parameters)
     inputs = partial(tunable.inputs, short, chosen)
-    flights = Flights(short, inputs, chosen.count, objective.names, settings.runs, stages)
+    flights = Flights(short, inputs, chosen.count, objective.names, settings.runs, stages, objective.slope)
     optimizer = optax.adam(optax.cosine_decay_schedule(settings.rate, settings.steps, _LAST_RATE))
     identity = {**asdict(settings), "scenario_hash": scenario.digest(file), "tuning": file.tuning.model_dump()}
     walk = _begin(optimizer, chosen.start, progress_file, json.loads(json.dumps(identity)))
@@ -182,13 +182,14 @@ def tune(
 def derivative(flights: Flights, objective: Objective, x: np.ndarray, keys: np.ndarray) -> tuple[Found, np.ndarray]:
     """Figures of runs at coordinates (k,), and the gradient (runs, k) of the objective's share of each run."""
     numbers = np.tile(x, (len(keys), 1))
-    if flights.count <= FORWARD_UP_TO:
-        found = flights.forward(numbers, keys)
-        assert found.jacobian is not None
-        return found, np.einsum("rf,rfk->rk", objective(found.figures)[2], found.jacobian)
-    found = flights.reverse(numbers, keys, lambda figures: objective(figures)[2])
-    assert found.gradient is not None
-    return found, found.gradient
+    if flights.count > FORWARD_UP_TO:
+        found = flights.reverse(numbers, keys)
+        assert found.gradient is not None
+        return found, found.gradient
+    found = flights.forward(numbers, keys)
+    assert found.jacobian is not None
+    slope = objective.slope(*map(jax.numpy.asarray, (found.figures, found.figures, np.ones(len(keys)))))
+    return found, np.einsum("rf,rfk->rk", np.asarray(slope), found.jacobian)
 
 
 def combine(gradients: np.ndarray) -> tuple[np.ndarray, int, int]:
@@ -253,17 +254,19 @@ def _step(flights: Flights, objective: Objective, optimizer: Any, settings: Sett
     compiled = flights.compile_s
     begin = time.perf_counter()
     found, gradients = derivative(flights, objective, walk.x, keys)
-    value, parts, _ = objective(found.figures)
+    value, parts = objective(found.figures)
     if not math.isfinite(value):
         raise RpojaxError(
             f"step {number + 1}: found an objective of {value}, expected a finite one; try a lower --rate"
         )
-    total, left_out, shortened = combine(gradients)
+    # A batch too large for the devices is flown in several, each with an objective of its own.
+    total, left_out, shortened = combine(gradients / -(-len(keys) // flights.capacity))
     if left_out == len(gradients):
         raise RpojaxError(f"step {number + 1}: found no run with a finite gradient, expected some; try a lower --rate")
     state = jax.tree.unflatten(jax.tree.structure(optimizer.init(walk.x)), walk.optimizer)
-    updates, state = optimizer.update(total, state)
-    x = np.asarray(optax.apply_updates(walk.x, updates))
+    with jax.numpy_dtype_promotion("standard"):  # optax mixes types in its schedules
+        updates, state = optimizer.update(total, state)
+    x = walk.x + np.asarray(updates)
     run_s = time.perf_counter() - begin - (flights.compile_s - compiled)
     step = Step(value, parts, float(np.linalg.norm(total)), left_out, shortened, run_s)
     counts = number >= settings.steps - _tail_length(settings.steps)

@@ -84,18 +84,25 @@ class Sums:
         total: (figures,) sum so far, or extreme
         weight: (figures,) sum of weights
         looking: () ticks since the camera last looked elsewhere
+        events: () uint32, changes with any box taken or refused and with any change of the guidance mode
     """
 
     total: Array
     weight: Array
     looking: Array
+    events: Array
 
 
 def start(names: Sequence[str]) -> Sums:
     """Sums before the first tick."""
     first = {"min": math.inf, "max": -math.inf}
     total = jnp.array([first.get(FIGURES[name].reduce, 0.0) for name in names], dtype=jnp.float64)
-    return Sums(total=total, weight=jnp.zeros_like(total), looking=jnp.zeros((), dtype=jnp.float64))
+    return Sums(
+        total=total,
+        weight=jnp.zeros_like(total),
+        looking=jnp.zeros((), dtype=jnp.float64),
+        events=jnp.zeros((), dtype=jnp.uint32),
+    )
 
 
 def add(names: Sequence[str], scenario: Scenario, params: Params, seen: Telemetry, sums: Sums) -> Sums:
@@ -112,7 +119,16 @@ def add(names: Sequence[str], scenario: Scenario, params: Params, seen: Telemetr
         weight = weight * _inside(figure.window, scenario, seen.tick)
         totals.append(_accumulate(figure, sums.total[index], value, weight))
         weights.append(sums.weight[index] + weight)
-    return Sums(total=jnp.stack(totals), weight=jnp.stack(weights), looking=looking)
+    return Sums(
+        total=jnp.stack(totals), weight=jnp.stack(weights), looking=looking, events=_fingerprint(sums.events, seen)
+    )
+
+
+def _fingerprint(events: Array, seen: Telemetry) -> Array:
+    """Fingerprint of the events so far with those of one more tick (a polynomial hash)."""
+    found = seen.innovation
+    accepted, rejected, mode = (word.astype(jnp.uint32) for word in (found.accepted, found.rejected, seen.mode))
+    return events * jnp.uint32(1000003) + accepted + jnp.uint32(2) * rejected + jnp.uint32(4) * mode
 
 
 def finish(names: Sequence[str], sums: Sums) -> Float[Array, " figures"]:

@@ -70,7 +70,9 @@ def test_a_figure_without_any_weight_is_zero_and_has_a_zero_derivative() -> None
 
     def last(x: jax.Array) -> jax.Array:
         sums = running_metrics.start(names)
-        return running_metrics.finish(names, Sums(total=sums.total * x, weight=sums.weight, looking=sums.looking))
+        return running_metrics.finish(
+            names, Sums(total=sums.total * x, weight=sums.weight, looking=sums.looking, events=sums.events)
+        )
 
     value, slope = jax.jvp(last, (jnp.ones(()),), (jnp.ones(()),))
     np.testing.assert_array_equal(value, 0.0)

@@ -1,0 +1,137 @@
+"""Formation error against velocity change: LQR weights and burn schedule tuned for several prices of velocity change.
+
+    python experiments/tuning/front.py --out out/front [--runs 32] [--steps 16] [--horizon 4000] [--judge 500]
+
+Each point starts where the one before it ended. All points and the packaged gains are judged on the same full runs of a
+seed that no tuning has seen.
+"""
+
+import argparse
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+
+from rpojax.machine import prepare_jax
+
+PRICES = (0.05, 0.15, 0.3, 0.6, 1.0, 1.6, 2.5)
+"""Weights of the logarithm of the velocity change beside 1 for that of the formation error."""
+PARAMETERS = ("formation", "schedule")
+START = ["formation.velocity_weight=[1e3, 1e3, 1e3]"]
+ONLY = [f"tuning.{name}=0" for name in ("innovations", "estimate", "consistency", "navigation", "pointing")]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenario", default="inspection")
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--runs", type=int, default=32)
+    parser.add_argument("--steps", type=int, default=16)
+    parser.add_argument("--horizon", type=float, default=4000.0)
+    parser.add_argument("--judge", type=int, default=500)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    prepare_jax(cache=True)
+    options.out.mkdir(parents=True, exist_ok=True)
+    points = tune_all(options)
+    found = judge_all(options, points)
+    (options.out / "front.json").write_text(json.dumps(found, indent=2))
+    show(found)
+    draw(found, options.out / "front.png")
+
+
+def tune_all(options: argparse.Namespace) -> list[dict]:
+    """Tuned scenarios from the lowest price to the highest; those that are there already are kept."""
+    import rpojax
+    from rpojax.analysis import tuning
+    from rpojax.simulation import scenario
+
+    file = rpojax.load(options.scenario, [*START, *ONLY, "tuning.formation=1"])
+    points = []
+    for number, price in enumerate(PRICES):
+        kept = options.out / f"point_{number}.json"
+        if not kept.exists():
+            tables = file.model_dump(mode="json")
+            tables["tuning"]["delta_v"] = price
+            seed = 1000 * options.seed + number
+            settings = tuning.Settings(PARAMETERS, options.runs, options.steps, seed, options.horizon, rate=0.2)
+            tuned = tuning.tune(scenario.validate(tables), settings, options.out / f"point_{number}.progress.json")
+            content = {
+                "price": price,
+                "values": tuned.values,
+                "steps": [dataclasses.asdict(step) for step in tuned.steps],
+            }
+            kept.write_text(json.dumps(content))
+        points.append(json.loads(kept.read_text()))
+        file = tuning.tuned_scenario(file, points[-1]["values"])
+        print(f"price {price:g}: objective {points[-1]['steps'][-1]['objective']:.3f}", flush=True)
+    return points
+
+
+def judge_all(options: argparse.Namespace, points: list[dict]) -> dict:
+    """Means over unseen full runs, and ratios to the packaged gains with intervals from resampled runs."""
+    import rpojax
+    from rpojax.analysis import judging, tuning
+
+    packaged = rpojax.load(options.scenario)
+    seed = 777_000 + options.seed
+    first = judging.fly(packaged, seed, options.judge)
+    rows = [{"price": None, "values": {}, **ratios(first, first)}]
+    for point in points:
+        flown = judging.fly(tuning.tuned_scenario(packaged, point["values"]), seed, options.judge)
+        rows.append({"price": point["price"], "values": point["values"], **ratios(first, flown)})
+        print(f"judged price {point['price']:g}", flush=True)
+    return {"runs": options.judge, "seed": seed, "points": rows}
+
+
+def ratios(first, other) -> dict:  # noqa: ANN001
+    """Formation error and velocity change of runs, and their ratios to those of the same runs with packaged gains."""
+    rng = np.random.default_rng(0)
+    drawn = rng.integers(len(first.run_ids), size=(999, len(first.run_ids)))
+    found: dict = {"failed": int((~other.completed).sum())}
+    for name in ("formation_error_rms_m", "delta_v_m_s"):
+        pair = np.stack([first.metrics[name], other.metrics[name]])
+        means = np.nanmean(pair[:, drawn], axis=2)
+        found[name] = float(np.nanmean(pair[1]))
+        found[f"{name}_ratio"] = float(np.nanmean(pair[1]) / np.nanmean(pair[0]))
+        found[f"{name}_ratio_95"] = np.quantile(means[1] / means[0], [0.025, 0.975]).tolist()
+    return found
+
+
+def show(found: dict) -> None:
+    print("| price | formation error | to packaged | velocity change | to packaged | failed |")
+    print("|---|---|---|---|---|---|")
+    for row in found["points"]:
+        cells = ["packaged" if row["price"] is None else f"{row['price']:g}"]
+        for name, unit in (("formation_error_rms_m", "m"), ("delta_v_m_s", "m/s")):
+            low, high = row[f"{name}_ratio_95"]
+            cells += [f"{row[name]:.3f} {unit}", f"{row[f'{name}_ratio']:.3f} ({low:.3f} to {high:.3f})"]
+        print(f"| {' | '.join([*cells, str(row['failed'])])} |")
+
+
+def draw(found: dict, path: Path) -> None:
+    """The front, and the packaged gains beside it."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    packaged, *points = found["points"]
+    figure, axes = plt.subplots(figsize=(6.4, 4.2), constrained_layout=True)
+    x, y = ([point[name] for point in points] for name in ("delta_v_m_s", "formation_error_rms_m"))
+    axes.plot(x, y, "o-", color="#1b6ca8", label="tuned by gradient")
+    for point in points:
+        place = (point["delta_v_m_s"], point["formation_error_rms_m"])
+        axes.annotate(f"{point['price']:g}", place, textcoords="offset points", xytext=(6, 5), fontsize=8)
+    axes.plot(packaged["delta_v_m_s"], packaged["formation_error_rms_m"], "s", color="#c8553d", label="packaged")
+    axes.set_xlabel("velocity change over a run [m/s]")
+    axes.set_ylabel("formation error RMS [m]")
+    axes.set_title(f"{found['runs']} unseen runs; numbers: price of velocity change", fontsize=10)
+    axes.legend()
+    axes.grid(alpha=0.3)
+    figure.savefig(path, dpi=130)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,121 @@
+"""Gradients of the closed loop to every tunable number against central differences, events off and on.
+
+    python experiments/tuning/gradients.py [--runs 8] [--horizon 600] [--json FILE]
+
+Events off: no false boxes, no dead band, no gate; a run counts for a number only where no box and no mode changes within
+the step, which a difference would mistake for slope. Events on: the scenario as it is, all runs.
+"""
+
+import argparse
+import json
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from rpojax.machine import prepare_jax
+
+STEPS = (1e-4, 1e-3)
+"""In coordinates: the relative change of a number. Weak dependences need the longer one, for positions are rounded."""
+CALM = ["camera.outlier_probability=0.0", "formation.dead_band_mm_s=0.0", "navigation.gating=none"]
+SPEED_WEIGHTS = "formation.velocity_weight=[1e3, 1e3, 1e3]"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenario", default="inspection")
+    parser.add_argument("--runs", type=int, default=8)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--horizon", type=float, default=600.0)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    prepare_jax(cache=True)
+    found = {
+        name: compare(options.scenario, [f"duration_s={options.horizon}", SPEED_WEIGHTS, *overrides], options)
+        for name, overrides in (("off", CALM), ("on", []))
+    }
+    show(found)
+    if options.json:
+        options.json.write_text(json.dumps(found, indent=2))
+
+
+def compare(source: str, overrides: list[str], options: argparse.Namespace) -> dict[str, dict[str, float]]:
+    """Largest relative differences by number: forward, reverse, and the share of runs without an event in the step."""
+    import rpojax
+    from rpojax.analysis import tunable
+    from rpojax.analysis.derivatives import Flights, run_keys
+    from rpojax.analysis.objective import Objective
+
+    file = rpojax.load(source, [*overrides, "tuning.estimate=1.0"])
+    names = [key for key in tunable.TUNABLE if tunable.TUNABLE[key].allows(np.asarray(nominal(file, key)))]
+    chosen, objective = tunable.choose(file, names), Objective(file)
+    flights = Flights(file, partial(tunable.inputs, file, chosen), chosen.count, objective.names, options.runs)
+    keys = run_keys(options.seed, np.arange(options.runs))
+    x = np.tile(chosen.start, (options.runs, 1))
+    # One random direction among the figures, each in units of its own spread, stands for all of them.
+    plain = flights.values(x, keys)
+    rng = np.random.default_rng(0)
+    weights = np.tile(rng.standard_normal(len(objective.names)) / plain.figures.std(axis=0), (options.runs, 1))
+    forward, reverse = flights.forward(x, keys), flights.reverse(x, keys, weights)
+    assert forward.jacobian is not None and reverse.gradient is not None
+    along = np.einsum("rf,rfk->rk", weights, forward.jacobian)
+    rows = {}
+    for index, name in enumerate(chosen.names):
+        differences, quiet = [], []
+        for step in STEPS:
+            move = step * np.eye(chosen.count)[index]
+            up, down = (flights.values(x + sign * move, keys) for sign in (1.0, -1.0))
+            differences.append(((up.figures - down.figures) * weights).sum(axis=1) / (2.0 * step))
+            quiet.append((up.events == plain.events) & (down.events == plain.events))
+        rows[name] = worst(along[:, index], reverse.gradient[:, index], differences, quiet)
+    return rows
+
+
+def worst(
+    forward: np.ndarray, reverse: np.ndarray, differences: list[np.ndarray], quiet: list[np.ndarray]
+) -> dict[str, float]:
+    """Relative differences at the better of the two steps, over the runs without an event."""
+    size = max(np.abs(forward).max(), 1e-300)
+    found = [
+        [
+            float(np.abs(mode - difference)[calm].max() / size) if calm.any() else float("nan")
+            for mode in (forward, reverse)
+        ]
+        for difference, calm in zip(differences, quiet, strict=True)
+    ]
+    best = int(np.nanargmin([pair[0] for pair in found]))
+    return {
+        "forward": found[best][0],
+        "reverse": found[best][1],
+        "step": STEPS[best],
+        "quiet_share": float(quiet[best].mean()),
+        "all_runs": float(np.abs(forward - differences[best]).max() / size),
+    }
+
+
+def nominal(file: object, key: str) -> object:
+    """Value of a key."""
+    from rpojax.simulation import schema
+
+    return schema.nominal(file, key)  # pyright: ignore[reportArgumentType]
+
+
+def show(found: dict[str, dict[str, dict[str, float]]]) -> None:
+    print(
+        "| number | forward, events off | reverse, events off | step | runs without event | events on, runs without event | events on, all runs |"
+    )
+    print("|---|---|---|---|---|---|---|")
+    for name, row in found["off"].items():
+        other = found["on"][name] if name in found["on"] else {}
+        cells = [
+            f"{row['forward']:.1e}",
+            f"{row['reverse']:.1e}",
+            f"{row['step']:g}",
+            f"{100 * row['quiet_share']:.0f} %",
+        ]
+        cells += [f"{other[key]:.1e}" if other else "-" for key in ("forward", "all_runs")]
+        print(f"| `{name}` | {' | '.join(cells)} |")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,128 @@
+"""The walk of a tuning: on a made-up loop whose best gains are known, and on the real one."""
+
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.sharding import Mesh
+
+import rpojax
+from rpojax.analysis import tuning
+from rpojax.analysis.derivatives import Flights, Found
+from rpojax.analysis.tuning import Settings
+from rpojax.errors import ResultError, RpojaxError
+from rpojax.simulation.schema import ScenarioFile
+
+CHOSEN = ("attitude_control.bandwidth_rad_s", "navigation.edge_noise_px", "formation")
+
+
+class Bowl(Flights):
+    """Runs whose formation error is least at known coordinates, with noise from their keys and some jumps."""
+
+    best = np.array([0.5, -1.0, 0.3, 0.2, 0.1, 10.2, 10.1, 10.0])
+
+    def __init__(self, file: ScenarioFile, inputs: Any, count: int, names: tuple[str, ...], *rest: Any) -> None:
+        self.count, self.names, self.compile_s, self.memory_bytes, self.size = count, names, 0.0, 0, 64
+        self._mesh = Mesh(np.array(jax.devices()[:1]), ("runs",))
+        self._slope = rest[2]
+
+    def reverse(self, numbers: np.ndarray, keys: np.ndarray, weights: np.ndarray | None = None) -> Found:
+        rng = np.random.default_rng(keys.astype(np.uint32).tolist())
+        off = numbers - self.best + 0.1 * rng.standard_normal(numbers.shape)
+        figures = np.exp(np.sum(off**2, axis=1, keepdims=True))
+        slope = self._slope(*map(jnp.asarray, (figures, figures, np.ones(len(figures)))))
+        gradient = np.asarray(slope) * figures * 2.0 * off
+        gradient[rng.random(len(gradient)) < 0.05] *= 1e4
+        gradient[0, 0] = np.nan
+        return Found(figures, None, gradient, np.zeros(len(numbers), dtype=bool), np.zeros(len(numbers)))
+
+
+@pytest.fixture
+def file(monkeypatch: pytest.MonkeyPatch) -> ScenarioFile:
+    monkeypatch.setattr(tuning, "Flights", Bowl)
+    weights = [f"tuning.{name}=0" for name in ("innovations", "consistency", "navigation", "delta_v", "pointing")]
+    return rpojax.load("inspection", weights)
+
+
+def test_a_walk_ends_at_the_best_place_in_spite_of_noise_and_jumps(file: ScenarioFile) -> None:
+    found = tuning.tune(file, Settings(CHOSEN, runs=32, steps=100))
+    np.testing.assert_allclose(found.x, Bowl.best, atol=0.05)
+    assert found.steps[-1].objective < 0.5 < 3.0 < found.steps[0].objective
+    assert all(step.left_out == 1 for step in found.steps)
+    assert sum(step.shortened for step in found.steps) > 50
+    assert found.values["navigation.edge_noise_px"] == pytest.approx(np.exp(-1.0), rel=0.05)
+
+
+def test_an_interrupted_walk_ends_where_it_would_have_ended(file: ScenarioFile, tmp_path: Path) -> None:
+    settings, kept = Settings(CHOSEN, runs=8, steps=12), tmp_path / "walk.json"
+    whole = tuning.tune(file, settings)
+
+    def stop(number: int, _: tuning.Step) -> None:
+        if number == 6:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        tuning.tune(file, settings, kept, stop)
+    resumed = tuning.tune(file, settings, kept)
+    np.testing.assert_array_equal(resumed.x, whole.x)
+    assert [step.objective for step in resumed.steps] == [step.objective for step in whole.steps]
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "found the progress of another tuning"),
+        ('{"of": 1}', "found KeyError"),
+        ("[", "the progress of a tuning"),
+    ],
+)
+def test_a_foreign_progress_file_is_refused(
+    file: ScenarioFile, tmp_path: Path, content: str | None, message: str
+) -> None:
+    kept = tmp_path / "walk.json"
+    tuning.tune(file, Settings(CHOSEN, runs=4, steps=2), kept)
+    if content:
+        kept.write_text(content)
+    with pytest.raises(ResultError, match=message):
+        tuning.tune(file, Settings(CHOSEN, runs=4, steps=3), kept)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"steps": 0}, "--steps: found 0, expected at least 1"),
+        ({"runs": 0}, "--runs: found 0"),
+        ({"rate": float("nan")}, "--rate: found nan"),
+        ({"horizon_s": -1.0}, "--horizon: found -1.0, expected a time above 0 s"),
+        ({"seed": -1}, "--seed: found -1"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(file: ScenarioFile, changed: dict[str, Any], message: str) -> None:
+    with pytest.raises(RpojaxError, match=message):
+        tuning.tune(file, Settings(**{"parameters": CHOSEN, **changed}))
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [("camera.model=rendered", "camera.model: found 'rendered'"), ("design.kind=sobol", "design.kind: found 'sobol'")],
+)
+def test_what_has_no_gradient_is_refused(override: str, message: str) -> None:
+    with pytest.raises(RpojaxError, match=message):
+        tuning.tune(rpojax.load("inspection", [override]), Settings(CHOSEN))
+
+
+def test_a_walk_without_any_finite_gradient_stops() -> None:
+    total, left_out, _ = tuning.combine(np.full((3, 2), np.nan))
+    np.testing.assert_array_equal(total, 0.0)
+    assert left_out == 3
+
+
+@pytest.mark.slow
+def test_a_filter_that_doubts_its_boxes_learns_better(tmp_path: Path) -> None:
+    start = rpojax.load("inspection", ["navigation.edge_noise_px=10.0"])
+    found = tuning.tune(start, Settings(("navigation.edge_noise_px",), runs=16, steps=40, horizon_s=400.0))
+    assert found.mode == "forward"
+    assert 0.5 < found.values["navigation.edge_noise_px"] < 3.0
