@@ -70,7 +70,7 @@ def tune(
     out.parent.mkdir(parents=True, exist_ok=True)
     begin = time.perf_counter()
     with resumable(progress), console.counting("tuning", quiet=as_json) as watch:
-        tuned = tuning.tune(file, settings, progress, lambda number, step: watch(number, steps, _note(step)))
+        tuned = tuning.tune(file, settings, progress, resume, lambda number, step: watch(number, steps, _note(step)))
     better = tuning.tuned_scenario(file, tuned.values)
     found = None
     if judge:
@@ -89,10 +89,8 @@ def tune(
 def _check_progress(progress: Path, resume: bool, force: bool) -> None:
     if resume and not progress.exists():
         raise OutputError(f"{progress}: found no tuning to resume, expected one")
-    if progress.exists() and not resume:
-        if not force:
-            raise OutputError(f"{progress}: a tuning is under way; --resume goes on with it, --force begins anew")
-        progress.unlink()
+    if progress.exists() and not resume and not force:
+        raise OutputError(f"{progress}: a tuning is under way; --resume goes on with it, --force begins anew")
 
 
 def _note(step: "Step") -> str:

@@ -56,7 +56,7 @@ def tune_all(options: argparse.Namespace) -> list[dict]:
             tables["tuning"]["delta_v"] = price
             seed = 1000 * options.seed + number
             settings = tuning.Settings(PARAMETERS, options.runs, options.steps, seed, options.horizon, rate=0.2)
-            tuned = tuning.tune(scenario.validate(tables), settings, options.out / f"point_{number}.progress.json")
+            tuned = tuning.tune(scenario.validate(tables), settings)
             content = {
                 "price": price,
                 "values": tuned.values,

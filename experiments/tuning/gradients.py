@@ -2,8 +2,8 @@
 
     python experiments/tuning/gradients.py [--runs 8] [--horizon 600] [--json FILE]
 
-Events off: no false boxes, no dead band, no gate; a run counts for a number only where no box and no mode changes within
-the step, which a difference would mistake for slope. Events on: the scenario as it is, all runs.
+Events off: no false boxes, no dead band, no gate; a run counts for a number only where no box and no mode changes
+within the step, which a difference would mistake for slope. Events on: the scenario as it is, all runs.
 """
 
 import argparse
@@ -100,20 +100,24 @@ def nominal(file: object, key: str) -> object:
     return schema.nominal(file, key)  # pyright: ignore[reportArgumentType]
 
 
+HEADINGS = (
+    "number",
+    "forward, events off",
+    "reverse, events off",
+    "step",
+    "runs without event",
+    "events on: runs without event",
+    "events on: all runs",
+)
+
+
 def show(found: dict[str, dict[str, dict[str, float]]]) -> None:
-    print(
-        "| number | forward, events off | reverse, events off | step | runs without event | events on, runs without event | events on, all runs |"
-    )
-    print("|---|---|---|---|---|---|---|")
+    print(f"| {' | '.join(HEADINGS)} |\n{'|---' * len(HEADINGS)}|")
     for name, row in found["off"].items():
-        other = found["on"][name] if name in found["on"] else {}
-        cells = [
-            f"{row['forward']:.1e}",
-            f"{row['reverse']:.1e}",
-            f"{row['step']:g}",
-            f"{100 * row['quiet_share']:.0f} %",
-        ]
-        cells += [f"{other[key]:.1e}" if other else "-" for key in ("forward", "all_runs")]
+        other = found["on"].get(name)
+        share = f"{100.0 * row['quiet_share']:.0f} %"
+        cells = [f"{row['forward']:.1e}", f"{row['reverse']:.1e}", f"{row['step']:g}", share]
+        cells += ["held" if other is None else f"{other[key]:.1e}" for key in ("forward", "all_runs")]
         print(f"| `{name}` | {' | '.join(cells)} |")
 
 

@@ -152,10 +152,11 @@ def tune(
     file: ScenarioFile,
     settings: Settings,
     progress_file: Path | None = None,
+    resume: bool = False,
     tell: Callable[[int, Step], None] = lambda number, step: None,
     stages: Stages | None = None,
 ) -> Tuned:
-    """Tunes numbers of a scenario; a walk found in `progress_file` goes on from there, and each step is kept there.
+    """Tunes numbers of a scenario; each step is kept in `progress_file`, from which `resume` goes on.
 
     Raises:
         RpojaxError: a setting makes no sense, the scenario cannot be tuned, or its start gives no finite objective.
@@ -167,7 +168,9 @@ def tune(
     flights = Flights(short, inputs, chosen.count, objective.names, settings.runs, stages, objective.slope)
     optimizer = optax.adam(optax.cosine_decay_schedule(settings.rate, settings.steps, _LAST_RATE))
     identity = {**asdict(settings), "scenario_hash": scenario.digest(file), "tuning": file.tuning.model_dump()}
-    walk = _begin(optimizer, chosen.start, progress_file, json.loads(json.dumps(identity)))
+    walk = _new(optimizer, chosen.start)
+    if resume and progress_file is not None:
+        walk = _under_way(progress_file, walk, json.loads(json.dumps(identity)))
     while len(walk.steps) < settings.steps:
         walk = _step(flights, objective, optimizer, settings, walk)
         tell(len(walk.steps), walk.steps[-1])
@@ -216,23 +219,24 @@ def _tail_length(steps: int) -> int:
     return max(1, round(_TAIL * steps))
 
 
-def _begin(optimizer: Any, x: np.ndarray, progress_file: Path | None, identity: dict[str, Any]) -> Walk:
-    """A new walk, or the one under way."""
-    if progress_file is None or not progress_file.exists():
-        return Walk(x, [np.asarray(leaf) for leaf in jax.tree.leaves(optimizer.init(x))], np.zeros_like(x), ())
+def _new(optimizer: Any, x: np.ndarray) -> Walk:
+    return Walk(x, [np.asarray(leaf) for leaf in jax.tree.leaves(optimizer.init(x))], np.zeros_like(x), ())
+
+
+def _under_way(progress_file: Path, new: Walk, identity: dict[str, Any]) -> Walk:
+    """The walk that a file holds, of the same form as a new one."""
     content = files.read_json(progress_file, "the progress of a tuning", _LARGEST_FILE)
     try:
         same = content["of"] == identity
-        kinds = [np.asarray(leaf) for leaf in jax.tree.leaves(optimizer.init(x))]
         leaves = [
             np.asarray(leaf, dtype=kind.dtype).reshape(kind.shape)
-            for leaf, kind in zip(content["optimizer"], kinds, strict=True)
+            for leaf, kind in zip(content["optimizer"], new.optimizer, strict=True)
         ]
         steps = tuple(Step(**step) for step in content["steps"])
         walk = Walk(np.asarray(content["x"], dtype=float), leaves, np.asarray(content["tail"], dtype=float), steps)
     except (KeyError, TypeError, ValueError) as error:
         raise ResultError(f"{progress_file}: found {error!r}, expected the progress of a tuning") from None
-    if not same or walk.x.shape != x.shape:
+    if not same or walk.x.shape != new.x.shape:
         raise ResultError(f"{progress_file}: found the progress of another tuning, expected that of this one")
     return walk
 

@@ -65,8 +65,8 @@ def test_an_interrupted_walk_ends_where_it_would_have_ended(file: ScenarioFile, 
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        tuning.tune(file, settings, kept, stop)
-    resumed = tuning.tune(file, settings, kept)
+        tuning.tune(file, settings, kept, tell=stop)
+    resumed = tuning.tune(file, settings, kept, resume=True)
     np.testing.assert_array_equal(resumed.x, whole.x)
     assert [step.objective for step in resumed.steps] == [step.objective for step in whole.steps]
 
@@ -87,7 +87,13 @@ def test_a_foreign_progress_file_is_refused(
     if content:
         kept.write_text(content)
     with pytest.raises(ResultError, match=message):
-        tuning.tune(file, Settings(CHOSEN, runs=4, steps=3), kept)
+        tuning.tune(file, Settings(CHOSEN, runs=4, steps=3), kept, resume=True)
+
+
+def test_a_new_walk_leaves_the_old_one_aside(file: ScenarioFile, tmp_path: Path) -> None:
+    settings, kept = Settings(CHOSEN, runs=4, steps=2), tmp_path / "walk.json"
+    first = tuning.tune(file, settings, kept)
+    np.testing.assert_array_equal(tuning.tune(file, settings, kept).x, first.x)
 
 
 @pytest.mark.parametrize(
