@@ -85,7 +85,7 @@ def judge_all(options: argparse.Namespace, points: list[dict]) -> dict:
     return {"runs": options.judge, "seed": seed, "points": rows}
 
 
-def ratios(first, other) -> dict:  # noqa: ANN001
+def ratios(first, other) -> dict:
     """Formation error and velocity change of runs, and their ratios to those of the same runs with packaged gains."""
     rng = np.random.default_rng(0)
     drawn = rng.integers(len(first.run_ids), size=(999, len(first.run_ids)))

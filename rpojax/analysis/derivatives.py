@@ -161,8 +161,8 @@ class Flights:
             )
             program = jax.jit(spread).lower(self._nominal, *arguments).compile()
             self.compile_s += time.perf_counter() - begin
-            needed = program.memory_analysis()
-            self.memory_bytes = max(self.memory_bytes, needed.temp_size_in_bytes * self._mesh.size)
+            if needed := program.memory_analysis():
+                self.memory_bytes = max(self.memory_bytes, needed.temp_size_in_bytes * self._mesh.size)
             self._programs[kind] = program
         return self._programs[kind]
 
