@@ -1,6 +1,7 @@
-"""The notebook runs from top to bottom at a small size, and the committed one is executed and clean."""
+"""Every notebook runs from top to bottom at a small size, and the committed ones are executed and clean."""
 
 import json
+import math
 import os
 import re
 from pathlib import Path
@@ -14,7 +15,7 @@ from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell
 
 ROOT = Path(__file__).parents[1]
-NOTEBOOK = ROOT / "notebooks" / "inspection.ipynb"
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 LARGEST_BYTES = 1_500_000
 
 # Most of the time goes into compiling code that then runs for a second: compile it with less effort.
@@ -41,12 +42,21 @@ print(json.dumps({
 """A last cell that tells the test what the notebook found."""
 
 
-@pytest.fixture(scope="module")
-def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    """Results of the notebook at the small size, executed by the running interpreter."""
-    notebook = committed()
-    notebook.cells.append(new_code_cell(QUESTIONS))
-    folder = tmp_path_factory.mktemp("notebook")
+TUNING_QUESTIONS = """
+import json
+print(json.dumps({
+    "steps": [step.objective for step in tuned.steps],
+    "values": list(tuned.values.values()),
+    "jacobian": list(found.jacobian.shape),
+    "runs": {name: [int(each.completed.sum()), float(each.metrics["nees_mean"].mean())] for name, each in flown.items()},
+}))
+"""
+
+
+def executed(name: str, questions: str, folder: Path) -> dict[str, Any]:
+    """Results of a notebook at the small size, executed by the running interpreter."""
+    notebook = committed(ROOT / "notebooks" / name)
+    notebook.cells.append(new_code_cell(questions))
     environment = {
         **os.environ,
         "RPOJAX_NOTEBOOK_SMALL": "1",
@@ -64,9 +74,19 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return json.loads(text)
 
 
-def committed() -> NotebookNode:
-    """The notebook as it is in the repository."""
-    return nbformat.read(NOTEBOOK, as_version=4)
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """What the notebook of the inspection mission finds."""
+    return executed("inspection.ipynb", QUESTIONS, tmp_path_factory.mktemp("notebook"))
+
+
+def committed(path: Path) -> NotebookNode:
+    """A notebook as it is in the repository."""
+    return nbformat.read(path, as_version=4)
+
+
+def code_of(path: Path) -> list[NotebookNode]:
+    return [cell for cell in committed(path).cells if cell.cell_type == "code"]
 
 
 def test_every_run_completes_with_either_controller(answers: dict[str, Any]) -> None:
@@ -99,15 +119,38 @@ def test_steps_down_the_gradient_lower_the_formation_error(answers: dict[str, An
     assert sorted(errors, reverse=True) == errors
 
 
-def test_the_committed_notebook_is_executed_from_top_to_bottom_at_full_size() -> None:
-    cells = [cell for cell in committed().cells if cell.cell_type == "code"]
+def test_a_filter_is_tuned_and_judged(tmp_path: Path) -> None:
+    found = executed("tuning.ipynb", TUNING_QUESTIONS, tmp_path)
+    assert found["jacobian"] == [4, 4, 3]
+    assert all(math.isfinite(value) for value in found["steps"])
+    assert len(found["steps"]) == 3
+    # Three steps of 0.2 cannot go far, but they go somewhere, and in the right direction for the noise of boxes.
+    assert 5.0 < found["values"][0] < 10.0
+    assert [completed for completed, _ in found["runs"].values()] == [4, 4, 4]
+    assert found["runs"]["wrong"][1] != found["runs"]["tuned"][1]
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "figures"),
+    [("inspection.ipynb", "64 of 64 runs completed", 5), ("tuning.ipynb", "by hand", 3)],
+)
+def test_a_committed_notebook_says_and_shows_what_it_should(name: str, said: str, figures: int) -> None:
+    outputs = [output for cell in code_of(ROOT / "notebooks" / name) for output in cell.outputs]
+    assert said in "".join(output.get("text", "") for output in outputs)
+    assert len([output for output in outputs if "image/png" in output.get("data", {})]) >= figures
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_committed_notebook_is_valid_and_executed_from_top_to_bottom(path: Path) -> None:
+    nbformat.validate(committed(path))
+    cells = code_of(path)
     assert [cell.execution_count for cell in cells] == list(range(1, len(cells) + 1))
-    text = "".join(output.get("text", "") for cell in cells for output in cell.outputs)
-    assert "64 of 64 runs completed" in text
+    assert path.stat().st_size < LARGEST_BYTES
 
 
-def test_the_committed_notebook_has_no_errors_warnings_or_paths_of_a_machine_in_its_outputs() -> None:
-    for cell in committed().cells:
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_committed_notebook_has_no_errors_warnings_or_paths_of_a_machine_in_its_outputs(path: Path) -> None:
+    for cell in committed(path).cells:
         for output in cell.get("outputs", []):
             assert output.output_type in {"stream", "display_data"}
             assert output.get("name", "stdout") == "stdout"
@@ -115,19 +158,9 @@ def test_the_committed_notebook_has_no_errors_warnings_or_paths_of_a_machine_in_
             assert not re.search(r"warning|(?<![\w.])/(tmp|home|root|Users|var)/", text, re.IGNORECASE)
 
 
-def test_the_committed_notebook_has_its_figures_and_a_moderate_size() -> None:
-    cells = [cell for cell in committed().cells if cell.cell_type == "code"]
-    pictures = [output for cell in cells for output in cell.outputs if "image/png" in output.get("data", {})]
-    assert len(pictures) >= 5
-    assert NOTEBOOK.stat().st_size < LARGEST_BYTES
-
-
-def test_links_of_the_committed_notebook_lead_to_files_that_are_there() -> None:
-    text = "\n".join(cell.source for cell in committed().cells if cell.cell_type == "markdown")
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_links_of_a_committed_notebook_lead_to_files_that_are_there(path: Path) -> None:
+    text = "\n".join(cell.source for cell in committed(path).cells if cell.cell_type == "markdown")
     links = [link for link in re.findall(r"\]\(([^)\s]+)\)", text) if not re.match(r"[a-z]+:", link)]
     assert links
-    assert [link for link in links if not (NOTEBOOK.parent / link).exists()] == []
-
-
-def test_the_committed_notebook_is_a_valid_one() -> None:
-    nbformat.validate(committed())
+    assert [link for link in links if not (path.parent / link).exists()] == []

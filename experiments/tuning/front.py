@@ -1,6 +1,6 @@
 """Formation error against velocity change: LQR weights and burn schedule tuned for several prices of velocity change.
 
-    python experiments/tuning/front.py --out out/front [--runs 32] [--steps 16] [--horizon 4000] [--judge 500]
+    python experiments/tuning/front.py --out out/front [--runs 32] [--steps 16] [--horizon 4000] [--judge 300]
 
 Each point starts where the one before it ended. All points and the packaged gains are judged on the same full runs of a
 seed that no tuning has seen.
@@ -15,7 +15,7 @@ import numpy as np
 
 from rpojax.machine import prepare_jax
 
-PRICES = (0.05, 0.15, 0.3, 0.6, 1.0, 1.6, 2.5)
+PRICES = (0.05, 0.15, 0.4, 0.8, 1.5, 2.5)
 """Weights of the logarithm of the velocity change beside 1 for that of the formation error."""
 PARAMETERS = ("formation", "schedule")
 START = ["formation.velocity_weight=[1e3, 1e3, 1e3]"]
@@ -29,7 +29,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=32)
     parser.add_argument("--steps", type=int, default=16)
     parser.add_argument("--horizon", type=float, default=4000.0)
-    parser.add_argument("--judge", type=int, default=500)
+    parser.add_argument("--judge", type=int, default=300)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     prepare_jax(cache=True)
