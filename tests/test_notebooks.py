@@ -48,7 +48,9 @@ print(json.dumps({
     "steps": [step.objective for step in tuned.steps],
     "values": list(tuned.values.values()),
     "jacobian": list(found.jacobian.shape),
-    "runs": {name: [int(each.completed.sum()), float(each.metrics["nees_mean"].mean())] for name, each in flown.items()},
+    "runs": {
+        name: [int(each.completed.sum()), float(each.metrics["nees_mean"].mean())] for name, each in flown.items()
+    },
 }))
 """
 
