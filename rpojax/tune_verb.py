@@ -45,7 +45,7 @@ def tune(
     runs: Annotated[int, arg(metavar="N", help="Runs per step.")] = 64,
     steps: Annotated[int, arg(metavar="N", help="Steps.")] = 80,
     horizon: Annotated[float, arg(metavar="T", help="Simulated time of a run [s].")] = 2000.0,
-    rate: Annotated[float, arg(metavar="R", help="Size of the first steps; 0.1 is about ten per cent.")] = 0.1,
+    rate: Annotated[float, arg(metavar="R", help="Size of the first steps; 0.2 is about twenty per cent.")] = 0.2,
     judge: Annotated[int, arg(metavar="N", help="Unseen full runs to judge the result by; 0 for none.")] = 500,
     seed: Seed = 0,
     overrides: Overrides = (),

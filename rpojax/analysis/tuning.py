@@ -46,7 +46,7 @@ class Settings:
         steps: of the walk
         seed: of the runs; step n flies runs n * runs and on
         horizon_s: length of each run [s]
-        rate: length of the first steps, in coordinates: 0.1 changes a number by about ten per cent
+        rate: length of the first steps, in coordinates: 0.2 changes a number by about twenty per cent
     """
 
     parameters: tuple[str, ...]
@@ -54,7 +54,7 @@ class Settings:
     steps: int = 80
     seed: int = 0
     horizon_s: float = 2000.0
-    rate: float = 0.1
+    rate: float = 0.2
 
 
 @dataclass(frozen=True)

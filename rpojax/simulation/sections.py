@@ -301,9 +301,9 @@ class TuningSection(Section):
     """What `rpojax tune` makes as small as it can: a weighted sum, of which nothing else depends."""
 
     innovations: NonNegative = 1.0
-    estimate: NonNegative = 0.0
+    estimate: NonNegative = 3.0
     consistency: NonNegative = 1.0
     navigation: NonNegative = 1.0
-    formation: NonNegative = 1.0
-    delta_v: NonNegative = 0.3
-    pointing: NonNegative = 0.1
+    formation: NonNegative = 0.5
+    delta_v: NonNegative = 0.15
+    pointing: NonNegative = 0.05

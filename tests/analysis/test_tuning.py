@@ -43,7 +43,9 @@ class Bowl(Flights):
 @pytest.fixture
 def file(monkeypatch: pytest.MonkeyPatch) -> ScenarioFile:
     monkeypatch.setattr(tuning, "Flights", Bowl)
-    weights = [f"tuning.{name}=0" for name in ("innovations", "consistency", "navigation", "delta_v", "pointing")]
+    weights = [
+        f"tuning.{name}=0" for name in ("innovations", "estimate", "consistency", "navigation", "delta_v", "pointing")
+    ]
     return rpojax.load("inspection", weights)
 
 
