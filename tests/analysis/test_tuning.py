@@ -46,7 +46,7 @@ def file(monkeypatch: pytest.MonkeyPatch) -> ScenarioFile:
     weights = [
         f"tuning.{name}=0" for name in ("innovations", "estimate", "consistency", "navigation", "delta_v", "pointing")
     ]
-    return rpojax.load("inspection", weights)
+    return rpojax.load("inspection", [*weights, "tuning.formation=1"])
 
 
 def test_a_walk_ends_at_the_best_place_in_spite_of_noise_and_jumps(file: ScenarioFile) -> None:
