@@ -141,7 +141,7 @@ def _write(
     for name, figure in zip(_FIGURES, drawn, strict=True):
         figures.write(figure, out / name)
     stream = io.BytesIO()
-    np.savez_compressed(stream, **_arrays(found))
+    np.savez_compressed(stream, allow_pickle=False, **_arrays(found))
     write_atomically(out / _ARRAYS, stream.getvalue())
     write_atomically(out / _JSON, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode())
 

@@ -45,8 +45,8 @@ LEFT_TO_RIGHT = {
     "analysis": "chance laws order_statistics proportions precision consistency dependence sensitivity requirements "
     "comparison convergence describing_function outlines linear_state linear_sources linear_loop linear_recursion "
     "linear_covariance linear_agreement error_budget worst_case tuning camera_calibration lasting_errors",
-    "top": "machine console outputs verb_parts plan_verb compare_verb lincov_verb campaign_verbs field_verbs detector_verbs "
-    "calibration_verb cli __main__",
+    "top": "machine console outputs verb_parts plan_verb compare_verb lincov_verb campaign_verbs field_verbs "
+    "detector_verbs calibration_verb cli __main__",
 }
 """Order inside a folder, for the modules whose order is fixed; the rest need only have one."""
 

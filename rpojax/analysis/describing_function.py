@@ -34,7 +34,7 @@ class Linearised:
 
 def normal_points(dimension: int, power: int) -> np.ndarray:
     """(2**power, dimension) standard normal numbers that fill space evenly, with mean 0 and unit covariance."""
-    points = ndtri(qmc.Sobol(dimension, scramble=True, seed=0).random_base2(power))
+    points = ndtri(qmc.Sobol(dimension, scramble=True, rng=0).random_base2(power))
     points = points - points.mean(axis=0)
     root = np.linalg.cholesky(points.T @ points / len(points))
     return np.linalg.solve(root, points.T).T

@@ -28,6 +28,8 @@ from rpojax.simulation.schema import ScenarioFile
 
 MEMBERS = 256
 """Targets in the ensemble of outlines."""
+HOLD = 5
+"""Ticks that one derivative stands for once the transfer is over."""
 _SAMPLES_POWER = 10
 """Two to this power is the number of points of a describing function."""
 _SPAN = 10
@@ -40,18 +42,18 @@ class LinearCovariance:
 
     Attributes:
         time_s: (ticks,)
-        nominal: (ticks, 16) outputs of the nominal run, as `linear_loop.OUTPUTS`
-        mean: (ticks, 16) of all runs
-        covariance: (ticks, 16, 16)
+        nominal: (ticks, 19) outputs of the nominal runs, as `linear_loop.OUTPUTS`
+        mean: (ticks, 19) of all runs
+        covariance: (ticks, 19, 19)
         filter_sigma_H: (ticks, 3) of the relative position in the nominal filter [m]
-        seen: (ticks,) whether the nominal filter used a box
+        seen: (ticks,) share of the nominal runs whose filter used a box
         sources: names of what makes runs differ
         left_out: names of dispersions whose effect is not in it
         share_time_s: (spans,)
-        shares: (spans, sources, 16) variance that comes of each source
+        shares: (spans, sources, 19) variance that comes of each source
         burn_probability: (decisions,) of a burn at each decision
         burn_size_m_s: (decisions,) mean size of its velocity change
-        compile_s: compilation [s]
+        compile_s: compilation, and what is worked out at the start [s]
         run_s: everything after it [s]
         run_cpu_s: the same, in time of the processor [s]
     """
@@ -96,21 +98,30 @@ def check(file: ScenarioFile) -> None:
     linear_sources.disperse(file)
 
 
-def analyse(file: ScenarioFile, members: int = MEMBERS, stages: Stages | None = None) -> LinearCovariance:
+def analyse(
+    file: ScenarioFile, members: int = MEMBERS, hold: int = HOLD, stages: Stages | None = None
+) -> LinearCovariance:
     """Linear covariance of a scenario with an ensemble of so many targets.
+
+    After the transfer, one derivative stands for up to `hold` ticks.
 
     Raises:
         RpojaxError: as `check` does.
     """
     check(file)
-    analysis = _Analysis(file, members, stages or Stages())
-    begin, begin_cpu = time.perf_counter(), time.process_time()
-    analysis.run()
-    return analysis.result(time.perf_counter() - begin, time.process_time() - begin_cpu)
+    begin = time.perf_counter()
+    setup = _Setup(file, members, stages or Stages())
+    compiled = time.perf_counter()
+    begin_cpu = time.process_time()
+    sides = [_Side(setup, start, hold) for start in setup.starts]
+    for side in sides:
+        side.run()
+    run_s, run_cpu_s = time.perf_counter() - compiled, time.process_time() - begin_cpu
+    return _result(setup, sides, compiled - begin, run_s, run_cpu_s)
 
 
-class _Analysis:
-    """The recursion, burn period by burn period."""
+class _Setup:
+    """What the nominal runs have in common."""
 
     def __init__(self, file: ScenarioFile, members: int, stages: Stages) -> None:
         self.file = file
@@ -118,62 +129,89 @@ class _Analysis:
         self.left_out = found.left_out
         static = scenario.static(file)
         base = params.build(file.model_dump(), static.width_px, static.height_px)
-        centre = dispersions.apply(base, {key: jnp.asarray(value) for key, value in found.mean.items()})
         self.edge_noise_px = float(base.camera.edge_noise)
+        centre = dispersions.apply(base, {key: jnp.asarray(value) for key, value in found.mean.items()})
         centre = replace(centre, camera=replace(centre.camera, edge_noise=jnp.ones((), dtype=jnp.float64)))
         key = closed_loop.run_key(0, 0)
-        self.state = closed_loop.init(static, centre, key)
-        shape = layout(self.state, centre, found.constants())
-        self.loop = Loop(static, centre, shape, stages)
-        self.state, starts, mean = linear_sources.start_columns(static, centre, shape, key, found)
+        state = jax.eval_shape(lambda: closed_loop.init(static, centre, key))
+        self.loop = Loop(static, centre, layout(state, centre, found.constants()), stages)
+        self.starts = linear_sources.starts(static, centre, self.loop.layout, key, found)
         self.tumble = outlines.start(file, base, members)
         self.points = describing_function.normal_points(3, _SAMPLES_POWER)
-        self.compiled = Compiled(self.loop, self.state, self.tumble, len(self.points))
-        self.sources = linear_sources.names(starts)
-        self._number = {name: number for number, name in enumerate(self.sources)}
-        size, count = shape.size, len(self.tumble.q_TN)
+        self.compiled = Compiled(self.loop, self.starts[0].state, self.tumble, len(self.points))
+        self.sources = linear_sources.names(self.starts[0].columns)
+        self.number = {name: number for number, name in enumerate(self.sources)}
+        self.sigma = self.loop.inputs.sigma(self.edge_noise_px)
+        self.span = max(span for span in range(1, _SPAN + 1) if static.formation_ticks % span == 0)
+
+
+class _Side:
+    """The recursion along one nominal run, burn period by burn period."""
+
+    def __init__(self, setup: _Setup, start: linear_sources.Start, hold: int) -> None:
+        self.setup, self.hold = setup, hold
+        self.file, self.loop, self.compiled, self.sigma = setup.file, setup.loop, setup.compiled, setup.sigma
+        self.state, self.tumble, self.mean = start.state, setup.tumble, start.mean
+        size, count = setup.loop.layout.size, len(setup.tumble.q_TN)
+        columns = [*start.columns.values(), np.zeros((size, count))]
         self.recursion = Recursion(
-            columns=np.concatenate([*starts.values(), np.zeros((size, count))], axis=1),
-            noise=np.zeros((len(self.sources), size, size)),
+            columns=np.concatenate(columns, axis=1),
+            noise=np.zeros((len(setup.sources), size, size)),
             noise_of=self._noise_of(),
         )
-        widths = [each.shape[1] for each in starts.values()]
-        self.column_of = np.concatenate(
-            [np.repeat([self._number[name] for name in starts], widths), np.full(count, self._number["target outline"])]
-        )
-        self.mean = mean - np.asarray(shape.pack(self.state, self.loop.params))
+        owners = [setup.number[name] for name in (*start.columns, linear_sources.OUTLINE)]
+        self.column_of = np.repeat(owners, [each.shape[1] for each in columns])
         self.missed, self.owed = 0.0, 0.0
         self.last: _Decision | None = None
+        self.burned = True
         self.records: dict[str, list] = {name: [] for name in ("nominal", "mean", "covariance", "sigma", "seen")}
         self.shares: list[np.ndarray] = []
         self.decisions: list[tuple[float, float]] = []
-        self.span = max(span for span in range(1, _SPAN + 1) if static.formation_ticks % span == 0)
 
     def _noise_of(self) -> np.ndarray:
         inputs = self.loop.inputs
         numbers = np.zeros(inputs.size, dtype=int)
         for name, part in inputs.parts.items():
-            numbers[part] = self._number[name]
+            numbers[part] = self.setup.number[name]
         return numbers
 
     def run(self) -> None:
         """All burn periods; the last one is cut at the end of the scenario."""
         static = self.loop.scenario
-        self.sigma = self.loop.inputs.sigma(self.edge_noise_px)
         for first in range(0, static.ticks, static.formation_ticks):
             seen = self._seen()
-            self.state, self.tumble, moments, derivatives = self.compiled.period(self.state, self.tumble, seen)
+            self.state, self.tumble, moments = self.compiled.period(self.state, self.tumble, seen)
+            keys = self._keys(moments, min(static.formation_ticks, static.ticks - first))
+            ticks = np.unique(keys)
+            derivatives = self.compiled.derivatives(moments, ticks)
             decision = self._decide(moments, derivatives[0])
-            kept = min(static.formation_ticks, static.ticks - first)
-            self._carry(moments, derivatives[:kept], decision)
-            self.last = decision
+            self._carry(moments, derivatives, np.searchsorted(ticks, keys), decision)
+            self.last, self.burned = decision, np.any(decision.nominal)
+
+    def _keys(self, moments: Moment, count: int) -> np.ndarray:
+        """For each of the period's first `count` ticks the one whose derivative stands for it.
+
+        Once the transfer is over little changes from tick to tick while the camera looks on and boxes come: then one
+        derivative in a few is enough.
+        """
+        keys = np.arange(count)
+        burns = np.any(np.asarray(moments.memory.plan.delta_v_N[0]))
+        if self.hold == 1 or self.burned or burns:
+            return keys
+        seen, quiet = np.asarray(moments.seen), np.asarray(moments.quiet)
+        for tick in range(2, count):
+            key = keys[tick - 1]
+            alike = quiet[tick] and quiet[key] and seen[tick] == seen[key]
+            if key > 0 and alike and tick - key < self.hold:
+                keys[tick] = key
+        return keys
 
     def _forcing(self, edges: np.ndarray) -> np.ndarray:
         """(inputs, columns) of the outlines (members, 4) [px], as multiples of the inputs' sigmas."""
         forcing = np.zeros((len(self.sigma), self.recursion.columns.shape[1]))
         count = len(edges)
         part = self.loop.inputs.parts[linear_sources.BOX]
-        forcing[part, -count:] = edges.T / (math.sqrt(count) * self.edge_noise_px)
+        forcing[part, -count:] = edges.T / (math.sqrt(count) * self.setup.edge_noise_px)
         return forcing
 
     def _decide(self, moments: Moment, derivative: np.ndarray) -> "_Decision":
@@ -195,14 +233,15 @@ class _Analysis:
             sizes = np.linalg.norm(burns, axis=1) - np.linalg.norm(nominal)
             return np.concatenate([np.asarray(burns) - nominal, sizes[:, None]], axis=1)
 
-        found = describing_function.linearise(burn, mean, covariance, self.points)
+        found = describing_function.linearise(burn, mean, covariance, self.setup.points)
         sizes = found.outputs[:, 3] + np.linalg.norm(nominal)
         made = sizes > 0.0
         self.decisions.append((float(made.mean()), float(sizes.mean())))
         return _Decision(
             law=gradient,
             found=found,
-            nominal_burns=bool(np.linalg.norm(nominal) > 0.0),
+            burns=found.outputs[:, :3] + nominal,
+            nominal=nominal,
             probability=float(made.mean()),
             away=away[0][made].mean(axis=0) - float(tick) * self.loop.scenario.tick_s if np.any(made) else np.zeros(2),
         )
@@ -219,7 +258,7 @@ class _Analysis:
             self.missed += rate
             seen[tick] = self.missed < 1.0
             self.missed -= 0.0 if seen[tick] else 1.0
-        if self.last is not None and not self.last.nominal_burns:
+        if self.last is not None and not np.any(self.last.nominal):
             self.owed += self.last.probability
             if self.owed >= 1.0:
                 self.owed -= 1.0
@@ -227,12 +266,13 @@ class _Analysis:
                 seen &= (times < self.last.away[0]) | (times >= self.last.away[1])
         return seen
 
-    def _carry(self, moments: Moment, derivatives: np.ndarray, decision: "_Decision") -> None:
+    def _carry(self, moments: Moment, derivatives: np.ndarray, rows: np.ndarray, decision: "_Decision") -> None:
         size, sigma = self.loop.layout.size, self.sigma
         middle = round(float(self.loop.params.flight.formation.lead) / self.loop.scenario.tick_s)
         edges = np.asarray(moments.edges)
         nominal = np.asarray(moments.outputs)
-        for index, derivative in enumerate(derivatives):
+        for index, row in enumerate(rows):
+            derivative = derivatives[row]
             A, B = derivative[:size, :size].copy(), derivative[:size, size:] * sigma
             C, D = derivative[size:, :size].copy(), derivative[size:, size:] * sigma
             forcing = self._forcing(edges[index])
@@ -243,7 +283,7 @@ class _Analysis:
                 jump = self.loop.layout.burn_jump()
                 before = self._execution(decision)
                 A, C = A @ jump, C @ jump
-            if index % self.span == 0:
+            if index % self.setup.span == 0:
                 self._share(C, D, forcing)
             mean_y = nominal[index] + C @ self.mean
             self.mean = A @ self.mean
@@ -256,9 +296,9 @@ class _Analysis:
             covariance = self.recursion.step(Tick(A, B, C, D, forcing, *added, *before))
             self.records["mean"].append(mean_y)
             self.records["covariance"].append(covariance)
-            if (index + 1) % self.span == 0 or index + 1 == len(derivatives):
+            if (index + 1) % self.setup.span == 0 or index + 1 == len(rows):
                 self.recursion.close()
-        kept = len(derivatives)
+        kept = len(rows)
         self.records["nominal"].append(nominal[:kept])
         self.records["sigma"].append(np.asarray(moments.sigma_H)[:kept])
         self.records["seen"].append(np.asarray(moments.seen)[:kept])
@@ -269,63 +309,61 @@ class _Analysis:
         self.shares.append(noise)
 
     def _decided(self, decision: "_Decision") -> tuple[np.ndarray, np.ndarray]:
-        """What the decision leaves of its input, and the new burn's own execution error."""
-        size, slices = self.loop.layout.size, self.loop.layout.slices
-        values, vectors = np.linalg.eigh(decision.found.residual)
-        columns = np.zeros((size, 8))
-        columns[slices[PENDING], :4] = vectors * np.sqrt(np.maximum(values, 0.0))
-        thruster = self.loop.params.plant.thruster
-        columns[slices["burn_error.magnitude"], 4] = float(thruster.magnitude_noise)
-        columns[slices["burn_error.direction"], 5:] = float(thruster.direction_noise) * np.eye(3)
-        decided, burn = (self._number[name] for name in (linear_sources.DECISION, linear_sources.BURN))
-        return columns, np.array([decided] * 4 + [burn] * 4)
+        """What the decision leaves of its input."""
+        columns = np.zeros((self.loop.layout.size, 4))
+        columns[self.loop.layout.slices[PENDING]] = _root(decision.found.residual)
+        return columns, np.full(4, self.setup.number[linear_sources.DECISION])
 
     def _execution(self, decision: "_Decision") -> tuple[np.ndarray, np.ndarray]:
-        """Execution error of what burns differ from the nominal one; that one's own is in the derivative."""
-        burns = decision.found.outputs[:, :3]
-        moment = burns.T @ burns / len(burns)
-        along = self._variance("plant.thruster.force_scale", 1.0) + self._variance(
-            "truth.mass", float(self.loop.params.plant.servicer.mass)
-        )
-        across = self._variance("plant.thruster.misalignment", 1.0) + self._variance("star_tracker.misalignment", 1.0)
-        thruster = self.loop.params.plant.thruster
-        along += float(thruster.magnitude_noise) ** 2
-        across += float(thruster.direction_noise) ** 2
-        covariance = along * moment + across * (np.trace(moment) * np.eye(3) - moment)
-        values, vectors = np.linalg.eigh(covariance)
-        columns = np.zeros((self.loop.layout.size, 3))
-        columns[self.loop.layout.slices["truth.v_ST_N"]] = vectors * np.sqrt(np.maximum(values, 0.0))
-        return columns, np.full(3, self._number[linear_sources.BURN])
+        """Execution error of the burns that runs make.
 
-    def _variance(self, name: str, scale: float) -> float:
-        """Mean variance of the components of a number over a scale, from what it started with."""
+        What stays the same from burn to burn is in the derivative as far as the nominal run burns; for the rest, burns
+        in all directions, it counts like noise.
+        """
+        burns = decision.burns
+        moment = burns.T @ burns / len(burns)
+        beyond = _positive(moment - np.outer(decision.nominal, decision.nominal))
+        thruster = self.loop.params.plant.thruster
+        mass = float(self.loop.params.plant.servicer.mass)
+        along = self._variance("plant.thruster.force_scale") + self._variance("truth.mass") / mass**2
+        across = self._variance("plant.thruster.misalignment") + self._variance("star_tracker.misalignment")
+        covariance = _spread(moment, float(thruster.magnitude_noise) ** 2, float(thruster.direction_noise) ** 2)
+        covariance = covariance + _spread(beyond, along, across)
+        columns = np.zeros((self.loop.layout.size, 3))
+        columns[self.loop.layout.slices["truth.v_ST_N"]] = _root(covariance)
+        return columns, np.full(3, self.setup.number[linear_sources.BURN])
+
+    def _variance(self, name: str) -> float:
+        """Mean variance of the components of a number, from what it started with."""
         part = self.loop.layout.slices.get(name)
         if part is None:
             return 0.0
-        return float(np.mean(np.sum(self.recursion.columns[part] ** 2, axis=1))) / scale**2
+        return float(np.mean(np.sum(self.recursion.columns[part] ** 2, axis=1)))
 
-    def result(self, run_s: float, run_cpu_s: float) -> LinearCovariance:
-        """What was found."""
-        static = self.loop.scenario
-        probability, sizes = np.array(self.decisions).T
-        time_s = np.arange(static.ticks) * static.tick_s
-        return LinearCovariance(
-            time_s=time_s,
-            nominal=np.concatenate(self.records["nominal"]),
-            mean=np.array(self.records["mean"]),
-            covariance=np.array(self.records["covariance"]),
-            filter_sigma_H=np.concatenate(self.records["sigma"]),
-            seen=np.concatenate(self.records["seen"]),
-            sources=self.sources,
-            left_out=self.left_out,
-            share_time_s=time_s[:: self.span],
-            shares=np.array(self.shares),
-            burn_probability=probability,
-            burn_size_m_s=sizes,
-            compile_s=self.compiled.compile_s,
-            run_s=run_s,
-            run_cpu_s=run_cpu_s,
-        )
+
+def _result(setup: _Setup, sides: list[_Side], compile_s: float, run_s: float, run_cpu_s: float) -> LinearCovariance:
+    """The mean of both sides."""
+    static = setup.loop.scenario
+    time_s = np.arange(static.ticks) * static.tick_s
+    decisions = np.mean([side.decisions for side in sides], axis=0)
+    sigmas = np.array([np.concatenate(side.records["sigma"]) for side in sides])
+    return LinearCovariance(
+        time_s=time_s,
+        nominal=np.mean([np.concatenate(side.records["nominal"]) for side in sides], axis=0),
+        mean=np.mean([side.records["mean"] for side in sides], axis=0),
+        covariance=np.mean([side.records["covariance"] for side in sides], axis=0),
+        filter_sigma_H=np.sqrt(np.mean(sigmas.astype(np.float64) ** 2, axis=0)),
+        seen=np.mean([np.concatenate(side.records["seen"]) for side in sides], axis=0),
+        sources=setup.sources,
+        left_out=setup.left_out,
+        share_time_s=time_s[:: setup.span],
+        shares=np.mean([side.shares for side in sides], axis=0),
+        burn_probability=decisions[:, 0],
+        burn_size_m_s=decisions[:, 1],
+        compile_s=compile_s,
+        run_s=run_s,
+        run_cpu_s=run_cpu_s,
+    )
 
 
 @dataclass(frozen=True)
@@ -335,13 +373,32 @@ class _Decision:
     Attributes:
         law: (3, size + inputs) derivative of the control law's output
         found: the decision from that output to velocity change and its size, less the nominal ones
-        nominal_burns: the nominal run makes a burn
+        burns: (samples, 3) velocity changes that runs make [m/s]
+        nominal: (3,) that of the nominal run
         probability: of a burn
         away: (2,) from when to when a run that burns looks away, from the decision on [s]
     """
 
     law: np.ndarray
     found: describing_function.Linearised
-    nominal_burns: bool
+    burns: np.ndarray
+    nominal: np.ndarray
     probability: float
     away: np.ndarray
+
+
+def _root(covariance: np.ndarray) -> np.ndarray:
+    """Columns (n, n) of unit variance that make up a covariance."""
+    values, vectors = np.linalg.eigh(covariance)
+    return vectors * np.sqrt(np.maximum(values, 0.0))
+
+
+def _positive(matrix: np.ndarray) -> np.ndarray:
+    """Nearest positive semidefinite matrix to a symmetric one."""
+    root = _root(matrix)
+    return root @ root.T
+
+
+def _spread(moment: np.ndarray, along: float, across: float) -> np.ndarray:
+    """Covariance (3, 3) of errors of burns with the given second moment: shares along them, and across per axis."""
+    return along * moment + across * (np.trace(moment) * np.eye(3) - moment)

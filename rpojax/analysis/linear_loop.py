@@ -1,6 +1,7 @@
 """The closed loop along its nominal run, and its derivative at every tick, compiled once for one burn period."""
 
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,12 +14,13 @@ from jaxtyping import Array
 from rpojax.analysis import linear_sources, outlines
 from rpojax.analysis.linear_sources import TickInputs
 from rpojax.analysis.linear_state import Layout
-from rpojax.analysis.outlines import Tumble
+from rpojax.analysis.outlines import Framing, Tumble
 from rpojax.core.frames import apply, hill_frame
 from rpojax.core.pytree import pytree
 from rpojax.core.pytree import replace as put_in
 from rpojax.flight import burn_plan, computer
 from rpojax.flight.computer import FlightMemory, Stages
+from rpojax.flight.pointing import Mode
 from rpojax.simulation import closed_loop, telemetry
 from rpojax.simulation.closed_loop import State, Telemetry
 from rpojax.simulation.noise import TickNoise
@@ -47,19 +49,23 @@ class Moment:
     Attributes:
         state: before the tick
         drawn: random numbers of the tick
+        framing: of the mean outline about the nominal one
         edges: (members, 4) deviations of the targets' outlines [px]
         outputs: (19,) as `OUTPUTS`
         sigma_H: (3,) of the relative position as the filter sees it, in H [m]
         seen: () bool, the filter used a box
+        quiet: () bool, the camera is on the target and no slew under way
         memory: flight software's memory with which a burn would be decided
     """
 
     state: State
     drawn: TickNoise
+    framing: Framing
     edges: Array
     outputs: Array
     sigma_H: Array
     seen: Array
+    quiet: Array
     memory: FlightMemory
 
 
@@ -84,27 +90,28 @@ class Loop:
         """The random numbers of a tick as a vector."""
         return TickInputs(self.scenario.substeps)
 
-    def _drawn(self, state: State, tumble: Tumble, seen: Array) -> tuple[TickNoise, outlines.Outlines]:
-        """A tick's numbers with which the box is the mean one of all targets."""
-        shown = outlines.look(self.scenario, self.params, tumble, state.truth)
-        own = outlines.outline(self.scenario, self.params, state.truth.q_TN, state.truth)
-        return linear_sources.still(self.scenario.substeps, shown.mean - own, seen), shown
+    def _own(self, params: Params, state: State) -> Array:
+        return outlines.outline(self.scenario, params, state.truth.q_TN, state.truth)
 
     def fly(self, state: State, tumble: Tumble, seen: Array) -> tuple[State, Tumble, Moment]:
         """The nominal run over as many ticks as `seen` (ticks,) has flags, which allow a box each."""
 
         def one(carry: tuple[State, Tumble], seen: Array) -> tuple[tuple[State, Tumble], Moment]:
             state, tumble = carry
-            drawn, shown = self._drawn(state, tumble, seen)
+            shown = outlines.look(self.scenario, self.params, tumble, state.truth)
+            own = self._own(self.params, state)
+            drawn = linear_sources.still(self.scenario.substeps, shown.mean - own, seen)
             after, found = closed_loop.tick(self.stages, self.scenario, self.params, state, drawn)
             sigma_H = telemetry.observe(self.scenario, self.params, found)["relative_sigma_H"]
             moment = Moment(
                 state=state,
                 drawn=drawn,
+                framing=outlines.frame(own, shown.mean),
                 edges=shown.deviations,
                 outputs=self._outputs(self.params, found),
                 sigma_H=sigma_H,
                 seen=found.innovation.accepted,
+                quiet=found.mode == Mode.LOOK,
                 # Guidance goes on after the decision; what it remembered before counts.
                 memory=put_in(found.flight, pointing=state.flight.pointing),
             )
@@ -114,25 +121,34 @@ class Loop:
         (state, tumble), moments = jax.lax.scan(one, (state, tumble), seen)
         return state, tumble, moments
 
-    def derive(self, states: State, drawn: TickNoise) -> Array:
-        """Derivatives (ticks, size + 19, size + inputs) of the next vector and the outputs, for each tick."""
-        size, inputs = self.layout.size, self.inputs
+    def step(self, state: State, drawn: TickNoise, framing: Framing) -> Callable[[Array], Array]:
+        """The tick as a function of one vector: (size + inputs,) deviating numbers to (size + 19,) next ones, outputs.
 
-        def one(moment: tuple[State, TickNoise]) -> Array:
-            state, drawn = moment
+        Numbers that do not deviate are those of `state`; inputs are added to `drawn`.
+        """
+        size = self.layout.size
 
-            def step(both: Array) -> Array:
-                moved, params = self.layout.unpack(both[:size], state, self.params)
-                after, found = closed_loop.tick(
-                    self.stages, self.scenario, params, moved, inputs.noise(both[size:], drawn)
-                )
-                return jnp.concatenate([self.layout.pack(after, params), self._outputs(params, found)])
+        def step(both: Array) -> Array:
+            moved, params = self.layout.unpack(both[:size], state, self.params)
+            own = self._own(params, moved)
+            # The mean outline grows and moves as the nominal one does, not by as many pixels.
+            shift = outlines.framed(own, framing) - own
+            noise = self.inputs.noise(both[size:], put_in(drawn, box=jnp.concatenate([shift, drawn.box[4:]])))
+            after, found = closed_loop.tick(self.stages, self.scenario, params, moved, noise)
+            return jnp.concatenate([self.layout.pack(after, params), self._outputs(params, found)])
 
-            return jax.jacfwd(step)(self._point(state))
+        return step
 
-        return jax.lax.map(one, (states, drawn))
+    def derive(self, states: State, drawn: TickNoise, framings: Framing) -> Array:
+        """Derivatives (ticks, size + 19, size + inputs) of `step` at each tick."""
 
-    def _point(self, state: State) -> Array:
+        def one(moment: tuple[State, TickNoise, Framing]) -> Array:
+            return jax.jacfwd(self.step(*moment))(self.point(moment[0]))
+
+        return jax.lax.map(one, (states, drawn, framings))
+
+    def point(self, state: State) -> Array:
+        """The vector (size + inputs,) at which a tick is the nominal one."""
         return jnp.concatenate([self.layout.pack(state, self.params), jnp.zeros(self.inputs.size)])
 
     def decide(self, memory: FlightMemory, tick: Array, laws: Array) -> tuple[Array, Array]:
@@ -182,17 +198,18 @@ class Compiled:
         self.loop = loop
         self.ticks = loop.scenario.formation_ticks
         count = jax.device_count()
-        # The derivatives at different ticks do not depend on each other; the last share is filled up.
-        self._rows = np.minimum(np.arange(-(-self.ticks // count) * count), self.ticks - 1)
+        self._batch = _BATCH * count
         mesh = jax.make_mesh((count,), ("ticks",))
         spread = jax.sharding.PartitionSpec("ticks")
-        derive = jax.shard_map(loop.derive, mesh=mesh, in_specs=(spread, spread), out_specs=spread, check_vma=False)
+        derive = jax.shard_map(
+            loop.derive, mesh=mesh, in_specs=(spread, spread, spread), out_specs=spread, check_vma=False
+        )
         self._placed = jax.sharding.NamedSharding(mesh, spread)
         seen = jnp.ones(self.ticks, dtype=bool)
         _, _, moments = jax.eval_shape(loop.fly, state, tumble, seen)
         part = jax.tree.map(
-            lambda leaf: jax.ShapeDtypeStruct((len(self._rows), *leaf.shape[1:]), leaf.dtype, sharding=self._placed),
-            (moments.state, moments.drawn),
+            lambda leaf: jax.ShapeDtypeStruct((self._batch, *leaf.shape[1:]), leaf.dtype, sharding=self._placed),
+            (moments.state, moments.drawn, moments.framing),
         )
         lowered: list[Any] = [
             jax.jit(loop.fly).lower(state, tumble, seen),
@@ -207,9 +224,21 @@ class Compiled:
             self._fly, self._derive, self.decide = pool.map(lambda each: each.compile(), lowered)
         self.compile_s = time.perf_counter() - begin
 
-    def period(self, state: State, tumble: Tumble, seen: np.ndarray) -> tuple[State, Tumble, Moment, np.ndarray]:
-        """One burn period of the nominal run and its derivatives (ticks, size + 19, size + inputs)."""
-        state, tumble, moments = self._fly(state, tumble, jnp.asarray(seen))
-        own = jax.tree.map(lambda leaf: np.asarray(leaf)[self._rows], (moments.state, moments.drawn))
-        derivatives = self._derive(*jax.device_put(own, self._placed))
-        return state, tumble, moments, np.asarray(derivatives)[: self.ticks]
+    def period(self, state: State, tumble: Tumble, seen: np.ndarray) -> tuple[State, Tumble, Moment]:
+        """One burn period of the nominal run."""
+        return self._fly(state, tumble, jnp.asarray(seen))
+
+    def derivatives(self, moments: Moment, ticks: np.ndarray) -> np.ndarray:
+        """Derivatives (ticks, size + 19, size + inputs) at some ticks of a period."""
+        leaves = jax.tree.map(np.asarray, (moments.state, moments.drawn, moments.framing))
+        parts = []
+        for first in range(0, len(ticks), self._batch):
+            # The last batch is filled up with the last tick.
+            rows = ticks[np.minimum(first + np.arange(self._batch), len(ticks) - 1)]
+            own = jax.tree.map(lambda leaf, rows=rows: leaf[rows], leaves)
+            parts.append(self._derive(*jax.device_put(own, self._placed)))
+        return np.concatenate([np.asarray(part) for part in parts])[: len(ticks)]
+
+
+_BATCH = 10
+"""Ticks whose derivatives a device works out at once."""

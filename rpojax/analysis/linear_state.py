@@ -6,10 +6,10 @@ whole sphere and enters as an ensemble of outlines.
 """
 
 import functools
+import math
 from dataclasses import dataclass
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -88,7 +88,7 @@ def layout(state: State, params: Params, constants: tuple[Path, ...]) -> Layout:
     start = 0
     for root, paths in ((state, states), (params, constants)):
         for path in paths:
-            stop = start + int(np.prod(jax.eval_shape(lambda node=root, at=path: get(node, at)).shape))
+            stop = start + math.prod(get(root, path).shape)
             slices[".".join(path)] = slice(start, stop)
             start = stop
     slices[PENDING] = slice(start, start + 4)

@@ -20,6 +20,7 @@ from rpojax.vision import box_model, pinhole
 
 KEYS = ("target.attitude", "target.tumble_axis", "target.tumble_rate_deg_s")
 """Keys whose dispersion is an ensemble and no derivative."""
+_LEAST_SIDE_PX = 0.1
 
 
 @pytree
@@ -48,13 +49,41 @@ class Outlines:
     deviations: Array
 
 
+@pytree
+class Framing:
+    """A box relative to another one.
+
+    Attributes:
+        offset: (2,) between the centres [px]
+        ratio: (2,) of width and height
+    """
+
+    offset: Array
+    ratio: Array
+
+
+def frame(own: Float[Array, "4"], other: Float[Array, "4"]) -> Framing:
+    """How a box (edges [px]) lies about another one."""
+    sides = jnp.maximum(own[2:] - own[:2], _LEAST_SIDE_PX)
+    return Framing(
+        offset=box_model.box_center(other) - box_model.box_center(own), ratio=(other[2:] - other[:2]) / sides
+    )
+
+
+def framed(own: Float[Array, "4"], framing: Framing) -> Float[Array, "4"]:
+    """Edges [px] of the box that lies so about `own`."""
+    center = box_model.box_center(own) + framing.offset
+    half = 0.5 * framing.ratio * (own[2:] - own[:2])
+    return jnp.concatenate([center - half, center + half])
+
+
 def start(file: ScenarioFile, params: Params, members: int) -> Tumble:
     """Targets whose attitude, tumble axis and rate fill their dispersions evenly; one if these are not dispersed."""
     entries = [entry for entry in file.dispersions if dispersed.name(entry) in KEYS]
     kept = file.model_copy(update={"dispersions": entries})
     count = members if entries else 1
     coordinates = [dispersed.coordinates(file, entry) for entry in entries]
-    unit = np.clip(qmc.Sobol(max(sum(coordinates), 1), scramble=True, seed=0).random(count), 1e-12, 1.0 - 1e-12)
+    unit = np.clip(qmc.Sobol(max(sum(coordinates), 1), scramble=True, rng=0).random(count), 1e-12, 1.0 - 1e-12)
     columns = np.split(unit[:, : sum(coordinates)], np.cumsum(coordinates)[:-1], axis=1) if entries else []
     given = {dispersed.name(entry): jnp.asarray(part) for entry, part in zip(entries, columns, strict=True)}
 
@@ -107,9 +136,6 @@ def look(scenario: Scenario, params: Params, tumble: Tumble, truth: Truth) -> Ou
         mean=jnp.concatenate([mean[:2] - half, mean[:2] + half]),
         deviations=jnp.concatenate([change[:, :2] - grown, change[:, :2] + grown], axis=1),
     )
-
-
-_LEAST_SIDE_PX = 0.1
 
 
 def outline(scenario: Scenario, params: Params, q_TN: Float[Array, "4"], truth: Truth) -> Float[Array, "4"]:
