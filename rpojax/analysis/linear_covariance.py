@@ -7,8 +7,10 @@ otherwise: burn decisions by their describing function, the target's attitude by
 are missed or given up for a burn by leaving them out of the nominal run at their rate.
 """
 
+import dataclasses
 import math
 import time
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 import jax
@@ -113,11 +115,27 @@ def analyse(
     setup = _Setup(file, members, stages or Stages())
     compiled = time.perf_counter()
     begin_cpu = time.process_time()
-    sides = [_Side(setup, start, hold) for start in setup.starts]
-    for side in sides:
-        side.run()
+    records = _fly(setup, hold)
     run_s, run_cpu_s = time.perf_counter() - compiled, time.process_time() - begin_cpu
-    return _result(setup, sides, compiled - begin, run_s, run_cpu_s)
+    return _result(setup, records, compiled - begin, run_s, run_cpu_s)
+
+
+def _fly(setup: "_Setup", hold: int) -> "list[_Record]":
+    """All burn periods, on both sides of the mean run until their burns are over, then on one."""
+    static = setup.loop.scenario
+    records: list[_Record] = []
+    # The recursion along one period goes on beside the nominal run of the next.
+    with ThreadPoolExecutor(2) as pool:
+        sides = [_Side(setup, start, hold, pool) for start in setup.starts]
+        waiting: list[list[Future[_Record]]] = []
+        for first in range(0, static.ticks, static.formation_ticks):
+            kept = min(static.formation_ticks, static.ticks - first)
+            waiting.append([side.period(kept) for side in sides])
+            if len(sides) == 2 and all(side.arrived for side in sides):
+                sides = [_merge(sides)]
+        for futures in waiting:
+            records.append(_average([future.result() for future in futures]))
+    return records
 
 
 class _Setup:
@@ -148,8 +166,8 @@ class _Setup:
 class _Side:
     """The recursion along one nominal run, burn period by burn period."""
 
-    def __init__(self, setup: _Setup, start: linear_sources.Start, hold: int) -> None:
-        self.setup, self.hold = setup, hold
+    def __init__(self, setup: _Setup, start: linear_sources.Start, hold: int, pool: ThreadPoolExecutor) -> None:
+        self.setup, self.hold, self.pool = setup, hold, pool
         self.file, self.loop, self.compiled, self.sigma = setup.file, setup.loop, setup.compiled, setup.sigma
         self.state, self.tumble, self.mean = start.state, setup.tumble, start.mean
         size, count = setup.loop.layout.size, len(setup.tumble.q_TN)
@@ -161,12 +179,13 @@ class _Side:
         )
         owners = [setup.number[name] for name in (*start.columns, linear_sources.OUTLINE)]
         self.column_of = np.repeat(owners, [each.shape[1] for each in columns])
+        # Factors of the outlines' deviations in the columns.
+        self.driven = np.concatenate([np.zeros((count, self.column_of.size - count)), np.eye(count)], axis=1)
         self.missed, self.owed = 0.0, 0.0
         self.last: _Decision | None = None
-        self.burned = True
-        self.records: dict[str, list] = {name: [] for name in ("nominal", "mean", "covariance", "sigma", "seen")}
-        self.shares: list[np.ndarray] = []
-        self.decisions: list[tuple[float, float]] = []
+        # Whether the nominal run burns in this period, has burned at all, and has then stopped.
+        self.burned, self.moved, self.arrived = True, False, False
+        self.carried: Future[_Record] | None = None
 
     def _noise_of(self) -> np.ndarray:
         inputs = self.loop.inputs
@@ -175,18 +194,25 @@ class _Side:
             numbers[part] = self.setup.number[name]
         return numbers
 
-    def run(self) -> None:
-        """All burn periods; the last one is cut at the end of the scenario."""
-        static = self.loop.scenario
-        for first in range(0, static.ticks, static.formation_ticks):
-            seen = self._seen()
-            self.state, self.tumble, moments = self.compiled.period(self.state, self.tumble, seen)
-            keys = self._keys(moments, min(static.formation_ticks, static.ticks - first))
-            ticks = np.unique(keys)
-            derivatives = self.compiled.derivatives(moments, ticks)
-            decision = self._decide(moments, derivatives[0])
-            self._carry(moments, derivatives, np.searchsorted(ticks, keys), decision)
-            self.last, self.burned = decision, np.any(decision.nominal)
+    def period(self, count: int) -> "Future[_Record]":
+        """The next burn period, of which the first `count` ticks count; what it gives is still being worked out."""
+        seen = self._seen()
+        self.state, self.tumble, moments = self.compiled.period(self.state, self.tumble, seen)
+        keys = self._keys(moments, count)
+        ticks = np.unique(keys)
+        derivatives = self.compiled.derivatives(moments, ticks)
+        self.wait()
+        self.last = self._decide(moments, derivatives[0])
+        burned, self.burned = self.burned, bool(np.any(self.last.nominal))
+        self.arrived = self.arrived or (burned and not self.burned and self.moved)
+        self.moved = self.moved or self.burned
+        self.carried = self.pool.submit(self._carry, moments, derivatives, np.searchsorted(ticks, keys), self.last)
+        return self.carried
+
+    def wait(self) -> None:
+        """Until the recursion has come to the end of the period before."""
+        if self.carried is not None:
+            self.carried.result()
 
     def _keys(self, moments: Moment, count: int) -> np.ndarray:
         """For each of the period's first `count` ticks the one whose derivative stands for it.
@@ -196,7 +222,7 @@ class _Side:
         """
         keys = np.arange(count)
         burns = np.any(np.asarray(moments.memory.plan.delta_v_N[0]))
-        if self.hold == 1 or self.burned or burns:
+        if self.hold == 1 or not self.arrived or burns:
             return keys
         seen, quiet = np.asarray(moments.seen), np.asarray(moments.quiet)
         for tick in range(2, count):
@@ -208,10 +234,9 @@ class _Side:
 
     def _forcing(self, edges: np.ndarray) -> np.ndarray:
         """(inputs, columns) of the outlines (members, 4) [px], as multiples of the inputs' sigmas."""
-        forcing = np.zeros((len(self.sigma), self.recursion.columns.shape[1]))
-        count = len(edges)
-        part = self.loop.inputs.parts[linear_sources.BOX]
-        forcing[part, -count:] = edges.T / (math.sqrt(count) * self.setup.edge_noise_px)
+        forcing = np.zeros((len(self.sigma), self.driven.shape[1]))
+        scale = self.setup.edge_noise_px * math.sqrt(len(edges))
+        forcing[self.loop.inputs.parts[linear_sources.BOX]] = edges.T @ self.driven / scale
         return forcing
 
     def _decide(self, moments: Moment, derivative: np.ndarray) -> "_Decision":
@@ -236,13 +261,13 @@ class _Side:
         found = describing_function.linearise(burn, mean, covariance, self.setup.points)
         sizes = found.outputs[:, 3] + np.linalg.norm(nominal)
         made = sizes > 0.0
-        self.decisions.append((float(made.mean()), float(sizes.mean())))
         return _Decision(
             law=gradient,
             found=found,
             burns=found.outputs[:, :3] + nominal,
             nominal=nominal,
             probability=float(made.mean()),
+            size=float(sizes.mean()),
             away=away[0][made].mean(axis=0) - float(tick) * self.loop.scenario.tick_s if np.any(made) else np.zeros(2),
         )
 
@@ -266,11 +291,13 @@ class _Side:
                 seen &= (times < self.last.away[0]) | (times >= self.last.away[1])
         return seen
 
-    def _carry(self, moments: Moment, derivatives: np.ndarray, rows: np.ndarray, decision: "_Decision") -> None:
+    def _carry(self, moments: Moment, derivatives: np.ndarray, rows: np.ndarray, decision: "_Decision") -> "_Record":
+        """The recursion along one period."""
         size, sigma = self.loop.layout.size, self.sigma
         middle = round(float(self.loop.params.flight.formation.lead) / self.loop.scenario.tick_s)
         edges = np.asarray(moments.edges)
         nominal = np.asarray(moments.outputs)
+        means, covariances, shares = [], [], []
         for index, row in enumerate(rows):
             derivative = derivatives[row]
             A, B = derivative[:size, :size].copy(), derivative[:size, size:] * sigma
@@ -283,8 +310,6 @@ class _Side:
                 jump = self.loop.layout.burn_jump()
                 before = self._execution(decision)
                 A, C = A @ jump, C @ jump
-            if index % self.setup.span == 0:
-                self._share(C, D, forcing)
             mean_y = nominal[index] + C @ self.mean
             self.mean = A @ self.mean
             if index == 0:
@@ -293,20 +318,29 @@ class _Side:
                 B[pending] = decision.found.gain @ (decision.law[:, size:] * sigma)
                 self.mean[pending] = decision.found.mean
                 added = self._decided(decision)
-            covariance = self.recursion.step(Tick(A, B, C, D, forcing, *added, *before))
-            self.records["mean"].append(mean_y)
-            self.records["covariance"].append(covariance)
+            tick = Tick(A, B, C, D, forcing, *added, *before)
+            if index % self.setup.span == 0:
+                shares.append(self._share(tick))
+            covariance = self.recursion.step(tick)
+            means.append(mean_y)
+            covariances.append(covariance)
             if (index + 1) % self.setup.span == 0 or index + 1 == len(rows):
                 self.recursion.close()
         kept = len(rows)
-        self.records["nominal"].append(nominal[:kept])
-        self.records["sigma"].append(np.asarray(moments.sigma_H)[:kept])
-        self.records["seen"].append(np.asarray(moments.seen)[:kept])
+        return _Record(
+            nominal=nominal[:kept],
+            mean=np.array(means),
+            covariance=np.array(covariances),
+            filter_variance_H=np.asarray(moments.sigma_H)[:kept].astype(np.float64) ** 2,
+            seen=np.asarray(moments.seen)[:kept].astype(np.float64),
+            shares=np.array(shares),
+            decision=np.array([decision.probability, decision.size]),
+        )
 
-    def _share(self, C: np.ndarray, D: np.ndarray, forcing: np.ndarray) -> None:
-        columns, noise = self.recursion.shares(C, D, forcing)
+    def _share(self, tick: Tick) -> np.ndarray:
+        columns, noise = self.recursion.shares(tick)
         np.add.at(noise, self.column_of, columns.T)
-        self.shares.append(noise)
+        return noise
 
     def _decided(self, decision: "_Decision") -> tuple[np.ndarray, np.ndarray]:
         """What the decision leaves of its input."""
@@ -341,23 +375,63 @@ class _Side:
         return float(np.mean(np.sum(self.recursion.columns[part] ** 2, axis=1)))
 
 
-def _result(setup: _Setup, sides: list[_Side], compile_s: float, run_s: float, run_cpu_s: float) -> LinearCovariance:
-    """The mean of both sides."""
+@dataclass(frozen=True)
+class _Record:
+    """What a period gives; fields as those of `LinearCovariance`, and the decision's probability and size of a burn."""
+
+    nominal: np.ndarray
+    mean: np.ndarray
+    covariance: np.ndarray
+    filter_variance_H: np.ndarray
+    seen: np.ndarray
+    shares: np.ndarray
+    decision: np.ndarray
+
+
+def _average(records: list[_Record]) -> _Record:
+    names = [each.name for each in dataclasses.fields(_Record)]
+    return _Record(**{name: np.mean([getattr(record, name) for record in records], axis=0) for name in names})
+
+
+def _merge(sides: list[_Side]) -> _Side:
+    """One side that goes on with the mean covariance of two, along the first one's nominal run."""
+    for side in sides:
+        side.wait()
+    one, other = sides
+    layout, params = one.loop.layout, one.loop.params
+    places = [np.asarray(layout.pack(side.state, params)) for side in sides]
+    sign = layout.signs(*places)
+    one.mean = 0.5 * (one.mean + sign * (places[1] + other.mean) - places[0])
+    half = math.sqrt(0.5)
+    columns = np.concatenate([one.recursion.columns, sign[:, None] * other.recursion.columns], axis=1)
+    noise = 0.5 * (one.recursion.noise + np.outer(sign, sign) * other.recursion.noise)
+    one.recursion = Recursion(columns=half * columns, noise=noise, noise_of=one.recursion.noise_of)
+    one.column_of = np.concatenate([one.column_of, other.column_of])
+    one.driven = half * np.concatenate([one.driven, other.driven], axis=1)
+    return one
+
+
+def _result(
+    setup: _Setup, records: list[_Record], compile_s: float, run_s: float, run_cpu_s: float
+) -> LinearCovariance:
     static = setup.loop.scenario
     time_s = np.arange(static.ticks) * static.tick_s
-    decisions = np.mean([side.decisions for side in sides], axis=0)
-    sigmas = np.array([np.concatenate(side.records["sigma"]) for side in sides])
+
+    def joined(name: str) -> np.ndarray:
+        return np.concatenate([getattr(record, name) for record in records])
+
+    decisions = np.array([record.decision for record in records])
     return LinearCovariance(
         time_s=time_s,
-        nominal=np.mean([np.concatenate(side.records["nominal"]) for side in sides], axis=0),
-        mean=np.mean([side.records["mean"] for side in sides], axis=0),
-        covariance=np.mean([side.records["covariance"] for side in sides], axis=0),
-        filter_sigma_H=np.sqrt(np.mean(sigmas.astype(np.float64) ** 2, axis=0)),
-        seen=np.mean([np.concatenate(side.records["seen"]) for side in sides], axis=0),
+        nominal=joined("nominal"),
+        mean=joined("mean"),
+        covariance=joined("covariance"),
+        filter_sigma_H=np.sqrt(joined("filter_variance_H")),
+        seen=joined("seen"),
         sources=setup.sources,
         left_out=setup.left_out,
         share_time_s=time_s[:: setup.span],
-        shares=np.mean([side.shares for side in sides], axis=0),
+        shares=joined("shares"),
         burn_probability=decisions[:, 0],
         burn_size_m_s=decisions[:, 1],
         compile_s=compile_s,
@@ -376,6 +450,7 @@ class _Decision:
         burns: (samples, 3) velocity changes that runs make [m/s]
         nominal: (3,) that of the nominal run
         probability: of a burn
+        size: mean size of its velocity change [m/s]
         away: (2,) from when to when a run that burns looks away, from the decision on [s]
     """
 
@@ -384,6 +459,7 @@ class _Decision:
     burns: np.ndarray
     nominal: np.ndarray
     probability: float
+    size: float
     away: np.ndarray
 
 

@@ -71,18 +71,19 @@ class Recursion:
         """Covariance (y, y) of `C x + D w` now."""
         columns, noise, responses = self._seen(C)
         columns = columns + D @ forcing
-        return columns @ columns.T + noise @ C_T(C, self._transition) + responses @ responses.T + D @ D.T
+        return columns @ columns.T + noise @ (C @ self._transition).T + responses @ responses.T + D @ D.T
 
     def _seen(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         through = C @ self._transition
         columns = through @ self.columns + (C @ self._forced) @ self._forcing
         return columns, through @ self._total, C @ self._responses
 
-    def shares(self, C: np.ndarray, D: np.ndarray, forcing: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Variances of `C x + D w` at the start of a span: (y, c) of each column, (sources, y) of the noise."""
-        columns = (C @ self.columns + D @ forcing) ** 2
-        noise = np.sum((C @ self.noise) * C, axis=2)
-        np.add.at(noise, self.noise_of, (D**2).T)
+    def shares(self, tick: Tick) -> tuple[np.ndarray, np.ndarray]:
+        """Variances of a tick's outputs at the start of a span: (y, c) of each column, (sources, y) of the noise."""
+        columns = (tick.C @ self.columns + tick.D @ tick.forcing) ** 2
+        noise = np.sum((tick.C @ self.noise) * tick.C, axis=2)
+        np.add.at(noise, self.noise_of, (tick.D**2).T)
+        np.add.at(noise, tick.before_of, ((tick.C @ tick.before) ** 2).T)
         return columns, noise
 
     def step(self, tick: Tick) -> np.ndarray:
@@ -107,8 +108,3 @@ class Recursion:
             own = self._responses[:, self._responses_of == source]
             self.noise[source] += own @ own.T
         self._begin()
-
-
-def C_T(C: np.ndarray, transition: np.ndarray) -> np.ndarray:
-    """Transpose of `C transition`."""
-    return (C @ transition).T

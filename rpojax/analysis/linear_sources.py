@@ -97,7 +97,7 @@ def _own(entry: schema.Dispersion, nominal: np.ndarray) -> tuple[np.ndarray, np.
             return middle, (entry.high - entry.low) / np.sqrt(12.0) * np.eye(size)
         case schema.LogNormal():
             square = np.broadcast_to(np.asarray(entry.sigma, dtype=float) ** 2, nominal.shape)
-            mean = nominal * np.exp(0.5 * square)
+            mean = np.asarray(nominal * np.exp(0.5 * square))
             return mean, np.diag((np.abs(mean) * np.sqrt(np.expm1(square))).reshape(-1))
         case schema.SmallRotation():
             sigma = np.broadcast_to(np.deg2rad(np.asarray(entry.sigma_deg, dtype=float)), (3,))
@@ -139,7 +139,7 @@ def _derive(
                 rows = change[other.key] if other.index is None else change[other.key][other.index][None, :]
                 own = np.broadcast_to(term.factor * rows, (int(np.prod(shape)), rows.shape[1]))
                 change[where.key] = change.get(where.key, 0.0) + _whole(file, where, own)
-    _enter(file, mean, where, total)
+    _enter(file, mean, where, np.asarray(total))
 
 
 def _enter(file: ScenarioFile, mean: dict[str, np.ndarray], where: dispersed.Place, value: np.ndarray) -> None:
@@ -256,7 +256,7 @@ class TickInputs:
     def parts(self) -> dict[str, slice]:
         """Name of the source -> where its numbers stand."""
         widths = {GPS: 3, STAR_TRACKER: 3, GYRO: 3 * self.substeps, BOX: 4, GPS_BIAS: 3, GYRO_BIAS: 3}
-        edges = np.cumsum([0, *widths.values()])
+        edges = np.cumsum([0, *widths.values()]).tolist()
         return {name: slice(*edges[i : i + 2]) for i, name in enumerate(widths)}
 
     @property

@@ -65,6 +65,14 @@ class Layout:
     def _leaf(self, vector: Array, path: Path, like: Array) -> Array:
         return vector[self.slices[".".join(path)]].reshape(like.shape)
 
+    def signs(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """(size,) factors, 1 or -1, that give the quaternions of `other` the signs of those of `one`."""
+        found = np.ones(self.size)
+        for name, part in self.slices.items():
+            if name.rpartition(".")[2].startswith("q_") and one[part] @ other[part] < 0.0:
+                found[part] = -1.0
+        return found
+
     def burn_jump(self) -> np.ndarray:
         """(size, size) map over the middle of a burn: what was pending has changed truth and estimate."""
         jump = np.eye(self.size)

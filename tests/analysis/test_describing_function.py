@@ -22,7 +22,8 @@ def closed_form(mean: float, sigma: float) -> tuple[float, float, float]:
     first = sigma * (norm.pdf(b) - norm.pdf(a))
     second = sigma**2 * (tails + b * norm.pdf(b) - a * norm.pdf(a))
     output = mean * tails + first
-    return output, (mean * first + second) / sigma**2, mean**2 * tails + 2.0 * mean * first + second
+    square = mean**2 * tails + 2.0 * mean * first + second
+    return float(output), float((mean * first + second) / sigma**2), float(square)
 
 
 @pytest.mark.parametrize(("mean", "sigma"), [(0.0, 0.5), (0.0, 1.0), (0.0, 4.0), (0.7, 0.6), (-2.0, 0.5)])

@@ -48,9 +48,7 @@ def test_spans_of_any_length_give_what_the_textbook_gives_tick_by_tick() -> None
         recursion = Recursion(columns=start, noise=np.zeros((3, SIZE, SIZE)), noise_of=NOISE_OF)
         for index, tick in enumerate(ticks):
             if index % span == 0:
-                for found, expected in zip(
-                    recursion.shares(tick.C, tick.D, tick.forcing), shares[index], strict=True
-                ):
+                for found, expected in zip(recursion.shares(tick), shares[index], strict=True):
                     np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-12)
             np.testing.assert_allclose(recursion.step(tick), covariances[index], rtol=1e-10)
             if (index + 1) % span == 0:

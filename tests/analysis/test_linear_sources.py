@@ -11,17 +11,17 @@ from rpojax.errors import RpojaxError
 from rpojax.simulation import scenario
 
 DRAWS = 4000
-ENTRIES = """dispersions=[
- {key='initial.relative_position_m', kind='normal', sigma=[1.0, 2.0, 3.0]},
- {key='gps.noise_m', kind='uniform', low=1.0, high=4.0},
- {key='servicer.mass_kg', kind='truncated_normal', sigma=0.5, limit_sigmas=1.5},
- {key='thruster.force_scale', kind='log_normal', sigma=0.1},
- {key='camera.mounting', kind='small_rotation', sigma_deg=0.5},
- {keys=['target.mass_kg', 'thruster.position_m[1]'], kind='correlated_normal',
-  covariance=[[4.0, 0.01], [0.01, 0.0001]]},
- {key='gps.bias_sigma_m', kind='derived', offset=1.0,
-  terms=[{key='gps.noise_m', factor=0.5}, {key='initial.relative_position_m[2]', factor=0.1}]},
-]"""
+ENTRIES = (
+    "dispersions=[{key='initial.relative_position_m', kind='normal', sigma=[1.0, 2.0, 3.0]}, "
+    "{key='gps.noise_m', kind='uniform', low=1.0, high=4.0}, "
+    "{key='servicer.mass_kg', kind='truncated_normal', sigma=0.5, limit_sigmas=1.5}, "
+    "{key='thruster.force_scale', kind='log_normal', sigma=0.1}, "
+    "{key='camera.mounting', kind='small_rotation', sigma_deg=0.5}, "
+    "{keys=['target.mass_kg', 'thruster.position_m[1]'], kind='correlated_normal', "
+    "covariance=[[4.0, 0.01], [0.01, 0.0001]]}, "
+    "{key='gps.bias_sigma_m', kind='derived', offset=1.0, terms=[{key='gps.noise_m', factor=0.5}, "
+    "{key='initial.relative_position_m[2]', factor=0.1}]}]"
+)
 
 
 def test_means_and_columns_are_those_of_the_draws() -> None:
