@@ -2,6 +2,7 @@
 
 import dataclasses
 import io
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -41,6 +42,8 @@ def lincov(
     """Mean, spread and error budget of a scenario's runs by linear covariance, without sampling."""
     if runs != 0 and runs < _LEAST_RUNS:
         raise RpojaxError(f"--runs: found {runs}, expected 0 or at least {_LEAST_RUNS}")
+    # The matrices are small: threads of the linear algebra would only wait for each other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if members < 2:
         raise RpojaxError(f"--members: found {members}, expected at least 2")
     for name in (_JSON, _ARRAYS, *_FIGURES):

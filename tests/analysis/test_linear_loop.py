@@ -1,6 +1,7 @@
 """Derivatives of the whole tick against differences of it, and the bookkeeping of the vector."""
 
 from collections.abc import Callable
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -18,8 +19,14 @@ from rpojax.simulation.params import Params
 from rpojax.simulation.scenario import Scenario
 
 CONSTANTS = (("plant", "thruster", "force_scale"), ("camera", "misalignment"), ("star_tracker", "misalignment"))
-STEP = 1e-4
+STEP = 5e-5
 """Of a central difference, in units of `scales`."""
+
+quick = partial(
+    jax.jit,
+    compiler_options={"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True},
+)
+"""Compiles with less effort what runs a few times."""
 
 Nominal = tuple[Scenario, Params, State]
 
@@ -62,7 +69,7 @@ def tick(nominal: Nominal, loop: Loop) -> tuple[Callable[[jax.Array], jax.Array]
     larger = own + jnp.array([-2.0, -1.0, 3.0, 1.0])
     drawn = linear_sources.still(loop.scenario.substeps, larger - own, jnp.ones((), dtype=bool))
     step = loop.step(state, drawn, outlines.frame(own, larger))
-    return jax.jit(step), np.asarray(loop.point(state))
+    return quick(step), np.asarray(loop.point(state))
 
 
 def test_unpacking_what_was_packed_changes_nothing(nominal: Nominal, loop: Loop) -> None:
@@ -91,17 +98,16 @@ def test_a_pending_burn_changes_truth_and_estimate_alike(loop: Loop) -> None:
     assert np.count_nonzero(after) == 10
 
 
+@pytest.mark.slow
 def test_a_tick_of_the_function_is_a_tick_of_the_loop(
     nominal: Nominal, loop: Loop, tick: tuple[Callable[[jax.Array], jax.Array], np.ndarray]
 ) -> None:
     static, base, state = nominal
     step, point = tick
     found = np.asarray(step(jnp.asarray(point)))
-    own = outlines.outline(static, base, state.truth.q_TN, state.truth)
     shift = jnp.array([-2.0, -1.0, 3.0, 1.0])
     drawn = linear_sources.still(static.substeps, shift, jnp.ones((), dtype=bool))
-    after, _ = jax.jit(lambda state: closed_loop.tick(Stages(), static, base, state, drawn))(state)
-    assert np.all(np.isfinite(own))
+    after, _ = quick(lambda state: closed_loop.tick(Stages(), static, base, state, drawn))(state)
     for path in loop.layout.states:
         expected = np.ravel(get(after, path))
         part = found[loop.layout.slices[".".join(path)]]
@@ -112,7 +118,7 @@ def test_directional_derivatives_of_the_tick_are_its_central_differences(
     loop: Loop, tick: tuple[Callable[[jax.Array], jax.Array], np.ndarray]
 ) -> None:
     step, point = tick
-    slope = jax.jit(lambda at, along: jax.jvp(step, (at,), (along,))[1])
+    slope = quick(lambda at, along: jax.jvp(step, (at,), (along,))[1])
     scale, size = scales(loop), loop.layout.size
     rng = np.random.default_rng(0)
     for _ in range(6):
