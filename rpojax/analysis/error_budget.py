@@ -32,7 +32,8 @@ def budget(linear: LinearCovariance) -> Budget:
     """The budget of a linear covariance."""
     at_end, total, at_worst, worst_at = {}, {}, {}, {}
     for title, output in ERRORS.items():
-        sigma = np.sqrt(linear.shares[:, :, OUTPUTS[output]].sum(axis=2))
+        # Rounding can leave a share of nothing below zero.
+        sigma = np.sqrt(np.maximum(linear.shares[:, :, OUTPUTS[output]].sum(axis=2), 0.0))
         at_end[title] = dict(zip(linear.sources, sigma[-1].tolist(), strict=True))
         total[title] = float(np.sqrt(np.sum(sigma[-1] ** 2)))
         at_worst[title] = dict(zip(linear.sources, sigma.max(axis=0).tolist(), strict=True))

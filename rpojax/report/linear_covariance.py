@@ -1,5 +1,6 @@
 """Figures of a linear covariance, over sampled runs where there are some."""
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -70,8 +71,6 @@ def budget(found: Budget) -> Figure:
 
 def write(figure: Figure, path: Path) -> Path:
     """Writes a figure as PNG."""
-    import io
-
     FigureCanvasAgg(figure)
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=_PIXELS_PER_INCH)
@@ -132,6 +131,6 @@ def _finish(axes: Axes, label: str) -> None:
     axes.set_ylabel(label, color=INK, fontsize=9)
     axes.grid(color=GRID, lw=0.6)
     axes.set_axisbelow(True)
-    axes.tick_params(colors=MUTED, labelsize=8)
+    axes.tick_params(which="both", colors=MUTED, labelsize=8)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)

@@ -63,13 +63,13 @@ def scales(loop: Loop) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def tick(nominal: Nominal, loop: Loop) -> tuple[Callable[[jax.Array], jax.Array], np.ndarray]:
-    """The tick as a function of one vector, compiled, and the point of the nominal run."""
+    """The tick as a function of one vector, and the point of the nominal run."""
     _, base, state = nominal
     own = outlines.outline(loop.scenario, base, state.truth.q_TN, state.truth)
     larger = own + jnp.array([-2.0, -1.0, 3.0, 1.0])
     drawn = linear_sources.still(loop.scenario.substeps, larger - own, jnp.ones((), dtype=bool))
     step = loop.step(state, drawn, outlines.frame(own, larger))
-    return quick(step), np.asarray(loop.point(state))
+    return step, np.asarray(loop.point(state))
 
 
 def test_unpacking_what_was_packed_changes_nothing(nominal: Nominal, loop: Loop) -> None:
@@ -104,7 +104,7 @@ def test_a_tick_of_the_function_is_a_tick_of_the_loop(
 ) -> None:
     static, base, state = nominal
     step, point = tick
-    found = np.asarray(step(jnp.asarray(point)))
+    found = np.asarray(quick(step)(jnp.asarray(point)))
     shift = jnp.array([-2.0, -1.0, 3.0, 1.0])
     drawn = linear_sources.still(static.substeps, shift, jnp.ones((), dtype=bool))
     after, _ = quick(lambda state: closed_loop.tick(Stages(), static, base, state, drawn))(state)
@@ -118,15 +118,16 @@ def test_directional_derivatives_of_the_tick_are_its_central_differences(
     loop: Loop, tick: tuple[Callable[[jax.Array], jax.Array], np.ndarray]
 ) -> None:
     step, point = tick
+    value = quick(step)
     slope = quick(lambda at, along: jax.jvp(step, (at,), (along,))[1])
     scale, size = scales(loop), loop.layout.size
     rng = np.random.default_rng(0)
     for _ in range(6):
         along = jnp.asarray(scale * rng.normal(size=len(scale)))
         found = np.asarray(slope(jnp.asarray(point), along))
-        ahead, behind = (np.asarray(step(jnp.asarray(point) + sign * STEP * along)) for sign in (1.0, -1.0))
+        ahead, behind = (np.asarray(value(jnp.asarray(point) + sign * STEP * along)) for sign in (1.0, -1.0))
         difference = (ahead - behind) / (2.0 * STEP)
         # Positions in N are 7e6 m, which the difference rounds to 1e-9 m over the step.
-        noise = 4e-16 * np.abs(np.asarray(step(jnp.asarray(point)))) / STEP
+        noise = 4e-16 * np.abs(np.asarray(value(jnp.asarray(point)))) / STEP
         units = np.concatenate([scale[:size], np.full(len(found) - size, 0.1)])
         np.testing.assert_array_less(np.abs(found - difference), 2e-5 * units + 4.0 * noise)
