@@ -349,14 +349,17 @@ class _Side:
         return columns, np.full(4, self.setup.number[linear_sources.DECISION])
 
     def _execution(self, decision: "_Decision") -> tuple[np.ndarray, np.ndarray]:
-        """Execution error of the burns that runs make.
+        """Execution error of the nominal burn, or where there is none, of the burns that runs make.
 
-        What stays the same from burn to burn is in the derivative as far as the nominal run burns; for the rest, burns
-        in all directions, it counts like noise.
+        A run whose burn is a percent too strong in some direction also moves in that direction, and takes a percent
+        more of range for it; along a nominal run that moves otherwise the same error would do more. So the error is
+        that of the nominal burn, and what lasts from burn to burn is then in the derivative. Without a nominal burn the
+        burns go in all directions, and what lasts counts like noise.
         """
-        burns = decision.burns
+        nominal = np.any(decision.nominal)
+        burns = decision.nominal[None, :] if nominal else decision.burns
         moment = burns.T @ burns / len(burns)
-        beyond = _positive(moment - np.outer(decision.nominal, decision.nominal))
+        beyond = np.zeros((3, 3)) if nominal else moment
         thruster = self.loop.params.plant.thruster
         mass = float(self.loop.params.plant.servicer.mass)
         along = self._variance("plant.thruster.force_scale") + self._variance("truth.mass") / mass**2
@@ -467,12 +470,6 @@ def _root(covariance: np.ndarray) -> np.ndarray:
     """Columns (n, n) of unit variance that make up a covariance."""
     values, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(values, 0.0))
-
-
-def _positive(matrix: np.ndarray) -> np.ndarray:
-    """Nearest positive semidefinite matrix to a symmetric one."""
-    root = _root(matrix)
-    return root @ root.T
 
 
 def _spread(moment: np.ndarray, along: float, across: float) -> np.ndarray:
