@@ -103,6 +103,6 @@ def layout(state: State, params: Params, constants: tuple[Path, ...]) -> Layout:
     return Layout(states, constants, slices, start + 4)
 
 
-def get(node: Any, path: Path) -> Array:
-    """Leaf of a record of records at a path of attributes."""
+def get(node: Any, path: Path) -> Any:
+    """Leaf of a record of records at a path of attributes; an array, or the shape of one."""
     return functools.reduce(getattr, path, node)
