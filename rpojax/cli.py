@@ -20,7 +20,16 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import FlagCreatePairsOff, arg
 
-from rpojax import calibration_verb, campaign_verbs, compare_verb, console, detector_verbs, field_verbs, tune_verb
+from rpojax import (
+    calibration_verb,
+    campaign_verbs,
+    compare_verb,
+    console,
+    detector_verbs,
+    field_verbs,
+    lincov_verb,
+    tune_verb,
+)
 from rpojax.errors import OutputError, RpojaxError, UnfinishedError
 from rpojax.machine import prepare_jax
 from rpojax.verb_parts import AsJson, Folder, NoCache, Overrides, Source, Status, abandon_worker, fly, load, print_json
@@ -43,6 +52,7 @@ resume = app.command(campaign_verbs.resume)
 status = app.command(campaign_verbs.status)
 rerun = app.command(campaign_verbs.rerun)
 compare = app.command(compare_verb.compare)
+lincov = app.command(lincov_verb.lincov)
 report = app.command(campaign_verbs.report)
 tune = app.command(tune_verb.tune)
 

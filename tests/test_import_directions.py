@@ -40,13 +40,14 @@ LEFT_TO_RIGHT = {
     "composites detection_data augment average_precision detector_judge orthogonal descent giou first_look_loss "
     "second_look_loss train_detector",
     "simulation": "units figures_of_merit forms sections schema dispersed dispersion_checks checks networks table_file "
-    "scenario params camera closed_loop telemetry running_metrics metrics",
+    "scenario params noise camera closed_loop telemetry running_metrics metrics",
     "campaign": "files admission description manifests encoding reading creation store design sources dispersions "
     "engine plan retention recording replaced flying executors cluster runner rerun",
     "analysis": "chance laws order_statistics proportions precision consistency dependence sensitivity requirements "
-    "comparison convergence derivatives linear_covariance worst_case tunable objective tuning judging "
+    "comparison convergence describing_function outlines linear_state linear_sources linear_loop linear_recursion "
+    "linear_covariance linear_agreement error_budget derivatives worst_case tunable objective tuning judging "
     "camera_calibration lasting_errors",
-    "top": "machine console outputs verb_parts plan_verb compare_verb tune_verb campaign_verbs field_verbs "
+    "top": "machine console outputs verb_parts plan_verb compare_verb lincov_verb tune_verb campaign_verbs field_verbs "
     "detector_verbs calibration_verb cli __main__",
 }
 """Order inside a folder, for the modules whose order is fixed; the rest need only have one."""

@@ -21,7 +21,7 @@ from rpojax.campaign.design import Population
 from rpojax.core.pytree import replace
 from rpojax.errors import ResultError, RpojaxError
 from rpojax.physics.plant import Truth
-from rpojax.simulation import camera, closed_loop, scenario
+from rpojax.simulation import camera, closed_loop, noise, scenario
 from rpojax.simulation.params import Params
 from rpojax.simulation.scenario import Scenario
 from rpojax.simulation.schema import ScenarioFile
@@ -122,5 +122,5 @@ def _take(
 ) -> UInt8[Array, "p p 3"]:
     sky = closed_loop.sky_at(static, tick.astype(jnp.float64) * static.tick_s)
     view = camera.window_of(static, chosen, window_px)
-    picture = camera.take_picture(static, chosen, view, truth, sky, closed_loop.camera_key(keys, tick), tick)
+    picture = camera.take_picture(static, chosen, view, truth, sky, noise.camera_key(keys, tick), tick)
     return jnp.round(255.0 * picture).astype(jnp.uint8)

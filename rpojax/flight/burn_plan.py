@@ -62,7 +62,7 @@ def plan_burn(
     No burn inside the dead band, below the thruster's minimum on-time, while the range is too uncertain, or unless
     `allowed`; a burn too long for the look-away limit is shortened.
     """
-    deviation, R_CN = _deviation_at_burn(formation, station, estimate)
+    deviation, R_CN = deviation_at_burn(formation, station, estimate)
     delta_v_N = apply_transposed(R_CN, station.impulse + law(gain, deviation))
     size, direction_N = safe.norm(delta_v_N), safe.normalize(delta_v_N)
 
@@ -95,7 +95,7 @@ _SCHEDULE_GRAIN = 3.0
 """Turns begin on whole guidance ticks, which can add a second to each; one more for the target's own motion [s]."""
 
 
-def _deviation_at_burn(
+def deviation_at_burn(
     formation: Formation, station: Station, estimate: OrbitEstimate
 ) -> tuple[Float[Array, "6"], Float[Array, "3 3"]]:
     """Deviation of (rho, rho_dot) predicted to the burn's middle [m, m/s], and the Hill frame `R_CN` there.

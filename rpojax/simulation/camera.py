@@ -13,12 +13,12 @@ from rpojax.physics.faults import Health
 from rpojax.physics.plant import Truth
 from rpojax.sensors import box_camera, image_camera, statistical_camera
 from rpojax.sensors.box_camera import Frame
+from rpojax.simulation.noise import TickNoise
 from rpojax.simulation.params import Params
 from rpojax.simulation.scenario import Scenario
 from rpojax.vision import box_model, pinhole
 from rpojax.vision.imager import Scene, Window
 
-_NORMALS, _UNIFORMS = statistical_camera.NORMALS, statistical_camera.UNIFORMS
 _TRACKED_S = 5.0
 """A target seen so recently is looked for where it is expected."""
 
@@ -31,16 +31,19 @@ def expose(
     box_edges: Array | None,
     sky: Sky,
     health: Health,
+    drawn: TickNoise,
     key: Array,
     tick: Array,
 ) -> Frame:
-    """One exposure by the scenario's camera model; `box_edges` is what lasts of the statistical camera's errors."""
+    """One exposure by the scenario's camera model; `box_edges` is what lasts of the statistical camera's errors.
+
+    `key` is for the noise of a picture's pixels.
+    """
     camera = params.camera
     observable = light.is_observable(truth.r_TN_N, truth.r_ST_N, sky.sun_N, camera.phase_limit, camera.sun_exclusion)
     hull_K = box_camera.hull_in_camera(camera, params.plant.target.hull, truth.q_TN, truth.r_ST_N, truth.q_BN)
     size = (scenario.width_px, scenario.height_px)
-    normals = random.normal(key, _NORMALS)
-    uniforms = random.uniform(random.fold_in(key, 1), _UNIFORMS)
+    normals, uniforms = drawn.box, drawn.chances
     if scenario.camera_model == "geometric":
         return box_camera.measure(camera, *size, hull_K, observable, health.camera, normals[:4], uniforms[:6])
     in_front = jnp.min(hull_K[:, 2], axis=0) > 0.1

@@ -30,7 +30,8 @@ from rpojax.physics.faults import Health
 from rpojax.physics.plant import Truth
 from rpojax.sensors import chamber_pressure, gps, gyro, star_tracker, statistical_camera
 from rpojax.sensors.box_camera import Frame
-from rpojax.simulation import camera
+from rpojax.simulation import camera, noise
+from rpojax.simulation.noise import StartNoise, TickNoise
 from rpojax.simulation.params import Params
 from rpojax.simulation.scenario import Scenario
 
@@ -100,9 +101,6 @@ class Telemetry:
     running: Array
 
 
-_START = 0x7FFFFFFF
-"""Number of the draws before the first tick; ticks count from 0."""
-
 FAILURES = ("", "non-finite state", "entered the keep-out sphere")
 """Reasons by failure code."""
 
@@ -112,24 +110,25 @@ def run_key(seed: int, run_id: int | Array) -> Array:
     return random.fold_in(random.master_key(seed), run_id)
 
 
-def init(scenario: Scenario, params: Params, key: Array) -> State:
-    """State at the start: truth as given, flight software from the hand-over with errors drawn from its covariance."""
+def init(scenario: Scenario, params: Params, key: Array, drawn: StartNoise | None = None) -> State:
+    """State at the start: truth as given, flight software from the hand-over with errors drawn from its covariance.
+
+    The run's own random numbers are used unless others are given.
+    """
     streams = jax.vmap(lambda stream: random.fold_in(key, stream))(jnp.arange(len(Stream) + 1))
+    drawn = drawn or noise.draw_start(scenario, streams)
     navigation = params.flight.navigation
     identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
     truth = plant.initial_truth(
         params.plant, params.orbit, params.initial.relative_position, params.initial.relative_velocity, identity
     )
-    biases = random.normal(random.fold_in(streams[Stream.SENSOR_BIAS], _START), 6)
     sensors = SensorState(
-        gps_bias_N=params.gps.bias_sigma * biases[:3],
-        gyro_bias_B=params.gyro.initial_bias_sigma * biases[3:],
-        box_edges=None
-        if params.statistics is None
-        else random.normal(random.fold_in(streams[Stream.SENSOR_BIAS], _START - 1), 4),
+        gps_bias_N=params.gps.bias_sigma * drawn.biases[:3],
+        gyro_bias_B=params.gyro.initial_bias_sigma * drawn.biases[3:],
+        box_edges=drawn.box_edges,
     )
     sigma = [servicer_filter.initial_sigma(navigation)[:6], relative_filter.initial_sigma(navigation)[:6]]
-    error = jnp.concatenate(sigma) * random.normal(streams[Stream.HANDOVER], 12)
+    error = jnp.concatenate(sigma) * drawn.handover
     orbit = orbit_filter.initial(
         navigation,
         truth.r_TN_N + truth.r_ST_N + error[0:3],
@@ -139,9 +138,8 @@ def init(scenario: Scenario, params: Params, key: Array) -> State:
     )
     q_BN, omega = looking.look_attitude(params.flight.onboard, orbit)
     truth = replace(truth, q_BN=q_BN, omega_BN_B=omega)
-    samples = random.normal(random.fold_in(streams[Stream.STAR_TRACKER], _START), 6)
-    star_q = star_tracker.measure(params.star_tracker, q_BN, samples[:3])
-    gyro_B = gyro.measure(params.gyro, omega, sensors.gyro_bias_B, samples[3:], scenario.step_s)
+    star_q = star_tracker.measure(params.star_tracker, q_BN, drawn.star_tracker)
+    gyro_B = gyro.measure(params.gyro, omega, sensors.gyro_bias_B, drawn.gyro, scenario.step_s)
     zero = jnp.zeros((), dtype=jnp.float64)
     return State(
         truth=truth,
@@ -155,19 +153,25 @@ def init(scenario: Scenario, params: Params, key: Array) -> State:
     )
 
 
-def tick(stages: Stages, scenario: Scenario, params: Params, state: State) -> tuple[State, Telemetry]:
-    """State one tick later, and what there was to see at its beginning."""
+def tick(
+    stages: Stages, scenario: Scenario, params: Params, state: State, drawn: TickNoise | None = None
+) -> tuple[State, Telemetry]:
+    """State one tick later, and what there was to see at its beginning.
+
+    The run's own random numbers are used unless others are given.
+    """
+    drawn = drawn or noise.draw(scenario, state.keys, state.tick)
     time = state.tick.astype(jnp.float64) * scenario.tick_s
     sky = sky_at(scenario, time)
     health = faults.health(params.plant.fault, time) if scenario.effects.faults else faults.healthy()
     with jax.named_scope("sense"):
-        measurements, frame = _sense(scenario, params, state, sky, health)
+        measurements, frame = _sense(scenario, params, state, drawn, sky, health)
     with jax.named_scope("navigate"):
         flight, innovation = computer.navigate(
             stages, params.flight, scenario.gated, state.flight, measurements, sky.sun_N
         )
     with jax.named_scope("plan_burn"):
-        flight, burn_error = _plan_burn(stages, scenario, params, state, flight, sky, time)
+        flight, burn_error = _plan_burn(stages, scenario, params, state, drawn, flight, sky, time)
     with jax.named_scope("guide"):
         flight, mode = computer.guide(params.flight, flight, innovation.accepted, sky.sun_N, time, scenario.tick_s)
     telemetry = Telemetry(
@@ -180,7 +184,7 @@ def tick(stages: Stages, scenario: Scenario, params: Params, state: State) -> tu
         running=jnp.isinf(state.failed_at),
     )
     with jax.named_scope("act"):
-        truth, flight, sensors = _act(stages, scenario, params, state, flight, burn_error, sky, health, time)
+        truth, flight, sensors = _act(stages, scenario, params, state, drawn, flight, burn_error, sky, health, time)
     after = replace(state, truth=truth, flight=flight, sensors=sensors, burn_error=burn_error)
     with jax.named_scope("check"):
         after = _freeze_if_failed(params, state, after, time)
@@ -205,26 +209,28 @@ def sky_at(scenario: Scenario, time: Scalar) -> Sky:
     return Sky(sun_N=ephemeris.sun(seconds), moon_N=ephemeris.moon(seconds))
 
 
-def camera_key(keys: Array, tick: Array) -> Array:
-    """Random key of the exposure of one tick, from the (streams, 2) keys of a run."""
-    return random.fold_in(keys[Stream.BOX_CAMERA], tick)
-
-
-def _sense(scenario: Scenario, params: Params, state: State, sky: Sky, health: Health) -> tuple[Measurements, Frame]:
+def _sense(
+    scenario: Scenario, params: Params, state: State, drawn: TickNoise, sky: Sky, health: Health
+) -> tuple[Measurements, Frame]:
     truth = state.truth
-    gps_key, star_key = (random.fold_in(state.keys[stream], state.tick) for stream in (Stream.GPS, Stream.STAR_TRACKER))
-    box_key = camera_key(state.keys, state.tick)
-    gps_normals = random.normal(gps_key, 3)
-    star_normals = random.normal(random.fold_in(star_key, 1), 3)
     frame = camera.expose(
-        scenario, params, truth, state.flight, state.sensors.box_edges, sky, health, box_key, state.tick
+        scenario,
+        params,
+        truth,
+        state.flight,
+        state.sensors.box_edges,
+        sky,
+        health,
+        drawn,
+        noise.camera_key(state.keys, state.tick),
+        state.tick,
     )
     measurements = Measurements(
         gps=GpsMeasurement(
-            position_N=gps.measure(params.gps, truth.r_TN_N + truth.r_ST_N, state.sensors.gps_bias_N, gps_normals),
+            position_N=gps.measure(params.gps, truth.r_TN_N + truth.r_ST_N, state.sensors.gps_bias_N, drawn.gps),
             present=health.gps,
         ),
-        star_tracker_q_BN=star_tracker.measure(params.star_tracker, truth.q_BN, star_normals),
+        star_tracker_q_BN=star_tracker.measure(params.star_tracker, truth.q_BN, drawn.star_tracker),
         star_tracker_present=health.star_tracker & star_tracker.sees_stars(params.star_tracker, truth.q_BN, sky.sun_N),
         box=camera.as_measurement(scenario, params, frame),
     )
@@ -232,13 +238,19 @@ def _sense(scenario: Scenario, params: Params, state: State, sky: Sky, health: H
 
 
 def _plan_burn(
-    stages: Stages, scenario: Scenario, params: Params, state: State, flight: FlightMemory, sky: Sky, time: Scalar
+    stages: Stages,
+    scenario: Scenario,
+    params: Params,
+    state: State,
+    drawn: TickNoise,
+    flight: FlightMemory,
+    sky: Sky,
+    time: Scalar,
 ) -> tuple[FlightMemory, BurnError]:
     """A new burn on decision ticks. The tick is the same for all runs of a batch, so this is a true branch."""
 
     def decide(flight: FlightMemory) -> tuple[burn_plan.BurnPlan, BurnError]:
-        key = random.fold_in(state.keys[Stream.THRUSTER], state.tick)
-        error = actuators.draw_burn_error(params.plant.thruster, random.normal(key, 4))
+        error = actuators.draw_burn_error(params.plant.thruster, drawn.burn)
         return computer.plan_burn(stages, params.flight, flight, sky.sun_N, time).plan, error
 
     def keep(flight: FlightMemory) -> tuple[burn_plan.BurnPlan, BurnError]:
@@ -254,6 +266,7 @@ def _act(
     scenario: Scenario,
     params: Params,
     state: State,
+    drawn: TickNoise,
     flight: FlightMemory,
     burn_error: BurnError,
     sky: Sky,
@@ -263,8 +276,6 @@ def _act(
     """Attitude control and plant over one tick, then both filters carried to its end."""
     dt = scenario.step_s
     plan = flight.plan
-    gyro_key = random.fold_in(state.keys[Stream.GYRO], state.tick)
-    normals = random.normal(gyro_key, 3 * scenario.substeps).reshape(scenario.substeps, 3)
     effects = scenario.effects
     offsets = jnp.arange(scenario.substeps, dtype=jnp.float64) * dt
 
@@ -284,9 +295,9 @@ def _act(
         return (truth, attitude_estimator.integrate_gyro(attitude, sample, dt), delta_v_N), None
 
     start = (state.truth, flight.attitude, jnp.zeros(3))
-    (truth, attitude, delta_v_N), _ = jax.lax.scan(substep, start, (offsets, normals))
+    (truth, attitude, delta_v_N), _ = jax.lax.scan(substep, start, (offsets, drawn.gyro))
     moved = replace(flight, attitude=attitude)
-    ratio = _chamber_pressure(params, state, burn_error, health) if effects.faults else jnp.ones_like(time)
+    ratio = _chamber_pressure(params, drawn, burn_error, health) if effects.faults else jnp.ones_like(time)
     pull_N = _luni_solar_pull(scenario, flight, sky)
     end = time + scenario.tick_s
     flight = computer.predict(
@@ -301,7 +312,7 @@ def _act(
         end,
         scenario.tick_s,
     )
-    return truth, flight, _advance_sensors(scenario, params, state)
+    return truth, flight, _advance_sensors(scenario, params, state, drawn)
 
 
 def _luni_solar_pull(scenario: Scenario, flight: FlightMemory, sky: Sky) -> Array:
@@ -314,24 +325,21 @@ def _luni_solar_pull(scenario: Scenario, flight: FlightMemory, sky: Sky) -> Arra
     return pull
 
 
-def _chamber_pressure(params: Params, state: State, burn_error: BurnError, health: Health) -> Scalar:
-    normal = random.normal(random.fold_in(state.keys[Stream.CHAMBER_PRESSURE], state.tick), 1)[0]
+def _chamber_pressure(params: Params, drawn: TickNoise, burn_error: BurnError, health: Health) -> Scalar:
     thrust = params.plant.thruster.force_scale * (1.0 + burn_error.magnitude) * health.thrust
-    return chamber_pressure.measure(thrust, normal)
+    return chamber_pressure.measure(thrust, drawn.chamber_pressure)
 
 
-def _advance_sensors(scenario: Scenario, params: Params, state: State) -> SensorState:
-    key = random.fold_in(state.keys[Stream.SENSOR_BIAS], state.tick + 1)
-    normals = random.normal(key, 6)
+def _advance_sensors(scenario: Scenario, params: Params, state: State, drawn: TickNoise) -> SensorState:
     box_edges = state.sensors.box_edges
     if box_edges is not None:
         assert params.statistics is not None
+        assert drawn.box_edges is not None
         turned = safe.norm(state.truth.omega_TN_T) * scenario.tick_s
-        fresh = random.normal(random.fold_in(key, 1), 4)
-        box_edges = statistical_camera.advance(params.statistics, box_edges, turned, fresh)
+        box_edges = statistical_camera.advance(params.statistics, box_edges, turned, drawn.box_edges)
     return SensorState(
-        gps_bias_N=gps.advance_bias(params.gps, state.sensors.gps_bias_N, normals[:3], scenario.tick_s),
-        gyro_bias_B=gyro.advance_bias(params.gyro, state.sensors.gyro_bias_B, normals[3:], scenario.tick_s),
+        gps_bias_N=gps.advance_bias(params.gps, state.sensors.gps_bias_N, drawn.biases[:3], scenario.tick_s),
+        gyro_bias_B=gyro.advance_bias(params.gyro, state.sensors.gyro_bias_B, drawn.biases[3:], scenario.tick_s),
         box_edges=box_edges,
     )
 
@@ -363,7 +371,6 @@ __all__ = [
     "FAILURES",
     "State",
     "Telemetry",
-    "camera_key",
     "init",
     "relative_state",
     "rollout",

@@ -15,7 +15,7 @@ from rpojax.campaign import filming, single
 from rpojax.campaign.store import Campaign
 from rpojax.errors import ResultError, RpojaxError
 from rpojax.flight.computer import Stages
-from rpojax.simulation import camera, closed_loop, scenario, telemetry
+from rpojax.simulation import camera, closed_loop, noise, scenario, telemetry
 from rpojax.simulation.schema import ScenarioFile
 
 TICKS = 6
@@ -48,7 +48,7 @@ def flown() -> Flown:
         after, seen = closed_loop.tick(Stages(), static, chosen, state)
         view = camera.look_at(static, chosen, state.flight)
         sky = closed_loop.sky_at(static, state.tick.astype(jnp.float64) * static.tick_s)
-        key = closed_loop.camera_key(state.keys, state.tick)
+        key = noise.camera_key(state.keys, state.tick)
         picture = camera.take_picture(static, chosen, view, state.truth, sky, key, state.tick)
         return after, (telemetry.observe(static, chosen, seen), picture)
 

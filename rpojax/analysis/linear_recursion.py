@@ -1,0 +1,110 @@
+"""Covariance of a linear time-varying system, source by source: `x' = A x + B w`, `y = C x + D w`.
+
+What is known at the start and the ensemble of outlines are columns, `x = X z`, with one `z` for the whole run; white
+noise has a covariance per source. Both are carried from the beginning of one span of ticks to that of the next, and
+what lies between comes from the transition since then and from the responses to the noise since then.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Tick:
+    """One tick of the system.
+
+    Attributes:
+        A: (n, n)
+        B: (n, w) response to the tick's random numbers, scaled to unit variance
+        C: (y, n)
+        D: (y, w) scaled likewise
+        forcing: (w, columns) what the tick's random numbers are in the ensemble's columns
+        added: (n, k) more noise of unit variance that enters with the tick
+        added_of: (k,) numbers of the sources that it comes from
+        before: (n, j) noise of unit variance that entered just before the tick; A and C act on it
+        before_of: (j,)
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    forcing: np.ndarray
+    added: np.ndarray
+    added_of: np.ndarray
+    before: np.ndarray
+    before_of: np.ndarray
+
+
+@dataclass
+class Recursion:
+    """The covariance so far.
+
+    Attributes:
+        columns: (n, c) at the start of the span
+        noise: (sources, n, n) covariance at the start of the span
+        noise_of: (w,) number of the source of each of a tick's random numbers
+    """
+
+    columns: np.ndarray
+    noise: np.ndarray
+    noise_of: np.ndarray
+    _transition: np.ndarray = field(init=False)
+    _responses: np.ndarray = field(init=False)
+    _responses_of: np.ndarray = field(init=False)
+    _forced: np.ndarray = field(init=False)
+    _forcing: np.ndarray = field(init=False)
+    _total: np.ndarray = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._begin()
+
+    def _begin(self) -> None:
+        size = len(self.columns)
+        self._transition = np.eye(size)
+        self._responses, self._responses_of = np.zeros((size, 0)), np.zeros(0, dtype=int)
+        self._forced, self._forcing = np.zeros((size, 0)), np.zeros((0, self.columns.shape[1]))
+        self._total = self.noise.sum(axis=0)
+
+    def look(self, C: np.ndarray, D: np.ndarray, forcing: np.ndarray) -> np.ndarray:
+        """Covariance (y, y) of `C x + D w` now."""
+        columns, noise, responses = self._seen(C)
+        columns = columns + D @ forcing
+        return columns @ columns.T + noise @ (C @ self._transition).T + responses @ responses.T + D @ D.T
+
+    def _seen(self, C: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        through = C @ self._transition
+        columns = through @ self.columns + (C @ self._forced) @ self._forcing
+        return columns, through @ self._total, C @ self._responses
+
+    def shares(self, tick: Tick) -> tuple[np.ndarray, np.ndarray]:
+        """Variances of a tick's outputs at the start of a span: (y, c) of each column, (sources, y) of the noise."""
+        columns = (tick.C @ self.columns + tick.D @ tick.forcing) ** 2
+        noise = np.sum((tick.C @ self.noise) * tick.C, axis=2)
+        np.add.at(noise, self.noise_of, (tick.D**2).T)
+        np.add.at(noise, tick.before_of, ((tick.C @ tick.before) ** 2).T)
+        return columns, noise
+
+    def step(self, tick: Tick) -> np.ndarray:
+        """Covariance (y, y) of the tick's outputs; goes on to the next tick."""
+        if tick.before.shape[1]:
+            self._responses = np.concatenate([self._responses, tick.before], axis=1)
+            self._responses_of = np.concatenate([self._responses_of, tick.before_of])
+        found = self.look(tick.C, tick.D, tick.forcing)
+        self._transition = tick.A @ self._transition
+        self._responses = np.concatenate([tick.A @ self._responses, tick.B, tick.added], axis=1)
+        self._responses_of = np.concatenate([self._responses_of, self.noise_of, tick.added_of])
+        driven = np.any(tick.forcing != 0.0, axis=1)
+        self._forced = np.concatenate([tick.A @ self._forced, tick.B[:, driven]], axis=1)
+        self._forcing = np.concatenate([self._forcing, tick.forcing[driven]])
+        return found
+
+    def close(self) -> None:
+        """Ends the span."""
+        self.columns = self._transition @ self.columns + self._forced @ self._forcing
+        self.noise = self._transition @ self.noise @ self._transition.T
+        for source in np.unique(self._responses_of):
+            own = self._responses[:, self._responses_of == source]
+            self.noise[source] += own @ own.T
+        self._begin()

@@ -1,0 +1,108 @@
+"""The random numbers of a run: those of the start and those of every tick, drawn from the run's keys in one place.
+
+`init` and `tick` take such a record instead where somebody else chooses the numbers.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from rpojax.core import random
+from rpojax.core.pytree import pytree
+from rpojax.core.random import Stream
+from rpojax.sensors import statistical_camera
+from rpojax.simulation.scenario import Scenario
+
+_START = 0x7FFFFFFF
+"""Number of the draws before the first tick; ticks count from 0."""
+
+
+@pytree
+class StartNoise:
+    """Standard normal numbers that a run starts from.
+
+    Attributes:
+        biases: (6,) GPS error in N and gyro bias in B
+        box_edges: (4,) lasting errors of the statistical camera, None for other cameras
+        handover: (12,) errors of the first orbit estimate
+        star_tracker: (3,)
+        gyro: (3,)
+    """
+
+    biases: Array
+    box_edges: Array | None
+    handover: Array
+    star_tracker: Array
+    gyro: Array
+
+
+@pytree
+class TickNoise:
+    """Random numbers of one tick, standard normal but for the uniform ones.
+
+    Attributes:
+        gps: (3,)
+        star_tracker: (3,)
+        gyro: (substeps, 3)
+        box: (5,) of the camera; the geometric one takes four, one for each edge
+        chances: (7,) of the camera, uniform in [0, 1)
+        burn: (4,) execution error, zero unless a burn is decided
+        chamber_pressure: ()
+        biases: (6,) by which GPS error and gyro bias go on
+        box_edges: (4,) by which the statistical camera's lasting errors go on, None for other cameras
+    """
+
+    gps: Array
+    star_tracker: Array
+    gyro: Array
+    box: Array
+    chances: Array
+    burn: Array
+    chamber_pressure: Array
+    biases: Array
+    box_edges: Array | None
+
+
+def camera_key(keys: Array, tick: Array) -> Array:
+    """Random key of the exposure of one tick, from the (streams, 2) keys of a run."""
+    return random.fold_in(keys[Stream.BOX_CAMERA], tick)
+
+
+def draw_start(scenario: Scenario, keys: Array) -> StartNoise:
+    """Numbers of the start, from the (streams, 2) keys of a run."""
+    samples = random.normal(random.fold_in(keys[Stream.STAR_TRACKER], _START), 6)
+    lasting = scenario.camera_model == "statistical"
+    return StartNoise(
+        biases=random.normal(random.fold_in(keys[Stream.SENSOR_BIAS], _START), 6),
+        box_edges=random.normal(random.fold_in(keys[Stream.SENSOR_BIAS], _START - 1), 4) if lasting else None,
+        handover=random.normal(keys[Stream.HANDOVER], 12),
+        star_tracker=samples[:3],
+        gyro=samples[3:],
+    )
+
+
+def draw(scenario: Scenario, keys: Array, tick: Array) -> TickNoise:
+    """Numbers of one tick, from the (streams, 2) keys of a run."""
+
+    def key(stream: Stream) -> Array:
+        return random.fold_in(keys[stream], tick)
+
+    box_key = camera_key(keys, tick)
+    bias_key = random.fold_in(keys[Stream.SENSOR_BIAS], tick + 1)
+    lasting = scenario.camera_model == "statistical"
+    return TickNoise(
+        gps=random.normal(key(Stream.GPS), 3),
+        star_tracker=random.normal(random.fold_in(key(Stream.STAR_TRACKER), 1), 3),
+        gyro=random.normal(key(Stream.GYRO), 3 * scenario.substeps).reshape(scenario.substeps, 3),
+        box=random.normal(box_key, statistical_camera.NORMALS),
+        chances=random.uniform(random.fold_in(box_key, 1), statistical_camera.UNIFORMS),
+        # The tick is the same for all runs of a batch, so this is a true branch.
+        burn=jax.lax.cond(
+            tick % scenario.formation_ticks == 0,
+            lambda: random.normal(key(Stream.THRUSTER), 4),
+            lambda: jnp.zeros(4, dtype=jnp.float64),
+        ),
+        chamber_pressure=random.normal(key(Stream.CHAMBER_PRESSURE), 1)[0],
+        biases=random.normal(bias_key, 6),
+        box_edges=random.normal(random.fold_in(bias_key, 1), 4) if lasting else None,
+    )
