@@ -20,7 +20,15 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import FlagCreatePairsOff, arg
 
-from rpojax import calibration_verb, campaign_verbs, compare_verb, console, detector_verbs, field_verbs
+from rpojax import (
+    calibration_verb,
+    campaign_verbs,
+    compare_verb,
+    console,
+    detector_verbs,
+    field_verbs,
+    worst_case_verb,
+)
 from rpojax.errors import OutputError, RpojaxError, UnfinishedError
 from rpojax.machine import prepare_jax
 from rpojax.verb_parts import AsJson, Folder, NoCache, Overrides, Source, Status, abandon_worker, fly, load, print_json
@@ -44,6 +52,7 @@ status = app.command(campaign_verbs.status)
 rerun = app.command(campaign_verbs.rerun)
 compare = app.command(compare_verb.compare)
 report = app.command(campaign_verbs.report)
+worst = app.command(name="worst-case")(worst_case_verb.worst_case)
 
 
 @app.command

@@ -42,11 +42,12 @@ LEFT_TO_RIGHT = {
     "simulation": "units figures_of_merit forms sections schema dispersed dispersion_checks checks networks table_file "
     "scenario params camera closed_loop telemetry running_metrics metrics",
     "campaign": "files admission description manifests encoding reading creation store design sources dispersions "
-    "engine plan retention recording replaced flying executors cluster runner rerun",
+    "normal_space engine plan retention recording replaced flying executors cluster runner rerun",
     "analysis": "chance laws order_statistics proportions precision consistency dependence sensitivity requirements "
-    "comparison convergence derivatives linear_covariance worst_case tuning camera_calibration lasting_errors",
+    "comparison convergence derivatives design_point linear_covariance worst_case tuning camera_calibration "
+    "lasting_errors",
     "top": "machine console outputs verb_parts plan_verb compare_verb campaign_verbs field_verbs detector_verbs "
-    "calibration_verb cli __main__",
+    "calibration_verb worst_case_verb cli __main__",
 }
 """Order inside a folder, for the modules whose order is fixed; the rest need only have one."""
 

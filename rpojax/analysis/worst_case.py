@@ -1,0 +1,320 @@
+"""The most likely combination of dispersions that breaks a requirement, found by derivatives and then really flown.
+
+Everything that is not a dispersion made from normal numbers (sensor noise, hand-over errors, choices) stays what a
+run's own random key gives: a search is on one run of a campaign, and several runs are tried.
+"""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.special import ndtr
+
+from rpojax.analysis import derivatives, design_point
+from rpojax.analysis.derivatives import Flights
+from rpojax.analysis.design_point import Effort, Found, Point
+from rpojax.campaign import normal_space, runner
+from rpojax.campaign.normal_space import NormalSpace
+from rpojax.errors import RpojaxError
+from rpojax.simulation import dispersed, running_metrics
+from rpojax.simulation.figures_of_merit import UNITS
+from rpojax.simulation.schema import ScenarioFile
+
+_ROUNDING = 1e-5
+"""Share of the limit by which it must be broken: records are in single precision."""
+_MOST_STARTS = 64
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A limit of a metric.
+
+    Attributes:
+        metric: name of a metric that has a derivative
+        bound: on which side of the limit it must stay
+        limit: in the metric's unit
+    """
+
+    metric: str
+    bound: Literal["at most", "at least"]
+    limit: float
+
+    def margins(self, values: np.ndarray) -> np.ndarray:
+        """From values to where the limit is broken by more than rounding; positive inside."""
+        room = self.limit - values if self.bound == "at most" else values - self.limit
+        return room + _ROUNDING * abs(self.limit)
+
+    def value(self, margin: float) -> float:
+        """Value with a margin."""
+        room = margin - _ROUNDING * abs(self.limit)
+        return self.limit - room if self.bound == "at most" else self.limit + room
+
+    def broken(self, value: float) -> bool:
+        """Whether a value is beyond the limit."""
+        return value > self.limit if self.bound == "at most" else value < self.limit
+
+
+@dataclass(frozen=True)
+class Costs:
+    """What a flight and a gradient take, each for one run of a whole batch [s], and how many runs that is."""
+
+    batch: int
+    flight_s: float
+    gradient_s: float
+
+    @property
+    def gradient_flights(self) -> int:
+        """What a gradient costs in flights, rounded up so that the noise of a clock rarely shows."""
+        return max(1, math.ceil(self.gradient_s / self.flight_s))
+
+
+class FlownLimit:
+    """A bound as a function of the numbers behind a run's dispersions; lanes are runs of a campaign's seed."""
+
+    def __init__(self, flights: Flights, bound: Bound, costs: Costs, seed: int) -> None:
+        self._flights, self._bound, self._costs, self._seed = flights, bound, costs, seed
+        self._column = flights.names.index(bound.metric)
+
+    @property
+    def gradient_cost(self) -> float:
+        """In flights."""
+        return float(self._costs.gradient_flights)
+
+    @property
+    def batch(self) -> int:
+        """Runs that fly together."""
+        return self._flights.capacity
+
+    def margins(self, points: np.ndarray, lanes: np.ndarray) -> np.ndarray:
+        """Margins (n,) of numbers (n, k) in runs (n,); minus infinity for runs that fail."""
+        found = self._flights.values(points, derivatives.run_keys(self._seed, lanes))
+        return self._margins(found)
+
+    def gradients(self, points: np.ndarray, lanes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Margins (n,) and their gradients (n, k)."""
+        weights = np.zeros((len(points), len(self._flights.names)))
+        weights[:, self._column] = -1.0 if self._bound.bound == "at most" else 1.0
+        found = self._flights.reverse(points, derivatives.run_keys(self._seed, lanes), weights)
+        assert found.gradient is not None
+        return self._margins(found), found.gradient
+
+    def _margins(self, found: derivatives.Found) -> np.ndarray:
+        values = found.figures[:, self._column]
+        return np.where(found.failed | ~np.isfinite(values), -np.inf, self._bound.margins(values))
+
+
+@dataclass(frozen=True)
+class Worst:
+    """The most likely violation that was found, or how close the search came.
+
+    Attributes:
+        bound: that was to be broken
+        space: the numbers behind the dispersions
+        seed: of the campaign
+        found: by the search, in those numbers
+        costs: of flights and gradients
+        compile_s: [s]
+        values: of the dispersed keys in the user's units at the nearest violation, else at the closest point
+    """
+
+    bound: Bound
+    space: NormalSpace
+    seed: int
+    found: Found
+    costs: Costs
+    compile_s: float
+    values: dict[str, Any]
+
+    @property
+    def shown(self) -> Point:
+        """The nearest violation, or the closest point where there is none."""
+        return self.found.nearest or self.found.closest
+
+    @property
+    def probability(self) -> float | None:
+        """First-order probability of a violation in runs with this run's noise; None without a violation."""
+        return None if self.found.nearest is None else float(ndtr(-self.found.nearest.distance))
+
+    @property
+    def flyable(self) -> ScenarioFile:
+        """The scenario with the dispersions of the point that is shown as choices of one value."""
+        return normal_space.pinned(self.space, self.values)
+
+
+def bound_of(file: ScenarioFile, requirement: str | None, metric: str | None, limit: float | None, bound: str) -> Bound:
+    """The bound that the words of a command line name: a requirement of the scenario, or a metric with its limit.
+
+    Raises:
+        RpojaxError: naming the option.
+    """
+    if (requirement is None) == (metric is None):
+        found = "neither" if metric is None else "both"
+        raise RpojaxError(f"--requirement, --metric: found {found}, expected one of the two")
+    if requirement is not None:
+        if limit is not None:
+            raise RpojaxError(f"--limit: found {limit}, expected it with --metric only")
+        known = [each.metric for each in file.requirements]
+        chosen = [each for each in file.requirements if each.metric == requirement]
+        if not chosen:
+            expected = ", ".join(known) or "a scenario that has requirements"
+            raise RpojaxError(f"--requirement: found {requirement!r}, expected one of the scenario's: {expected}")
+        check_metric("--requirement", requirement)
+        return Bound(requirement, chosen[0].bound, chosen[0].limit)
+    assert metric is not None
+    check_metric("--metric", metric)
+    if limit is None or not math.isfinite(limit):
+        raise RpojaxError(f"--limit: found {limit}, expected a number, with --metric")
+    if bound not in ("at most", "at least"):
+        raise RpojaxError(f"--bound: found {bound!r}, expected 'at most' or 'at least'")
+    return Bound(metric, "at most" if bound == "at most" else "at least", limit)
+
+
+def check_metric(option: str, name: str) -> None:
+    """Refuses metrics that have no derivative.
+
+    Raises:
+        RpojaxError: naming the option.
+    """
+    known = [each for each in UNITS if each in running_metrics.FIGURES]
+    if name not in known:
+        what = "a metric with a derivative" if name in UNITS else "a metric"
+        raise RpojaxError(f"{option}: found {name!r}, expected {what}: {', '.join(known)}")
+
+
+def check_effort(effort: Effort) -> None:
+    """Refuses efforts that find nothing.
+
+    Raises:
+        RpojaxError: naming the option.
+    """
+    if not 1 <= effort.starts <= _MOST_STARTS:
+        raise RpojaxError(f"--starts: found {effort.starts}, expected 1 to {_MOST_STARTS}")
+    if not effort.budget >= effort.screened:
+        raise RpojaxError(f"--budget: found {effort.budget:g}, expected at least the {effort.screened} first flights")
+
+
+def flights_of(space: NormalSpace, metrics: Sequence[str], starts: int) -> Flights:
+    """Flights of a scenario as a function of the numbers behind its dispersions, for so many starts at a time."""
+    return Flights(space.file, space.values, space.count, metrics, runs=starts)
+
+
+def measure(flights: Flights, repeats: int = 2) -> Costs:
+    """Times a whole batch of flights and of gradients, both compiled; the fastest of `repeats` counts."""
+    runs = flights.capacity
+    numbers, keys = np.zeros((runs, flights.count)), derivatives.run_keys(0, np.arange(runs))
+    weights = np.ones((runs, len(flights.names)))
+
+    def fastest(fly: Callable[[], Any]) -> float:
+        fly()
+        times = []
+        for _ in range(repeats):
+            begin = time.perf_counter()
+            fly()
+            times.append(time.perf_counter() - begin)
+        return min(times) / runs
+
+    flight_s = fastest(lambda: flights.values(numbers, keys))
+    return Costs(runs, flight_s, fastest(lambda: flights.reverse(numbers, keys, weights)))
+
+
+def search(
+    space: NormalSpace,
+    bound: Bound,
+    effort: Effort,
+    seed: int,
+    flights: Flights | None = None,
+    costs: Costs | None = None,
+) -> Worst:
+    """The most likely violation of a bound in runs of a seed; `flights` and their `costs` may be used again.
+
+    Raises:
+        RpojaxError: the effort can find nothing.
+    """
+    check_effort(effort)
+    flown = flights or flights_of(space, (bound.metric,), effort.starts)
+    measured = costs or measure(flown)
+    found = design_point.search(FlownLimit(flown, bound, measured, seed), space.count, effort, seed)
+    shown = found.nearest or found.closest
+    key = derivatives.run_keys(seed, np.array([shown.lane]))[0]
+    values = jax.jit(space.values)(jnp.asarray(shown.numbers), jnp.asarray(key))
+    plain = {name: np.asarray(value) for name, value in values.items()}
+    return Worst(bound, space, seed, found, measured, flown.compile_s, plain)
+
+
+def fly(worst: Worst, directory: Path, force: bool = False) -> float:
+    """Flies the point that is shown as `rpojax run` does, into a campaign folder; the metric that it has there.
+
+    Raises:
+        RpojaxError: the folder cannot be used.
+    """
+    flown = runner.run_campaign(
+        worst.flyable, 1, directory, worst.seed, first_run=worst.shown.lane, block_size=1, force=force
+    )
+    return float(flown.metrics[worst.bound.metric][0]) if flown.completed.all() else math.nan
+
+
+def content(worst: Worst, flown: float) -> dict[str, Any]:
+    """What worst_case.json says; `flown` is the metric of the flight that checks it, not a number for a failed run."""
+    found, bound, shown = worst.found, worst.bound, worst.shown
+    broken = not math.isfinite(flown) or bound.broken(flown)
+    return {
+        "scenario": worst.space.file.name,
+        "metric": bound.metric,
+        "unit": UNITS[bound.metric],
+        "bound": bound.bound,
+        "limit": bound.limit,
+        "seed": worst.seed,
+        "run_id": shown.lane,
+        "found": found.nearest is not None,
+        "distance_sigmas": shown.distance,
+        "probability_first_order": worst.probability,
+        "alignment": found.alignment,
+        "value": bound.value(shown.margin),
+        "value_flown": flown,
+        "confirmed": found.nearest is not None and broken,
+        "dispersions": dispersions_of(worst),
+        "held": list(worst.space.held),
+        "cost": _cost(worst),
+    }
+
+
+def dispersions_of(worst: Worst) -> list[dict[str, Any]]:
+    """Moved dispersions with their values and sigmas, the farthest from their median first."""
+    space, numbers = worst.space, worst.shown.numbers
+    entries = []
+    for entry in space.moved:
+        name = dispersed.name(entry)
+        rows = space.slices[name]
+        keys = list(dict.fromkeys(place.key for place in dispersed.written(entry)))
+        entries.append(
+            {
+                "name": name,
+                "kind": entry.kind,
+                "distance_sigmas": float(np.linalg.norm(numbers[rows])),
+                "sigmas": dict(zip(space.labels[rows], numbers[rows].tolist(), strict=True)),
+                "values": {key: worst.values[key].tolist() for key in keys},
+                "nominal": {key: dispersed.nominal(space.file, dispersed.place(key)) for key in keys},
+            }
+        )
+    return sorted(entries, key=lambda each: -each["distance_sigmas"])
+
+
+def _cost(worst: Worst) -> dict[str, Any]:
+    found, costs = worst.found, worst.costs
+    return {
+        "run_equivalents": found.spent,
+        "run_equivalents_to_first_violation": None if found.first is None else found.first.spent,
+        "flights": found.margins,
+        "gradients": found.gradients,
+        "batch": costs.batch,
+        "flight_s": costs.flight_s,
+        "gradient_s": costs.gradient_s,
+        "gradient_flights": costs.gradient_flights,
+        "compile_s": worst.compile_s,
+    }
