@@ -27,6 +27,7 @@ from rpojax import (
     console,
     detector_verbs,
     field_verbs,
+    sensitivity_verb,
     worst_case_verb,
 )
 from rpojax.errors import OutputError, RpojaxError, UnfinishedError
@@ -52,6 +53,7 @@ status = app.command(campaign_verbs.status)
 rerun = app.command(campaign_verbs.rerun)
 compare = app.command(compare_verb.compare)
 report = app.command(campaign_verbs.report)
+sensitivity = app.command(sensitivity_verb.sensitivity)
 worst = app.command(name="worst-case")(worst_case_verb.worst_case)
 
 

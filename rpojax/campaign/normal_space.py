@@ -45,6 +45,25 @@ class NormalSpace:
         names = [name for entry in self.moved for name in _labels(self.file, entry)]
         return tuple(names[index] for index in self._active)
 
+    @cached_property
+    def groups(self) -> tuple[str, ...]:
+        """For each number the input that it belongs to: its own label, or a dispersion that cannot be taken apart."""
+        found = []
+        for entry in self.moved:
+            name, rows = dispersed.name(entry), self.slices[dispersed.name(entry)]
+            found += [name if _is_whole(entry) else label for label in self.labels[rows]]
+        return tuple(found)
+
+    def group_of(self, column: str) -> str | None:
+        """Input that a dispersed number such as `target.tumble_axis[2]` belongs to; None for numbers that are held."""
+        if column in self.groups:
+            return column
+        key = dispersed.place(column).key
+        for entry in self.moved:
+            if _is_whole(entry) and any(where.key == key for where in dispersed.written(entry)):
+                return dispersed.name(entry)
+        return None
+
     @property
     def count(self) -> int:
         """How many numbers there are."""
@@ -115,6 +134,11 @@ def _choice(where: dispersed.Place, values: Mapping[str, Any]) -> schema.Choice:
     text = where.key if where.index is None else f"{where.key}[{where.index}]"
     chosen = value if where.index is None else value[where.index]
     return schema.Choice(key=text, kind="choice", values=[chosen.tolist()])
+
+
+def _is_whole(entry: Dispersion) -> bool:
+    """Whether the numbers of a dispersion are not those of its components."""
+    return isinstance(entry, schema.CorrelatedNormal | schema.SmallRotation) or entry.kind in _AXES
 
 
 def _continuous(file: ScenarioFile, entry: Dispersion) -> bool:
