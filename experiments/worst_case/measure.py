@@ -11,10 +11,7 @@ import os
 from pathlib import Path
 
 os.environ.setdefault("XLA_FLAGS", "--xla_force_host_platform_device_count=1")
-
-from rpojax.machine import prepare_jax
-
-prepare_jax(cache=True)
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path.home() / ".cache" / "rpojax" / "jax"))
 
 import numpy as np
 
@@ -28,7 +25,7 @@ from rpojax.campaign.normal_space import NormalSpace
 from rpojax.campaign.store import Campaign
 from rpojax.simulation.figures_of_merit import LOW_IS_BAD, UNITS
 
-METRICS = ("delta_v_m_s", "nav_relative_position_error_rms_m", "min_range_m", "wheel_speed_peak_fraction")
+METRICS = ("nav_relative_position_error_rms_m", "formation_error_rms_m", "min_range_m", "delta_v_m_s")
 SETTINGS = ["duration_s=2000.0"]
 RUNS, SEED, RATE = 4096, 4242, 1e-3
 
