@@ -110,7 +110,9 @@ def metrics_of(file: ScenarioFile, asked: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def analyse(space: NormalSpace, metrics: Sequence[str], runs: int, seed: int) -> tuple[Sensitivity, ...]:
+def analyse(
+    space: NormalSpace, metrics: Sequence[str], runs: int, seed: int, flights: Flights | None = None
+) -> tuple[Sensitivity, ...]:
     """Sensitivities of metrics over `runs` runs with random dispersions, and over the median run.
 
     Raises:
@@ -118,10 +120,10 @@ def analyse(space: NormalSpace, metrics: Sequence[str], runs: int, seed: int) ->
     """
     if runs < FEWEST_RUNS:
         raise RpojaxError(f"--runs: found {runs}, expected at least {FEWEST_RUNS}")
-    flights = Flights(space.file, space.values, space.count, metrics, runs=runs + 1)
+    flown = flights or Flights(space.file, space.values, space.count, metrics, runs=runs + 1)
     drawn = np.random.default_rng([seed, 0xD15]).normal(size=(runs, space.count))
     numbers = np.concatenate([np.zeros((1, space.count)), drawn])
-    found = flights.forward(numbers, derivatives.run_keys(seed, np.arange(runs + 1)))
+    found = flown.forward(numbers, derivatives.run_keys(seed, np.arange(runs + 1)))
     assert found.jacobian is not None
     whole = ~found.failed & np.isfinite(found.jacobian).all(axis=(1, 2))
     rows = np.flatnonzero(whole[1:]) + 1
