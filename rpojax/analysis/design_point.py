@@ -6,7 +6,7 @@ Comput. Struct. 9, 1978). Derivatives of flights mislead where an event is close
 are tried, what was met beyond the limit is never lost, and several searches start where random points come closest.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -18,7 +18,6 @@ _WIDENING = 1.25
 _SMALLEST_PACE = 0.25
 _WORTH_A_STEP = 0.01
 """Share of the distance, or of the margin, that a step must gain; else the next one is shorter."""
-_FANS = {"outside": 4, "beyond": 8}
 
 
 @runtime_checkable
@@ -137,7 +136,7 @@ class _Book:
         self._limit = limit
         self._first: Point | None = None
         self._closest: Point | None = None
-        self._alignment: float | None = None
+        self._slope: np.ndarray | None = None
         self._spent = 0.0
         self._margins = 0
         self._gradients = 0
@@ -156,16 +155,21 @@ class _Book:
         self._pay(len(points), self._limit.gradient_cost)
         _, found = self._limit.gradients(points, lanes)
         self._gradients += len(points)
+        for point, lane, gradient in zip(points, lanes, found, strict=True):
+            if self.nearest is not None and lane == self.nearest.lane and np.array_equal(point, self.nearest.numbers):
+                self._slope = gradient
         return found
 
     def align(self) -> None:
-        """Looks at the derivative at the nearest point."""
-        if self.nearest is None or self.nearest.distance == 0.0:
-            return
-        [gradient] = self.gradients(self.nearest.numbers[None], np.array([self.nearest.lane]))
-        size = float(np.linalg.norm(gradient)) * self.nearest.distance
-        if np.isfinite(size) and size > 0.0:
-            self._alignment = float(-gradient @ self.nearest.numbers / size)
+        """Works out the derivative at the nearest point, if it is not known."""
+        if self.nearest is not None and self._slope is None and self.nearest.distance > 0.0:
+            self.gradients(self.nearest.numbers[None], np.array([self.nearest.lane]))
+
+    def _alignment(self) -> float | None:
+        if self.nearest is None or self._slope is None:
+            return None
+        size = float(np.linalg.norm(self._slope)) * self.nearest.distance
+        return float(-self._slope @ self.nearest.numbers / size) if np.isfinite(size) and size > 0.0 else None
 
     def found(self) -> Found:
         """All in all."""
@@ -174,7 +178,7 @@ class _Book:
             nearest=self.nearest,
             first=self._first,
             closest=self._closest,
-            alignment=self._alignment,
+            alignment=self._alignment(),
             spent=self._spent,
             margins=self._margins,
             gradients=self._gradients,
@@ -193,7 +197,7 @@ class _Book:
         if point.margin <= 0.0:
             self._first = self._first or point
             if self.nearest is None or point.distance < self.nearest.distance:
-                self.nearest = point
+                self.nearest, self._slope = point, None
 
 
 @dataclass(frozen=True)
@@ -203,6 +207,7 @@ class _Front:
     lane: int
     numbers: np.ndarray
     margin: float
+    gradient: np.ndarray | None = None
     pace: float = 1.0
 
 
@@ -220,8 +225,8 @@ def _screen(book: _Book, rng: np.random.Generator, count: int, number: int) -> l
 
 def _advance(book: _Book, fronts: list[_Front]) -> list[_Front]:
     """Every front one step on; those that gain nothing any more are left out."""
-    gradients = book.gradients(np.stack([front.numbers for front in fronts]), np.array([one.lane for one in fronts]))
-    fans = [_fan(front, gradient, book.effort.reach) for front, gradient in zip(fronts, gradients, strict=True)]
+    fronts = _with_gradients(book, fronts)
+    fans = [_fan(front, book.effort.reach) for front in fronts]
     points = np.concatenate(fans)
     lanes = np.repeat([front.lane for front in fronts], [len(fan) for fan in fans])
     margins = np.split(book.margins(points, lanes), np.cumsum([len(fan) for fan in fans])[:-1])
@@ -229,9 +234,19 @@ def _advance(book: _Book, fronts: list[_Front]) -> list[_Front]:
     return [front for front in moved if front is not None]
 
 
-def _fan(front: _Front, gradient: np.ndarray, reach: float) -> np.ndarray:
-    """Points (n, k) to try next."""
-    z, size = front.numbers, float(np.linalg.norm(gradient))
+def _with_gradients(book: _Book, fronts: list[_Front]) -> list[_Front]:
+    """Fronts with their gradients; one that did not move has its own still."""
+    moved = [front for front in fronts if front.gradient is None]
+    if not moved:
+        return fronts
+    found = iter(book.gradients(np.stack([one.numbers for one in moved]), np.array([one.lane for one in moved])))
+    return [replace(front, gradient=next(found)) if front.gradient is None else front for front in fronts]
+
+
+def _fan(front: _Front, reach: float) -> np.ndarray:
+    """Points (n, k) to try next, from a front with its gradient."""
+    assert front.gradient is not None
+    z, gradient, size = front.numbers, front.gradient, float(np.linalg.norm(front.gradient))
     told = np.isfinite(size) and size > 0.0 and np.isfinite(front.margin)
     if front.margin <= 0.0:
         shorter = [(1.0 - front.pace * share) * z for share in (0.05, 0.15, 0.3, 0.5)]
@@ -244,8 +259,9 @@ def _fan(front: _Front, gradient: np.ndarray, reach: float) -> np.ndarray:
         return np.stack([_within(-z, reach), *(_within(factor * z, reach) for factor in (0.8, 1.1, 1.25))])
     down = -gradient / size
     foot = np.clip((front.margin - gradient @ z) / size, 0.0, reach) * down
-    straight = 1.3 * front.pace * min(front.margin / size, reach) * down
-    tried = [z + straight, z + 0.5 * front.pace * (foot - z), z + front.pace * (foot - z), 1.2 * foot]
+    straight = front.pace * min(front.margin / size, reach) * down
+    on_the_way = [z + front.pace * share * (foot - z) for share in (0.5, 1.0)]
+    tried = [z + 1.3 * straight, z + 2.5 * straight, *on_the_way, 1.2 * foot]
     return np.stack([_within(point, reach) for point in tried])
 
 
@@ -255,7 +271,7 @@ def _best(front: _Front, fan: np.ndarray, margins: np.ndarray) -> _Front | None:
     beyond = margins <= 0.0
     distances = np.linalg.norm(fan, axis=1)
     row = int(np.argmin(np.where(beyond, distances, np.inf)) if beyond.any() else np.argmin(margins))
-    there = _Front(front.lane, fan[row], float(margins[row]), front.pace)
+    there = _Front(front.lane, fan[row], float(margins[row]), pace=front.pace)
     if front.margin <= 0.0:
         gained = beyond.any() and distances[row] < (1.0 - _WORTH_A_STEP) * np.linalg.norm(front.numbers)
     else:
@@ -264,7 +280,7 @@ def _best(front: _Front, fan: np.ndarray, margins: np.ndarray) -> _Front | None:
         return there
     if front.pace / 2.0 < _SMALLEST_PACE:
         return None
-    return _Front(front.lane, front.numbers, front.margin, front.pace / 2.0)
+    return replace(front, pace=front.pace / 2.0)
 
 
 def _within(points: np.ndarray, reach: float) -> np.ndarray:
