@@ -40,13 +40,14 @@ def worst_case(
     file = load(scenario, overrides)
     _claim(out, force)
     prepare_jax(cache=not no_cache)
+    from rpojax.analysis import metric_bound, worst_case_record
     from rpojax.analysis import worst_case as analysis
-    from rpojax.analysis.design_point import Effort
+    from rpojax.analysis.limit_trials import Effort
     from rpojax.campaign import normal_space
     from rpojax.report.files import write_atomically
     from rpojax.report.values import plain
 
-    chosen = analysis.bound_of(file, requirement, metric, limit, bound)
+    chosen = metric_bound.bound_of(file, requirement, metric, limit, bound)
     space = normal_space.make(file)
     effort = Effort(starts=starts, screened=max(16, starts), budget=budget)
     analysis.check_effort(effort)
@@ -54,7 +55,7 @@ def worst_case(
         worst = analysis.search(space, chosen, effort, seed)
     with busy("flying what was found", quiet=as_json):
         flown = analysis.fly(worst, out / _FLIGHT, force)
-    content = plain(analysis.content(worst, flown))
+    content = plain(worst_case_record.content(worst, flown))
     write_atomically(out / _SCENARIO, _scenario_text(worst, content).encode())
     write_atomically(out / _RECORD, json.dumps(content, indent=2, allow_nan=False).encode() + b"\n")
     if as_json:

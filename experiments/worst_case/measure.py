@@ -18,8 +18,9 @@ import numpy as np
 import rpojax
 from rpojax.analysis import worst_case
 from rpojax.analysis.derivatives import Flights
-from rpojax.analysis.design_point import Effort
-from rpojax.analysis.worst_case import Bound, Costs, Worst
+from rpojax.analysis.limit_trials import Effort
+from rpojax.analysis.metric_bound import Bound
+from rpojax.analysis.worst_case import Costs, Worst
 from rpojax.campaign import normal_space
 from rpojax.campaign.normal_space import NormalSpace
 from rpojax.campaign.store import Campaign

@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import spearmanr
 
 from rpojax.analysis import derivatives
+from rpojax.analysis.dependence import rank_correlation
 from rpojax.analysis.derivatives import Flights
 from rpojax.analysis.sensitivity import Ranking, rank_inputs
 from rpojax.campaign.normal_space import NormalSpace
@@ -173,15 +173,14 @@ def compare(
     strengths = _strengths(space, ranking)
     common = [share for share in found.shares if share.name in strengths]
     by_sample = sorted(strengths, key=lambda name: -strengths[name])[:LEADING]
-    orders = [share.sigma for share in common], [strengths[share.name] for share in common]
-    told = len(common) > 2 and all(np.ptp(order) > 0.0 for order in orders)
+    orders = np.array([[share.sigma, strengths[share.name]] for share in common]).reshape(-1, 2).T
     defined = values[np.isfinite(values)]
     return Agreement(
         runs=len(defined),
         std=float(np.std(defined, ddof=1)),
         leading=tuple(by_sample),
         both=tuple(name for name in found.leading if name in by_sample),
-        rank_correlation=float(spearmanr(*orders).statistic) if told else None,
+        rank_correlation=rank_correlation(orders[0], orders[1]),
         strengths=strengths,
     )
 

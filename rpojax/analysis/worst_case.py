@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -18,46 +18,14 @@ from scipy.special import ndtr
 
 from rpojax.analysis import derivatives, design_point
 from rpojax.analysis.derivatives import Flights
-from rpojax.analysis.design_point import Effort, Found, Point
+from rpojax.analysis.limit_trials import Effort, Found, Point
+from rpojax.analysis.metric_bound import Bound
 from rpojax.campaign import normal_space, runner
 from rpojax.campaign.normal_space import NormalSpace
 from rpojax.errors import RpojaxError
-from rpojax.simulation import dispersed, running_metrics
-from rpojax.simulation.figures_of_merit import UNITS
 from rpojax.simulation.schema import ScenarioFile
 
-_ROUNDING = 1e-5
-"""Share of the limit by which it must be broken: records are in single precision."""
 _MOST_STARTS = 64
-
-
-@dataclass(frozen=True)
-class Bound:
-    """A limit of a metric.
-
-    Attributes:
-        metric: name of a metric that has a derivative
-        bound: on which side of the limit it must stay
-        limit: in the metric's unit
-    """
-
-    metric: str
-    bound: Literal["at most", "at least"]
-    limit: float
-
-    def margins(self, values: np.ndarray) -> np.ndarray:
-        """From values to where the limit is broken by more than rounding; positive inside."""
-        room = self.limit - values if self.bound == "at most" else values - self.limit
-        return room + _ROUNDING * abs(self.limit)
-
-    def value(self, margin: float) -> float:
-        """Value with a margin."""
-        room = margin - _ROUNDING * abs(self.limit)
-        return self.limit - room if self.bound == "at most" else self.limit + room
-
-    def broken(self, value: float) -> bool:
-        """Whether a value is beyond the limit."""
-        return value > self.limit if self.bound == "at most" else value < self.limit
 
 
 @dataclass(frozen=True)
@@ -147,46 +115,6 @@ class Worst:
         return normal_space.pinned(self.space, self.values)
 
 
-def bound_of(file: ScenarioFile, requirement: str | None, metric: str | None, limit: float | None, bound: str) -> Bound:
-    """The bound that the words of a command line name: a requirement of the scenario, or a metric with its limit.
-
-    Raises:
-        RpojaxError: naming the option.
-    """
-    if (requirement is None) == (metric is None):
-        found = "neither" if metric is None else "both"
-        raise RpojaxError(f"--requirement, --metric: found {found}, expected one of the two")
-    if requirement is not None:
-        if limit is not None:
-            raise RpojaxError(f"--limit: found {limit}, expected it with --metric only")
-        known = [each.metric for each in file.requirements]
-        chosen = [each for each in file.requirements if each.metric == requirement]
-        if not chosen:
-            expected = ", ".join(known) or "a scenario that has requirements"
-            raise RpojaxError(f"--requirement: found {requirement!r}, expected one of the scenario's: {expected}")
-        check_metric("--requirement", requirement)
-        return Bound(requirement, chosen[0].bound, chosen[0].limit)
-    assert metric is not None
-    check_metric("--metric", metric)
-    if limit is None or not math.isfinite(limit):
-        raise RpojaxError(f"--limit: found {limit}, expected a number, with --metric")
-    if bound not in ("at most", "at least"):
-        raise RpojaxError(f"--bound: found {bound!r}, expected 'at most' or 'at least'")
-    return Bound(metric, "at most" if bound == "at most" else "at least", limit)
-
-
-def check_metric(option: str, name: str) -> None:
-    """Refuses metrics that have no derivative.
-
-    Raises:
-        RpojaxError: naming the option.
-    """
-    known = [each for each in UNITS if each in running_metrics.FIGURES]
-    if name not in known:
-        what = "a metric with a derivative" if name in UNITS else "a metric"
-        raise RpojaxError(f"{option}: found {name!r}, expected {what}: {', '.join(known)}")
-
-
 def check_effort(effort: Effort) -> None:
     """Refuses efforts that find nothing.
 
@@ -261,64 +189,3 @@ def fly(worst: Worst, directory: Path, force: bool = False) -> float:
         worst.flyable, 1, directory, worst.seed, first_run=worst.shown.lane, block_size=1, force=force
     )
     return float(flown.metrics[worst.bound.metric][0]) if flown.completed.all() else math.nan
-
-
-def content(worst: Worst, flown: float) -> dict[str, Any]:
-    """What worst_case.json says; `flown` is the metric of the flight that checks it, not a number for a failed run."""
-    found, bound, shown = worst.found, worst.bound, worst.shown
-    broken = not math.isfinite(flown) or bound.broken(flown)
-    return {
-        "scenario": worst.space.file.name,
-        "metric": bound.metric,
-        "unit": UNITS[bound.metric],
-        "bound": bound.bound,
-        "limit": bound.limit,
-        "seed": worst.seed,
-        "run_id": shown.lane,
-        "found": found.nearest is not None,
-        "distance_sigmas": shown.distance,
-        "probability_first_order": worst.probability,
-        "alignment": found.alignment,
-        "value": bound.value(shown.margin),
-        "value_flown": flown,
-        "confirmed": found.nearest is not None and broken,
-        "dispersions": dispersions_of(worst),
-        "held": list(worst.space.held),
-        "cost": _cost(worst),
-    }
-
-
-def dispersions_of(worst: Worst) -> list[dict[str, Any]]:
-    """Moved dispersions with their values and sigmas, the farthest from their median first."""
-    space, numbers = worst.space, worst.shown.numbers
-    entries = []
-    for entry in space.moved:
-        name = dispersed.name(entry)
-        rows = space.slices[name]
-        keys = list(dict.fromkeys(place.key for place in dispersed.written(entry)))
-        entries.append(
-            {
-                "name": name,
-                "kind": entry.kind,
-                "distance_sigmas": float(np.linalg.norm(numbers[rows])),
-                "sigmas": dict(zip(space.labels[rows], numbers[rows].tolist(), strict=True)),
-                "values": {key: worst.values[key].tolist() for key in keys},
-                "nominal": {key: dispersed.nominal(space.file, dispersed.place(key)) for key in keys},
-            }
-        )
-    return sorted(entries, key=lambda each: -each["distance_sigmas"])
-
-
-def _cost(worst: Worst) -> dict[str, Any]:
-    found, costs = worst.found, worst.costs
-    return {
-        "run_equivalents": found.spent,
-        "run_equivalents_to_first_violation": None if found.first is None else found.first.spent,
-        "flights": found.margins,
-        "gradients": found.gradients,
-        "batch": costs.batch,
-        "flight_s": costs.flight_s,
-        "gradient_s": costs.gradient_s,
-        "gradient_flights": costs.gradient_flights,
-        "compile_s": worst.compile_s,
-    }

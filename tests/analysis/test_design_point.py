@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rpojax.analysis import design_point
-from rpojax.analysis.design_point import Effort
+from rpojax.analysis.limit_trials import Effort
 
 COUNT = 26
 AXIS = np.arange(1.0, COUNT + 1.0) / np.linalg.norm(np.arange(1.0, COUNT + 1.0))
@@ -36,7 +36,7 @@ class Known:
 
 
 def plane(distance: float) -> Known:
-    return Known(lambda z: 2.0 * (distance - AXIS @ z), lambda z: -2.0 * AXIS)
+    return Known(lambda z: float(2.0 * (distance - AXIS @ z)), lambda z: -2.0 * AXIS)
 
 
 def bowl(distance: float, curvature: float) -> Known:
@@ -97,7 +97,7 @@ def test_lost_runs_and_missing_derivatives_do_not_end_the_search() -> None:
     def slope(z: np.ndarray) -> np.ndarray:
         return np.full(COUNT, np.nan) if next(calls) % 3 == 1 else -AXIS
 
-    lost = Known(lambda z: 3.0 - AXIS @ z if AXIS @ z < 3.0 else -np.inf, slope)
+    lost = Known(lambda z: float(3.0 - AXIS @ z) if AXIS @ z < 3.0 else -np.inf, slope)
     found = design_point.search(lost, COUNT, AMPLE, 0)
     assert found.nearest is not None
     assert found.nearest.margin == -np.inf

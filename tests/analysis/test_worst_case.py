@@ -10,10 +10,11 @@ import pytest
 
 import rpojax
 from rpojax import cli
-from rpojax.analysis import derivatives, worst_case
+from rpojax.analysis import derivatives, metric_bound, worst_case, worst_case_record
 from rpojax.analysis.derivatives import Flights
-from rpojax.analysis.design_point import Effort
-from rpojax.analysis.worst_case import Bound, Costs, FlownLimit, Worst
+from rpojax.analysis.limit_trials import Effort
+from rpojax.analysis.metric_bound import Bound
+from rpojax.analysis.worst_case import Costs, FlownLimit, Worst
 from rpojax.campaign import dispersions, normal_space, single
 from rpojax.errors import RpojaxError
 from rpojax.report.values import plain
@@ -67,7 +68,7 @@ def test_the_nearest_violation_is_found_on_either_side(
     worst = searched(mission, bound)
     assert worst.found.nearest is not None
     assert worst.shown.distance == pytest.approx(distance, rel=0.02)
-    content = plain(worst_case.content(worst, flown=bound.value(worst.shown.margin)))
+    content = plain(worst_case_record.content(worst, flown=bound.value(worst.shown.margin)))
     assert bound.broken(content["value"])
     assert content["value"] == pytest.approx(beyond, rel=0.02)
     assert content["confirmed"]
@@ -100,14 +101,14 @@ def test_a_lost_run_is_a_violation(mission: ScenarioFile) -> None:
     worst = searched(mission, Bound("delta_v_m_s", "at most", 21.0))
     assert worst.shown.margin == -math.inf
     assert worst.shown.distance == pytest.approx(5.0, rel=0.06)
-    content = plain(worst_case.content(worst, flown=math.nan))
+    content = plain(worst_case_record.content(worst, flown=math.nan))
     assert content["confirmed"]
     assert (content["value"], content["value_flown"]) == (None, None)
 
 
 def test_a_limit_out_of_reach_is_said_to_be(mission: ScenarioFile) -> None:
     worst = searched(mission, Bound("min_range_m", "at least", 9.0))
-    content = plain(worst_case.content(worst, flown=12.0))
+    content = plain(worst_case_record.content(worst, flown=12.0))
     assert not content["found"]
     assert not content["confirmed"]
     assert content["probability_first_order"] is None
@@ -117,7 +118,7 @@ def test_a_limit_out_of_reach_is_said_to_be(mission: ScenarioFile) -> None:
 
 def test_a_flight_that_keeps_the_limit_is_no_confirmation(mission: ScenarioFile) -> None:
     worst = searched(mission, Bound("delta_v_m_s", "at most", 16.0))
-    assert not worst_case.content(worst, flown=15.9)["confirmed"]
+    assert not worst_case_record.content(worst, flown=15.9)["confirmed"]
 
 
 def test_margins_turn_back_into_values() -> None:
@@ -148,13 +149,13 @@ def test_a_gradient_costs_whole_flights() -> None:
 )
 def test_words_that_name_no_bound_are_refused(mission: ScenarioFile, arguments: Any, message: str) -> None:
     with pytest.raises(RpojaxError) as error:
-        worst_case.bound_of(mission, *arguments, bound="at most")
+        metric_bound.bound_of(mission, *arguments, bound="at most")
     assert str(error.value).startswith(message)
 
 
 def test_a_side_that_is_none_is_refused(mission: ScenarioFile) -> None:
     with pytest.raises(RpojaxError, match=r"^--bound: found 'below', expected 'at most' or 'at least'$"):
-        worst_case.bound_of(mission, None, "min_range_m", 3.0, "below")
+        metric_bound.bound_of(mission, None, "min_range_m", 3.0, "below")
 
 
 @pytest.mark.parametrize(
