@@ -3,7 +3,7 @@
 The limit of each metric is the value that one run in a thousand of a sampled campaign is beyond. Every search has
 another seed: other runs, other noise, other random starts.
 
-python experiments/worst_case/measure.py --out out/worst [--metric NAME]... [--seeds 10] [--starts 2] [--budget 200]
+python experiments/worst_case/measure.py --out out/worst [--metric NAME]... [--seeds 10] [--starts 4] [--budget 250]
 """
 
 import argparse
@@ -36,9 +36,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--metric", action="append")
     parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--starts", type=int, default=2)
+    parser.add_argument("--starts", type=int, default=4)
     parser.add_argument("--screened", type=int, default=16)
-    parser.add_argument("--budget", type=float, default=200.0)
+    parser.add_argument("--budget", type=float, default=250.0)
     parser.add_argument("--no-flight", action="store_true", help="do not fly what is found")
     given = parser.parse_args()
     file = rpojax.load("inspection", SETTINGS)

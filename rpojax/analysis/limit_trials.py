@@ -40,9 +40,9 @@ class Effort:
         reach: largest distance from the origin that is tried
     """
 
-    starts: int = 2
+    starts: int = 4
     screened: int = 16
-    budget: float = 200.0
+    budget: float = 400.0
     reach: float = 6.0
 
 

@@ -31,7 +31,8 @@ class Known(Flights):
         jacobian[:, 0, :2] = 3.0, 4.0
         jacobian[:, 1, self.column] = 2.0 * numbers[:, self.column]
         figures = np.stack([1.0 + numbers[:, :2] @ [3.0, 4.0], numbers[:, self.column] ** 2], axis=1)
-        return derivatives.Found(figures, jacobian, None, np.arange(len(numbers)) == 2)
+        failed = np.arange(len(numbers)) == 2
+        return derivatives.Found(figures=figures, jacobian=jacobian, gradient=None, failed=failed)
 
 
 @pytest.fixture(scope="module")

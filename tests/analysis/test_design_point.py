@@ -108,7 +108,7 @@ def test_lost_runs_and_missing_derivatives_do_not_end_the_search() -> None:
 def test_the_budget_is_kept_and_everything_is_counted(batch: int, budget: float) -> None:
     limit = plane(5.0)
     limit.batch = batch
-    found = design_point.search(limit, COUNT, Effort(budget=budget), 1)
+    found = design_point.search(limit, COUNT, Effort(starts=2, budget=budget), 1)
     assert found.spent <= budget
     assert limit.asked == found.margins + 8.0 * found.gradients
     assert found.spent >= limit.asked

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -37,19 +38,22 @@ class Straight(Flights):
     slopes = np.array([[2.0, 0.0], [0.0, -3.0]])
 
     def __init__(self, count: int) -> None:
-        self.names, self.count, self.compile_s, self.size = NAMES, count, 0.0, 2
-        self._devices = [None]
+        self.names, self.count, self.compile_s = NAMES, count, 0.0
+
+    @property
+    def capacity(self) -> int:
+        return 2
 
     def values(self, numbers: np.ndarray, keys: np.ndarray) -> derivatives.Found:
         assert keys.shape == (len(numbers), 2)
         figures = np.array([10.0, 30.0]) + numbers[:, :2] @ self.slopes.T
-        return derivatives.Found(figures, None, None, numbers[:, 0] > 5.0)
+        return derivatives.Found(figures=figures, jacobian=None, gradient=None, failed=numbers[:, 0] > 5.0)
 
     def reverse(self, numbers: np.ndarray, keys: np.ndarray, weights: np.ndarray) -> derivatives.Found:
         found = self.values(numbers, keys)
         gradient = np.zeros_like(numbers)
         gradient[:, :2] = weights @ self.slopes
-        return derivatives.Found(found.figures, None, gradient, found.failed)
+        return replace(found, gradient=gradient)
 
 
 def searched(file: ScenarioFile, bound: Bound, budget: float = 400.0) -> Worst:
