@@ -36,6 +36,7 @@ class Straight(Flights):
     """Flights whose figures are linear in the numbers: 10 + 2 z0 and 30 - 3 z1; runs with z0 beyond 5 are lost."""
 
     slopes = np.array([[2.0, 0.0], [0.0, -3.0]])
+    lost_beyond = 5.0
 
     def __init__(self, count: int) -> None:
         self.names, self.count, self.compile_s = NAMES, count, 0.0
@@ -47,7 +48,7 @@ class Straight(Flights):
     def values(self, numbers: np.ndarray, keys: np.ndarray) -> derivatives.Found:
         assert keys.shape == (len(numbers), 2)
         figures = np.array([10.0, 30.0]) + numbers[:, :2] @ self.slopes.T
-        return derivatives.Found(figures=figures, jacobian=None, gradient=None, failed=numbers[:, 0] > 5.0)
+        return derivatives.Found(figures=figures, jacobian=None, gradient=None, failed=numbers[:, 0] > self.lost_beyond)
 
     def reverse(self, numbers: np.ndarray, keys: np.ndarray, weights: np.ndarray) -> derivatives.Found:
         found = self.values(numbers, keys)
@@ -182,6 +183,43 @@ def test_the_verb_keeps_what_is_there(tmp_path: Path, capsys: pytest.CaptureFixt
     words = ["worst-case", "inspection", "--requirement", "min_range_m", "--out", str(tmp_path)]
     assert cli.main(words) == cli.Status.BAD_INPUT
     assert "worst_case.json: exists already; --force replaces it" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("limit", "flown", "words"),
+    [
+        (16.0, 16.2, ["broken 3.", "first-order probability 0.00", "confirmed", "8: 0.71 s against 0.1 s a run"]),
+        (16.0, 15.0, ["NOT confirmed: the flight keeps the limit"]),
+        (99.0, 21.9, ["no violation found; closest is 22 m/s at 6.00 sigmas", "flown: 21.90 m/s"]),
+    ],
+)
+def test_the_verb_writes_a_scenario_that_is_the_point(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    limit: float,
+    flown: float,
+    words: list[str],
+) -> None:
+    monkeypatch.setattr(worst_case, "flights_of", lambda space, metrics, starts: Straight(space.count))
+    monkeypatch.setattr(worst_case, "measure", lambda flights: COSTS)
+    monkeypatch.setattr(worst_case, "fly", lambda worst, directory, force: flown)
+    out = tmp_path / "out"
+    given = ["--metric", "delta_v_m_s", "--limit", str(limit), "--bound", "at most", "--out", str(out), "--seed", "5"]
+    # The fake loses runs beyond 5 sigmas of one number, which counts as a violation.
+    monkeypatch.setattr(Straight, "lost_beyond", math.inf)
+    assert cli.main(["worst-case", "inspection", *given]) == cli.Status.DONE
+    shown = " ".join(capsys.readouterr().out.split())
+    assert [word for word in words if word not in shown] == []
+    content = json.loads((out / "worst_case.json").read_text())
+    file = scenario.load(out / "worst_case.toml")
+    text = (out / "worst_case.toml").read_text()
+    assert f"--seed 5 --run-id {content['run_id']}" in text.splitlines()[1]
+    drawn = dispersions.draw(file, closed_loop.run_key(5, content["run_id"]), {})
+    for entry in content["dispersions"]:
+        for key, value in entry["values"].items():
+            np.testing.assert_allclose(drawn[key], value, rtol=1e-12)
+    assert cli.main(["worst-case", "inspection", *given]) == cli.Status.BAD_INPUT
 
 
 @pytest.mark.slow
