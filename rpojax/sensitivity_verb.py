@@ -113,11 +113,17 @@ def _show(found: "tuple[Sensitivity, ...]", beside: "list[Agreement | None]", sp
     for one, other in zip(found, beside, strict=True):
         table = Table(title=f"{one.metric}: {number(one.sigma)} {one.unit} by dispersions, {len(one.values)} runs")
         table.add_column("input")
-        for heading in (f"sigma [{one.unit}]", "median run", "most of one run", "by sampling"):
+        for heading in (f"trend [{one.unit}]", "sigma", "median run", "most of one run", "by sampling"):
             table.add_column(heading, justify="right")
         for share in one.shares[:10]:
             strength = None if other is None else other.strengths.get(share.name)
-            cells = number(share.sigma), number(share.nominal), f"{share.one_run:.0%}", number(strength, 2)
+            cells = (
+                number(share.trend),
+                number(share.sigma),
+                number(share.nominal),
+                f"{share.one_run:.0%}",
+                number(strength, 2),
+            )
             table.add_row(share.name, *cells)
         console.print(table)
         if other is not None:

@@ -44,7 +44,7 @@ LEFT_TO_RIGHT = {
     "campaign": "files admission description manifests encoding reading creation store design sources dispersions "
     "normal_space engine plan retention recording replaced flying executors cluster runner rerun",
     "analysis": "chance laws order_statistics proportions precision consistency dependence sensitivity requirements "
-    "comparison convergence derivatives derivative_sensitivity metric_bound limit_trials design_point "
+    "comparison convergence derivatives metric_bound limit_trials derivative_sensitivity design_point "
     "linear_covariance worst_case worst_case_record tuning camera_calibration lasting_errors",
     "top": "machine console outputs verb_parts plan_verb compare_verb campaign_verbs field_verbs detector_verbs "
     "calibration_verb sensitivity_verb worst_case_verb cli __main__",

@@ -53,14 +53,14 @@ def show(one: Sensitivity, beside: Agreement) -> None:
         f"{beside.runs} sampled ones {beside.std:.3g} {one.unit}; {len(beside.both)} of {sensitivity.LEADING} leading "
         f"inputs agree, rank correlation of both orders {beside.rank_correlation:.2f}\n"
     )
-    print(f"| input | sigma [{one.unit}] | of the median run | most of one run | by sampling | place there |")
-    print("|---|---|---|---|---|---|")
+    print(f"| input | trend [{one.unit}] | sigma | of the median run | most of one run | by sampling | place there |")
+    print("|---|---|---|---|---|---|---|")
     order = sorted(beside.strengths, key=lambda name: -beside.strengths[name])
     for share in one.shares[:ROWS]:
         strength, place = beside.strengths[share.name], order.index(share.name) + 1
         print(
-            f"| `{share.name}` | {share.sigma:.3g} | {share.nominal:.3g} | {100.0 * share.one_run:.0f} % | "
-            f"{strength:.2f} | {place} |"
+            f"| `{share.name}` | {share.trend:.3g} | {share.sigma:.3g} | {share.nominal:.3g} | "
+            f"{100.0 * share.one_run:.0f} % | {strength:.2f} | {place} |"
         )
 
 

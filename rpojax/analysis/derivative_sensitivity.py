@@ -2,8 +2,10 @@
 
 The mean square of a metric's derivative to a standard normal number is the variance that the number gives a linear
 metric, and never less than its total effect on any smooth one (Sobol and Kucherenko, Math. Comput. Simul. 79, 2009;
-Lamboni et al., 87, 2013: the Poincare constant of a standard normal number is one). It sees no jump, and not what
-sensor noise adds.
+Lamboni et al., 87, 2013: the Poincare constant of a standard normal number is one). Where a metric is rough that
+bound is far off: the slopes are steep and lead nowhere. The mean derivative is that of the metric smoothed over all
+runs (Stein's identity: the slope of a straight line through them), so inputs are ranked by it. Neither sees a jump, or
+what sensor noise adds.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,6 +16,7 @@ import numpy as np
 from rpojax.analysis import derivatives
 from rpojax.analysis.dependence import rank_correlation
 from rpojax.analysis.derivatives import Flights
+from rpojax.analysis.limit_trials import shrunk_mean
 from rpojax.analysis.sensitivity import Ranking, rank_inputs
 from rpojax.campaign.normal_space import NormalSpace
 from rpojax.errors import RpojaxError
@@ -37,12 +40,14 @@ class Share:
     Attributes:
         name: a dispersed number, or a dispersion whose numbers belong together
         sigma: root mean square over runs of the derivative to the input's standard normal numbers, in the metric's unit
+        trend: size of its mean, less what its scatter explains: what a straight line through all runs would give
         nominal: the same of the median run alone
         one_run: greatest share of a single run in the mean square; near 1 an event, not a trend, is behind it
     """
 
     name: str
     sigma: float
+    trend: float
     nominal: float
     one_run: float
 
@@ -54,7 +59,7 @@ class Sensitivity:
     Attributes:
         metric: its name
         unit: of the metric and of all sigmas
-        shares: of all inputs, the greatest first
+        shares: of all inputs, those with the greatest trend first, and of those without one the greatest sigma
         sigma: standard deviation by all of them, were the metric linear
         values: (runs,) of the metric in the runs with random dispersions
         kink: why the derivative jumps; None where it does not
@@ -70,7 +75,7 @@ class Sensitivity:
     @property
     def leading(self) -> tuple[str, ...]:
         """Names of the inputs that make most of the spread."""
-        return tuple(share.name for share in self.shares[:LEADING] if share.sigma > 0.0)
+        return tuple(share.name for share in self.shares[:LEADING] if share.trend > 0.0)
 
 
 @dataclass(frozen=True)
@@ -145,14 +150,15 @@ def _sensitivity(
     shares = []
     for name in dict.fromkeys(space.groups):
         squares = np.sum(slopes[:, names == name] ** 2, axis=1)
+        trend = float(np.linalg.norm(shrunk_mean(slopes[:, names == name])))
         total = float(squares.sum())
         at_median = float(np.linalg.norm(nominal[names == name]))
         one_run = float(squares.max()) / total if total > 0.0 else 0.0
-        shares.append(Share(name, float(np.sqrt(squares.mean())), at_median, one_run))
+        shares.append(Share(name, float(np.sqrt(squares.mean())), trend, at_median, one_run))
     return Sensitivity(
         metric=metric,
         unit=figure.unit,
-        shares=tuple(sorted(shares, key=lambda share: -share.sigma)),
+        shares=tuple(sorted(shares, key=lambda share: (-share.trend, -share.sigma))),
         sigma=float(np.sqrt(np.mean(np.sum(slopes**2, axis=1)))),
         values=values,
         kink=_KINKS.get(figure.reduce),
@@ -173,7 +179,7 @@ def compare(
     strengths = _strengths(space, ranking)
     common = [share for share in found.shares if share.name in strengths]
     by_sample = sorted(strengths, key=lambda name: -strengths[name])[:LEADING]
-    orders = np.array([[share.sigma, strengths[share.name]] for share in common]).reshape(-1, 2).T
+    orders = np.array([[share.trend, strengths[share.name]] for share in common]).reshape(-1, 2).T
     defined = values[np.isfinite(values)]
     return Agreement(
         runs=len(defined),

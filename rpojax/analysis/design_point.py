@@ -64,7 +64,8 @@ def _screen(book: Book, rng: np.random.Generator, count: int, number: int) -> li
 def _advance(book: Book, fronts: list[_Front]) -> list[_Front]:
     """Every front one step on; those that gain nothing any more are left out."""
     fronts = _with_gradients(book, fronts)
-    fans = [_fan(front, book.effort.reach) for front in fronts]
+    trend = book.trend()
+    fans = [_fan(front, trend, book.effort.reach) for front in fronts]
     points = np.concatenate(fans)
     lanes = np.repeat([front.lane for front in fronts], [len(fan) for fan in fans])
     margins = np.split(book.margins(points, lanes), np.cumsum([len(fan) for fan in fans])[:-1])
@@ -81,26 +82,36 @@ def _with_gradients(book: Book, fronts: list[_Front]) -> list[_Front]:
     return [replace(front, gradient=next(found)) if front.gradient is None else front for front in fronts]
 
 
-def _fan(front: _Front, reach: float) -> np.ndarray:
-    """Points (n, k) to try next, from a front with its gradient."""
-    assert front.gradient is not None
-    z, gradient, size = front.numbers, front.gradient, float(np.linalg.norm(front.gradient))
-    told = np.isfinite(size) and size > 0.0 and np.isfinite(front.margin)
+def _fan(front: _Front, trend: np.ndarray | None, reach: float) -> np.ndarray:
+    """Points (n, k) to try next, from a front with its gradient and the trend of all gradients."""
+    z = front.numbers
+    slopes = [slope for slope in (front.gradient, trend) if slope is not None and _is_told(slope)]
     if front.margin <= 0.0:
-        shorter = [(1.0 - front.pace * share) * z for share in (0.05, 0.15, 0.3, 0.5)]
-        if not told:
-            return np.stack(shorter)
-        foot = max(0.0, (front.margin - gradient @ z) / size) * -gradient / size
-        steps = [z + front.pace * share * (foot - z) for share in (0.4, 1.0)]
-        return np.stack([*shorter, *steps, *(1.07 * step for step in steps)])
-    if not told:
-        return np.stack([_within(-z, reach), *(_within(factor * z, reach) for factor in (0.8, 1.1, 1.25))])
-    down = -gradient / size
-    foot = np.clip((front.margin - gradient @ z) / size, 0.0, reach) * down
+        tried = [(1.0 - front.pace * share) * z for share in (0.05, 0.15, 0.3, 0.5)]
+    elif slopes:
+        tried = []
+    else:
+        tried = [factor * z for factor in (-1.0, 0.8, 1.1, 1.25)]
+    if np.isfinite(front.margin):
+        tried += [point for slope in slopes for point in _steps(front, slope, reach)]
+    return np.stack([_within(point, reach) for point in tried])
+
+
+def _is_told(slope: np.ndarray) -> bool:
+    return bool(np.isfinite(slope).all() and np.any(slope != 0.0))
+
+
+def _steps(front: _Front, slope: np.ndarray, reach: float) -> list[np.ndarray]:
+    """Points on the way to the limit, were it as far as `slope` (k,) says."""
+    z, size = front.numbers, float(np.linalg.norm(slope))
+    down = -slope / size
+    foot = np.clip((front.margin - slope @ z) / size, 0.0, reach) * down
+    if front.margin <= 0.0:
+        on_the_way = [z + front.pace * share * (foot - z) for share in (0.4, 1.0)]
+        return [*on_the_way, *(1.07 * step for step in on_the_way)]
     straight = front.pace * min(front.margin / size, reach) * down
     on_the_way = [z + front.pace * share * (foot - z) for share in (0.5, 1.0)]
-    tried = [z + 1.3 * straight, z + 2.5 * straight, *on_the_way, 1.2 * foot]
-    return np.stack([_within(point, reach) for point in tried])
+    return [z + 1.3 * straight, z + 2.5 * straight, *on_the_way, 1.2 * foot]
 
 
 def _best(front: _Front, fan: np.ndarray, margins: np.ndarray) -> _Front | None:

@@ -5,6 +5,8 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+_FEWEST_SLOPES = 3
+
 
 @runtime_checkable
 class Limit(Protocol):
@@ -106,6 +108,7 @@ class Book:
         self._first: Point | None = None
         self._closest: Point | None = None
         self._slope: np.ndarray | None = None
+        self._slopes: list[np.ndarray] = []
         self._spent = 0.0
         self._margins = 0
         self._gradients = 0
@@ -124,10 +127,22 @@ class Book:
         self._pay(len(points), self._limit.gradient_cost)
         _, found = self._limit.gradients(points, lanes)
         self._gradients += len(points)
+        self._slopes += [gradient for gradient in found if np.isfinite(gradient).all()]
         for point, lane, gradient in zip(points, lanes, found, strict=True):
             if self.nearest is not None and lane == self.nearest.lane and np.array_equal(point, self.nearest.numbers):
                 self._slope = gradient
         return found
+
+    def trend(self) -> np.ndarray | None:
+        """Mean (k,) of all gradients so far, each component drawn in to 0 as far as its scatter explains it; None for
+        fewer than three.
+
+        A flight depends on some numbers roughly, such as on the attitude of a tumbling target: there the gradients of
+        different points point anywhere, and only where they agree does a long step keep what the gradient promises.
+        """
+        if len(self._slopes) < _FEWEST_SLOPES:
+            return None
+        return shrunk_mean(np.stack(self._slopes))
 
     def align(self) -> None:
         """Works out the derivative at the nearest point, if it is not known."""
@@ -167,3 +182,11 @@ class Book:
             self._first = self._first or point
             if self.nearest is None or point.distance < self.nearest.distance:
                 self.nearest, self._slope = point, None
+
+
+def shrunk_mean(slopes: np.ndarray) -> np.ndarray:
+    """Mean (k,) over the rows of `slopes` (n, k), times the share of its square that its standard error does not
+    explain."""
+    mean, error = slopes.mean(axis=0), slopes.std(axis=0, ddof=1) / np.sqrt(len(slopes))
+    square = mean**2
+    return mean * square / np.maximum(square + error**2, 1e-300)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from rpojax.analysis import design_point
+from rpojax.analysis import design_point, limit_trials
 from rpojax.analysis.limit_trials import Effort
 
 COUNT = 26
@@ -129,3 +129,29 @@ def test_every_start_is_on_a_lane_of_its_own() -> None:
     design_point.search(limit, COUNT, AMPLE, 0)
     assert set(seen) == set(range(3 * 16))
     assert sum(count > 1 for count in seen.values()) == 3 * 2
+
+
+def ripples() -> Known:
+    """A plane at 4 sigmas under ripples in three numbers, whose slopes are four times as steep and lead nowhere."""
+
+    def slope(z: np.ndarray) -> np.ndarray:
+        return -AXIS + np.where(np.arange(COUNT) < 3, 4.0 * np.cos(40.0 * z), 0.0)
+
+    return Known(lambda z: float(4.0 - AXIS @ z + 0.1 * np.sin(40.0 * z[:3]).sum()), slope)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_gradients_agree_on_leads_through_ripples(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    effort = Effort(starts=4, screened=16, budget=400.0)
+    found = design_point.search(ripples(), COUNT, effort, seed)
+    assert found.nearest is not None
+    monkeypatch.setattr(limit_trials.Book, "trend", lambda book: None)
+    alone = design_point.search(ripples(), COUNT, effort, seed)
+    assert alone.nearest is None or found.nearest.distance < alone.nearest.distance
+
+
+def test_a_mean_is_drawn_in_by_what_its_scatter_explains() -> None:
+    slopes = np.array([[1.0, 3.0, -2.0], [1.0, -3.0, -2.0], [1.0, 3.0, -2.2], [1.0, -3.0, -1.8]])
+    np.testing.assert_allclose(limit_trials.shrunk_mean(slopes), [1.0, 0.0, -2.0], rtol=0.01)
+    half = np.array([[0.0], [2.0]])
+    np.testing.assert_allclose(limit_trials.shrunk_mean(half), [0.5])
