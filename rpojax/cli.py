@@ -29,6 +29,8 @@ from rpojax import (
     field_verbs,
     lincov_verb,
     tune_verb,
+    sensitivity_verb,
+    worst_case_verb,
 )
 from rpojax.errors import OutputError, RpojaxError, UnfinishedError
 from rpojax.machine import prepare_jax
@@ -55,6 +57,8 @@ compare = app.command(compare_verb.compare)
 lincov = app.command(lincov_verb.lincov)
 report = app.command(campaign_verbs.report)
 tune = app.command(tune_verb.tune)
+sensitivity = app.command(sensitivity_verb.sensitivity)
+worst = app.command(name="worst-case")(worst_case_verb.worst_case)
 
 
 @app.command

@@ -42,13 +42,13 @@ LEFT_TO_RIGHT = {
     "simulation": "units figures_of_merit forms sections schema dispersed dispersion_checks checks networks table_file "
     "scenario params noise camera closed_loop telemetry running_metrics metrics",
     "campaign": "files admission description manifests encoding reading creation store design sources dispersions "
-    "engine plan retention recording replaced flying executors cluster runner rerun",
+    "normal_space engine plan retention recording replaced flying executors cluster runner rerun",
     "analysis": "chance laws order_statistics proportions precision consistency dependence sensitivity requirements "
     "comparison convergence describing_function outlines linear_state linear_sources linear_loop linear_recursion "
-    "linear_covariance linear_agreement error_budget derivatives worst_case tunable objective tuning judging "
-    "camera_calibration lasting_errors",
+    "linear_covariance linear_agreement error_budget derivatives metric_bound limit_trials derivative_sensitivity "
+    "design_point worst_case worst_case_record tunable objective tuning judging camera_calibration lasting_errors",
     "top": "machine console outputs verb_parts plan_verb compare_verb lincov_verb tune_verb campaign_verbs field_verbs "
-    "detector_verbs calibration_verb cli __main__",
+    "detector_verbs calibration_verb sensitivity_verb worst_case_verb cli __main__",
 }
 """Order inside a folder, for the modules whose order is fixed; the rest need only have one."""
 

@@ -1,0 +1,138 @@
+"""The most likely point beyond a limit, by derivatives, in a space of independent standard normal numbers.
+
+First-order reliability: of all points where the margin to the limit is used up, the one nearest to the origin is the
+most likely (Hasofer and Lind, 1974), and steps to the foot of the linearised limit lead to it (Rackwitz and Fiessler,
+Comput. Struct. 9, 1978). Derivatives of flights mislead where an event is close. So every step is a fan of points that
+are tried, what was met beyond the limit is never lost, and several searches start where random points come closest.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rpojax.analysis.limit_trials import Book, Effort, Found, Limit, SpentError
+
+_ROUNDS = 3
+"""So many times new random points are tried where no search got beyond the limit."""
+_WIDENING = 1.25
+"""Random points of each further round lie so much farther out."""
+_SMALLEST_PACE = 0.25
+_WORTH_A_STEP = 0.01
+"""Share of the distance, or of the margin, that a step must gain; else the next one is shorter."""
+
+
+def search(limit: Limit, count: int, effort: Effort, seed: int) -> Found:
+    """The point beyond a `limit` on `count` normal numbers that is nearest to the origin; `seed` draws the starts."""
+    book = Book(limit, effort)
+    rng = np.random.default_rng([seed, 0x5EED])
+    try:
+        for number in range(_ROUNDS):
+            fronts = _screen(book, rng, count, number)
+            while fronts and not (book.nearest is not None and book.nearest.distance == 0.0):
+                fronts = _advance(book, fronts)
+            if book.nearest is not None:
+                break
+        book.align()
+    except SpentError:
+        pass
+    return book.found()
+
+
+@dataclass(frozen=True)
+class _Front:
+    """Where one search is: inside the limit it makes for it, beyond it it makes for the origin."""
+
+    lane: int
+    numbers: np.ndarray
+    margin: float
+    gradient: np.ndarray | None = None
+    pace: float = 1.0
+
+
+def _screen(book: Book, rng: np.random.Generator, count: int, number: int) -> list[_Front]:
+    """Random points, each on its own lane, the first one of all the origin; the best ones are fronts."""
+    size = book.effort.screened
+    points = _within(_WIDENING**number * rng.normal(size=(size, count)), book.effort.reach)
+    if number == 0:
+        points[0] = 0.0
+    lanes = number * size + np.arange(size)
+    margins = book.margins(points, lanes)
+    best = np.argsort(margins, kind="stable")[: book.effort.starts]
+    return [_Front(int(lanes[row]), points[row], float(margins[row])) for row in best]
+
+
+def _advance(book: Book, fronts: list[_Front]) -> list[_Front]:
+    """Every front one step on; those that gain nothing any more are left out."""
+    fronts = _with_gradients(book, fronts)
+    trend = book.trend()
+    fans = [_fan(front, trend, book.effort.reach) for front in fronts]
+    points = np.concatenate(fans)
+    lanes = np.repeat([front.lane for front in fronts], [len(fan) for fan in fans])
+    margins = np.split(book.margins(points, lanes), np.cumsum([len(fan) for fan in fans])[:-1])
+    moved = [_best(front, fan, margin) for front, fan, margin in zip(fronts, fans, margins, strict=True)]
+    return [front for front in moved if front is not None]
+
+
+def _with_gradients(book: Book, fronts: list[_Front]) -> list[_Front]:
+    """Fronts with their gradients; one that did not move has its own still."""
+    moved = [front for front in fronts if front.gradient is None]
+    if not moved:
+        return fronts
+    found = iter(book.gradients(np.stack([one.numbers for one in moved]), np.array([one.lane for one in moved])))
+    return [replace(front, gradient=next(found)) if front.gradient is None else front for front in fronts]
+
+
+def _fan(front: _Front, trend: np.ndarray | None, reach: float) -> np.ndarray:
+    """Points (n, k) to try next, from a front with its gradient and the trend of all gradients."""
+    z = front.numbers
+    slopes = [slope for slope in (front.gradient, trend) if slope is not None and _is_told(slope)]
+    if front.margin <= 0.0:
+        tried = [(1.0 - front.pace * share) * z for share in (0.05, 0.15, 0.3, 0.5)]
+    elif slopes:
+        tried = []
+    else:
+        tried = [factor * z for factor in (-1.0, 0.8, 1.1, 1.25)]
+    if np.isfinite(front.margin):
+        tried += [point for slope in slopes for point in _steps(front, slope, reach)]
+    return np.stack([_within(point, reach) for point in tried])
+
+
+def _is_told(slope: np.ndarray) -> bool:
+    return bool(np.isfinite(slope).all() and np.any(slope != 0.0))
+
+
+def _steps(front: _Front, slope: np.ndarray, reach: float) -> list[np.ndarray]:
+    """Points on the way to the limit, were it as far as `slope` (k,) says."""
+    z, size = front.numbers, float(np.linalg.norm(slope))
+    down = -slope / size
+    foot = np.clip((front.margin - slope @ z) / size, 0.0, reach) * down
+    if front.margin <= 0.0:
+        on_the_way = [z + front.pace * share * (foot - z) for share in (0.4, 1.0)]
+        return [*on_the_way, *(1.07 * step for step in on_the_way)]
+    straight = front.pace * min(front.margin / size, reach) * down
+    on_the_way = [z + front.pace * share * (foot - z) for share in (0.5, 1.0)]
+    return [z + 1.3 * straight, z + 2.5 * straight, *on_the_way, 1.2 * foot]
+
+
+def _best(front: _Front, fan: np.ndarray, margins: np.ndarray) -> _Front | None:
+    """The front at the best point of its fan; with shorter steps where that gains little, None where it gains nothing
+    with the shortest."""
+    beyond = margins <= 0.0
+    distances = np.linalg.norm(fan, axis=1)
+    row = int(np.argmin(np.where(beyond, distances, np.inf)) if beyond.any() else np.argmin(margins))
+    there = _Front(front.lane, fan[row], float(margins[row]), pace=front.pace)
+    if front.margin <= 0.0:
+        gained = beyond.any() and distances[row] < (1.0 - _WORTH_A_STEP) * np.linalg.norm(front.numbers)
+    else:
+        gained = margins[row] < (1.0 - _WORTH_A_STEP) * front.margin
+    if gained:
+        return there
+    if front.pace / 2.0 < _SMALLEST_PACE:
+        return None
+    return replace(front, pace=front.pace / 2.0)
+
+
+def _within(points: np.ndarray, reach: float) -> np.ndarray:
+    """Points (..., k), those farther out than `reach` drawn in to it."""
+    size = np.linalg.norm(points, axis=-1, keepdims=True)
+    return points * np.minimum(1.0, reach / np.maximum(size, 1e-300))
