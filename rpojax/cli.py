@@ -28,8 +28,8 @@ from rpojax import (
     detector_verbs,
     field_verbs,
     lincov_verb,
-    tune_verb,
     sensitivity_verb,
+    tune_verb,
     worst_case_verb,
 )
 from rpojax.errors import OutputError, RpojaxError, UnfinishedError
