@@ -42,16 +42,19 @@ def lincov(
     """Mean, spread and error budget of a scenario's runs by linear covariance, without sampling."""
     if runs != 0 and runs < _LEAST_RUNS:
         raise RpojaxError(f"--runs: found {runs}, expected 0 or at least {_LEAST_RUNS}")
-    # The matrices are small: threads of the linear algebra would only wait for each other.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if members < 2:
         raise RpojaxError(f"--members: found {members}, expected at least 2")
     for name in (_JSON, _ARRAYS, *_FIGURES):
         claim(out / name, force)
+    # The matrices are small: threads of the linear algebra would only wait for each other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     file = load(scenario, overrides)
     prepare_jax(cache=not no_cache)
     from rpojax.analysis import error_budget, linear_agreement, linear_covariance
+    from rpojax.campaign import admission
 
+    admission.check_numbers(max(runs, 1), 0, seed, None)
+    linear_covariance.check(file)
     with busy("linear covariance", quiet=as_json):
         found = linear_covariance.analyse(file, members)
     sampled, agreement = None, []

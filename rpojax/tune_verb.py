@@ -40,7 +40,11 @@ def tune(
     ],
     parameters: Annotated[
         UseAppendAction[tuple[str, ...]],
-        arg(metavar="NAMES", help="What to tune: navigation, gate, formation, attitude, schedule, or keys."),
+        arg(
+            metavar="NAMES",
+            help="What to tune: navigation, gate, formation, attitude, schedule, or keys.",
+            help_behavior_hint="(default: navigation)",
+        ),
     ] = (),
     runs: Annotated[int, arg(metavar="N", help="Runs per step.")] = 64,
     steps: Annotated[int, arg(metavar="N", help="Steps.")] = 80,

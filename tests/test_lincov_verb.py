@@ -20,6 +20,8 @@ def call(*words: object) -> int:
     ("words", "named"),
     [
         (("--runs", 5), "--runs"),
+        (("--runs", -20), "--runs"),
+        (("--seed", -1), "--seed"),
         (("--members", 1), "--members"),
         (("--set", "camera.model='rendered'"), "camera.model"),
         (("--set", "effects.faults=true"), "effects.faults"),
@@ -29,7 +31,10 @@ def test_what_cannot_be_done_is_refused_before_anything_is_written(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[object, ...], named: str
 ) -> None:
     assert call("lincov", "inspection", *words, "--out", tmp_path / "out") == 2
-    assert named in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert error.startswith("rpojax: error: ")
+    assert named in error
+    assert error.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
 

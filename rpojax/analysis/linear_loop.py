@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.analysis import linear_sources, outlines
-from rpojax.analysis.linear_sources import TickInputs
+from rpojax.analysis import linear_inputs, outlines
+from rpojax.analysis.linear_inputs import TickInputs
 from rpojax.analysis.linear_state import Layout
 from rpojax.analysis.outlines import Framing, Tumble
 from rpojax.core.frames import apply, hill_frame
@@ -100,7 +100,7 @@ class Loop:
             state, tumble = carry
             shown = outlines.look(self.scenario, self.params, tumble, state.truth)
             own = self._own(self.params, state)
-            drawn = linear_sources.still(self.scenario.substeps, shown.mean - own, seen)
+            drawn = linear_inputs.still(self.scenario.substeps, shown.mean - own, seen)
             after, found = closed_loop.tick(self.stages, self.scenario, self.params, state, drawn)
             sigma_H = telemetry.observe(self.scenario, self.params, found)["relative_sigma_H"]
             moment = Moment(

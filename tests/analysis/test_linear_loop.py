@@ -8,13 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.analysis import linear_sources, outlines
+from rpojax.analysis import linear_inputs, outlines
 from rpojax.analysis.linear_loop import OUTPUTS, Loop
 from rpojax.analysis.linear_state import PENDING, get, layout
 from rpojax.core.pytree import replace
 from rpojax.flight.computer import Stages
 from rpojax.simulation import closed_loop, params, scenario
 from rpojax.simulation.closed_loop import State
+from rpojax.simulation.noise import StartNoise
 from rpojax.simulation.params import Params
 from rpojax.simulation.scenario import Scenario
 
@@ -41,7 +42,7 @@ def nominal() -> Nominal:
     static = scenario.static(file)
     base = params.build(file.model_dump(), static.width_px, static.height_px)
     base = replace(base, camera=replace(base.camera, edge_noise=jnp.ones(())))
-    zero = linear_sources.StartNoise(
+    zero = StartNoise(
         biases=jnp.zeros(6), box_edges=None, handover=jnp.zeros(12), star_tracker=jnp.zeros(3), gyro=jnp.zeros(3)
     )
     start = jax.jit(lambda key: closed_loop.init(static, base, key, zero))
@@ -70,7 +71,7 @@ def tick(nominal: Nominal, loop: Loop) -> tuple[Callable[[jax.Array], jax.Array]
     _, base, state = nominal
     own = outlines.outline(loop.scenario, base, state.truth.q_TN, state.truth)
     larger = own + jnp.array([-2.0, -1.0, 3.0, 1.0])
-    drawn = linear_sources.still(loop.scenario.substeps, larger - own, jnp.ones((), dtype=bool))
+    drawn = linear_inputs.still(loop.scenario.substeps, larger - own, jnp.ones((), dtype=bool))
     step = loop.step(state, drawn, outlines.frame(own, larger))
     return step, np.asarray(loop.point(state))
 
@@ -109,7 +110,7 @@ def test_a_tick_of_the_function_is_a_tick_of_the_loop(
     step, point = tick
     found = np.asarray(quick(step)(jnp.asarray(point)))
     shift = jnp.array([-2.0, -1.0, 3.0, 1.0])
-    drawn = linear_sources.still(static.substeps, shift, jnp.ones((), dtype=bool))
+    drawn = linear_inputs.still(static.substeps, shift, jnp.ones((), dtype=bool))
     after, _ = quick(lambda state: closed_loop.tick(Stages(), static, base, state, drawn))(state)
     for path in loop.layout.states:
         expected = np.ravel(get(after, path))
