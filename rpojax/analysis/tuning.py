@@ -33,6 +33,8 @@ _TAIL: Final = 0.25
 """Share of the steps whose mean is the result."""
 _LAST_RATE: Final = 0.05
 """Size of the last step over that of the first."""
+_MEMORY: Final = 0.95
+"""Of the size of gradients from step to step: far from the goal they are a hundred times longer, to be forgotten soon."""
 _LARGEST_FILE: Final = 50_000_000
 
 
@@ -166,7 +168,8 @@ def tune(
     chosen = tunable.choose(short, settings.parameters)
     inputs = partial(tunable.inputs, short, chosen)
     flights = Flights(short, inputs, chosen.count, objective.names, settings.runs, stages, objective.slope)
-    optimizer = optax.adam(optax.cosine_decay_schedule(settings.rate, settings.steps, _LAST_RATE))
+    rate = optax.cosine_decay_schedule(settings.rate, settings.steps, _LAST_RATE)
+    optimizer = optax.adam(rate, b2=_MEMORY)
     identity = {**asdict(settings), "scenario_hash": scenario.digest(file), "tuning": file.tuning.model_dump()}
     walk = _new(optimizer, chosen.start)
     if resume and progress_file is not None:
