@@ -34,7 +34,7 @@ _TAIL: Final = 0.25
 _LAST_RATE: Final = 0.05
 """Size of the last step over that of the first."""
 _MEMORY: Final = 0.95
-"""Of the size of gradients from step to step: far from the goal they are a hundred times longer, to be forgotten soon."""
+"""Of the size of gradients from step to step: far from the goal they are a hundred times longer, and must go."""
 _LARGEST_FILE: Final = 50_000_000
 
 
