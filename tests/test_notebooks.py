@@ -55,6 +55,22 @@ print(json.dumps({
 """
 
 
+LINCOV_QUESTIONS = """
+import json
+last = int(np.searchsorted(time_s, linear.share_time_s[-1]))
+print(json.dumps({
+    "ticks": len(time_s),
+    "completed": sampled.runs,
+    "first_sigma": linear.sigma("rho_H")[0].tolist(),
+    "sigma_at_last_look": float(np.linalg.norm(linear.sigma("relative_error_H")[last])),
+    "budget": found.total_at_end["relative estimation error"],
+    "channels": sorted({row.channel for row in agreement}),
+    "inside": inside.mean(axis=(0, 1)).tolist(),
+    "believed": believed.tolist(),
+}))
+"""
+
+
 def executed(name: str, questions: str, folder: Path) -> dict[str, Any]:
     """Results of a notebook at the small size, executed by the running interpreter."""
     notebook = committed(ROOT / "notebooks" / name)
@@ -132,9 +148,26 @@ def test_a_filter_is_tuned_and_judged(tmp_path: Path) -> None:
     assert found["runs"]["wrong"][1] != found["runs"]["tuned"][1]
 
 
+@pytest.mark.slow
+def test_a_linear_covariance_is_laid_over_sampled_runs(tmp_path: Path) -> None:
+    found = executed("linear_covariance.ipynb", LINCOV_QUESTIONS, tmp_path)
+    assert found["ticks"] == 120
+    assert found["completed"] == 8
+    # What the scenario disperses the start by.
+    assert found["first_sigma"] == pytest.approx([2.0, 2.0, 2.0], rel=0.01)
+    assert found["budget"] == pytest.approx(found["sigma_at_last_look"], rel=1e-6)
+    assert {"rho_H", "relative_error_H"} <= {*found["channels"]}
+    assert min(found["inside"]) > 0.5
+    assert all(0.3 < ratio < 3.0 for ratio in found["believed"])
+
+
 @pytest.mark.parametrize(
     ("name", "said", "figures"),
-    [("inspection.ipynb", "64 of 64 runs completed", 5), ("tuning.ipynb", "by hand", 3)],
+    [
+        ("inspection.ipynb", "64 of 64 runs completed", 5),
+        ("tuning.ipynb", "by hand", 3),
+        ("linear_covariance.ipynb", "of 64 runs within two sigma", 4),
+    ],
 )
 def test_a_committed_notebook_says_and_shows_what_it_should(name: str, said: str, figures: int) -> None:
     outputs = [output for cell in code_of(ROOT / "notebooks" / name) for output in cell.outputs]

@@ -19,6 +19,8 @@ _PIXELS_PER_INCH = 160
 _BAND = 2.0
 _INSIDE = (2.275, 97.725)
 """Percentiles between which two sigma to either side of a normal law's mean lie."""
+_KEPT, _MARGIN = 0.98, 1.3
+"""Share of the times at which the band of the estimate's error is surely inside the picture, and the room around it."""
 _SHOWN = 8
 """Sources with a bar of their own."""
 
@@ -107,6 +109,10 @@ def _bands(
     axes.plot(linear.time_s, mean, color=BLUE, lw=1.1, label="linear covariance: mean, two sigma")
     for side in (-_BAND, _BAND):
         axes.plot(linear.time_s, mean + side * sigma, color=BLUE, lw=0.9, ls=(0, (4, 2)))
+    if output == "relative_error_H":
+        # The hand-over's error of the first seconds, before boxes come, would flatten all that follows.
+        edge = _MARGIN * np.quantile(np.abs(mean) + _BAND * sigma, _KEPT)
+        axes.set_ylim(-edge, edge)
 
 
 def _sigmas(axes: Axes, linear: LinearCovariance, output: str, axis: int, sampled: Sampled | None) -> None:
