@@ -129,12 +129,10 @@ def _write(
     sampled: "Sampled | None",
     content: dict[str, Any],
 ) -> None:
-    import json
-
     import numpy as np
 
     from rpojax.report import linear_covariance as figures
-    from rpojax.report.files import write_atomically
+    from rpojax.report.files import write_atomically, write_json
 
     desired = np.asarray(file.formation.desired_position_m)
     decisions = np.arange(len(found.burn_probability)) * file.rates.formation_period_s
@@ -149,7 +147,7 @@ def _write(
     stream = io.BytesIO()
     np.savez_compressed(stream, allow_pickle=False, **_arrays(found))
     write_atomically(out / _ARRAYS, stream.getvalue())
-    write_atomically(out / _JSON, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode())
+    write_json(out / _JSON, content)
 
 
 def _arrays(found: "LinearCovariance") -> "dict[str, np.ndarray]":

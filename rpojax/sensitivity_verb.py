@@ -1,7 +1,6 @@
 """The verb `rpojax sensitivity`: which dispersions make the spread of a metric, from derivatives."""
 
 import dataclasses
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -50,7 +49,7 @@ def sensitivity(
     from rpojax.analysis import derivative_sensitivity as analysis
     from rpojax.campaign import normal_space
     from rpojax.campaign.store import Campaign
-    from rpojax.report.files import write_atomically
+    from rpojax.report.files import write_json
     from rpojax.report.values import plain
 
     metrics, space = analysis.metrics_of(file, metric), normal_space.make(file)
@@ -58,17 +57,19 @@ def sensitivity(
     with busy("compiling flights and their derivatives (a minute or two), then flying", quiet=as_json):
         found = analysis.analyse(space, metrics, runs, seed)
     beside = [None if sampled is None else _beside(one, space, sampled) for one in found]
-    content = {
-        "scenario": file.name,
-        "seed": seed,
-        "runs": runs,
-        "held": list(space.held),
-        "metrics": [_entry(one, other) for one, other in zip(found, beside, strict=True)],
-    }
+    content = plain(
+        {
+            "scenario": file.name,
+            "seed": seed,
+            "runs": runs,
+            "held": list(space.held),
+            "metrics": [_entry(one, other) for one, other in zip(found, beside, strict=True)],
+        }
+    )
     if out is not None:
-        write_atomically(out, json.dumps(plain(content), indent=2, allow_nan=False).encode() + b"\n")
+        write_json(out, content)
     if as_json:
-        print_json(plain(content))
+        print_json(content)
     else:
         _show(found, beside, space)
     return Status.DONE

@@ -133,15 +133,13 @@ def story(
 
 
 def _write(out: Path, report: Path, better: "ScenarioFile", content: dict[str, Any]) -> None:
-    import json
-
     import tomli_w
 
-    from rpojax.report.files import write_atomically
+    from rpojax.report.files import write_atomically, write_json
 
     words = ", ".join(content["settings"]["parameters"])
     header = f"# {content['scenario']} with {words} tuned by gradient; {report.name} tells how, and how it was judged\n"
-    write_atomically(report, json.dumps(content, indent=2, allow_nan=False).encode())
+    write_json(report, content)
     write_atomically(out, (header + tomli_w.dumps(better.model_dump(mode="json", exclude_none=True))).encode())
 
 

@@ -1,6 +1,5 @@
 """The verb `rpojax worst-case`: the most likely combination of dispersions that breaks a requirement."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -44,7 +43,7 @@ def worst_case(
     from rpojax.analysis import worst_case as analysis
     from rpojax.analysis.limit_trials import Effort
     from rpojax.campaign import normal_space
-    from rpojax.report.files import write_atomically
+    from rpojax.report.files import write_atomically, write_json
     from rpojax.report.values import plain
 
     chosen = metric_bound.bound_of(file, requirement, metric, limit, bound)
@@ -57,7 +56,7 @@ def worst_case(
         flown = analysis.fly(worst, out / _FLIGHT, force)
     content = plain(worst_case_record.content(worst, flown))
     write_atomically(out / _SCENARIO, _scenario_text(worst, content).encode())
-    write_atomically(out / _RECORD, json.dumps(content, indent=2, allow_nan=False).encode() + b"\n")
+    write_json(out / _RECORD, content)
     if as_json:
         print_json({"directory": str(out), **content})
     else:
@@ -126,4 +125,4 @@ def _show(content: dict[str, Any], out: Path) -> None:
 def _numbers(values: list[Any]) -> str:
     import numpy as np
 
-    return ", ".join(f"{value:.5g}" for value in np.ravel(np.concatenate([np.ravel(each) for each in values])))
+    return ", ".join(f"{value:.5g}" for value in np.concatenate([np.ravel(each) for each in values]))

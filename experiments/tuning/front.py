@@ -10,10 +10,12 @@ import argparse
 import dataclasses
 import json
 from pathlib import Path
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from rpojax.machine import prepare_jax
+
+if TYPE_CHECKING:
+    from rpojax.analysis.comparison import Runs
 
 PRICES = (0.05, 0.15, 0.4, 0.8, 1.5, 2.5)
 """Weights of the logarithm of the velocity change beside 1 for that of the formation error."""
@@ -85,17 +87,16 @@ def judge_all(options: argparse.Namespace, points: list[dict]) -> dict:
     return {"runs": options.judge, "seed": seed, "points": rows}
 
 
-def ratios(first, other) -> dict:
+def ratios(first: "Runs", other: "Runs") -> dict:
     """Formation error and velocity change of runs, and their ratios to those of the same runs with packaged gains."""
-    rng = np.random.default_rng(0)
-    drawn = rng.integers(len(first.run_ids), size=(999, len(first.run_ids)))
+    from rpojax.analysis import judging
+
+    means = judging.means(first, other)
     found: dict = {"failed": int((~other.completed).sum())}
     for name in ("formation_error_rms_m", "delta_v_m_s"):
-        pair = np.stack([first.metrics[name], other.metrics[name]])
-        means = np.nanmean(pair[:, drawn], axis=2)
-        found[name] = float(np.nanmean(pair[1]))
-        found[f"{name}_ratio"] = float(np.nanmean(pair[1]) / np.nanmean(pair[0]))
-        found[f"{name}_ratio_95"] = np.quantile(means[1] / means[0], [0.025, 0.975]).tolist()
+        found[name] = means[name].second
+        found[f"{name}_ratio"] = means[name].ratio
+        found[f"{name}_ratio_95"] = means[name].ratio_95
     return found
 
 

@@ -47,8 +47,7 @@ def compare(source: str, overrides: list[str], options: argparse.Namespace) -> d
     from rpojax.analysis.objective import Objective
 
     file = rpojax.load(source, [*overrides, "tuning.estimate=1.0"])
-    names = [key for key in tunable.TUNABLE if tunable.TUNABLE[key].allows(np.asarray(nominal(file, key)))]
-    chosen, objective = tunable.choose(file, names), Objective(file)
+    chosen, objective = tunable.choose(file, list(tunable.GROUPS)), Objective(file)
     flights = Flights(file, partial(tunable.inputs, file, chosen), chosen.count, objective.names, options.runs)
     keys = run_keys(options.seed, np.arange(options.runs))
     x = np.tile(chosen.start, (options.runs, 1))
@@ -91,13 +90,6 @@ def worst(
         "quiet_share": float(quiet[best].mean()),
         "all_runs": float(np.abs(forward - differences[best]).max() / size),
     }
-
-
-def nominal(file: object, key: str) -> object:
-    """Value of a key."""
-    from rpojax.simulation import schema
-
-    return schema.nominal(file, key)  # pyright: ignore[reportArgumentType]
 
 
 HEADINGS = (

@@ -19,7 +19,6 @@ from jaxtyping import Array
 from rpojax.campaign import dispersions, single
 from rpojax.campaign.dispersions import Values
 from rpojax.campaign.engine import run_axes
-from rpojax.core import random
 from rpojax.flight.computer import Stages
 from rpojax.simulation import closed_loop, running_metrics
 from rpojax.simulation.closed_loop import State
@@ -221,7 +220,7 @@ class Flights:
 
 def run_keys(seed: int, ids: np.ndarray) -> np.ndarray:
     """Random keys (runs, 2) of the runs of a campaign with a given seed."""
-    return np.asarray(jax.vmap(lambda run_id: random.fold_in(random.master_key(seed), run_id))(jnp.asarray(ids)))
+    return np.asarray(jax.vmap(partial(closed_loop.run_key, seed))(jnp.asarray(ids)))
 
 
 def chunk_ticks(ticks: int, state_bytes: int, runs: int, memory_bytes: int) -> int:

@@ -57,7 +57,7 @@ def judge(
     one = fly(first, seed, runs, lambda share: watch(0.5 * share))
     other = fly(second, seed, runs, lambda share: watch(0.5 + 0.5 * share))
     medians = comparison.compare(one, other, first.requirements, independent=True)
-    return Judgement(seed, one, other, medians, _means(one, other))
+    return Judgement(seed, one, other, medians, means(one, other))
 
 
 def fly(file: ScenarioFile, seed: int, runs: int, watch: Watch = lambda share: None) -> Runs:
@@ -80,7 +80,8 @@ def fly(file: ScenarioFile, seed: int, runs: int, watch: Watch = lambda share: N
     return Runs(np.arange(runs), joined["status/failure"] == 0, metrics)
 
 
-def _means(one: Runs, other: Runs) -> dict[str, MeanChange]:
+def means(one: Runs, other: Runs) -> dict[str, MeanChange]:
+    """Means by metric over the runs that have it in both settings; left out where they give no ratio."""
     rng = np.random.default_rng(0)
     found = {}
     for name in one.metrics:
@@ -89,13 +90,12 @@ def _means(one: Runs, other: Runs) -> dict[str, MeanChange]:
         if pair.shape[1] < 2:
             continue
         drawn = rng.integers(pair.shape[1], size=(_RESAMPLES, pair.shape[1]))
-        means = pair[:, drawn].mean(axis=2)
+        resampled = pair[:, drawn].mean(axis=2)
         first, second = map(float, pair.mean(axis=1))
-        if first == 0.0 or (means[0] == 0.0).any():
+        if first == 0.0 or (resampled[0] == 0.0).any():
             continue
-        found[name] = MeanChange(
-            first, second, _middle(means[0]), _middle(means[1]), second / first, _middle(means[1] / means[0])
-        )
+        first_95, second_95, ratio_95 = map(_middle, (*resampled, resampled[1] / resampled[0]))
+        found[name] = MeanChange(first, second, first_95, second_95, second / first, ratio_95)
     return found
 
 

@@ -4,13 +4,14 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+import jax
 import numpy as np
 from scipy.stats import chi2
 
 from rpojax.analysis.linear_covariance import LinearCovariance
 from rpojax.campaign import design
 from rpojax.campaign.design import Population
-from rpojax.campaign.engine import Engine, Segment
+from rpojax.campaign.engine import Engine, Segment, block_size
 from rpojax.simulation.schema import ScenarioFile
 
 CHANNELS = {"rho_H": ("x", "y", "z"), "relative_error_H": ("x", "y", "z"), "delta_v_m_s": ("",)}
@@ -84,8 +85,8 @@ class Agreement:
 
 def fly(file: ScenarioFile, runs: int, seed: int) -> Sampled:
     """Flies runs 0, 1, ... of a scenario and keeps what is compared, once in ten seconds."""
-    planned = None if design.independent(file) else design.make(file, seed, Population(0, runs))
-    engine = Engine(file, size=min(256, -(-runs // _devices())), design=planned)
+    planned = design.make(file, seed, Population(0, runs))
+    engine = Engine(file, min(block_size(file), -(-runs // jax.device_count())), design=planned)
     engine.compile(seed)
     step = max(1, round(_EVERY_S / engine.scenario.tick_s))
     begin = time.perf_counter()
@@ -106,12 +107,6 @@ def fly(file: ScenarioFile, runs: int, seed: int) -> Sampled:
         failed=runs - count,
         run_s=time.perf_counter() - begin,
     )
-
-
-def _devices() -> int:
-    import jax
-
-    return jax.device_count()
 
 
 def _collect(segments: Iterator[Segment], step: int, count: int) -> dict[str, np.ndarray]:

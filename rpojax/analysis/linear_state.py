@@ -5,10 +5,8 @@ the nominal run), decisions and clocks of the flight software, and the target's 
 whole sphere and enters as an ensemble of outlines.
 """
 
-import functools
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -51,15 +49,16 @@ class Layout:
 
     def pack(self, state: State, params: Params) -> Array:
         """The vector (size,); nothing is pending in it."""
-        leaves = [get(state, path) for path in self.states] + [get(params, path) for path in self.constants]
+        places = [(state, path) for path in self.states] + [(params, path) for path in self.constants]
+        leaves = [parameters.get(record, path) for record, path in places]
         return jnp.concatenate([jnp.ravel(leaf) for leaf in leaves] + [jnp.zeros(4, dtype=jnp.float64)])
 
     def unpack(self, vector: Array, state: State, params: Params) -> tuple[State, Params]:
         """State and params with the numbers of the vector put in."""
         for path in self.states:
-            state = parameters.put(state, path, self._leaf(vector, path, get(state, path)))
+            state = parameters.put(state, path, self._leaf(vector, path, parameters.get(state, path)))
         for path in self.constants:
-            params = parameters.put(params, path, self._leaf(vector, path, get(params, path)))
+            params = parameters.put(params, path, self._leaf(vector, path, parameters.get(params, path)))
         return state, params
 
     def _leaf(self, vector: Array, path: Path, like: Array) -> Array:
@@ -96,13 +95,8 @@ def layout(state: State, params: Params, constants: tuple[Path, ...]) -> Layout:
     start = 0
     for root, paths in ((state, states), (params, constants)):
         for path in paths:
-            stop = start + math.prod(get(root, path).shape)
+            stop = start + math.prod(parameters.get(root, path).shape)
             slices[".".join(path)] = slice(start, stop)
             start = stop
     slices[PENDING] = slice(start, start + 4)
     return Layout(states, constants, slices, start + 4)
-
-
-def get(node: Any, path: Path) -> Any:
-    """Leaf of a record of records at a path of attributes; an array, or the shape of one."""
-    return functools.reduce(getattr, path, node)

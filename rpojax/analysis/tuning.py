@@ -20,7 +20,6 @@ import optax
 from rpojax.analysis import tunable
 from rpojax.analysis.derivatives import FORWARD_UP_TO, Flights, Found, run_keys
 from rpojax.analysis.objective import Objective
-from rpojax.analysis.tunable import Tunable
 from rpojax.campaign import files
 from rpojax.errors import ResultError, RpojaxError, ScenarioError
 from rpojax.flight.computer import Stages
@@ -181,14 +180,13 @@ def tune(
             _save(progress_file, identity, walk)
     x = walk.tail / _tail_length(settings.steps)
     values = {key: np.asarray(value).tolist() for key, value in chosen.values(jax.numpy.asarray(x)).items()}
-    mode = _mode(chosen)
-    return Tuned(x, values, walk.steps, mode, flights.compile_s, flights.memory_bytes)
+    return Tuned(x, values, walk.steps, _mode(chosen.count), flights.compile_s, flights.memory_bytes)
 
 
 def derivative(flights: Flights, objective: Objective, x: np.ndarray, keys: np.ndarray) -> tuple[Found, np.ndarray]:
     """Figures of runs at coordinates (k,), and the gradient (runs, k) of the objective's share of each run."""
     numbers = np.tile(x, (len(keys), 1))
-    if flights.count > FORWARD_UP_TO:
+    if _mode(flights.count) == "reverse":
         found = flights.reverse(numbers, keys)
         assert found.gradient is not None
         return found, found.gradient
@@ -214,8 +212,8 @@ def combine(gradients: np.ndarray) -> tuple[np.ndarray, int, int]:
     return total * len(gradients) / len(there), int((~finite).sum()), int((factors < 1.0).sum())
 
 
-def _mode(chosen: Tunable) -> str:
-    return "forward" if chosen.count <= FORWARD_UP_TO else "reverse"
+def _mode(count: int) -> str:
+    return "forward" if count <= FORWARD_UP_TO else "reverse"
 
 
 def _tail_length(steps: int) -> int:

@@ -22,7 +22,7 @@ _LATIN_HYPERCUBE, _SOBOL = 1, 2
 _SOBOL_BITS = 32
 LARGEST_BYTES = 4_000_000_000
 """Memory that a design may take [B]."""
-_SMALLEST = 2.0**-53
+SMALLEST = 2.0**-53
 """Coordinates keep this distance from 0 and 1, where inverse distributions are infinite."""
 
 
@@ -152,7 +152,7 @@ def _sobol(file: ScenarioFile, seed: int, population: Population) -> dict[str, n
 
 
 def _inside(coordinates: np.ndarray) -> np.ndarray:
-    return np.clip(coordinates, _SMALLEST, 1.0 - _SMALLEST)
+    return np.clip(coordinates, SMALLEST, 1.0 - SMALLEST)
 
 
 def _grid(grid: schema.GridDesign, population: Population) -> dict[str, np.ndarray]:

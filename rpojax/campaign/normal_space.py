@@ -15,13 +15,12 @@ from jax.scipy.special import ndtr
 from jaxtyping import Array
 
 from rpojax.campaign import dispersions
+from rpojax.campaign.design import SMALLEST
 from rpojax.campaign.dispersions import Values, lower_factor
 from rpojax.errors import ScenarioError
 from rpojax.simulation import dispersed, schema
 from rpojax.simulation.schema import Dispersion, ScenarioFile
 
-_SMALLEST = 2.0**-53
-"""Coordinates keep this distance from 0 and 1, where inverse distributions are infinite."""
 _AXES = {"direction": ("height", "azimuth"), "attitude": ("share", "first angle", "second angle")}
 
 
@@ -83,7 +82,7 @@ class NormalSpace:
         """Values of all dispersed keys in the user's units, from numbers (count,) and the random key of a run."""
         sizes = [dispersed.coordinates(self.file, entry) for entry in self.moved]
         whole = jnp.zeros(sum(sizes), dtype=jnp.float64).at[self._active].set(numbers)
-        shares = jnp.clip(ndtr(whole), _SMALLEST, 1.0 - _SMALLEST)
+        shares = jnp.clip(ndtr(whole), SMALLEST, 1.0 - SMALLEST)
         ends = np.cumsum([0, *sizes])
         given = {
             dispersed.name(entry): shares[first:end]

@@ -90,6 +90,10 @@ def lqr_gain(formation: Formation, n: Scalar, period: float) -> Float[Array, "3 
     Q = jnp.diag(jnp.concatenate([formation.position_weight, formation.velocity_weight]))
     R = jnp.diag(formation.delta_v_weight)
     P = solve_riccati(A, B, Q, R)
+    return _optimal_gain(A, B, R, P)
+
+
+def _optimal_gain(A: Array, B: Array, R: Array, P: Array) -> Array:
     return jnp.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
 
 
@@ -121,7 +125,7 @@ def _riccati_jvp(primals: tuple[ArrayLike, ...], tangents: tuple[ArrayLike, ...]
     A, B, Q, R = map(jnp.asarray, primals)
     dA, dB, dQ, dR = map(jnp.asarray, tangents)
     P = solve_riccati(A, B, Q, R)
-    K = jnp.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    K = _optimal_gain(A, B, R, P)
     closed = A - B @ K
     change = closed.T @ P @ (dA - dB @ K)
     return P, _solve_lyapunov(closed, dQ + K.T @ dR @ K + change + change.T)

@@ -1,24 +1,22 @@
 """Figures 6, 7 and 8 of the paper for one run with full history, as matplotlib figures."""
 
-import io
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from rpojax.report import drawing
+from rpojax.report.drawing import AXIS_NAMES
 from rpojax.report.files import write_atomically
 from rpojax.report.style import BLUE, GREEN, GRID, INK, MUTED, ORANGE, SHADE, VERMILLION
 
 History = Mapping[str, np.ndarray]
 
-_AXIS_NAMES = ("x radial", "y along-track", "z normal")
 _AWAY_MODES = (1, 2, 3)  # turn, burn, turn back
 _SEARCH_MODE = 4
-_PIXELS_PER_INCH = 160
 
 
 def bearing_and_range(history: History, title: str) -> Figure:
@@ -31,7 +29,7 @@ def bearing_and_range(history: History, title: str) -> Figure:
     for axis, axes in enumerate(bearings):
         measured, truth = history["box_bearing_H"][:, axis], -history["rho_H"][:, axis] / true_range
         _boxes(axes, history, measured, truth, _bearing_limits(history, measured, truth))
-        _finish(axes, history, f"{_AXIS_NAMES[axis]} [-]", last=axis == 2)
+        _finish(axes, history, f"{AXIS_NAMES[axis]} [-]", last=axis == 2)
     # Twice the largest true range: false boxes can be far out.
     highest = 2.0 * float(np.max(true_range, initial=1.0, where=np.isfinite(true_range)))
     _boxes(distance, history, history["box_range_m"], true_range, (0.0, highest))
@@ -58,7 +56,7 @@ def estimation_error(history: History, title: str) -> Figure:
             axes.plot(history["time_s"], -bound[:, axis], color=VERMILLION, lw=0.9)
             limit = _settled_limit(history["time_s"], error[:, axis], bound[:, axis])
             axes.set_ylim(-limit, limit)
-            _finish(axes, history, f"{_AXIS_NAMES[axis]} [m]" if column == 0 else "", last=axis == 2)
+            _finish(axes, history, f"{AXIS_NAMES[axis]} [m]" if column == 0 else "", last=axis == 2)
         cells[0, column].set_title(heading, fontsize=10, color=INK)
     _legend(figure, cells[0, 0])
     return figure
@@ -73,7 +71,7 @@ def relative_position(history: History, title: str) -> Figure:
         axes.plot(history["time_s"], -history["rho_H"][:, axis], color=ORANGE, lw=1.6, label="truth")
         axes.axhline(-history["rho_desired_H"][axis], color=GREEN, lw=1.3, ls=(0, (5, 2)), label="desired")
         axes.lines[0].set_zorder(axes.lines[1].get_zorder() + 0.5)
-        _finish(axes, history, f"{_AXIS_NAMES[axis]} [m]", last=axis == 2)
+        _finish(axes, history, f"{AXIS_NAMES[axis]} [m]", last=axis == 2)
     rows[0].set_title(
         "Target relative to the servicer, Hill frame (sign flipped: elsewhere rho is the servicer from the target)",
         fontsize=10,
@@ -117,7 +115,7 @@ def write_figures(history: History, directory: Path, title: str) -> dict[str, Pa
     """Writes the figures of one run whose channels were kept into `directory` as PNG; returns file name -> path."""
     left_out = lacking(history)
     return {
-        name: write_atomically(directory / name, _png(draw(history, f"{_HEADINGS[name]}: {title}")))
+        name: write_atomically(directory / name, drawing.png(draw(history, f"{_HEADINGS[name]}: {title}")))
         for name, draw in FIGURES.items()
         if name not in left_out
     }
@@ -125,16 +123,9 @@ def write_figures(history: History, directory: Path, title: str) -> dict[str, Pa
 
 def _figure(title: str, size_inches: tuple[float, float]) -> Figure:
     figure = Figure(figsize=size_inches, layout="constrained", facecolor="white")
-    FigureCanvasAgg(figure)
     # The title holds the scenario's name, in which a dollar is no mathematics.
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color=INK, parse_math=False)
     return figure
-
-
-def _png(figure: Figure) -> bytes:
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=_PIXELS_PER_INCH)
-    return buffer.getvalue()
 
 
 def _boxes(axes: Axes, history: History, measured: np.ndarray, truth: np.ndarray, limits: tuple[float, float]) -> None:

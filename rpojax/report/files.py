@@ -1,6 +1,8 @@
 """Writing files so that a reader never meets half of one."""
 
+import json
 from pathlib import Path
+from typing import Any
 
 from rpojax.campaign import files
 from rpojax.errors import OutputError
@@ -18,3 +20,8 @@ def write_atomically(path: Path, content: bytes) -> Path:
     except OSError as error:
         raise OutputError(f"{path}: found {error.strerror or error}, expected a file that can be written") from None
     return path
+
+
+def write_json(path: Path, content: Any) -> Path:
+    """Writes JSON in the same way."""
+    return write_atomically(path, json.dumps(content, indent=2, allow_nan=False).encode() + b"\n")

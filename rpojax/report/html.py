@@ -31,7 +31,7 @@ from rpojax.report import (
 from rpojax.report.charts import Chart
 from rpojax.report.content import report_content
 from rpojax.report.figures import lacking, write_figures
-from rpojax.report.files import write_atomically
+from rpojax.report.files import write_atomically, write_json
 from rpojax.report.labels import chance, number
 from rpojax.report.results import Results
 from rpojax.report.summary import choose_run
@@ -69,8 +69,7 @@ def write_report(campaign: Results, run_id: int | None = None, film: bool = True
         figures, left_out = write_figures(history, campaign.directory / "figures", title), lacking(history)
     seen = _film(campaign, shown) if film else Seen(None, "It was left out by --no-film.")
     page = _page(campaign, content, drawn, OneRun(shown, figures, left_out, seen))
-    text = json.dumps(content, indent=2, allow_nan=False) + "\n"
-    write_atomically(campaign.directory / "report.json", text.encode())
+    write_json(campaign.directory / "report.json", content)
     return write_atomically(campaign.directory / "report.html", page.encode())
 
 

@@ -1,21 +1,19 @@
 """Figures of a linear covariance, over sampled runs where there are some."""
 
-import io
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from rpojax.analysis.error_budget import Budget
 from rpojax.analysis.linear_agreement import Sampled
 from rpojax.analysis.linear_covariance import LinearCovariance
+from rpojax.report import drawing
+from rpojax.report.drawing import AXIS_NAMES
 from rpojax.report.files import write_atomically
 from rpojax.report.style import BLUE, GREEN, GRID, INK, MUTED, ORANGE, SHADE, VERMILLION
 
-_AXIS_NAMES = ("x radial", "y along-track", "z normal")
-_PIXELS_PER_INCH = 160
 _BAND = 2.0
 _INSIDE = (2.275, 97.725)
 """Percentiles between which two sigma to either side of a normal law's mean lie."""
@@ -73,10 +71,7 @@ def budget(found: Budget) -> Figure:
 
 def write(figure: Figure, path: Path) -> Path:
     """Writes a figure as PNG."""
-    FigureCanvasAgg(figure)
-    stream = io.BytesIO()
-    figure.savefig(stream, format="png", dpi=_PIXELS_PER_INCH)
-    return write_atomically(path, stream.getvalue())
+    return write_atomically(path, drawing.png(figure))
 
 
 def _three_axes(
@@ -87,7 +82,7 @@ def _three_axes(
     for axis, (bands, sigmas) in enumerate(cells):
         _bands(bands, linear, output, about, axis, sampled)
         _sigmas(sigmas, linear, output, axis, sampled)
-        _finish(bands, f"{_AXIS_NAMES[axis]} [m]")
+        _finish(bands, f"{AXIS_NAMES[axis]} [m]")
         _finish(sigmas, "1 sigma [m]")
     for axes in cells[-1]:
         axes.set_xlabel("time [s]", color=INK)

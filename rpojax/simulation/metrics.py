@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rpojax.flight.pointing import Mode
+from rpojax.simulation import figures_of_merit
 from rpojax.simulation.schema import ScenarioFile
 
 Floats = NDArray[np.floating]
@@ -44,8 +45,7 @@ def evaluate(file: ScenarioFile, records: Records) -> dict[str, Floats]:
     """
     tick_s = 1.0 / file.rates.camera_hz
     ticks = records["range_m"].shape[1]
-    third = max(1, min(round(1000.0 / tick_s), ticks // 3))
-    late, last = slice(min(third, ticks - 1), None), slice(ticks - third, None)
+    late, last = (slice(first, None) for first in figures_of_merit.late_and_last(ticks, tick_s))
     desired = np.asarray(file.formation.desired_position_m)
     inside = np.abs(records["relative_error_H"]) <= 3.0 * records["relative_sigma_H"]
     return {

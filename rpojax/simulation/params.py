@@ -1,5 +1,6 @@
 """The pytree of every number that may be dispersed or differentiated, and where a scenario key lives in it."""
 
+import functools
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
@@ -178,15 +179,12 @@ def locate(key: str) -> tuple[tuple[str, ...], float]:
     raise ScenarioError("key", key, "the key of a number in the scenario, such as 'servicer.mass_kg'")
 
 
-def get(params: Params, path: tuple[str, ...]) -> Array:
-    """Leaf of `params` at an attribute path."""
-    node: Any = params
-    for name in path:
-        node = getattr(node, name)
-    return node
+def get(record: Any, path: tuple[str, ...]) -> Any:
+    """Leaf of a record of records at an attribute path."""
+    return functools.reduce(getattr, path, record)
 
 
-def put(params: Any, path: tuple[str, ...], value: Any) -> Any:
-    """Copy of `params` with one leaf replaced."""
+def put(record: Any, path: tuple[str, ...], value: Any) -> Any:
+    """Copy of a record of records with one leaf replaced."""
     head, *rest = path
-    return replace(params, **{head: put(getattr(params, head), tuple(rest), value) if rest else value})
+    return replace(record, **{head: put(getattr(record, head), tuple(rest), value) if rest else value})

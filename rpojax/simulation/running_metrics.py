@@ -15,10 +15,8 @@ from jaxtyping import Array, Float
 
 from rpojax.core import gaussian, quaternion, safe
 from rpojax.core.pytree import pytree
-from rpojax.core.quaternion import rotate
 from rpojax.flight.pointing import Mode
-from rpojax.sensors import box_camera
-from rpojax.simulation import telemetry
+from rpojax.simulation import figures_of_merit, telemetry
 from rpojax.simulation.closed_loop import Telemetry, relative_state
 from rpojax.simulation.params import Params
 from rpojax.simulation.scenario import Scenario
@@ -35,11 +33,15 @@ _FALSE_BOX_LOG_SIZES: Final = 3.0
 
 @dataclass(frozen=True)
 class Instant:
-    """A tick as the figures see it; what several figures need is worked out once."""
+    """A tick as the figures see it; what several figures need is worked out once.
+
+    `settled` is 1 once the camera has looked at the target for the time to settle, else 0.
+    """
 
     scenario: Scenario
     params: Params
     seen: Telemetry
+    settled: Scalar
 
     @cached_property
     def errors(self) -> tuple[Array, Array]:
@@ -107,15 +109,13 @@ def start(names: Sequence[str]) -> Sums:
 
 def add(names: Sequence[str], scenario: Scenario, params: Params, seen: Telemetry, sums: Sums) -> Sums:
     """Sums after one more tick."""
-    instant = Instant(scenario, params, seen)
     looking = jnp.where(seen.mode == Mode.LOOK, sums.looking + 1.0, 0.0)
-    settled = looking > _settle_ticks(scenario, params)
+    settled = jnp.where(looking > _settle_ticks(scenario, params), 1.0, 0.0)
+    instant = Instant(scenario, params, seen, settled)
     totals, weights = [], []
     for index, name in enumerate(names):
         figure = FIGURES[name]
         value, weight = figure.observe(instant)
-        if name == "pointing_error_rms_deg":
-            weight = weight * jnp.where(settled, 1.0, 0.0)
         weight = weight * _inside(figure.window, scenario, seen.tick)
         totals.append(_accumulate(figure, sums.total[index], value, weight))
         weights.append(sums.weight[index] + weight)
@@ -160,8 +160,8 @@ def _accumulate(figure: Figure, total: Scalar, value: Scalar, weight: Scalar) ->
 
 
 def _inside(window: str, scenario: Scenario, tick: Array) -> Scalar:
-    third = max(1, min(round(1000.0 / scenario.tick_s), scenario.ticks // 3))
-    first = {"all": 0, "late": min(third, scenario.ticks - 1), "last": scenario.ticks - third}[window]
+    late, last = figures_of_merit.late_and_last(scenario.ticks, scenario.tick_s)
+    first = {"all": 0, "late": late, "last": last}[window]
     return jnp.where(tick >= first, 1.0, 0.0)
 
 
@@ -234,11 +234,9 @@ def _innovation_surprise(at: Instant) -> Observation:
 
 def _pointing(at: Instant) -> Observation:
     truth = at.seen.truth
-    q_KN = box_camera.attitude(at.params.camera, truth.q_BN)
-    boresight_N = rotate(quaternion.conjugate(q_KN), jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64))
-    across = quaternion.cross(boresight_N, safe.normalize(truth.r_ST_N))
+    across = quaternion.cross(telemetry.boresight_N(at.params, truth), safe.normalize(truth.r_ST_N))
     # While the camera looks at the target the angle is small: its sine is it.
-    return jnp.rad2deg(1.0) ** 2 * jnp.sum(across**2, axis=0), _one()
+    return jnp.rad2deg(1.0) ** 2 * jnp.sum(across**2, axis=0), at.settled
 
 
 def _range(at: Instant) -> Observation:

@@ -7,6 +7,7 @@ from jaxtyping import Array, Float
 from rpojax.core import gaussian, orbital_mechanics, quaternion, safe
 from rpojax.core.frames import apply, hill_frame
 from rpojax.core.quaternion import rotate
+from rpojax.physics.plant import Truth
 from rpojax.sensors import box_camera
 from rpojax.simulation import camera, closed_loop
 from rpojax.simulation.closed_loop import Telemetry
@@ -146,10 +147,9 @@ def _picture(telemetry: Telemetry) -> Channels:
 
 def _vehicle(params: Params, telemetry: Telemetry) -> Channels:
     truth = telemetry.truth
-    q_KN = box_camera.attitude(params.camera, truth.q_BN)
-    boresight_N = rotate(quaternion.conjugate(q_KN), jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64))
+    ahead_N = boresight_N(params, truth)
     line_N = -safe.normalize(truth.r_ST_N)
-    off = safe.arctan2(safe.norm(quaternion.cross(boresight_N, line_N)), jnp.sum(boresight_N * line_N, axis=0))
+    off = safe.arctan2(safe.norm(quaternion.cross(ahead_N, line_N)), jnp.sum(ahead_N * line_N, axis=0))
     return {
         "mode": telemetry.mode.astype(jnp.int8),
         "running": telemetry.running,
@@ -158,6 +158,12 @@ def _vehicle(params: Params, telemetry: Telemetry) -> Channels:
         "delta_v_m_s": truth.delta_v,
         "mass_kg": truth.mass,
     }
+
+
+def boresight_N(params: Params, truth: Truth) -> Vector:
+    """Direction in N in which the true camera looks."""
+    q_KN = box_camera.attitude(params.camera, truth.q_BN)
+    return rotate(quaternion.conjugate(q_KN), jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64))
 
 
 def _passive_range(telemetry: Telemetry) -> Scalar:

@@ -10,7 +10,7 @@ import pytest
 
 from rpojax.analysis import linear_inputs, outlines
 from rpojax.analysis.linear_loop import OUTPUTS, Loop
-from rpojax.analysis.linear_state import PENDING, get, layout
+from rpojax.analysis.linear_state import PENDING, layout
 from rpojax.core.pytree import replace
 from rpojax.flight.computer import Stages
 from rpojax.simulation import closed_loop, params, scenario
@@ -113,7 +113,7 @@ def test_a_tick_of_the_function_is_a_tick_of_the_loop(
     drawn = linear_inputs.still(static.substeps, shift, jnp.ones((), dtype=bool))
     after, _ = quick(lambda state: closed_loop.tick(Stages(), static, base, state, drawn))(state)
     for path in loop.layout.states:
-        expected = np.ravel(get(after, path))
+        expected = np.ravel(params.get(after, path))
         part = found[loop.layout.slices[".".join(path)]]
         np.testing.assert_allclose(part, expected, rtol=1e-12, atol=1e-12 * (1.0 + np.abs(expected).max()))
 

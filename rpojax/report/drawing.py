@@ -1,0 +1,18 @@
+"""What all figures of runs share: names of the axes, and how a figure becomes a PNG."""
+
+import io
+from typing import Final
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+AXIS_NAMES: Final = ("x radial", "y along-track", "z normal")
+_PIXELS_PER_INCH = 160
+
+
+def png(figure: Figure) -> bytes:
+    """A figure as a PNG file."""
+    FigureCanvasAgg(figure)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=_PIXELS_PER_INCH)
+    return buffer.getvalue()
