@@ -1,6 +1,6 @@
 """Formation error against velocity change: LQR weights and burn schedule tuned for several prices of velocity change.
 
-    python experiments/tuning/front.py --out out/front [--runs 32] [--steps 16] [--horizon 4000] [--judge 300]
+    python experiments/tuning/front.py --out out/front [--runs 32] [--steps 12] [--horizon 4000] [--judge 300]
 
 Each point starts where the one before it ended. All points and the packaged gains are judged on the same full runs of a
 seed that no tuning has seen.
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 PRICES = (0.05, 0.15, 0.4, 0.8, 1.5, 2.5)
 """Weights of the logarithm of the velocity change beside 1 for that of the formation error."""
-PARAMETERS = ("formation", "schedule")
-START = ["formation.velocity_weight=[1e3, 1e3, 1e3]"]
+PARAMETERS = ("formation.position_weight", "schedule")
+"""The other weights of the control law: only ratios matter, and those of the velocity do next to nothing."""
 ONLY = [f"tuning.{name}=0" for name in ("innovations", "estimate", "consistency", "navigation", "pointing")]
 
 
@@ -29,7 +29,7 @@ def main() -> None:
     parser.add_argument("--scenario", default="inspection")
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--runs", type=int, default=32)
-    parser.add_argument("--steps", type=int, default=16)
+    parser.add_argument("--steps", type=int, default=12)
     parser.add_argument("--horizon", type=float, default=4000.0)
     parser.add_argument("--judge", type=int, default=300)
     parser.add_argument("--seed", type=int, default=0)
@@ -49,7 +49,7 @@ def tune_all(options: argparse.Namespace) -> list[dict]:
     from rpojax.analysis import tuning
     from rpojax.simulation import scenario
 
-    file = rpojax.load(options.scenario, [*START, *ONLY, "tuning.formation=1"])
+    file = rpojax.load(options.scenario, [*ONLY, "tuning.formation=1"])
     points = []
     for number, price in enumerate(PRICES):
         kept = options.out / f"point_{number}.json"

@@ -12,6 +12,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from rpojax.analysis import linear_sources
 from rpojax.analysis.linear_loop import OUTPUTS
@@ -23,7 +24,7 @@ from rpojax.simulation.schema import ScenarioFile
 
 MEMBERS = 256
 """Targets in the ensemble of outlines."""
-HOLD = 5
+HOLD = 10
 """Ticks that one derivative stands for once the transfer is over."""
 
 
@@ -113,8 +114,9 @@ def _fly(setup: Setup, hold: int) -> list[Record]:
     """All burn periods, on both sides of the mean run until their burns are over, then on one."""
     static = setup.loop.scenario
     records: list[Record] = []
-    # The recursion along one period goes on beside the nominal run of the next.
-    with ThreadPoolExecutor(2) as pool:
+    # The recursion along one period goes on beside the nominal run of the next. Its matrices are small: BLAS with
+    # threads of its own would take twice as long and keep the other cores from the derivatives.
+    with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(2) as pool:
         sides = [Side(setup, start, hold, pool) for start in setup.starts]
         waiting: list[list[Future[Record]]] = []
         for first in range(0, static.ticks, static.formation_ticks):

@@ -39,5 +39,6 @@ class Setup:
         self.compiled = Compiled(self.loop, self.starts[0].state, self.tumble, len(self.points))
         self.sources = linear_inputs.names(self.starts[0].columns)
         self.number = {name: number for number, name in enumerate(self.sources)}
+        self.noises = [*self.loop.inputs.parts, linear_inputs.BURN, linear_inputs.DECISION]
         self.sigma = self.loop.inputs.sigma(self.edge_noise_px)
         self.span = max(span for span in range(1, _SPAN + 1) if static.formation_ticks % span == 0)

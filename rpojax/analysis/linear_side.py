@@ -14,6 +14,9 @@ from rpojax.analysis.linear_recursion import Recursion, Tick
 from rpojax.analysis.linear_setup import Setup
 from rpojax.analysis.linear_state import PENDING
 
+_HOLD_UNDER_WAY = 3
+"""Ticks that one derivative stands for during the transfer."""
+
 
 @dataclass(frozen=True)
 class Record:
@@ -39,7 +42,7 @@ class Side:
         columns = [*start.columns.values(), np.zeros((size, count))]
         self.recursion = Recursion(
             columns=np.concatenate(columns, axis=1),
-            noise=np.zeros((len(setup.sources), size, size)),
+            noise=np.zeros((len(setup.noises), size, size)),
             noise_of=self._noise_of(),
         )
         owners = [setup.number[name] for name in (*start.columns, linear_inputs.OUTLINE)]
@@ -56,7 +59,7 @@ class Side:
         inputs = self.loop.inputs
         numbers = np.zeros(inputs.size, dtype=int)
         for name, part in inputs.parts.items():
-            numbers[part] = self.setup.number[name]
+            numbers[part] = self.setup.noises.index(name)
         return numbers
 
     def period(self, count: int) -> Future[Record]:
@@ -82,18 +85,19 @@ class Side:
     def _keys(self, moments: Moment, count: int) -> np.ndarray:
         """For each of the period's first `count` ticks the one whose derivative stands for it.
 
-        Once the transfer is over little changes from tick to tick while the camera looks on and boxes come: then one
-        derivative in a few is enough.
+        Once there has been a decision little changes from tick to tick while the camera looks on and boxes come: then
+        one derivative in a few is enough, and in many when the transfer is over.
         """
         keys = np.arange(count)
         burns = np.any(np.asarray(moments.memory.plan.delta_v_N[0]))
-        if self.hold == 1 or not self.arrived or burns:
+        hold = self.hold if self.arrived and not burns else min(self.hold, _HOLD_UNDER_WAY)
+        if self.last is None:
             return keys
         seen, quiet = np.asarray(moments.seen), np.asarray(moments.quiet)
         for tick in range(2, count):
             key = keys[tick - 1]
             alike = quiet[tick] and quiet[key] and seen[tick] == seen[key]
-            if key > 0 and alike and tick - key < self.hold:
+            if key > 0 and alike and tick - key < hold:
                 keys[tick] = key
         return keys
 
@@ -182,14 +186,16 @@ class Side:
 
     def _share(self, tick: Tick) -> np.ndarray:
         columns, noise = self.recursion.shares(tick)
-        np.add.at(noise, self.column_of, columns.T)
-        return noise
+        found = np.zeros((len(self.setup.sources), noise.shape[1]))
+        np.add.at(found, [self.setup.number[name] for name in self.setup.noises], noise)
+        np.add.at(found, self.column_of, columns.T)
+        return found
 
     def _decided(self, decision: Decision) -> tuple[np.ndarray, np.ndarray]:
         """What the decision leaves of its input."""
         columns = np.zeros((self.loop.layout.size, 4))
         columns[self.loop.layout.slices[PENDING]] = root(decision.found.residual)
-        return columns, np.full(4, self.setup.number[linear_inputs.DECISION])
+        return columns, np.full(4, self.setup.noises.index(linear_inputs.DECISION))
 
     def _execution(self, decision: Decision) -> tuple[np.ndarray, np.ndarray]:
         """Execution errors of the burns that are decided on."""
@@ -200,7 +206,7 @@ class Side:
         columns[self.loop.layout.slices["truth.v_ST_N"]] = execution(
             decision, self.loop.params.plant.thruster, along, across
         )
-        return columns, np.full(3, self.setup.number[linear_inputs.BURN])
+        return columns, np.full(3, self.setup.noises.index(linear_inputs.BURN))
 
     def _variance(self, name: str) -> float:
         """Mean variance of the components of a number, from what it started with."""

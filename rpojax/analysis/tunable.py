@@ -90,11 +90,14 @@ GROUPS: Final[dict[str, dict[str, Coordinate]]] = {
         "attitude_filter.angle_random_walk_deg_sqrt_s": Log(),
     },
     "schedule": {
-        "formation.lead_s": Between(20.0, 150.0),
+        "formation.lead_s": Log(),
         "formation.dead_band_mm_s": Log(),
     },
 }
 """Keys by the name under which they are tuned together, with their coordinates."""
+
+DECIDING: Final = ("gate", "formation", "schedule")
+"""Groups whose numbers act through decisions: whether a box is believed, whether and when there is a burn."""
 
 TUNABLE: Final = {key: coordinate for group in GROUPS.values() for key, coordinate in group.items()}
 
@@ -105,10 +108,12 @@ class Tunable:
 
     Attributes:
         nominal: value to start from by key, in the user's units
+        coordinates: in which each is walked, by key
         held: keys of the groups asked for that stay as they are, since no walk can start from them
     """
 
     nominal: dict[str, np.ndarray]
+    coordinates: dict[str, Coordinate]
     held: tuple[str, ...]
 
     @property
@@ -124,7 +129,13 @@ class Tunable:
     @property
     def start(self) -> np.ndarray:
         """Coordinates (k,) to start from."""
-        return np.concatenate([TUNABLE[key].place(value).ravel() for key, value in self.nominal.items()])
+        return np.concatenate([self.coordinates[key].place(value).ravel() for key, value in self.nominal.items()])
+
+    @property
+    def decides(self) -> np.ndarray:
+        """(k,) bool, whether the number acts through decisions."""
+        deciding = {key for group in DECIDING for key in GROUPS[group]}
+        return np.concatenate([np.full(value.size, key in deciding) for key, value in self.nominal.items()])
 
     def values(self, x: Float[Array, " k"]) -> Values:
         """Values by key at coordinates (k,)."""
@@ -132,7 +143,7 @@ class Tunable:
         first = 0
         for key, nominal in self.nominal.items():
             part = x[first : first + nominal.size].reshape(nominal.shape)
-            found[key] = TUNABLE[key].value(part)
+            found[key] = self.coordinates[key].value(part)
             first += nominal.size
         return found
 
@@ -154,25 +165,34 @@ def choose(file: ScenarioFile, words: Sequence[str]) -> Tunable:
             asked.append((word, True))
         else:
             raise ScenarioError("--parameters", word, f"one of {', '.join(GROUPS)}, or a key of theirs")
-    nominal, held = {}, []
+    nominal, coordinates, held = {}, {}, []
     for key, by_name in dict(asked).items():
         value = np.asarray(schema.nominal(file, key), dtype=np.float64)
         if key in dispersed.keys(file):
             raise ScenarioError(key, "a dispersion of it", "a number that all runs share, to tune it")
-        if TUNABLE[key].allows(value):
-            nominal[key] = value
+        coordinate = _coordinate(file, key)
+        if coordinate.allows(value):
+            nominal[key], coordinates[key] = value, coordinate
         elif by_name:
-            raise ScenarioError(key, value.tolist(), _expected(TUNABLE[key]))
+            raise ScenarioError(key, value.tolist(), _expected(coordinate))
         else:
             held.append(key)
     if not nominal:
         raise ScenarioError("--parameters", ",".join(words), "at least one number that can be tuned")
-    return Tunable(nominal, tuple(held))
+    return Tunable(nominal, coordinates, tuple(held))
 
 
 def inputs(file: ScenarioFile, tunable: Tunable, x: Array, run_key: Array) -> Values:
     """Values of a run: its dispersions as drawn, and the tuned numbers at coordinates (k,)."""
     return {**dispersions.draw(file, run_key, {}), **tunable.values(x)}
+
+
+def _coordinate(file: ScenarioFile, key: str) -> Coordinate:
+    """How a key is walked; the look-away about a burn must fit between two burn decisions."""
+    if key == "formation.lead_s":
+        half = 0.5 * file.pointing.look_away_limit_s
+        return Between(half, file.rates.formation_period_s - half)
+    return TUNABLE[key]
 
 
 def _expected(coordinate: Coordinate) -> str:

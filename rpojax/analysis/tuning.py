@@ -17,8 +17,8 @@ import jax
 import numpy as np
 import optax
 
-from rpojax.analysis import tunable
-from rpojax.analysis.derivatives import FORWARD_UP_TO, Flights, Found, run_keys
+from rpojax.analysis import slopes, tunable
+from rpojax.analysis.derivatives import Flights, run_keys
 from rpojax.analysis.objective import Objective
 from rpojax.campaign import files
 from rpojax.errors import ResultError, RpojaxError, ScenarioError
@@ -26,8 +26,6 @@ from rpojax.flight.computer import Stages
 from rpojax.simulation import scenario
 from rpojax.simulation.schema import ScenarioFile
 
-CLIP: Final = 10.0
-"""A run whose gradient is longer than so many times the batch's median is shortened to that."""
 _TAIL: Final = 0.25
 """Share of the steps whose mean is the result."""
 _LAST_RATE: Final = 0.05
@@ -104,7 +102,7 @@ class Tuned:
         x: (k,) coordinates, mean of the last quarter
         values: by key, in the user's units
         steps: all
-        mode: of differentiation, `forward` or `reverse`
+        mode: of differentiation, as `slopes.mode`
         compile_s: [s]
         memory_bytes: of the programs beside their arguments [B]
     """
@@ -174,46 +172,13 @@ def tune(
     if resume and progress_file is not None:
         walk = _under_way(progress_file, walk, json.loads(json.dumps(identity)))
     while len(walk.steps) < settings.steps:
-        walk = _step(flights, objective, optimizer, settings, walk)
+        walk = _step(flights, objective, chosen.decides, optimizer, settings, walk)
         tell(len(walk.steps), walk.steps[-1])
         if progress_file is not None:
             _save(progress_file, identity, walk)
     x = walk.tail / _tail_length(settings.steps)
     values = {key: np.asarray(value).tolist() for key, value in chosen.values(jax.numpy.asarray(x)).items()}
-    return Tuned(x, values, walk.steps, _mode(chosen.count), flights.compile_s, flights.memory_bytes)
-
-
-def derivative(flights: Flights, objective: Objective, x: np.ndarray, keys: np.ndarray) -> tuple[Found, np.ndarray]:
-    """Figures of runs at coordinates (k,), and the gradient (runs, k) of the objective's share of each run."""
-    numbers = np.tile(x, (len(keys), 1))
-    if _mode(flights.count) == "reverse":
-        found = flights.reverse(numbers, keys)
-        assert found.gradient is not None
-        return found, found.gradient
-    found = flights.forward(numbers, keys)
-    assert found.jacobian is not None
-    slope = objective.slope(*map(jax.numpy.asarray, (found.figures, found.figures, np.ones(len(keys)))))
-    return found, np.einsum("rf,rfk->rk", np.asarray(slope), found.jacobian)
-
-
-def combine(gradients: np.ndarray) -> tuple[np.ndarray, int, int]:
-    """Sum (k,) of the gradients (runs, k) of runs, how many were left out as not finite, and how many shortened.
-
-    The loop has discrete events, and next to one a run's derivative may be enormous while that of the mean is not.
-    """
-    finite = np.isfinite(gradients).all(axis=1)
-    there = gradients[finite]
-    if len(there) == 0:
-        return np.zeros(gradients.shape[1]), len(gradients), 0
-    norms = np.linalg.norm(there, axis=1)
-    longest = CLIP * np.median(norms)
-    factors = np.where(norms > longest, longest / np.where(norms > 0.0, norms, 1.0), 1.0)
-    total = (there * factors[:, None]).sum(axis=0)
-    return total * len(gradients) / len(there), int((~finite).sum()), int((factors < 1.0).sum())
-
-
-def _mode(count: int) -> str:
-    return "forward" if count <= FORWARD_UP_TO else "reverse"
+    return Tuned(x, values, walk.steps, slopes.mode(chosen.decides), flights.compile_s, flights.memory_bytes)
 
 
 def _tail_length(steps: int) -> int:
@@ -253,27 +218,27 @@ def _save(progress_file: Path, identity: dict[str, Any], walk: Walk) -> None:
     files.write_json(progress_file, content)
 
 
-def _step(flights: Flights, objective: Objective, optimizer: Any, settings: Settings, walk: Walk) -> Walk:
+def _step(
+    flights: Flights, objective: Objective, decides: np.ndarray, optimizer: Any, settings: Settings, walk: Walk
+) -> Walk:
     number = len(walk.steps)
     keys = run_keys(settings.seed, number * settings.runs + np.arange(settings.runs))
     compiled = flights.compile_s
     begin = time.perf_counter()
-    found, gradients = derivative(flights, objective, walk.x, keys)
+    found = slopes.gradient(flights, objective, decides, walk.x, keys)
     value, parts = objective(found.figures)
     if not math.isfinite(value):
         raise RpojaxError(
             f"step {number + 1}: found an objective of {value}, expected a finite one; try a lower --rate"
         )
-    # A batch too large for the devices is flown in several, each with an objective of its own.
-    total, left_out, shortened = combine(gradients / -(-len(keys) // flights.capacity))
-    if left_out == len(gradients):
+    if not np.isfinite(found.total).all():
         raise RpojaxError(f"step {number + 1}: found no run with a finite gradient, expected some; try a lower --rate")
     state = jax.tree.unflatten(jax.tree.structure(optimizer.init(walk.x)), walk.optimizer)
     with jax.numpy_dtype_promotion("standard"):  # optax mixes types in its schedules
-        updates, state = optimizer.update(total, state)
+        updates, state = optimizer.update(found.total, state)
     x = walk.x + np.asarray(updates)
     run_s = time.perf_counter() - begin - (flights.compile_s - compiled)
-    step = Step(value, parts, float(np.linalg.norm(total)), left_out, shortened, run_s)
+    step = Step(value, parts, float(np.linalg.norm(found.total)), found.left_out, found.shortened, run_s)
     counts = number >= settings.steps - _tail_length(settings.steps)
     leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(state)]
     return Walk(x, leaves, walk.tail + (x if counts else 0.0), (*walk.steps, step))

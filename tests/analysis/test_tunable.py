@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rpojax
-from rpojax.analysis import tunable
+from rpojax.analysis import tunable, tuning
 from rpojax.analysis.tunable import GROUPS, TUNABLE, Between, Coordinate, Log
 from rpojax.errors import ScenarioError
 from rpojax.simulation import params, schema
@@ -44,6 +44,14 @@ def test_the_start_of_a_group_is_the_scenario_as_it_is(group: str) -> None:
 
 def test_a_weight_of_zero_is_held_in_its_group() -> None:
     assert tunable.choose(INSPECTION, ["formation"]).held == ("formation.velocity_weight",)
+
+
+@pytest.mark.parametrize("x", [-50.0, -1.0, 50.0])
+def test_however_far_a_walk_goes_its_look_away_fits_between_two_decisions(x: float) -> None:
+    chosen = tunable.choose(INSPECTION, ["formation.lead_s"])
+    lead = float(chosen.values(jnp.asarray([x]))["formation.lead_s"])
+    schema_file = tuning.tuned_scenario(INSPECTION, {"formation.lead_s": lead})
+    assert schema_file.formation.lead_s == lead
 
 
 def test_words_may_overlap() -> None:

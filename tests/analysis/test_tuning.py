@@ -1,5 +1,6 @@
 """The walk of a tuning: on a made-up loop whose best gains are known, and on the real one."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +11,9 @@ import pytest
 from jax.sharding import Mesh
 
 import rpojax
-from rpojax.analysis import tuning
-from rpojax.analysis.derivatives import Flights, Found
+from rpojax.analysis import slopes, tunable, tuning
+from rpojax.analysis.derivatives import Flights, Found, run_keys
+from rpojax.analysis.objective import Objective
 from rpojax.analysis.tuning import Settings
 from rpojax.errors import ResultError, RpojaxError
 from rpojax.simulation.schema import ScenarioFile
@@ -20,7 +22,10 @@ CHOSEN = ("attitude_control.bandwidth_rad_s", "navigation.edge_noise_px", "forma
 
 
 class Bowl(Flights):
-    """Runs whose formation error is least at known coordinates, with noise from their keys and some jumps."""
+    """Runs whose formation error is least at known coordinates, with noise from their keys and some jumps.
+
+    Derivatives to the weights of the control law, the last six, are those between two decisions: they point uphill.
+    """
 
     best = np.array([0.5, -1.0, 0.3, 0.2, 0.1, 10.2, 10.1, 10.0])
 
@@ -29,12 +34,20 @@ class Bowl(Flights):
         self._mesh = Mesh(np.array(jax.devices()[:1]), ("runs",))
         self._slope = rest[2]
 
-    def reverse(self, numbers: np.ndarray, keys: np.ndarray, weights: np.ndarray | None = None) -> Found:
+    def _off(self, numbers: np.ndarray, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.random.Generator]:
         rng = np.random.default_rng(keys.astype(np.uint32).tolist())
         off = numbers - self.best + 0.1 * rng.standard_normal(numbers.shape)
-        figures = np.exp(np.sum(off**2, axis=1, keepdims=True))
+        return off, np.exp(np.sum(off**2, axis=1, keepdims=True)), rng
+
+    def values(self, numbers: np.ndarray, keys: np.ndarray) -> Found:
+        _, figures, _ = self._off(numbers, keys)
+        return Found(figures, None, None, np.zeros(len(numbers), dtype=bool), np.zeros(len(numbers)))
+
+    def reverse(self, numbers: np.ndarray, keys: np.ndarray, weights: np.ndarray | None = None) -> Found:
+        off, figures, rng = self._off(numbers, keys)
         slope = self._slope(*map(jnp.asarray, (figures, figures, np.ones(len(figures)))))
         gradient = np.asarray(slope) * figures * 2.0 * off
+        gradient[:, 2:] *= -3.0
         gradient[rng.random(len(gradient)) < 0.05] *= 1e4
         gradient[0, 0] = np.nan
         return Found(figures, None, gradient, np.zeros(len(numbers), dtype=bool), np.zeros(len(numbers)))
@@ -122,10 +135,47 @@ def test_what_has_no_gradient_is_refused(override: str, message: str) -> None:
         tuning.tune(rpojax.load("inspection", [override]), Settings(CHOSEN))
 
 
-def test_a_walk_without_any_finite_gradient_stops() -> None:
-    total, left_out, _ = tuning.combine(np.full((3, 2), np.nan))
-    np.testing.assert_array_equal(total, 0.0)
-    assert left_out == 3
+def test_a_walk_without_any_finite_gradient_stops(file: ScenarioFile, monkeypatch: pytest.MonkeyPatch) -> None:
+    fly = Bowl.reverse
+
+    def lost(*arguments: Any) -> Found:
+        found = fly(*arguments)
+        assert found.gradient is not None
+        return replace(found, gradient=np.full_like(found.gradient, np.nan))
+
+    monkeypatch.setattr(Bowl, "reverse", lost)
+    with pytest.raises(RpojaxError, match="step 1: found no run with a finite gradient"):
+        tuning.tune(file, Settings(CHOSEN, runs=4, steps=2))
+
+
+@pytest.mark.parametrize(
+    ("words", "mode"),
+    [
+        (("formation",), "differences"),
+        (("navigation",), "reverse"),
+        (("navigation.edge_noise_px",), "forward"),
+        (("navigation", "gate"), "reverse and differences"),
+    ],
+)
+def test_numbers_that_act_through_decisions_are_told_by_differences(words: tuple[str, ...], mode: str) -> None:
+    assert slopes.mode(tunable.choose(rpojax.load("inspection"), words).decides) == mode
+
+
+def test_a_run_that_is_lost_on_one_side_counts_on_none(file: ScenarioFile, monkeypatch: pytest.MonkeyPatch) -> None:
+    objective = Objective(file)
+    flights = Bowl(file, None, 8, objective.names, 4, None, objective.slope)
+    x, keys, decides = Bowl.best + 0.3, run_keys(0, np.arange(4)), np.arange(8) > 1
+    whole = slopes.gradient(flights, objective, decides, x, keys[:3]).total[2:]
+    fly = Bowl.values
+
+    def lose_the_last(self: Bowl, numbers: np.ndarray, keys: np.ndarray) -> Found:
+        kept = fly(self, numbers[:3], keys[:3]).figures
+        above = numbers[3, 2:] > x[2:]
+        figures = np.concatenate([kept, np.where(above.any(), np.nan, 1e9)[None, None]])
+        return replace(fly(self, numbers, keys), figures=figures)
+
+    monkeypatch.setattr(Bowl, "values", lose_the_last)
+    np.testing.assert_allclose(slopes.gradient(flights, objective, decides, x, keys).total[2:], whole, rtol=1e-9)
 
 
 @pytest.mark.slow
