@@ -1,0 +1,72 @@
+"""Slopes of formation error and velocity change to what decides on burns: derivatives of runs, and differences.
+
+    python experiments/tuning/decisions.py [--runs 128] [--horizon 4000]
+
+All slopes are those of the mean logarithm to a number's coordinate. The derivative of each run is exact between two of
+its decisions; its mean over runs comes with its standard error, and once more with long gradients cut as in tuning.
+"""
+
+import argparse
+from functools import partial
+
+import numpy as np
+
+from rpojax.machine import prepare_jax
+
+PARAMETERS = ("formation", "schedule")
+SETTINGS = ("formation.velocity_weight=[1e3, 1e3, 1e3]", "tuning.formation=1", "tuning.delta_v=1")
+ONLY = tuple(f"tuning.{name}=0" for name in ("innovations", "estimate", "consistency", "navigation", "pointing"))
+SPANS = (0.1, 0.4)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--runs", type=int, default=128)
+    parser.add_argument("--horizon", type=float, default=4000.0)
+    parser.add_argument("--seed", type=int, default=5)
+    options = parser.parse_args()
+    prepare_jax(cache=True)
+    import rpojax
+    from rpojax.analysis import slopes, tunable
+    from rpojax.analysis.derivatives import Flights, run_keys
+    from rpojax.analysis.objective import Objective
+
+    file = rpojax.load("inspection", [*SETTINGS, *ONLY, f"duration_s={options.horizon}"])
+    chosen, names = tunable.choose(file, PARAMETERS), Objective(file).names
+    flights = Flights(file, partial(tunable.inputs, file, chosen), chosen.count, names, options.runs)
+    keys = run_keys(options.seed, np.arange(options.runs))
+
+    def logs(x: np.ndarray) -> np.ndarray:
+        return np.log(flights.values(np.tile(x, (options.runs, 1)), keys).figures)
+
+    here = logs(chosen.start)
+    sides = {
+        (index, span): tuple(logs(chosen.start + sign * span * np.eye(chosen.count)[index]) for sign in (1.0, -1.0))
+        for index in range(chosen.count)
+        for span in SPANS
+    }
+    for column, figure in enumerate(names):
+        weights = np.zeros_like(here)
+        weights[:, column] = np.exp(-here[:, column])
+        found = flights.reverse(np.tile(chosen.start, (options.runs, 1)), keys, weights).gradient
+        assert found is not None
+        cut, _, shortened = slopes.combine(found / options.runs)
+        print(f"\n`{figure}`, {shortened} of {options.runs} gradients cut\n")
+        spans = " | ".join(f"differences over {span:g}" for span in SPANS)
+        print(f"| number | mean derivative | cut | median | {spans} |\n|---|---|---|---|{'---|' * len(SPANS)}")
+        for index, name in enumerate(chosen.names):
+            slope = found[:, index]
+            cells = [with_error(slope), f"{cut[index]:.2f}", f"{np.median(slope):.3f}"]
+            for span in SPANS:
+                up, down = sides[index, span]
+                cells.append(with_error((up - down)[:, column] / (2.0 * span)))
+            print(f"| `{name}` | {' | '.join(cells)} |", flush=True)
+
+
+def with_error(values: np.ndarray) -> str:
+    """Mean and its standard error."""
+    return f"{values.mean():.3f} ± {values.std() / np.sqrt(len(values)):.3f}"
+
+
+if __name__ == "__main__":
+    main()
