@@ -6,16 +6,15 @@ Comput. Struct. 9, 1978). Derivatives of flights mislead where an event is close
 are tried, what was met beyond the limit is never lost, and several searches start where random points come closest.
 """
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rpojax.analysis.limit_trials import Book, Effort, Found, Limit, SpentError
 
-_ROUNDS = 3
-"""So many times new random points are tried where no search got beyond the limit."""
-_WIDENING = 1.25
-"""Random points of each further round lie so much farther out."""
+_WIDENING = (1.0, 1.1, 1.2)
+"""Random points of each further round lie so much farther out, up to the last of these factors."""
 _SMALLEST_PACE = 0.25
 _WORTH_A_STEP = 0.01
 """Share of the distance, or of the margin, that a step must gain; else the next one is shorter."""
@@ -26,7 +25,8 @@ def search(limit: Limit, count: int, effort: Effort, seed: int) -> Found:
     book = Book(limit, effort)
     rng = np.random.default_rng([seed, 0x5EED])
     try:
-        for number in range(_ROUNDS):
+        # Where no search gets beyond the limit new random points are tried until all is spent.
+        for number in itertools.count():
             fronts = _screen(book, rng, count, number)
             while fronts and not (book.nearest is not None and book.nearest.distance == 0.0):
                 fronts = _advance(book, fronts)
@@ -52,7 +52,7 @@ class _Front:
 def _screen(book: Book, rng: np.random.Generator, count: int, number: int) -> list[_Front]:
     """Random points, each on its own lane, the first one of all the origin; the best ones are fronts."""
     size = book.effort.screened
-    points = _within(_WIDENING**number * rng.normal(size=(size, count)), book.effort.reach)
+    points = _within(_WIDENING[min(number, len(_WIDENING) - 1)] * rng.normal(size=(size, count)), book.effort.reach)
     if number == 0:
         points[0] = 0.0
     lanes = number * size + np.arange(size)

@@ -127,8 +127,11 @@ def test_every_start_is_on_a_lane_of_its_own() -> None:
 
     limit.margins = watched  # type: ignore[method-assign]
     design_point.search(limit, COUNT, AMPLE, 0)
-    assert set(seen) == set(range(3 * 16))
-    assert sum(count > 1 for count in seen.values()) == 3 * 2
+    assert set(seen) == set(range(len(seen)))
+    rounds = len(seen) // 16
+    assert rounds > 3
+    # The last round may end when all is spent.
+    assert 2 * (rounds - 1) <= sum(count > 1 for count in seen.values()) <= 2 * rounds
 
 
 def ripples() -> Known:
