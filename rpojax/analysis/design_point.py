@@ -7,6 +7,7 @@ are tried, what was met beyond the limit is never lost, and several searches sta
 """
 
 import itertools
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +16,10 @@ from rpojax.analysis.limit_trials import Book, Effort, Found, Limit, SpentError
 
 _WIDENING = (1.0, 1.1, 1.2)
 """Random points of each further round lie so much farther out, up to the last of these factors."""
+_VOLLEYS, _VOLLEY = 4, 8
+"""Shots along the line through what was tried: so many times, and so many at a time."""
+_DEPTH = 0.85
+"""Share of the reach that shots go along the slope, at most; the rest is left to all other numbers."""
 _SMALLEST_PACE = 0.25
 _WORTH_A_STEP = 0.01
 """Share of the distance, or of the margin, that a step must gain; else the next one is shorter."""
@@ -50,15 +55,58 @@ class _Front:
 
 
 def _screen(book: Book, rng: np.random.Generator, count: int, number: int) -> list[_Front]:
-    """Random points, each on its own lane, the first one of all the origin; the best ones are fronts."""
+    """Random points, each on its own lane, the first one of all the origin, and shots; the best lanes are fronts."""
     size = book.effort.screened
     points = _within(_WIDENING[min(number, len(_WIDENING) - 1)] * rng.normal(size=(size, count)), book.effort.reach)
     if number == 0:
         points[0] = 0.0
     lanes = number * size + np.arange(size)
     margins = book.margins(points, lanes)
-    best = np.argsort(margins, kind="stable")[: book.effort.starts]
+    points, lanes, margins = _shoot(book, rng, points, lanes, margins)
+    order = np.argsort(margins, kind="stable")
+    _, first = np.unique(lanes[order], return_index=True)
+    best = order[np.sort(first)][: book.effort.starts]
     return [_Front(int(lanes[row]), points[row], float(margins[row])) for row in best]
+
+
+def _shoot(
+    book: Book, rng: np.random.Generator, points: np.ndarray, lanes: np.ndarray, margins: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points (n, k), lanes and margins with those of shots along the slope of the line through all points so far.
+
+    Over random points that slope is the mean of all derivatives (Stein's identity), ripples smoothed out, and it needs
+    no derivative. Shots end with the first one beyond the limit, or where a volley comes no closer.
+    """
+    own, closest = lanes[np.argsort(margins, kind="stable")], math.inf
+    for _ in range(_VOLLEYS):
+        if margins.min() <= 0.0 or margins.min() >= closest:
+            break
+        closest = margins.min()
+        slope, ahead = _line(points, margins)
+        if not slope.any():
+            break
+        down = -slope / np.linalg.norm(slope)
+        depth = np.clip(ahead, 0.5 * _DEPTH * book.effort.reach, _DEPTH * book.effort.reach)
+        across = rng.normal(size=(_VOLLEY, points.shape[1]))
+        across -= np.outer(across @ down, down)
+        room = math.sqrt(book.effort.reach**2 - depth**2)
+        shots = depth * down + _within(across, room)
+        on = np.resize(own, _VOLLEY)
+        found = book.margins(shots, on)
+        points, lanes = np.concatenate([points, shots]), np.concatenate([lanes, on])
+        margins = np.concatenate([margins, found])
+    return points, lanes, margins
+
+
+def _line(points: np.ndarray, margins: np.ndarray) -> tuple[np.ndarray, float]:
+    """Slope (k,) of the straight line through points (n, k), drawn in as fewer points than numbers ask for, and how
+    far from the origin it meets the limit."""
+    middle, mean = points.mean(axis=0), margins.mean()
+    off = points - middle
+    square = off.T @ off + points.shape[1] * np.eye(points.shape[1])
+    slope = np.linalg.solve(square, off.T @ (margins - mean))
+    size = float(np.linalg.norm(slope))
+    return slope, float(mean - slope @ middle) / size if size > 0.0 else 0.0
 
 
 def _advance(book: Book, fronts: list[_Front]) -> list[_Front]:

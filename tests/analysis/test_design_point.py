@@ -61,7 +61,7 @@ def test_the_foot_of_a_plane_is_found(distance: float, seed: int) -> None:
     assert found.alignment is not None
     assert (1.0 - 1e-9) * distance <= found.nearest.distance < 1.02 * distance
     assert found.alignment == pytest.approx(1.0, abs=1e-3)
-    assert found.first.spent <= 16 + 2 * (8 + 5)
+    assert found.first.spent <= 16 + 4 * 8 + 2 * (8 + 5)
 
 
 @pytest.mark.parametrize("curvature", [-0.1, 0.05, 0.2])
@@ -101,7 +101,7 @@ def test_lost_runs_and_missing_derivatives_do_not_end_the_search() -> None:
     found = design_point.search(lost, COUNT, AMPLE, 0)
     assert found.nearest is not None
     assert found.nearest.margin == -np.inf
-    assert 3.0 - 1e-9 <= found.nearest.distance < 4.5
+    assert 3.0 - 1e-9 <= found.nearest.distance < 5.0
 
 
 @pytest.mark.parametrize(("batch", "budget"), [(1, 60.0), (4, 100.0), (4, 200.0)])
@@ -116,22 +116,46 @@ def test_the_budget_is_kept_and_everything_is_counted(batch: int, budget: float)
 
 
 def test_every_start_is_on_a_lane_of_its_own() -> None:
-    seen: dict[int, int] = {}
-    limit = plane(8.0)
-    margins = limit.margins
+    screened: set[int] = set()
+    limit = bowl(8.0, 0.05)
+    margins, gradients = limit.margins, limit.gradients
 
-    def watched(points: np.ndarray, lanes: np.ndarray) -> np.ndarray:
-        for lane in lanes:
-            seen[int(lane)] = seen.get(int(lane), 0) + 1
+    def tried(points: np.ndarray, lanes: np.ndarray) -> np.ndarray:
+        screened.update(lanes.tolist())
         return margins(points, lanes)
 
-    limit.margins = watched  # type: ignore[method-assign]
-    design_point.search(limit, COUNT, AMPLE, 0)
-    assert set(seen) == set(range(len(seen)))
-    rounds = len(seen) // 16
-    assert rounds > 3
-    # The last round may end when all is spent.
-    assert 2 * (rounds - 1) <= sum(count > 1 for count in seen.values()) <= 2 * rounds
+    def climbed(points: np.ndarray, lanes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        assert len(set(lanes.tolist())) == len(lanes)
+        return gradients(points, lanes)
+
+    limit.margins, limit.gradients = tried, climbed  # type: ignore[method-assign]
+    found = design_point.search(limit, COUNT, AMPLE, 0)
+    assert found.gradients > 4
+    assert screened == set(range(len(screened)))
+    assert len(screened) > 2 * 16
+
+
+def rough(scatter: float) -> Known:
+    """A plane at 4 sigmas whose every point is off by chance, and whose derivatives are nothing but chance."""
+
+    def chance(z: np.ndarray) -> np.random.Generator:
+        return np.random.default_rng(np.abs(z * 1e6).astype(np.int64).tolist())
+
+    return Known(
+        lambda z: float(4.0 - AXIS @ z + scatter * chance(z).normal()),
+        lambda z: 5.0 * chance(z).normal(size=COUNT),
+        gradient_cost=18.0,
+    )
+
+
+def test_shots_meet_a_rare_violation_that_derivatives_do_not_lead_to() -> None:
+    spent = []
+    for seed in range(20):
+        found = design_point.search(rough(0.8), COUNT, Effort(budget=400.0), seed)
+        assert found.first is not None
+        spent.append(found.first.spent)
+    # One point in a thousand is beyond the limit: sqrt(1 + 0.8^2) sigmas are 1.28, and 4 are 3.1 of them.
+    assert np.mean(spent) < 60.0
 
 
 def ripples() -> Known:
@@ -146,6 +170,7 @@ def ripples() -> Known:
 @pytest.mark.parametrize("seed", range(4))
 def test_what_gradients_agree_on_leads_through_ripples(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     effort = Effort(starts=4, screened=16, budget=400.0)
+    monkeypatch.setattr(design_point, "_VOLLEYS", 0)
     found = design_point.search(ripples(), COUNT, effort, seed)
     assert found.nearest is not None
     monkeypatch.setattr(limit_trials.Book, "trend", lambda book: None)
