@@ -63,10 +63,20 @@ def _screen(book: Book, rng: np.random.Generator, count: int, number: int) -> li
     lanes = number * size + np.arange(size)
     margins = book.margins(points, lanes)
     points, lanes, margins = _shoot(book, rng, points, lanes, margins)
-    order = np.argsort(margins, kind="stable")
-    _, first = np.unique(lanes[order], return_index=True)
-    best = order[np.sort(first)][: book.effort.starts]
+    best = _fronts(points, lanes, margins)[: book.effort.starts]
     return [_Front(int(lanes[row]), points[row], float(margins[row])) for row in best]
+
+
+def _fronts(points: np.ndarray, lanes: np.ndarray, margins: np.ndarray) -> np.ndarray:
+    """Rows of points to go on from, one a lane: the nearest one beyond the limit, then what is closest inside of it."""
+    distances = np.linalg.norm(points, axis=1)
+    beyond = np.flatnonzero(margins <= 0.0)
+    inside = np.flatnonzero(margins > 0.0)
+    order = np.concatenate(
+        [beyond[np.argsort(distances[beyond])][:1], inside[np.argsort(margins[inside], kind="stable")]]
+    )
+    _, first = np.unique(lanes[order], return_index=True)
+    return order[np.sort(first)]
 
 
 def _shoot(
@@ -85,6 +95,7 @@ def _shoot(
         slope, ahead = _line(points, margins)
         if not slope.any():
             break
+        book.line = slope
         down = -slope / np.linalg.norm(slope)
         depth = np.clip(ahead, 0.5 * _DEPTH * book.effort.reach, _DEPTH * book.effort.reach)
         across = rng.normal(size=(_VOLLEY, points.shape[1]))
@@ -113,7 +124,7 @@ def _advance(book: Book, fronts: list[_Front]) -> list[_Front]:
     """Every front one step on; those that gain nothing any more are left out."""
     fronts = _with_gradients(book, fronts)
     trend = book.trend()
-    fans = [_fan(front, trend, book.effort.reach) for front in fronts]
+    fans = [_fan(front, trend, book.line, book.effort.reach) for front in fronts]
     points = np.concatenate(fans)
     lanes = np.repeat([front.lane for front in fronts], [len(fan) for fan in fans])
     margins = np.split(book.margins(points, lanes), np.cumsum([len(fan) for fan in fans])[:-1])
@@ -130,12 +141,16 @@ def _with_gradients(book: Book, fronts: list[_Front]) -> list[_Front]:
     return [replace(front, gradient=next(found)) if front.gradient is None else front for front in fronts]
 
 
-def _fan(front: _Front, trend: np.ndarray | None, reach: float) -> np.ndarray:
-    """Points (n, k) to try next, from a front with its gradient and the trend of all gradients."""
+def _fan(front: _Front, trend: np.ndarray | None, line: np.ndarray | None, reach: float) -> np.ndarray:
+    """Points (n, k) to try next, from a front with its gradient, the trend of all gradients and the line of shots."""
     z = front.numbers
     slopes = [slope for slope in (front.gradient, trend) if slope is not None and _is_told(slope)]
     if front.margin <= 0.0:
         tried = [(1.0 - front.pace * share) * z for share in (0.05, 0.15, 0.3, 0.5)]
+        # What lies across the slope is mostly chance, and most of the distance.
+        for slope in [*slopes, line] if line is not None else slopes:
+            along = (slope @ z) / (slope @ slope) * slope
+            tried += [along + (1.0 - front.pace * share) * (z - along) for share in (0.5, 1.0)]
     elif slopes:
         tried = []
     else:

@@ -104,6 +104,7 @@ class Book:
     def __init__(self, limit: Limit, effort: Effort) -> None:
         self.effort = effort
         self.nearest: Point | None = None
+        self.line: np.ndarray | None = None
         self._limit = limit
         self._first: Point | None = None
         self._closest: Point | None = None
