@@ -111,6 +111,20 @@ def show(found: dict) -> None:
         print(f"| {' | '.join([*cells, str(row['failed'])])} |")
 
 
+def front(points: list[dict]) -> list[dict]:
+    """Points that no other one beats in both figures, by velocity change."""
+    found: list[dict] = []
+    for point in sorted(points, key=lambda point: point["delta_v_m_s"]):
+        if not found or point["formation_error_rms_m"] < found[-1]["formation_error_rms_m"]:
+            found.append(point)
+    return found
+
+
+def places(points: list[dict]) -> list[list[float]]:
+    """Velocity changes and formation errors."""
+    return [[point[name] for point in points] for name in ("delta_v_m_s", "formation_error_rms_m")]
+
+
 def draw(found: dict, path: Path) -> None:
     """The front, and the packaged gains beside it."""
     import matplotlib
@@ -120,8 +134,8 @@ def draw(found: dict, path: Path) -> None:
 
     packaged, *points = found["points"]
     figure, axes = plt.subplots(figsize=(6.4, 4.2), constrained_layout=True)
-    x, y = ([point[name] for point in points] for name in ("delta_v_m_s", "formation_error_rms_m"))
-    axes.plot(x, y, "o-", color="#1b6ca8", label="tuned by gradient")
+    axes.plot(*places(points), "o", color="#1b6ca8", mfc="white", label="tuned, and another point beats it")
+    axes.plot(*places(front(points)), "o-", color="#1b6ca8", label="tuned: the front")
     for point in points:
         place = (point["delta_v_m_s"], point["formation_error_rms_m"])
         axes.annotate(f"{point['price']:g}", place, textcoords="offset points", xytext=(6, 5), fontsize=8)
