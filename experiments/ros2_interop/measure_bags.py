@@ -10,12 +10,9 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
-
-from rpojax.machine import prepare_jax
-
-prepare_jax(cache=True)
 
 import numpy as np
 
@@ -91,7 +88,7 @@ def main() -> int:
     for form in Format:
         for images in Images if rendered else (Images.NONE,):
             places = [options.out / order / "bag" for order in ("first", "second")]
-            results = [timed(lambda place=place: bag(flight, pictures, place, form, images)) for place in places]
+            results = [timed(partial(bag, flight, pictures, place, form, images)) for place in places]
             (count, first), (_, second) = results
             size = sum(path.stat().st_size for path in places[0].iterdir())
             alike = digest(places[0]) == digest(places[1])

@@ -44,7 +44,7 @@ def turned_body() -> Motion:
 
 def test_a_pose_is_in_the_parent_and_a_twist_in_the_child() -> None:
     found = turned_body()
-    np.testing.assert_allclose(found.velocity, [5.0, 0.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(found.velocity, [5.0, 0.0, 0.0], atol=1e-14)
     np.testing.assert_array_equal(found.rate, [0.1, 0.2, 0.3])
     # The body's x error is one about the parent's y.
     np.testing.assert_allclose(found.pose_covariance, np.diag([1.0, 4.0, 9.0, 4e-4, 1e-4, 9e-4]), atol=1e-15)

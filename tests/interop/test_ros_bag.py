@@ -44,8 +44,10 @@ def plain(message: Any) -> Any:
         return [plain(each) for each in message]
     if isinstance(message, bool | int | float | str):
         return message
-    if dataclasses.is_dataclass(message):
-        names = [field.name for field in dataclasses.fields(message) if field.name != "__msgtype__"]
+    if hasattr(message, "__msgtype__"):
+        names = [name for name, _ in message_types.typestore().fielddefs[message.__msgtype__][1]]
+    elif dataclasses.is_dataclass(message):
+        names = [field.name for field in dataclasses.fields(message)]
     else:
         names = message.__slots__
     return {name.lower(): plain(getattr(message, name)) for name in names}
