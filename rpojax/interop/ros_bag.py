@@ -6,6 +6,7 @@ exported under the same name, gives the same bytes.
 
 import enum
 import shutil
+import sqlite3
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -169,16 +170,27 @@ def write(
     claim(out, force)
     partial = out.parent / files.partial_name(out.name)
     try:
-        partial.mkdir(parents=True)
-        count = _write(partial / out.name, form, carried, said, custom)
-        if out.exists():
-            out.rename(partial / "replaced")
-        (partial / out.name).rename(out)
-    except OSError as error:
-        raise OutputError(f"{out}: found {error.strerror or error}, expected a folder that can be written") from None
+        (partial / "new").mkdir(parents=True)
+        count = _write(partial / "new" / out.name, form, carried, said, custom)
+        _put_in_place(partial / "new" / out.name, out, partial / "old")
+    except (OSError, sqlite3.Error) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise OutputError(f"{out}: found {reason}, expected room for a bag in a folder that can be written") from None
     finally:
         shutil.rmtree(partial, ignore_errors=True)
     return count
+
+
+def _put_in_place(made: Path, out: Path, aside: Path) -> None:
+    """Renames a whole bag to its name; the one that is there goes, or stays if that fails."""
+    if out.exists():
+        out.rename(aside)
+    try:
+        made.rename(out)
+    except OSError:
+        if aside.exists():
+            aside.rename(out)
+        raise
 
 
 def _write(out: Path, form: Format, carried: Sequence[Topic], said: Iterable[Stamped], custom: dict[str, str]) -> int:

@@ -1,6 +1,7 @@
 """Bags, read back by other libraries than the one that wrote them."""
 
 import dataclasses
+import resource
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
@@ -187,8 +188,34 @@ def test_a_bag_that_cannot_be_finished_leaves_nothing_and_the_old_one_alone(
 
 def test_a_place_that_cannot_be_written_to_is_named(around_burn: Flight, shots: np.ndarray, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(OutputError, match=r"file/bag: found .*, expected a folder that can be written$"):
+    with pytest.raises(OutputError, match=r"file/bag: found .*, expected room for a bag in a folder that can be writ"):
         make(tmp_path / "file" / "bag", Format.MCAP, around_burn, Images.NONE, shots)
+
+
+@pytest.fixture
+def little_room() -> Iterator[None]:
+    """No file may grow beyond a few blocks, as if the disk were full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (65536, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.usefixtures("little_room")
+@pytest.mark.parametrize("form", list(Format))
+def test_a_full_disk_is_said_in_one_line_and_leaves_nothing(
+    around_burn: Flight, shots: np.ndarray, tmp_path: Path, form: Format
+) -> None:
+    with pytest.raises(OutputError, match=r"^[^\n]*bag: found [^\n]*, expected room for a bag [^\n]*$"):
+        make(tmp_path / "bag", form, around_burn, Images.RAW, shots)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_old_bag_stays_if_the_new_one_cannot_take_its_place(tmp_path: Path) -> None:
+    (tmp_path / "bag").mkdir()
+    with pytest.raises(OSError, match="No such file"):
+        ros_bag._put_in_place(tmp_path / "nowhere", tmp_path / "bag", tmp_path / "aside")
+    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
 
 
 def test_pictures_of_a_camera_that_takes_none_are_refused() -> None:

@@ -116,7 +116,7 @@ def test_the_estimated_hill_frame_doubts_as_much_as_sampled_orbits_do() -> None:
         np.testing.assert_allclose(
             np.asarray(told) / np.outer(scale, scale), sampled / np.outer(scale, scale), atol=0.05
         )
-    np.testing.assert_allclose(found.rate, [0.0, 0.0, np.linalg.norm(np.cross(r, v)) / (r @ r)], atol=1e-15)
+    np.testing.assert_allclose(found.rate, [0.0, 0.0, float(np.linalg.norm(np.cross(r, v)) / (r @ r))], atol=1e-15)
 
 
 def test_a_box_points_at_the_target_by_calibration_mounting_and_attitude(flight: Flight) -> None:
