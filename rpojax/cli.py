@@ -21,6 +21,7 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, arg
 
 from rpojax import (
+    bag_verb,
     calibration_verb,
     campaign_verbs,
     compare_verb,
@@ -59,6 +60,7 @@ report = app.command(campaign_verbs.report)
 tune = app.command(tune_verb.tune)
 sensitivity = app.command(sensitivity_verb.sensitivity)
 worst = app.command(name="worst-case")(worst_case_verb.worst_case)
+export = app.command(name="export-bag")(bag_verb.export_bag)
 
 
 @app.command
