@@ -26,6 +26,7 @@ from rpojax import (
     compare_verb,
     console,
     detector_verbs,
+    export_rrd_verb,
     field_verbs,
     lincov_verb,
     sensitivity_verb,
@@ -59,6 +60,7 @@ report = app.command(campaign_verbs.report)
 tune = app.command(tune_verb.tune)
 sensitivity = app.command(sensitivity_verb.sensitivity)
 worst = app.command(name="worst-case")(worst_case_verb.worst_case)
+export = app.command(name="export-rrd")(export_rrd_verb.export_rrd)
 
 
 @app.command
