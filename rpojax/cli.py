@@ -67,11 +67,12 @@ export = app.command(name="export-rrd")(export_rrd_verb.export_rrd)
 def film(
     directory: Folder,
     *,
-    out: Annotated[Path, arg(metavar="FILE", help="Film (.mp4, VP9 inside) or sheet of twelve stills (.png).")],
+    out: Annotated[Path, arg(metavar="FILE", help="Film (.mp4) or sheet of twelve stills (.png).")],
     run_id: Annotated[
         int | None, arg(metavar="I", help="Run to show.", help_behavior_hint="(default: the first with a kept history)")
     ] = None,
     every: Annotated[int, arg(metavar="N", help="Ticks from one picture of a film to the next.")] = 10,
+    codec: Annotated[str, arg(metavar="KIND", help="Of a film: vp9, or h264 (extra viz).")] = "vp9",
     force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
     no_cache: NoCache = False,
 ) -> int:
@@ -90,6 +91,7 @@ def film(
     from rpojax.report import film as drawing
     from rpojax.report.files import write_atomically
 
+    drawing.check_codec(codec)
     found = Campaign(directory)
     file = filming.scenario_of(found.info)
     run, history = _history_of(found, file, run_id)
@@ -101,7 +103,7 @@ def film(
         if suffix == ".png":
             write_atomically(out, drawing.png(drawing.strip(shots)))
         else:
-            drawing.write_film(shots, out)
+            drawing.write_film(shots, out, codec)
     print(out)
     return Status.DONE
 

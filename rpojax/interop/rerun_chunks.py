@@ -1,6 +1,7 @@
 """Columns of data for a rerun recording, numbered so that nothing in them depends on when they were made."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -55,7 +56,19 @@ def recorded(chunks: Chunks, path: Path, application: str, recording: str, bluep
     try:
         stream.save(path)
         stream.send_blueprint(blueprint)
+        stream.flush()
         stream.send_chunks(chunks.made)
         stream.flush()
     finally:
         stream.disconnect()
+
+
+@contextmanager
+def strictly() -> Iterator[None]:
+    """What rerun cannot take is an error, and not a warning."""
+    before = rr.strict_mode()
+    rr.set_strict_mode(True)
+    try:
+        yield
+    finally:
+        rr.set_strict_mode(before)

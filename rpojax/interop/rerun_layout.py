@@ -12,6 +12,7 @@ from rpojax.interop.rerun_plots import MODE, PLOTS, Plot
 from rpojax.interop.rerun_scene import CAMERA, HILL
 
 ABOUT = "about"
+_SPACE = (14, 17, 24)
 
 
 def blueprint(flight: Flight, plots: Sequence[Plot]) -> rrb.Blueprint:
@@ -22,10 +23,15 @@ def blueprint(flight: Flight, plots: Sequence[Plot]) -> rrb.Blueprint:
         row_shares=[3, 2],
     )
     views = [
-        rrb.TimeSeriesView(origin=f"{PLOTS}/{plot.name}", name=plot.title, plot_legend=rrb.PlotLegend(visible=False))
+        rrb.TimeSeriesView(
+            origin=f"{PLOTS}/{plot.name}",
+            name=plot.title,
+            plot_legend=rrb.PlotLegend(visible=False),
+            axis_x=_whole(flight),
+        )
         for plot in plots
     ]
-    mode = rrb.StateTimelineView(origin=MODE, name="Mode")
+    mode = rrb.StateTimelineView(origin=MODE, name="Mode", time_view=_whole(flight))
     right = rrb.Vertical(rrb.Grid(*views, grid_columns=2), mode, row_shares=[7, 1])
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[1, 1]),
@@ -35,6 +41,12 @@ def blueprint(flight: Flight, plots: Sequence[Plot]) -> rrb.Blueprint:
         auto_layout=False,
         auto_views=False,
     )
+
+
+def _whole(flight: Flight) -> rrb.archetypes.TimeAxis:
+    """The run from end to end."""
+    ends = (rr.TimeRangeBoundary.absolute(seconds=float(flight.channels["time_s"][index])) for index in (0, -1))
+    return rrb.archetypes.TimeAxis(view_range=rr.TimeRange(*ends))
 
 
 def _scene(flight: Flight) -> rrb.Spatial3DView:
@@ -47,6 +59,7 @@ def _scene(flight: Flight) -> rrb.Spatial3DView:
         origin=HILL,
         name="Hill frame of the target",
         line_grid=False,
+        background=_SPACE,
         eye_controls=rrb.EyeControls3D(position=eye, look_target=middle, eye_up=[1.0, 0.0, 0.0]),
     )
 

@@ -47,6 +47,24 @@ def write(flight: Flight, path: Path, shots: Shots | None = None) -> Recording:
         OutputError: there cannot be such a file.
     """
     check()
+    from rpojax.interop.rerun_chunks import strictly
+
+    partial = path.with_name(f"{path.stem}.{os.getpid()}.partial.rrd")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with strictly():
+                pictures = _record(flight, partial, shots)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+    except OSError as error:
+        raise OutputError(f"{path}: found {error.strerror or error}, expected a file that can be written") from None
+    return Recording(path, flight.ticks, pictures, path.stat().st_size)
+
+
+def _record(flight: Flight, path: Path, shots: Shots | None) -> int:
+    """Writes all of it; returns the number of pictures."""
     from rpojax.interop import rerun_camera, rerun_layout, rerun_plots, rerun_scene
     from rpojax.interop.rerun_chunks import Chunks, recorded
 
@@ -57,17 +75,8 @@ def write(flight: Flight, path: Path, shots: Shots | None = None) -> Recording:
     rerun_scene.add(chunks, flight)
     rerun_plots.add(chunks, flight, plots)
     pictures = rerun_camera.add(chunks, flight, shots)
-    partial = path.with_name(f"{path.stem}.{os.getpid()}.partial.rrd")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            recorded(chunks, partial, APPLICATION, identity(flight), rerun_layout.blueprint(flight, plots))
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
-    except OSError as error:
-        raise OutputError(f"{path}: found {error.strerror or error}, expected a file that can be written") from None
-    return Recording(path, flight.ticks, pictures, path.stat().st_size)
+    recorded(chunks, path, APPLICATION, identity(flight), rerun_layout.blueprint(flight, plots))
+    return pictures
 
 
 def identity(flight: Flight) -> str:

@@ -76,7 +76,7 @@ def add(chunks: Chunks, flight: Flight, found: Sequence[Plot]) -> None:
 
 
 def wheel_torque(flight: Flight) -> np.ndarray:
-    """Net torque on each wheel [N m] (ticks, 3), mean from a tick to the next by the change of speed; nan in the last."""
+    """Net torque on each wheel [N m] (ticks, 3), mean over a tick from the change of speed; nan at the last."""
     time, speed = flight.channels["time_s"], _speed(flight)
     rate = np.diff(speed, axis=0) / np.diff(time)[:, None]
     return np.asarray(flight.chosen.plant.wheels.inertia) * np.append(rate, np.full((1, 3), np.nan), axis=0)

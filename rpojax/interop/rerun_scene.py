@@ -1,5 +1,6 @@
 """The three-dimensional scene of a run: both craft, the filter's belief and the burns, in the target's Hill frame."""
 
+import jax.numpy as jnp
 import numpy as np
 import rerun as rr
 from scipy.spatial import ConvexHull
@@ -8,7 +9,6 @@ from scipy.spatial.transform import Rotation
 from rpojax.interop.flight import Flight
 from rpojax.interop.rerun_chunks import Chunks
 from rpojax.sensors import box_camera
-from rpojax.simulation import scenario
 from rpojax.vision import pinhole
 
 HILL = "hill"
@@ -23,6 +23,8 @@ _GOLD = (214, 170, 80)
 _FLAME = (255, 90, 60)
 _FAINT = (110, 118, 130)
 
+_AXIS_M = 12.0
+"""Length of the Hill axes."""
 _THRUST_M = 5.0
 """Length of the arrow of the nominal force."""
 _IMAGE_M = 4.0
@@ -64,7 +66,7 @@ def force(flight: Flight) -> np.ndarray:
     if len(time) < 2:
         return np.zeros(len(time))
     mean = np.append(np.diff(gained) / np.diff(time), 0.0) * flight.channels["mass_kg"]
-    # Half of what a second of the smallest impulse would be: less is rounding.
+    # Less is rounding of the channel.
     return np.where(mean > 1e-4 * float(flight.chosen.plant.thruster.force), mean, 0.0)
 
 
@@ -72,13 +74,14 @@ def _add_marks(chunks: Chunks, flight: Flight) -> None:
     names = ("radial", "along-track", "orbit normal")
     chunks.add_static(
         f"{HILL}/axes",
-        rr.Arrows3D(vectors=5.0 * np.eye(3), colors=np.eye(3, dtype=np.uint8) * 200 + 55, labels=names, radii=0.03),
+        rr.Arrows3D(vectors=_AXIS_M * np.eye(3), colors=np.eye(3, dtype=np.uint8) * 200 + 55, labels=names, radii=0.03),
     )
     desired = flight.channels["rho_desired_H"]
     chunks.add_static(f"{HILL}/desired", rr.Points3D([desired], colors=[GREEN], radii=[0.25], labels=["desired"]))
     keep_out = float(flight.chosen.limits.keep_out)
     chunks.add_static(
-        f"{HILL}/keep_out", rr.Ellipsoids3D(half_sizes=[[keep_out] * 3], colors=[_FAINT], line_radii=[-0.5])
+        f"{HILL}/keep_out",
+        rr.Ellipsoids3D(half_sizes=[[keep_out] * 3], colors=[_FAINT], line_radii=[-0.5], fill_mode="majorwireframe"),
     )
 
 
@@ -119,12 +122,12 @@ def _add_servicer(chunks: Chunks, flight: Flight) -> None:
 
 
 def _add_camera(chunks: Chunks, flight: Flight) -> None:
-    static, camera = scenario.static(flight.file), flight.chosen.camera
-    identity = np.array([1.0, 0.0, 0.0, 0.0])
+    size, camera = flight.file.camera, flight.chosen.camera
+    identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
     R_KB = attitude(np.asarray(box_camera.attitude(camera, identity))[None])[0]
-    lens = pinhole.lens(camera.field_of_view, static.width_px, static.height_px)
+    lens = pinhole.lens(camera.field_of_view, size.width_px, size.height_px)
     frustum = rr.Pinhole(
-        resolution=[static.width_px, static.height_px],
+        resolution=[size.width_px, size.height_px],
         focal_length=float(lens.focal_px),
         principal_point=np.asarray(lens.center_px),
         camera_xyz=rr.ViewCoordinates.RDF,
@@ -157,7 +160,10 @@ def _add_belief(chunks: Chunks, flight: Flight) -> None:
     columns = rr.Ellipsoids3D.columns(half_sizes=half, centers=estimate, quaternions=turns)
     path = f"{HILL}/estimate"
     chunks.add(f"{path}/sigma3", time, columns)
-    chunks.add_static(f"{path}/sigma3", rr.Ellipsoids3D.from_fields(colors=[ESTIMATED], line_radii=[-0.75]))
+    chunks.add_static(
+        f"{path}/sigma3",
+        rr.Ellipsoids3D.from_fields(colors=[ESTIMATED], line_radii=[-0.75], fill_mode="majorwireframe"),
+    )
     chunks.add(path, time, rr.Points3D.columns(positions=estimate))
     chunks.add_static(path, rr.Points3D.from_fields(colors=[ESTIMATED], radii=[0.15]))
     chunks.add_static(f"{HILL}/estimated_path", rr.LineStrips3D([estimate], colors=[ESTIMATED], radii=[-0.75]))

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -87,7 +88,7 @@ def flight_with() -> Callable[..., Flight]:
         file = scenario.load("inspection", words)
         chosen = single.nominal(file)[1]
         R_HN = orbit_frames()
-        identity = np.array([1.0, 0.0, 0.0, 0.0])
+        identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
         q_KB = np.asarray(box_camera.attitude(chosen.camera, identity))
         made = channels_of(R_HN, Rotation.from_quat(np.roll(q_KB, -1)).as_matrix()) | channels
         covariance = np.eye(3) * made["relative_sigma_H"][:, :, None] ** 2
