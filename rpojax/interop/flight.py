@@ -108,7 +108,7 @@ def _segment(static: Scenario, length: int, chosen: Params, state: State) -> tup
     def body(carry: State, _: None) -> tuple[State, telemetry.Channels]:
         after, seen = closed_loop.tick(Stages(), static, chosen, carry)
         truth = seen.truth
-        R_HN, _ = hill_frame(truth.r_TN_N, truth.v_TN_N)
+        R_HN = hill_frame(truth.r_TN_N, truth.v_TN_N)[0]
         P_N = seen.flight.orbit.relative.covariance[:3, :3]
         poses = {name: getattr(truth, name) for name in ("r_TN_N", "r_ST_N", "q_TN", "q_BN")}
         own = {"R_HN": R_HN, "relative_covariance_H": R_HN @ P_N @ R_HN.T}

@@ -71,10 +71,10 @@ def _add_boxes(chunks: Chunks, flight: Flight) -> None:
     color = np.where(accepted[:, None], GREEN, _AMBER).astype(np.uint8)[present]
     _add(chunks, flight, "detected", present, *_middles(seen["box_px"]), color)
     outline = seen["outline_px"]
-    visible = (outline[:, 2:] > 0.0).all(axis=1)
+    visible = outline[:, 2:].min(axis=1) > 0.0
     _add(chunks, flight, "true_outline", visible, *_middles(outline), np.array(_GREY, dtype=np.uint8))
     gate, middle = seen["gate_px"], seen["expected_px"][:, :2]
-    expected = np.isfinite(gate).all(axis=1) & np.isfinite(middle).all(axis=1)
+    expected = np.isfinite(gate.sum(axis=1) + middle.sum(axis=1))
     _add(chunks, flight, "expected", expected, middle, gate, np.array(TRUE, dtype=np.uint8))
 
 
