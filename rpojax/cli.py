@@ -21,14 +21,15 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, arg
 
 from rpojax import (
+    bag_verb,
     calibration_verb,
     campaign_verbs,
     compare_verb,
     console,
     detector_verbs,
-    export_rrd_verb,
     field_verbs,
     lincov_verb,
+    rrd_verb,
     sensitivity_verb,
     tune_verb,
     worst_case_verb,
@@ -59,8 +60,9 @@ lincov = app.command(lincov_verb.lincov)
 report = app.command(campaign_verbs.report)
 tune = app.command(tune_verb.tune)
 sensitivity = app.command(sensitivity_verb.sensitivity)
-worst = app.command(name="worst-case")(worst_case_verb.worst_case)
-export = app.command(name="export-rrd")(export_rrd_verb.export_rrd)
+worst_case = app.command(name="worst-case")(worst_case_verb.worst_case)
+export_bag = app.command(name="export-bag")(bag_verb.export_bag)
+export_rrd = app.command(name="export-rrd")(rrd_verb.export_rrd)
 
 
 @app.command
@@ -192,7 +194,7 @@ app.command(field_verbs.app, name="field", help="Train, judge and show radiance 
 detector = detector_verbs.app.cli
 app.command(detector_verbs.app, name="detector", help="Make data for the detector, train it and judge it.")
 detect = app.command(detector_verbs.detect)
-calibrate = app.command(name="calibrate-camera-model")(calibration_verb.calibrate)
+calibrate_camera_model = app.command(name="calibrate-camera-model")(calibration_verb.calibrate)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,1 +1,1 @@
-"""Results and the live loop for other people's tools; their packages are optional and imported late."""
+"""Runs in the words of other tools, ROS 2 and the rerun viewer; their packages are optional and imported late."""

@@ -7,9 +7,10 @@ import numpy as np
 import rerun as rr
 from PIL import Image
 
-from rpojax.interop.flight import Flight
+from rpojax.interop.flight_record import Flight
 from rpojax.interop.rerun_chunks import Chunks
 from rpojax.interop.rerun_scene import CAMERA, GREEN, TRUE
+from rpojax.interop.shown_values import Shown
 
 Shots = Iterable[tuple[np.ndarray, Mapping[str, np.ndarray]]]
 
@@ -20,7 +21,7 @@ _AT_ONCE = 100
 """Pictures in memory."""
 
 
-def add(chunks: Chunks, flight: Flight, shots: Shots | None) -> int:
+def add(chunks: Chunks, flight: Flight[Shown], shots: Shots | None) -> int:
     """Adds boxes of every tick and, one by one, pictures with their channels; returns the number of pictures."""
     size = (flight.file.camera.width_px, flight.file.camera.height_px)
     _add_boxes(chunks, flight)
@@ -65,8 +66,8 @@ def _encoded(image: Image.Image) -> rr.EncodedImage:
     return rr.EncodedImage(contents=buffer.getvalue(), media_type="image/png")
 
 
-def _add_boxes(chunks: Chunks, flight: Flight) -> None:
-    seen = flight.channels
+def _add_boxes(chunks: Chunks, flight: Flight[Shown]) -> None:
+    seen = flight.values
     present, accepted = seen["box_present"], seen["box_accepted"]
     color = np.where(accepted[:, None], GREEN, _AMBER).astype(np.uint8)[present]
     _add(chunks, flight, "detected", present, *_middles(seen["box_px"]), color)
@@ -86,7 +87,7 @@ def _middles(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _add(
     chunks: Chunks,
-    flight: Flight,
+    flight: Flight[Shown],
     name: str,
     there: np.ndarray,
     middle: np.ndarray,
@@ -97,4 +98,4 @@ def _add(
     count = int(there.sum())
     colors = np.broadcast_to(color, (count, 3))
     columns = rr.Boxes2D.columns(centers=middle[there], half_sizes=half[there], colors=colors)
-    chunks.add(f"{CAMERA}/{name}", flight.channels["time_s"], columns.partition(there.astype(int)))
+    chunks.add(f"{CAMERA}/{name}", flight.time_s, columns.partition(there.astype(int)))

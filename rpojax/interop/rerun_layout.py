@@ -6,16 +6,17 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from rpojax.interop.flight import Flight
+from rpojax.interop.flight_record import Flight
 from rpojax.interop.rerun_chunks import TIMELINE
 from rpojax.interop.rerun_plots import MODE, PLOTS, Plot
 from rpojax.interop.rerun_scene import CAMERA, HILL
+from rpojax.interop.shown_values import Shown
 
 ABOUT = "about"
 _SPACE = (14, 17, 24)
 
 
-def blueprint(flight: Flight, plots: Sequence[Plot]) -> rrb.Blueprint:
+def blueprint(flight: Flight[Shown], plots: Sequence[Plot]) -> rrb.Blueprint:
     """Arrangement of the views of a run."""
     left = rrb.Vertical(
         _scene(flight),
@@ -43,15 +44,15 @@ def blueprint(flight: Flight, plots: Sequence[Plot]) -> rrb.Blueprint:
     )
 
 
-def _whole(flight: Flight) -> rrb.archetypes.TimeAxis:
+def _whole(flight: Flight[Shown]) -> rrb.archetypes.TimeAxis:
     """The run from end to end."""
-    ends = (rr.TimeRangeBoundary.absolute(seconds=float(flight.channels["time_s"][index])) for index in (0, -1))
+    ends = (rr.TimeRangeBoundary.absolute(seconds=float(flight.time_s[index])) for index in (0, -1))
     return rrb.archetypes.TimeAxis(view_range=rr.TimeRange(*ends))
 
 
-def _scene(flight: Flight) -> rrb.Spatial3DView:
+def _scene(flight: Flight[Shown]) -> rrb.Spatial3DView:
     """Seen from the side of the orbit normal, with the whole way from start to target in view."""
-    start = flight.channels["rho_H"][0]
+    start = flight.values["rho_H"][0]
     middle = 0.5 * start
     away = 0.9 * float(np.linalg.norm(start)) + 5.0
     eye = middle + away * np.array([0.45, -0.35, 0.9])
@@ -64,19 +65,18 @@ def _scene(flight: Flight) -> rrb.Spatial3DView:
     )
 
 
-def _camera(flight: Flight) -> rrb.Spatial2DView:
+def _camera(flight: Flight[Shown]) -> rrb.Spatial2DView:
     camera = flight.file.camera
     bounds = rrb.VisualBounds2D(x_range=[0.0, camera.width_px], y_range=[0.0, camera.height_px])
     return rrb.Spatial2DView(origin=CAMERA, name="Camera", visual_bounds=bounds)
 
 
-def about(flight: Flight) -> rr.TextDocument:
+def about(flight: Flight[Shown]) -> rr.TextDocument:
     """What a reader must know of the run and of the colours."""
-    source = "flown again, alone" if flight.again else "kept history"
     lines = [
         f"## {flight.file.name}, run {flight.run_id} of seed {flight.seed}",
         flight.file.description,
-        f"Source: {source}. Time is simulation time.",
+        "Flown again, alone. Time is simulation time.",
         "**Scene**: Hill frame of the target, radial up; metres. Blue is true, orange is what flight software "
         "believes, with its ellipsoid of 3 sigma. Green: the desired place. Red arrow: the force of the thruster, "
         "5 m at its nominal force. Grey sphere: keep-out. Target: the convex hull of its outline. Servicer: a cube of "

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from rpojax.errors import OutputError
-from rpojax.interop.flight import Flight
+from rpojax.interop.flight_record import Flight
+from rpojax.interop.shown_values import Shown
 from rpojax.simulation import scenario
 from rpojax.training.optional import need
 
@@ -39,7 +40,7 @@ def check() -> None:
     need("rerun", "viz")
 
 
-def write(flight: Flight, path: Path, shots: Shots | None = None) -> Recording:
+def write(flight: Flight[Shown], path: Path, shots: Shots | None = None) -> Recording:
     """Writes a run, with pictures and their channels for a camera that takes some, and the arrangement of its views.
 
     Raises:
@@ -63,7 +64,7 @@ def write(flight: Flight, path: Path, shots: Shots | None = None) -> Recording:
     return Recording(path, flight.ticks, pictures, path.stat().st_size)
 
 
-def _record(flight: Flight, path: Path, shots: Shots | None) -> int:
+def _record(flight: Flight[Shown], path: Path, shots: Shots | None) -> int:
     """Writes all of it; returns the number of pictures."""
     from rpojax.interop import rerun_camera, rerun_layout, rerun_plots, rerun_scene
     from rpojax.interop.rerun_chunks import Chunks, recorded
@@ -79,6 +80,6 @@ def _record(flight: Flight, path: Path, shots: Shots | None) -> int:
     return pictures
 
 
-def identity(flight: Flight) -> str:
+def identity(flight: Flight[Shown]) -> str:
     """Name of a recording, the same for the same run of the same scenario."""
     return f"{scenario.digest(flight.file)[:16]}-seed{flight.seed}-run{flight.run_id}"

@@ -7,8 +7,9 @@ import numpy as np
 import rerun as rr
 
 from rpojax.flight.pointing import Mode
-from rpojax.interop.flight import Flight
+from rpojax.interop.flight_record import Flight
 from rpojax.interop.rerun_chunks import Chunks
+from rpojax.interop.shown_values import Shown
 
 PLOTS = "plots"
 MODE = f"{PLOTS}/mode"
@@ -47,10 +48,10 @@ class Plot:
     values: np.ndarray
 
 
-def plots(flight: Flight) -> list[Plot]:
+def plots(flight: Flight[Shown]) -> list[Plot]:
     """The plots of a run, in the order in which they are read."""
-    seen = flight.channels
-    error = np.linalg.norm(seen["rho_H"] - seen["rho_desired_H"], axis=1)
+    seen = flight.values
+    error = np.linalg.norm(seen["rho_H"] - np.asarray(flight.file.formation.desired_position_m), axis=1)
     return [
         _single("formation_error", "Formation error [m]", error),
         _single("range", "Range [m]", seen["range_m"]),
@@ -62,9 +63,9 @@ def plots(flight: Flight) -> list[Plot]:
     ]
 
 
-def add(chunks: Chunks, flight: Flight, found: Sequence[Plot]) -> None:
+def add(chunks: Chunks, flight: Flight[Shown], found: Sequence[Plot]) -> None:
     """Adds plots of a run, and its modes."""
-    time = flight.channels["time_s"]
+    time = flight.time_s
     for plot in found:
         path = f"{PLOTS}/{plot.name}"
         count, known = len(plot.lines), np.isfinite(plot.values).all(axis=1)
@@ -75,29 +76,29 @@ def add(chunks: Chunks, flight: Flight, found: Sequence[Plot]) -> None:
     _add_mode(chunks, flight)
 
 
-def wheel_torque(flight: Flight) -> np.ndarray:
+def wheel_torque(flight: Flight[Shown]) -> np.ndarray:
     """Net torque on each wheel [N m] (ticks, 3), mean over a tick from the change of speed; nan at the last."""
-    time, speed = flight.channels["time_s"], _speed(flight)
+    time, speed = flight.time_s, _speed(flight)
     rate = np.diff(speed, axis=0) / np.diff(time)[:, None]
     return np.asarray(flight.chosen.plant.wheels.inertia) * np.append(rate, np.full((1, 3), np.nan), axis=0)
 
 
-def _speed(flight: Flight) -> np.ndarray:
-    return flight.channels["wheel_speed_fraction"] * np.asarray(flight.chosen.plant.wheels.speed_limit)
+def _speed(flight: Flight[Shown]) -> np.ndarray:
+    return flight.values["wheel_speed_fraction"] * np.asarray(flight.chosen.plant.wheels.speed_limit)
 
 
 def _single(name: str, title: str, values: np.ndarray) -> Plot:
     return Plot(name, title, (title.partition(" [")[0].lower(),), (_BLUE,), values[:, None])
 
 
-def _estimation(flight: Flight) -> list[Plot]:
+def _estimation(flight: Flight[Shown]) -> list[Plot]:
     """Error of the relative position along each Hill axis between its bounds.
 
     The channels are of the target from the servicer; turned round they are of the servicer from the target, as in the
     scene.
     """
-    error = -flight.channels["relative_error_H"]
-    bound = _SIGMAS * flight.channels["relative_sigma_H"]
+    error = -flight.values["relative_error_H"]
+    bound = _SIGMAS * flight.values["relative_sigma_H"]
     return [
         Plot(
             f"estimation_error/{axis}",
@@ -116,12 +117,12 @@ def _wheels(name: str, title: str, values: np.ndarray) -> Plot:
     return Plot(name, title, ("wheel 1", "wheel 2", "wheel 3"), _AXES, values)
 
 
-def _add_mode(chunks: Chunks, flight: Flight) -> None:
+def _add_mode(chunks: Chunks, flight: Flight[Shown]) -> None:
     """The mode as states, of which only changes count."""
-    mode = flight.channels["mode"]
+    mode = flight.values["mode"]
     changes = np.flatnonzero(np.append(True, np.diff(mode) != 0))
     names = [_MODES[Mode(int(value))][0] for value in mode[changes]]
-    chunks.add(MODE, flight.channels["time_s"][changes], rr.StateChange.columns(state=names))
+    chunks.add(MODE, flight.time_s[changes], rr.StateChange.columns(state=names))
     styles = list(_MODES.values())
     chunks.add_static(
         MODE, rr.StateConfiguration(values=[name for name, _ in styles], colors=[color for _, color in styles])

@@ -6,8 +6,9 @@ import rerun as rr
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from rpojax.interop.flight import Flight
+from rpojax.interop.flight_record import Flight
 from rpojax.interop.rerun_chunks import Chunks
+from rpojax.interop.shown_values import Shown
 from rpojax.sensors import box_camera
 from rpojax.vision import pinhole
 
@@ -32,7 +33,7 @@ _IMAGE_M = 4.0
 _SIGMAS = 3.0
 
 
-def add(chunks: Chunks, flight: Flight) -> None:
+def add(chunks: Chunks, flight: Flight[Shown]) -> None:
     """Adds the scene of a run."""
     chunks.add_static(HILL, rr.ViewCoordinates.RIGHT_HAND_X_UP)
     _add_marks(chunks, flight)
@@ -60,23 +61,23 @@ def ellipsoids(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return _SIGMAS * np.sqrt(np.maximum(variances, 0.0)), to_parent(axes)
 
 
-def force(flight: Flight) -> np.ndarray:
+def force(flight: Flight[Shown]) -> np.ndarray:
     """Mean force [N] of the thruster from each tick to the next (ticks,)."""
-    time, gained = flight.channels["time_s"], flight.channels["delta_v_m_s"].astype(np.float64)
+    time, gained = flight.time_s, flight.values["delta_v_m_s"].astype(np.float64)
     if len(time) < 2:
         return np.zeros(len(time))
-    mean = np.append(np.diff(gained) / np.diff(time), 0.0) * flight.channels["mass_kg"]
+    mean = np.append(np.diff(gained) / np.diff(time), 0.0) * flight.values["mass_kg"]
     # Less is rounding of the channel.
     return np.where(mean > 1e-4 * float(flight.chosen.plant.thruster.force), mean, 0.0)
 
 
-def _add_marks(chunks: Chunks, flight: Flight) -> None:
+def _add_marks(chunks: Chunks, flight: Flight[Shown]) -> None:
     names = ("radial", "along-track", "orbit normal")
     chunks.add_static(
         f"{HILL}/axes",
         rr.Arrows3D(vectors=_AXIS_M * np.eye(3), colors=np.eye(3, dtype=np.uint8) * 200 + 55, labels=names, radii=0.03),
     )
-    desired = flight.channels["rho_desired_H"]
+    desired = flight.file.formation.desired_position_m
     chunks.add_static(f"{HILL}/desired", rr.Points3D([desired], colors=[GREEN], radii=[0.25], labels=["desired"]))
     keep_out = float(flight.chosen.limits.keep_out)
     chunks.add_static(
@@ -85,9 +86,9 @@ def _add_marks(chunks: Chunks, flight: Flight) -> None:
     )
 
 
-def _add_target(chunks: Chunks, flight: Flight) -> None:
-    path, time = f"{HILL}/target", flight.channels["time_s"]
-    R_HT = flight.R_HN @ attitude(flight.channels["q_TN"]).transpose(0, 2, 1)
+def _add_target(chunks: Chunks, flight: Flight[Shown]) -> None:
+    path, time = f"{HILL}/target", flight.time_s
+    R_HT = flight.values["R_HN"] @ attitude(flight.poses["q_TN"]).transpose(0, 2, 1)
     chunks.add(path, time, rr.Transform3D.columns(quaternion=to_parent(R_HT)))
     chunks.add_static(path, rr.TransformAxes3D(1.5))
     hull = np.asarray(flight.chosen.plant.target.hull)
@@ -108,20 +109,19 @@ def _faces(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return corners.reshape(-1, 3), np.repeat(normals, 3, axis=0)
 
 
-def _add_servicer(chunks: Chunks, flight: Flight) -> None:
-    channels = flight.channels
-    R_HB = flight.R_HN @ attitude(channels["q_BN"]).transpose(0, 2, 1)
-    pose = rr.Transform3D.columns(translation=channels["rho_H"], quaternion=to_parent(R_HB))
-    chunks.add(SERVICER, channels["time_s"], pose)
+def _add_servicer(chunks: Chunks, flight: Flight[Shown]) -> None:
+    rho_H = flight.values["rho_H"]
+    R_HB = flight.values["R_HN"] @ attitude(flight.poses["q_BN"]).transpose(0, 2, 1)
+    chunks.add(SERVICER, flight.time_s, rr.Transform3D.columns(translation=rho_H, quaternion=to_parent(R_HB)))
     chunks.add_static(SERVICER, rr.TransformAxes3D(1.5))
     half = 0.5 * float(np.sqrt(flight.file.servicer_surface.area_m2))
     body = rr.Boxes3D(half_sizes=[[half] * 3], colors=[_STEEL], fill_mode="solid")
     chunks.add_static(f"{SERVICER}/body", body)
-    path = rr.LineStrips3D([channels["rho_H"]], colors=[TRUE], radii=[-1.0])
+    path = rr.LineStrips3D([rho_H], colors=[TRUE], radii=[-1.0])
     chunks.add_static(f"{HILL}/true_path", path)
 
 
-def _add_camera(chunks: Chunks, flight: Flight) -> None:
+def _add_camera(chunks: Chunks, flight: Flight[Shown]) -> None:
     size, camera = flight.file.camera, flight.chosen.camera
     identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
     R_KB = attitude(np.asarray(box_camera.attitude(camera, identity))[None])[0]
@@ -137,7 +137,7 @@ def _add_camera(chunks: Chunks, flight: Flight) -> None:
     chunks.add_static(CAMERA, rr.Transform3D(quaternion=rr.Quaternion(xyzw=to_parent(R_KB.T))), frustum)
 
 
-def _add_thrust(chunks: Chunks, flight: Flight) -> None:
+def _add_thrust(chunks: Chunks, flight: Flight[Shown]) -> None:
     """An arrow along the force, where it acts, over every tick with a burn."""
     thruster, newton = flight.chosen.plant.thruster, force(flight)
     burning = newton > 0.0
@@ -150,13 +150,13 @@ def _add_thrust(chunks: Chunks, flight: Flight) -> None:
     columns = rr.Arrows3D.columns(
         vectors=vectors, origins=origins, colors=[_FLAME] * count, radii=np.full(count, 0.08, dtype=np.float32)
     )
-    chunks.add(f"{SERVICER}/thrust", flight.channels["time_s"], columns.partition(burning.astype(int)))
+    chunks.add(f"{SERVICER}/thrust", flight.time_s, columns.partition(burning.astype(int)))
 
 
-def _add_belief(chunks: Chunks, flight: Flight) -> None:
+def _add_belief(chunks: Chunks, flight: Flight[Shown]) -> None:
     """Where flight software believes the servicer to be, with an ellipsoid of 3 sigma."""
-    time, estimate = flight.channels["time_s"], flight.channels["rho_estimate_H"]
-    half, turns = ellipsoids(flight.covariance_H)
+    time, estimate = flight.time_s, flight.values["rho_estimate_H"]
+    half, turns = ellipsoids(flight.values["relative_covariance_H"])
     columns = rr.Ellipsoids3D.columns(half_sizes=half, centers=estimate, quaternions=turns)
     path = f"{HILL}/estimate"
     chunks.add(f"{path}/sigma3", time, columns)

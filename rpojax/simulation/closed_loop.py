@@ -86,6 +86,7 @@ class Telemetry:
         truth: the plant
         flight: memory of the flight software
         frame: the camera's frame
+        measurements: what flight software got
         innovation: diagnostics of the orbit filter
         mode: () guidance mode
         tick: () whole ticks since the start
@@ -95,6 +96,7 @@ class Telemetry:
     truth: Truth
     flight: FlightMemory
     frame: Frame
+    measurements: Measurements
     innovation: Innovation
     mode: Array
     tick: Array
@@ -178,6 +180,7 @@ def tick(
         truth=state.truth,
         flight=flight,
         frame=frame,
+        measurements=measurements,
         innovation=innovation,
         mode=mode,
         tick=state.tick,

@@ -1,104 +1,75 @@
-"""A made-up run with the poses of both craft, so that nothing has to be flown."""
+"""A short flight with a burn, observed for bags and for the viewer at once, and a made-up run."""
 
-from collections.abc import Callable
+import dataclasses
 from typing import Any
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from folders import new_campaign
+from made_up_run import made_up as make_up
 
-from rpojax.campaign import single
-from rpojax.campaign.design import Population
-from rpojax.flight.pointing import Mode
-from rpojax.interop.flight import Flight
-from rpojax.sensors import box_camera
+from rpojax.campaign.store import Campaign
+from rpojax.interop import flight_record, shown_values, tick_values
+from rpojax.interop.flight_record import Flight, Observe
+from rpojax.interop.shown_values import Shown
+from rpojax.interop.tick_values import TickValues
 from rpojax.simulation import scenario
 
-TICKS = 60
-NO_BOX, REJECTED = 5, 7
-BURN = slice(20, 24)
+SEED, RUN = 5, 3
+SHORT = ("duration_s=180", "rates.formation_period_s=115")
+"""Long enough for the second decision, the first with the target in sight, and its burn."""
 
 
-def look_at_target(rho_H: np.ndarray, R_KB: np.ndarray) -> np.ndarray:
-    """Attitudes R_BH (ticks, 3, 3) in which the camera looks at the origin, its x axis along the orbit normal."""
-    z = -rho_H / np.linalg.norm(rho_H, axis=1, keepdims=True)
-    x = np.array([0.0, 0.0, 1.0]) - z[:, 2:] * z
-    x /= np.linalg.norm(x, axis=1, keepdims=True)
-    R_KH = np.stack([x, np.cross(z, x), z], axis=1)
-    return R_KB.T @ R_KH
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
+    """A campaign folder in which no block is done."""
+    file = scenario.load("inspection", SHORT)
+    return new_campaign(tmp_path_factory.mktemp("interop") / "runs", file, SEED, 4, 0, 1)
 
 
-def scalar_first(R: np.ndarray) -> np.ndarray:
-    """Quaternions (ticks, 4) of direction cosine matrices (ticks, 3, 3)."""
-    return np.roll(Rotation.from_matrix(R).as_quat(), 1, axis=1)
+@pytest.fixture(scope="session")
+def observe_both() -> Observe:
+    """What messages and the viewer say of a tick, so that one program is compiled for both."""
+
+    def observe(*tick: Any) -> tuple[TickValues, dict]:
+        return tick_values.observe(*tick), shown_values.observe(*tick)
+
+    return observe
 
 
-def channels_of(R_HN: np.ndarray, R_KB: np.ndarray) -> dict[str, np.ndarray]:
-    """Channels of a run from 50 m to 40 m with a burn, a tick without a box and one with a rejected box."""
-    time, none = np.arange(TICKS) * 1.0, np.arange(TICKS) == NO_BOX
-    rho = np.stack([0.3 * np.sin(time / 20.0), -50.0 + 10.0 * time / TICKS, 0.2 * np.cos(time / 30.0)], axis=1)
-    burning = np.zeros(TICKS)
-    burning[BURN] = 1e-3
-    sigma = np.array([0.1, 0.4, 0.12]) * (1.0 + np.exp(-time / 20.0))[:, None]
-    error = 0.7 * sigma * np.cos(time[:, None] / np.array([7.0, 9.0, 11.0]))
-    mode = np.full(TICKS, Mode.LOOK, dtype=np.int8)
-    mode[BURN] = Mode.BURN
-    box = np.tile([50.0, 54.0, 28.0, 20.0], (TICKS, 1))
-    R_BN = look_at_target(rho, R_KB) @ R_HN
-    tumble = Rotation.from_rotvec(np.deg2rad(1.0) * time[:, None] * np.array([1.0, 0.0, 0.0])).inv().as_matrix()
-    return {
-        "time_s": time,
-        "rho_desired_H": np.array([0.0, -30.0, 0.0]),
-        "rho_H": rho,
-        "rho_estimate_H": rho - error,
-        "relative_error_H": error,
-        "relative_sigma_H": sigma,
-        "range_m": np.linalg.norm(rho, axis=1),
-        "box_present": ~none,
-        "box_accepted": ~none & (np.arange(TICKS) != REJECTED),
-        "box_px": box,
-        "outline_px": box + 1.0,
-        "expected_px": np.where(none[:, None], np.nan, np.array([64.0, 64.0, 24.0])),
-        "gate_px": np.where(none[:, None], np.nan, np.array([6.0, 7.0])),
-        "mode": mode,
-        "pointing_error_deg": 0.1 + 0.01 * time,
-        "delta_v_m_s": np.append(0.0, np.cumsum(burning)[:-1]),
-        "mass_kg": np.full(TICKS, 30.0),
-        "wheel_speed_fraction": 0.01 * np.sin(time[:, None] / np.array([10.0, 20.0, 30.0])),
-        "q_BN": scalar_first(R_BN),
-        "q_TN": scalar_first(tumble @ R_HN),
-        "r_TN_N": 7e6 * R_HN[:, 0],
-        "r_ST_N": np.einsum("tji,tj->ti", R_HN, rho),
-    }
+@pytest.fixture(scope="session")
+def both(folder: Campaign, observe_both: Observe) -> Flight[tuple[TickValues, Shown]]:
+    """One of its runs, flown again."""
+    return flight_record.fly(folder, RUN, observe_both)
 
 
-def orbit_frames() -> np.ndarray:
-    """Hill frames R_HN (ticks, 3, 3) of a circular orbit inclined by 60 deg."""
-    angle = 0.3 + 1.1e-3 * np.arange(TICKS)
-    along = Rotation.from_euler("z", -angle[:, None]).as_matrix().reshape(-1, 3, 3)
-    return along @ Rotation.from_euler("x", -60.0, degrees=True).as_matrix()
+@pytest.fixture(scope="session")
+def flight(both: Flight) -> Flight[TickValues]:
+    """That run with everything that messages say."""
+    return dataclasses.replace(both, values=both.values[0])
+
+
+@pytest.fixture(scope="session")
+def shown(both: Flight) -> Flight[Shown]:
+    """That run with everything that the viewer shows."""
+    return dataclasses.replace(both, values=both.values[1])
+
+
+@pytest.fixture(scope="session")
+def around_burn(flight: Flight[TickValues]) -> Flight[TickValues]:
+    """The part of it with the decision and the burn."""
+    values, poses = jax.tree.map(lambda each: each[112:180:4], (flight.values, flight.poses))
+    return dataclasses.replace(flight, values=values, poses=poses)
+
+
+@pytest.fixture(scope="session")
+def shots(around_burn: Flight) -> np.ndarray:
+    """A picture of noise for every tick of that part; the camera of the flight takes none."""
+    return np.random.default_rng(1).integers(0, 256, (around_burn.ticks, 6, 8, 3), dtype=np.uint8)
 
 
 @pytest.fixture
-def flight_with() -> Callable[..., Flight]:
-    """Maker of the run: overrides of the scenario as words, of channels by name."""
-
-    def make(*words: str, **channels: Any) -> Flight:
-        file = scenario.load("inspection", words)
-        chosen = single.nominal(file)[1]
-        R_HN = orbit_frames()
-        identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
-        q_KB = np.asarray(box_camera.attitude(chosen.camera, identity))
-        made = channels_of(R_HN, Rotation.from_quat(np.roll(q_KB, -1)).as_matrix()) | channels
-        covariance = np.eye(3) * made["relative_sigma_H"][:, :, None] ** 2
-        covariance[:, 0, 1] = covariance[:, 1, 0] = 0.5 * np.sqrt(covariance[:, 0, 0] * covariance[:, 1, 1])
-        return Flight(file, 1, 4, Population(0, 8), chosen, made, R_HN, covariance, again=True, moved_m=None)
-
-    return make
-
-
-@pytest.fixture
-def made_up(flight_with: Callable[..., Flight]) -> Flight:
-    """The run through the geometric camera."""
-    return flight_with()
+def made_up() -> Flight[Shown]:
+    """A made-up run through the geometric camera."""
+    return make_up()

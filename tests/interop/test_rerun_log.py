@@ -1,19 +1,23 @@
 """A recording holds the run that it was made of, on simulation time alone."""
 
+import dataclasses
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import jax
 import numpy as np
 import pyarrow as pa
 import pytest
 import rerun.chunk as rrc
+from made_up_run import made_up as make_up
 from scipy.spatial.transform import Rotation
 
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.pointing import Mode
 from rpojax.interop import rerun_log, rerun_plots, rerun_scene
-from rpojax.interop.flight import Flight
+from rpojax.interop.flight_record import Flight
+from rpojax.interop.shown_values import Shown
 
 CAMERA = "/hill/servicer/camera"
 
@@ -49,22 +53,22 @@ class Read:
 def write(tmp_path: Path) -> Callable[..., Read]:
     """Writes a run and reads it back."""
 
-    def made(flight: Flight, shots: rerun_log.Shots | None = None) -> Read:
+    def made(flight: Flight[Shown], shots: rerun_log.Shots | None = None) -> Read:
         return Read(rerun_log.write(flight, tmp_path / "run.rrd", shots).path)
 
     return made
 
 
 @pytest.fixture
-def read(write: Callable[..., Read], made_up: Flight) -> Read:
+def read(write: Callable[..., Read], made_up: Flight[Shown]) -> Read:
     return write(made_up)
 
 
-def test_there_is_simulation_time_and_no_other(read: Read, made_up: Flight) -> None:
+def test_there_is_simulation_time_and_no_other(read: Read, made_up: Flight[Shown]) -> None:
     for (path, static), batch in read.batches.items():
         indices = [field.name for field in batch.schema if (field.metadata or {}).get(b"rerun:kind") == b"index"]
         assert indices == ([] if static else ["sim_time"]), path
-    np.testing.assert_array_equal(read.time_s("/hill/servicer"), made_up.channels["time_s"])
+    np.testing.assert_array_equal(read.time_s("/hill/servicer"), made_up.time_s)
 
 
 def test_no_number_of_a_row_comes_from_the_clock(read: Read) -> None:
@@ -73,7 +77,7 @@ def test_no_number_of_a_row_comes_from_the_clock(read: Read) -> None:
     assert highest == len(read.batches)
 
 
-def test_the_same_run_reads_back_the_same(read: Read, write: Callable[..., Read], made_up: Flight) -> None:
+def test_the_same_run_reads_back_the_same(read: Read, write: Callable[..., Read], made_up: Flight[Shown]) -> None:
     again = write(made_up)
     assert read.stores == again.stores
     assert read.batches.keys() == again.batches.keys()
@@ -88,15 +92,17 @@ def test_an_arrangement_of_views_is_in_the_file_and_the_name_tells_the_run(read:
     assert read.column("/__properties/RecordingInfo", "RecordingInfo:name", True) == [["inspection, seed 1, run 4"]]
 
 
-def test_the_servicer_is_where_it_truly_was_and_its_belief_where_it_believed(read: Read, made_up: Flight) -> None:
+def test_the_servicer_is_where_it_truly_was_and_its_belief_where_it_believed(
+    read: Read, made_up: Flight[Shown]
+) -> None:
     for path, name, channel in (
         ("/hill/servicer", "Transform3D:translation", "rho_H"),
         ("/hill/estimate", "Points3D:positions", "rho_estimate_H"),
     ):
-        np.testing.assert_allclose(read.only(path, name), made_up.channels[channel], atol=1e-5)
+        np.testing.assert_allclose(read.only(path, name), made_up.values[channel], atol=1e-5)
 
 
-def test_the_chain_of_poses_puts_the_target_in_the_middle_of_the_camera(read: Read, made_up: Flight) -> None:
+def test_the_chain_of_poses_puts_the_target_in_the_middle_of_the_camera(read: Read, made_up: Flight[Shown]) -> None:
     """Servicer, camera and pinhole as the viewer composes them, with the camera looking at the target."""
     R_HB = Rotation.from_quat(read.only("/hill/servicer", "Transform3D:quaternion"))
     R_BK = Rotation.from_quat(read.only(CAMERA, "Transform3D:quaternion", True)[0])
@@ -111,10 +117,10 @@ def test_the_chain_of_poses_puts_the_target_in_the_middle_of_the_camera(read: Re
     assert (right_H[:, 2] > 0.99).all()
 
 
-def test_the_target_turns_in_the_hill_frame_as_it_tumbles_and_orbits(read: Read, made_up: Flight) -> None:
+def test_the_target_turns_in_the_hill_frame_as_it_tumbles_and_orbits(read: Read, made_up: Flight[Shown]) -> None:
     R_HT = Rotation.from_quat(read.only("/hill/target", "Transform3D:quaternion")).as_matrix()
-    R_TN = rerun_scene.attitude(made_up.channels["q_TN"])
-    np.testing.assert_allclose(R_HT @ R_TN, made_up.R_HN, atol=1e-6)
+    R_TN = rerun_scene.attitude(made_up.poses["q_TN"])
+    np.testing.assert_allclose(R_HT @ R_TN, made_up.values["R_HN"], atol=1e-6)
     # It began along the Hill axes and turns about x by 1 deg/s.
     np.testing.assert_allclose(R_HT[30] @ [0.0, 1.0, 0.0], [0.0, np.cos(np.pi / 6), np.sin(np.pi / 6)], atol=1e-6)
 
@@ -127,15 +133,15 @@ def test_the_hull_of_the_target_faces_outwards(read: Read) -> None:
     assert (np.einsum("fci,fci->fc", corners, normals) > 0.0).all()
 
 
-def test_the_ellipsoid_is_the_covariance_at_three_sigma(read: Read, made_up: Flight) -> None:
+def test_the_ellipsoid_is_the_covariance_at_three_sigma(read: Read, made_up: Flight[Shown]) -> None:
     half = read.only("/hill/estimate/sigma3", "Ellipsoids3D:half_sizes")
     turns = Rotation.from_quat(read.only("/hill/estimate/sigma3", "Ellipsoids3D:quaternions")).as_matrix()
     found = np.einsum("tij,tj,tkj->tik", turns, (half / 3.0) ** 2, turns)
-    np.testing.assert_allclose(found, made_up.covariance_H, rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(found, made_up.values["relative_covariance_H"], rtol=1e-4, atol=1e-6)
     assert np.abs(found[:, 0, 1]).min() > 1e-4
 
 
-def test_the_thruster_points_while_it_fires_and_not_else(read: Read, made_up: Flight) -> None:
+def test_the_thruster_points_while_it_fires_and_not_else(read: Read, made_up: Flight[Shown]) -> None:
     vectors = read.column("/hill/servicer/thrust", "Arrows3D:vectors")
     assert [tick for tick, there in enumerate(vectors) if there] == [20, 21, 22, 23]
     # 1 mm/s in a second on 30 kg is the nominal force of 30 mN along x of the body: five metres.
@@ -153,9 +159,9 @@ def test_boxes_are_there_when_they_were_and_coloured_by_what_became_of_them(read
     assert read.column(f"{CAMERA}/true_outline", "Boxes2D:centers")[0] == [[65.5, 65.5]]
 
 
-def test_plots_hold_the_channels_in_their_units(read: Read, made_up: Flight) -> None:
+def test_plots_hold_the_channels_in_their_units(read: Read, made_up: Flight[Shown]) -> None:
     error = read.column("/plots/estimation_error/along_track", "Scalars:scalars")
-    seen = made_up.channels
+    seen = made_up.values
     # As in the scene: the estimated place of the servicer less the true one, between its bounds.
     np.testing.assert_allclose([row[0] for row in error], (seen["rho_estimate_H"] - seen["rho_H"])[:, 1], atol=1e-6)
     np.testing.assert_allclose([row[1:] for row in error], 3.0 * seen["relative_sigma_H"][:, 1:2] * [1.0, -1.0])
@@ -175,15 +181,15 @@ def test_the_mode_is_said_when_it_changes(read: Read) -> None:
     assert set(rerun_plots._MODES) == set(Mode)
 
 
-def test_a_camera_without_pictures_has_an_empty_frame_of_its_size(write: Callable[..., Read], flight_with) -> None:
-    read = write(flight_with("camera.width_px=96", "camera.height_px=64"))
+def test_a_camera_without_pictures_has_an_empty_frame_of_its_size(write: Callable[..., Read]) -> None:
+    read = write(make_up("camera.width_px=96", "camera.height_px=64"))
     picture = _decoded(read.column(f"{CAMERA}/frame", "EncodedImage:blob", True)[0][0])
     assert picture.shape == (64, 96, 3)
     assert np.ptp(picture.reshape(-1, 3), axis=0).max() == 0
 
 
-def test_a_picture_lies_where_its_window_is_in_the_frame(write: Callable[..., Read], flight_with) -> None:
-    flight = flight_with("camera.width_px=320", "camera.height_px=240")
+def test_a_picture_lies_where_its_window_is_in_the_frame(write: Callable[..., Read]) -> None:
+    flight = make_up("camera.width_px=320", "camera.height_px=240")
     bright = np.full((128, 128, 3), 250, np.uint8)
 
     def shots() -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
@@ -205,15 +211,13 @@ def _decoded(blob: list[int] | bytes) -> np.ndarray:
     return cv2.imdecode(np.array(bytearray(blob), np.uint8), cv2.IMREAD_COLOR)
 
 
-def test_a_run_of_one_tick_can_be_shown(write: Callable[..., Read], made_up: Flight) -> None:
-    from dataclasses import replace
-
-    channels = {name: value if name == "rho_desired_H" else value[:1] for name, value in made_up.channels.items()}
-    short = replace(made_up, channels=channels, R_HN=made_up.R_HN[:1], covariance_H=made_up.covariance_H[:1])
+def test_a_run_of_one_tick_can_be_shown(write: Callable[..., Read], made_up: Flight[Shown]) -> None:
+    values, poses = jax.tree.map(lambda each: each[:1], (made_up.values, made_up.poses))
+    short = dataclasses.replace(made_up, values=values, poses=poses)
     assert len(write(short).time_s("/hill/servicer")) == 1
 
 
-def test_a_place_that_cannot_be_written_to_is_named_and_nothing_is_left(made_up: Flight, tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written_to_is_named_and_nothing_is_left(made_up: Flight[Shown], tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"found .*, expected a file that can be written"):
         rerun_log.write(made_up, tmp_path / "file" / "run.rrd")
@@ -228,7 +232,7 @@ def test_a_place_that_cannot_be_written_to_is_named_and_nothing_is_left(made_up:
 
 
 def test_a_missing_package_is_named_with_the_line_that_installs_it(
-    made_up: Flight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    made_up: Flight[Shown], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(RpojaxError, match=r"^rerun: not installed, expected: pip install 'rpojax\[viz\]'$"):

@@ -1,21 +1,21 @@
 """The verb `rpojax export-rrd`: one run as a recording for the rerun viewer."""
 
-import dataclasses
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import arg
 
-from rpojax import console
+from rpojax import console, flown_again
 from rpojax.errors import RpojaxError
 from rpojax.machine import prepare_jax
 from rpojax.outputs import claim
 from rpojax.verb_parts import AsJson, Folder, NoCache, Status, print_json
 
 if TYPE_CHECKING:
-    from rpojax.interop.flight import Flight
+    from rpojax.interop.flight_record import Flight
     from rpojax.interop.rerun_log import Shots
+    from rpojax.interop.shown_values import Shown
 
 
 def export_rrd(
@@ -28,43 +28,38 @@ def export_rrd(
     as_json: AsJson = False,
     no_cache: NoCache = False,
 ) -> int:
-    """One run for the rerun viewer: both craft, the camera and plots; flown again where no history holds attitudes."""
+    """One run for the rerun viewer: both craft, the camera and plots; the run is flown again, alone."""
     claim(out, force, (".rrd",))
     if every < 1:
         raise RpojaxError(f"--every: found {every}, expected at least 1")
     prepare_jax(cache=not no_cache)
     from rpojax.campaign.store import Campaign
-    from rpojax.interop import flight as flights
-    from rpojax.interop import rerun_log
+    from rpojax.interop import rerun_log, shown_values
 
     rerun_log.check()
     found = Campaign(directory)
-    with console.counting(f"flying run {run_id} again", quiet=as_json) as watch:
-        flight = flights.flight_of(found, run_id, watch)
+    flight, agreement = flown_again.fly_again(found, run_id, shown_values.observe, as_json)
     with console.counting("taking pictures", quiet=as_json) as watch:
         written = rerun_log.write(flight, out, _shots(flight, every, watch))
-    told = {"file": str(out), **dataclasses.asdict(written), "flown_again": flight.again, "moved_m": flight.moved_m}
-    told.pop("path")
     if as_json:
-        print_json(told)
+        told = {"ticks": written.ticks, "pictures": written.pictures, "size_bytes": written.size_bytes}
+        print_json({"file": str(out), "run_id": run_id, **told, "agreement": flown_again.content(agreement)})
     else:
-        if flight.moved_m is not None:
-            print(f"flown again for the attitudes; from the kept history it differs by at most {flight.moved_m:.2g} m")
         print(out)
+        print(flown_again.sentence(agreement))
     return Status.DONE
 
 
-def _shots(flight: "Flight", every: int, watch: Callable[..., None]) -> "Shots | None":
+def _shots(flight: "Flight[Shown]", every: int, watch: Callable[..., None]) -> "Shots | None":
     """Pictures of a rendered camera, None of the others, which take none."""
     if flight.file.camera.model != "rendered":
         return None
-    from rpojax.campaign import filming
+    from rpojax.interop import flight_record
 
     ticks = range(0, flight.ticks, every)
 
     def counted() -> "Iterator[tuple]":
-        pictures = filming.pictures(flight.file, flight.seed, flight.run_id, flight.channels, ticks, flight.population)
-        for count, shot in enumerate(pictures):
+        for count, shot in enumerate(flight_record.pictures(flight, ticks)):
             yield shot
             watch(count + 1, len(ticks))
 
