@@ -4,16 +4,20 @@ import json
 from pathlib import Path
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
-from folders import new_campaign
 
+from rpojax.campaign import single
 from rpojax.campaign.runner import Progress
 from rpojax.campaign.store import Campaign
+from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
 from rpojax.interop import flight_record, tick_values
 from rpojax.interop.flight_record import Flight, Observe
-from rpojax.simulation import scenario
+from rpojax.simulation.closed_loop import State
+from rpojax.simulation.params import Params
+from rpojax.simulation.scenario import Scenario
 
 
 def test_a_run_that_the_campaign_does_not_have_is_refused(folder: Campaign) -> None:
@@ -28,12 +32,21 @@ def test_other_trained_files_than_the_campaigns_are_refused(folder: Campaign, tm
         flight_record.fly(Campaign(tmp_path), 3, tick_values.observe)
 
 
-def test_a_run_ends_with_the_tick_at_which_it_failed(both: Flight, observe_both: Observe, tmp_path: Path) -> None:
-    # The same numbers but for the sphere that must not be entered: the same program, and the same way up to there.
-    radius = 0.5 * (both.poses["range_m"].min() + both.poses["range_m"][0])
-    entered = int(np.argmax(both.poses["range_m"] < radius))
-    words = ("duration_s=180", "rates.formation_period_s=115", f"limits.keep_out_m={radius}")
-    folder = new_campaign(tmp_path / "runs", scenario.load("inspection", words), both.seed, 4, 0, 1)
+def test_a_run_ends_with_the_tick_at_which_it_failed(
+    folder: Campaign, both: Flight, observe_both: Observe, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The same numbers but for the sphere that must not be entered: the same way up to there.
+    distance = both.poses["range_m"]
+    radius = float(0.5 * (distance[1:].min() + distance[1:].max()))
+    entered = 1 + int(np.argmax(distance[1:] < radius))
+    dispersed = single.dispersed
+
+    def narrow(*run: Any) -> tuple[Scenario, Params, State]:
+        static, chosen, state = dispersed(*run)
+        limits = replace(chosen.limits, keep_out=jnp.full_like(chosen.limits.keep_out, radius))
+        return static, replace(chosen, limits=limits), state
+
+    monkeypatch.setattr(single, "dispersed", narrow)
     told: list[Progress] = []
     found = flight_record.fly(folder, both.run_id, observe_both, on_progress=told.append)
     assert (found.ticks, found.failed_at_s, [each.total for each in told]) == (entered, entered - 1.0, [1])
