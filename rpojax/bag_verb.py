@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import arg
 
-from rpojax import console
+from rpojax import console, flown_again
 from rpojax.machine import prepare_jax
-from rpojax.verb_parts import AsJson, Folder, NoCache, Status, fly, print_json
+from rpojax.verb_parts import AsJson, Folder, NoCache, Status, print_json
 
 if TYPE_CHECKING:
-    from rpojax.campaign.store import Campaign
     from rpojax.interop.flight_record import Agreement, Flight
+    from rpojax.interop.tick_values import TickValues
 
 
 def export_bag(
@@ -34,7 +34,7 @@ def export_bag(
     """One run of a campaign as a ROS 2 bag, without ROS; the run is flown again, alone."""
     prepare_jax(cache=not no_cache)
     from rpojax.campaign.store import Campaign
-    from rpojax.interop import flight_record, ros_bag
+    from rpojax.interop import ros_bag, tick_values
     from rpojax.interop.message_types import typestore
 
     typestore()
@@ -42,15 +42,8 @@ def export_bag(
     found = Campaign(directory)
     kind = ros_bag.images_of(found.asked["scenario"]["camera"]["model"], images)
     begin = time.perf_counter()
-    flights: list[Flight] = []
-
-    def work(watch: console.Watch) -> "Campaign":
-        flights.append(flight_record.fly(found, run_id, on_progress=watch))
-        return found
-
-    fly(work, found.file.duration_s, as_json)
-    flight, flown = flights[0], time.perf_counter()
-    agreement = flight_record.compare(flight, found)
+    flight, agreement = flown_again.fly_again(found, run_id, tick_values.observe, as_json)
+    flown = time.perf_counter()
     with console.counting("writing ticks", quiet=as_json) as watch:
         count = ros_bag.export(flight, out, ros_bag.Format(form), kind, force, watch)
     _tell(out, count, flight, agreement, {"fly_s": flown - begin, "write_s": time.perf_counter() - flown}, as_json)
@@ -58,22 +51,17 @@ def export_bag(
 
 
 def _tell(
-    out: Path, count: int, flight: "Flight", agreement: "Agreement | None", took: dict[str, float], as_json: bool
+    out: Path,
+    count: int,
+    flight: "Flight[TickValues]",
+    agreement: "Agreement | None",
+    took: dict[str, float],
+    as_json: bool,
 ) -> None:
     content: dict[str, Any] = {"bag": str(out), "run_id": flight.run_id, "ticks": flight.ticks, "messages": count}
     if as_json:
-        same = agreement and {
-            "samples": agreement.samples,
-            "range_difference_m": agreement.range_difference_m,
-            "same_end": agreement.same_end,
-        }
-        print_json({**content, "agreement": same, **took})
+        print_json({**content, "agreement": flown_again.content(agreement), **took})
         return
     print(out)
     print(f"{count} messages of {flight.ticks} ticks")
-    if agreement is None:
-        print("the campaign has not flown this run yet")
-    else:
-        end = "the same end" if agreement.same_end else "ANOTHER END"
-        off = f"{agreement.range_difference_m:.2g} m"
-        print(f"flown again: range within {off} of the {agreement.samples} samples that the campaign kept, {end}")
+    print(flown_again.sentence(agreement))

@@ -29,6 +29,7 @@ from rpojax import (
     detector_verbs,
     field_verbs,
     lincov_verb,
+    rrd_verb,
     sensitivity_verb,
     tune_verb,
     worst_case_verb,
@@ -59,19 +60,21 @@ lincov = app.command(lincov_verb.lincov)
 report = app.command(campaign_verbs.report)
 tune = app.command(tune_verb.tune)
 sensitivity = app.command(sensitivity_verb.sensitivity)
-worst = app.command(name="worst-case")(worst_case_verb.worst_case)
-export = app.command(name="export-bag")(bag_verb.export_bag)
+worst_case = app.command(name="worst-case")(worst_case_verb.worst_case)
+export_bag = app.command(name="export-bag")(bag_verb.export_bag)
+export_rrd = app.command(name="export-rrd")(rrd_verb.export_rrd)
 
 
 @app.command
 def film(
     directory: Folder,
     *,
-    out: Annotated[Path, arg(metavar="FILE", help="Film (.mp4, VP9 inside) or sheet of twelve stills (.png).")],
+    out: Annotated[Path, arg(metavar="FILE", help="Film (.mp4) or sheet of twelve stills (.png).")],
     run_id: Annotated[
         int | None, arg(metavar="I", help="Run to show.", help_behavior_hint="(default: the first with a kept history)")
     ] = None,
     every: Annotated[int, arg(metavar="N", help="Ticks from one picture of a film to the next.")] = 10,
+    codec: Annotated[str, arg(metavar="KIND", help="Of a film: vp9, or h264 (extra viz).")] = "vp9",
     force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
     no_cache: NoCache = False,
 ) -> int:
@@ -90,6 +93,7 @@ def film(
     from rpojax.report import film as drawing
     from rpojax.report.files import write_atomically
 
+    drawing.check_codec(codec)
     found = Campaign(directory)
     file = filming.scenario_of(found.info)
     run, history = _history_of(found, file, run_id)
@@ -101,7 +105,7 @@ def film(
         if suffix == ".png":
             write_atomically(out, drawing.png(drawing.strip(shots)))
         else:
-            drawing.write_film(shots, out)
+            drawing.write_film(shots, out, codec)
     print(out)
     return Status.DONE
 
@@ -190,7 +194,7 @@ app.command(field_verbs.app, name="field", help="Train, judge and show radiance 
 detector = detector_verbs.app.cli
 app.command(detector_verbs.app, name="detector", help="Make data for the detector, train it and judge it.")
 detect = app.command(detector_verbs.detect)
-calibrate = app.command(name="calibrate-camera-model")(calibration_verb.calibrate)
+calibrate_camera_model = app.command(name="calibrate-camera-model")(calibration_verb.calibrate)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

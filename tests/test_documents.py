@@ -139,8 +139,8 @@ def test_every_verb_that_a_page_uses_is_one_of_the_command_line(page: Path) -> N
     from rpojax import cli
 
     text = "\n".join([*blocks(page.read_text(encoding="utf-8"), ""), *quoted(page.read_text(encoding="utf-8"))])
-    verbs = set(re.findall(r"\brpojax ([a-z]+)\b", text))
-    assert {verb for verb in verbs if not callable(getattr(cli, verb, None))} == set()
+    verbs = set(re.findall(r"\brpojax ([a-z][a-z-]*)\b", text))
+    assert {verb for verb in verbs if not callable(getattr(cli, verb.replace("-", "_"), None))} == set()
 
 
 def test_names_of_the_package_in_the_readme_exist() -> None:

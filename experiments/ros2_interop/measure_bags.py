@@ -20,9 +20,10 @@ import rpojax
 from rpojax.campaign import creation
 from rpojax.campaign.retention import Retention
 from rpojax.campaign.store import Campaign
-from rpojax.interop import flight_record, ros_bag
+from rpojax.interop import flight_record, ros_bag, tick_values
 from rpojax.interop.flight_record import Flight
 from rpojax.interop.ros_bag import Format, Images
+from rpojax.interop.tick_values import TickValues
 
 T = TypeVar("T")
 LONGEST_S = 10.0
@@ -59,7 +60,7 @@ def digest(bag: Path) -> str:
     return hashlib.sha256("\n".join(sums).encode()).hexdigest()
 
 
-def bag(flight: Flight, pictures: list[np.ndarray], out: Path, form: Format, images: Images) -> int:
+def bag(flight: Flight[TickValues], pictures: list[np.ndarray], out: Path, form: Format, images: Images) -> int:
     """Writes a bag; returns the number of messages."""
     told = ros_bag.said(flight, images, pictures)
     return ros_bag.write(out, form, ros_bag.topics_of(images), told, ros_bag.origin(flight), force=True)
@@ -74,7 +75,7 @@ def main() -> int:
     options = parser.parse_args()
     found = Campaign(options.campaign) if options.campaign else begun(options.out / "runs", options.duration_s)
 
-    flight, took = timed(lambda: flight_record.fly(found, options.run_id))
+    flight, took = timed(lambda: flight_record.fly(found, options.run_id, tick_values.observe))
     print(
         f"{flight.ticks} ticks flown in {took}, compiling included; {flight_record.compare(flight, found)}", flush=True
     )

@@ -1,1 +1,1 @@
-"""Results and the live loop in the words of other tools: ROS 2 messages, frames and topics."""
+"""Runs in the words of other tools, ROS 2 and the rerun viewer; their packages are optional and imported late."""

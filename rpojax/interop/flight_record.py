@@ -1,37 +1,43 @@
-"""A run of a campaign flown once more, alone, with everything that messages say of it.
+"""A run of a campaign flown once more, alone, with all that somebody wants to know of its ticks.
 
-A stored history has what a report needs, in single precision; messages say more: both orbits and attitudes, what every
-sensor gave, covariances and commands. So the run is flown again from its seed and number. Alone its last digits are
-others than in the campaign's batch, and what hangs on a threshold may then go another way: how far the flight is from
-what the campaign recorded is found out, and said.
+A stored history has what a report needs, in single precision; messages and the viewer say more: both attitudes,
+covariances, what every sensor gave, commands. So the run is flown again from its seed and number. Alone its last digits
+are others than in the campaign's batch, and what hangs on a threshold may then go another way: how far the flight is
+from what the campaign recorded is found out, and said.
 """
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any, Generic, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.campaign import design, flying, runner, single
+from rpojax.campaign import design, filming, flying, runner, single
 from rpojax.campaign.rerun import check_run
 from rpojax.campaign.store import Campaign, trace_stride
+from rpojax.core import safe
 from rpojax.flight.computer import Stages
-from rpojax.interop import tick_values
-from rpojax.interop.tick_values import TickValues
 from rpojax.simulation import closed_loop
-from rpojax.simulation.closed_loop import State
+from rpojax.simulation.closed_loop import State, Telemetry
 from rpojax.simulation.params import Params
 from rpojax.simulation.scenario import Scenario
 from rpojax.simulation.schema import ScenarioFile
+
+Values = TypeVar("Values")
+Observe = Callable[[Stages, Scenario, Params, Telemetry], Any]
+"""What is kept of a tick: arrays in a structure. A function of a module, as programs are kept by it."""
+Seen = tuple[Any, dict[str, Array], Array]
 
 _SEGMENT_TICKS = 200
 """About so many ticks are flown between two reports of progress."""
 
 
 @dataclass(frozen=True)
-class Flight:
+class Flight(Generic[Values]):
     """One run, up to its end or its failure.
 
     Attributes:
@@ -39,25 +45,32 @@ class Flight:
         seed: master seed
         run_id: number of the run
         population: runs that its design was made for
+        chosen: its dispersed numbers
         failed_at_s: when it failed [s], nan for a completed run
-        values: all that messages say, ticks first
-        poses: channels that a picture can be taken again from, ticks first
+        values: what was observed, ticks first
+        poses: `time_s`, `range_m` and what a picture can be taken again from, ticks first, as a history has it
     """
 
     file: ScenarioFile
     seed: int
     run_id: int
     population: design.Population
+    chosen: Params
     failed_at_s: float
-    values: TickValues
+    values: Values
     poses: dict[str, np.ndarray]
+
+    @property
+    def time_s(self) -> np.ndarray:
+        """Time of each tick [s] since the start."""
+        return self.poses["time_s"]
 
     @property
     def ticks(self) -> int:
         """Number of ticks."""
-        return len(self.values.time_s)
+        return len(self.time_s)
 
-    def tick(self, number: int) -> TickValues:
+    def tick(self, number: int) -> Values:
         """Values of one tick."""
         return jax.tree.map(lambda values: values[number], self.values)
 
@@ -77,7 +90,13 @@ class Agreement:
     same_end: bool
 
 
-def fly(found: Campaign, run_id: int, stages: Stages | None = None, on_progress: runner.Report | None = None) -> Flight:
+def fly(
+    found: Campaign,
+    run_id: int,
+    observe: Observe,
+    stages: Stages | None = None,
+    on_progress: runner.Report | None = None,
+) -> Flight:
     """Flies a run of a campaign again.
 
     Raises:
@@ -93,33 +112,42 @@ def fly(found: Campaign, run_id: int, stages: Stages | None = None, on_progress:
     for number in range(count):
         if on_progress:
             on_progress(runner.Progress(number / count, 1, 0, compiled=number > 0))
-        state, seen = _advance(static, stages or Stages(), segment, chosen, state)
+        state, seen = _advance(static, stages or Stages(), observe, segment, chosen, state)
         parts.append(jax.tree.map(np.asarray, seen))
     # The last segment may go beyond the end of the scenario.
     failed_at = float(state.failed_at) if float(state.failed_at) < file.duration_s else np.nan
-    values, poses = jax.tree.map(lambda *each: np.concatenate(each)[: static.ticks], *parts)
-    alive = int(values.running.sum())
-    values, poses = jax.tree.map(lambda each: each[:alive], (values, poses))
-    return Flight(file, found.asked["seed"], run_id, population, failed_at, values, poses)
+    *seen, running = jax.tree.map(lambda *each: np.concatenate(each)[: static.ticks], *parts)
+    values, poses = jax.tree.map(lambda each: each[: int(running.sum())], seen)
+    return Flight(file, found.asked["seed"], run_id, population, chosen, failed_at, values, poses)
 
 
-@partial(jax.jit, static_argnums=(0, 1, 2))
+@partial(jax.jit, static_argnums=(0, 1, 2, 3))
 def _advance(
-    static: Scenario, stages: Stages, ticks: int, chosen: Params, state: State
-) -> tuple[State, tuple[TickValues, dict[str, Array]]]:
-    def body(carry: State, _: None) -> tuple[State, tuple[TickValues, dict[str, Array]]]:
+    static: Scenario, stages: Stages, observe: Observe, ticks: int, chosen: Params, state: State
+) -> tuple[State, Seen]:
+    def body(carry: State, _: None) -> tuple[State, Seen]:
         after, seen = closed_loop.tick(stages, static, chosen, carry)
-        truth = seen.truth
-        poses = {
-            "r_TN_N": truth.r_TN_N,
-            "r_ST_N": truth.r_ST_N,
-            "q_TN": truth.q_TN,
-            "q_BN": truth.q_BN,
-            "window_px": seen.frame.window.astype(jnp.float32),
-        }
-        return after, (tick_values.observe(stages, static, chosen, seen), poses)
+        return after, (observe(stages, static, chosen, seen), _poses(static, seen), seen.running)
 
     return jax.lax.scan(body, state, None, length=ticks)
+
+
+def _poses(static: Scenario, seen: Telemetry) -> dict[str, Array]:
+    truth = seen.truth
+    return {
+        "time_s": seen.tick.astype(jnp.float64) * static.tick_s,
+        "range_m": safe.norm(truth.r_ST_N),
+        "r_TN_N": truth.r_TN_N,
+        "r_ST_N": truth.r_ST_N,
+        "q_TN": truth.q_TN,
+        "q_BN": truth.q_BN,
+        "window_px": seen.frame.window.astype(jnp.float32),
+    }
+
+
+def pictures(flight: Flight, ticks: Sequence[int]) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
+    """Pictures (p, p, 3), uint8 sRGB codes, with the poses, that a rendered camera took in some ticks, taken again."""
+    return filming.pictures(flight.file, flight.seed, flight.run_id, flight.poses, ticks, flight.population)
 
 
 def compare(flight: Flight, found: Campaign) -> Agreement | None:
@@ -128,7 +156,7 @@ def compare(flight: Flight, found: Campaign) -> Agreement | None:
     if not len(rows):
         return None
     recorded = found.traces["range_m"][rows[0]]
-    flown = np.linalg.norm(flight.values.relative.position, axis=1)[:: trace_stride(flight.file)]
+    flown = flight.poses["range_m"][:: trace_stride(flight.file)]
     both = min(int(np.isfinite(recorded).sum()), len(flown))
     # The trace is kept in single precision, so that of the flight is rounded likewise.
     off = np.abs(recorded[:both].astype(np.float64) - flown[:both].astype(np.float32).astype(np.float64))

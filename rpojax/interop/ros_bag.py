@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rpojax.campaign import files, filming
+from rpojax.campaign import files
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.interop import message_types, messages, topics
+from rpojax.interop import flight_record, message_types, messages, topics
 from rpojax.interop.flight_record import Flight
+from rpojax.interop.tick_values import TickValues
 from rpojax.interop.topics import TABLE, Qos, Topic
 from rpojax.simulation import scenario
 from rpojax.training.optional import need
@@ -84,20 +85,13 @@ def topics_of(images: Images) -> list[Topic]:
     return [topic for topic in TABLE if topic not in (topics.IMAGE, topics.COMPRESSED_IMAGE) or topic == wanted]
 
 
-def pictures(flight: Flight) -> Iterator[np.ndarray]:
+def pictures(flight: Flight[TickValues]) -> Iterator[np.ndarray]:
     """Pictures (p, p, 3), uint8 sRGB codes, that the rendered camera of a run took, one a tick, taken again."""
-    values = flight.values
-    history = {
-        "time_s": values.time_s,
-        "range_m": np.linalg.norm(values.relative.position, axis=1),
-        **flight.poses,
-    }
-    taken = filming.pictures(flight.file, flight.seed, flight.run_id, history, range(flight.ticks), flight.population)
-    return (picture for picture, _ in taken)
+    return (picture for picture, _ in flight_record.pictures(flight, range(flight.ticks)))
 
 
 def said(
-    flight: Flight, images: Images, taken: Iterable[np.ndarray] = (), on_tick: Told = _nobody
+    flight: Flight[TickValues], images: Images, taken: Iterable[np.ndarray] = (), on_tick: Told = _nobody
 ) -> Iterator[Stamped]:
     """All messages of a run in the order of time; `taken` is a picture for every tick, unless `images` is none."""
     shots = iter(taken)
@@ -115,7 +109,7 @@ def said(
         on_tick(number + 1, flight.ticks)
 
 
-def origin(flight: Flight) -> dict[str, str]:
+def origin(flight: Flight[TickValues]) -> dict[str, str]:
     """What a bag says of where it comes from, beside its messages."""
     return {
         "rpojax.version": __version__,
@@ -149,7 +143,9 @@ def _is_bag(path: Path) -> bool:
     return all(entry.name == "metadata.yaml" or entry.suffix in (".mcap", ".db3") for entry in path.iterdir())
 
 
-def export(flight: Flight, out: Path, form: Format, images: Images, force: bool, on_tick: Told = _nobody) -> int:
+def export(
+    flight: Flight[TickValues], out: Path, form: Format, images: Images, force: bool, on_tick: Told = _nobody
+) -> int:
     """Writes a run into a bag and returns the number of messages; `on_tick` is told `(done, total)`.
 
     Raises:

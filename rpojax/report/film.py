@@ -2,7 +2,7 @@
 
 import io
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache
 from pathlib import Path
 
@@ -13,6 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 from rpojax.errors import OutputError
 from rpojax.flight.pointing import Mode
 from rpojax.report.style import FILM_AMBER, FILM_BLUE, FILM_GREEN, FILM_GROUND, FILM_INK, FILM_MUTED
+from rpojax.training.optional import need
 
 History = Mapping[str, np.ndarray]
 Shot = tuple[np.ndarray, History]
@@ -66,17 +67,19 @@ def strip(shots: Iterable[Shot]) -> Image.Image:
     return _with_legend(sheet)
 
 
-def write_film(shots: Iterable[Shot], path: Path) -> Path:
-    """Writes pictures as a film, VP9 in MP4, 12 a second; returns `path`.
+def write_film(shots: Iterable[Shot], path: Path, codec: str = "vp9") -> Path:
+    """Writes pictures as a film in MP4, 12 a second, by one of `CODECS`; returns `path`.
 
     Raises:
         OutputError: there cannot be such a file.
+        MissingExtraError: H.264 needs a package that is not installed.
     """
+    encode = _ENCODERS[codec]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         partial = path.with_name(f"{path.stem}.{os.getpid()}.partial.mp4")
         try:
-            _encode(shots, partial, path)
+            encode((frame(picture, seen) for picture, seen in shots), partial, path)
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)
@@ -85,13 +88,20 @@ def write_film(shots: Iterable[Shot], path: Path) -> Path:
     return path
 
 
-def _encode(shots: Iterable[Shot], partial: Path, path: Path) -> None:
+def check_codec(codec: str) -> None:
+    """Raises an error where films cannot be written by `codec`, before any picture is taken for one."""
+    if codec not in CODECS:
+        raise OutputError(f"--codec: found {codec!r}, expected {' or '.join(CODECS)}")
+    if codec == "h264":
+        need("imageio_ffmpeg", "viz")
+
+
+def _encode_vp9(frames: Iterable[np.ndarray], partial: Path, path: Path) -> None:
     import cv2
 
     writer = None
     try:
-        for picture, seen in shots:
-            drawn = frame(picture, seen)
+        for drawn in frames:
             if writer is None:
                 code = cv2.VideoWriter.fourcc(*"vp09")
                 writer = cv2.VideoWriter(str(partial), code, _FRAMES_PER_S, (drawn.shape[1], drawn.shape[0]))
@@ -101,6 +111,38 @@ def _encode(shots: Iterable[Shot], partial: Path, path: Path) -> None:
     finally:
         if writer is not None:
             writer.release()
+
+
+def _encode_h264(frames: Iterable[np.ndarray], partial: Path, path: Path) -> None:
+    """As players and browsers like it: 4:2:0, its index in front; one thread and no dates, for the same bytes again."""
+    write_frames = need("imageio_ffmpeg", "viz").write_frames
+    options = ["-crf", "20", "-threads", "1", "-movflags", "+faststart", "-map_metadata", "-1", "-fflags", "+bitexact"]
+    writer = None
+    try:
+        for drawn in frames:
+            if writer is None:
+                partial.touch()
+                size = (drawn.shape[1], drawn.shape[0])
+                writer = write_frames(
+                    str(partial),
+                    size,
+                    fps=_FRAMES_PER_S,
+                    codec="libx264",
+                    pix_fmt_out="yuv420p",
+                    quality=None,
+                    macro_block_size=2,
+                    output_params=[*options, "-flags:v", "+bitexact"],
+                )
+                writer.send(None)
+            writer.send(np.ascontiguousarray(drawn))
+    finally:
+        if writer is not None:
+            writer.close()
+
+
+_ENCODERS: dict[str, Callable[[Iterable[np.ndarray], Path, Path], None]] = {"vp9": _encode_vp9, "h264": _encode_h264}
+CODECS = tuple(_ENCODERS)
+"""Codecs of films: VP9, which needs nothing more, and H.264, which plays everywhere."""
 
 
 def png(sheet: Image.Image) -> bytes:

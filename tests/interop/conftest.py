@@ -1,15 +1,19 @@
-"""A short flight with a burn, and its bags."""
+"""A short flight with a burn, observed for bags and for the viewer at once, and a made-up run."""
 
 import dataclasses
+from typing import Any
 
 import jax
 import numpy as np
 import pytest
 from folders import new_campaign
+from made_up_run import made_up as make_up
 
 from rpojax.campaign.store import Campaign
-from rpojax.interop import flight_record
-from rpojax.interop.flight_record import Flight
+from rpojax.interop import flight_record, shown_values, tick_values
+from rpojax.interop.flight_record import Flight, Observe
+from rpojax.interop.shown_values import Shown
+from rpojax.interop.tick_values import TickValues
 from rpojax.simulation import scenario
 
 SEED, RUN = 5, 3
@@ -25,13 +29,35 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
 
 
 @pytest.fixture(scope="session")
-def flight(folder: Campaign) -> Flight:
-    """One of its runs, with everything that messages say."""
-    return flight_record.fly(folder, RUN)
+def observe_both() -> Observe:
+    """What messages and the viewer say of a tick, so that one program is compiled for both."""
+
+    def observe(*tick: Any) -> tuple[TickValues, dict]:
+        return tick_values.observe(*tick), shown_values.observe(*tick)
+
+    return observe
 
 
 @pytest.fixture(scope="session")
-def around_burn(flight: Flight) -> Flight:
+def both(folder: Campaign, observe_both: Observe) -> Flight[tuple[TickValues, Shown]]:
+    """One of its runs, flown again."""
+    return flight_record.fly(folder, RUN, observe_both)
+
+
+@pytest.fixture(scope="session")
+def flight(both: Flight) -> Flight[TickValues]:
+    """That run with everything that messages say."""
+    return dataclasses.replace(both, values=both.values[0])
+
+
+@pytest.fixture(scope="session")
+def shown(both: Flight) -> Flight[Shown]:
+    """That run with everything that the viewer shows."""
+    return dataclasses.replace(both, values=both.values[1])
+
+
+@pytest.fixture(scope="session")
+def around_burn(flight: Flight[TickValues]) -> Flight[TickValues]:
     """The part of it with the decision and the burn."""
     values, poses = jax.tree.map(lambda each: each[112:180:4], (flight.values, flight.poses))
     return dataclasses.replace(flight, values=values, poses=poses)
@@ -41,3 +67,9 @@ def around_burn(flight: Flight) -> Flight:
 def shots(around_burn: Flight) -> np.ndarray:
     """A picture of noise for every tick of that part; the camera of the flight takes none."""
     return np.random.default_rng(1).integers(0, 256, (around_burn.ticks, 6, 8, 3), dtype=np.uint8)
+
+
+@pytest.fixture
+def made_up() -> Flight[Shown]:
+    """A made-up run through the geometric camera."""
+    return make_up()

@@ -1,4 +1,4 @@
-"""The verb, and runs that it refuses."""
+"""The verb that writes bags."""
 
 import json
 import sys
@@ -9,13 +9,15 @@ from typing import Any
 import pytest
 
 from rpojax.campaign.store import Campaign
-from rpojax.errors import RpojaxError
 from rpojax.interop import flight_record, message_types
 from rpojax.interop.flight_record import Flight
+from rpojax.interop.tick_values import TickValues
 
 
 @pytest.fixture
-def export(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], flight: Flight) -> Callable[..., Any]:
+def export(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], flight: Flight[TickValues]
+) -> Callable[..., Any]:
     """The verb in this process, with a flight that has been flown: exit status and what it said."""
     from rpojax import cli
 
@@ -61,15 +63,3 @@ def test_without_rosbags_one_line_says_what_to_install(
     message_types.typestore.cache_clear()
     said = "rosbags.typesys: not installed, expected: pip install 'rpojax[ros]'"
     assert export(folder.directory, "--run-id", 3, "--out", tmp_path / "bag") == (2, f"rpojax: error: {said}\n")
-
-
-def test_a_run_that_the_campaign_does_not_have_is_refused(folder: Campaign) -> None:
-    with pytest.raises(RpojaxError, match=r"--run-id: found 4, expected a run of this campaign, 0 to 3"):
-        flight_record.fly(folder, 4)
-
-
-def test_other_trained_files_or_stages_than_the_campaigns_are_refused(folder: Campaign, tmp_path: Path) -> None:
-    described = json.loads((folder.directory / "campaign.json").read_text())
-    (tmp_path / "campaign.json").write_text(json.dumps({**described, "scenario_hash": "0" * 64}))
-    with pytest.raises(RpojaxError, match="scenario: found another content or trained files"):
-        flight_record.fly(Campaign(tmp_path), 3)

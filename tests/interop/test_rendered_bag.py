@@ -8,9 +8,10 @@ import pytest
 from rpojax.campaign import filming
 from rpojax.campaign.runner import run_campaign
 from rpojax.campaign.store import Campaign
-from rpojax.interop import flight_record, ros_bag, topics
+from rpojax.interop import flight_record, ros_bag, tick_values, topics
 from rpojax.interop.flight_record import Flight
 from rpojax.interop.ros_bag import Images
+from rpojax.interop.tick_values import TickValues
 from rpojax.simulation import scenario
 
 pytestmark = pytest.mark.slow
@@ -29,12 +30,12 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
 
 
 @pytest.fixture(scope="module")
-def again(flown: Campaign) -> Flight:
+def again(flown: Campaign) -> Flight[TickValues]:
     """The same run, flown again."""
-    return flight_record.fly(flown, RUN)
+    return flight_record.fly(flown, RUN, tick_values.observe)
 
 
-def test_a_run_flown_again_is_that_of_the_campaign(flown: Campaign, again: Flight) -> None:
+def test_a_run_flown_again_is_that_of_the_campaign(flown: Campaign, again: Flight[TickValues]) -> None:
     found = flight_record.compare(again, flown)
     assert found
     assert (found.samples, found.same_end) == (2, True)
@@ -53,7 +54,7 @@ def test_a_run_flown_again_is_that_of_the_campaign(flown: Campaign, again: Fligh
     np.testing.assert_allclose(middle, np.broadcast_to([160.0, 120.0], middle.shape), atol=1e-3)
 
 
-def test_its_pictures_are_those_that_a_film_of_the_campaign_shows(flown: Campaign, again: Flight) -> None:
+def test_its_pictures_are_those_that_a_film_of_the_campaign_shows(flown: Campaign, again: Flight[TickValues]) -> None:
     taken = filming.pictures(again.file, 5, RUN, flown.history(RUN), range(again.ticks))
     told = ros_bag.said(again, Images.RAW, ros_bag.pictures(again))
     messages = [each.message for each in told if each.topic is topics.IMAGE]
@@ -66,7 +67,11 @@ def test_its_pictures_are_those_that_a_film_of_the_campaign_shows(flown: Campaig
 
 
 def test_the_verb_stores_the_pictures_by_default(
-    flown: Campaign, again: Flight, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    flown: Campaign,
+    again: Flight[TickValues],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     from rpojax import cli
 

@@ -19,16 +19,19 @@ from rpojax.errors import OutputError, RpojaxError
 from rpojax.interop import message_types, ros_bag, topics
 from rpojax.interop.flight_record import Flight
 from rpojax.interop.ros_bag import Format, Images, Stamped
+from rpojax.interop.tick_values import TickValues
 
 STORED = {Format.MCAP: ".mcap", Format.SQLITE3: ".db3"}
 
 
-def everything(flight: Flight, images: Images, shots: np.ndarray) -> list[Stamped]:
+def everything(flight: Flight[TickValues], images: Images, shots: np.ndarray) -> list[Stamped]:
     """All messages of a flight."""
     return list(ros_bag.said(flight, images, shots))
 
 
-def make(out: Path, form: Format, flight: Flight, images: Images, shots: np.ndarray, force: bool = False) -> Path:
+def make(
+    out: Path, form: Format, flight: Flight[TickValues], images: Images, shots: np.ndarray, force: bool = False
+) -> Path:
     """A bag of a flight."""
     told = ros_bag.said(flight, images, shots)
     ros_bag.write(out, form, ros_bag.topics_of(images), told, ros_bag.origin(flight), force)
@@ -76,7 +79,7 @@ READERS = {Format.MCAP: by_mcap_ros2, Format.SQLITE3: by_sqlite_and_cyclonedds}
 
 @pytest.mark.parametrize("form", list(Format))
 def test_other_libraries_read_every_field_as_it_was_written(
-    around_burn: Flight, shots: np.ndarray, tmp_path: Path, form: Format
+    around_burn: Flight[TickValues], shots: np.ndarray, tmp_path: Path, form: Format
 ) -> None:
     images = Images.RAW if form == Format.MCAP else Images.COMPRESSED
     bag = make(tmp_path / "bag", form, around_burn, images, shots)
@@ -90,7 +93,7 @@ def test_other_libraries_read_every_field_as_it_was_written(
 
 @pytest.mark.parametrize("form", list(Format))
 def test_the_same_run_exported_twice_gives_the_same_bytes(
-    around_burn: Flight, shots: np.ndarray, tmp_path: Path, form: Format
+    around_burn: Flight[TickValues], shots: np.ndarray, tmp_path: Path, form: Format
 ) -> None:
     bags = [make(tmp_path / place / "bag", form, around_burn, Images.COMPRESSED, shots) for place in ("one", "two")]
     contents = [{path.name: path.read_bytes() for path in bag.iterdir()} for bag in bags]
@@ -105,7 +108,7 @@ def described(bag: Path) -> dict[str, Any]:
 
 @pytest.mark.parametrize("form", list(Format))
 def test_the_metadata_can_be_read_from_humble_on(
-    around_burn: Flight, shots: np.ndarray, tmp_path: Path, form: Format
+    around_burn: Flight[TickValues], shots: np.ndarray, tmp_path: Path, form: Format
 ) -> None:
     found = described(make(tmp_path / "bag", form, around_burn, Images.NONE, shots))
     assert (found["version"], found["storage_identifier"]) == (8, form.value)
@@ -129,7 +132,9 @@ def test_the_metadata_can_be_read_from_humble_on(
     assert found["custom_data"]["rpojax.run_id"] == str(around_burn.run_id)
 
 
-def test_an_mcap_file_says_that_it_is_a_bag_of_ros_2(around_burn: Flight, shots: np.ndarray, tmp_path: Path) -> None:
+def test_an_mcap_file_says_that_it_is_a_bag_of_ros_2(
+    around_burn: Flight[TickValues], shots: np.ndarray, tmp_path: Path
+) -> None:
     bag = make(tmp_path / "bag", Format.MCAP, around_burn, Images.NONE, shots)
     with (bag / "bag.mcap").open("rb") as stream:
         reader = make_reader(stream)
@@ -141,7 +146,7 @@ def test_an_mcap_file_says_that_it_is_a_bag_of_ros_2(around_burn: Flight, shots:
     assert {schema.encoding for schema in summary.schemas.values()} == {"ros2msg"}
 
 
-def test_a_compressed_picture_is_the_picture(around_burn: Flight, shots: np.ndarray) -> None:
+def test_a_compressed_picture_is_the_picture(around_burn: Flight[TickValues], shots: np.ndarray) -> None:
     told = everything(around_burn, Images.COMPRESSED, shots)
     packed = [each.message for each in told if each.topic is topics.COMPRESSED_IMAGE]
     assert len(packed) == around_burn.ticks
@@ -150,7 +155,9 @@ def test_a_compressed_picture_is_the_picture(around_burn: Flight, shots: np.ndar
         np.testing.assert_array_equal(cv2.imdecode(message.data, cv2.IMREAD_COLOR)[:, :, ::-1], shot)
 
 
-def test_a_bag_is_not_overwritten_unless_asked(around_burn: Flight, shots: np.ndarray, tmp_path: Path) -> None:
+def test_a_bag_is_not_overwritten_unless_asked(
+    around_burn: Flight[TickValues], shots: np.ndarray, tmp_path: Path
+) -> None:
     out = make(tmp_path / "bag", Format.MCAP, around_burn, Images.NONE, shots)
     with pytest.raises(OutputError, match=r"bag: exists already; --force replaces it$"):
         make(out, Format.SQLITE3, around_burn, Images.NONE, shots)
@@ -170,7 +177,7 @@ def test_what_is_no_bag_is_never_replaced(tmp_path: Path, inside: str) -> None:
 
 
 def test_a_bag_that_cannot_be_finished_leaves_nothing_and_the_old_one_alone(
-    around_burn: Flight, shots: np.ndarray, tmp_path: Path
+    around_burn: Flight[TickValues], shots: np.ndarray, tmp_path: Path
 ) -> None:
     out = make(tmp_path / "bag", Format.MCAP, around_burn, Images.NONE, shots)
     before = (out / "bag.mcap").read_bytes()
@@ -186,7 +193,9 @@ def test_a_bag_that_cannot_be_finished_leaves_nothing_and_the_old_one_alone(
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
 
 
-def test_a_place_that_cannot_be_written_to_is_named(around_burn: Flight, shots: np.ndarray, tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written_to_is_named(
+    around_burn: Flight[TickValues], shots: np.ndarray, tmp_path: Path
+) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"file/bag: found .*, expected room for a bag in a folder that can be writ"):
         make(tmp_path / "file" / "bag", Format.MCAP, around_burn, Images.NONE, shots)
@@ -204,7 +213,7 @@ def little_room() -> Iterator[None]:
 @pytest.mark.usefixtures("little_room")
 @pytest.mark.parametrize("form", list(Format))
 def test_a_full_disk_is_said_in_one_line_and_leaves_nothing(
-    around_burn: Flight, shots: np.ndarray, tmp_path: Path, form: Format
+    around_burn: Flight[TickValues], shots: np.ndarray, tmp_path: Path, form: Format
 ) -> None:
     with pytest.raises(OutputError, match=r"^[^\n]*bag: found [^\n]*, expected room for a bag [^\n]*$"):
         make(tmp_path / "bag", form, around_burn, Images.RAW, shots)

@@ -1,19 +1,16 @@
 """What messages say of a flight, worked out again as a user of ROS would."""
 
-from typing import Any
-
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rpojax.campaign.store import Campaign
 from rpojax.flight.orbit_filter import OrbitEstimate
 from rpojax.flight.relative_filter import RelativeEstimate
 from rpojax.flight.servicer_filter import ServicerEstimate
-from rpojax.interop import flight_record, messages, tick_values
+from rpojax.interop import messages, tick_values
 from rpojax.interop.flight_record import Flight
-from rpojax.interop.tick_values import Motion
+from rpojax.interop.tick_values import Motion, TickValues
 
 MOTIONS = ("servicer", "relative", "target")
 
@@ -24,7 +21,7 @@ def axes(motion: Motion) -> Rotation:
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_twists_are_the_derivatives_of_poses(flight: Flight, name: str) -> None:
+def test_twists_are_the_derivatives_of_poses(flight: Flight[TickValues], name: str) -> None:
     found: Motion = getattr(flight.values, name)
     R = axes(found)
     velocity, position = R.apply(np.asarray(found.velocity)), np.asarray(found.position)
@@ -36,7 +33,7 @@ def test_twists_are_the_derivatives_of_poses(flight: Flight, name: str) -> None:
     assert np.abs(rate).max() > 5e-3
 
 
-def test_the_frames_of_tf_lead_to_the_odometries(flight: Flight) -> None:
+def test_the_frames_of_tf_lead_to_the_odometries(flight: Flight[TickValues]) -> None:
     values, origin = flight.values, np.asarray(flight.values.target.position)
     R_NH = Rotation.from_quat(np.asarray(values.hill_orientation))
     place = origin + R_NH.apply(np.asarray(values.relative.position))
@@ -54,7 +51,7 @@ def test_the_frames_of_tf_lead_to_the_odometries(flight: Flight) -> None:
         np.testing.assert_allclose(R_NH.as_matrix()[:, :, axis], unit, atol=1e-12)
 
 
-def test_poses_are_those_of_the_truth(flight: Flight) -> None:
+def test_poses_are_those_of_the_truth(flight: Flight[TickValues]) -> None:
     q = flight.poses["q_BN"]
     np.testing.assert_array_equal(flight.values.servicer.orientation, np.concatenate([-q[:, 1:], q[:, :1]], axis=1))
     both = flight.poses["r_TN_N"] + flight.poses["r_ST_N"]
@@ -62,7 +59,7 @@ def test_poses_are_those_of_the_truth(flight: Flight) -> None:
 
 
 @pytest.mark.parametrize("name", ["servicer", "relative"])
-def test_estimates_are_as_far_from_the_truth_as_their_covariance_says(flight: Flight, name: str) -> None:
+def test_estimates_are_as_far_from_the_truth_as_their_covariance_says(flight: Flight[TickValues], name: str) -> None:
     true: Motion = getattr(flight.values, name)
     estimate: Motion = getattr(flight.values, f"{name}_estimate")
     place = np.asarray(estimate.position) - np.asarray(true.position)
@@ -119,7 +116,7 @@ def test_the_estimated_hill_frame_doubts_as_much_as_sampled_orbits_do() -> None:
     np.testing.assert_allclose(found.rate, [0.0, 0.0, float(np.linalg.norm(np.cross(r, v)) / (r @ r))], atol=1e-15)
 
 
-def test_a_box_points_at_the_target_by_calibration_mounting_and_attitude(flight: Flight) -> None:
+def test_a_box_points_at_the_target_by_calibration_mounting_and_attitude(flight: Flight[TickValues]) -> None:
     values, view = flight.values, flight.values.view
     seen = np.asarray(values.accepted)
     assert seen.sum() > 50
@@ -135,7 +132,7 @@ def test_a_box_points_at_the_target_by_calibration_mounting_and_attitude(flight:
     assert 0.5 < np.median(size[seen] * np.linalg.norm(line, axis=1)) < 2.0
 
 
-def test_measurements_are_near_the_truth_and_not_the_truth(flight: Flight) -> None:
+def test_measurements_are_near_the_truth_and_not_the_truth(flight: Flight[TickValues]) -> None:
     values = flight.values
     gps = np.linalg.norm(np.asarray(values.gps) - values.servicer.position, axis=1)
     stars = (Rotation.from_quat(values.star_tracker) * axes(values.servicer).inv()).magnitude()
@@ -146,7 +143,7 @@ def test_measurements_are_near_the_truth_and_not_the_truth(flight: Flight) -> No
     np.testing.assert_allclose(np.std(gyro) ** 2, values.gyro_variance[0], rtol=0.9)
 
 
-def test_the_valve_opens_when_the_velocity_changes(flight: Flight) -> None:
+def test_the_valve_opens_when_the_velocity_changes(flight: Flight[TickValues]) -> None:
     said = [messages.of_tick(flight.tick(number)) for number in range(flight.ticks)]
     commands = [next(each for topic, each in tick if topic.name == "/servicer/thruster/command") for tick in said]
     ahead = [command for command in commands if command.points]
@@ -181,52 +178,8 @@ def test_a_burn_is_two_points_from_the_stamp_on() -> None:
     assert told == [([0.03], -1, 500_000_000), ([0.0], 4, 750_000_001)]
 
 
-def test_wheels_give_what_they_are_told(flight: Flight) -> None:
+def test_wheels_give_what_they_are_told(flight: Flight[TickValues]) -> None:
     limit = np.asarray(flight.file.wheels.torque_limit_n_m)
     assert (np.abs(flight.values.wheel_command) <= limit * (1.0 + 1e-12)).all()
     np.testing.assert_array_equal(flight.values.wheel_torque, flight.values.wheel_command)
     assert np.ptp(np.asarray(flight.values.wheel_speed)) > 1.0
-
-
-class Recorded(Campaign):
-    """A campaign folder that has recorded one run."""
-
-    recorded: dict[str, Any]
-
-    @property
-    def run_ids(self) -> np.ndarray:
-        return self.recorded["run_ids"]
-
-    @property
-    def traces(self) -> dict[str, np.ndarray]:
-        return {"range_m": self.recorded["range_m"]}
-
-    @property
-    def failed_at_s(self) -> np.ndarray:
-        return self.recorded["failed_at_s"]
-
-
-@pytest.fixture
-def recorded(folder: Campaign, flight: Flight) -> Recorded:
-    """The folder as if it had flown that run, and another one before."""
-    made = Recorded(folder.directory)
-    flown = np.linalg.norm(np.asarray(flight.values.relative.position), axis=1)[::10].astype(np.float32)
-    made.recorded = {
-        "run_ids": np.array([2, 3]),
-        "range_m": np.stack([flown + np.float32(5.0), flown]),
-        "failed_at_s": np.array([1.0, np.nan]),
-    }
-    return made
-
-
-def test_a_flight_is_compared_with_what_the_campaign_recorded(flight: Flight, recorded: Recorded) -> None:
-    assert flight_record.compare(flight, recorded) == flight_record.Agreement(18, 0.0, True)
-    recorded.recorded["range_m"][1, 7] += np.float32(0.5)
-    recorded.recorded["failed_at_s"][1] = 90.0
-    found = flight_record.compare(flight, recorded)
-    assert found
-    assert (found.range_difference_m, found.same_end) == (pytest.approx(0.5, rel=1e-5), False)
-
-
-def test_a_run_that_is_not_flown_yet_cannot_be_compared(flight: Flight, folder: Campaign) -> None:
-    assert flight_record.compare(flight, folder) is None

@@ -1,5 +1,6 @@
 """Films and strips: the right moments, and every line where it belongs."""
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from rpojax.errors import OutputError
+from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.pointing import Mode
 from rpojax.report import film
 from rpojax.report.style import FILM_AMBER, FILM_BLUE, FILM_GREEN
@@ -100,10 +101,11 @@ def test_a_strip_has_rows_of_four() -> None:
     )
 
 
-def test_a_film_has_every_picture(tmp_path: Path) -> None:
+@pytest.mark.parametrize("codec", film.CODECS)
+def test_a_film_has_every_picture(tmp_path: Path, codec: str) -> None:
     import cv2
 
-    path = film.write_film([shot(), shot(box_present=False), shot()], tmp_path / "seen.mp4")
+    path = film.write_film([shot(), shot(box_present=False), shot()], tmp_path / "seen.mp4", codec)
     capture = cv2.VideoCapture(str(path))
     found, picture = capture.read()
     assert found
@@ -114,6 +116,22 @@ def test_a_film_has_every_picture(tmp_path: Path) -> None:
     assert np.abs(picture[..., ::-1].astype(float) - expected).mean() < 6.0
     assert [capture.read()[0] for _ in range(3)] == [True, True, False]
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_film_for_browsers_is_in_h264_with_its_index_in_front_and_the_same_bytes_again(tmp_path: Path) -> None:
+    one, two = (film.write_film([shot(), shot()], tmp_path / name, "h264").read_bytes() for name in ("1.mp4", "2.mp4"))
+    assert b"avc1" in one
+    assert one.index(b"moov") < one.index(b"mdat")
+    assert one == two
+
+
+def test_a_codec_that_there_is_not_is_refused_before_any_picture_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(OutputError, match=r"--codec: found 'av1', expected vp9 or h264"):
+        film.check_codec("av1")
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    film.check_codec("vp9")
+    with pytest.raises(RpojaxError, match=r"imageio_ffmpeg: not installed, expected: pip install 'rpojax\[viz\]'"):
+        film.check_codec("h264")
 
 
 def test_a_film_that_breaks_off_leaves_what_was_there(tmp_path: Path) -> None:
