@@ -44,7 +44,7 @@ def main() -> None:
     file = rpojax.load("inspection", SETTINGS)
     sampled = campaign(given.out / "campaign")
     space = normal_space.make(file)
-    flights = worst_case.flights_of(space, METRICS, given.starts)
+    flights = worst_case.flights_of(space, given.metric or METRICS, given.starts)
     costs = worst_case.measure(flights)
     print(
         f"gradient {costs.gradient_s:.3f} s, flight {costs.flight_s:.3f} s a run in batches of {costs.batch}: "

@@ -109,7 +109,7 @@ def _across_runs(
     for index in np.flatnonzero(decides):
         move = SPAN * np.eye(len(x))[index]
         sides = [flights.values(np.tile(x + sign * move, (len(keys), 1)), keys).figures for sign in (1.0, -1.0)]
-        there = np.isfinite(np.concatenate([figures, *sides], axis=1)).all(axis=1)
-        up, down = (objective(np.where(there[:, None], side, np.nan))[0] for side in sides)
+        lost = ~np.isfinite(np.concatenate([figures, *sides], axis=1)).all(axis=1, keepdims=True)
+        up, down = (objective(np.where(lost, np.nan, side))[0] for side in sides)
         slopes.append((up - down) / (2.0 * SPAN))
     return np.array(slopes)
