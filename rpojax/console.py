@@ -81,6 +81,10 @@ def busy(text: str, quiet: bool) -> Iterator[None]:
         yield
 
 
+_SHORTEST_S = 0.05
+"""In less time than this no rate can be told."""
+
+
 class _Pace:
     """How fast runs of a given duration are done, from when the programs were compiled."""
 
@@ -92,9 +96,10 @@ class _Pace:
         now = time.perf_counter()
         if self.begin is None:
             self.begin = now
-        rate = progress.done / max(now - self.begin, 1e-9)
-        if rate == 0.0:
+        elapsed = now - self.begin
+        if progress.done == 0.0 or elapsed < _SHORTEST_S:
             return f"{_count(progress.total)} to do"
+        rate = progress.done / elapsed
         left = datetime.timedelta(seconds=round((progress.total - progress.done) / rate))
         speed = f"{rate:.3g}/s, {rate * self.duration_s:,.0f} run-s/s"
         return f"{progress.done:.0f}/{_count(progress.total)}, {speed}, {left} left, {progress.failed} failed"
