@@ -40,7 +40,7 @@ LEFT_TO_RIGHT = {
     "composites detection_data augment average_precision detector_judge orthogonal descent giou first_look_loss "
     "second_look_loss train_detector",
     "simulation": "units figures_of_merit forms sections schema dispersed dispersion_checks checks networks table_file "
-    "scenario params noise camera run_state tick_stages closed_loop telemetry running_metrics metrics",
+    "scenario params noise camera run_state tick_stages closed_loop telemetry stepwise running_metrics metrics",
     "campaign": "files admission description manifests encoding reading creation store design sources dispersions "
     "normal_space engine plan retention recording replaced flying executors cluster runner rerun",
     "analysis": "chance laws order_statistics proportions precision consistency dependence sensitivity requirements "

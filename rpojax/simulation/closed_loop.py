@@ -19,7 +19,7 @@ from rpojax.simulation.noise import StartNoise, TickNoise
 from rpojax.simulation.params import Params
 from rpojax.simulation.run_state import SensorState, State, Telemetry
 from rpojax.simulation.scenario import Scenario
-from rpojax.simulation.tick_stages import Motion, sky_at
+from rpojax.simulation.tick_stages import sky_at
 
 FAILURES = ("", "non-finite state", "entered the keep-out sphere")
 """Reasons by failure code."""
@@ -84,25 +84,8 @@ def tick(
     flight, innovation = tick_stages.navigate(stages, scenario, params, state, sensed)
     flight, burn_error = tick_stages.plan_burn(stages, scenario, params, state, sensed, flight)
     flight, mode = tick_stages.guide(scenario, params, sensed, flight, innovation.accepted)
-    telemetry = Telemetry(
-        truth=state.truth,
-        flight=flight,
-        frame=sensed.frame,
-        innovation=innovation,
-        mode=mode,
-        tick=state.tick,
-        running=jnp.isinf(state.failed_at),
-    )
-
-    def substep(motion: Motion, inputs: tuple[Array, Array]) -> tuple[Motion, None]:
-        offset, gyro_normals = inputs
-        torque = tick_stages.control(stages, params, flight, motion, offset)
-        args = (scenario, params, state, sensed, flight, burn_error)
-        return tick_stages.move(*args, motion, torque, offset, gyro_normals), None
-
-    with jax.named_scope("act"):
-        inputs = (tick_stages.offsets(scenario), sensed.drawn.gyro)
-        motion, _ = jax.lax.scan(substep, tick_stages.at_rest(state, flight), inputs)
+    telemetry = tick_stages.look(state, sensed, flight, innovation, mode)
+    motion = tick_stages.act(stages, scenario, params, state, sensed, flight, burn_error)
     return tick_stages.end(stages, scenario, params, state, sensed, flight, burn_error, motion), telemetry
 
 

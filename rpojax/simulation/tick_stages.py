@@ -26,7 +26,7 @@ from rpojax.sensors.box_camera import Frame
 from rpojax.simulation import camera, noise
 from rpojax.simulation.noise import TickNoise
 from rpojax.simulation.params import Params
-from rpojax.simulation.run_state import SensorState, State
+from rpojax.simulation.run_state import SensorState, State, Telemetry
 from rpojax.simulation.scenario import Scenario
 
 Flag = Bool[Array, ""]
@@ -123,6 +123,19 @@ def guide(
         return computer.guide(params.flight, flight, box_accepted, sensed.sky.sun_N, sensed.time, scenario.tick_s)
 
 
+def look(state: State, sensed: Sensed, flight: FlightMemory, innovation: Innovation, mode: Array) -> Telemetry:
+    """What there is to see of the tick once guidance is done."""
+    return Telemetry(
+        truth=state.truth,
+        flight=flight,
+        frame=sensed.frame,
+        innovation=innovation,
+        mode=mode,
+        tick=state.tick,
+        running=jnp.isinf(state.failed_at),
+    )
+
+
 def offsets(scenario: Scenario) -> Float[Array, " substeps"]:
     """Beginnings of the plant steps of a tick [s] after its own."""
     return jnp.arange(scenario.substeps, dtype=jnp.float64) * scenario.step_s
@@ -162,6 +175,28 @@ def move(
     sample = gyro.measure(params.gyro, truth.omega_BN_B, state.sensors.gyro_bias_B, gyro_normals, dt)
     attitude = attitude_estimator.integrate_gyro(motion.attitude, sample, dt)
     return Motion(truth=truth, attitude=attitude, delta_v_N=delta_v_N)
+
+
+def act(
+    stages: Stages,
+    scenario: Scenario,
+    params: Params,
+    state: State,
+    sensed: Sensed,
+    flight: FlightMemory,
+    burn_error: BurnError,
+) -> Motion:
+    """Motion at the end of the tick, under the flight software's own attitude control."""
+
+    def step(motion: Motion, inputs: tuple[Array, Array]) -> tuple[Motion, None]:
+        offset, gyro_normals = inputs
+        torque = control(stages, params, flight, motion, offset)
+        args = (scenario, params, state, sensed, flight, burn_error)
+        return move(*args, motion, torque, offset, gyro_normals), None
+
+    with jax.named_scope("act"):
+        inputs = (offsets(scenario), sensed.drawn.gyro)
+        return jax.lax.scan(step, at_rest(state, flight), inputs)[0]
 
 
 def end(

@@ -1,0 +1,98 @@
+"""ROS 2 message types as DDS sees them: classes for cyclonedds, made at run time from the same source as the bags'.
+
+Nothing is generated ahead, and nothing is written down twice.
+"""
+
+from functools import cache
+from typing import Any, ClassVar
+
+from rpojax.errors import RpojaxError
+from rpojax.interop.message_types import deserialize, message_class, serialize, typestore
+from rpojax.training.optional import need
+
+_BASES = {
+    "bool": "bool",
+    "byte": "uint8",
+    "char": "uint8",
+    "octet": "uint8",
+    "string": "str",
+    **{name: name for name in ("int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")},
+    **{name: name for name in ("float32", "float64")},
+}
+
+
+def dds_name(name: str) -> str:
+    """Name of a message type on the wire: `nav_msgs::msg::dds_::Odometry_` for `nav_msgs/msg/Odometry`."""
+    package, kind, message = name.split("/")
+    return f"{package}::{kind}::dds_::{message}_"
+
+
+@cache
+def struct(name: str) -> Any:
+    """The cyclonedds class of a message type, with the fields of the message.
+
+    Raises:
+        RpojaxError: cyclonedds or rosbags is not installed, or there is no such type.
+    """
+    idl = need("cyclonedds.idl", "ros")
+    return idl.make_idl_struct(_class_name(name), dds_name(name).replace("::", "."), _fields(name))
+
+
+@cache
+def wire_class(name: str) -> Any:
+    """The same type for messages of `message_class`: their bytes are those of the bags, and need no second copy.
+
+    A sample has one attribute, `message`: None where the bytes that came are no such message.
+    """
+    idl = need("cyclonedds.idl", "ros")
+    made = idl.make_idl_struct(
+        _class_name(name), dds_name(name).replace("::", "."), _fields(name), dataclassify=False, bases=(_Carrier,)
+    )
+    made.message_type = name
+    return made
+
+
+class _Carrier:
+    """A sample that carries a message."""
+
+    message_type: ClassVar[str]
+
+    def __init__(self, message: Any) -> None:
+        self.message = message
+
+    def serialize(self, buffer: Any = None, endianness: Any = None, use_version_2: bool | None = None) -> bytes:
+        return serialize(self.message)
+
+    @classmethod
+    def deserialize(cls, data: bytes, has_header: bool = True, use_version_2: bool | None = None) -> "_Carrier":
+        try:
+            return cls(deserialize(data, cls.message_type))
+        except (RpojaxError, UnicodeDecodeError):
+            return cls(None)
+
+    @classmethod
+    def deserialize_key(cls, data: bytes, has_header: bool = True, use_version_2: bool | None = None) -> "_Carrier":
+        return cls(None)
+
+
+def _class_name(name: str) -> str:
+    return name.rpartition("/")[2] + "_"
+
+
+def _fields(name: str) -> dict[str, Any]:
+    message_class(name)
+    return {field: _type(descriptor) for field, descriptor in typestore().get_msgdef(name).fields}
+
+
+def _type(descriptor: Any) -> Any:
+    types, kinds = need("cyclonedds.idl.types", "ros"), need("rosbags.interfaces", "ros").Nodetype
+    kind, what = descriptor
+    if kind == kinds.NAME:
+        return struct(what)
+    if kind == kinds.BASE:
+        base = _BASES[what[0]]
+        return {"bool": bool, "str": str}.get(base) or getattr(types, base)
+    element, size = what
+    if kind == kinds.ARRAY:
+        return types.array[_type(element), size]
+    return types.sequence[_type(element), size] if size else types.sequence[_type(element)]
