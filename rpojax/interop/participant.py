@@ -1,7 +1,7 @@
 """A DDS participant that speaks as ROS 2 nodes do: topics `rt/...`, types `pkg::msg::dds_::Name_`, type hashes.
 
-Reliable and volatile, the last ten kept, as rclcpp and rclpy have it by default. It stays on the loopback interface unless
-the variable CYCLONEDDS_URI says otherwise.
+Reliable and volatile, the last ten kept, as rclcpp and rclpy have it by default. It stays on the loopback interface
+unless the variable CYCLONEDDS_URI says otherwise.
 """
 
 import os

@@ -130,7 +130,7 @@ def step(
 
     The sky and the health of the equipment are taken as they are at the start of the step.
     """
-    motor_torque = _motor_torque(effects, params.wheels, truth, wheel_command, health, dt)
+    driving_torque = motor_torque(effects, params.wheels, truth, wheel_command, health, dt)
     inverse_hub = rigid_body.inverse_without_wheels(params.servicer.inertia, params.wheels.axes, params.wheels.inertia)
     inverse_target = rigid_body.inverse(params.target.inertia)
 
@@ -139,7 +139,7 @@ def step(
         a_TN_N, a_ST_N = _orbital_accelerations(effects, params, y, sky)
         surface = _surface_forces(effects, params, y, sky)
         pull_B, torque_T = _gravity_gradient_torques(effects, params, y)
-        wheel_torque = motor_torque + _bearing_torque(effects, params.wheels, y.wheel_speed, health, dt)
+        wheel_torque = driving_torque + _bearing_torque(effects, params.wheels, y.wheel_speed, health, dt)
         omega_dot, wheel_acceleration = rigid_body.accelerations_with_wheels(
             params.servicer.inertia,
             inverse_hub,
@@ -173,10 +173,10 @@ def step(
     return replace(after, q_BN=quaternion.normalize(after.q_BN), q_TN=quaternion.normalize(after.q_TN))
 
 
-def _motor_torque(
+def motor_torque(
     effects: Effects, wheels: Wheels, truth: Truth, command: Vector, health: Health, dt: float | Scalar
 ) -> Vector:
-    """Torque [N m] that the wheel drives really give."""
+    """Torque [N m] that the wheel drives really give for a command [N m] over the next `dt` [s]."""
     given = actuators.quantised(wheels, command) if effects.wheel_torque_steps else command
     torque = actuators.limited_torque(wheels, given, truth.wheel_speed, dt)
     return jnp.where(health.wheel_stuck, 0.0, torque) if effects.faults else torque

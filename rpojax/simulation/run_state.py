@@ -3,7 +3,7 @@
 from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
-from rpojax.flight.computer import FlightMemory
+from rpojax.flight.computer import FlightMemory, Measurements
 from rpojax.flight.orbit_filter import Innovation
 from rpojax.physics.actuators import BurnError
 from rpojax.physics.plant import Truth
@@ -58,6 +58,7 @@ class Telemetry:
         truth: the plant
         flight: memory of the flight software
         frame: the camera's frame
+        measurements: what flight software got
         innovation: diagnostics of the orbit filter
         mode: () guidance mode
         tick: () whole ticks since the start
@@ -67,6 +68,7 @@ class Telemetry:
     truth: Truth
     flight: FlightMemory
     frame: Frame
+    measurements: Measurements
     innovation: Innovation
     mode: Array
     tick: Array

@@ -129,6 +129,7 @@ def look(state: State, sensed: Sensed, flight: FlightMemory, innovation: Innovat
         truth=state.truth,
         flight=flight,
         frame=sensed.frame,
+        measurements=sensed.measurements,
         innovation=innovation,
         mode=mode,
         tick=state.tick,

@@ -74,6 +74,7 @@ def passive_range(state: State, tick: jax.Array) -> jax.Array:
         truth=state.truth,
         flight=state.flight,
         frame=None,
+        measurements=None,
         innovation=None,
         mode=jnp.zeros((), dtype=jnp.int32),
         tick=tick,
