@@ -21,6 +21,7 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, arg
 
 from rpojax import (
+    bridge_verb,
     calibration_verb,
     campaign_verbs,
     compare_verb,
@@ -58,6 +59,7 @@ lincov = app.command(lincov_verb.lincov)
 report = app.command(campaign_verbs.report)
 tune = app.command(tune_verb.tune)
 sensitivity = app.command(sensitivity_verb.sensitivity)
+bridge = app.command(bridge_verb.bridge)
 worst = app.command(name="worst-case")(worst_case_verb.worst_case)
 
 

@@ -50,7 +50,7 @@ LEFT_TO_RIGHT = {
     "worst_case_record tunable objective tuning judging camera_calibration lasting_errors",
     "interop": "frames topics message_types tick_values messages",
     "top": "machine console outputs verb_parts plan_verb compare_verb lincov_verb tune_verb campaign_verbs field_verbs "
-    "detector_verbs calibration_verb sensitivity_verb worst_case_verb cli __main__",
+    "detector_verbs calibration_verb sensitivity_verb worst_case_verb bridge_verb cli __main__",
 }
 """Order inside a folder, for the modules whose order is fixed; the rest need only have one."""
 

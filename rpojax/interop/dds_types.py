@@ -3,8 +3,8 @@
 Nothing is generated ahead, and nothing is written down twice.
 """
 
-from functools import cache
-from typing import Any, ClassVar
+from functools import cache, partial
+from typing import Any
 
 from rpojax.errors import RpojaxError
 from rpojax.interop.message_types import deserialize, message_class, serialize, typestore
@@ -35,7 +35,7 @@ def struct(name: str) -> Any:
         RpojaxError: cyclonedds or rosbags is not installed, or there is no such type.
     """
     idl = need("cyclonedds.idl", "ros")
-    return idl.make_idl_struct(_class_name(name), dds_name(name).replace("::", "."), _fields(name))
+    return idl.make_idl_struct(_class_name(name), _idl_name(name), _fields(name))
 
 
 @cache
@@ -45,34 +45,37 @@ def wire_class(name: str) -> Any:
     A sample has one attribute, `message`: None where the bytes that came are no such message.
     """
     idl = need("cyclonedds.idl", "ros")
-    made = idl.make_idl_struct(
-        _class_name(name), dds_name(name).replace("::", "."), _fields(name), dataclassify=False, bases=(_Carrier,)
-    )
-    made.message_type = name
+    made = idl.make_idl_struct(_class_name(name), _idl_name(name), _fields(name), dataclassify=False)
+    # Not by inheritance: a base would become a part of the type on the wire.
+    made.__init__ = _carry
+    made.serialize = _serialize
+    made.deserialize = classmethod(partial(_deserialize, name))
+    made.deserialize_key = classmethod(_deserialize_key)
     return made
 
 
-class _Carrier:
-    """A sample that carries a message."""
+def _carry(sample: Any, message: Any) -> None:
+    sample.message = message
 
-    message_type: ClassVar[str]
 
-    def __init__(self, message: Any) -> None:
-        self.message = message
+def _serialize(sample: Any, **_: Any) -> bytes:
+    return serialize(sample.message)
 
-    def serialize(self, buffer: Any = None, endianness: Any = None, use_version_2: bool | None = None) -> bytes:
-        return serialize(self.message)
 
-    @classmethod
-    def deserialize(cls, data: bytes, has_header: bool = True, use_version_2: bool | None = None) -> "_Carrier":
-        try:
-            return cls(deserialize(data, cls.message_type))
-        except (RpojaxError, UnicodeDecodeError):
-            return cls(None)
+def _deserialize(name: str, made: Any, data: bytes, **_: Any) -> Any:
+    try:
+        return made(deserialize(data, name))
+    except (RpojaxError, UnicodeDecodeError):
+        return made(None)
 
-    @classmethod
-    def deserialize_key(cls, data: bytes, has_header: bool = True, use_version_2: bool | None = None) -> "_Carrier":
-        return cls(None)
+
+def _deserialize_key(made: Any, data: bytes, **_: Any) -> Any:
+    """What is said of a topic as a whole, such as its end, comes with a key; topics of ROS have none."""
+    return made(None)
+
+
+def _idl_name(name: str) -> str:
+    return dds_name(name).replace("::", ".")
 
 
 def _class_name(name: str) -> str:
@@ -81,7 +84,7 @@ def _class_name(name: str) -> str:
 
 def _fields(name: str) -> dict[str, Any]:
     message_class(name)
-    return {field: _type(descriptor) for field, descriptor in typestore().get_msgdef(name).fields}
+    return {field: _type(descriptor) for field, descriptor in typestore().fielddefs[name][1]}
 
 
 def _type(descriptor: Any) -> Any:

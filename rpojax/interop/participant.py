@@ -64,14 +64,19 @@ class Publisher:
 class Subscriber:
     """One topic that this participant listens to."""
 
-    def __init__(self, participant: Any, topic: Topic, waitset: Any) -> None:
+    def __init__(self, participant: Any, topic: Topic) -> None:
         core = need("cyclonedds.core", "ros")
         made = need("cyclonedds.topic", "ros").Topic(participant, _wire_name(topic), wire_class(topic.type))
         self._reader = need("cyclonedds.sub", "ros").DataReader(participant, made, _qos(topic, _RECEIVED_DEPTH))
         any_data = core.ViewState.Any | core.InstanceState.Any | core.SampleState.NotRead
         self._condition = core.ReadCondition(self._reader, any_data)
+        self._waitset = core.WaitSet(participant)
+        self._waitset.attach(self._condition)
         self._invalid = need("cyclonedds.internal", "ros").InvalidSample
-        waitset.attach(self._condition)
+
+    def wait(self, seconds: float) -> bool:
+        """Waits until something has come, for at most so many seconds; tells whether it has."""
+        return self._waitset.wait(max(round(seconds * 1e9), 0)) > 0
 
     def take(self) -> list[Any]:
         """Some of the messages that have come, oldest first; None for one that is no message of the topic's type."""
@@ -103,7 +108,6 @@ class Participant:
             self._participant = domain.DomainParticipant(domain_id)
         except core.DDSException as error:
             raise RpojaxError(f"--domain-id: found no way to join {domain_id} ({error}), expected a domain") from None
-        self._waitset = core.WaitSet(self._participant)
         self._publications: Any = None
 
     def publisher(self, topic: Topic) -> Publisher:
@@ -112,11 +116,7 @@ class Participant:
 
     def subscriber(self, topic: Topic) -> Subscriber:
         """A subscriber to a topic."""
-        return Subscriber(self._participant, topic, self._waitset)
-
-    def wait(self, seconds: float) -> bool:
-        """Waits until something has come for any subscriber, for at most so many seconds; tells whether it has."""
-        return self._waitset.wait(max(round(seconds * 1e9), 0)) > 0
+        return Subscriber(self._participant, topic)
 
     def strangers(self, topics: Sequence[Topic]) -> list[tuple[Topic, str]]:
         """Publishers that have newly come to one of some topics with another type than the topic's, which is told."""

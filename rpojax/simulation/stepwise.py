@@ -67,11 +67,12 @@ class GivenBurn:
 
 @pytree
 class Begun:
-    """A tick after sensing and navigation."""
+    """A tick after sensing and navigation; `seen` has no mode yet."""
 
     sensed: Sensed
     flight: FlightMemory
     innovation: Innovation
+    seen: Telemetry
 
 
 @pytree
@@ -89,7 +90,8 @@ def begin(stages: Stages, scenario: Scenario, params: Params, state: State) -> B
     """Sensors, and the filters of the flight software."""
     sensed = tick_stages.sense(scenario, params, state)
     flight, innovation = tick_stages.navigate(stages, scenario, params, state, sensed)
-    return Begun(sensed=sensed, flight=flight, innovation=innovation)
+    seen = tick_stages.look(state, sensed, flight, innovation, jnp.zeros((), dtype=jnp.int64))
+    return Begun(sensed=sensed, flight=flight, innovation=innovation, seen=seen)
 
 
 @jax.jit
