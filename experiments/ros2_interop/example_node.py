@@ -320,7 +320,7 @@ class Controller:
         estimate, wheels = self.seen[ATTITUDE], self.seen[WHEELS]
         command = self.pointing.command(at) if self.pointing else self.given_command(at)
         omega = xyz(estimate.angular_velocity)
-        torque = wheel_torque(rotation(estimate.orientation).inv(), omega, wheels.velocity, command)
+        torque = wheel_torque(rotation(estimate.orientation).inv(), omega, np.asarray(wheels.velocity), command)
         self.say_torque(
             make(
                 "sensor_msgs/msg/JointState",

@@ -9,25 +9,24 @@ import jax
 import numpy as np
 
 from rpojax.campaign import single
+from rpojax.core.packing import Bundle
 from rpojax.errors import UnfinishedError
-from rpojax.flight.computer import Stages
 from rpojax.interop import topics
 from rpojax.interop.commands import Limits
 from rpojax.interop.exchange import Exchange
 from rpojax.interop.given_estimate import given_orbit
 from rpojax.interop.ledger import Ledger, Tell
+from rpojax.interop.live_program import AttitudeValues, Program
 from rpojax.interop.live_settings import Settings, Stage
 from rpojax.interop.live_words import Words
 from rpojax.interop.messages import Said, nanoseconds
 from rpojax.interop.orders import CLOSED, Orders
 from rpojax.interop.pace import Lockstep, RealTime
-from rpojax.simulation import closed_loop, metrics, stepwise
+from rpojax.simulation import closed_loop, metrics
 from rpojax.simulation.closed_loop import FAILURES
-from rpojax.simulation.run_state import State
 from rpojax.simulation.schema import ScenarioFile
-from rpojax.simulation.stepwise import Decided, Decider, GivenBurn, GivenOrbit
+from rpojax.simulation.stepwise import Decider, GivenBurn, GivenOrbit
 from rpojax.simulation.telemetry import Channels
-from rpojax.simulation.tick_stages import Motion
 
 
 @dataclass(frozen=True)
@@ -114,10 +113,12 @@ class _Flight:
     """The run, where it is, and what is recorded of it."""
 
     def __init__(self, file: ScenarioFile, seed: int, run_id: int, settings: Settings) -> None:
-        self._file, self._external, self._stages = file, settings.external, Stages()
+        self._file, self._external = file, settings.external
         self.scenario, self._params, key = single.drawn(file, seed, run_id)
-        self._state = jax.jit(closed_loop.init, static_argnums=0)(self.scenario, self._params, key)
-        self._words = Words(settings, self.scenario, self._params)
+        self._state = Bundle.of(jax.jit(closed_loop.init, static_argnums=0)(self.scenario, self._params, key))
+        self._program = Program(self.scenario, self._params)
+        self._words = Words(settings, nanoseconds(self.scenario.step_s))
+        self._pictures = settings.pictures and self.scenario.camera_model == "rendered"
         self._records: dict[str, np.ndarray] = {}
         self.ticks = 0
         self.failure = ""
@@ -145,18 +146,18 @@ class _Flight:
     def rehearse(self) -> None:
         """Flies some ticks in every way that may be asked for, so that all is compiled; nothing comes of it."""
         start = self._state
-        for decider in get_args(Decider):
-            self._state, _ = self._fly(_Rehearsal(decider))
+        for decider in get_args(Decider) if Stage.FORMATION in self._external else ("own",):
+            self._state, _, _ = self._fly(_Rehearsal(decider))
         self._state = start
 
     def tick(self, other: "Other") -> None:
         """Flies one tick."""
-        self._state, channels = self._fly(other)
+        self._state, channels, failure = self._fly(other)
         for name, value in channels.items():
             if name not in self._records:
                 self._records[name] = np.zeros((1, self.scenario.ticks, *value.shape), dtype=value.dtype)
             self._records[name][0, self.ticks] = value
-        self.failure = FAILURES[int(self._state.failure)]
+        self.failure = FAILURES[failure]
         self.ticks += 1
 
     def metrics(self) -> dict[str, float]:
@@ -165,33 +166,33 @@ class _Flight:
             return {}
         return {name: float(values[0]) for name, values in metrics.evaluate(self._file, self._records).items()}
 
-    def _fly(self, other: "Other") -> tuple[State, Channels]:
-        """State one tick later, and its record: what is said may be answered before the next is done."""
-        run = (self.scenario, self._params, self._state)
-        at = nanoseconds(self.ticks * self.scenario.tick_s)
-        begun = stepwise.begin(self._stages, *run)
-        other.say(self._words.sensed(self._state, begun))
+    def _fly(self, other: "Other") -> tuple[Bundle, Channels, int]:
+        """State one tick later, its record and its failure: what is said may be answered before the next is done."""
+        state, program, at = self._state, self._program, self._time(0)
+        begun, values = program.begin(state)
+        picture = program.picture(state, begun) if self._pictures else None
+        other.say(self._words.sensed(values, picture))
         if Stage.NAVIGATION in self._external and (given := other.estimate(at)) is not None:
-            begun = stepwise.adopt(begun, given)
+            begun = program.adopt(begun, given)
         decider, burn = other.burn(at) if Stage.FORMATION in self._external else ("own", CLOSED)
-        decided, channels = stepwise.decide(self._stages, self.scenario, decider, *run[1:], begun, burn)
+        moving, decided = program.decide(decider, state, begun, burn)
         other.say(self._words.decided(decided))
-        motion = self._move(other, decided)
-        return stepwise.finish(self._stages, *run, decided, motion), channels
+        moving = self._move(other, state, moving, decided.attitude)
+        after, failure = program.finish(state, moving)
+        return after, decided.channels, failure
 
-    def _move(self, other: "Other", decided: Decided) -> Motion:
-        run = (self.scenario, self._params, self._state)
+    def _move(self, other: "Other", state: Bundle, moving: Bundle, attitude: AttitudeValues) -> Bundle:
+        """The plant at the end of the tick."""
         if Stage.ATTITUDE not in self._external:
-            motion = stepwise.move_all(self._stages, *run, decided)
+            moving = self._program.move_all(state, moving)
             other.hold(self._time(self.scenario.substeps))
-            return motion
-        motion = stepwise.set_off(self._state, decided)
+            return moving
         for step in range(self.scenario.substeps):
             at = self._time(step)
-            other.say(self._words.step(at, motion, decided, step == 0))
-            motion = stepwise.move(*run, decided, motion, other.torque(at), np.int32(step))
+            other.say(self._words.step(at, attitude, step == 0))
+            moving, attitude = self._program.move(state, moving, other.torque(at), step)
             other.hold(self._time(step + 1))
-        return motion
+        return moving
 
     def _time(self, step: int) -> int:
         """Beginning of a plant step of this tick [ns]."""
