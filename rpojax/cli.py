@@ -21,6 +21,7 @@ import tyro
 from tyro.conf import FlagCreatePairsOff, arg
 
 from rpojax import (
+    bag_verb,
     bridge_verb,
     calibration_verb,
     campaign_verbs,
@@ -61,6 +62,7 @@ tune = app.command(tune_verb.tune)
 sensitivity = app.command(sensitivity_verb.sensitivity)
 bridge = app.command(bridge_verb.bridge)
 worst = app.command(name="worst-case")(worst_case_verb.worst_case)
+export = app.command(name="export-bag")(bag_verb.export_bag)
 
 
 @app.command

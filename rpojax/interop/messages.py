@@ -5,6 +5,7 @@ from typing import Any
 
 import cv2
 import numpy as np
+from jaxtyping import Array
 
 from rpojax.flight.pointing import Mode
 from rpojax.interop import topics
@@ -14,6 +15,8 @@ from rpojax.interop.tick_values import Motion, TickValues, View
 from rpojax.interop.topics import Topic
 
 Said = list[tuple[Topic, Any]]
+Values = Array | np.ndarray
+"""Numbers of a tick, wherever they are."""
 
 NANO = 1_000_000_000
 WHEELS = ("wheel_1", "wheel_2", "wheel_3")
@@ -49,19 +52,19 @@ def clock(nanos: int) -> Any:
     return message_class("rosgraph_msgs/msg/Clock")(clock=time_message(nanos))
 
 
-def vector(values: np.ndarray) -> Any:
+def vector(values: Values) -> Any:
     """`geometry_msgs/Vector3`."""
     x, y, z = values.tolist()
     return message_class("geometry_msgs/msg/Vector3")(x=x, y=y, z=z)
 
 
-def point(values: np.ndarray) -> Any:
+def point(values: Values) -> Any:
     """`geometry_msgs/Point`."""
     x, y, z = values.tolist()
     return message_class("geometry_msgs/msg/Point")(x=x, y=y, z=z)
 
 
-def quaternion(xyzw: np.ndarray) -> Any:
+def quaternion(xyzw: Values) -> Any:
     """`geometry_msgs/Quaternion` of a ROS orientation (x, y, z, w)."""
     x, y, z, w = xyzw.tolist()
     return message_class("geometry_msgs/msg/Quaternion")(x=x, y=y, z=z, w=w)
@@ -85,7 +88,7 @@ def odometry(nanos: int, frame: str, child: str, motion: Motion) -> Any:
     )
 
 
-def transform(nanos: int, frame: str, child: str, position: np.ndarray, orientation: np.ndarray) -> Any:
+def transform(nanos: int, frame: str, child: str, position: Values, orientation: Values) -> Any:
     """`geometry_msgs/TransformStamped` of a child frame in a frame; position [m], orientation (x, y, z, w)."""
     return message_class("geometry_msgs/msg/TransformStamped")(
         header=header(nanos, frame),
@@ -117,19 +120,19 @@ def camera_mounting(nanos: int, values: TickValues) -> Any:
     return tf([transform(nanos, SERVICER, CAMERA, np.zeros(3), values.camera_in_body)])
 
 
-def gps(nanos: int, position: np.ndarray) -> Any:
+def gps(nanos: int, position: Values) -> Any:
     """`geometry_msgs/PointStamped` of a measured position [m] in `eci`."""
     return message_class("geometry_msgs/msg/PointStamped")(header=header(nanos, ECI), point=point(position))
 
 
-def star_tracker(nanos: int, orientation: np.ndarray) -> Any:
+def star_tracker(nanos: int, orientation: Values) -> Any:
     """`geometry_msgs/QuaternionStamped` of the measured orientation (x, y, z, w) of the servicer in `eci`."""
     return message_class("geometry_msgs/msg/QuaternionStamped")(
         header=header(nanos, ECI), quaternion=quaternion(orientation)
     )
 
 
-def imu(nanos: int, rate: np.ndarray, variance: float) -> Any:
+def imu(nanos: int, rate: Values, variance: float) -> Any:
     """`sensor_msgs/Imu` of a gyro sample [rad/s] with its variance per axis [rad^2/s^2]; the rest is marked absent."""
     absent = np.array([-1.0, *[0.0] * 8])
     return message_class("sensor_msgs/msg/Imu")(
@@ -143,14 +146,14 @@ def imu(nanos: int, rate: np.ndarray, variance: float) -> Any:
     )
 
 
-def wheels(nanos: int, speed: np.ndarray, torque: np.ndarray) -> Any:
+def wheels(nanos: int, speed: Values, torque: Values) -> Any:
     """`sensor_msgs/JointState` of the wheels' speeds [rad/s] and torques [N m]; empty arrays for what is not known."""
     return message_class("sensor_msgs/msg/JointState")(
         header=header(nanos, ""), name=list(WHEELS), position=_NONE, velocity=speed, effort=torque
     )
 
 
-def wheel_command(nanos: int, torque: np.ndarray) -> Any:
+def wheel_command(nanos: int, torque: Values) -> Any:
     """`sensor_msgs/JointState` of torque commands [N m] as effort."""
     return wheels(nanos, _NONE, torque)
 
@@ -280,7 +283,7 @@ def _status(level: str, name: str, text: str, values: dict[str, float]) -> Any:
 def of_tick(values: TickValues) -> Said:
     """All that is said of a tick, pictures and what is said once left out, in the order of the table of topics."""
     at = nanoseconds(float(values.time_s))
-    said = [
+    return [
         (topics.CLOCK, clock(at)),
         (topics.TF, moving_frames(at, values)),
         *_odometries(at, values),
@@ -294,7 +297,6 @@ def of_tick(values: TickValues) -> Said:
         (topics.DETECTIONS, detections(at, values.view)),
         (topics.DIAGNOSTICS, diagnostics(at, values)),
     ]
-    return said
 
 
 def _odometries(at: int, values: TickValues) -> Said:

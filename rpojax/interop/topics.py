@@ -233,7 +233,7 @@ DIAGNOSTICS = Topic(
     "",
     Source.FLIGHT,
     Rate.TICK,
-    "guidance mode, what became of the box, velocity change and mass so far",
+    "guidance mode, what became of the box; true velocity change and mass",
 )
 
 TABLE = (

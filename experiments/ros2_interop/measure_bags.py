@@ -1,0 +1,102 @@
+"""Bags of a run with pictures: what flying, rendering and writing take, how large they are, and whether two are alike.
+
+python experiments/ros2_interop/measure_bags.py --out out/bags
+python experiments/ros2_interop/measure_bags.py --out out/bags --campaign out/inspection --run-id 3
+"""
+
+import argparse
+import hashlib
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+import rpojax
+from rpojax.campaign import creation
+from rpojax.campaign.retention import Retention
+from rpojax.campaign.store import Campaign
+from rpojax.interop import flight_record, ros_bag
+from rpojax.interop.flight_record import Flight
+from rpojax.interop.ros_bag import Format, Images
+
+T = TypeVar("T")
+LONGEST_S = 10.0
+
+
+@dataclass(frozen=True)
+class Took:
+    """Time on the wall and of the processor [s]."""
+
+    wall_s: float
+    cpu_s: float
+
+    def __str__(self) -> str:
+        return f"{self.wall_s:.1f} s ({self.cpu_s:.1f} s CPU)"
+
+
+def timed(work: Callable[[], T]) -> tuple[T, Took]:
+    """Result of `work` and how long it took."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    result = work()
+    return result, Took(time.perf_counter() - wall, time.process_time() - cpu)
+
+
+def begun(out: Path, duration_s: float) -> Campaign:
+    """A campaign with a rendered camera of which no run is flown: an export flies its run itself."""
+    file = rpojax.load("inspection", ["camera.model=rendered", f"duration_s={duration_s}"])
+    creation.create(out, creation.describe(file, 0, 8, 0, 1, Retention("none").recorded()), force=True)
+    return Campaign(out)
+
+
+def digest(bag: Path) -> str:
+    """Hash of the names and bytes of all files of a bag."""
+    sums = [f"{path.name} {hashlib.sha256(path.read_bytes()).hexdigest()}" for path in sorted(bag.iterdir())]
+    return hashlib.sha256("\n".join(sums).encode()).hexdigest()
+
+
+def bag(flight: Flight, pictures: list[np.ndarray], out: Path, form: Format, images: Images) -> int:
+    """Writes a bag; returns the number of messages."""
+    told = ros_bag.said(flight, images, pictures)
+    return ros_bag.write(out, form, ros_bag.topics_of(images), told, ros_bag.origin(flight), force=True)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, required=True)
+    parser.add_argument("--campaign", type=Path)
+    parser.add_argument("--run-id", type=int, default=0)
+    parser.add_argument("--duration-s", type=float, default=3000.0)
+    options = parser.parse_args()
+    found = Campaign(options.campaign) if options.campaign else begun(options.out / "runs", options.duration_s)
+
+    flight, took = timed(lambda: flight_record.fly(found, options.run_id))
+    print(
+        f"{flight.ticks} ticks flown in {took}, compiling included; {flight_record.compare(flight, found)}", flush=True
+    )
+    rendered = flight.file.camera.model == "rendered"
+    pictures, took = timed(lambda: list(ros_bag.pictures(flight)) if rendered else [])
+    print(f"{len(pictures)} pictures taken again in {took}, compiling included", flush=True)
+
+    holds = True
+    print("| format | images | messages | size [MB] | written in | written again | same bytes |")
+    print("|---|---|---|---|---|---|---|")
+    for form in Format:
+        for images in Images if rendered else (Images.NONE,):
+            places = [options.out / order / "bag" for order in ("first", "second")]
+            results = [timed(partial(bag, flight, pictures, place, form, images)) for place in places]
+            (count, first), (_, second) = results
+            size = sum(path.stat().st_size for path in places[0].iterdir())
+            alike = digest(places[0]) == digest(places[1])
+            holds &= alike and min(first.wall_s, second.wall_s) <= LONGEST_S
+            cells = form.value, images.value, count, f"{size / 1e6:.1f}", first, second, "yes" if alike else "**no**"
+            print(f"| {' | '.join(map(str, cells))} |", flush=True)
+    return 0 if holds else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

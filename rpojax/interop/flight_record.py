@@ -1,0 +1,136 @@
+"""A run of a campaign flown once more, alone, with everything that messages say of it.
+
+A stored history has what a report needs, in single precision; messages say more: both orbits and attitudes, what every
+sensor gave, covariances and commands. So the run is flown again from its seed and number. Alone its last digits are
+others than in the campaign's batch, and what hangs on a threshold may then go another way: how far the flight is from
+what the campaign recorded is found out, and said.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from rpojax.campaign import design, flying, runner, single
+from rpojax.campaign.rerun import check_run
+from rpojax.campaign.store import Campaign, trace_stride
+from rpojax.flight.computer import Stages
+from rpojax.interop import tick_values
+from rpojax.interop.tick_values import TickValues
+from rpojax.simulation import closed_loop
+from rpojax.simulation.closed_loop import State
+from rpojax.simulation.params import Params
+from rpojax.simulation.scenario import Scenario
+from rpojax.simulation.schema import ScenarioFile
+
+_SEGMENT_TICKS = 200
+"""About so many ticks are flown between two reports of progress."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One run, up to its end or its failure.
+
+    Attributes:
+        file: scenario
+        seed: master seed
+        run_id: number of the run
+        population: runs that its design was made for
+        failed_at_s: when it failed [s], nan for a completed run
+        values: all that messages say, ticks first
+        poses: channels that a picture can be taken again from, ticks first
+    """
+
+    file: ScenarioFile
+    seed: int
+    run_id: int
+    population: design.Population
+    failed_at_s: float
+    values: TickValues
+    poses: dict[str, np.ndarray]
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks."""
+        return len(self.values.time_s)
+
+    def tick(self, number: int) -> TickValues:
+        """Values of one tick."""
+        return jax.tree.map(lambda values: values[number], self.values)
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How a flight compares with the samples of the range that a campaign keeps of every run.
+
+    Attributes:
+        samples: that both have
+        range_difference_m: largest difference
+        same_end: both completed, or both failed at the same time
+    """
+
+    samples: int
+    range_difference_m: float
+    same_end: bool
+
+
+def fly(found: Campaign, run_id: int, stages: Stages | None = None, on_progress: runner.Report | None = None) -> Flight:
+    """Flies a run of a campaign again.
+
+    Raises:
+        RpojaxError: there is no such run, or scenario, trained files or stages are not those of the campaign.
+    """
+    check_run(found, run_id)
+    file = flying.engine_of(found.asked, jax.devices()[:1], stages).file
+    population = design.population_of(found.asked)
+    static, chosen, state = single.dispersed(file, found.asked["seed"], run_id, population)
+    count = -(-static.ticks // _SEGMENT_TICKS)
+    segment = -(-static.ticks // count)
+    parts = []
+    for number in range(count):
+        if on_progress:
+            on_progress(runner.Progress(number / count, 1, 0, compiled=number > 0))
+        state, seen = _advance(static, stages or Stages(), segment, chosen, state)
+        parts.append(jax.tree.map(np.asarray, seen))
+    # The last segment may go beyond the end of the scenario.
+    failed_at = float(state.failed_at) if float(state.failed_at) < file.duration_s else np.nan
+    values, poses = jax.tree.map(lambda *each: np.concatenate(each)[: static.ticks], *parts)
+    alive = int(values.running.sum())
+    values, poses = jax.tree.map(lambda each: each[:alive], (values, poses))
+    return Flight(file, found.asked["seed"], run_id, population, failed_at, values, poses)
+
+
+@partial(jax.jit, static_argnums=(0, 1, 2))
+def _advance(
+    static: Scenario, stages: Stages, ticks: int, chosen: Params, state: State
+) -> tuple[State, tuple[TickValues, dict[str, Array]]]:
+    def body(carry: State, _: None) -> tuple[State, tuple[TickValues, dict[str, Array]]]:
+        after, seen = closed_loop.tick(stages, static, chosen, carry)
+        truth = seen.truth
+        poses = {
+            "r_TN_N": truth.r_TN_N,
+            "r_ST_N": truth.r_ST_N,
+            "q_TN": truth.q_TN,
+            "q_BN": truth.q_BN,
+            "window_px": seen.frame.window.astype(jnp.float32),
+        }
+        return after, (tick_values.observe(stages, static, chosen, seen), poses)
+
+    return jax.lax.scan(body, state, None, length=ticks)
+
+
+def compare(flight: Flight, found: Campaign) -> Agreement | None:
+    """How far a flight is from what the campaign recorded of the run; None where it has not recorded it yet."""
+    rows = np.flatnonzero(found.run_ids == flight.run_id)
+    if not len(rows):
+        return None
+    recorded = found.traces["range_m"][rows[0]]
+    flown = np.linalg.norm(flight.values.relative.position, axis=1)[:: trace_stride(flight.file)]
+    both = min(int(np.isfinite(recorded).sum()), len(flown))
+    # The trace is kept in single precision, so that of the flight is rounded likewise.
+    off = np.abs(recorded[:both].astype(np.float64) - flown[:both].astype(np.float32).astype(np.float64))
+    same_end = np.array_equal(found.failed_at_s[rows[0]], flight.failed_at_s, equal_nan=True)
+    return Agreement(both, float(off.max(initial=0.0)), same_end)
