@@ -48,8 +48,8 @@ LEFT_TO_RIGHT = {
     "linear_loop linear_recursion linear_decision linear_setup linear_side linear_covariance linear_agreement "
     "error_budget derivatives metric_bound limit_trials derivative_sensitivity design_point worst_case "
     "worst_case_record tunable objective tuning judging camera_calibration lasting_errors",
-    "interop": "frames topics message_types tick_values messages flight_record ros_bag dds_types participant live_topics "
-    "commands given_estimate ledger exchange live_settings pace orders live_program live_words live",
+    "interop": "frames topics message_types tick_values messages flight_record ros_bag dds_types participant "
+    "live_topics commands given_estimate ledger exchange live_settings pace orders live_program live_words live",
     "top": "machine console outputs verb_parts plan_verb compare_verb lincov_verb tune_verb campaign_verbs field_verbs "
     "detector_verbs calibration_verb sensitivity_verb worst_case_verb bag_verb bridge_verb cli __main__",
 }

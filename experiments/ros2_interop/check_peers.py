@@ -31,9 +31,9 @@ _BASES = {
     "bool": "boolean",
     "byte": "octet",
     "octet": "octet",
-    "char": "uint8",
+    "char": "octet",
     "int8": "int8",
-    "uint8": "uint8",
+    "uint8": "octet",
     "int16": "short",
     "uint16": "unsigned short",
     "int32": "long",
@@ -187,11 +187,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--peer", choices=("cyclone", "fast"), required=True)
     parser.add_argument("--count", type=int, default=1000)
+    parser.add_argument("--types", nargs="+", default=TYPES, metavar="TYPE")
     options = parser.parse_args()
     build = {"cyclone": build_cyclone, "fast": build_fast}[options.peer]
     print("| type | sent | came back | equal | p50 [ms] | p99 [ms] |\n|---|---|---|---|---|---|")
     good = True
-    for name in TYPES:
+    for name in options.types:
         message_class(name)
         with tempfile.TemporaryDirectory() as folder:
             came, equal, p50, p99 = check(name, build(name, Path(folder)), options.count)

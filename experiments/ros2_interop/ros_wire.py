@@ -48,7 +48,8 @@ def _type(descriptor: Any) -> Any:
     if kind == Nodetype.NAME:
         return struct(what)
     if kind == Nodetype.BASE:
-        other = {"bool": bool, "string": str, "octet": types.uint8, "byte": types.uint8, "char": types.uint8}
+        bytes_ = dict.fromkeys(("octet", "char", "uint8", "byte"), types.byte)
+        other = {"bool": bool, "string": str, **bytes_}
         return other.get(what[0]) or getattr(types, what[0])
     element, size = what
     if kind == Nodetype.ARRAY:

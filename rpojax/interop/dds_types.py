@@ -12,11 +12,10 @@ from rpojax.training.optional import need
 
 _BASES = {
     "bool": "bool",
-    "byte": "uint8",
-    "char": "uint8",
-    "octet": "uint8",
     "string": "str",
-    **{name: name for name in ("int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")},
+    # The same on the wire, but Cyclone DDS 0.10, which ROS 2 ships, cannot read a type description with `uint8`.
+    **dict.fromkeys(("byte", "char", "octet", "uint8"), "byte"),
+    **{name: name for name in ("int8", "int16", "int32", "int64", "uint16", "uint32", "uint64")},
     **{name: name for name in ("float32", "float64")},
 }
 
