@@ -64,11 +64,12 @@ def bridge(
         pictures=not no_pictures,
     )
     file = load(scenario, overrides)
-    prepare_jax(cache=not no_cache)
     from rpojax.campaign import admission
-    from rpojax.interop import live
 
     admission.check_numbers(1, run_id, seed, None)
+    prepare_jax(cache=not no_cache)
+    from rpojax.interop import live
+
     outcome = live.fly(file, seed, run_id, settings, lambda line: print(f"rpojax: {line}", file=sys.stderr, flush=True))
     content = _content(file, seed, run_id, settings, outcome)
     if as_json:

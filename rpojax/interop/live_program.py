@@ -70,7 +70,8 @@ class Program:
     """
 
     def __init__(self, scenario: Scenario, params: Params) -> None:
-        self._params = Bundle.of(params)
+        held = Bundle.of(params)
+        self._params = Bundle(held.layout, tuple(map(jnp.asarray, held.arrays)))
         self._begin = Packed(partial(_begin, scenario))
         self._adopt = Packed(_adopt)
         self._decide: dict[Decider, Packed] = {}

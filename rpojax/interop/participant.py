@@ -109,6 +109,7 @@ class Participant:
         except core.DDSException as error:
             raise RpojaxError(f"--domain-id: found no way to join {domain_id} ({error}), expected a domain") from None
         self._publications: Any = None
+        self._strangers: set[Any] = set()
 
     def publisher(self, topic: Topic) -> Publisher:
         """A publisher of a topic."""
@@ -124,11 +125,14 @@ class Participant:
         if self._publications is None:
             self._publications = builtin.BuiltinDataReader(self._participant, builtin.BuiltinTopicDcpsPublication)
         names = {_wire_name(topic): topic for topic in topics}
-        return [
-            (names[end.topic_name], end.type_name)
-            for end in self._publications.take(_AT_ONCE)
-            if end.topic_name in names and end.type_name != dds_name(names[end.topic_name].type)
-        ]
+        found = []
+        for end in self._publications.take(_AT_ONCE):
+            topic = names.get(end.topic_name)
+            # One that goes away is told of once more.
+            if topic is not None and end.type_name != dds_name(topic.type) and end.key not in self._strangers:
+                self._strangers.add(end.key)
+                found.append((topic, end.type_name))
+        return found
 
 
 _domains: dict[int, Any] = {}
