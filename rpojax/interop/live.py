@@ -3,7 +3,7 @@
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol, get_args
+from typing import Any, Protocol
 
 import jax
 import numpy as np
@@ -146,7 +146,8 @@ class _Flight:
     def rehearse(self) -> None:
         """Flies some ticks in every way that may be asked for, so that all is compiled; nothing comes of it."""
         start = self._state
-        for decider in get_args(Decider) if Stage.FORMATION in self._external else ("own",):
+        deciders: tuple[Decider, ...] = ("given", "nobody") if Stage.FORMATION in self._external else ("own",)
+        for decider in deciders:
             self._state, _, _ = self._fly(_Rehearsal(decider))
         self._state = start
 
