@@ -56,7 +56,8 @@ def _structs(name: str, extensibility: str, done: set[str]) -> Iterator[str]:
         return
     done.add(name)
     members = []
-    for field, (kind, what) in typestore().fielddefs[name][1]:
+    fields: list[tuple[str, tuple[Any, Any]]] = list(typestore().fielddefs[name][1])
+    for field, (kind, what) in fields:
         (inner, of), size = what if kind in (Nodetype.ARRAY, Nodetype.SEQUENCE) else ((kind, what), 0)
         if inner == Nodetype.NAME:
             yield from _structs(of, extensibility, done)
@@ -126,18 +127,9 @@ def samples(name: str) -> Iterator[Any]:
             case "trajectory_msgs/msg/JointTrajectory":
                 yield messages.thruster_command(at, at + 60_000_000_000, at + 80_000_000_001, 0.03)
             case "vision_msgs/msg/Detection2DArray":
-                yield messages.detections(
-                    at,
-                    View(
-                        size_px=np.array([128, 128]),
-                        focal_px=np.float64(700.0),
-                        center_px=np.array([64.0, 64.0]),
-                        box_center_px=a[:2],
-                        box_size_px=b[:2],
-                        score=c[0],
-                        present=np.bool_(True),
-                    ),
-                )
+                view: dict[str, Any] = {"size_px": np.array([128, 128]), "focal_px": 700.0, "center_px": np.zeros(2)}
+                view |= {"box_center_px": a[:2], "box_size_px": b[:2], "score": c[0], "present": True}
+                yield messages.detections(at, View(**view))
             case "sensor_msgs/msg/Image":
                 yield messages.image(at, random.integers(0, 256, (48, 64, 3), dtype=np.uint8))
             case _:

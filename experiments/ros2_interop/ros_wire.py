@@ -1,7 +1,7 @@
 """ROS 2 topics without ROS: a few lines on cyclonedds and rosbags, to be copied. Nothing of rpojax is needed here."""
 
 import os
-from functools import cache, partial
+from functools import cache
 from typing import Any
 
 from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
@@ -27,7 +27,8 @@ Any_ = ViewState.Any | InstanceState.Any | SampleState.NotRead
 
 def make(name: str, /, **fields: Any) -> Any:
     """A message, such as `make("geometry_msgs/msg/Point", x=0.0, y=0.0, z=0.0)`."""
-    return STORE.types[name](**fields)
+    kind: Any = STORE.types[name]
+    return kind(**fields)
 
 
 @cache
@@ -38,8 +39,14 @@ def struct(name: str) -> Any:
     made: Any = make_idl_struct(f"{short}_", f"{package}.{kind}.dds_.{short}_", fields, dataclassify=False)
     made.__init__ = lambda sample, message: setattr(sample, "message", message)
     made.serialize = lambda sample, **_: bytes(STORE.serialize_cdr(sample.message, name))
-    made.deserialize = classmethod(partial(lambda cls, data, **_: cls(STORE.deserialize_cdr(data, name))))
-    made.deserialize_key = classmethod(lambda cls, data, **_: cls(None))
+
+    def read(cls: Any, data: bytes, **_: Any) -> Any:
+        return cls(STORE.deserialize_cdr(data, name))
+
+    def read_key(cls: Any, data: bytes, **_: Any) -> Any:
+        return cls(None)
+
+    made.deserialize, made.deserialize_key = classmethod(read), classmethod(read_key)
     return made
 
 

@@ -43,10 +43,11 @@ def _seen(message: Any) -> tuple[np.ndarray, ...]:
 def _given_orbit(servicer: Seen, relative: Seen) -> GivenOrbit:
     r_SN_N, v_SN_N, P_servicer = _in_parent(*servicer)
     rho, rho_dot, P_H = _in_parent(*relative)
-    r_ST_N, v_ST_N = jnp.zeros(3), jnp.zeros(3)
+    R_HN, omega_HN_N = hill_frame(r_SN_N, v_SN_N)
     for _ in range(_ROUNDS):
-        R_HN, omega_HN_N = hill_frame(r_SN_N - r_ST_N, v_SN_N - v_ST_N)
         r_ST_N, v_ST_N = hill_to_inertial(rho, rho_dot, R_HN, omega_HN_N)
+        R_HN, omega_HN_N = hill_frame(r_SN_N - r_ST_N, v_SN_N - v_ST_N)
+    r_ST_N, v_ST_N = hill_to_inertial(rho, rho_dot, R_HN, omega_HN_N)
 
     def back(state: Float[Array, "6"]) -> Float[Array, "6"]:
         return jnp.concatenate(hill_to_inertial(state[:3], state[3:], R_HN, omega_HN_N))
