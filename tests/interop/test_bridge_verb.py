@@ -86,7 +86,7 @@ def test_the_example_node_flies_a_run_and_no_message_is_lost() -> None:
     assert found["received"]["/servicer/wheels/command"] == found["steps"] == 1400
     assert found["received"]["/servicer/thruster/command"] == found["ticks"] == 280
     assert found["metrics"]["delta_v_m_s"] > 0.01
-    assert found["metrics"]["pointing_error_p95_deg"] < 0.3
+    assert found["metrics"]["pointing_error_p95_deg"] < 1.0  # half a minute of it before the target is well known
     received = json.loads(node.communicate(timeout=60)[0])["received"]
     assert {topic: found["sent"][topic] for topic in received} == received
 
