@@ -22,6 +22,7 @@ from tyro.conf import FlagCreatePairsOff, arg
 
 from rpojax import (
     bag_verb,
+    bridge_verb,
     calibration_verb,
     campaign_verbs,
     compare_verb,
@@ -63,6 +64,7 @@ sensitivity = app.command(sensitivity_verb.sensitivity)
 worst_case = app.command(name="worst-case")(worst_case_verb.worst_case)
 export_bag = app.command(name="export-bag")(bag_verb.export_bag)
 export_rrd = app.command(name="export-rrd")(rrd_verb.export_rrd)
+bridge = app.command(bridge_verb.bridge)
 
 
 @app.command

@@ -40,7 +40,7 @@ LEFT_TO_RIGHT = {
     "composites detection_data augment average_precision detector_judge orthogonal descent giou first_look_loss "
     "second_look_loss train_detector",
     "simulation": "units figures_of_merit forms sections schema dispersed dispersion_checks checks networks table_file "
-    "scenario params noise camera closed_loop telemetry running_metrics metrics",
+    "scenario params noise camera run_state tick_stages closed_loop telemetry stepwise running_metrics metrics",
     "campaign": "files admission description manifests encoding reading creation store design sources dispersions "
     "normal_space engine plan retention recording replaced flying executors cluster runner rerun",
     "analysis": "chance laws order_statistics proportions precision consistency dependence sensitivity requirements "
@@ -49,9 +49,11 @@ LEFT_TO_RIGHT = {
     "error_budget derivatives metric_bound limit_trials derivative_sensitivity design_point worst_case "
     "worst_case_record tunable objective slopes tuning judging camera_calibration lasting_errors",
     "interop": "frames topics message_types tick_values messages shown_values flight_record ros_bag "
-    "rerun_chunks rerun_scene rerun_camera rerun_plots rerun_layout rerun_log",
+    "rerun_chunks rerun_scene rerun_camera rerun_plots rerun_layout rerun_log dds_types participant "
+    "live_topics commands given_estimate ledger exchange live_settings pace orders live_program live_words live",
     "top": "machine console outputs verb_parts plan_verb compare_verb lincov_verb tune_verb campaign_verbs field_verbs "
-    "detector_verbs calibration_verb sensitivity_verb worst_case_verb flown_again bag_verb rrd_verb cli __main__",
+    "detector_verbs calibration_verb sensitivity_verb worst_case_verb flown_again bag_verb rrd_verb bridge_verb cli "
+    "__main__",
 }
 """Order inside a folder, for the modules whose order is fixed; the rest need only have one."""
 

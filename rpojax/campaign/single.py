@@ -5,6 +5,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from rpojax.campaign import design, dispersions
 from rpojax.campaign.design import Population
@@ -29,12 +30,19 @@ def dispersed(
 
     `population` are the runs of the campaign, on which the values of a Latin hypercube depend; by default this one.
     """
+    static, chosen, key = drawn(file, seed, run_id, population)
+    return static, chosen, closed_loop.init(static, chosen, key)
+
+
+def drawn(
+    file: ScenarioFile, seed: int = 0, run_id: int = 0, population: Population | None = None
+) -> tuple[Scenario, Params, Array]:
+    """Static settings, dispersed numbers and random key of one run of a campaign, before anything is started."""
     static, base = nominal(file)
     key = closed_loop.run_key(seed, run_id)
     rows = design.make(file, seed, population or Population(run_id, 1)).of_runs(np.array([run_id]))
     given = {name: jnp.asarray(values[0]) for name, values in rows.items()}
-    chosen = dispersions.apply(base, dispersions.draw(file, key, given))
-    return static, chosen, closed_loop.init(static, chosen, key)
+    return static, dispersions.apply(base, dispersions.draw(file, key, given)), key
 
 
 def simulate(

@@ -6,7 +6,7 @@ from jaxtyping import Array, Bool, Float
 from rpojax.core import quaternion, safe
 from rpojax.core.frames import apply_transposed, hill_frame, inertial_to_hill
 from rpojax.core.orbital_mechanics import mean_motion, relative_transition, semi_major_axis
-from rpojax.core.pytree import pytree, replace
+from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.quaternion import rotate
 from rpojax.flight.formation_control import Formation, FormationLaw, Station
 from rpojax.flight.looking import look_attitude, range_uncertainty
@@ -116,6 +116,37 @@ def deviation_at_burn(
     c, s = jnp.cos(angle), jnp.sin(angle)
     R_CN = jnp.stack([c * R_HN[0] + s * R_HN[1], -s * R_HN[0] + c * R_HN[1], R_HN[2]])
     return jnp.sum(transition * now[None, :], axis=1) - desired, R_CN
+
+
+def commanded(
+    pointing: Pointing,
+    onboard: Onboard,
+    estimate: OrbitEstimate,
+    before: BurnPlan,
+    ignition: Scalar,
+    cutoff: Scalar,
+    q_burn: Float[Array, "4"],
+    time: Scalar,
+) -> BurnPlan:
+    """The burn that somebody else has decided: valve times [s] from the start of the run, and the attitude meanwhile.
+
+    A burn with the ignition of the one `before` is that one with another end. Without on-time the valve closes now.
+    """
+    wanted = cutoff > ignition
+    q_look, _ = look_attitude(onboard, estimate)
+    turn = quaternion.log(quaternion.multiply(q_burn, quaternion.conjugate(q_look)))
+    turn_start = jnp.maximum(ignition - pointing.settle_time - slew_duration(pointing, safe.norm(turn)), time)
+    direction_N = rotate(quaternion.conjugate(q_burn), onboard.thrust_direction)
+    burn = BurnPlan(
+        turn_start=jnp.where(ignition == before.ignition, before.turn_start, turn_start),
+        ignition=ignition,
+        cutoff=cutoff,
+        delta_v_N=(cutoff - ignition) * onboard.thrust / onboard.mass * direction_N,
+        q_burn=q_burn,
+    )
+    stopped = jnp.minimum(before.ignition, time)
+    closed = replace(before, ignition=stopped, cutoff=jnp.clip(before.cutoff, stopped, time))
+    return select(wanted, burn, closed)
 
 
 def inhibit(pointing: Pointing, plan: BurnPlan, q_BN: Float[Array, "4"], time: Scalar, dt: float) -> BurnPlan:

@@ -5,7 +5,7 @@
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from rpojax.core import random
 from rpojax.core.pytree import pytree
@@ -68,6 +68,11 @@ def camera_key(keys: Array, tick: Array) -> Array:
     return random.fold_in(keys[Stream.BOX_CAMERA], tick)
 
 
+def burn_normals(keys: Array, tick: Array) -> Float[Array, "4"]:
+    """Numbers of the execution error of a burn decided at one tick, from the (streams, 2) keys of a run."""
+    return random.normal(random.fold_in(keys[Stream.THRUSTER], tick), 4)
+
+
 def draw_start(scenario: Scenario, keys: Array) -> StartNoise:
     """Numbers of the start, from the (streams, 2) keys of a run."""
     samples = random.normal(random.fold_in(keys[Stream.STAR_TRACKER], _START), 6)
@@ -99,7 +104,7 @@ def draw(scenario: Scenario, keys: Array, tick: Array) -> TickNoise:
         # The tick is the same for all runs of a batch, so this is a true branch.
         burn=jax.lax.cond(
             tick % scenario.formation_ticks == 0,
-            lambda: random.normal(key(Stream.THRUSTER), 4),
+            lambda: burn_normals(keys, tick),
             lambda: jnp.zeros(4, dtype=jnp.float64),
         ),
         chamber_pressure=random.normal(key(Stream.CHAMBER_PRESSURE), 1)[0],

@@ -9,15 +9,18 @@ import numpy as np
 import pytest
 
 from rpojax.core.pytree import replace
-from rpojax.flight import formation_control
+from rpojax.flight import attitude_control, formation_control
+from rpojax.flight.attitude_control import AttitudeCommand
 from rpojax.flight.computer import Stages
 from rpojax.flight.pointing import Mode
-from rpojax.simulation import closed_loop
+from rpojax.simulation import closed_loop, stepwise
 from rpojax.simulation import params as parameters
 from rpojax.simulation import scenario as scenarios
 from rpojax.simulation.closed_loop import State, Telemetry
 from rpojax.simulation.params import Params
 from rpojax.simulation.scenario import Scenario
+from rpojax.simulation.stepwise import Decided, GivenBurn
+from rpojax.simulation.tick_stages import Motion
 
 TICKS = 90
 
@@ -141,6 +144,94 @@ def test_a_scan_of_ticks_is_a_python_loop_of_ticks(loop: tuple[Scenario, Params]
         seen.append(telemetry)
     assert_close(state, run[0])
     assert_close(jax.tree.map(lambda *leaves: jnp.stack(leaves), *seen), run[1])
+
+
+NO_BURN = GivenBurn(ignition=jnp.zeros(()), cutoff=jnp.zeros(()), q_burn=jnp.array([1.0, 0.0, 0.0, 0.0]))
+
+
+def test_a_run_stepped_stage_by_stage_is_the_run(loop: tuple[Scenario, Params], start: State, run: Run) -> None:
+    static, numbers = loop
+    state, seen = start, []
+    for _ in range(TICKS):
+        begun = stepwise.begin(STAGES, static, numbers, state)
+        decided, _ = stepwise.decide(STAGES, static, "own", numbers, state, begun, NO_BURN)
+        motion = stepwise.move_all(STAGES, static, numbers, state, decided)
+        state = stepwise.finish(STAGES, static, numbers, state, decided, motion)
+        seen.append(decided.seen)
+    assert_close(state, run[0])
+    assert_close(jax.tree.map(lambda *leaves: jnp.stack(leaves), *seen), run[1])
+
+
+def test_a_run_whose_burns_and_torques_are_given_from_outside_as_the_flight_software_would_is_the_run(
+    loop: tuple[Scenario, Params], start: State, run: Run
+) -> None:
+    static, numbers = loop
+    plans = run[1].flight.plan
+    state, accelerations = start, []
+    for tick in range(TICKS):
+        # The same burn is told again and again, as one who does not know whether it has been heard would do.
+        burn = GivenBurn(ignition=plans.ignition[tick], cutoff=plans.cutoff[tick], q_burn=plans.q_burn[tick])
+        begun = stepwise.begin(STAGES, static, numbers, state)
+        decided, _ = stepwise.decide(STAGES, static, "given", numbers, state, begun, burn)
+        motion = stepwise.set_off(state, decided)
+        commands = stepwise.reference(static, decided)
+        accelerations.append(float(jnp.max(jnp.abs(commands.acceleration_C))))
+        for step in range(static.substeps):
+            command = jax.tree.map(lambda values, step=step: values[step], commands)
+            torque = wheel_torque(numbers, decided, motion, command)
+            motion = stepwise.move(static, numbers, state, decided, motion, torque, jnp.array(step))
+        state = stepwise.finish(STAGES, static, numbers, state, decided, motion)
+    assert max(accelerations) > 0.01  # there was a turn to follow
+    assert_close(state, run[0])
+
+
+@jax.jit
+def wheel_torque(numbers: Params, decided: Decided, motion: Motion, command: AttitudeCommand) -> jax.Array:
+    """What a controller from outside would do, if it were the packaged one."""
+    flight = numbers.flight
+    return attitude_control.wheel_torque(
+        flight.attitude_control,
+        flight.onboard,
+        decided.flight.allocation,
+        motion.attitude,
+        command,
+        motion.truth.wheel_speed,
+    )
+
+
+def test_a_burn_that_is_called_off_from_outside_stops_at_once(
+    loop: tuple[Scenario, Params], start: State, run: Run
+) -> None:
+    static, numbers = loop
+    plan = jax.tree.map(lambda leaf: leaf[60], run[1].flight.plan)
+    assert float(plan.ignition) < 60.0 < float(plan.cutoff) - 1.0
+    state = replace(start, tick=jnp.array(60, dtype=jnp.int32), flight=replace(start.flight, plan=plan))
+    begun = stepwise.begin(STAGES, static, numbers, state)
+    decided, _ = stepwise.decide(STAGES, static, "given", numbers, state, begun, NO_BURN)
+    left = decided.flight.plan
+    np.testing.assert_array_equal([left.ignition, left.cutoff], [plan.ignition, 60.0])
+    np.testing.assert_array_equal(decided.burn_error.magnitude, start.burn_error.magnitude)
+
+
+def test_an_estimate_from_outside_takes_the_place_of_the_own(loop: tuple[Scenario, Params], start: State) -> None:
+    begun = stepwise.begin(STAGES, *loop, start)
+    servicer, relative = begun.flight.orbit.servicer, begun.flight.orbit.relative
+    given = stepwise.GivenOrbit(
+        r_SN_N=servicer.r_SN_N + 1.0,
+        v_SN_N=servicer.v_SN_N,
+        r_TS_N=relative.r_TS_N,
+        v_TS_N=relative.v_TS_N - 0.5,
+        servicer_covariance=2.0 * servicer.covariance[:6, :6],
+        relative_covariance=jnp.eye(6),
+    )
+    after = stepwise.adopt(begun, given).flight.orbit
+    np.testing.assert_array_equal(after.servicer.r_SN_N, servicer.r_SN_N + 1.0)
+    np.testing.assert_array_equal(after.relative.v_TS_N, relative.v_TS_N - 0.5)
+    np.testing.assert_array_equal(after.servicer.covariance[:6, :6], 2.0 * servicer.covariance[:6, :6])
+    np.testing.assert_array_equal(after.servicer.covariance[6:, 6:], servicer.covariance[6:, 6:])
+    np.testing.assert_array_equal(after.relative.covariance[:6, :6], np.eye(6))
+    assert not np.any(after.relative.covariance[:6, 6:])
+    assert np.all(np.linalg.eigvalsh(after.relative.covariance) > 0.0)
 
 
 def test_a_run_in_a_batch_of_one_is_the_run_alone(loop: tuple[Scenario, Params], start: State, run: Run) -> None:

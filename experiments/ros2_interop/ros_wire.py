@@ -1,0 +1,101 @@
+"""ROS 2 topics without ROS: a few lines on cyclonedds and rosbags, to be copied. Nothing of rpojax is needed here."""
+
+import os
+from functools import cache
+from typing import Any
+
+from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
+from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.idl import make_idl_struct, types
+from cyclonedds.pub import DataWriter
+from cyclonedds.qos import Policy, Qos
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_typestore
+
+LOOPBACK = (
+    '<CycloneDDS><Domain><General><Interfaces><NetworkInterface name="lo"/></Interfaces>'
+    "<AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto</ParticipantIndex>"
+    '<MaxAutoParticipantIndex>30</MaxAutoParticipantIndex><Peers><Peer address="127.0.0.1"/></Peers></Discovery>'
+    "</Domain></CycloneDDS>"
+)
+STORE = get_typestore(Stores.ROS2_JAZZY)
+RELIABLE = Policy.Reliability.Reliable(100_000_000)
+Any_ = ViewState.Any | InstanceState.Any | SampleState.NotRead
+
+
+def make(name: str, /, **fields: Any) -> Any:
+    """A message, such as `make("geometry_msgs/msg/Point", x=0.0, y=0.0, z=0.0)`."""
+    kind: Any = STORE.types[name]
+    return kind(**fields)
+
+
+@cache
+def struct(name: str) -> Any:
+    """The type as DDS knows it. Its samples carry a message; the bytes are made and read by rosbags."""
+    package, kind, short = name.split("/")
+    fields = {field: _type(what) for field, what in STORE.fielddefs[name][1]}
+    made: Any = make_idl_struct(f"{short}_", f"{package}.{kind}.dds_.{short}_", fields, dataclassify=False)
+    made.__init__ = lambda sample, message: setattr(sample, "message", message)
+    made.serialize = lambda sample, **_: bytes(STORE.serialize_cdr(sample.message, name))
+
+    def read(cls: Any, data: bytes, **_: Any) -> Any:
+        return cls(STORE.deserialize_cdr(data, name))
+
+    def read_key(cls: Any, data: bytes, **_: Any) -> Any:
+        return cls(None)
+
+    made.deserialize, made.deserialize_key = classmethod(read), classmethod(read_key)
+    return made
+
+
+def _type(descriptor: Any) -> Any:
+    kind, what = descriptor
+    if kind == Nodetype.NAME:
+        return struct(what)
+    if kind == Nodetype.BASE:
+        bytes_ = dict.fromkeys(("octet", "char", "uint8", "byte"), types.byte)
+        other = {"bool": bool, "string": str, **bytes_}
+        return other.get(what[0]) or getattr(types, what[0])
+    element, size = what
+    if kind == Nodetype.ARRAY:
+        return types.array[_type(element), size]
+    return types.sequence[_type(element), size] if size else types.sequence[_type(element)]
+
+
+class Node:
+    """A participant with publishers and subscriptions, as a ROS node has them."""
+
+    def __init__(self, domain_id: int = 0) -> None:
+        self._domain = None if "CYCLONEDDS_URI" in os.environ else Domain(domain_id, LOOPBACK)
+        self._participant = DomainParticipant(domain_id)
+        self._waitset = WaitSet(self._participant)
+        self._readers: dict[str, DataReader] = {}
+
+    def subscribe(self, topic: str, name: str) -> None:
+        """Listens to a topic of a type."""
+        reader = DataReader(self._participant, Topic(self._participant, "rt" + topic, struct(name)), _qos(name, 100))
+        self._waitset.attach(ReadCondition(reader, Any_))
+        self._readers[topic] = reader
+
+    def publisher(self, topic: str, name: str) -> Any:
+        """Function that sends a message of a type on a topic."""
+        made = struct(name)
+        writer = DataWriter(self._participant, Topic(self._participant, "rt" + topic, made), _qos(name, 10))
+        return lambda message: writer.write(made(message))
+
+    def take(self, seconds: float) -> list[tuple[str, Any]]:
+        """What has come on all topics, waited for so long [s]; oldest first on each."""
+        self._waitset.wait(round(seconds * 1e9))
+        taken = ((topic, sample) for topic, reader in self._readers.items() for sample in reader.take(100))
+        return [(topic, sample.message) for topic, sample in taken if getattr(sample, "message", None) is not None]
+
+    def is_alone(self, topic: str) -> bool:
+        """Nobody speaks on a topic that this node listens to."""
+        return not self._readers[topic].get_matched_publications()
+
+
+def _qos(name: str, depth: int) -> Qos:
+    hash_ = f"typehash={STORE.hash_rihs01(name)};".encode()
+    return Qos(RELIABLE, Policy.Durability.Volatile, Policy.History.KeepLast(depth), Policy.Userdata(hash_))

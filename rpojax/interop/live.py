@@ -1,0 +1,248 @@
+"""A run flown live: it says what it senses, and leaves some of its flight software to whoever answers."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import jax
+import numpy as np
+
+from rpojax.campaign import single
+from rpojax.core.packing import Bundle
+from rpojax.errors import UnfinishedError
+from rpojax.interop import topics
+from rpojax.interop.commands import Limits
+from rpojax.interop.exchange import Exchange
+from rpojax.interop.given_estimate import given_orbit
+from rpojax.interop.ledger import Ledger, Tell
+from rpojax.interop.live_program import AttitudeValues, Program
+from rpojax.interop.live_settings import Settings, Stage
+from rpojax.interop.live_words import Words
+from rpojax.interop.messages import Said, nanoseconds
+from rpojax.interop.orders import CLOSED, Orders
+from rpojax.interop.pace import Lockstep, RealTime
+from rpojax.simulation import closed_loop, metrics
+from rpojax.simulation.closed_loop import FAILURES
+from rpojax.simulation.schema import ScenarioFile
+from rpojax.simulation.stepwise import Decider, GivenBurn, GivenOrbit
+from rpojax.simulation.telemetry import Channels
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a live run.
+
+    Attributes:
+        ticks: flown
+        steps: of the plant
+        completed: it was flown to its end
+        failure: why the run failed, "" if it did not
+        stopped: why it was not flown to its end, "" if it was, or failed
+        metrics: of a completed run
+        ledger: what went wrong
+        sent: messages by topic
+        received: messages by topic
+        unsent: messages that a subscriber was too slow for
+        simulated_s: time flown
+        wall_s: time that it took
+        cpu_s: time that this process worked for it
+        lag_s: by how much a run in real time was behind at worst
+    """
+
+    ticks: int
+    steps: int
+    completed: bool
+    failure: str
+    stopped: str
+    metrics: Mapping[str, float]
+    ledger: Ledger
+    sent: Mapping[str, int]
+    received: Mapping[str, int]
+    unsent: int
+    simulated_s: float
+    wall_s: float
+    cpu_s: float
+    lag_s: float
+
+
+def fly(file: ScenarioFile, seed: int, run_id: int, settings: Settings, tell: Tell) -> Outcome:
+    """Flies one run live; `tell` gets lines on what happens.
+
+    Raises:
+        RpojaxError: the domain cannot be joined, or nobody came.
+    """
+    ledger = Ledger(tell)
+    exchange = Exchange(settings.domain_id, settings.said, settings.heard, ledger)
+    flight = _Flight(file, seed, run_id, settings)
+    tell("compiling")
+    flight.rehearse()
+    tell("waiting for the other side")
+    exchange.meet(settings.wait_s)
+    tell("flying")
+    pace: Lockstep | RealTime = Lockstep(settings.timeout_s)
+    if settings.factor is not None:
+        pace = RealTime(settings.factor, nanoseconds(flight.scenario.step_s), settings.timeout_s)
+    orders = Orders(settings, flight.limits, exchange, pace, ledger)
+    wall, cpu, stopped = time.perf_counter(), time.process_time(), ""
+    try:
+        while flight.goes_on:
+            exchange.notice_strangers()
+            flight.tick(orders)
+    except UnfinishedError as error:
+        stopped = str(error)
+    return Outcome(
+        ticks=flight.ticks,
+        steps=flight.ticks * flight.scenario.substeps,
+        completed=flight.completed,
+        failure=flight.failure,
+        stopped=stopped,
+        metrics=flight.metrics(),
+        ledger=ledger,
+        sent=exchange.sent,
+        received=exchange.received,
+        unsent=exchange.unsent,
+        simulated_s=flight.ticks * flight.scenario.tick_s,
+        wall_s=time.perf_counter() - wall,
+        cpu_s=time.process_time() - cpu,
+        lag_s=pace.lag_s if isinstance(pace, RealTime) else 0.0,
+    )
+
+
+class _Flight:
+    """The run, where it is, and what is recorded of it."""
+
+    def __init__(self, file: ScenarioFile, seed: int, run_id: int, settings: Settings) -> None:
+        self._file, self._external = file, settings.external
+        self.scenario, self._params, key = single.drawn(file, seed, run_id)
+        self._state = Bundle.of(jax.jit(closed_loop.init, static_argnums=0)(self.scenario, self._params, key))
+        self._program = Program(self.scenario, self._params)
+        self._words = Words(settings, nanoseconds(self.scenario.step_s))
+        self._pictures = settings.pictures and self.scenario.camera_model == "rendered"
+        self._records: dict[str, np.ndarray] = {}
+        self.ticks = 0
+        self.failure = ""
+
+    @property
+    def limits(self) -> Limits:
+        """Of commands, by the vehicle's own data base."""
+        onboard, pointing = self._params.flight.onboard, self._params.flight.pointing
+        return Limits(
+            torque=np.asarray(onboard.wheel_torque_limit),
+            minimum_on_time_s=float(onboard.minimum_on_time),
+            longest_on_time_s=float(pointing.look_away_limit),
+        )
+
+    @property
+    def completed(self) -> bool:
+        """The run was flown to its end."""
+        return self.ticks == self.scenario.ticks and not self.failure
+
+    @property
+    def goes_on(self) -> bool:
+        """The run is neither over nor has it failed."""
+        return self.ticks < self.scenario.ticks and not self.failure
+
+    def rehearse(self) -> None:
+        """Flies some ticks in every way that may be asked for, so that all is compiled; nothing comes of it."""
+        start = self._state
+        deciders: tuple[Decider, ...] = ("given", "nobody") if Stage.FORMATION in self._external else ("own",)
+        for decider in deciders:
+            self._state, _, _ = self._fly(_Rehearsal(decider))
+        self._state = start
+
+    def tick(self, other: "Other") -> None:
+        """Flies one tick."""
+        self._state, channels, failure = self._fly(other)
+        for name, value in channels.items():
+            if name not in self._records:
+                self._records[name] = np.zeros((1, self.scenario.ticks, *value.shape), dtype=value.dtype)
+            self._records[name][0, self.ticks] = value
+        self.failure = FAILURES[failure]
+        self.ticks += 1
+
+    def metrics(self) -> dict[str, float]:
+        """Figures of merit of a completed run, none of another."""
+        if not self.completed:
+            return {}
+        return {name: float(values[0]) for name, values in metrics.evaluate(self._file, self._records).items()}
+
+    def _fly(self, other: "Other") -> tuple[Bundle, Channels, int]:
+        """State one tick later, its record and its failure: what is said may be answered before the next is done."""
+        state, program, at = self._state, self._program, self._time(0)
+        begun, values = program.begin(state)
+        picture = program.picture(state, begun) if self._pictures else None
+        other.say(self._words.sensed(values, picture))
+        if Stage.NAVIGATION in self._external and (given := other.estimate(at)) is not None:
+            begun = program.adopt(begun, given)
+        decider, burn = other.burn(at) if Stage.FORMATION in self._external else ("own", CLOSED)
+        moving, decided = program.decide(decider, state, begun, burn)
+        other.say(self._words.decided(decided))
+        moving = self._move(other, state, moving, decided.attitude)
+        after, failure = program.finish(state, moving)
+        return after, decided.channels, failure
+
+    def _move(self, other: "Other", state: Bundle, moving: Bundle, attitude: AttitudeValues) -> Bundle:
+        """The plant at the end of the tick."""
+        if Stage.ATTITUDE not in self._external:
+            moving = self._program.move_all(state, moving)
+            other.hold(self._time(self.scenario.substeps))
+            return moving
+        for step in range(self.scenario.substeps):
+            at = self._time(step)
+            other.say(self._words.step(at, attitude, step == 0))
+            moving, attitude = self._program.move(state, moving, other.torque(at), step)
+            other.hold(self._time(step + 1))
+        return moving
+
+    def _time(self, step: int) -> int:
+        """Beginning of a plant step of this tick [ns]."""
+        return nanoseconds(self.ticks * self.scenario.tick_s + step * self.scenario.step_s)
+
+
+class Other(Protocol):
+    """The other side of a run."""
+
+    def say(self, said: Said) -> None:
+        """Hears what the simulator says."""
+        ...
+
+    def estimate(self, at: int) -> GivenOrbit | None:
+        """Orbit estimate for a tick [ns]."""
+        ...
+
+    def burn(self, at: int) -> tuple[Decider, GivenBurn]:
+        """Decision on the burn at a tick [ns]."""
+        ...
+
+    def torque(self, at: int) -> np.ndarray:
+        """Wheel torques (3,) [N m] for a plant step [ns]."""
+        ...
+
+    def hold(self, end: int) -> None:
+        """Lets a step end at a time [ns]."""
+        ...
+
+
+class _Rehearsal:
+    """Answers as an other side might, so that all is compiled before there is one."""
+
+    def __init__(self, decider: Decider) -> None:
+        self._decider: Decider = decider
+        self._estimates: dict[str, Any] = {}
+
+    def say(self, said: Said) -> None:
+        self._estimates |= {topic.name: message for topic, message in said}
+
+    def estimate(self, at: int) -> GivenOrbit:
+        names = (topics.SERVICER_ESTIMATE.name, topics.RELATIVE_ESTIMATE.name)
+        return given_orbit(*(self._estimates[name] for name in names))
+
+    def burn(self, at: int) -> tuple[Decider, GivenBurn]:
+        return self._decider, CLOSED
+
+    def torque(self, at: int) -> np.ndarray:
+        return np.zeros(3)
+
+    def hold(self, end: int) -> None:
+        pass

@@ -1,0 +1,120 @@
+"""The verb `rpojax bridge`: refusals in one line, and a run flown by the example node in another process."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rpojax import cli
+from rpojax.interop.live_settings import COMMANDS, Settings, Stage
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "ros2_live.md").read_text(encoding="utf-8")
+NODE = ROOT / "experiments" / "ros2_interop" / "example_node.py"
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (
+            ["--external", "guidance"],
+            "--external: found 'guidance', expected attitude, formation, navigation, all or none",
+        ),
+        (["--timeout-s", "0"], "--timeout-s: found 0, expected more than 0 and less than 1e+06"),
+        (["--real-time", "-1"], "--real-time: found -1, expected more than 0 and at most 10000"),
+        (["--run-id", "-1"], "--run-id: found -1, expected a whole number from 0 to 2147483646"),
+        (["--domain-id", "1000"], "--domain-id: found 1000, expected 0 to 232"),
+    ],
+)
+def test_bad_input_is_one_line(words: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["bridge", "inspection", *words]) == 2
+    assert capsys.readouterr().err == f"rpojax: error: {line}\n"
+
+
+def test_the_page_has_every_topic_of_commands_and_the_defaults() -> None:
+    rows = [line.strip("|").split("|") for line in PAGE.splitlines() if line.startswith("| `")]
+    told = [tuple(cell.strip(" `") for cell in row[:3]) for row in rows if len(row) == 4 and "/servicer/" in row[1]]
+    expected = [
+        (stage.value, topic.name, topic.type.replace("/msg/", "/")) for stage in Stage for topic in COMMANDS[stage]
+    ]
+    assert told == expected
+    settings = Settings()
+    for option, value in (
+        ("timeout", settings.timeout_s),
+        ("patience", settings.patience_s),
+        ("wait", settings.wait_s),
+    ):
+        assert f"`--{option}-s` ({value:g} s)" in PAGE
+
+
+def start(*words: str) -> "subprocess.Popen[str]":
+    return subprocess.Popen([sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def bridge(domain: int, duration_s: int, *words: str) -> "subprocess.Popen[str]":
+    """A simulator that waits for its node."""
+    options = ["--external", "formation,attitude", "--domain-id", str(domain), "--wait-s", "600", "--json", *words]
+    process = start("-m", "rpojax", "bridge", "inspection", "--set", f"duration_s={duration_s}", *options)
+    assert process.stderr is not None
+    assert any("waiting" in line for line in process.stderr)
+    return process
+
+
+def end(process: "subprocess.Popen[str]") -> dict[str, Any]:
+    return json.loads(process.communicate(timeout=1200)[0])
+
+
+@pytest.fixture(autouse=True)
+def loopback(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]))
+
+
+@pytest.mark.slow
+def test_the_example_node_flies_a_run_and_no_message_is_lost() -> None:
+    simulator = bridge(151, 280, "--timeout-s", "60")
+    node = start(str(NODE), "--domain-id", "151")
+    found = end(simulator)
+    assert simulator.returncode == 0
+    assert found["completed"]
+    assert (found["late"], found["ignored"], found["unsent"]) == ({}, {}, 0)
+    assert found["received"]["/servicer/wheels/command"] == found["steps"] == 1400
+    assert found["received"]["/servicer/thruster/command"] == found["ticks"] == 280
+    assert found["metrics"]["delta_v_m_s"] > 0.01
+    assert found["metrics"]["pointing_error_p95_deg"] < 1.0  # half a minute of it before the target is well known
+    received = json.loads(node.communicate(timeout=60)[0])["received"]
+    assert {topic: found["sent"][topic] for topic in received} == received
+
+
+@pytest.mark.slow
+def test_a_node_that_is_killed_is_missed_and_another_takes_its_place() -> None:
+    simulator = bridge(152, 100, "--timeout-s", "0.5", "--patience-s", "300")
+    first = start(str(NODE), "--domain-id", "152")
+    time.sleep(8.0)
+    first.kill()
+    first.communicate()
+    time.sleep(3.0)
+    second = start(str(NODE), "--domain-id", "152")
+    found = end(simulator)
+    assert found["completed"]
+    assert found["late"]
+    assert json.loads(second.communicate(timeout=60)[0])["received"]["/servicer/estimate/attitude"] > 0
+
+
+@pytest.mark.slow
+def test_a_run_stops_where_a_late_command_is_to_stop_it() -> None:
+    simulator = bridge(153, 100, "--timeout-s", "2", "--on-late", "stop")
+    first = start(str(NODE), "--domain-id", "153")
+    time.sleep(6.0)
+    first.kill()
+    first.communicate()
+    found = end(simulator)
+    assert simulator.returncode == 4
+    assert not found["completed"]
+    assert "found no command" in found["stopped"]
+    assert found["metrics"] is None
