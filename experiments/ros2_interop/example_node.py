@@ -53,6 +53,7 @@ class Law:
     delta_v_weight = 3e4
     dead_band = 1e-3
     doubt = 0.2
+    watched = 3
     slew_acceleration = 0.016
     shortest_slew = 6.0
     settle = 5.0
@@ -155,8 +156,9 @@ class Burn:
     A_BN: Rotation = field(default_factory=Rotation.identity)
 
 
-def decide(K: np.ndarray, at: int, now: Estimate) -> Burn:
-    """The burn of this period: none inside the dead band or while the range is in doubt."""
+def decide(K: np.ndarray, at: int, now: Estimate, watched: int) -> Burn:
+    """The burn of this period: none inside the dead band, while the range is in doubt, or before the target has been
+    `watched` for a few ticks: what was seen once may have been something else."""
     n = now.mean_motion
     deviation = transition(n, Law.lead) @ np.concatenate([now.rho, now.rho_dot])
     deviation[:3] -= Law.station
@@ -169,7 +171,7 @@ def decide(K: np.ndarray, at: int, now: Estimate) -> Burn:
     turning = slew_time(float(np.linalg.norm(turn_N)))
     longest = Law.look_away - 2.0 * turning - Law.settle - 3.0
     on_time = min(size * Vehicle.mass / Vehicle.thrust, max(longest, 0.0))
-    if size < Law.dead_band or on_time < Vehicle.minimum_on_time or now.doubt > Law.doubt:
+    if size < Law.dead_band or on_time < Vehicle.minimum_on_time or now.doubt > Law.doubt or watched < Law.watched:
         return Burn()
     ignition = at + round((Law.lead - 0.5 * on_time) * NANO)
     turn = max(ignition - round((Law.settle + turning) * NANO), at)
@@ -286,7 +288,7 @@ class Controller:
         if self.K is None:
             self.K = gain(now.mean_motion)
         if at % round(Law.period * NANO) == 0:
-            self.burn = decide(self.K, at, now)
+            self.burn = decide(self.K, at, now, self.counts[RELATIVE])
         A_EN, omega_E = now.look()
         burning = self.burn.turn <= at < self.burn.cutoff
         if burning:
