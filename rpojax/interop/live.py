@@ -176,24 +176,24 @@ class _Flight:
         if Stage.NAVIGATION in self._external and (given := other.estimate(at)) is not None:
             begun = program.adopt(begun, given)
         decider, burn = other.burn(at) if Stage.FORMATION in self._external else ("own", CLOSED)
-        moving, decided = program.decide(decider, state, begun, burn)
-        other.say(self._words.decided(decided))
-        moving = self._move(other, state, moving, decided.attitude)
-        after, failure = program.finish(state, moving)
-        return after, decided.channels, failure
+        decided, motion, chosen = program.decide(decider, state, begun, burn)
+        other.say(self._words.decided(chosen))
+        motion = self._move(other, state, decided, motion, chosen.attitude)
+        after, failure = program.finish(state, decided, motion)
+        return after, chosen.channels, failure
 
-    def _move(self, other: "Other", state: Bundle, moving: Bundle, attitude: AttitudeValues) -> Bundle:
+    def _move(self, other: "Other", state: Bundle, decided: Bundle, motion: Bundle, attitude: AttitudeValues) -> Bundle:
         """The plant at the end of the tick."""
         if Stage.ATTITUDE not in self._external:
-            moving = self._program.move_all(state, moving)
+            motion = self._program.move_all(state, decided)
             other.hold(self._time(self.scenario.substeps))
-            return moving
+            return motion
         for step in range(self.scenario.substeps):
             at = self._time(step)
             other.say(self._words.step(at, attitude, step == 0))
-            moving, attitude = self._program.move(state, moving, other.torque(at), step)
+            motion, attitude = self._program.move(state, decided, motion, other.torque(at), step)
             other.hold(self._time(step + 1))
-        return moving
+        return motion
 
     def _time(self, step: int) -> int:
         """Beginning of a plant step of this tick [ns]."""

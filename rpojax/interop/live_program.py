@@ -90,26 +90,30 @@ class Program:
         """Somebody else's navigation."""
         return self._adopt(begun, Bundle.of(given))[0]
 
-    def decide(self, decider: Decider, state: Bundle, begun: Bundle, burn: GivenBurn) -> tuple[Bundle, DecidedValues]:
-        """Burn and pointing."""
+    def decide(
+        self, decider: Decider, state: Bundle, begun: Bundle, burn: GivenBurn
+    ) -> tuple[Bundle, Bundle, DecidedValues]:
+        """Burn and pointing, and the motion before the first plant step."""
         if decider not in self._decide:
             self._decide[decider] = Packed(partial(_decide, self._scenario, decider))
-        moving, values = self._decide[decider](self._params, state, begun, Bundle.of(burn))
-        return moving, values.fetch()
+        decided, motion, values = self._decide[decider](self._params, state, begun, Bundle.of(burn))
+        return decided, motion, values.fetch()
 
-    def move(self, state: Bundle, moving: Bundle, torque: np.ndarray, step: int) -> tuple[Bundle, AttitudeValues]:
+    def move(
+        self, state: Bundle, decided: Bundle, motion: Bundle, torque: np.ndarray, step: int
+    ) -> tuple[Bundle, AttitudeValues]:
         """One plant step under given torques [N m], and the attitude after it."""
         order = Bundle.of((torque, np.int32(step)))
-        moving, values = self._move(self._params, state, moving, order)
-        return moving, values.fetch()
+        motion, values = self._move(self._params, state, decided, motion, order)
+        return motion, values.fetch()
 
-    def move_all(self, state: Bundle, moving: Bundle) -> Bundle:
+    def move_all(self, state: Bundle, decided: Bundle) -> Bundle:
         """All plant steps of a tick under the flight software's own torques."""
-        return self._move_all(self._params, state, moving)[0]
+        return self._move_all(self._params, state, decided)[0]
 
-    def finish(self, state: Bundle, moving: Bundle) -> tuple[Bundle, int]:
+    def finish(self, state: Bundle, decided: Bundle, motion: Bundle) -> tuple[Bundle, int]:
         """State one tick later, and the code of its failure."""
-        after, failure = self._finish(self._params, state, moving)
+        after, failure = self._finish(self._params, state, decided, motion)
         return after, int(failure.fetch())
 
     def picture(self, state: Bundle, begun: Bundle) -> np.ndarray:
@@ -132,7 +136,7 @@ def _adopt(begun: Begun, given: GivenOrbit) -> tuple[Begun]:
 
 def _decide(
     scenario: Scenario, decider: Decider, params: Params, state: State, begun: Begun, burn: GivenBurn
-) -> tuple[tuple[Decided, Motion], DecidedValues]:
+) -> tuple[Decided, Motion, DecidedValues]:
     decided, channels = stepwise.decide(_STAGES, scenario, decider, params, state, begun, burn)
     motion = stepwise.set_off(state, decided)
     command = stepwise.reference(scenario, decided)
@@ -142,32 +146,29 @@ def _decide(
         reference=(jax.vmap(orientation)(command.q_CN), command.omega_CN_C, command.acceleration_C),
         attitude=_attitude(scenario, params, decided, motion),
     )
-    return (decided, motion), values
+    return decided, motion, values
 
 
 def _move(
     scenario: Scenario,
     params: Params,
     state: State,
-    moving: tuple[Decided, Motion],
+    decided: Decided,
+    motion: Motion,
     order: tuple[jax.Array, jax.Array],
-) -> tuple[tuple[Decided, Motion], AttitudeValues]:
-    decided, motion = moving
+) -> tuple[Motion, AttitudeValues]:
     motion = stepwise.move(scenario, params, state, decided, motion, *order)
-    return (decided, motion), _attitude(scenario, params, decided, motion)
+    return motion, _attitude(scenario, params, decided, motion)
 
 
-def _move_all(
-    scenario: Scenario, params: Params, state: State, moving: tuple[Decided, Motion]
-) -> tuple[tuple[Decided, Motion]]:
-    decided, _ = moving
-    return ((decided, stepwise.move_all(_STAGES, scenario, params, state, decided)),)
+def _move_all(scenario: Scenario, params: Params, state: State, decided: Decided) -> tuple[Motion]:
+    return (stepwise.move_all(_STAGES, scenario, params, state, decided),)
 
 
 def _finish(
-    scenario: Scenario, params: Params, state: State, moving: tuple[Decided, Motion]
+    scenario: Scenario, params: Params, state: State, decided: Decided, motion: Motion
 ) -> tuple[State, jax.Array]:
-    after = stepwise.finish(_STAGES, scenario, params, state, *moving)
+    after = stepwise.finish(_STAGES, scenario, params, state, decided, motion)
     return after, after.failure
 
 
