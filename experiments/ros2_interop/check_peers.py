@@ -1,7 +1,7 @@
-"""Messages to other people's DDS libraries and back: Cyclone DDS in C and Fast DDS in C++, compiled here.
+"""Messages to another DDS library and back: Cyclone DDS in C, compiled here.
 
-    apt-get install cyclonedds-dev cyclonedds-tools     # or: libfastrtps-dev fastddsgen
-    python experiments/ros2_interop/check_peers.py --peer cyclone
+    apt-get install cyclonedds-dev cyclonedds-tools
+    python experiments/ros2_interop/check_peers.py
 
 Every message that comes back must have the bytes of the one that was sent. The exit status is 1 where one has not.
 """
@@ -89,18 +89,6 @@ def build_cyclone(name: str, folder: Path) -> Path:
     return program
 
 
-def build_fast(name: str, folder: Path) -> Path:
-    """The echoing program in C++."""
-    (folder / "check.idl").write_text(idl(name, ""))
-    _call(["fastddsgen", "-replace", "-typeros2", "check.idl"], folder)
-    program = folder / "echo"
-    kind = _dds_name(name)
-    defines = [f"-DTYPE={kind}", f"-DSUPPORT={kind}PubSubType"]
-    sources = [HERE / "peers" / "echo_fast.cpp", "check.cxx", "checkPubSubTypes.cxx"]
-    _call(["c++", "-O1", f"-I{folder}", *defines, "-o", program, *sources, "-lfastrtps", "-lfastcdr"], folder)
-    return program
-
-
 def _call(command: list[Any], folder: Path) -> None:
     subprocess.run([str(word) for word in command], cwd=folder, check=True, capture_output=True)
 
@@ -177,17 +165,15 @@ def check(name: str, program: Path, count: int) -> tuple[int, int, float, float]
 def main() -> int:
     """Prints a table; 0 if all came back equal."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--peer", choices=("cyclone", "fast"), required=True)
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--types", nargs="+", default=TYPES, metavar="TYPE")
     options = parser.parse_args()
-    build = {"cyclone": build_cyclone, "fast": build_fast}[options.peer]
     print("| type | sent | came back | equal | p50 [ms] | p99 [ms] |\n|---|---|---|---|---|---|")
     good = True
     for name in options.types:
         message_class(name)
         with tempfile.TemporaryDirectory() as folder:
-            came, equal, p50, p99 = check(name, build(name, Path(folder)), options.count)
+            came, equal, p50, p99 = check(name, build_cyclone(name, Path(folder)), options.count)
         good = good and came == equal == options.count
         print(f"| {name} | {options.count} | {came} | {equal} | {p50:.2f} | {p99:.2f} |", flush=True)
     return 0 if good else 1
