@@ -97,12 +97,15 @@ class _Pace:
         if self.begin is None:
             self.begin = now
         elapsed = now - self.begin
-        if progress.done == 0.0 or elapsed < _SHORTEST_S:
+        if progress.done == 0.0:
             return f"{_count(progress.total)} to do"
+        done = f"{progress.done:.0f}/{_count(progress.total)}"
+        if elapsed < _SHORTEST_S:
+            return f"{done}, {progress.failed} failed"
         rate = progress.done / elapsed
         left = datetime.timedelta(seconds=round((progress.total - progress.done) / rate))
         speed = f"{rate:.3g}/s, {rate * self.duration_s:,.0f} run-s/s"
-        return f"{progress.done:.0f}/{_count(progress.total)}, {speed}, {left} left, {progress.failed} failed"
+        return f"{done}, {speed}, {left} left, {progress.failed} failed"
 
 
 def _count(runs: int) -> str:

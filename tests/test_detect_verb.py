@@ -139,6 +139,7 @@ def plates(folder: Path, count: int) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_foreign_data_set_is_trained_on_and_judged(call: Call, tmp_path: Path) -> None:
     folder, weights = plates(tmp_path / "plates", 40), tmp_path / "weights.safetensors"
     outcome = call("detector", "train", folder, "--out", weights, "--epochs", "1", "--second-epochs", "1", "--json")

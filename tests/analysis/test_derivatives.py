@@ -54,6 +54,7 @@ def forward(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return found.figures, found.jacobian
 
 
+@pytest.mark.slow
 def test_the_forward_mode_agrees_with_differences() -> None:
     # Positions of seven thousand kilometres are rounded to a nanometre: over the step, a hundredth of a millimetre.
     step, rounding = 1e-4, 2e-5

@@ -22,7 +22,7 @@ def test_the_flight_softwares_own_messages_give_its_own_estimate(flight: Flight,
     R_HN, omega_HN_N = hill_frame(r_TN_N, v_TN_N)
     np.testing.assert_allclose(R_HN @ v_TN_N, target.velocity, rtol=0.0, atol=1e-10)
     P_H = np.asarray(seen_in_hill(R_HN, omega_HN_N, found.relative_covariance))
-    np.testing.assert_allclose(P_H[:3, :3], values.relative_estimate.pose_covariance[:3, :3], rtol=1e-9)
+    np.testing.assert_allclose(P_H[:3, :3], values.relative_estimate.pose_covariance[:3, :3], rtol=1e-9, atol=1e-12)
     # The velocity's covariance is told along the body; its trace is the same along any axes.
     told = np.trace(values.relative_estimate.twist_covariance[:3, :3])
     np.testing.assert_allclose(np.trace(P_H[3:, 3:]), told, rtol=1e-9)

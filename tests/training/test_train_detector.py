@@ -166,6 +166,7 @@ def test_the_second_look_is_asked_about_named_true_and_random_boxes() -> None:
     assert asked[:, -1, 0].std() > 20.0
 
 
+@pytest.mark.slow
 def test_a_training_that_was_interrupted_goes_on_to_the_same_weights(plates: Dataset, tmp_path: Path) -> None:
     first, second = Recipe(epochs=3, batch=16, pieces_share=0.0), Recipe(epochs=2, batch=16, pieces_share=0.0)
     check = plates.part(np.arange(4))
