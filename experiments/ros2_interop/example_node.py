@@ -274,7 +274,9 @@ class Controller:
         if self.formation and (at := self.common(ORBIT, RELATIVE)) > self.decided:
             self.decided = at
             self.fly_formation(at, Estimate.read(self.seen[ORBIT], self.seen[RELATIVE]))
-        if self.attitude and (at := self.common(ATTITUDE, WHEELS)) > self.answered:
+        # A node that was started in the middle of a tick does not know yet where to point.
+        knows = self.pointing is not None or REFERENCE in self.seen
+        if self.attitude and knows and (at := self.common(ATTITUDE, WHEELS)) > self.answered:
             self.answered = at
             self.fly_attitude(at)
 
