@@ -13,8 +13,7 @@ from rpojax.outputs import claim
 from rpojax.verb_parts import AsJson, Folder, NoCache, Status, print_json
 
 if TYPE_CHECKING:
-    from rpojax.interop.flight_record import Flight
-    from rpojax.interop.rerun_log import Shots
+    from rpojax.interop.flight_record import Flight, Shot
     from rpojax.interop.shown_values import Shown
 
 
@@ -50,7 +49,7 @@ def export_rrd(
     return Status.DONE
 
 
-def _shots(flight: "Flight[Shown]", every: int, watch: Callable[..., None]) -> "Shots | None":
+def _shots(flight: "Flight[Shown]", every: int, watch: Callable[..., None]) -> "Iterator[Shot] | None":
     """Pictures of a rendered camera, None of the others, which take none."""
     if flight.file.camera.model != "rendered":
         return None
@@ -58,7 +57,7 @@ def _shots(flight: "Flight[Shown]", every: int, watch: Callable[..., None]) -> "
 
     ticks = range(0, flight.ticks, every)
 
-    def counted() -> "Iterator[tuple]":
+    def counted() -> "Iterator[Shot]":
         for count, shot in enumerate(flight_record.pictures(flight, ticks)):
             yield shot
             watch(count + 1, len(ticks))

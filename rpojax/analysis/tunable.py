@@ -5,7 +5,7 @@ allowed and counts alike for numbers of any size. Weights of the LQR matter by t
 differences of logarithms.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -60,7 +60,14 @@ class Between:
 
 Coordinate = Log | Between
 
-GROUPS: Final[dict[str, dict[str, Coordinate]]] = {
+
+def _between_decisions(file: ScenarioFile) -> Between:
+    """The middle of a burn, so that the look-away about it fits between two decisions."""
+    half = 0.5 * file.pointing.look_away_limit_s
+    return Between(half, file.rates.formation_period_s - half)
+
+
+GROUPS: Final[dict[str, dict[str, Coordinate | Callable[[ScenarioFile], Coordinate]]]] = {
     "navigation": {
         "navigation.gps_noise_m": Log(),
         "navigation.gps_error_sigma_m": Log(),
@@ -90,11 +97,11 @@ GROUPS: Final[dict[str, dict[str, Coordinate]]] = {
         "attitude_filter.angle_random_walk_deg_sqrt_s": Log(),
     },
     "schedule": {
-        "formation.lead_s": Log(),
+        "formation.lead_s": _between_decisions,
         "formation.dead_band_mm_s": Log(),
     },
 }
-"""Keys by the name under which they are tuned together, with their coordinates."""
+"""Keys by the name under which they are tuned together, with their coordinates or what makes them of a scenario."""
 
 DECIDING: Final = ("gate", "formation", "schedule")
 """Groups whose numbers act through decisions: whether a box is believed, whether and when there is a burn."""
@@ -188,11 +195,8 @@ def inputs(file: ScenarioFile, tunable: Tunable, x: Array, run_key: Array) -> Va
 
 
 def _coordinate(file: ScenarioFile, key: str) -> Coordinate:
-    """How a key is walked; the look-away about a burn must fit between two burn decisions."""
-    if key == "formation.lead_s":
-        half = 0.5 * file.pointing.look_away_limit_s
-        return Between(half, file.rates.formation_period_s - half)
-    return TUNABLE[key]
+    entry = TUNABLE[key]
+    return entry if isinstance(entry, Log | Between) else entry(file)
 
 
 def _expected(coordinate: Coordinate) -> str:

@@ -6,7 +6,7 @@ are others than in the campaign's batch, and what hangs on a threshold may then 
 from what the campaign recorded is found out, and said.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, TypeVar
@@ -31,6 +31,8 @@ Values = TypeVar("Values")
 Observe = Callable[[Stages, Scenario, Params, Telemetry], Any]
 """What is kept of a tick: arrays in a structure. A function of a module, as programs are kept by it."""
 Seen = tuple[Any, dict[str, Array], Array]
+Shot = tuple[np.ndarray, Mapping[str, np.ndarray]]
+"""A picture (p, p, 3), uint8 sRGB codes, and the poses that it was taken with."""
 
 _SEGMENT_TICKS = 200
 """About so many ticks are flown between two reports of progress."""
@@ -145,7 +147,7 @@ def _poses(static: Scenario, seen: Telemetry) -> dict[str, Array]:
     }
 
 
-def pictures(flight: Flight, ticks: Sequence[int]) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
+def pictures(flight: Flight, ticks: Sequence[int]) -> Iterator[Shot]:
     """Pictures (p, p, 3), uint8 sRGB codes, with the poses, that a rendered camera took in some ticks, taken again."""
     return filming.pictures(flight.file, flight.seed, flight.run_id, flight.poses, ticks, flight.population)
 

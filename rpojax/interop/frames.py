@@ -16,8 +16,6 @@ covariance in the child's (`nav_msgs/Odometry`).
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import quaternion
-
 ECI = "eci"
 HILL = "hill"
 SERVICER = "servicer/base_link"
@@ -53,8 +51,3 @@ def blocks(first: Matrix, second: Matrix) -> Float[Array, "6 6"]:
         [jnp.concatenate([first, none], axis=1), jnp.concatenate([none, second], axis=1)],
         axis=0,
     )
-
-
-def rotation(q_BA: Quaternion) -> Matrix:
-    """Matrix `R_BA` that turns A into B components."""
-    return quaternion.to_matrix(q_BA)

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.core.frames import hill_frame, hill_to_inertial
-from rpojax.core.quaternion import conjugate, rotate
-from rpojax.interop.frames import blocks, from_orientation, rotation, turned
+from rpojax.core.quaternion import conjugate, rotate, to_matrix
+from rpojax.interop.frames import blocks, from_orientation, turned
 from rpojax.simulation.stepwise import GivenOrbit
 
 _ROUNDS = 3
@@ -68,5 +68,5 @@ def _in_parent(
 ) -> tuple[Vector, Vector, Float[Array, "6 6"]]:
     """Position, velocity and their covariance in the parent's axes; what they have in common is not known."""
     q_BA = from_orientation(xyzw)
-    P = blocks(P_position, turned(rotation(q_BA).T, P_velocity))
+    P = blocks(P_position, turned(to_matrix(q_BA).T, P_velocity))
     return position, rotate(conjugate(q_BA), velocity), P

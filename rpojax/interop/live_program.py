@@ -6,19 +6,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from rpojax.core import quaternion
 from rpojax.core.packing import Bundle, Packed
 from rpojax.core.pytree import pytree
 from rpojax.flight.computer import Stages
 from rpojax.interop import tick_values
-from rpojax.interop.frames import orientation, rotation, turned
+from rpojax.interop.frames import orientation, turned
 from rpojax.interop.tick_values import TickValues
-from rpojax.simulation import stepwise
+from rpojax.simulation import stepwise, telemetry, tick_stages
 from rpojax.simulation.params import Params
 from rpojax.simulation.run_state import State
 from rpojax.simulation.scenario import Scenario
-from rpojax.simulation.stepwise import Begun, Decided, Decider, GivenBurn, GivenOrbit
+from rpojax.simulation.stepwise import Begun, Decider, GivenBurn, GivenOrbit
 from rpojax.simulation.telemetry import Channels
-from rpojax.simulation.tick_stages import Motion
+from rpojax.simulation.tick_stages import Decided, Motion
 
 _STAGES = Stages()
 
@@ -123,7 +124,10 @@ class Program:
 
 def _begin(scenario: Scenario, params: Params, state: State) -> tuple[Begun, TickValues]:
     begun = stepwise.begin(_STAGES, scenario, params, state)
-    return begun, tick_values.observe(_STAGES, scenario, params, begun.seen)
+    # There is no mode before guidance.
+    mode = jnp.zeros((), dtype=jnp.int64)
+    seen = tick_stages.look(state, begun.sensed, begun.flight, begun.innovation, mode)
+    return begun, tick_values.observe(_STAGES, scenario, params, seen)
 
 
 def _picture(scenario: Scenario, params: Params, state: State, begun: Begun) -> tuple[jax.Array]:
@@ -137,12 +141,12 @@ def _adopt(begun: Begun, given: GivenOrbit) -> tuple[Begun]:
 def _decide(
     scenario: Scenario, decider: Decider, params: Params, state: State, begun: Begun, burn: GivenBurn
 ) -> tuple[Decided, Motion, DecidedValues]:
-    decided, channels = stepwise.decide(_STAGES, scenario, decider, params, state, begun, burn)
-    motion = stepwise.set_off(state, decided)
+    decided, seen = stepwise.decide(_STAGES, scenario, decider, params, state, begun, burn)
+    motion = tick_stages.set_off(state, decided)
     command = stepwise.reference(scenario, decided)
     values = DecidedValues(
-        tick=tick_values.observe(_STAGES, scenario, params, decided.seen),
-        channels=channels,
+        tick=tick_values.observe(_STAGES, scenario, params, seen),
+        channels=telemetry.observe(scenario, params, seen),
         reference=(jax.vmap(orientation)(command.q_CN), command.omega_CN_C, command.acceleration_C),
         attitude=_attitude(scenario, params, decided, motion),
     )
@@ -173,13 +177,13 @@ def _finish(
 
 
 def _attitude(scenario: Scenario, params: Params, decided: Decided, motion: Motion) -> AttitudeValues:
-    attitude, P = motion.attitude, decided.flight.attitude.covariance
-    noise = params.flight.attitude_filter.angle_random_walk**2 / scenario.step_s
+    attitude, predicted = motion.attitude, decided.flight.attitude
+    noise = tick_values.gyro_variance(scenario, params)
     return AttitudeValues(
         orientation=orientation(attitude.q_BN),
         rate=attitude.omega_BN_B,
-        covariance=turned(rotation(attitude.q_BN).T, P[:3, :3]),
-        rate_covariance=P[3:, 3:] + noise * jnp.eye(3),
+        covariance=turned(quaternion.to_matrix(attitude.q_BN).T, predicted.covariance[:3, :3]),
+        rate_covariance=tick_values.rate_covariance(predicted, noise),
         gyro=attitude.gyro_B,
         gyro_variance=noise,
         wheel_speed=motion.truth.wheel_speed,

@@ -8,10 +8,9 @@ from rpojax.interop.live_settings import Settings, Stage
 from rpojax.interop.messages import Said, nanoseconds
 from rpojax.interop.tick_values import TickValues
 
-_LATER = {
-    topic.name for topic in (topics.TARGET_ESTIMATE, topics.WHEEL_COMMAND, topics.THRUSTER_COMMAND, topics.DIAGNOSTICS)
-}
+_DECIDED = frozenset((topics.TARGET_ESTIMATE, topics.WHEEL_COMMAND, topics.THRUSTER_COMMAND, topics.DIAGNOSTICS))
 """Said when the flight software has decided."""
+_SENSED = frozenset(topics.TABLE) - _DECIDED
 
 
 class Words:
@@ -24,7 +23,7 @@ class Words:
     def sensed(self, values: TickValues, picture: np.ndarray | None) -> Said:
         """At the beginning of a tick: time, truth, measurements, and what navigation makes of them."""
         at = nanoseconds(float(values.time_s))
-        said = [(topic, message) for topic, message in messages.of_tick(values) if topic.name not in _LATER]
+        said = messages.of_tick(values, _SENSED)
         if at == 0:
             said.insert(0, (topics.TF_STATIC, messages.camera_mounting(at, values)))
         if self._attitude_is_external:
@@ -38,7 +37,7 @@ class Words:
     def decided(self, values: DecidedValues) -> Said:
         """Once burn and attitude reference are decided: what flight software is up to."""
         at = nanoseconds(float(values.tick.time_s))
-        said = [(topic, message) for topic, message in messages.of_tick(values.tick) if topic.name in _LATER]
+        said = messages.of_tick(values.tick, _DECIDED)
         if self._attitude_is_external:
             reference = live_topics.attitude_reference(at, self._step_ns, *map(np.asarray, values.reference))
             said.append((live_topics.ATTITUDE_REFERENCE, reference))

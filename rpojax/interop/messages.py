@@ -1,6 +1,7 @@
 """Messages from values: pure builders, and all that is said of a tick with the topic on which it is said."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Container, Sequence
+from functools import partial
 from typing import Any
 
 import cv2
@@ -280,26 +281,38 @@ def _status(level: str, name: str, text: str, values: dict[str, float]) -> Any:
     )
 
 
-def of_tick(values: TickValues) -> Said:
-    """All that is said of a tick, pictures and what is said once left out, in the order of the table of topics."""
+def of_tick(values: TickValues, wanted: Container[Topic] = topics.TABLE) -> Said:
+    """What is said of a tick on the topics that are wanted, in the order of their table.
+
+    Pictures and what is said once are left out.
+    """
     at = nanoseconds(float(values.time_s))
-    return [
-        (topics.CLOCK, clock(at)),
-        (topics.TF, moving_frames(at, values)),
-        *_odometries(at, values),
-        *([(topics.GPS, gps(at, values.gps))] if values.gps_present else []),
-        *([(topics.STAR_TRACKER, star_tracker(at, values.star_tracker))] if values.star_tracker_present else []),
-        (topics.IMU, imu(at, values.gyro, float(values.gyro_variance))),
-        (topics.WHEELS, wheels(at, values.wheel_speed, values.wheel_torque)),
-        (topics.WHEEL_COMMAND, wheel_command(at, values.wheel_command)),
-        (topics.THRUSTER_COMMAND, _burn(at, values)),
-        (topics.CAMERA_INFO, camera_info(at, values.view)),
-        (topics.DETECTIONS, detections(at, values.view)),
-        (topics.DIAGNOSTICS, diagnostics(at, values)),
-    ]
+    return [(topic, make()) for topic, make in _makers(at, values).items() if topic in wanted]
 
 
-def _odometries(at: int, values: TickValues) -> Said:
+def _makers(at: int, values: TickValues) -> dict[Topic, Callable[[], Any]]:
+    """What makes the message of each topic that there is something to say on."""
+    makers: dict[Topic, Callable[[], Any]] = {
+        topics.CLOCK: lambda: clock(at),
+        topics.TF: lambda: moving_frames(at, values),
+        **_odometries(at, values),
+    }
+    if values.gps_present:
+        makers[topics.GPS] = lambda: gps(at, values.gps)
+    if values.star_tracker_present:
+        makers[topics.STAR_TRACKER] = lambda: star_tracker(at, values.star_tracker)
+    return makers | {
+        topics.IMU: lambda: imu(at, values.gyro, float(values.gyro_variance)),
+        topics.WHEELS: lambda: wheels(at, values.wheel_speed, values.wheel_torque),
+        topics.WHEEL_COMMAND: lambda: wheel_command(at, values.wheel_command),
+        topics.THRUSTER_COMMAND: lambda: _burn(at, values),
+        topics.CAMERA_INFO: lambda: camera_info(at, values.view),
+        topics.DETECTIONS: lambda: detections(at, values.view),
+        topics.DIAGNOSTICS: lambda: diagnostics(at, values),
+    }
+
+
+def _odometries(at: int, values: TickValues) -> dict[Topic, Callable[[], Any]]:
     motions = {
         topics.SERVICER_TRUTH: values.servicer,
         topics.RELATIVE_TRUTH: values.relative,
@@ -308,7 +321,7 @@ def _odometries(at: int, values: TickValues) -> Said:
         topics.RELATIVE_ESTIMATE: values.relative_estimate,
         topics.TARGET_ESTIMATE: values.target_estimate,
     }
-    return [(topic, odometry(at, topic.frame, topic.child, motion)) for topic, motion in motions.items()]
+    return {topic: partial(odometry, at, topic.frame, topic.child, motion) for topic, motion in motions.items()}
 
 
 def _burn(at: int, values: TickValues) -> Any:

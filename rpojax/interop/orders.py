@@ -10,6 +10,7 @@ from rpojax.errors import UnfinishedError
 from rpojax.interop import commands, live_topics, topics
 from rpojax.interop.commands import Limits, Window
 from rpojax.interop.exchange import Check, Exchange, T
+from rpojax.interop.frames import from_orientation
 from rpojax.interop.given_estimate import given_orbit
 from rpojax.interop.ledger import Ledger
 from rpojax.interop.live_settings import Settings
@@ -76,7 +77,7 @@ class Orders:
         return "given", GivenBurn(
             ignition=jnp.asarray(found.ignition / NANO, dtype=jnp.float64),
             cutoff=jnp.asarray(found.cutoff / NANO, dtype=jnp.float64),
-            q_burn=jnp.asarray(np.concatenate([xyzw[3:], -xyzw[:3]])),
+            q_burn=from_orientation(jnp.asarray(xyzw)),
         )
 
     def estimate(self, at: int) -> GivenOrbit | None:

@@ -1,18 +1,16 @@
 """What the camera of a run saw: its pictures, if it takes some, the boxes, and where the box was expected."""
 
 import io
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import rerun as rr
 from PIL import Image
 
-from rpojax.interop.flight_record import Flight
+from rpojax.interop.flight_record import Flight, Shot
 from rpojax.interop.rerun_chunks import Chunks
 from rpojax.interop.rerun_scene import CAMERA, GREEN, TRUE
 from rpojax.interop.shown_values import Shown
-
-Shots = Iterable[tuple[np.ndarray, Mapping[str, np.ndarray]]]
 
 _AMBER = (255, 138, 51)
 _GREY = (130, 138, 150)
@@ -21,7 +19,7 @@ _AT_ONCE = 100
 """Pictures in memory."""
 
 
-def add(chunks: Chunks, flight: Flight[Shown], shots: Shots | None) -> int:
+def add(chunks: Chunks, flight: Flight[Shown], shots: Iterable[Shot] | None) -> int:
     """Adds boxes of every tick and, one by one, pictures with their channels; returns the number of pictures."""
     size = (flight.file.camera.width_px, flight.file.camera.height_px)
     _add_boxes(chunks, flight)
@@ -45,7 +43,7 @@ def in_frame(picture: np.ndarray, window_px: np.ndarray, size: tuple[int, int]) 
     return frame
 
 
-def _batches(shots: Shots, size: tuple[int, int]) -> Iterator[tuple[list[float], list[bytes]]]:
+def _batches(shots: Iterable[Shot], size: tuple[int, int]) -> Iterator[tuple[list[float], list[bytes]]]:
     times: list[float] = []
     blobs: list[bytes] = []
     for picture, seen in shots:

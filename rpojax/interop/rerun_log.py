@@ -1,21 +1,17 @@
 """A run as a recording for the rerun viewer: scene, camera and plots on one time line of simulation time."""
 
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from rpojax.errors import OutputError
-from rpojax.interop.flight_record import Flight
+from rpojax.interop.flight_record import Flight, Shot
 from rpojax.interop.shown_values import Shown
 from rpojax.simulation import scenario
 from rpojax.training.optional import need
 
 APPLICATION = "rpojax"
-
-Shots = Iterable[tuple[np.ndarray, Mapping[str, np.ndarray]]]
 
 
 @dataclass(frozen=True)
@@ -40,7 +36,7 @@ def check() -> None:
     need("rerun", "viz")
 
 
-def write(flight: Flight[Shown], path: Path, shots: Shots | None = None) -> Recording:
+def write(flight: Flight[Shown], path: Path, shots: Iterable[Shot] | None = None) -> Recording:
     """Writes a run, with pictures and their channels for a camera that takes some, and the arrangement of its views.
 
     Raises:
@@ -64,7 +60,7 @@ def write(flight: Flight[Shown], path: Path, shots: Shots | None = None) -> Reco
     return Recording(path, flight.ticks, pictures, path.stat().st_size)
 
 
-def _record(flight: Flight[Shown], path: Path, shots: Shots | None) -> int:
+def _record(flight: Flight[Shown], path: Path, shots: Iterable[Shot] | None) -> int:
     """Writes all of it; returns the number of pictures."""
     from rpojax.interop import rerun_camera, rerun_layout, rerun_plots, rerun_scene
     from rpojax.interop.rerun_chunks import Chunks, recorded

@@ -8,9 +8,10 @@ from rpojax.core import quaternion
 from rpojax.core.frames import apply, hill_frame, inertial_to_hill
 from rpojax.core.pytree import pytree
 from rpojax.flight import computer
+from rpojax.flight.attitude_estimator import AttitudeEstimate
 from rpojax.flight.computer import Stages
 from rpojax.flight.orbit_filter import OrbitEstimate
-from rpojax.interop.frames import blocks, orientation, rotation, turned
+from rpojax.interop.frames import blocks, orientation, turned
 from rpojax.physics import faults, plant
 from rpojax.sensors import image_camera
 from rpojax.simulation.closed_loop import Telemetry
@@ -140,7 +141,7 @@ def observe(stages: Stages, scenario: Scenario, params: Params, telemetry: Telem
     q_HN = quaternion.from_matrix(R_HN)
     zero = jnp.zeros((), dtype=jnp.float64)
     command = computer.control_attitude(stages, params.flight, flight, truth.wheel_speed, zero)
-    noise = params.flight.attitude_filter.angle_random_walk**2 / scenario.step_s
+    noise = gyro_variance(scenario, params)
     q_KB = quaternion.normalize(params.flight.onboard.camera_mounting)
     rho, rho_dot = inertial_to_hill(truth.r_ST_N, truth.v_ST_N, R_HN, omega_HN_N)
     omega_BH_B = truth.omega_BN_B - quaternion.rotate(truth.q_BN, omega_HN_N)
@@ -211,7 +212,7 @@ def motion(
     the axes of the estimated body, so a reader who turns it back gets that in A with its covariance, and the error of
     the attitude plays no part.
     """
-    R = rotation(q_BA)
+    R = quaternion.to_matrix(q_BA)
     return Motion(
         position=position,
         orientation=orientation(q_BA),
@@ -222,18 +223,27 @@ def motion(
     )
 
 
+def gyro_variance(scenario: Scenario, params: Params) -> Array:
+    """Variance () of a gyro sample per axis, as flight software knows it [rad^2/s^2]."""
+    return params.flight.attitude_filter.angle_random_walk**2 / scenario.step_s
+
+
+def rate_covariance(attitude: AttitudeEstimate, gyro_variance: Array) -> Matrix:
+    """Covariance [rad^2/s^2] of the estimated rate: a gyro sample less its estimated bias."""
+    P = attitude.covariance
+    return P[3:, 3:] + gyro_variance * jnp.eye(3, dtype=P.dtype)
+
+
 def _servicer_estimate(telemetry: Telemetry, noise: Array) -> Motion:
     orbit, attitude = telemetry.flight.orbit.servicer, telemetry.flight.attitude
-    P = attitude.covariance
-    rate_covariance = P[3:, 3:] + noise * jnp.eye(3, dtype=P.dtype)
     return motion(
         orbit.r_SN_N,
         attitude.q_BN,
         orbit.v_SN_N,
         attitude.omega_BN_B,
         orbit.covariance[:6, :6],
-        P[:3, :3],
-        rate_covariance,
+        attitude.covariance[:3, :3],
+        rate_covariance(attitude, noise),
     )
 
 
@@ -246,15 +256,14 @@ def _relative_estimate(telemetry: Telemetry, noise: Array) -> Motion:
     r_ST_N, v_ST_N = -orbit.relative.r_TS_N, -orbit.relative.v_TS_N
     R_HN, omega_HN_N = hill_frame(orbit.servicer.r_SN_N - r_ST_N, orbit.servicer.v_SN_N - v_ST_N)
     rho, rho_dot = inertial_to_hill(r_ST_N, v_ST_N, R_HN, omega_HN_N)
-    P = attitude.covariance
     return motion(
         rho,
         _from(attitude.q_BN, quaternion.from_matrix(R_HN)),
         rho_dot,
         attitude.omega_BN_B - quaternion.rotate(attitude.q_BN, omega_HN_N),
         seen_in_hill(R_HN, omega_HN_N, orbit.relative.covariance[:6, :6]),
-        P[:3, :3],
-        P[3:, 3:] + noise * jnp.eye(3, dtype=P.dtype),
+        attitude.covariance[:3, :3],
+        rate_covariance(attitude, noise),
     )
 
 

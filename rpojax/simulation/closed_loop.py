@@ -19,7 +19,7 @@ from rpojax.simulation.noise import StartNoise, TickNoise
 from rpojax.simulation.params import Params
 from rpojax.simulation.run_state import SensorState, State, Telemetry
 from rpojax.simulation.scenario import Scenario
-from rpojax.simulation.tick_stages import sky_at
+from rpojax.simulation.tick_stages import Decided, sky_at
 
 FAILURES = ("", "non-finite state", "entered the keep-out sphere")
 """Reasons by failure code."""
@@ -85,8 +85,9 @@ def tick(
     flight, burn_error = tick_stages.plan_burn(stages, scenario, params, state, sensed, flight)
     flight, mode = tick_stages.guide(scenario, params, sensed, flight, innovation.accepted)
     telemetry = tick_stages.look(state, sensed, flight, innovation, mode)
-    motion = tick_stages.act(stages, scenario, params, state, sensed, flight, burn_error)
-    return tick_stages.end(stages, scenario, params, state, sensed, flight, burn_error, motion), telemetry
+    decided = Decided(sensed=sensed, flight=flight, burn_error=burn_error)
+    motion = tick_stages.act(stages, scenario, params, state, decided)
+    return tick_stages.end(stages, scenario, params, state, decided, motion), telemetry
 
 
 def rollout(

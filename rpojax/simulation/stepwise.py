@@ -1,7 +1,7 @@
 """A run stepped from outside, stage by stage, so that somebody else may do the work of some of them.
 
-One tick is `begin`, `decide`, `set_off`, then `move` for every plant step, or `move_all`, then `finish`. With nothing
-given from outside, the run is that of `closed_loop.rollout`, to rounding.
+One tick is `begin`, `decide`, `tick_stages.set_off`, then `move` for every plant step, or `move_all`, then `finish`.
+With nothing given from outside, the run is that of `closed_loop.rollout`, to rounding.
 """
 
 from functools import partial
@@ -18,12 +18,11 @@ from rpojax.flight.computer import FlightMemory, Stages
 from rpojax.flight.orbit_filter import Innovation
 from rpojax.physics import actuators
 from rpojax.physics.actuators import BurnError
-from rpojax.simulation import camera, noise, telemetry, tick_stages
+from rpojax.simulation import camera, noise, tick_stages
 from rpojax.simulation.params import Params
 from rpojax.simulation.run_state import State, Telemetry
 from rpojax.simulation.scenario import Scenario
-from rpojax.simulation.telemetry import Channels
-from rpojax.simulation.tick_stages import Motion, Sensed
+from rpojax.simulation.tick_stages import Decided, Motion, Sensed
 
 Decider = Literal["own", "given", "nobody"]
 """Who decides on burns: flight software, somebody else now, or nobody, so that the plan stays as it is."""
@@ -67,22 +66,11 @@ class GivenBurn:
 
 @pytree
 class Begun:
-    """A tick after sensing and navigation; `seen` has no mode yet."""
+    """A tick after sensing and navigation."""
 
     sensed: Sensed
     flight: FlightMemory
     innovation: Innovation
-    seen: Telemetry
-
-
-@pytree
-class Decided:
-    """A tick after planning and guidance."""
-
-    sensed: Sensed
-    flight: FlightMemory
-    burn_error: BurnError
-    seen: Telemetry
 
 
 @partial(jax.jit, static_argnums=(0, 1))
@@ -90,8 +78,7 @@ def begin(stages: Stages, scenario: Scenario, params: Params, state: State) -> B
     """Sensors, and the filters of the flight software."""
     sensed = tick_stages.sense(scenario, params, state)
     flight, innovation = tick_stages.navigate(stages, scenario, params, state, sensed)
-    seen = tick_stages.look(state, sensed, flight, innovation, jnp.zeros((), dtype=jnp.int64))
-    return Begun(sensed=sensed, flight=flight, innovation=innovation, seen=seen)
+    return Begun(sensed=sensed, flight=flight, innovation=innovation)
 
 
 @jax.jit
@@ -131,8 +118,8 @@ def decide(
     state: State,
     begun: Begun,
     burn: GivenBurn,
-) -> tuple[Decided, Channels]:
-    """Burn and attitude reference of the tick, and the tick's record; `burn` counts only where it is `given`."""
+) -> tuple[Decided, Telemetry]:
+    """Burn and attitude reference of the tick, and what there is to see; `burn` counts only where it is `given`."""
     sensed, flight, burn_error = begun.sensed, begun.flight, state.burn_error
     if decider == "own":
         flight, burn_error = tick_stages.plan_burn(stages, scenario, params, state, sensed, flight)
@@ -140,8 +127,7 @@ def decide(
         flight, burn_error = _take_over(params, state, sensed, flight, burn)
     flight, mode = tick_stages.guide(scenario, params, sensed, flight, begun.innovation.accepted)
     seen = tick_stages.look(state, sensed, flight, begun.innovation, mode)
-    decided = Decided(sensed=sensed, flight=flight, burn_error=burn_error, seen=seen)
-    return decided, telemetry.observe(scenario, params, seen)
+    return Decided(sensed=sensed, flight=flight, burn_error=burn_error), seen
 
 
 def _take_over(
@@ -163,12 +149,6 @@ def _take_over(
     return replace(flight, plan=plan), select(new, drawn, state.burn_error)
 
 
-@jax.jit
-def set_off(state: State, decided: Decided) -> Motion:
-    """Motion before the first plant step of the tick."""
-    return tick_stages.at_rest(state, decided.flight)
-
-
 @partial(jax.jit, static_argnums=0)
 def reference(scenario: Scenario, decided: Decided) -> AttitudeCommand:
     """Attitude commands of the tick, one for every plant step."""
@@ -187,23 +167,20 @@ def move(
     step: Int[Array, ""],
 ) -> Motion:
     """Motion after the plant step of that number in the tick, under given wheel torques [N m]."""
-    return tick_stages.move(
-        *(scenario, params, state, decided.sensed, decided.flight, decided.burn_error, motion, torque),
-        tick_stages.offsets(scenario)[step],
-        decided.sensed.drawn.gyro[step],
-    )
+    offset, gyro_normals = tick_stages.offsets(scenario)[step], decided.sensed.drawn.gyro[step]
+    return tick_stages.move(scenario, params, state, decided, motion, torque, offset, gyro_normals)
 
 
 @partial(jax.jit, static_argnums=(0, 1))
 def move_all(stages: Stages, scenario: Scenario, params: Params, state: State, decided: Decided) -> Motion:
     """Motion at the end of the tick under the flight software's own attitude control."""
-    return tick_stages.act(stages, scenario, params, state, decided.sensed, decided.flight, decided.burn_error)
+    return tick_stages.act(stages, scenario, params, state, decided)
 
 
 @partial(jax.jit, static_argnums=(0, 1))
 def finish(stages: Stages, scenario: Scenario, params: Params, state: State, decided: Decided, motion: Motion) -> State:
     """State at the beginning of the next tick."""
-    return tick_stages.end(stages, scenario, params, state, decided.sensed, decided.flight, decided.burn_error, motion)
+    return tick_stages.end(stages, scenario, params, state, decided, motion)
 
 
 @partial(jax.jit, static_argnums=0)

@@ -56,6 +56,21 @@ class Sensed:
 
 
 @pytree
+class Decided:
+    """A tick after planning and guidance.
+
+    Attributes:
+        sensed: how it began
+        flight: memory of the flight software
+        burn_error: execution error of the present burn
+    """
+
+    sensed: Sensed
+    flight: FlightMemory
+    burn_error: BurnError
+
+
+@pytree
 class Motion:
     """What goes on within a tick.
 
@@ -142,9 +157,9 @@ def offsets(scenario: Scenario) -> Float[Array, " substeps"]:
     return jnp.arange(scenario.substeps, dtype=jnp.float64) * scenario.step_s
 
 
-def at_rest(state: State, flight: FlightMemory) -> Motion:
-    """Motion at the beginning of a tick."""
-    return Motion(truth=state.truth, attitude=flight.attitude, delta_v_N=jnp.zeros(3))
+def set_off(state: State, decided: Decided) -> Motion:
+    """Motion before the first plant step of a tick."""
+    return Motion(truth=state.truth, attitude=decided.flight.attitude, delta_v_N=jnp.zeros(3))
 
 
 def control(stages: Stages, params: Params, flight: FlightMemory, motion: Motion, offset: Scalar) -> Vector:
@@ -157,19 +172,17 @@ def move(
     scenario: Scenario,
     params: Params,
     state: State,
-    sensed: Sensed,
-    flight: FlightMemory,
-    burn_error: BurnError,
+    decided: Decided,
     motion: Motion,
     torque: Vector,
     offset: Scalar,
     gyro_normals: Vector,
 ) -> Motion:
     """Motion one plant step later, under constant wheel torques [N m]; `offset` [s] is that of the step in the tick."""
-    dt, effects, plan = scenario.step_s, scenario.effects, flight.plan
-    now = replace(flight, attitude=motion.attitude)
+    dt, effects, plan, sensed = scenario.step_s, scenario.effects, decided.flight.plan, decided.sensed
+    now = replace(decided.flight, attitude=motion.attitude)
     begin = sensed.time + offset
-    burn = Burn(ignition=plan.ignition - begin, cutoff=plan.cutoff - begin, error=burn_error)
+    burn = Burn(ignition=plan.ignition - begin, cutoff=plan.cutoff - begin, error=decided.burn_error)
     delta_v_N = motion.delta_v_N + computer.delta_v_between(params.flight, now, begin, begin + dt)
     thrust = actuators.thrust(params.plant.thruster, burn, effects.integrator, effects.thruster_ramps, dt)
     truth = plant.step(effects, params.plant, motion.truth, torque, (thrust,), sensed.sky, sensed.health, dt)
@@ -178,39 +191,22 @@ def move(
     return Motion(truth=truth, attitude=attitude, delta_v_N=delta_v_N)
 
 
-def act(
-    stages: Stages,
-    scenario: Scenario,
-    params: Params,
-    state: State,
-    sensed: Sensed,
-    flight: FlightMemory,
-    burn_error: BurnError,
-) -> Motion:
+def act(stages: Stages, scenario: Scenario, params: Params, state: State, decided: Decided) -> Motion:
     """Motion at the end of the tick, under the flight software's own attitude control."""
 
     def step(motion: Motion, inputs: tuple[Array, Array]) -> tuple[Motion, None]:
         offset, gyro_normals = inputs
-        torque = control(stages, params, flight, motion, offset)
-        args = (scenario, params, state, sensed, flight, burn_error)
-        return move(*args, motion, torque, offset, gyro_normals), None
+        torque = control(stages, params, decided.flight, motion, offset)
+        return move(scenario, params, state, decided, motion, torque, offset, gyro_normals), None
 
     with jax.named_scope("act"):
-        inputs = (offsets(scenario), sensed.drawn.gyro)
-        return jax.lax.scan(step, at_rest(state, flight), inputs)[0]
+        inputs = (offsets(scenario), decided.sensed.drawn.gyro)
+        return jax.lax.scan(step, set_off(state, decided), inputs)[0]
 
 
-def end(
-    stages: Stages,
-    scenario: Scenario,
-    params: Params,
-    state: State,
-    sensed: Sensed,
-    flight: FlightMemory,
-    burn_error: BurnError,
-    motion: Motion,
-) -> State:
+def end(stages: Stages, scenario: Scenario, params: Params, state: State, decided: Decided, motion: Motion) -> State:
     """State one tick later: both filters carried to the end of the tick, sensor errors too, and the run checked."""
+    sensed, flight, burn_error = decided.sensed, decided.flight, decided.burn_error
     with jax.named_scope("act"):
         moved = replace(flight, attitude=motion.attitude)
         ratio = jnp.ones_like(sensed.time)

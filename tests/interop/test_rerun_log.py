@@ -2,7 +2,7 @@
 
 import dataclasses
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import jax
@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.pointing import Mode
 from rpojax.interop import rerun_log, rerun_plots, rerun_scene
-from rpojax.interop.flight_record import Flight
+from rpojax.interop.flight_record import Flight, Shot
 from rpojax.interop.shown_values import Shown
 
 CAMERA = "/hill/servicer/camera"
@@ -53,7 +53,7 @@ class Read:
 def write(tmp_path: Path) -> Callable[..., Read]:
     """Writes a run and reads it back."""
 
-    def made(flight: Flight[Shown], shots: rerun_log.Shots | None = None) -> Read:
+    def made(flight: Flight[Shown], shots: Iterable[Shot] | None = None) -> Read:
         return Read(rerun_log.write(flight, tmp_path / "run.rrd", shots).path)
 
     return made

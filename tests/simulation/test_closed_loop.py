@@ -13,14 +13,14 @@ from rpojax.flight import attitude_control, formation_control
 from rpojax.flight.attitude_control import AttitudeCommand
 from rpojax.flight.computer import Stages
 from rpojax.flight.pointing import Mode
-from rpojax.simulation import closed_loop, stepwise
+from rpojax.simulation import closed_loop, stepwise, tick_stages
 from rpojax.simulation import params as parameters
 from rpojax.simulation import scenario as scenarios
 from rpojax.simulation.closed_loop import State, Telemetry
 from rpojax.simulation.params import Params
 from rpojax.simulation.scenario import Scenario
-from rpojax.simulation.stepwise import Decided, GivenBurn
-from rpojax.simulation.tick_stages import Motion
+from rpojax.simulation.stepwise import GivenBurn
+from rpojax.simulation.tick_stages import Decided, Motion
 
 TICKS = 90
 
@@ -154,10 +154,10 @@ def test_a_run_stepped_stage_by_stage_is_the_run(loop: tuple[Scenario, Params], 
     state, seen = start, []
     for _ in range(TICKS):
         begun = stepwise.begin(STAGES, static, numbers, state)
-        decided, _ = stepwise.decide(STAGES, static, "own", numbers, state, begun, NO_BURN)
+        decided, now = stepwise.decide(STAGES, static, "own", numbers, state, begun, NO_BURN)
         motion = stepwise.move_all(STAGES, static, numbers, state, decided)
         state = stepwise.finish(STAGES, static, numbers, state, decided, motion)
-        seen.append(decided.seen)
+        seen.append(now)
     assert_close(state, run[0])
     assert_close(jax.tree.map(lambda *leaves: jnp.stack(leaves), *seen), run[1])
 
@@ -173,7 +173,7 @@ def test_a_run_whose_burns_and_torques_are_given_from_outside_as_the_flight_soft
         burn = GivenBurn(ignition=plans.ignition[tick], cutoff=plans.cutoff[tick], q_burn=plans.q_burn[tick])
         begun = stepwise.begin(STAGES, static, numbers, state)
         decided, _ = stepwise.decide(STAGES, static, "given", numbers, state, begun, burn)
-        motion = stepwise.set_off(state, decided)
+        motion = tick_stages.set_off(state, decided)
         commands = stepwise.reference(static, decided)
         accelerations.append(float(jnp.max(jnp.abs(commands.acceleration_C))))
         for step in range(static.substeps):
