@@ -12,7 +12,7 @@ from tyro.conf import arg
 
 from rpojax import console, plan_verb
 from rpojax.errors import RpojaxError, UnfinishedError
-from rpojax.machine import prepare_jax
+from rpojax.machine import prepare_jax, prepare_loop
 from rpojax.verb_parts import (
     AsJson,
     Folder,
@@ -62,6 +62,7 @@ def run(
     """One run with its full history: a campaign of one run, with its report."""
     file = load(scenario, overrides)
     prepare_jax(cache=not no_cache)
+    prepare_loop(rendered=file.camera.model == "rendered")
     from rpojax.campaign import runner
 
     def work(watch: console.Watch) -> "Campaign":
@@ -120,6 +121,7 @@ def campaign(
     file = load(scenario, overrides)
     _check_executor(executor, scheduler, workers, shard, force)
     prepare_jax(cache=not no_cache)
+    prepare_loop(rendered=file.camera.model == "rendered")
     from rpojax.campaign import runner
     from rpojax.campaign.retention import Retention
 
@@ -167,6 +169,7 @@ def resume(
 
     part = runner.Shard.parse(shard) if shard is not None else None
     found = Campaign(directory)
+    prepare_loop(rendered=found.file.camera.model == "rendered")
     if runner.is_complete(found):
         files.sweep(found.directory)
         if found.asked["report"] and not _has_whole_report(found):
@@ -201,6 +204,7 @@ def rerun(
     from rpojax.campaign.store import Campaign
 
     found = Campaign(directory)
+    prepare_loop(rendered=found.file.camera.model == "rendered")
     outcomes: list[again.Rerun] = []
 
     def work(watch: console.Watch) -> "Campaign":

@@ -36,7 +36,7 @@ from rpojax import (
     worst_case_verb,
 )
 from rpojax.errors import OutputError, RpojaxError, UnfinishedError
-from rpojax.machine import prepare_jax
+from rpojax.machine import prepare_jax, prepare_loop
 from rpojax.verb_parts import AsJson, Folder, NoCache, Overrides, Source, Status, abandon_worker, fly, load, print_json
 from rpojax.version import __version__
 
@@ -179,6 +179,7 @@ def bench(
     """Measure the closed loop alone, without metrics and storage; programs are compiled anew, timed apart."""
     file = load("inspection", (f"duration_s={duration_s}",))
     prepare_jax(cache=False)
+    prepare_loop(rendered=False)
     from rpojax.campaign import benchmark
 
     benchmark.check(runs)

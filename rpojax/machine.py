@@ -6,6 +6,9 @@ from pathlib import Path
 
 _DEVICE_FLAG = "--xla_force_host_platform_device_count"
 
+_EXTRA_FLAG = "--xla_backend_extra_options"
+_JOINED = "xla_cpu_use_multi_output_fusion=true,xla_cpu_small_while_loop_byte_threshold=1000000"
+
 
 def prepare_jax(cache: bool) -> None:
     """Makes the settings that jax reads once, when it is imported: host devices, and where compiled programs are kept.
@@ -22,6 +25,17 @@ def prepare_jax(cache: bool) -> None:
         os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(folder))
         os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
         os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
+
+
+def prepare_loop(rendered: bool) -> None:
+    """Has XLA work out once what several results of the closed loop share, which makes it nearly twice as fast.
+
+    To be called before anything is computed. Not for rendered cameras: pictures take twice as long with it. XLA leaves
+    aside what it does not know of these options; what the user's environment says about them is left as it is.
+    """
+    flags = os.environ.get("XLA_FLAGS", "")
+    if not rendered and _EXTRA_FLAG not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} {_EXTRA_FLAG}={_JOINED}".strip()
 
 
 def _cores() -> int:

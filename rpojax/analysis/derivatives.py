@@ -171,7 +171,7 @@ class Flights:
 
     def _figures(self, nominal: Params, numbers: Array, keys: Array, chunk: int = 0) -> tuple[Array, Seen]:
         """Figures (runs, figures), failures and events of runs; `chunk` 0 keeps nothing for a reverse mode."""
-        axes = run_axes()
+        axes = run_axes(0)
         values = jax.vmap(self._inputs)(numbers, keys)
 
         def begin(values: Values, key: Array) -> State:

@@ -1,5 +1,6 @@
 """Many runs through two compiled programs: one prepares a block of runs, one carries it through a stretch of time."""
 
+import contextlib
 import dataclasses
 import time
 from collections.abc import Iterator, Sequence
@@ -15,7 +16,7 @@ from jaxtyping import Array
 from rpojax.campaign import dispersions
 from rpojax.campaign.design import Design, independent
 from rpojax.campaign.dispersions import Values
-from rpojax.core import random
+from rpojax.core import random, trailing
 from rpojax.errors import RpojaxError
 from rpojax.flight.computer import Stages
 from rpojax.simulation import closed_loop, dispersed, params, scenario, telemetry
@@ -120,7 +121,7 @@ class Engine:
         advance = jax.jit(self._advance, donate_argnums=(2,))
         lowered = [advance.lower(*jax.device_put((self._nominal, drawn, state), device)) for device in self.devices]
         with ThreadPoolExecutor(len(lowered)) as pool:
-            self._programs = (prepare, list(pool.map(lambda program: program.compile(), lowered)))
+            self._programs = (prepare, list(pool.map(_compiled, lowered)))
         self.compile_s = time.perf_counter() - begin
 
     def _compile_preparation(self, seed: int) -> Any:
@@ -189,18 +190,29 @@ class Engine:
             used = dispersions.read_back(dispersed, self.keys)
             return drawn, used, closed_loop.init(self.scenario, dispersed, run_key)
 
-        return jax.vmap(one, out_axes=(0, 0, run_axes()))(ids, given)
+        return jax.vmap(one, out_axes=(0, 0, run_axes(-1)))(ids, given)
 
     def _advance(self, nominal: Params, values: Values, state: State) -> tuple[State, telemetry.Channels]:
-        axes = run_axes()
-
         def one(values: Values, state: State) -> tuple[State, telemetry.Channels]:
             dispersed = dispersions.apply(nominal, values)
             after, seen = closed_loop.tick(self.stages, self.scenario, dispersed, state)
             return after, telemetry.observe(self.scenario, dispersed, seen)
 
-        every = jax.vmap(one, in_axes=(0, axes), out_axes=(axes, 0))
-        return jax.lax.scan(lambda carry, _: every(values, carry), state, None, length=self.segment_ticks)
+        axes = run_axes(-1)
+        # Pictures are made by convolutions and lookups, which JAX batches best itself.
+        batch = jax.vmap if self.scenario.camera_model == "rendered" else trailing.batch
+        every = batch(one, in_axes=(-1, axes), out_axes=(axes, -1))
+        own = {name: jnp.moveaxis(value, 0, -1) for name, value in values.items()}
+        after, seen = jax.lax.scan(lambda carry, _: every(own, carry), state, None, length=self.segment_ticks)
+        return after, {name: jnp.moveaxis(value, -1, 1) for name, value in seen.items()}
+
+
+def _compiled(lowered: Any) -> Any:
+    """A program without calls of another library for its many small sums, where XLA knows that option."""
+    if jax.default_backend() == "cpu":
+        with contextlib.suppress(jax.errors.JaxRuntimeError):
+            return lowered.compile(compiler_options={"xla_cpu_experimental_ynn_fusion_type": ""})
+    return lowered.compile()
 
 
 def _master_key(seed: int) -> Array:
@@ -212,10 +224,10 @@ def _joined(parts: list[dict[str, Array]], axis: int) -> dict[str, np.ndarray]:
     return {name: np.concatenate([np.asarray(part[name]) for part in parts], axis=axis) for name in parts[0]}
 
 
-def run_axes() -> State:
-    """Batch axis of each field of State: none for the tick, which all runs have in common.
+def run_axes(axis: int) -> State:
+    """Batch axis of each field of State: `axis`, but none for the tick, which all runs have in common.
 
     That makes the burn decision a true branch, taken on one tick in two hundred.
     """
-    axes: dict[str, Any] = {field.name: 0 for field in dataclasses.fields(State)}
+    axes: dict[str, Any] = {field.name: axis for field in dataclasses.fields(State)}
     return State(**{**axes, "tick": None})

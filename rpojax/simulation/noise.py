@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import random
+from rpojax.core.materialise import materialise
 from rpojax.core.pytree import pytree
 from rpojax.core.random import Stream
 from rpojax.sensors import statistical_camera
@@ -88,26 +89,40 @@ def draw_start(scenario: Scenario, keys: Array) -> StartNoise:
 
 def draw(scenario: Scenario, keys: Array, tick: Array) -> TickNoise:
     """Numbers of one tick, from the (streams, 2) keys of a run."""
-
-    def key(stream: Stream) -> Array:
-        return random.fold_in(keys[stream], tick)
-
-    box_key = camera_key(keys, tick)
-    bias_key = random.fold_in(keys[Stream.SENSOR_BIAS], tick + 1)
+    first, second = _tick_keys(keys, tick)
     lasting = scenario.camera_model == "statistical"
-    return TickNoise(
-        gps=random.normal(key(Stream.GPS), 3),
-        star_tracker=random.normal(random.fold_in(key(Stream.STAR_TRACKER), 1), 3),
-        gyro=random.normal(key(Stream.GYRO), 3 * scenario.substeps).reshape(scenario.substeps, 3),
-        box=random.normal(box_key, statistical_camera.NORMALS),
-        chances=random.uniform(random.fold_in(box_key, 1), statistical_camera.UNIFORMS),
+    drawn = TickNoise(
+        gps=random.normal(first[Stream.GPS], 3),
+        star_tracker=random.normal(second[Stream.STAR_TRACKER], 3),
+        gyro=random.normal(first[Stream.GYRO], 3 * scenario.substeps).reshape(scenario.substeps, 3),
+        box=random.normal(first[Stream.BOX_CAMERA], statistical_camera.NORMALS),
+        chances=random.uniform(second[Stream.BOX_CAMERA], statistical_camera.UNIFORMS),
         # The tick is the same for all runs of a batch, so this is a true branch.
         burn=jax.lax.cond(
             tick % scenario.formation_ticks == 0,
             lambda: burn_normals(keys, tick),
             lambda: jnp.zeros(4, dtype=jnp.float64),
         ),
-        chamber_pressure=random.normal(key(Stream.CHAMBER_PRESSURE), 1)[0],
-        biases=random.normal(bias_key, 6),
-        box_edges=random.normal(random.fold_in(bias_key, 1), 4) if lasting else None,
+        chamber_pressure=random.normal(first[Stream.CHAMBER_PRESSURE], 1)[0],
+        biases=random.normal(first[Stream.SENSOR_BIAS], 6),
+        box_edges=random.normal(second[Stream.SENSOR_BIAS], 4) if lasting else None,
     )
+    return materialise(drawn, tick)
+
+
+def _tick_keys(keys: Array, tick: Array) -> tuple[dict[Stream, Array], dict[Stream, Array]]:
+    """Keys of the streams at a tick, and those derived from them where a stream has two kinds of numbers.
+
+    Stored, since each of them feeds many numbers: the rounds that make it would be run again for every one.
+    """
+    now = {
+        Stream.GPS: tick,
+        Stream.STAR_TRACKER: tick,
+        Stream.GYRO: tick,
+        Stream.BOX_CAMERA: tick,
+        Stream.CHAMBER_PRESSURE: tick,
+        Stream.SENSOR_BIAS: tick + 1,
+    }
+    first = materialise({stream: random.fold_in(keys[stream], number) for stream, number in now.items()}, tick)
+    twice = (Stream.STAR_TRACKER, Stream.BOX_CAMERA, Stream.SENSOR_BIAS)
+    return first, materialise({stream: random.fold_in(first[stream], 1) for stream in twice}, tick)

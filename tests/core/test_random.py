@@ -3,6 +3,8 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
 
 from rpojax.core import random
 from rpojax.core.random import Stream
@@ -38,6 +40,15 @@ def test_keys_differ_between_seeds_runs_and_streams() -> None:
         for stream in Stream
     ]
     assert len(set(keys)) == len(keys)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1), st.integers(1, 40))
+def test_keys_and_numbers_are_those_of_jax(seed: int, number: int, count: int) -> None:
+    theirs = jax.random.fold_in(jax.random.key(seed, impl="threefry2x32"), np.uint32(number))
+    key = random.fold_in(random.master_key(seed), jnp.uint32(number))
+    np.testing.assert_array_equal(key, jax.random.key_data(theirs))
+    np.testing.assert_array_equal(random.normal(key, count), jax.random.normal(theirs, (count,), dtype=jnp.float32))
+    np.testing.assert_array_equal(random.uniform(key, count), jax.random.uniform(theirs, (count,), dtype=jnp.float32))
 
 
 def test_the_key_of_a_run_is_pinned() -> None:

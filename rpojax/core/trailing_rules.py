@@ -1,0 +1,122 @@
+"""What an operation on one item becomes for many of them along the last axis; the others are left to `jax.vmap`."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jax import lax
+
+
+class Value(NamedTuple):
+    """An array, and whether its last axis is that of the items; else they have it in common."""
+
+    array: Any
+    many: bool
+
+
+Rule = Callable[[Any, list[Value], int], Any]
+"""From the operation, its arguments and the number of items to its result, None where it does not know."""
+
+
+def spread(value: Value, size: int) -> Any:
+    """The array with an axis of `size` items."""
+    if value.many:
+        return value.array
+    array = jnp.asarray(value.array)
+    return lax.broadcast_in_dim(array, (*array.shape, size), range(array.ndim))
+
+
+def _elementwise(equation: Any, given: list[Value], size: int) -> Any:
+    arrays = [spread(value, size) for value in given]
+    shape = max((array.shape for array in arrays), key=len)
+    # An operation may take a scalar beside an array.
+    same = [a if a.ndim == len(shape) else lax.broadcast_in_dim(a, shape, (len(shape) - 1,)) for a in arrays]
+    return equation.primitive.bind(*same, **equation.params)
+
+
+def _select(equation: Any, given: list[Value], size: int) -> Any:
+    which, *cases = given
+    if not which.many and jnp.ndim(which.array) == 0:
+        return lax.select_n(which.array, *(spread(case, size) for case in cases))
+    return _elementwise(equation, given, size)
+
+
+def _slice(equation: Any, given: list[Value], size: int) -> Any:
+    params = equation.params
+    strides = None if params["strides"] is None else (*params["strides"], 1)
+    return lax.slice(given[0].array, (*params["start_indices"], 0), (*params["limit_indices"], size), strides)
+
+
+def _dynamic_slice(equation: Any, given: list[Value], size: int) -> Any:
+    array, *starts = given
+    if not array.many or any(start.many for start in starts):
+        return None
+    first = jnp.zeros((), dtype=jnp.result_type(starts[0].array))
+    return lax.dynamic_slice(
+        array.array, (*(start.array for start in starts), first), (*equation.params["slice_sizes"], size)
+    )
+
+
+def _squeeze(equation: Any, given: list[Value], _: int) -> Any:
+    return lax.squeeze(given[0].array, equation.params["dimensions"])
+
+
+def _expand(equation: Any, given: list[Value], size: int) -> Any:
+    shape = (*equation.params["shape"], size)
+    places = (*equation.params["broadcast_dimensions"], len(shape) - 1)
+    return lax.broadcast_in_dim(given[0].array, shape, places)
+
+
+def _concatenate(equation: Any, given: list[Value], size: int) -> Any:
+    return lax.concatenate([spread(value, size) for value in given], equation.params["dimension"])
+
+
+def _stack(equation: Any, given: list[Value], size: int) -> Any:
+    return jnp.stack([spread(value, size) for value in given], axis=equation.params["axis"])
+
+
+def _pad(equation: Any, given: list[Value], size: int) -> Any:
+    array, filling = given
+    if filling.many:
+        return None
+    return lax.pad(spread(array, size), filling.array, (*equation.params["padding_config"], (0, 0, 0)))
+
+
+def _transpose(equation: Any, given: list[Value], _: int) -> Any:
+    order = equation.params["permutation"]
+    return lax.transpose(given[0].array, (*order, len(order)))
+
+
+def _reshape(equation: Any, given: list[Value], size: int) -> Any:
+    return lax.reshape(given[0].array, (*equation.params["new_sizes"], size))
+
+
+def _as_it_is(equation: Any, given: list[Value], _: int) -> Any:
+    """Reductions and the like over axes that are counted from the front."""
+    return equation.primitive.bind(given[0].array, **equation.params)
+
+
+_ELEMENTWISE = (
+    "abs acos add and asin atan atan2 bitcast_convert_type cbrt ceil clamp convert_element_type copy cos cosh div "
+    "eq erf erf_inv erfc exp exp2 expm1 floor ge gt integer_pow is_finite le log log1p logistic lt max min mul ne "
+    "neg nextafter not or pow rem round rsqrt shift_left shift_right_arithmetic shift_right_logical sign sin sinh "
+    "sqrt square stop_gradient sub tan tanh xor"
+)
+
+_REDUCTIONS = "argmax argmin reduce_and reduce_max reduce_min reduce_or reduce_prod reduce_sum"
+
+RULES: dict[str, Rule] = {
+    **dict.fromkeys(_ELEMENTWISE.split(), _elementwise),
+    **dict.fromkeys(_REDUCTIONS.split(), _as_it_is),
+    "broadcast_in_dim": _expand,
+    "concatenate": _concatenate,
+    "dynamic_slice": _dynamic_slice,
+    "pad": _pad,
+    "reshape": _reshape,
+    "select_n": _select,
+    "slice": _slice,
+    "squeeze": _squeeze,
+    "stack": _stack,
+    "transpose": _transpose,
+}
+"""Rules by name of the operation."""

@@ -1,0 +1,112 @@
+"""Batching along the last axis gives what `jax.vmap` gives, and keeps the items in the last axis on the way."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.core import trailing
+
+ITEMS = 7
+X = np.random.default_rng(1).normal(size=(3, ITEMS))
+M = np.random.default_rng(2).normal(size=(3, 3, ITEMS))
+S = np.random.default_rng(3).normal(size=ITEMS)
+MARKER = np.int64(4)
+
+
+def scanned(x: Any, m: Any, s: Any, marker: Any) -> Any:
+    """A carry that differs between items only after the second round, beside one that never does."""
+
+    def body(carry: Any, row: Any) -> Any:
+        own, later, common = carry
+        return (own + row @ jnp.ones(3), later + own, common + 1.0), (jnp.sum(row), common)
+
+    zero = jnp.zeros(())
+    return jax.lax.scan(body, (zero, zero, zero), m)
+
+
+def branched(x: Any, m: Any, s: Any, marker: Any) -> Any:
+    """One branch on what all items share, one on what they do not."""
+    shared = jax.lax.cond(marker > 3, lambda: (x * 2.0, jnp.zeros(())), lambda: (jnp.ones(3), s))
+    own = jax.lax.cond(s > 0.0, lambda: m[0], lambda: x)
+    which = jax.lax.switch(
+        (s > 0.0).astype(jnp.int32) + (s > 1.0).astype(jnp.int32), [lambda: s, lambda: x[0], lambda: x[1]]
+    )
+    return shared, own, which
+
+
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "elementwise": lambda x, m, s, marker: (
+        jnp.sin(x) * s + 2.0,
+        jnp.where(s > 0.0, x, -x),
+        jnp.where(marker > 3, x, s),
+    ),
+    "reductions": lambda x, m, s, marker: (jnp.sum(m, axis=1), jnp.max(x), jnp.argmin(x), jnp.all(x > s), jnp.prod(x)),
+    "slices": lambda x, m, s, marker: (m[1:, 0], x[::2], x[marker - 2], jax.lax.dynamic_slice(m, (marker, 0), (2, 1))),
+    "own places": lambda x, m, s, marker: (m[jnp.argmax(x)], jax.lax.dynamic_slice(x, (jnp.argmin(x),), (1,))),
+    "shapes": lambda x, m, s, marker: (m.T, m.reshape(9), x[:, None] * m, jnp.pad(x, 1), jnp.diag(x), jnp.flip(x)),
+    "joins": lambda x, m, s, marker: (
+        jnp.stack([x[0], s, marker.astype(jnp.float64)]),
+        jnp.concatenate([x, jnp.ones(2), s[None]]),
+    ),
+    "products": lambda x, m, s, marker: (m @ x, jnp.linalg.inv(m), jnp.cross(x, m[0])),
+    "common": lambda x, m, s, marker: (jnp.arange(3) * marker, x),
+    "sorted": lambda x, m, s, marker: (jnp.sort(x), jnp.cumsum(x)),
+    "repeated": lambda x, m, s, marker: jax.lax.while_loop(
+        lambda c: c[0] < 3.0, lambda c: (c[0] + 1.0, c[1] * s), (s, x)
+    ),
+    "given derivative": lambda x, m, s, marker: (jax.nn.relu(x), jax.grad(lambda y: jnp.sum(jnp.sqrt(y * y)))(x)),
+    "scan": scanned,
+    "branches": branched,
+}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_results_are_those_of_vmap(name: str) -> None:
+    axes = (-1, -1, -1, None)
+    expected = jax.vmap(FUNCTIONS[name], in_axes=axes, out_axes=-1)(X, M, S, MARKER)
+    found = jax.jit(trailing.batch(FUNCTIONS[name], axes, -1))(X, M, S, MARKER)
+    assert jax.tree.structure(found) == jax.tree.structure(expected)
+    for ours, theirs in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+        assert ours.shape == theirs.shape
+        assert ours.dtype == theirs.dtype
+        np.testing.assert_allclose(ours, theirs, rtol=1e-13, atol=1e-14)
+
+
+def test_what_items_have_in_common_stays_without_an_axis() -> None:
+    def function(record: dict[str, Any], count: Any) -> Any:
+        return {"own": record["a"] * record["b"][0], "common": count + 1, "none": None}
+
+    batched = trailing.batch(function, ({"a": -1, "b": None}, None), {"own": -1, "common": None, "none": None})
+    found = batched({"a": X, "b": jnp.ones(2)}, MARKER)
+    assert found["own"].shape == (3, ITEMS)
+    assert int(found["common"]) == MARKER + 1
+    assert found["none"] is None
+
+
+def test_a_result_that_differs_cannot_be_in_common() -> None:
+    with pytest.raises(ValueError, match="out_axes"):
+        trailing.batch(lambda x: x * 2.0, (-1,), None)(X)
+
+
+def test_stacked_components_stay_apart_in_memory() -> None:
+    """No transposition is left of a function that takes vectors apart and puts them together again."""
+
+    def function(x: Any, m: Any) -> Any:
+        y = jnp.stack([x[1] * x[2], x[2] - x[0], x[0]])
+        return jnp.concatenate([jnp.sum(m * y[None, :], axis=1), y])
+
+    text = jax.jit(trailing.batch(function, (-1, -1), -1)).lower(X, M).as_text()
+    assert "transpose" not in text
+
+
+def test_scopes_are_kept() -> None:
+    def function(x: Any) -> Any:
+        with jax.named_scope("sense"):
+            return jnp.sin(x)
+
+    text = jax.jit(trailing.batch(function, (-1,), -1)).lower(X).as_text(debug_info=True)
+    assert "sense/sin" in text
