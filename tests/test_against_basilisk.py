@@ -4,6 +4,7 @@ import json
 import re
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -76,7 +77,7 @@ def test_a_missing_basilisk_is_said_with_the_line_that_installs_it(
     ]
 
 
-def content() -> dict[str, object]:
+def content() -> dict[str, Any]:
     return comparison.as_json(PASSES, [PROOF], {"Basilisk": 1.0, "rpojax": 2.0, "compile": 26.0}, WHERE)
 
 
@@ -117,7 +118,7 @@ def test_compiling_is_made_up_for_after_some_runs_or_never() -> None:
     assert comparison.break_even(fast, slow, 1.0, 28.0) is None
     lines = comparison.report(
         comparison.as_json([flown("Basilisk", 9e4), PASSES[1]], [PROOF], content()["starts"], WHERE)
-    )  # pyright: ignore[reportArgumentType]
+    )
     assert any(line.endswith("| | none | |") for line in lines)
 
 
@@ -125,8 +126,8 @@ def test_compiling_is_made_up_for_after_some_runs_or_never() -> None:
     ("proof", "fault"),
     [
         (PROOF, None),
-        (Proof(3, 400.0, 0.05, 48.0), "formation error: found 400.0 m, expected at most 60 m"),
-        (Proof(3, float("nan"), 0.05, 48.0), "formation error: found nan m, expected at most 60 m"),
+        (Proof(3, 400.0, 0.05, 48.0), "formation error: found 400.0 m, expected at most 30 m"),
+        (Proof(3, float("nan"), 0.05, 48.0), "formation error: found nan m, expected at most 30 m"),
         (Proof(3, 12.0, 2.0, 48.0), "pointing error: found 2.00 deg, expected at most 0.5 deg"),
         (Proof(3, 12.0, 0.05, 0.0), "burns: found none, expected at least one"),
     ],
