@@ -21,10 +21,12 @@ def draw(file: ScenarioFile, runs: int) -> list[dict[str, Any]]:
     static, nominal = single.nominal(file)
 
     @jax.jit
-    def one(run_id: Array) -> tuple[PlantParams, Truth]:
+    def one(run_id: Array) -> tuple[PlantParams, Truth, Array]:
         key = closed_loop.run_key(SEED, run_id)
         chosen = dispersions.apply(nominal, dispersions.draw(file, key, {}))
-        return chosen.plant, closed_loop.init(static, chosen, key).truth
+        thruster = chosen.plant.thruster
+        push = quaternion.rotate(quaternion.exp(thruster.misalignment), quaternion.normalize(thruster.direction))
+        return chosen.plant, closed_loop.init(static, chosen, key).truth, push
 
     told = {
         "F_told": nominal.plant.thruster.force,
@@ -33,7 +35,7 @@ def draw(file: ScenarioFile, runs: int) -> list[dict[str, Any]]:
         "wanted_elements": wanted_elements(file),
     }
     drawn = (jax.tree.map(np.asarray, one(np.int32(run_id))) for run_id in range(runs))
-    return [_lists({**told, **_plant(plant), **_start(truth)}) for plant, truth in drawn]
+    return [_lists({**told, **_plant(plant), **_start(truth), "thr_dir": push[None]}) for plant, truth, push in drawn]
 
 
 def wanted_elements(file: ScenarioFile) -> np.ndarray:
@@ -43,7 +45,6 @@ def wanted_elements(file: ScenarioFile) -> np.ndarray:
 
 def _plant(plant: PlantParams) -> dict[str, Any]:
     thruster = plant.thruster
-    turned = quaternion.rotate(quaternion.exp(thruster.misalignment), quaternion.normalize(thruster.direction))
     return {
         "mu": plant.gravity.mu,
         "Re": plant.gravity.radius,
@@ -59,7 +60,6 @@ def _plant(plant: PlantParams) -> dict[str, Any]:
         "Isp": thruster.specific_impulse,
         "minimum_on_s": thruster.minimum_on_time,
         "thr_loc": np.asarray(thruster.position)[None],
-        "thr_dir": np.asarray(turned)[None],
     }
 
 
