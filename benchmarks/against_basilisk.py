@@ -22,6 +22,7 @@ from benchmarks.comparison import Pass
 from rpojax import outputs
 from rpojax.errors import RpojaxError
 from rpojax.machine import prepare_jax
+from rpojax.verb_parts import Status
 from rpojax.version import __version__
 
 if TYPE_CHECKING:
@@ -48,7 +49,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         return compare(given, peer_version)
     except RpojaxError as error:
         print(f"against_basilisk: {error}", file=sys.stderr)
-        return 2
+        return Status.BAD_INPUT
+    except KeyboardInterrupt:
+        print("against_basilisk: interrupted", file=sys.stderr)
+        return Status.INTERRUPTED
 
 
 def options(argv: Sequence[str] | None = None) -> argparse.Namespace:

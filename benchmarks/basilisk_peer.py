@@ -67,15 +67,19 @@ def started(inputs: Sequence[dict[str, Any]], cores: int) -> Iterator[Peer]:
     workers: list[subprocess.Popen[str]] = []
     try:
         for core in range(cores):
-            workers.append(
-                subprocess.Popen(command, cwd=_ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-            )
+            workers.append(_start(command))
             _say(workers[-1], list(inputs[core::cores]))
         yield Peer(workers, max(_answer(worker)["import_s"] for worker in workers))
     finally:
         for worker in workers:
             worker.kill()
             worker.communicate()
+
+
+def _start(command: list[str]) -> "subprocess.Popen[str]":
+    """A process of its own session: an interrupt is for the one that gives the orders."""
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, cwd=_ROOT, stdin=pipe, stdout=pipe, text=True, start_new_session=True)
 
 
 def _say(worker: "subprocess.Popen[str]", content: Any) -> None:

@@ -2,16 +2,19 @@
 
 import json
 import re
+from contextlib import nullcontext
 from importlib.metadata import PackageNotFoundError
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from benchmarks import against_basilisk, basilisk_inputs, comparison
+from benchmarks import against_basilisk, basilisk_inputs, basilisk_peer, comparison
 from benchmarks.comparison import Pass, Proof
 from experiments.validation.reference import quaternion_of
+from rpojax.campaign import benchmark as closed_loop
 from rpojax.simulation.schema import ScenarioFile
 
 WHERE = {
@@ -81,6 +84,48 @@ def content() -> dict[str, Any]:
     return comparison.as_json(PASSES, [PROOF], {"Basilisk": 1.0, "rpojax": 2.0, "compile": 26.0}, WHERE)
 
 
+def fly_with(monkeypatch: pytest.MonkeyPatch, proof: Proof, *words: str) -> int:
+    """Exit status of the command with simulators that only say how fast they were."""
+    rates = {"Basilisk": iter([10_000.0, 12_000.0]), "rpojax": iter([90_000.0, 40_000.0, 39_000.0])}
+    peer = SimpleNamespace(
+        import_s=1.0, prove=lambda *_: [PROOF, proof], fly=lambda *_: flown("Basilisk", next(rates["Basilisk"]))
+    )
+    monkeypatch.setenv("JAX_PLATFORMS", "cpu")
+    monkeypatch.setattr(against_basilisk, "basilisk_version", lambda: "2.12.1")
+    monkeypatch.setattr(basilisk_inputs, "draw", lambda *_: [])
+    monkeypatch.setattr(basilisk_peer, "started", lambda *_: nullcontext(peer))
+    monkeypatch.setattr(closed_loop, "prepare", lambda _, batch: SimpleNamespace(capacity=batch, compile_s=26.0))
+    monkeypatch.setattr(
+        against_basilisk, "rpojax_pass", lambda engine: flown("rpojax", next(rates["rpojax"]), engine.capacity)
+    )
+    return against_basilisk.main([*words, "--batches", "512"])
+
+
+def test_both_fly_in_turn_and_the_first_pass_of_rpojax_does_not_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fly_with(monkeypatch, PROOF, "--json", str(tmp_path / "new" / "speed.json")) == 0
+    found = json.loads((tmp_path / "new" / "speed.json").read_text())
+    order = [(one["simulator"], one["flight_rate"]) for one in found["passes"]]
+    assert order == [("Basilisk", 10_000.0), ("rpojax", 40_000.0), ("Basilisk", 12_000.0), ("rpojax", 39_000.0)]
+    assert found["starts"]["compile"] == 26.0
+    assert found["where"]["versions"]["Basilisk"] == "2.12.1"
+    assert capsys.readouterr().out.splitlines() == comparison.report(found)
+
+
+def test_nothing_is_compared_with_a_mission_that_does_not_fly(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lost = Proof(orbits=3, formation_error_m=400.0, pointing_error_deg=0.05, burn_s=48.0)
+    assert fly_with(monkeypatch, lost, "--json", str(tmp_path / "speed.json")) == 1
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.splitlines()[-1] == (
+        "against_basilisk: Basilisk does not fly the mission: formation error: found 400.0 m, expected at most 30 m"
+    )
+    assert not (tmp_path / "speed.json").exists()
+
+
 def test_the_fastest_pass_of_each_counts_and_the_others_are_kept() -> None:
     found = json.loads(json.dumps(content(), allow_nan=False))
     assert found["ratio"] == pytest.approx(40 / 12)
@@ -146,8 +191,6 @@ def test_attitudes_are_handed_over_as_basilisk_counts_them() -> None:
 
 def test_basilisk_starts_where_the_run_starts_and_points_at_the_target(inspection_file: ScenarioFile) -> None:
     pytest.importorskip("Basilisk")
-    from benchmarks import basilisk_peer
-
     inputs = basilisk_inputs.draw(inspection_file, 2)
     with basilisk_peer.started(inputs[1:], 1) as peer:  # the first run begins with a turn to a burn
         one = peer.fly(2, 1.0)
