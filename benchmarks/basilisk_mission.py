@@ -33,7 +33,7 @@ STIFFNESS, DAMPING = 0.08, 0.5
 """Of the attitude feedback [N m], [N m s]: soft enough for turns of 180 degrees with the wheels' torque limit."""
 
 POSITION_M, VELOCITY_M_S, ANGLE_RAD, RATE_RAD_S = 0.05, 5e-4, 5e-5, 2e-5
-"""Bounds of the navigation's wandering errors; about what filters leave, since there is none here."""
+"""Bounds of the navigation's wandering errors: no larger than what filters leave, since there is none here."""
 
 _SECOND = 1_000_000_000
 

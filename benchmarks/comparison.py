@@ -22,8 +22,8 @@ ALIKE = (
 )
 
 UNLIKE = (
-    "Basilisk has no camera, no detector, no orbit filter and no attitude filter: it is given navigation as good as "
-    "filters leave it; in its favour",
+    "Basilisk has no camera, no detector, no orbit filter and no attitude filter: it is given navigation at "
+    "least as good as filters leave it; in its favour",
     "Basilisk's orbit control plans up to three burns an orbit (`spacecraftReconfig`), rpojax decides on one every "
     "200 s by LQR; in Basilisk's favour, since each burn of rpojax is planned, checked and watched",
     "Basilisk records four messages, rpojax some thirty channels; in Basilisk's favour",
