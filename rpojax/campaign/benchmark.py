@@ -106,14 +106,14 @@ def measure(file: ScenarioFile, batches: Sequence[int] = BATCHES) -> dict[str, A
         "batches": [asdict(entry) for entry in speeds],
         "scenario": file.name,
         "duration_s": file.duration_s,
-        "machine": _machine(),
+        "machine": machine(),
         "backend": jax.default_backend(),
         "compile_cache": jax.config.jax_compilation_cache_dir is not None,  # pyright: ignore[reportAttributeAccessIssue]
         "versions": {"rpojax": __version__, "jax": jax.__version__, "python": platform.python_version()},
     }
 
 
-def _machine() -> str:
+def machine() -> str:
     """Name of the device, or of the processor and its number of cores."""
     kind = jax.devices()[0].device_kind
     return f"{_processor()}, {os.cpu_count()} cores" if kind == "cpu" else kind

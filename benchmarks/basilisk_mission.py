@@ -1,0 +1,220 @@
+"""A mission like `inspection` flown by Basilisk with compiled modules only; `against_basilisk` starts it once per core.
+
+Two craft, J2, gravity gradient on both, three wheels, one thruster. Simple navigation at 5 Hz and 1 Hz, pointing at the
+target, feedback at 5 Hz, and a relative orbit control that turns the craft for its burns and back.
+"""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from Basilisk.architecture import messaging  # pyright: ignore[reportMissingImports]
+from Basilisk.fswAlgorithms import (  # pyright: ignore[reportMissingImports]
+    attTrackingError,
+    locationPointing,
+    mrpFeedback,
+    rwMotorTorque,
+    spacecraftReconfig,
+)
+from Basilisk.simulation import simpleNav, thrusterDynamicEffector  # pyright: ignore[reportMissingImports]
+from Basilisk.utilities import fswSetupThrusters  # pyright: ignore[reportMissingImports]
+
+from experiments.validation.make_references import with_hill
+from experiments.validation.peer import Arrays, Numbers, Peer, Run
+
+STEP_S, TICK_S = 0.2, 1.0
+"""Of dynamics and attitude control; of guidance, orbit control and record, all as in `inspection`."""
+
+TURN_S = 120.0
+"""Before a burn the craft turns so much earlier [s]; a turn of 180 degrees takes most of it."""
+
+STIFFNESS, DAMPING = 0.08, 0.5
+"""Of the attitude feedback [N m], [N m s]: soft enough for turns of 180 degrees with the wheels' torque limit."""
+
+POSITION_M, VELOCITY_M_S, ANGLE_RAD, RATE_RAD_S = 0.05, 5e-4, 5e-5, 2e-5
+"""Bounds of the navigation's wandering errors: no larger than what filters leave, since there is none here."""
+
+_SECOND = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What one run was.
+
+    Attributes:
+        setup_s: building and initialising [s]
+        flight_s: from the start until the record is in numpy [s]
+        cpu_s: processor time of both [s]
+        formation_error_m: (ticks,) distance from the wanted place in the target's Hill frame
+        pointing_error_deg: (ticks,) angle from the reference attitude
+        burn_s: time with thrust [s]
+    """
+
+    setup_s: float
+    flight_s: float
+    cpu_s: float
+    formation_error_m: Numbers
+    pointing_error_deg: Numbers
+    burn_s: float
+
+
+class Mission(Peer):
+    """One run; `inputs` are those of a reference file and the keys of the target and the thruster."""
+
+    def __init__(self, inputs: Arrays, duration_s: float, seed: int) -> None:
+        super().__init__(Run(inputs, True, duration_s, STEP_S, TICK_S, "rk4"))
+        self.seed = seed
+        self.target, self.chaser = self.craft.values()
+        self._set_target()
+        process = self.sim.procList[0]
+        process.addTask(self.sim.CreateNewTask("guidance", round(TICK_S * _SECOND)), -2)
+        process.addTask(self.sim.CreateNewTask("control", round(STEP_S * _SECOND)), -3)
+        process.addTask(self.sim.CreateNewTask("record", round(TICK_S * _SECOND)), -4)
+        self._add_guidance()
+        self._add_control()
+        self._add_thruster()
+        self._add_record()
+
+    def record(self) -> Arrays:
+        """Flies from the start to the end without a stop and returns what was recorded once a tick."""
+        self.sim.ConfigureStopTime(round(self.run.duration_s * _SECOND))
+        self.sim.ExecuteSimulation()
+        target, chaser = self.recorders["target"], self.recorders["chaser"]
+        return {
+            "r_target": np.array(target.r_BN_N),
+            "v_target": np.array(target.v_BN_N),
+            "r_chaser": np.array(chaser.r_BN_N),
+            "sigma_error": np.array(self.recorders["error"].sigma_BR),
+            "thrust": np.array(self.recorders["thruster"].thrustFactor),
+        }
+
+    # Building.
+
+    def _schedule(self, task: str, model: Any, name: str) -> None:
+        model.ModelTag = name
+        self.sim.AddModelToTask(task, model)
+        self.kept.append(model)
+
+    def _set_target(self) -> None:
+        hub, inputs = self.target.hub, self.inputs
+        hub.mHub, hub.IHubPntBc_B = float(inputs["m_target"]), inputs["I_target"].tolist()
+        hub.sigma_BNInit = inputs["sigma0_target"][:, None].tolist()
+        hub.omega_BN_BInit = inputs["omega0_target"][:, None].tolist()
+        self._add_gravity_gradient(self.target)
+
+    def _navigation(self, craft: Any, task: str, name: str) -> Any:
+        sensed = simpleNav.SimpleNav()
+        sensed.scStateInMsg.subscribeTo(craft.scStateOutMsg)
+        bounds = np.repeat([POSITION_M, VELOCITY_M_S, 0.25 * ANGLE_RAD, RATE_RAD_S, 0.0, 0.0], 3)
+        sensed.walkBounds = bounds[:, None].tolist()
+        sensed.PMatrix = np.diag(0.1 * bounds).tolist()
+        sensed.RNGSeed = 1 + (self.seed * 8 + len(self.kept)) % 0x7FFFFFFF
+        self._schedule(task, sensed, name)
+        return sensed
+
+    def _add_guidance(self) -> None:
+        """Attitude that looks at the target, which the orbit control replaces around a burn."""
+        own, other = (self._navigation(craft, "guidance", f"place of {craft.ModelTag}") for craft in self.pair())
+        looking = locationPointing.locationPointing()
+        looking.pHat_B = [1.0, 0.0, 0.0]
+        looking.scTransInMsg.subscribeTo(own.transOutMsg)
+        looking.scAttInMsg.subscribeTo(own.attOutMsg)
+        looking.scTargetInMsg.subscribeTo(other.transOutMsg)
+        orbit = spacecraftReconfig.spacecraftReconfig()
+        orbit.mu, orbit.attControlTime = float(self.inputs["mu"]), TURN_S
+        orbit.targetClassicOED = self.inputs["wanted_elements"].tolist()
+        orbit.chiefTransInMsg.subscribeTo(other.transOutMsg)
+        orbit.deputyTransInMsg.subscribeTo(own.transOutMsg)
+        orbit.attRefInMsg.subscribeTo(looking.attRefOutMsg)
+        orbit.thrustConfigInMsg.subscribeTo(self._keep(self._thruster_as_told()))
+        self.body_message = self._keep(self._body_as_told())
+        orbit.vehicleConfigInMsg.subscribeTo(self.body_message)
+        self._schedule("guidance", looking, "looking")
+        self._schedule("guidance", orbit, "orbit control")
+        self.orbit_control = orbit
+
+    def pair(self) -> tuple[Any, Any]:
+        """Chaser and target."""
+        return self.chaser, self.target
+
+    def _keep(self, message: Any) -> Any:
+        self.kept.append(message)
+        return message
+
+    def _thruster_as_told(self) -> Any:
+        fswSetupThrusters.clearSetup()
+        fswSetupThrusters.create([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], float(self.inputs["F_told"]))
+        return fswSetupThrusters.writeConfigMessage()
+
+    def _body_as_told(self) -> Any:
+        payload = messaging.VehicleConfigMsgPayload()
+        payload.ISCPntB_B, payload.massSC = self.inputs["I"].ravel().tolist(), float(self.inputs["m_told"])
+        return messaging.VehicleConfigMsg().write(payload)
+
+    def _add_control(self) -> None:
+        sensed = self._navigation(self.chaser, "control", "attitude")
+        error = attTrackingError.attTrackingError()
+        error.attNavInMsg.subscribeTo(sensed.attOutMsg)
+        error.attRefInMsg.subscribeTo(self.orbit_control.attRefOutMsg)
+        control = mrpFeedback.mrpFeedback()
+        control.K, control.P, control.Ki, control.integralLimit = STIFFNESS, DAMPING, -1.0, 0.1
+        control.guidInMsg.subscribeTo(error.attGuidOutMsg)
+        control.vehConfigInMsg.subscribeTo(self.body_message)
+        share = rwMotorTorque.rwMotorTorque()
+        share.controlAxes_B = np.eye(3).ravel().tolist()
+        share.rwParamsInMsg.subscribeTo(self._keep(self._wheels_as_told()))
+        share.vehControlInMsg.subscribeTo(control.cmdTorqueOutMsg)
+        self._wheel_effector().rwMotorCmdInMsg.subscribeTo(share.rwMotorTorqueOutMsg)
+        for name, model in {"error": error, "control": control, "share": share}.items():
+            self._schedule("control", model, name)
+        self.error = error
+
+    def _wheels_as_told(self) -> Any:
+        payload, count = messaging.RWArrayConfigMsgPayload(), self.inputs["gs"].shape[0]
+        payload.GsMatrix_B = self.inputs["gs"].ravel().tolist()
+        payload.JsList, payload.uMax = self.inputs["Js"].tolist(), self.inputs["u_max"].tolist()
+        payload.numRW = count
+        return messaging.RWArrayConfigMsg().write(payload)
+
+    def _add_thruster(self) -> None:
+        config = thrusterDynamicEffector.THRSimConfig()
+        config.thrLoc_B, config.thrDir_B = (self.inputs[key][0][:, None].tolist() for key in ("thr_loc", "thr_dir"))
+        config.MaxThrust, config.steadyIsp = float(self.inputs["F_max"]), float(self.inputs["Isp"])
+        config.MinOnTime = float(self.inputs["minimum_on_s"])
+        effector = thrusterDynamicEffector.ThrusterDynamicEffector()
+        effector.addThruster(config)
+        effector.cmdsInMsg.subscribeTo(self.orbit_control.onTimeOutMsg)
+        self.chaser.addDynamicEffector(effector)
+        self._add(effector, "thruster", 80)
+        self.thruster = effector
+        self.kept.append(config)
+
+    def _add_record(self) -> None:
+        heard = {
+            "target": self.target.scStateOutMsg,
+            "chaser": self.chaser.scStateOutMsg,
+            "error": self.error.attGuidOutMsg,
+            "thruster": self.thruster.thrusterOutMsgs[0],
+        }
+        self.recorders = {name: message.recorder(round(TICK_S * _SECOND)) for name, message in heard.items()}
+        for recorder in self.recorders.values():
+            self.sim.AddModelToTask("record", recorder)
+
+
+def fly(inputs: Arrays, duration_s: float, seed: int) -> Flight:
+    """Builds one run, flies it, brings its record to numpy and looks at it."""
+    cpu, begin = time.process_time(), time.perf_counter()
+    mission = Mission(inputs, duration_s, seed)
+    mission.sim.InitializeSimulation()
+    ready = time.perf_counter()
+    record = mission.record()
+    end, cpu_s = time.perf_counter(), time.process_time() - cpu
+    return Flight(
+        setup_s=ready - begin,
+        flight_s=end - ready,
+        cpu_s=cpu_s,
+        formation_error_m=np.linalg.norm(with_hill(record)["rho"] - inputs["wanted"], axis=1),
+        pointing_error_deg=np.rad2deg(4.0 * np.arctan(np.linalg.norm(record["sigma_error"], axis=1))),
+        burn_s=float(np.sum(record["thrust"])) * TICK_S,
+    )

@@ -1,0 +1,102 @@
+"""Processes of `basilisk_worker`, one per core, given the same orders at the same time."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.comparison import Pass, Proof
+from rpojax.errors import RpojaxError
+
+_ROOT = Path(__file__).parents[1]
+
+
+@dataclass(frozen=True)
+class Peer:
+    """Basilisk, ready to fly.
+
+    Attributes:
+        workers: one process per core
+        import_s: the slowest process took to import what it needs [s]
+    """
+
+    workers: list["subprocess.Popen[str]"]
+    import_s: float
+
+    def prove(self, duration_s: float, orbits: int) -> list[Proof]:
+        """A run on each core over some orbits, of `duration_s` together; also warms the processes up."""
+        flown = self._order(1, duration_s)
+        return [
+            Proof(orbits, run["formation_error_last_peak_m"], run["pointing_error_last_deg"], run["burn_s"])
+            for (run,) in flown
+        ]
+
+    def fly(self, runs: int, duration_s: float) -> Pass:
+        """Some runs one after the other on each core."""
+        flown = self._order(runs, duration_s)
+        every = [run for one in flown for run in one]
+        return Pass(
+            simulator="Basilisk",
+            at_once=len(flown),
+            runs=len(every),
+            duration_s=duration_s,
+            flight_rate=sum(runs * duration_s / sum(run["flight_s"] for run in one) for one in flown),
+            whole_rate=sum(runs * duration_s / sum(run["setup_s"] + run["flight_s"] for run in one) for one in flown),
+            cpu_s=sum(run["cpu_s"] for run in every),
+            setup_s=float(np.mean([run["setup_s"] for run in every])),
+            formation_error_m=float(np.median([run["formation_error_m"] for run in every])),
+            pointing_error_deg=float(np.median([run["pointing_error_deg"] for run in every])),
+        )
+
+    def _order(self, runs: int, duration_s: float) -> list[list[dict[str, Any]]]:
+        for worker in self.workers:
+            _say(worker, {"runs": runs, "duration_s": duration_s})
+        return [_answer(worker) for worker in self.workers]
+
+
+@contextmanager
+def started(inputs: Sequence[dict[str, Any]], cores: int) -> Iterator[Peer]:
+    """Processes that have imported Basilisk and have their share of the runs; they end with the context."""
+    command = [sys.executable, "-m", "benchmarks.basilisk_worker"]
+    workers: list[subprocess.Popen[str]] = []
+    try:
+        for core in range(cores):
+            workers.append(_start(command))
+            _say(workers[-1], list(inputs[core::cores]))
+        yield Peer(workers, max(_answer(worker)["import_s"] for worker in workers))
+    finally:
+        for worker in workers:
+            worker.kill()
+            worker.communicate()
+
+
+def _start(command: list[str]) -> "subprocess.Popen[str]":
+    """A process of its own session: an interrupt is for the one that gives the orders."""
+    pipe = subprocess.PIPE
+    return subprocess.Popen(command, cwd=_ROOT, stdin=pipe, stdout=pipe, text=True, start_new_session=True)
+
+
+def _say(worker: "subprocess.Popen[str]", content: Any) -> None:
+    assert worker.stdin is not None
+    try:
+        print(json.dumps(content), file=worker.stdin, flush=True)
+    except BrokenPipeError:
+        raise _ended(worker) from None
+
+
+def _answer(worker: "subprocess.Popen[str]") -> Any:
+    assert worker.stdout is not None
+    line = worker.stdout.readline()
+    if not line:
+        raise _ended(worker)
+    return json.loads(line)
+
+
+def _ended(worker: "subprocess.Popen[str]") -> RpojaxError:
+    return RpojaxError(f"Basilisk: found a process that ended with exit status {worker.wait()}, expected its answer")
