@@ -49,7 +49,7 @@ def profile(engine: Engine) -> list[tuple[str, int, float]]:
                 started[scope] += 1
     if not time_ns:
         raise RpojaxError("profile: found no instruction of the loop, expected those that its text names")
-    scopes = (*operations.SCOPES, operations.OTHER)
+    scopes = (*operations.SCOPES, operations.COPIES, operations.OTHER)
     return [(scope, started[scope], time_ns[scope]) for scope in scopes]
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.campaign import single, stopwatch
+from rpojax.campaign.stopwatch import Program
 from rpojax.core import quaternion, safe
 from rpojax.core.pytree import pytree
 from rpojax.flight import box_gate, looking, orbit_filter
@@ -23,11 +24,12 @@ from rpojax.simulation.schema import ScenarioFile
 
 Scalar = Float[Array, ""]
 
-BATCHES = (128, 256, 512)
+BATCHES = (64, 128, 256)
 """Runs per device that are measured; the best of them counts."""
 UPDATES = 200
 
-_NOISES = 6
+NOISES = 6
+"""Standard normal numbers of a second: GPS, middle and size of the box."""
 _HALF_FRAME = 0.1
 
 
@@ -162,10 +164,7 @@ def follow(
     scenario: Scenario, flight: FlightParams, estimate: OrbitEstimate, track: BoxTrack, given: Given
 ) -> OrbitEstimate:
     """Estimates of all runs after all measurements."""
-    every = _batched(
-        lambda *own: filtered(scenario, *own),
-        (None, None, -1, -1, -1),
-    )
+    every = _batched(lambda *own: filtered(scenario, *own), (None, None, -1, -1, -1))
 
     def second(carry: tuple[OrbitEstimate, BoxTrack], given: Given) -> tuple[tuple[OrbitEstimate, BoxTrack], None]:
         return every(flight.navigation, flight.onboard.focal_px, *carry, given), None
@@ -183,19 +182,24 @@ def spread(tree: Any, runs: int) -> Any:
     return jax.tree.map(lambda leaf: jnp.repeat(leaf[..., None], runs, axis=-1), tree)
 
 
-def speed(file: ScenarioFile, batch: int, updates: int = UPDATES, devices: Sequence[Any] | None = None) -> FilterSpeed:
-    """Time of an update with `batch` runs on each device."""
+def prepare(file: ScenarioFile, batch: int, updates: int = UPDATES, devices: Sequence[Any] | None = None) -> Program:
+    """Program that filters the measurements of `batch` runs on each device."""
     used = list(jax.devices() if devices is None else devices)
     scenario, flight, start = truth(file)
-    noise = np.random.default_rng(0).standard_normal((updates, _NOISES, batch))
+    noise = np.random.default_rng(0).standard_normal((updates, NOISES, batch))
     _, given = jax.jit(lambda noise: record(scenario, flight, start, noise))(noise)
-    share = (flight, spread(start, batch), spread(box_gate.initial_track(), batch), given)
-    program = stopwatch.program(lambda *own: follow(scenario, *own), [share] * len(used), used)
+    share = (flight, *spread((start, box_gate.initial_track()), batch), given)
+    return stopwatch.program(lambda *own: follow(scenario, *own), [share] * len(used), used)
+
+
+def speed(file: ScenarioFile, batch: int, updates: int = UPDATES, devices: Sequence[Any] | None = None) -> FilterSpeed:
+    """Time of an update with `batch` runs on each device."""
+    program = prepare(file, batch, updates, devices)
     taken = program.fastest()
-    total = batch * len(used)
+    total = batch * len(program.inputs)
     return FilterSpeed(
         batch=total,
-        devices=len(used),
+        devices=len(program.inputs),
         updates=updates,
         compile_s=program.compile_s,
         run_s=taken.wall_s,

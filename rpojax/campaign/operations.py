@@ -6,11 +6,14 @@ The text is XLA's own; nothing here is asked of JAX beyond `Compiled.as_text`.
 import re
 from dataclasses import dataclass
 
-SCOPES = ("sense", "navigate", "plan_burn", "guide", "act", "check", "observe")
+SCOPES = ("draw", "sense", "navigate", "plan_burn", "guide", "act", "check", "observe")
 """Named scopes of a tick, in their order."""
 
 OTHER = "other"
-"""Where an instruction belongs that carries no name of a scope: random numbers, copies, loop counters."""
+"""Where an instruction belongs that comes from no scope: the loop over ticks, its counters, channels put in place."""
+
+COPIES = "copies"
+"""Where a copy belongs that the compiler has added: of what a loop carries, from one place in memory to another."""
 
 _COMPUTATION = re.compile(r"(?:ENTRY )?%?([\w.\-]+) \(.*\{\s*$")
 _INSTRUCTION = re.compile(r"\s+(?:ROOT )?%?([\w.\-]+) = .*?[\s)}\]]([a-z][\w\-]*)\(")
@@ -28,7 +31,7 @@ class Instruction:
     Attributes:
         name: as in a profile
         kind: such as fusion or copy
-        scope: one of `SCOPES`, or `OTHER`
+        scope: one of `SCOPES`, `OTHER` or `COPIES`
     """
 
     name: str
@@ -49,7 +52,7 @@ def instructions(text: str) -> list[Instruction]:
         if begun := _COMPUTATION.match(line):
             inside = begun[1] in inner
         elif not inside and (made := _INSTRUCTION.match(line)) and made[2] not in _FREE:
-            found.append(Instruction(name=made[1], kind=made[2], scope=_scope(line)))
+            found.append(Instruction(name=made[1], kind=made[2], scope=_scope(made[2], line)))
     return found
 
 
@@ -63,8 +66,10 @@ def _inner_computations(text: str) -> set[str]:
     return names
 
 
-def _scope(line: str) -> str:
+def _scope(kind: str, line: str) -> str:
     """The innermost named scope that an instruction's origin tells."""
     origin = _OP_NAME.search(line)
+    if origin is None and kind == "copy":
+        return COPIES
     names = _SCOPE.findall(origin[1]) if origin else []
     return names[-1] if names else OTHER

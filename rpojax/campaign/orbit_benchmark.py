@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.campaign import stopwatch
+from rpojax.campaign.stopwatch import Program
 from rpojax.core.constants import MU_EARTH, RADIUS_EARTH, ZONALS_EARTH
 
 Vectors = Float[Array, "3 n"]
@@ -87,8 +87,8 @@ def start(vehicles: int) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def measure(vehicles: int = VEHICLES, steps: int = STEPS, devices: Sequence[Any] | None = None) -> OrbitSpeed:
-    """Steps per second of so many vehicles on each device, carried through so many steps."""
+def prepare(vehicles: int = VEHICLES, steps: int = STEPS, devices: Sequence[Any] | None = None) -> Program:
+    """Program that carries so many vehicles on each device through so many steps."""
     used = list(jax.devices() if devices is None else devices)
 
     def carried(r_N: Vectors, v_N: Vectors) -> tuple[Vectors, Vectors]:
@@ -97,13 +97,17 @@ def measure(vehicles: int = VEHICLES, steps: int = STEPS, devices: Sequence[Any]
 
         return jax.lax.scan(body, (r_N, v_N), None, length=steps)[0]
 
-    shares = [tuple(map(jnp.asarray, start(vehicles)))] * len(used)
-    program = stopwatch.program(carried, shares, used)
+    return stopwatch.program(carried, [start(vehicles)] * len(used), used)
+
+
+def measure(vehicles: int = VEHICLES, steps: int = STEPS, devices: Sequence[Any] | None = None) -> OrbitSpeed:
+    """Steps per second of so many vehicles on each device, carried through so many steps."""
+    program = prepare(vehicles, steps, devices)
     taken = program.fastest()
-    total = vehicles * len(used)
+    total = vehicles * len(program.inputs)
     return OrbitSpeed(
         vehicles=total,
-        devices=len(used),
+        devices=len(program.inputs),
         steps=steps,
         step_s=STEP_S,
         compile_s=program.compile_s,

@@ -10,12 +10,14 @@ import numpy as np
 from jaxtyping import Array
 
 from rpojax.campaign import engine, single, stopwatch
+from rpojax.campaign.stopwatch import Program
 from rpojax.core import random
 from rpojax.core.pytree import replace
 from rpojax.sensors import image_camera
 from rpojax.simulation import camera, closed_loop, scenario
 from rpojax.simulation.params import Params
 from rpojax.simulation.run_state import State
+from rpojax.simulation.scenario import Scenario
 from rpojax.vision import detector
 
 _RANGE_M = 30.0
@@ -55,8 +57,11 @@ class VisionSpeed:
     detections_per_s: float
 
 
-def measure(size: int | None = None, devices: Sequence[Any] | None = None) -> VisionSpeed:
-    """Pictures per second, `size` on each device, by default as many as a campaign's block has."""
+def prepare(size: int | None = None, devices: Sequence[Any] | None = None) -> tuple[Program, Program]:
+    """Program that takes `size` pictures on each device, and one that looks at them for boxes.
+
+    By default they are as many as a campaign's block has.
+    """
     used = list(jax.devices() if devices is None else devices)
     place = f"[0.0, -{_RANGE_M}, 0.0]"
     file = scenario.load("inspection", ["camera.model=rendered", f"initial.relative_position_m={place}"])
@@ -64,31 +69,38 @@ def measure(size: int | None = None, devices: Sequence[Any] | None = None) -> Vi
     static, params, state = single.dispersed(file)
     networks = params.networks
     assert networks is not None
-
-    def picture(params: Params, state: State, q_TN: Array, key: Array) -> Array:
-        truth = replace(state.truth, q_TN=q_TN)
-        sky = closed_loop.sky_at(static, state.tick.astype(jnp.float64) * static.tick_s)
-        view = camera.look_at(static, params, state.flight)
-        return camera.take_picture(static, params, view, truth, sky, key, state.tick)
-
-    def detect(weights: detector.Params, picture: Array) -> detector.Detections:
-        return detector.detect(weights, picture[None], image_camera.CANDIDATES)
-
     # One turn of the target for each picture, for matter fills some views more than others.
     turns = np.random.default_rng(0).standard_normal((len(used), size, 4))
     turns /= np.linalg.norm(turns, axis=2, keepdims=True)
-    keys = jax.vmap(lambda number: random.fold_in(random.master_key(0), number))(jnp.arange(size))
-    views = [(params, state, jnp.asarray(share), keys) for share in turns]
-    render = stopwatch.program(jax.vmap(picture, in_axes=(None, None, 0, 0)), views, used)
-    pictures = render.run()
-    shown = [(networks.detector, share) for share in pictures]
-    look = stopwatch.program(jax.vmap(detect, in_axes=(None, 0)), shown, used)
+    keys = jax.vmap(random.fold_in, in_axes=(None, 0))(random.master_key(0), jnp.arange(size))
+    take = jax.vmap(lambda *own: _picture(static, *own), in_axes=(None, None, 0, 0))
+    render = stopwatch.program(take, [(params, state, share, keys) for share in turns], used)
+    shown = [(networks.detector, pictures) for pictures in render.run()]
+    return render, stopwatch.program(jax.vmap(_detect, in_axes=(None, 0)), shown, used)
+
+
+def _picture(static: Scenario, params: Params, state: State, q_TN: Array, key: Array) -> Array:
+    truth = replace(state.truth, q_TN=q_TN)
+    sky = closed_loop.sky_at(static, state.tick.astype(jnp.float64) * static.tick_s)
+    view = camera.look_at(static, params, state.flight)
+    return camera.take_picture(static, params, view, truth, sky, key, state.tick)
+
+
+def _detect(weights: detector.Params, picture: Array) -> detector.Detections:
+    """Boxes in one picture, as every run looks for them."""
+    return detector.detect(weights, picture[None], image_camera.CANDIDATES)
+
+
+def measure(size: int | None = None, devices: Sequence[Any] | None = None) -> VisionSpeed:
+    """Pictures per second, `size` on each device, by default as many as a campaign's block has."""
+    render, look = prepare(size, devices)
     rendered, looked = render.fastest(), look.fastest()
-    total = size * len(used)
+    pictures = look.inputs[0][1]
+    total = pictures.shape[0] * len(look.inputs)
     return VisionSpeed(
         batch=total,
-        devices=len(used),
-        side_px=pictures[0].shape[1],
+        devices=len(look.inputs),
+        side_px=pictures.shape[1],
         range_m=_RANGE_M,
         render_compile_s=render.compile_s,
         detect_compile_s=look.compile_s,
