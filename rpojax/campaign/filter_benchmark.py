@@ -186,7 +186,7 @@ def prepare(file: ScenarioFile, batch: int, updates: int = UPDATES, devices: Seq
     """Program that filters the measurements of `batch` runs on each device."""
     used = list(jax.devices() if devices is None else devices)
     scenario, flight, start = truth(file)
-    noise = np.random.default_rng(0).standard_normal((updates, NOISES, batch))
+    noise = jnp.asarray(np.random.default_rng(0).standard_normal((updates, NOISES, batch)))
     _, given = jax.jit(lambda noise: record(scenario, flight, start, noise))(noise)
     share = (flight, *spread((start, box_gate.initial_track()), batch), given)
     return stopwatch.program(lambda *own: follow(scenario, *own), [share] * len(used), used)

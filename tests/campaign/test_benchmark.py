@@ -1,6 +1,7 @@
 """The benchmarks measure what they say, at sizes where they take no time."""
 
-from dataclasses import asdict
+from dataclasses import asdict, fields
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -51,7 +52,13 @@ def test_speed_is_simulated_time_of_all_runs_over_the_fastest_pass(
     assert found.runs_per_hour == 3600.0 * found.run_seconds_per_s / 3000.0
 
 
-def test_the_headline_is_the_fastest_batch(mission: ScenarioFile) -> None:
+@pytest.fixture
+def remembered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other tests keep what they have compiled."""
+    monkeypatch.setattr(jax, "clear_caches", lambda: None)
+
+
+def test_the_headline_is_the_fastest_batch(mission: ScenarioFile, remembered: None) -> None:
     found = benchmark.measure(mission, [1])
     assert found["run_seconds_per_s"] == found["batches"][0]["run_seconds_per_s"] > 0.0
     assert (found["batch"], found["devices"], found["duration_s"]) == (1, 1, 400.0)
@@ -114,7 +121,7 @@ def test_batches_that_make_no_sense_are_refused(mission: ScenarioFile, batches: 
         benchmark.measure(mission, batches)
 
 
-def test_the_cache_of_a_benchmark_is_its_own_and_is_thrown_away() -> None:
+def test_the_cache_of_a_benchmark_is_its_own_and_is_thrown_away(remembered: None) -> None:
     before: str | None = jax.config.jax_compilation_cache_dir  # pyright: ignore[reportAttributeAccessIssue]
     seen = []
     with pytest.raises(ZeroDivisionError), cold_start.cache_of_its_own() as folder:
@@ -160,7 +167,7 @@ def test_orbits_are_counted_over_all_devices() -> None:
 
 def test_the_filter_that_is_measured_follows_the_truth(inspection_file: ScenarioFile) -> None:
     scenario, flight, start = filter_benchmark.truth(inspection_file)
-    noise = np.random.default_rng(1).standard_normal((30, 6, 3))
+    noise = jnp.asarray(np.random.default_rng(1).standard_normal((30, filter_benchmark.NOISES, 3)))
     end, given = filter_benchmark.record(scenario, flight, start, noise)
     first = filter_benchmark.spread((start, box_gate.initial_track()), 3)
     found = filter_benchmark.follow(scenario, flight, *first, given)
@@ -186,3 +193,11 @@ def test_pictures_and_detections_are_counted_over_all_devices() -> None:
     assert found.frames_per_s == pytest.approx(found.batch / found.render_s)
     assert found.detections_per_s == pytest.approx(found.batch / found.detect_s)
     assert all(value > 0.0 for value in asdict(found).values())
+
+
+@pytest.mark.parametrize(
+    "record", [Speed, orbit_benchmark.OrbitSpeed, filter_benchmark.FilterSpeed, vision_benchmark.VisionSpeed]
+)
+def test_the_page_on_performance_explains_every_key(record: type) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "performance.md").read_text(encoding="utf-8")
+    assert {field.name for field in fields(record) if f"`{field.name}`" not in page} == set()
