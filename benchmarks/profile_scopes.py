@@ -21,16 +21,16 @@ from rpojax.campaign.engine import Engine  # noqa: E402
 from rpojax.errors import RpojaxError  # noqa: E402
 
 
-def events(folder: Path) -> Iterator[tuple[str, float]]:
+def events(folder: Path) -> Iterator[tuple[str, int]]:
     """Name and duration [ns] of everything that a trace holds."""
     for path in folder.rglob("*.xplane.pb"):
         for plane in jax.profiler.ProfileData.from_file(str(path)).planes:
             for line in plane.lines:
                 for event in line.events:
-                    yield event.name, event.duration_ns
+                    yield event.name, round(event.duration_ns)
 
 
-def profile(engine: Engine) -> list[tuple[str, int, float]]:
+def profile(engine: Engine) -> list[tuple[str, int, int]]:
     """Scope, instructions started and time [ns] of each part of one pass of a batch; other parts of the host left out.
 
     A loop's or a branch's own time is that of what it holds, so only that is counted.
