@@ -21,7 +21,7 @@ from benchmarks import comparison
 from benchmarks.comparison import Pass
 from rpojax import outputs
 from rpojax.errors import RpojaxError
-from rpojax.machine import prepare_jax
+from rpojax.machine import prepare_jax, prepare_loop
 from rpojax.verb_parts import Status
 from rpojax.version import __version__
 
@@ -115,8 +115,9 @@ def compare(given: argparse.Namespace, peer_version: str) -> int:
     """Flies both in turn, prints the table and writes the JSON."""
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
     prepare_jax(cache=False)
+    prepare_loop(rendered=False)
     begin = time.perf_counter()
-    from rpojax.campaign import benchmark
+    from rpojax.campaign import benchmark, measuring
 
     import_s = time.perf_counter() - begin
     from benchmarks import basilisk_inputs, basilisk_peer
@@ -140,7 +141,7 @@ def compare(given: argparse.Namespace, peer_version: str) -> int:
         passes,
         proofs=proofs,
         starts={"Basilisk": peer.import_s, "rpojax": import_s, "compile": used.compile_s},
-        where=whereabouts(given, benchmark.machine(), peer_version),
+        where=whereabouts(given, measuring.machine(), peer_version),
     )
     print("\n".join(comparison.report(content)))
     if given.json is not None:

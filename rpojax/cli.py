@@ -22,6 +22,7 @@ from tyro.conf import FlagCreatePairsOff, arg
 
 from rpojax import (
     bag_verb,
+    bench_verb,
     bridge_verb,
     calibration_verb,
     campaign_verbs,
@@ -36,7 +37,7 @@ from rpojax import (
     worst_case_verb,
 )
 from rpojax.errors import OutputError, RpojaxError, UnfinishedError
-from rpojax.machine import prepare_jax, prepare_loop
+from rpojax.machine import prepare_jax
 from rpojax.verb_parts import AsJson, Folder, NoCache, Overrides, Source, Status, abandon_worker, fly, load, print_json
 from rpojax.version import __version__
 
@@ -65,6 +66,7 @@ worst_case = app.command(name="worst-case")(worst_case_verb.worst_case)
 export_bag = app.command(name="export-bag")(bag_verb.export_bag)
 export_rrd = app.command(name="export-rrd")(rrd_verb.export_rrd)
 bridge = app.command(bridge_verb.bridge)
+bench = app.command(bench_verb.bench)
 
 
 @app.command
@@ -166,29 +168,6 @@ def schema() -> int:
     from rpojax.simulation.schema import ScenarioFile
 
     print_json(ScenarioFile.model_json_schema())
-    return Status.DONE
-
-
-@app.command
-def bench(
-    *,
-    runs: Annotated[tuple[int, ...], arg(metavar="N", help="Batch sizes.")] = (1, 64, 512),
-    duration_s: Annotated[float, arg(metavar="T", help="Simulated time of a run [s].")] = 200.0,
-    as_json: AsJson = False,
-) -> int:
-    """Measure the closed loop alone, without metrics and storage; programs are compiled anew, timed apart."""
-    file = load("inspection", (f"duration_s={duration_s}",))
-    prepare_jax(cache=False)
-    prepare_loop(rendered=False)
-    from rpojax.campaign import benchmark
-
-    benchmark.check(runs)
-    with console.busy(f"timing batches of {', '.join(map(str, runs))} runs", quiet=as_json):
-        speeds = benchmark.measure(file, runs)
-    if as_json:
-        print_json(speeds)
-    else:
-        console.show_speeds(speeds)
     return Status.DONE
 
 

@@ -210,24 +210,3 @@ def _other_side(key: str) -> str:
 def _reasons(summary: Mapping[str, Any]) -> dict[str, int]:
     reasons = [failure["reason"] for failure in summary["failures"]]
     return {reason: reasons.count(reason) for reason in sorted(set(reasons))}
-
-
-def show_speeds(speeds: Mapping[str, Any]) -> None:
-    """Table of the closed loop's speed by batch size."""
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(title=Text(f"closed loop, {speeds['scenario']}, {speeds['duration_s']:g} s"))
-    for heading in ("batch", "devices", "compile [s]", "run [s]", "run-seconds per second"):
-        table.add_column(heading, justify="right")
-    for entry in speeds["batches"]:
-        table.add_row(
-            str(entry["batch"]),
-            str(entry["devices"]),
-            f"{entry['compile_s']:.1f}",
-            f"{entry['run_s']:.3g}",
-            f"{entry['run_seconds_per_s']:,.0f}",
-        )
-    console = Console(highlight=False)
-    console.print(table)
-    console.print(f"machine: {speeds['machine']}", soft_wrap=True, markup=False)

@@ -7,7 +7,7 @@ from pathlib import Path
 _DEVICE_FLAG = "--xla_force_host_platform_device_count"
 
 _EXTRA_FLAG = "--xla_backend_extra_options"
-_JOINED = "xla_cpu_use_multi_output_fusion=true,xla_cpu_small_while_loop_byte_threshold=1000000"
+LOOP_FLAG = f"{_EXTRA_FLAG}=xla_cpu_use_multi_output_fusion=true,xla_cpu_small_while_loop_byte_threshold=1000000"
 
 
 def prepare_jax(cache: bool) -> None:
@@ -35,7 +35,7 @@ def prepare_loop(rendered: bool) -> None:
     """
     flags = os.environ.get("XLA_FLAGS", "")
     if not rendered and _EXTRA_FLAG not in flags:
-        os.environ["XLA_FLAGS"] = f"{flags} {_EXTRA_FLAG}={_JOINED}".strip()
+        os.environ["XLA_FLAGS"] = f"{flags} {LOOP_FLAG}".strip()
 
 
 def _cores() -> int:

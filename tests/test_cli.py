@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 import rpojax
-from rpojax import cli, console, machine
+from rpojax import bench_verb, cli, console, machine
 from rpojax.campaign import executors, files
 from rpojax.campaign.engine import Engine
 from rpojax.campaign.runner import Progress
@@ -457,14 +457,44 @@ def test_schema_describes_every_section(call: Call) -> None:
     assert result.json["additionalProperties"] is False
 
 
-def test_bench_states_speed_and_time_to_compile(call: Call) -> None:
-    result = call("bench", "--runs", 1, "--duration-s", 400, "--json")
+def test_bench_states_speed_and_time_to_compile(call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jax, "clear_caches", lambda: None)  # other tests keep what they have compiled
+    words = ("bench", "--only", "loop", "--runs", 1, "--duration-s", 400)
+    result = call(*words, "--json")
     assert result.status == 0
     assert result.json["run_seconds_per_s"] > 0.0
     assert (result.json["batch"], result.json["devices"]) == (1, 1)
-    assert {"compile_s", "machine", "versions", "batches"} <= set(result.json)
-    people = call("bench", "--runs", 1, "--duration-s", 400)
-    assert "run-seconds per second" in people.out
+    assert {"compile_s", "compile_cached_s", "machine", "versions", "batches"} <= set(result.json)
+    assert not {"kernels", "vision"} & set(result.json)
+    people = call(*words)
+    assert "runs of" in people.out
+    assert "peak memory" in people.out
+
+
+def test_bench_prints_a_table_for_every_part(capsys: pytest.CaptureFixture[str]) -> None:
+    times = {"batch": 4, "devices": 2, "compile_s": 1.0, "run_s": 2.0, "cpu_s": 3.0}
+    loop = {**times, "compile_cached_s": 0.5, "run_seconds_per_s": 4321.0, "runs_per_hour": 5185.0}
+    vision = {f"{verb}_{what}": 1.0 for verb in ("render", "detect") for what in ("compile_s", "s", "cpu_s")}
+    rates = {"frames_per_s": 77.0, "detections_per_s": 99.0}
+    bench_verb.show(
+        {
+            "batches": [loop],
+            "scenario": "inspection",
+            "duration_s": 200.0,
+            "block_size": 256,
+            "recommended_block_size": 1024,
+            "kernels": {
+                "orbit": {**times, "vehicles": 2048, "vehicle_steps_per_s": 98.7e6},
+                "filter": {"batches": [{**times, "us_per_update": 1.23}]},
+            },
+            "vision": {**times, **vision, "side_px": 128, "range_m": 30.0, **rates},
+            "peak_memory_mib": 1234.0,
+            "machine": "a machine",
+        }
+    )
+    out = capsys.readouterr().out
+    for text in ("4,321", "5,185", "98.7 M", "1.23 us", "77", "99", "--block-size 1024", "1,234 MiB", "a machine"):
+        assert text in out
 
 
 def test_version_and_help(call: Call) -> None:
@@ -685,6 +715,7 @@ def test_a_run_without_history_cannot_be_shown(refused: Call, finished: Path) ->
 def test_batches_that_make_no_sense_are_refused(refused: Call) -> None:
     assert "--runs" in refused("bench", "--runs", 0).err
     assert "duration_s" in refused("bench", "--duration-s", "nan").err
+    assert "--only" in refused("bench", "--only", "loop,kernel").err
 
 
 @pytest.mark.parametrize(

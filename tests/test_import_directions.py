@@ -42,7 +42,8 @@ LEFT_TO_RIGHT = {
     "simulation": "units figures_of_merit forms sections schema dispersed dispersion_checks checks networks table_file "
     "scenario params noise camera run_state tick_stages closed_loop telemetry stepwise running_metrics metrics",
     "campaign": "files admission description manifests encoding reading creation store design sources dispersions "
-    "normal_space engine plan retention recording replaced flying executors cluster runner rerun",
+    "normal_space engine plan retention recording replaced flying executors cluster runner rerun stopwatch cold_start "
+    "operations benchmark orbit_benchmark filter_benchmark vision_benchmark measuring",
     "analysis": "chance laws order_statistics proportions precision consistency dependence sensitivity requirements "
     "comparison convergence describing_function outlines linear_inputs linear_state linear_sources linear_start "
     "linear_loop linear_recursion linear_decision linear_setup linear_side linear_covariance linear_agreement "
@@ -52,8 +53,8 @@ LEFT_TO_RIGHT = {
     "rerun_chunks rerun_scene rerun_camera rerun_plots rerun_layout rerun_log dds_types participant "
     "live_topics commands given_estimate ledger exchange live_settings pace orders live_program live_words live",
     "top": "machine console outputs verb_parts plan_verb compare_verb lincov_verb tune_verb campaign_verbs field_verbs "
-    "detector_verbs calibration_verb sensitivity_verb worst_case_verb flown_again bag_verb rrd_verb bridge_verb cli "
-    "__main__",
+    "detector_verbs calibration_verb sensitivity_verb worst_case_verb flown_again bag_verb rrd_verb bridge_verb "
+    "bench_verb cli __main__",
 }
 """Order inside a folder, for the modules whose order is fixed; the rest need only have one."""
 

@@ -1,28 +1,27 @@
-"""Speed of the closed loop: simulated seconds per second for a batch of runs, with the time to compile beside it."""
+"""Speed of the closed loop: simulated seconds per second for batches of runs, with the time to compile beside it."""
 
-import os
-import platform
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
 
-from rpojax.campaign import design
+from rpojax.campaign import cold_start, design, engine, stopwatch
 from rpojax.campaign.design import Population
 from rpojax.campaign.engine import Block, Engine
+from rpojax.campaign.stopwatch import REPEATS, Taken
 from rpojax.errors import RpojaxError
 from rpojax.simulation.schema import ScenarioFile
-from rpojax.version import __version__
 
-BATCHES = (1, 64, 512)
-"""Batch sizes measured by default: one run, a small campaign, a full block for each of two devices."""
+BATCHES = (1, 64, 512, 2048)
+"""Batch sizes measured by default, besides that of the default block: one run, a small campaign, large blocks."""
 
-REPEATS = 3
-"""Timed passes; the fastest counts, since a busy machine only ever adds time."""
+LONG_RUN_S = 3000.0
+"""Duration of the runs that are counted per hour [s]."""
+
+WORTHWHILE = 0.9
+"""Another block size is recommended where a run takes at most this share of its time with the default one."""
 
 
 @dataclass(frozen=True)
@@ -33,15 +32,31 @@ class Speed:
         batch: runs at once
         devices: devices that share them
         compile_s: tracing and compiling both programs [s]
+        compile_cached_s: the same in a later process, which finds them in the cache [s]
         run_s: fastest pass through the scenario [s]
+        cpu_s: what it took of the processor [s]
         run_seconds_per_s: simulated seconds, summed over the runs, per second
+        runs_per_hour: runs of `LONG_RUN_S` per hour
     """
 
     batch: int
     devices: int
     compile_s: float
+    compile_cached_s: float
     run_s: float
+    cpu_s: float
     run_seconds_per_s: float
+    runs_per_hour: float
+
+
+def default_batch(file: ScenarioFile) -> int:
+    """Runs that a campaign takes at once on this machine."""
+    return engine.block_size(file) * len(jax.devices())
+
+
+def default_batches(file: ScenarioFile) -> tuple[int, ...]:
+    """Batch sizes that are measured unless others are asked for."""
+    return tuple(sorted({*BATCHES, default_batch(file)}))
 
 
 def check(batches: Sequence[int]) -> None:
@@ -58,71 +73,86 @@ def prepare(file: ScenarioFile, batch: int, devices: Sequence[Any] | None = None
     """Compiled engine that takes `batch` runs at once, spread evenly over the devices."""
     used = list(jax.devices() if devices is None else devices)[:batch]
     size = -(-batch // len(used))
-    engine = Engine(file, size, used, design=design.make(file, 0, Population(0, size * len(used))))
-    engine.compile(seed=0)
-    return engine
-
-
-def block(engine: Engine) -> Block:
-    """A full batch of runs, ready on the devices."""
-    ready = engine.prepare(0, np.arange(engine.capacity))
-    jax.block_until_ready(ready.shares)
+    ready = Engine(file, size, used, design=design.make(file, 0, Population(0, size * len(used))))
+    ready.compile(seed=0)
     return ready
 
 
-def carry(engine: Engine, ready: Block) -> None:
+def block(ready: Engine) -> Block:
+    """A full batch of runs, ready on the devices."""
+    runs = ready.prepare(0, np.arange(ready.capacity))
+    jax.block_until_ready(runs.shares)
+    return runs
+
+
+def carry(ready: Engine, runs: Block) -> None:
     """Carries a batch to the end of the scenario and its channels to the host."""
-    for _ in engine.run(ready):
+    for _ in ready.run(runs):
         pass
 
 
-def fly(engine: Engine) -> float:
+def flown(ready: Engine) -> Taken:
+    """What one pass of a full batch through the scenario takes."""
+    runs = block(ready)
+    return stopwatch.timed(lambda: carry(ready, runs))
+
+
+def fly(ready: Engine) -> float:
     """Time of one pass of a full batch through the scenario [s]."""
-    ready = block(engine)
-    begin = time.perf_counter()
-    carry(engine, ready)
-    return time.perf_counter() - begin
+    return flown(ready).wall_s
 
 
-def speed(engine: Engine, batch: int, repeats: int = REPEATS) -> Speed:
+def loop_program(ready: Engine) -> Any:
+    """The compiled closed loop of the first device, to look into: its text and what XLA counts in it."""
+    assert ready._programs is not None
+    return ready._programs[1][0]
+
+
+def speed(ready: Engine, batch: int, compile_cached_s: float, repeats: int = REPEATS) -> Speed:
     """Fastest of some passes, after one that does not count."""
-    fly(engine)
-    run_s = min(fly(engine) for _ in range(repeats))
-    simulated = batch * engine.file.duration_s
-    return Speed(batch, len(engine.devices), engine.compile_s, run_s, simulated / run_s)
+    taken = stopwatch.fastest(lambda: flown(ready), repeats)
+    rate = batch * ready.file.duration_s / taken.wall_s
+    return Speed(
+        batch=batch,
+        devices=len(ready.devices),
+        compile_s=ready.compile_s,
+        compile_cached_s=compile_cached_s,
+        run_s=taken.wall_s,
+        cpu_s=taken.cpu_s,
+        run_seconds_per_s=rate,
+        runs_per_hour=3600.0 * rate / LONG_RUN_S,
+    )
 
 
 def measure(file: ScenarioFile, batches: Sequence[int] = BATCHES) -> dict[str, Any]:
-    """Speeds of all batch sizes and where they were measured; the headline is that of the fastest batch.
+    """Speeds of all batch sizes; the headline is that of the fastest batch.
 
     Raises:
         RpojaxError: there is no batch, or one is not positive.
     """
     check(batches)
-    speeds = [speed(prepare(file, batch), batch) for batch in batches]
+    speeds = []
+    for batch in batches:
+        ready, again_s = cold_start.prepare_twice(lambda batch=batch: prepare(file, batch))
+        speeds.append(speed(ready, batch, again_s))
     best = max(speeds, key=lambda entry: entry.run_seconds_per_s)
     return {
         **asdict(best),
         "batches": [asdict(entry) for entry in speeds],
         "scenario": file.name,
         "duration_s": file.duration_s,
-        "machine": machine(),
-        "backend": jax.default_backend(),
-        "compile_cache": jax.config.jax_compilation_cache_dir is not None,  # pyright: ignore[reportAttributeAccessIssue]
-        "versions": {"rpojax": __version__, "jax": jax.__version__, "python": platform.python_version()},
+        "block_size": engine.block_size(file),
+        "recommended_block_size": recommended_block_size(speeds, default_batch(file)),
     }
 
 
-def machine() -> str:
-    """Name of the device, or of the processor and its number of cores."""
-    kind = jax.devices()[0].device_kind
-    return f"{_processor()}, {os.cpu_count()} cores" if kind == "cpu" else kind
+def recommended_block_size(speeds: Sequence[Speed], default: int) -> int | None:
+    """Runs per device and block that are worth asking for instead of the default, if one was measured.
 
-
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        lines = []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
+    `default` is the batch that the default block size makes; without its speed there is nothing to compare with.
+    """
+    usual = next((entry for entry in speeds if entry.batch == default), None)
+    best = max(speeds, key=lambda entry: entry.run_seconds_per_s)
+    if usual is None or usual.run_seconds_per_s > WORTHWHILE * best.run_seconds_per_s:
+        return None
+    return -(-best.batch // best.devices)

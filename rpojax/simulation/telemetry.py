@@ -22,18 +22,19 @@ Vector = Float[Array, "3"]
 
 def observe(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channels:
     """Channels of one tick: vectors in the true Hill frame, errors as estimate less truth, sigmas as 1 sigma."""
-    channels = {
-        **_motion(telemetry),
-        **_errors(telemetry),
-        **_innovations(telemetry),
-        **_camera(scenario, params, telemetry),
-        **_expected(scenario, params, telemetry),
-        **_vehicle(params, telemetry),
-        "passive_range_m": _passive_range(telemetry),
-    }
-    if scenario.camera_model == "rendered":
-        channels |= _picture(telemetry)
-    return {name: _compact(value) for name, value in channels.items()}
+    with jax.named_scope("observe"):
+        channels = {
+            **_motion(telemetry),
+            **_errors(telemetry),
+            **_innovations(telemetry),
+            **_camera(scenario, params, telemetry),
+            **_expected(scenario, params, telemetry),
+            **_vehicle(params, telemetry),
+            "passive_range_m": _passive_range(telemetry),
+        }
+        if scenario.camera_model == "rendered":
+            channels |= _picture(telemetry)
+        return {name: _compact(value) for name, value in channels.items()}
 
 
 def _compact(value: Array) -> Array:

@@ -93,7 +93,8 @@ def sky_at(scenario: Scenario, time: Scalar) -> Sky:
 
 def sense(scenario: Scenario, params: Params, state: State, drawn: TickNoise | None = None) -> Sensed:
     """What there is to measure as a tick begins, with the run's own random numbers unless others are given."""
-    drawn = drawn or noise.draw(scenario, state.keys, state.tick)
+    with jax.named_scope("draw"):
+        drawn = drawn or noise.draw(scenario, state.keys, state.tick)
     time = state.tick.astype(jnp.float64) * scenario.tick_s
     sky = sky_at(scenario, time)
     health = faults.health(params.plant.fault, time) if scenario.effects.faults else faults.healthy()

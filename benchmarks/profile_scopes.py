@@ -1,0 +1,76 @@
+"""Where the time of the closed loop goes, by named scope of the tick, on one device; prints a Markdown table.
+
+python benchmarks/profile_scopes.py [--batch 256] [--scenario inspection] [--set KEY=VALUE]...
+"""
+
+import argparse
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+from rpojax.machine import prepare_jax, prepare_loop
+
+prepare_jax(cache=False)
+prepare_loop(rendered=False)
+
+import jax  # noqa: E402  (after the settings that it reads once)
+
+import rpojax  # noqa: E402
+from rpojax.campaign import benchmark, operations  # noqa: E402
+from rpojax.campaign.engine import Engine  # noqa: E402
+from rpojax.errors import RpojaxError  # noqa: E402
+
+
+def events(folder: Path) -> Iterator[tuple[str, int]]:
+    """Name and duration [ns] of everything that a trace holds."""
+    for path in folder.rglob("*.xplane.pb"):
+        for plane in jax.profiler.ProfileData.from_file(str(path)).planes:
+            for line in plane.lines:
+                for event in line.events:
+                    yield event.name, round(event.duration_ns)
+
+
+def profile(engine: Engine) -> list[tuple[str, int, int]]:
+    """Scope, instructions started and time [ns] of each part of one pass of a batch; other parts of the host left out.
+
+    A loop's or a branch's own time is that of what it holds, so only that is counted.
+    """
+    benchmark.fly(engine)
+    text = benchmark.loop_program(engine).as_text()
+    scope_of = {each.name: each.scope for each in operations.instructions(text) if not each.holds_others}
+    ready = benchmark.block(engine)
+    time_ns, started = Counter[str](), Counter[str]()
+    with tempfile.TemporaryDirectory() as folder:
+        with jax.profiler.trace(folder):
+            benchmark.carry(engine, ready)
+        for name, duration in events(Path(folder)):
+            if scope := scope_of.get(name):
+                time_ns[scope] += duration
+                started[scope] += 1
+    if not time_ns:
+        raise RpojaxError("profile: found no instruction of the loop, expected those that its text names")
+    scopes = (*operations.SCOPES, operations.COPIES, operations.OTHER)
+    return [(scope, started[scope], time_ns[scope]) for scope in scopes]
+
+
+def main() -> None:
+    """Flies a batch on one device under the profiler."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--batch", type=int, default=256)
+    parser.add_argument("--scenario", default="inspection")
+    parser.add_argument("--set", dest="overrides", action="append", default=["duration_s=200"])
+    options = parser.parse_args()
+    engine = benchmark.prepare(rpojax.load(options.scenario, options.overrides), options.batch, jax.devices()[:1])
+    rows = profile(engine)
+    ticks = engine.scenario.ticks
+    total = sum(time_ns for _, _, time_ns in rows)
+    print("| scope | instructions per tick | us per tick | ns per run and tick | share |\n|---|---|---|---|---|")
+    for scope, started, time_ns in [*rows, ("sum", sum(row[1] for row in rows), total)]:
+        each = time_ns / ticks
+        cells = (f"{started / ticks:.0f}", f"{each / 1e3:.0f}", f"{each / options.batch:.0f}")
+        print(f"| {scope} | {' | '.join(cells)} | {100.0 * time_ns / total:.0f} % |")
+
+
+if __name__ == "__main__":
+    main()

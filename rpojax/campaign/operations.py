@@ -1,0 +1,75 @@
+"""What a compiled program does, by its optimised text: its instructions, and the part of the tick that they belong to.
+
+The text is XLA's own; nothing here is asked of JAX beyond `Compiled.as_text`.
+"""
+
+import re
+from dataclasses import dataclass
+
+SCOPES = ("draw", "sense", "navigate", "plan_burn", "guide", "act", "check", "observe")
+"""Named scopes of a tick, in their order."""
+
+OTHER = "other"
+"""Where an instruction belongs that comes from no scope: the loop over ticks, its counters, channels put in place."""
+
+COPIES = "copies"
+"""Where a copy belongs that the compiler has added: of what a loop carries, from one place in memory to another."""
+
+_COMPUTATION = re.compile(r"(?:ENTRY )?%?([\w.\-]+) \(.*\{\s*$")
+_INSTRUCTION = re.compile(r"\s+(?:ROOT )?%?([\w.\-]+) = .*?[\s)}\]]([a-z][\w\-]*)\(")
+_CALLED = re.compile(r"(?:calls|to_apply)=%?([\w.\-]+)")
+_OP_NAME = re.compile(r'op_name="([^"]*)"')
+_SCOPE = re.compile(rf"(?:^|[/(])({'|'.join(SCOPES)})(?=[/)]|$)")
+_FREE = {"parameter", "constant", "tuple", "get-tuple-element", "bitcast"}
+_CARRY_OUT = {"while", "conditional", "call"}
+
+
+@dataclass(frozen=True)
+class Instruction:
+    """One instruction that is carried out by itself: not a part of a fusion, and not one without work.
+
+    Attributes:
+        name: as in a profile
+        kind: such as fusion or copy
+        scope: one of `SCOPES`, `OTHER` or `COPIES`
+    """
+
+    name: str
+    kind: str
+    scope: str
+
+    @property
+    def holds_others(self) -> bool:
+        """Whether its time is that of other instructions: a loop, a branch, a call."""
+        return self.kind in _CARRY_OUT
+
+
+def instructions(text: str) -> list[Instruction]:
+    """Instructions of a program's optimised text."""
+    inner = _inner_computations(text)
+    found, inside = [], False
+    for line in text.splitlines():
+        if begun := _COMPUTATION.match(line):
+            inside = begun[1] in inner
+        elif not inside and (made := _INSTRUCTION.match(line)) and made[2] not in _FREE:
+            found.append(Instruction(name=made[1], kind=made[2], scope=_scope(made[2], line)))
+    return found
+
+
+def _inner_computations(text: str) -> set[str]:
+    """Names of the computations that are parts of an instruction: of a fusion, a reduction, a sort."""
+    names = set()
+    for line in text.splitlines():
+        made = _INSTRUCTION.match(line)
+        if made and made[2] not in _CARRY_OUT:
+            names |= set(_CALLED.findall(line))
+    return names
+
+
+def _scope(kind: str, line: str) -> str:
+    """The innermost named scope that an instruction's origin tells."""
+    origin = _OP_NAME.search(line)
+    if origin is None and kind == "copy":
+        return COPIES
+    names = _SCOPE.findall(origin[1]) if origin else []
+    return names[-1] if names else OTHER

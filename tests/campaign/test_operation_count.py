@@ -1,0 +1,99 @@
+"""How much the compiled closed loop does: bounds on what XLA counts in it, which no busy machine can change."""
+
+import jax
+import pytest
+
+from rpojax.campaign import benchmark, operations
+from rpojax.campaign.engine import Engine
+from rpojax.campaign.operations import COPIES, OTHER, SCOPES, Instruction
+from rpojax.flight.computer import Stages
+from rpojax.simulation import closed_loop, telemetry
+from rpojax.simulation.params import Params
+from rpojax.simulation.scenario import Scenario
+from rpojax.simulation.schema import ScenarioFile
+
+RUNS = 64
+"""On one device; larger batches do the same operations for each run."""
+
+MOST_FLOPS_PER_RUN = 34_700.0
+"""Floating-point operations of a tick and run as `cost_analysis` counts them, the bodies of inner loops once.
+
+A fifth above the 28,897 that this test counts (JAX 0.10.2 on a CPU).
+"""
+
+MOST_INSTRUCTIONS = 1567
+"""Instructions of the optimised program, a fused one being one: each of them is started once a tick or more often.
+
+A fifth above the 1306 that this test counts (JAX 0.10.2 on a CPU).
+"""
+
+
+@pytest.fixture(scope="module")
+def loop(mission: ScenarioFile) -> jax.stages.Compiled:
+    """The compiled closed loop of one device."""
+    engine = Engine(mission, RUNS, jax.devices()[:1])
+    engine.compile(seed=0)
+    return benchmark.loop_program(engine)
+
+
+def test_a_tick_takes_no_more_operations_than_it_needs(loop: jax.stages.Compiled) -> None:
+    counted = loop.cost_analysis()
+    assert counted is not None
+    assert 0.0 < counted["flops"] / RUNS < MOST_FLOPS_PER_RUN
+
+
+def test_a_tick_takes_no_more_instructions_than_it_needs(loop: jax.stages.Compiled) -> None:
+    text = loop.as_text()
+    assert text is not None
+    assert 0 < len(operations.instructions(text)) < MOST_INSTRUCTIONS
+
+
+def test_every_scope_is_one_of_the_tick(inspection: Scenario, inspection_params: Params) -> None:
+    def first(params: Params) -> tuple[telemetry.Channels, jax.Array]:
+        state = closed_loop.init(inspection, params, closed_loop.run_key(0, 0))
+        after, seen = closed_loop.tick(Stages(), inspection, params, state)
+        return telemetry.observe(inspection, params, seen), after.tick
+
+    traced = jax.make_jaxpr(first)(inspection_params)
+    names = {part for equation in traced.eqns for part in str(equation.source_info.name_stack).split("/")}
+    assert set(SCOPES) <= names
+
+
+def test_instructions_are_those_that_are_carried_out_by_themselves() -> None:
+    text = """HloModule m, entry_computation_layout={(f64[2]{0})->f64[]}
+
+%fused_computation.1 (p: f64[2]) -> f64[2] {
+  %p = f64[2]{0} parameter(0)
+  ROOT %a = f64[2]{0} add(%p, %p)
+}
+
+%sum (a: f64[], b: f64[]) -> f64[] {
+  %a = f64[] parameter(0)
+  %b = f64[] parameter(1)
+  ROOT %c = f64[] add(%a, %b)
+}
+
+%body (t: (s64[], f64[2])) -> (s64[], f64[2]) {
+  %t = (s64[], f64[2]{0}) parameter(0)
+  %n = s64[] get-tuple-element(%t), index=0
+  %x = f64[2]{0} get-tuple-element(%t), index=1
+  %f = f64[2]{0} fusion(%x), calls=%fused_computation.1, metadata={op_name="jit(g)/while/body/vmap(act)/add"}
+  ROOT %u = (s64[], f64[2]{0}) tuple(%n, %f)
+}
+
+ENTRY %main (x: f64[2]) -> f64[] {
+  %x = f64[2]{0} parameter(0)
+  %w = (s64[], /*index=1*/f64[2]{0}) while(%x), condition=%less, body=%body, metadata={op_name="jit(g)/while"}
+  %y = f64[2]{0} get-tuple-element(%w), index=1
+  %k = f64[2]{0} copy(%y)
+  ROOT %r = f64[] reduce(%k, %x), dimensions={0}, to_apply=%sum, metadata={op_name="jit(g)/guide/sense/navigated"}
+}
+"""
+    found = operations.instructions(text)
+    assert found == [
+        Instruction("f", "fusion", "act"),
+        Instruction("w", "while", OTHER),
+        Instruction("k", "copy", COPIES),
+        Instruction("r", "reduce", "sense"),
+    ]
+    assert [each.holds_others for each in found] == [False, True, False, False]
