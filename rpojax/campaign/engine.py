@@ -11,6 +11,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.extend import core
 from jaxtyping import Array
 
 from rpojax.campaign import dispersions
@@ -118,11 +119,21 @@ class Engine:
         begin = time.perf_counter()
         prepare = self._compile_preparation(seed)
         drawn, _, state = prepare(*self._inputs(seed, np.zeros(self.size, dtype=np.int64)))
-        advance = jax.jit(self._advance, donate_argnums=(2,))
-        lowered = [advance.lower(*jax.device_put((self._nominal, drawn, state), device)) for device in self.devices]
+        lowered = self._lower(self._nominal, drawn, state)
         with ThreadPoolExecutor(len(lowered)) as pool:
             self._programs = (prepare, list(pool.map(_compiled, lowered)))
         self.compile_s = time.perf_counter() - begin
+
+    def _lower(self, *arguments: Any) -> list[Any]:
+        """The loop for each device; traced once, since that takes longer than anything else of a kept program."""
+        traced, shape = jax.make_jaxpr(self._advance, return_shape=True)(*arguments)
+        tree = jax.tree.structure(shape)
+
+        def advance(*arguments: Any) -> Any:
+            return jax.tree.unflatten(tree, core.jaxpr_as_fun(traced)(*jax.tree.leaves(arguments)))
+
+        compiled = jax.jit(advance, donate_argnums=(2,))
+        return [compiled.lower(*jax.device_put(arguments, device)) for device in self.devices]
 
     def _compile_preparation(self, seed: int) -> Any:
         if self._preparation is None:

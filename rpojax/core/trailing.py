@@ -11,6 +11,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jax.extend import core
 
@@ -79,7 +80,7 @@ class _Evaluation:
 
         def read(atom: Any) -> Value:
             if isinstance(atom, core.Literal):
-                return Value(jnp.asarray(atom.val, dtype=atom.aval.dtype), False)  # pyright: ignore
+                return Value(np.asarray(atom.val, dtype=atom.aval.dtype), False)  # pyright: ignore[reportAttributeAccessIssue]
             return known[atom]
 
         for equation in jaxpr.eqns:
@@ -111,41 +112,29 @@ class _Evaluation:
         first, last = params["num_consts"], params["num_consts"] + params["num_carry"]
         constants, carried, inputs = given[:first], given[first:last], given[last:]
         several = [value.many for value in inputs]
-        many, found = [value.many for value in carried], []
+        found = _scan_differs(params, [value.many for value in given])
+        many = found[: len(carried)]
 
         def body(state: list[Any], now: list[Any]) -> tuple[list[Any], list[Any]]:
             results = self.call(params["jaxpr"], [*constants, *map(Value, state, many), *map(Value, now, several)])
-            found[:] = [value.many for value in results]
             return self._arrays(results[: len(many)], many), [value.array for value in results[len(many) :]]
 
-        # What is carried differs between items if it does at first, or comes to on the way.
-        now = [jax.ShapeDtypeStruct(jnp.shape(each.array)[1:], jnp.result_type(each.array)) for each in inputs]
-        settled = False
-        while not settled:
-            jax.eval_shape(body, self._arrays(carried, many), now)
-            grown = [before or after for before, after in zip(many, found, strict=False)]
-            settled, many = grown == many, grown
         start, rest = self._arrays(carried, many), [value.array for value in inputs]
         how = {"length": params["length"], "reverse": params["reverse"], "unroll": params["unroll"]}
         end, seen = lax.scan(body, start, rest, **how)
         return [*map(Value, end, many), *map(Value, seen, found[len(many) :])]
 
     def _cond(self, branches: Sequence[Any], index: Value, given: list[Value]) -> list[Value]:
-        many = [False] * len(branches[0].out_avals)
         kinds = [value.many for value in given]
+        many = _cond_differs(branches, [index.many, *kinds])
 
         def run(branch: Any, *arrays: Any) -> list[Any]:
-            results = self.call(branch, list(map(Value, arrays, kinds)))
-            many[:] = [one or other.many for one, other in zip(many, results, strict=True)]
-            return self._arrays(results, many)
+            return self._arrays(self.call(branch, list(map(Value, arrays, kinds))), many)
 
         arrays = [value.array for value in given]
-        for branch in branches:
-            jax.eval_shape(partial(run, branch), *arrays)
         if not index.many:
             results = lax.switch(index.array, [partial(run, branch) for branch in branches], *arrays)
             return list(map(Value, results, many))
-        many[:] = [True] * len(many)
         cases = zip(*(run(branch, *arrays) for branch in branches), strict=True)
         return [Value(_chosen(index.array, case), True) for case in cases]
 
@@ -154,6 +143,45 @@ class _Evaluation:
             spread(value, self._size) if several else jnp.asarray(value.array)
             for value, several in zip(values, many, strict=True)
         ]
+
+
+def _differs(closed: Any, given: Sequence[bool]) -> list[bool]:
+    """Which results of a traced function differ from item to item if some of its arguments do."""
+    jaxpr = getattr(closed, "jaxpr", closed)
+    known: dict[Any, bool] = dict(zip(jaxpr.invars, given, strict=True))
+
+    def read(atom: Any) -> bool:
+        return not isinstance(atom, core.Literal) and known.get(atom, False)
+
+    for equation in jaxpr.eqns:
+        name, params, flags = equation.primitive.name, equation.params, [read(atom) for atom in equation.invars]
+        if name in _CALLS:
+            results = _differs(params.get("jaxpr") or params["call_jaxpr"], flags)
+        elif name == "scan":
+            results = _scan_differs(params, flags)
+        elif name == "cond":
+            results = _cond_differs(params["branches"], flags)
+        else:
+            results = [any(flags)] * len(equation.outvars)
+        known.update(zip(equation.outvars, results, strict=True))
+    return [read(atom) for atom in jaxpr.outvars]
+
+
+def _scan_differs(params: dict[str, Any], given: Sequence[bool]) -> list[bool]:
+    """What is carried differs if it does at first, or comes to on the way."""
+    first, count = params["num_consts"], params["num_carry"]
+    flags = list(given)
+    while True:
+        found = _differs(params["jaxpr"], flags)
+        carried = [before or after for before, after in zip(flags[first : first + count], found, strict=False)]
+        if carried == flags[first : first + count]:
+            return carried + found[count:]
+        flags[first : first + count] = carried
+
+
+def _cond_differs(branches: Sequence[Any], given: Sequence[bool]) -> list[bool]:
+    found = [_differs(branch, given[1:]) for branch in branches]
+    return [given[0] or any(each) for each in zip(*found, strict=True)]
 
 
 def _values(equation: Any, result: Any, many: bool) -> list[Value]:

@@ -22,8 +22,8 @@ def spread(value: Value, size: int) -> Any:
     """The array with an axis of `size` items."""
     if value.many:
         return value.array
-    array = jnp.asarray(value.array)
-    return lax.broadcast_in_dim(array, (*array.shape, size), range(array.ndim))
+    shape = jnp.shape(value.array)
+    return lax.broadcast_in_dim(value.array, (*shape, size), range(len(shape)))
 
 
 def _elementwise(equation: Any, given: list[Value], size: int) -> Any:
