@@ -21,7 +21,7 @@ from benchmarks import comparison
 from benchmarks.comparison import Pass
 from rpojax import outputs
 from rpojax.errors import RpojaxError
-from rpojax.machine import prepare_jax, prepare_loop
+from rpojax.machine import available_cores, prepare_jax, prepare_loop
 from rpojax.verb_parts import Status
 from rpojax.version import __version__
 
@@ -78,11 +78,6 @@ def options(argv: Sequence[str] | None = None) -> argparse.Namespace:
             raise RpojaxError(f"--json: found {given.json}, expected a file that does not exist yet")
         outputs.claim(given.json, force=False)
     return given
-
-
-def available_cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def keep_to(cores: int) -> None:

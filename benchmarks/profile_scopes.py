@@ -36,7 +36,7 @@ def profile(engine: Engine) -> list[tuple[str, int, int]]:
 
     A loop's or a branch's own time is that of what it holds, so only that is counted.
     """
-    benchmark.fly(engine)
+    benchmark.flown(engine)
     text = benchmark.loop_program(engine).as_text()
     scope_of = {each.name: each.scope for each in operations.instructions(text) if not each.holds_others}
     ready = benchmark.block(engine)

@@ -19,7 +19,7 @@ def prepare_jax(cache: bool) -> None:
         return
     flags = os.environ.get("XLA_FLAGS", "")
     if _DEVICE_FLAG not in flags:
-        os.environ["XLA_FLAGS"] = f"{flags} {_DEVICE_FLAG}={_cores()}".strip()
+        os.environ["XLA_FLAGS"] = f"{flags} {_DEVICE_FLAG}={available_cores()}".strip()
     folder = _cache_folder() if cache and os.environ.get("RPOJAX_CACHE") != "off" else None
     if folder is not None:
         os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(folder))
@@ -38,7 +38,8 @@ def prepare_loop(rendered: bool) -> None:
         os.environ["XLA_FLAGS"] = f"{flags} {LOOP_FLAG}".strip()
 
 
-def _cores() -> int:
+def available_cores() -> int:
+    """Cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -97,11 +97,6 @@ def flown(ready: Engine) -> Taken:
     return stopwatch.timed(lambda: carry(ready, runs))
 
 
-def fly(ready: Engine) -> float:
-    """Time of one pass of a full batch through the scenario [s]."""
-    return flown(ready).wall_s
-
-
 def loop_program(ready: Engine) -> Any:
     """The compiled closed loop of the first device, to look into: its text and what XLA counts in it."""
     assert ready._programs is not None

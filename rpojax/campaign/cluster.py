@@ -16,8 +16,8 @@ from rpojax.campaign.store import Campaign
 from rpojax.errors import RpojaxError, UnfinishedError
 
 _ONE_AT_A_TIME = threading.Lock()
-_CACHE = (
-    *("JAX_COMPILATION_CACHE_DIR", "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"),
+_TOLD = (
+    *("XLA_FLAGS", "JAX_COMPILATION_CACHE_DIR", "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"),
     "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES",
 )
 """What workers are told of the environment, unless they know better."""
@@ -46,11 +46,11 @@ class Cluster:
 
     def _collect(self, distributed: Any, client: Any, blocks: Sequence[int], tell: executors.Tell) -> dict[int, str]:
         folder, token = str(self.result.directory.resolve()), uuid.uuid4().hex[:8]
-        cache = {name: os.environ[name] for name in _CACHE if name in os.environ}
+        told = {name: os.environ[name] for name in _TOLD if name in os.environ}
         retries = executors.MOST_ATTEMPTS - 1
         tasks = {
             client.submit(
-                do_block, folder, block, cache, key=f"rpojax-{token}-{block}", pure=False, retries=retries
+                do_block, folder, block, told, key=f"rpojax-{token}-{block}", pure=False, retries=retries
             ): block
             for block in blocks
         }
@@ -79,10 +79,15 @@ def _distributed() -> Any:
     return distributed
 
 
-def do_block(directory: str, block: int, cache: dict[str, str]) -> tuple[str, Any]:
+def do_block(directory: str, block: int, told: dict[str, str]) -> tuple[str, Any]:
     """On a worker: does one block; answers `done` and its failed runs, or the kind and text of an error."""
-    for name, value in cache.items():
-        if name not in os.environ:
+    for name, value in told.items():
+        if name in os.environ:
+            continue
+        if name == "XLA_FLAGS":
+            # Read when the first thing is computed: the same program as at home, so that numbers are the same.
+            os.environ[name] = value
+        else:
             # Said to jax itself, which has read the environment already.
             kind = {"DIR": str, "SECS": float, "BYTES": int}[name.rpartition("_")[2]]
             jax.config.update(name.lower(), kind(value))

@@ -1,5 +1,6 @@
 """Workers that die lose their blocks only, which others do; blocks that kill are given up."""
 
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -128,6 +129,19 @@ def test_a_cluster_does_blocks_into_the_folder(campaign: Campaign, monkeypatch: 
     assert campaign.missing() == [2]
     assert tries == {0: 1, 1: 3, 2: 3, 3: 1, 4: 1, 5: 1}
     assert told[-1] == (9.0, 5, True)
+
+
+@pytest.mark.parametrize("own", [None, "--xla_own=1"])
+def test_a_worker_computes_as_it_is_told_unless_it_knows_better(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch, own: str | None
+) -> None:
+    monkeypatch.setattr(flying, "do_blocks", lambda *_: 0)
+    monkeypatch.setattr(cluster, "_prepared", lambda directory, _: (Campaign(directory), None))
+    monkeypatch.setenv("XLA_FLAGS", own or "")
+    if own is None:
+        monkeypatch.delenv("XLA_FLAGS")
+    assert cluster.do_block(str(campaign.directory), 0, {"XLA_FLAGS": "--xla_told=1"}) == ("done", 0)
+    assert os.environ["XLA_FLAGS"] == (own or "--xla_told=1")
 
 
 def test_a_scheduler_that_is_not_there_is_named(campaign: Campaign) -> None:
