@@ -842,7 +842,7 @@ def environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, st
 def test_jax_gets_a_device_per_core_and_a_cache(
     environment: dict[str, str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(machine, "_cores", lambda: 3)
+    monkeypatch.setattr(machine, "available_cores", lambda: 3)
     environment["XLA_FLAGS"] = "--xla_dump_to=x"
     machine.prepare_jax(cache=True)
     assert environment["XLA_FLAGS"] == "--xla_dump_to=x --xla_force_host_platform_device_count=3"

@@ -4,17 +4,15 @@ import contextlib
 import dataclasses
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend import core
 from jaxtyping import Array
 
-from rpojax.campaign import dispersions
+from rpojax.campaign import dispersions, per_device
 from rpojax.campaign.design import Design, independent
 from rpojax.campaign.dispersions import Values
 from rpojax.core import random, trailing
@@ -119,21 +117,9 @@ class Engine:
         begin = time.perf_counter()
         prepare = self._compile_preparation(seed)
         drawn, _, state = prepare(*self._inputs(seed, np.zeros(self.size, dtype=np.int64)))
-        lowered = self._lower(self._nominal, drawn, state)
-        with ThreadPoolExecutor(len(lowered)) as pool:
-            self._programs = (prepare, list(pool.map(_compiled, lowered)))
+        shares = [jax.device_put((self._nominal, drawn, state), device) for device in self.devices]
+        self._programs = (prepare, per_device.compiled(self._advance, shares, _compiled, donate=(2,)))
         self.compile_s = time.perf_counter() - begin
-
-    def _lower(self, *arguments: Any) -> list[Any]:
-        """The loop for each device; traced once, since that takes longer than anything else of a kept program."""
-        traced, shape = jax.make_jaxpr(self._advance, return_shape=True)(*arguments)
-        tree = jax.tree.structure(shape)
-
-        def advance(*arguments: Any) -> Any:
-            return jax.tree.unflatten(tree, core.jaxpr_as_fun(traced)(*jax.tree.leaves(arguments)))
-
-        compiled = jax.jit(advance, donate_argnums=(2,))
-        return [compiled.lower(*jax.device_put(arguments, device)) for device in self.devices]
 
     def _compile_preparation(self, seed: int) -> Any:
         if self._preparation is None:

@@ -2,11 +2,12 @@
 
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import jax
+
+from rpojax.campaign import per_device
 
 REPEATS = 3
 """Timed passes; the fastest counts, since a busy machine only ever adds time."""
@@ -67,7 +68,5 @@ def program(function: Callable[..., Any], shares: Sequence[tuple[Any, ...]], dev
     """`function` compiled for each device, with that device's share of the arguments."""
     inputs = [jax.device_put(share, device) for share, device in zip(shares, devices, strict=True)]
     begin = time.perf_counter()
-    lowered = [jax.jit(function).lower(*given) for given in inputs]
-    with ThreadPoolExecutor(len(lowered)) as pool:
-        compiled = list(pool.map(lambda each: each.compile(), lowered))
+    compiled = per_device.compiled(function, inputs)
     return Program(compiled, inputs, time.perf_counter() - begin)
