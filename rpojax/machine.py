@@ -1,4 +1,4 @@
-"""What jax reads once, when it is imported: how many devices there are, and where compiled programs are kept."""
+"""What jax reads once, when it is imported: how many devices there are, and where what it makes is kept."""
 
 import os
 import sys
@@ -25,6 +25,7 @@ def prepare_jax(cache: bool) -> None:
         os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(folder))
         os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
         os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
+        os.environ.setdefault("RPOJAX_TRACES", str(folder.with_name("traces")))
 
 
 def prepare_loop(rendered: bool) -> None:

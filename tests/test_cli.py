@@ -73,10 +73,10 @@ def shared_programs() -> Iterator[None]:
     programs: dict[Any, Any] = {}
     compile_anew = Engine.compile
 
-    def compile_once(engine: Engine, seed: int) -> None:
+    def compile_once(engine: Engine) -> None:
         key = (engine.file.model_dump_json(), engine.size, tuple(engine.devices))
         if key not in programs:
-            compile_anew(engine, seed)
+            compile_anew(engine)
             programs[key] = engine._programs
         engine._programs = programs[key]
 
@@ -547,7 +547,7 @@ def refused(call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Call
     """Runs a command line that must be refused in one line, with nothing compiled and nothing written."""
     before = contents(tmp_path)
 
-    def compile_nothing(engine: Engine, seed: int) -> None:
+    def compile_nothing(engine: Engine) -> None:
         pytest.fail("compiled before the input was checked")
 
     monkeypatch.setattr(Engine, "compile", compile_nothing)

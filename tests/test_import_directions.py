@@ -42,8 +42,8 @@ LEFT_TO_RIGHT = {
     "simulation": "units figures_of_merit forms sections schema dispersed dispersion_checks checks networks table_file "
     "scenario params noise camera run_state tick_stages closed_loop telemetry stepwise running_metrics metrics",
     "campaign": "files admission description manifests encoding reading creation store design sources dispersions "
-    "normal_space per_device engine plan retention recording replaced flying executors cluster runner rerun stopwatch "
-    "cold_start operations benchmark orbit_benchmark filter_benchmark vision_benchmark measuring",
+    "normal_space traces per_device engine plan retention recording replaced flying executors cluster runner rerun "
+    "stopwatch cold_start operations benchmark orbit_benchmark filter_benchmark vision_benchmark measuring",
     "analysis": "chance laws order_statistics proportions precision consistency dependence sensitivity requirements "
     "comparison convergence describing_function outlines linear_inputs linear_state linear_sources linear_start "
     "linear_loop linear_recursion linear_decision linear_setup linear_side linear_covariance linear_agreement "

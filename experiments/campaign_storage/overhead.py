@@ -26,7 +26,7 @@ def main() -> int:
     creation.create(options.out / "runs", asked, force=False)
     result = Campaign(options.out / "runs")
     engine = flying.engine_of(asked, jax.devices()[:1])
-    engine.compile(0)
+    engine.compile()
     print(f"compiled in {engine.compile_s:.0f} s", flush=True)
 
     def computed(block: int) -> float:

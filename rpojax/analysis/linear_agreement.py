@@ -87,7 +87,7 @@ def fly(file: ScenarioFile, runs: int, seed: int) -> Sampled:
     """Flies runs 0, 1, ... of a scenario and keeps what is compared, once in ten seconds."""
     planned = design.make(file, seed, Population(0, runs))
     engine = Engine(file, min(block_size(file), -(-runs // jax.device_count())), design=planned)
-    engine.compile(seed)
+    engine.compile()
     step = max(1, round(_EVERY_S / engine.scenario.tick_s))
     begin = time.perf_counter()
     blocks = [

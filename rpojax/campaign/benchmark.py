@@ -74,7 +74,7 @@ def prepare(file: ScenarioFile, batch: int, devices: Sequence[Any] | None = None
     used = list(jax.devices() if devices is None else devices)[:batch]
     size = -(-batch // len(used))
     ready = Engine(file, size, used, design=design.make(file, 0, Population(0, size * len(used))))
-    ready.compile(seed=0)
+    ready.compile()
     return ready
 
 

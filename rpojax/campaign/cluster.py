@@ -11,14 +11,14 @@ from typing import Any
 
 import jax
 
-from rpojax.campaign import description, executors, flying
+from rpojax.campaign import description, executors, flying, traces
 from rpojax.campaign.store import Campaign
 from rpojax.errors import RpojaxError, UnfinishedError
 
 _ONE_AT_A_TIME = threading.Lock()
 _TOLD = (
     *("XLA_FLAGS", "JAX_COMPILATION_CACHE_DIR", "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"),
-    "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES",
+    *("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", traces.FOLDER),
 )
 """What workers are told of the environment, unless they know better."""
 

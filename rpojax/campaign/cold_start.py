@@ -1,5 +1,6 @@
 """Compiling for the first time and again, with a cache of compiled programs that nobody else uses."""
 
+import os
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -8,6 +9,7 @@ from pathlib import Path
 import jax
 from jax.experimental.compilation_cache import compilation_cache
 
+from rpojax.campaign import traces
 from rpojax.campaign.engine import Engine
 
 _SETTINGS = (
@@ -23,14 +25,18 @@ def cache_of_its_own() -> Iterator[Path]:
 
     What the process has compiled so far is forgotten when it begins.
     """
-    before = [getattr(jax.config, name) for name in _SETTINGS]
+    before, kept = [getattr(jax.config, name) for name in _SETTINGS], os.environ.get(traces.FOLDER)
     with tempfile.TemporaryDirectory(prefix="rpojax-bench-") as folder:
         try:
             _use(folder, 0.0, -1)
+            os.environ[traces.FOLDER] = str(Path(folder) / "traces")
             jax.clear_caches()
             yield Path(folder)
         finally:
             _use(*before)
+            os.environ.pop(traces.FOLDER)
+            if kept is not None:
+                os.environ[traces.FOLDER] = kept
 
 
 def _use(*values: object) -> None:

@@ -2,17 +2,20 @@
 
 import contextlib
 import dataclasses
+import functools
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.export import Exported
 from jaxtyping import Array
 
-from rpojax.campaign import dispersions, per_device
+from rpojax.campaign import dispersions, per_device, traces
 from rpojax.campaign.design import Design, independent
 from rpojax.campaign.dispersions import Values
 from rpojax.core import random, trailing
@@ -101,8 +104,8 @@ class Engine:
         count = -(-self.scenario.ticks // SEGMENT_TICKS)
         self.segment_ticks = -(-self.scenario.ticks // count)
         self.segments = count
-        self._nominal = params.build(file.model_dump(), self.scenario.width_px, self.scenario.height_px)
-        self._preparation: Any = None
+        nominal = params.build(file.model_dump(), self.scenario.width_px, self.scenario.height_px)
+        self._nominal = jax.tree.map(np.asarray, nominal)
         self._programs: tuple[Any, list[Any]] | None = None
 
     @property
@@ -110,22 +113,40 @@ class Engine:
         """Runs that all devices take at once."""
         return self.size * len(self.devices)
 
-    def compile(self, seed: int) -> None:
+    def compile(self) -> None:
         """Compiles both programs, once; `compile_s` then tells how long it took [s]."""
         if self._programs is not None:
             return
         begin = time.perf_counter()
-        prepare = self._compile_preparation(seed)
-        drawn, _, state = prepare(*self._inputs(seed, np.zeros(self.size, dtype=np.int64)))
-        shares = [jax.device_put((self._nominal, drawn, state), device) for device in self.devices]
-        self._programs = (prepare, per_device.compiled(self._advance, shares, _compiled, donate=(2,)))
+        arguments = (self._nominal, *self._drawn_and_state())
+        wanted = per_device.lowered(self._loop, arguments, self.devices, donate=(2,))
+        with ThreadPoolExecutor(len(wanted) + 1) as pool:
+            preparing = pool.submit(lambda: self._prepared)
+            loops = list(pool.map(_compiled, wanted))
+            self._programs = (preparing.result(), loops)
         self.compile_s = time.perf_counter() - begin
 
-    def _compile_preparation(self, seed: int) -> Any:
-        if self._preparation is None:
-            inputs = self._inputs(seed, np.zeros(self.size, dtype=np.int64))
-            self._preparation = jax.jit(self._prepare).lower(*inputs).compile()
-        return self._preparation
+    @functools.cached_property
+    def _prepared(self) -> Any:
+        return jax.jit(self._preparation.call).lower(*self._any_inputs()).compile()
+
+    @functools.cached_property
+    def _preparation(self) -> Exported:
+        return traces.traced(self._prepare, self._any_inputs(), f"prepare {scenario.digest(self.file)}")
+
+    @functools.cached_property
+    def _loop(self) -> Exported:
+        meaning = f"advance {self.segment_ticks} {self.scenario!r}" if self.stages == Stages() else None
+        return traces.traced(self._advance, (self._nominal, *self._drawn_and_state()), meaning)
+
+    def _drawn_and_state(self) -> tuple[Any, Any]:
+        """Shapes of what the preparation hands to the loop."""
+        drawn, _, state = traces.results(self._preparation)
+        return drawn, state
+
+    def _any_inputs(self) -> tuple[Params, Array, np.ndarray, dict[str, np.ndarray]]:
+        """Arguments of the preparation, of which only the shapes count."""
+        return self._inputs(0, np.zeros(self.size, dtype=np.int64))
 
     def _inputs(self, seed: int, ids: np.ndarray) -> tuple[Params, Array, np.ndarray, dict[str, np.ndarray]]:
         given = self.design.of_runs(ids) if self.design else {}
@@ -133,18 +154,16 @@ class Engine:
 
     def draw(self, seed: int, ids: np.ndarray) -> dict[str, np.ndarray]:
         """Values drawn for `size` runs: those of `prepare`, from the same program, without compiling the loop."""
-        drawn, _, _ = self._compile_preparation(seed)(*self._inputs(seed, ids))
+        drawn, _, _ = self._prepared(*self._inputs(seed, ids))
         return {name: np.asarray(values) for name, values in drawn.items()}
 
     def channels(self) -> list[str]:
-        """Names of the channels that the engine gives, without compiling anything; traces one tick."""
-        inputs = self._inputs(0, np.zeros(self.size, dtype=np.int64))
-        drawn, _, state = jax.eval_shape(self._prepare, *inputs)
-        return sorted(jax.eval_shape(self._advance, self._nominal, drawn, state)[1])
+        """Names of the channels that the engine gives, without compiling anything."""
+        return sorted(traces.results(self._loop)[1])
 
     def prepare(self, seed: int, ids: np.ndarray) -> Block:
         """Dispersed values and initial states of `capacity` runs."""
-        self.compile(seed)
+        self.compile()
         assert self._programs is not None
         parts = [self._programs[0](*self._inputs(seed, share)) for share in np.split(ids, len(self.devices))]
         placed = [

@@ -51,7 +51,7 @@ class Local:
     def do(self, blocks: Sequence[int], tell: Tell) -> dict[int, str]:
         """Does some blocks, as many at once as there are devices; an error ends the process, so none is given up."""
         tell(0.0, 0, False)
-        self.engine.compile(self.result.asked["seed"])
+        self.engine.compile()
         tell(0.0, 0, True)
         done, failed = 0, 0
         for first in range(0, len(blocks), len(self.engine.devices)):

@@ -106,7 +106,7 @@ def do_blocks(result: Campaign, engine: Engine, wave: Sequence[int], during: Dur
         UnfinishedError: they cannot be stored.
     """
     check_versions(result.asked["versions"])
-    engine.compile(result.asked["seed"])
+    engine.compile()
     for block in wave:
         manifests.begin(result.directory, block)
     effort = Effort(time.time(), engine.compile_s, creation.device(len(engine.devices)))
@@ -143,7 +143,7 @@ def do_histories(result: Campaign, engine: Engine, run_ids: Sequence[int], tell:
         UnfinishedError: they cannot be stored.
     """
     retention = Retention.read(result.asked["histories"])
-    engine.compile(result.asked["seed"])
+    engine.compile()
     for first in range(0, len(run_ids), engine.capacity):
         batch = list(run_ids[first : first + engine.capacity])
         ids = np.array(batch + [batch[-1]] * (engine.capacity - len(batch)))

@@ -38,7 +38,7 @@ def work(directory: str) -> None:
 
     result = Campaign(directory)
     engine = flying.engine_of(result.asked, jax.devices())
-    engine.compile(result.asked["seed"])
+    engine.compile()
     say("ready")
     while True:
         wave = waves.get()

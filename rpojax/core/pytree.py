@@ -1,9 +1,11 @@
 """Immutable records of arrays that JAX can map, scan and differentiate."""
 
+import contextlib
 import dataclasses
 from typing import Any, TypeVar, dataclass_transform
 
 import jax
+from jax.export import register_pytree_node_serialization
 
 T = TypeVar("T")
 
@@ -12,7 +14,14 @@ T = TypeVar("T")
 def pytree(cls: type[T]) -> type[T]:
     """Makes `cls` a frozen keyword-only dataclass whose every field is a pytree child."""
     frozen = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
-    return jax.tree_util.register_dataclass(frozen)
+    record = jax.tree_util.register_dataclass(frozen)
+    # So that a traced function of such records can be kept on disk. A class that a notebook makes anew is not.
+    with contextlib.suppress(ValueError):
+        name = f"{cls.__module__}.{cls.__qualname__}"
+        register_pytree_node_serialization(
+            record, serialized_name=name, serialize_auxdata=lambda _: b"", deserialize_auxdata=lambda _: ()
+        )
+    return record
 
 
 def replace(record: T, **changes: Any) -> T:

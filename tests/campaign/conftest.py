@@ -28,10 +28,10 @@ def shared_programs() -> Iterator[None]:
     programs: dict[Any, Any] = {}
     compile_anew = Engine.compile
 
-    def compile_once(engine: Engine, seed: int) -> None:
+    def compile_once(engine: Engine) -> None:
         key = (engine.file.model_dump_json(), engine.size, tuple(engine.devices))
         if key not in programs:
-            compile_anew(engine, seed)
+            compile_anew(engine)
             programs[key] = engine._programs
         engine._programs = programs[key]
 

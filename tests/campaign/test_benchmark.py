@@ -107,7 +107,7 @@ def test_the_default_block_is_among_the_batches_that_are_measured(mission: Scena
 
 
 def test_a_batch_is_shared_evenly_and_no_device_is_idle(mission: ScenarioFile, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(benchmark.Engine, "compile", lambda engine, seed: None)
+    monkeypatch.setattr(benchmark.Engine, "compile", lambda engine: None)
     devices = jax.devices()[:1]
     assert benchmark.prepare(mission, 5, devices).size == 5
     if len(jax.devices()) > 1:

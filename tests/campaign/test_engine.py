@@ -31,7 +31,7 @@ Channels = dict[str, np.ndarray]
 def engine(mission: ScenarioFile) -> Engine:
     """One device that takes `BATCH` runs."""
     engine = Engine(mission, BATCH, jax.devices()[:1])
-    engine.compile(seed=0)
+    engine.compile()
     return engine
 
 

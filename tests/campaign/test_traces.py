@@ -1,0 +1,116 @@
+"""Traced functions are kept, found again by what they mean, and made anew where the file is of no use."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from jax.export import Exported
+from jaxtyping import Array
+
+from rpojax.campaign import traces
+from rpojax.campaign.dispersions import Values
+from rpojax.campaign.engine import Engine
+from rpojax.flight import formation_control
+from rpojax.flight.computer import Stages
+from rpojax.simulation.params import Params
+from rpojax.simulation.run_state import State
+from rpojax.simulation.schema import ScenarioFile
+
+ARGUMENTS = (np.arange(3.0), {"a": np.ones(2)})
+
+
+class Counted:
+    """A function that knows how often it has been traced."""
+
+    def __init__(self) -> None:
+        self.times = 0
+
+    def __call__(self, x: Any, others: dict[str, Any]) -> dict[str, Any]:
+        self.times += 1
+        return {"sum": x.sum() + others["a"].sum(), "same": others}
+
+
+def traced(function: Counted, arguments: Any = ARGUMENTS, meaning: str | None = "sum") -> Exported:
+    """As a new process would: JAX remembers what it has traced by the function's identity."""
+    return traces.traced(lambda x, others: function(x, others), arguments, meaning)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv(traces.FOLDER, str(tmp_path / "traces"))
+    return tmp_path / "traces"
+
+
+def test_a_kept_trace_is_not_made_again_and_computes_the_same(folder: Path) -> None:
+    function = Counted()
+    first = traced(function)
+    second = traced(function)
+    assert function.times == 1
+    assert len(list(folder.iterdir())) == 1
+    assert first.call(*ARGUMENTS)["sum"] == second.call(*ARGUMENTS)["sum"] == 5.0
+    assert traces.results(second)["same"]["a"].shape == (2,)
+
+
+@pytest.mark.parametrize("change", ["meaning", "shape", "type", "structure", "code"])
+def test_what_changes_a_trace_makes_it_anew(folder: Path, change: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    function = Counted()
+    traced(function)
+    meaning = "other" if change == "meaning" else "sum"
+    x, others = ARGUMENTS
+    if change == "shape":
+        x = np.arange(4.0)
+    if change == "type":
+        x = x.astype(np.float32)
+        others = {"a": others["a"].astype(np.float32)}
+    if change == "structure":
+        others = {**others, "b": np.ones(1)}
+    if change == "code":
+        monkeypatch.setattr(traces, "_source_digest", lambda: "other code")
+    traced(function, (x, others), meaning)
+    assert function.times == 2
+    assert len(list(folder.iterdir())) == 2
+
+
+@pytest.mark.parametrize("damage", ["cut", "turned", "empty"])
+def test_a_damaged_trace_is_made_anew(folder: Path, damage: str) -> None:
+    function = Counted()
+    traced(function)
+    (path,) = folder.iterdir()
+    whole = path.read_bytes()
+    path.write_bytes({"cut": whole[:-9], "turned": whole[:200] + b"?" + whole[201:], "empty": b""}[damage])
+    assert traced(function).call(*ARGUMENTS)["sum"] == 5.0
+    traced(function)
+    assert function.times == 2
+
+
+def test_nothing_is_kept_without_a_folder_or_without_a_meaning(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    traced(Counted(), meaning=None)
+    monkeypatch.delenv(traces.FOLDER)
+    assert traced(Counted()).call(*ARGUMENTS)["sum"] == 5.0
+    assert not folder.exists()
+
+
+def test_a_folder_that_cannot_be_written_to_does_no_harm(folder: Path) -> None:
+    folder.write_text("a file where a folder should be")
+    assert traced(Counted()).call(*ARGUMENTS)["sum"] == 5.0
+
+
+def test_a_loop_is_found_again_unless_a_stage_is_the_users_own(
+    folder: Path, inspection_file: ScenarioFile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times = []
+
+    def advance(self: Engine, nominal: Params, values: Values, state: State) -> tuple[State, dict[str, Array]]:
+        times.append(1)
+        return state, {"failed_at": state.failed_at[None]}
+
+    monkeypatch.setattr(Engine, "_advance", advance)
+    retuned = inspection_file.model_copy(update={"orbit": inspection_file.orbit.model_copy(update={"raan_deg": 78.0})})
+    assert Engine(inspection_file, size=1).channels() == ["failed_at"]
+    assert Engine(retuned, size=1).channels() == ["failed_at"]
+    assert len(times) == 1, "numbers that runs are given are not part of the program"
+    own = Stages(formation_law=lambda *given: formation_control.lqr(*given))
+    Engine(inspection_file, size=1, stages=own).channels()
+    assert len(times) == 2
+    assert len(list(folder.iterdir())) == 3, "two preparations and the loop of the packaged stages"
