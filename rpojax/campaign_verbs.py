@@ -174,7 +174,7 @@ def resume(
         files.sweep(found.directory)
         if found.asked["report"] and not _has_whole_report(found):
             return _conclude(found, report=True, as_json=as_json)
-        _show(found, _report_of(found), as_json)
+        _show(found, lambda: _report_of(found), as_json)
         return Status.DONE
 
     def work(watch: console.Watch) -> "Campaign":
@@ -255,14 +255,11 @@ def report(
     """Write report.html, report.json and figures anew."""
     prepare_jax(cache=True)
     from rpojax.campaign.store import Campaign
-    from rpojax.report.html import write_report
     from rpojax.report.summary import choose_run
 
     found = Campaign(directory)
     choose_run(found, run_id)
-    with console.busy("writing the report", quiet=as_json):
-        path = write_report(found, run_id, film=not no_film)
-    _show(found, path, as_json)
+    _show(found, lambda: _write_report(found, as_json, not no_film, run_id), as_json)
     return Status.DONE
 
 
@@ -326,17 +323,12 @@ def _conclude(
     shared: bool = False,
     more: dict[str, Any] | None = None,
 ) -> int:
-    """Writes the report if it is wanted, shows the results and returns the exit status.
+    """Shows the results, writes the report if it is wanted and returns the exit status.
 
     Where others work on the campaign too, only who finds nothing missing writes the report.
     """
-    from rpojax.report.html import write_report
-
-    path = None
-    if report and not (shared and result.missing()):
-        with console.busy("writing the report", quiet=as_json):
-            path = write_report(result, film=film)
-    _show(result, path, as_json, more)
+    wanted = report and not (shared and result.missing())
+    _show(result, lambda: _write_report(result, as_json, film) if wanted else None, as_json, more)
     if result.given_up:
         block, reason = next(iter(sorted(result.given_up.items())))
         raise UnfinishedError(f"found {len(result.given_up)} blocks given up, expected none; block {block}: {reason}")
@@ -359,12 +351,24 @@ def _report_of(result: "Campaign") -> Path | None:
     return path if path.is_file() else None
 
 
-def _show(result: "Campaign", path: Path | None, as_json: bool, more: dict[str, Any] | None = None) -> None:
+def _write_report(result: "Campaign", as_json: bool, film: bool, run_id: int | None = None) -> Path:
+    from rpojax.report.html import write_report
+
+    with console.busy("writing the report", quiet=as_json):
+        return write_report(result, run_id, film=film)
+
+
+def _show(
+    result: "Campaign", report: Callable[[], Path | None], as_json: bool, more: dict[str, Any] | None = None
+) -> None:
+    """Shows the results; people see them before the report is written."""
     from rpojax.report.summary import summarise
 
     summary = summarise(result)
     if as_json:
+        path = report()
         place = {"directory": str(result.directory), "report": None if path is None else str(path)}
         print_json({**place, **summary, **(more or {})})
-    else:
-        console.show_campaign(summary, result.directory, path)
+        return
+    console.show_campaign(summary)
+    console.show_places(result.directory, report())

@@ -147,8 +147,8 @@ def _bar(duration_s: float) -> Iterator[Watch]:
         yield watch
 
 
-def show_campaign(summary: Mapping[str, Any], directory: Path, report: Path | None) -> None:
-    """Table of key metrics, how many runs completed and why others did not, and where the results are."""
+def show_campaign(summary: Mapping[str, Any]) -> None:
+    """Table of key metrics, how many runs completed and why others did not, and what became of the requirements."""
     from rich.table import Table
     from rich.text import Text
 
@@ -178,6 +178,11 @@ def show_campaign(summary: Mapping[str, Any], directory: Path, report: Path | No
         console.print(f"failed: {count} x {reason}", markup=False)
     for judged in summary["requirements"]:
         console.print(f"{judged['verdict_text']}: {judged['text']}", markup=False, soft_wrap=True)
+
+
+def show_places(directory: Path, report: Path | None) -> None:
+    """Where the results of a campaign are."""
+    console = Console(highlight=False)
     console.print(f"results: {directory}", soft_wrap=True, markup=False)
     if report is not None:
         console.print(f"report: {report}", soft_wrap=True, markup=False)

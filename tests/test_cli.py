@@ -243,7 +243,10 @@ def test_a_campaign_of_which_nothing_is_done_yet_has_a_report_that_says_so(
     assert (result.status, result.json["runs"]["missing"]) == (0, 3)
 
 
-def test_progress_goes_to_stderr_and_json_keeps_it_silent(call: Call, tmp_path: Path) -> None:
+def test_progress_goes_to_stderr_and_json_keeps_it_silent(
+    call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(console, "_SHORTEST_S", 0.0)
     words = ("campaign", "inspection", "--runs", 1, *SHORT, *SINGLY, "--no-report")
     loud = call(*words, "--out", tmp_path / "loud")
     assert [line.split()[1] for line in loud.err.splitlines()] == ["compiling", "1", "0/1", "1/1"]

@@ -1,7 +1,8 @@
 """A run flown live: it says what it senses, and leaves some of its flight software to whoever answers."""
 
+import gc
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -16,7 +17,7 @@ from rpojax.interop.commands import Limits
 from rpojax.interop.exchange import Exchange
 from rpojax.interop.given_estimate import given_orbit
 from rpojax.interop.ledger import Ledger, Tell
-from rpojax.interop.live_program import AttitudeValues, Program
+from rpojax.interop.live_program import Opened, Program
 from rpojax.interop.live_settings import Settings, Stage
 from rpojax.interop.live_words import Words
 from rpojax.interop.messages import Said, nanoseconds
@@ -115,8 +116,9 @@ class _Flight:
     def __init__(self, file: ScenarioFile, seed: int, run_id: int, settings: Settings) -> None:
         self._file, self._external = file, settings.external
         self.scenario, self._params, key = single.drawn(file, seed, run_id)
-        self._state = Bundle.of(jax.jit(closed_loop.init, static_argnums=0)(self.scenario, self._params, key))
         self._program = Program(self.scenario, self._params)
+        start = jax.jit(closed_loop.init, static_argnums=0)(self.scenario, self._params, key)
+        self._tick = self._program.open(start)
         self._words = Words(settings, nanoseconds(self.scenario.step_s))
         self._pictures = settings.pictures and self.scenario.camera_model == "rendered"
         self._records: dict[str, np.ndarray] = {}
@@ -145,21 +147,26 @@ class _Flight:
 
     def rehearse(self) -> None:
         """Flies some ticks in every way that may be asked for, so that all is compiled; nothing comes of it."""
-        start = self._state
+        start = self._tick
         deciders: tuple[Decider, ...] = ("given", "nobody") if Stage.FORMATION in self._external else ("own",)
         for decider in deciders:
-            self._state, _, _ = self._fly(_Rehearsal(decider))
-        self._state = start
+            self._tick = self._fly(_Rehearsal(decider), lambda _: None)
+        self._tick = start
+        # What is here by now stays to the end: there is no use in going through it for garbage again and again.
+        gc.collect()
+        gc.freeze()
 
     def tick(self, other: "Other") -> None:
         """Flies one tick."""
-        self._state, channels, failure = self._fly(other)
+        self._tick = self._fly(other, self._record)
+        self.failure = FAILURES[self._tick.failure]
+        self.ticks += 1
+
+    def _record(self, channels: Channels) -> None:
         for name, value in channels.items():
             if name not in self._records:
                 self._records[name] = np.zeros((1, self.scenario.ticks, *value.shape), dtype=value.dtype)
             self._records[name][0, self.ticks] = value
-        self.failure = FAILURES[failure]
-        self.ticks += 1
 
     def metrics(self) -> dict[str, float]:
         """Figures of merit of a completed run, none of another."""
@@ -167,33 +174,43 @@ class _Flight:
             return {}
         return {name: float(values[0]) for name, values in metrics.evaluate(self._file, self._records).items()}
 
-    def _fly(self, other: "Other") -> tuple[Bundle, Channels, int]:
-        """State one tick later, its record and its failure: what is said may be answered before the next is done."""
-        state, program, at = self._state, self._program, self._time(0)
-        begun, values = program.begin(state)
-        picture = program.picture(state, begun) if self._pictures else None
-        other.say(self._words.sensed(values, picture))
+    def _fly(self, other: "Other", record: Callable[[Channels], None]) -> Opened:
+        """The next tick, after this one is recorded: what is said may be answered before the next is done."""
+        tick, program, at = self._tick, self._program, self._time(0)
+        other.say(self._words.sensed(tick.values))
+        if self._pictures:
+            other.say(self._words.picture(at, program.picture(tick)))
         if Stage.NAVIGATION in self._external and (given := other.estimate(at)) is not None:
-            begun = program.adopt(begun, given)
+            tick = program.adopt(tick, given)
         decider, burn = other.burn(at) if Stage.FORMATION in self._external else ("own", CLOSED)
-        decided, motion, chosen = program.decide(decider, state, begun, burn)
-        other.say(self._words.decided(chosen))
-        motion = self._move(other, state, decided, motion, chosen.attitude)
-        after, failure = program.finish(state, decided, motion)
-        return after, chosen.channels, failure
+        decided, motion, chosen = program.decide(decider, tick, burn)
+        other.say(self._words.reference(chosen))
 
-    def _move(self, other: "Other", state: Bundle, decided: Bundle, motion: Bundle, attitude: AttitudeValues) -> Bundle:
-        """The plant at the end of the tick."""
+        def aside() -> None:
+            other.say(self._words.decided(chosen))
+            record(chosen.channels)
+
+        return self._move(other, tick, decided, motion, aside)
+
+    def _move(self, other: "Other", tick: Opened, decided: Bundle, motion: Bundle, aside: Callable[[], None]) -> Opened:
+        """The next tick, after the plant steps of this one; `aside` is done as soon as the other side has to think."""
+        last = self.scenario.substeps - 1
         if Stage.ATTITUDE not in self._external:
-            motion = self._program.move_all(state, decided)
-            other.hold(self._time(self.scenario.substeps))
-            return motion
-        for step in range(self.scenario.substeps):
-            at = self._time(step)
-            other.say(self._words.step(at, attitude, step == 0))
-            motion, attitude = self._program.move(state, decided, motion, other.torque(at), step)
+            aside()
+            following = self._program.close_alone(tick, decided)
+            other.hold(self._time(last + 1))
+            return following
+        for step in range(last):
+            motion, attitude = self._program.move(tick, decided, motion, other.torque(self._time(step)), step)
             other.hold(self._time(step + 1))
-        return motion
+            other.say(self._words.step(self._time(step + 1), attitude))
+            if step == 0:
+                aside()
+        if last == 0:
+            aside()
+        following = self._program.close(tick, decided, motion, other.torque(self._time(last)), last)
+        other.hold(self._time(last + 1))
+        return following
 
     def _time(self, step: int) -> int:
         """Beginning of a plant step of this tick [ns]."""

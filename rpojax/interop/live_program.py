@@ -1,5 +1,6 @@
 """The stages of a live run's tick as compiled functions of few arrays, with what there is to say after each."""
 
+from dataclasses import dataclass, replace
 from functools import partial
 
 import jax
@@ -7,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.core import quaternion
-from rpojax.core.packing import Bundle, Packed
+from rpojax.core.packing import Bundle, Layout, Packed
 from rpojax.core.pytree import pytree
+from rpojax.flight.attitude_estimator import AttitudeEstimate
 from rpojax.flight.computer import Stages
 from rpojax.interop import tick_values
 from rpojax.interop.frames import orientation, turned
@@ -48,6 +50,19 @@ class AttitudeValues:
 
 
 @pytree
+class SensedValues:
+    """What there is to say once a tick has been sensed and navigated.
+
+    Attributes:
+        tick: values of the tick
+        attitude: before the first plant step
+    """
+
+    tick: TickValues
+    attitude: AttitudeValues
+
+
+@pytree
 class DecidedValues:
     """What there is to say once burn and pointing are decided.
 
@@ -55,79 +70,103 @@ class DecidedValues:
         tick: values of the tick
         channels: its record
         reference: orientations (n, 4) x, y, z, w, rates (n, 3) [rad/s] and accelerations (n, 3) [rad/s^2]
-        attitude: before the first plant step
     """
 
     tick: TickValues
     channels: Channels
     reference: tuple[jax.Array, jax.Array, jax.Array]
-    attitude: AttitudeValues
+
+
+@dataclass(frozen=True)
+class Opened:
+    """A tick that has been sensed and navigated.
+
+    Attributes:
+        state: at its beginning, for the program alone
+        begun: what has come of it, for the program alone
+        values: what there is to say
+        failure: code of the run's failure so far
+    """
+
+    state: Bundle
+    begun: Bundle
+    values: SensedValues
+    failure: int
 
 
 class Program:
-    """One run between two things that are said.
-
-    What is handed from one function to the next is for them alone.
-    """
+    """One run between two things that are said; the end of a tick is one function with the beginning of the next."""
 
     def __init__(self, scenario: Scenario, params: Params) -> None:
         held = Bundle.of(params)
         self._params = Bundle(held.layout, tuple(map(jnp.asarray, held.arrays)))
-        self._begin = Packed(partial(_begin, scenario))
+        self._open = Packed(partial(_open, scenario))
         self._adopt = Packed(_adopt)
         self._decide: dict[Decider, Packed] = {}
         self._move = Packed(partial(_move, scenario))
-        self._move_all = Packed(partial(_move_all, scenario))
-        self._finish = Packed(partial(_finish, scenario))
+        self._close = Packed(partial(_close, scenario))
+        self._close_alone = Packed(partial(_close_alone, scenario))
         self._picture = Packed(partial(_picture, scenario))
         self._scenario = scenario
 
-    def begin(self, state: Bundle) -> tuple[Bundle, TickValues]:
-        """Sensing and navigation."""
-        begun, values = self._begin(self._params, state)
-        return begun, values.fetch()
+    def open(self, state: State) -> Opened:
+        """The first tick."""
+        return _opened(*self._open(self._params, Bundle.of(state)))
 
-    def adopt(self, begun: Bundle, given: GivenOrbit) -> Bundle:
-        """Somebody else's navigation."""
-        return self._adopt(begun, Bundle.of(given))[0]
+    def adopt(self, tick: Opened, given: GivenOrbit) -> Opened:
+        """The tick with somebody else's navigation."""
+        return replace(tick, begun=self._adopt(tick.begun, Bundle.of(given))[0])
 
-    def decide(
-        self, decider: Decider, state: Bundle, begun: Bundle, burn: GivenBurn
-    ) -> tuple[Bundle, Bundle, DecidedValues]:
-        """Burn and pointing, and the motion before the first plant step."""
+    def decide(self, decider: Decider, tick: Opened, burn: GivenBurn) -> tuple[Bundle, Bundle, DecidedValues]:
+        """Burn and pointing, the motion before the first plant step, and what there is to say."""
         if decider not in self._decide:
             self._decide[decider] = Packed(partial(_decide, self._scenario, decider))
-        decided, motion, values = self._decide[decider](self._params, state, begun, Bundle.of(burn))
+        decided, motion, values = self._decide[decider](self._params, tick.state, tick.begun, Bundle.of(burn))
         return decided, motion, values.fetch()
 
     def move(
-        self, state: Bundle, decided: Bundle, motion: Bundle, torque: np.ndarray, step: int
+        self, tick: Opened, decided: Bundle, motion: Bundle, torque: np.ndarray, step: int
     ) -> tuple[Bundle, AttitudeValues]:
         """One plant step under given torques [N m], and the attitude after it."""
-        order = Bundle.of((torque, np.int32(step)))
-        motion, values = self._move(self._params, state, decided, motion, order)
+        motion, values = self._move(self._params, tick.state, decided, motion, _order(torque, step))
         return motion, values.fetch()
 
-    def move_all(self, state: Bundle, decided: Bundle) -> Bundle:
-        """All plant steps of a tick under the flight software's own torques."""
-        return self._move_all(self._params, state, decided)[0]
+    def close(self, tick: Opened, decided: Bundle, motion: Bundle, torque: np.ndarray, step: int) -> Opened:
+        """The last plant step of a tick under given torques [N m], and the next tick."""
+        return _opened(*self._close(self._params, tick.state, decided, motion, _order(torque, step)))
 
-    def finish(self, state: Bundle, decided: Bundle, motion: Bundle) -> tuple[Bundle, int]:
-        """State one tick later, and the code of its failure."""
-        after, failure = self._finish(self._params, state, decided, motion)
-        return after, int(failure.fetch())
+    def close_alone(self, tick: Opened, decided: Bundle) -> Opened:
+        """All plant steps of a tick under the flight software's own torques, and the next tick."""
+        return _opened(*self._close_alone(self._params, tick.state, decided))
 
-    def picture(self, state: Bundle, begun: Bundle) -> np.ndarray:
+    def picture(self, tick: Opened) -> np.ndarray:
         """The picture that the detector of a rendered camera gets."""
-        return self._picture(self._params, state, begun)[0].fetch()
+        return self._picture(self._params, tick.state, tick.begun)[0].fetch()
 
 
-def _begin(scenario: Scenario, params: Params, state: State) -> tuple[Begun, TickValues]:
+_ORDER = Layout.of((np.zeros(3), np.int32(0)))
+
+
+def _order(torque: np.ndarray, step: int) -> Bundle:
+    """As `Bundle.of` makes it, which would look at the shapes at every plant step."""
+    return Bundle(_ORDER, (torque, np.array([step], dtype=np.int32)))
+
+
+def _opened(state: Bundle, begun: Bundle, values: Bundle, failure: Bundle) -> Opened:
+    return Opened(state, begun, values.fetch(), int(failure.fetch()))
+
+
+def _open(scenario: Scenario, params: Params, state: State) -> tuple[State, Begun, SensedValues, jax.Array]:
     begun = stepwise.begin(_STAGES, scenario, params, state)
     # There is no mode before guidance.
     mode = jnp.zeros((), dtype=jnp.int64)
     seen = tick_stages.look(state, begun.sensed, begun.flight, begun.innovation, mode)
-    return begun, tick_values.observe(_STAGES, scenario, params, seen)
+    attitude = begun.flight.attitude
+    values = SensedValues(
+        tick=tick_values.observe(_STAGES, scenario, params, seen),
+        attitude=_attitude(scenario, params, attitude, attitude, state.truth.wheel_speed),
+    )
+    return state, begun, values, state.failure
 
 
 def _picture(scenario: Scenario, params: Params, state: State, begun: Begun) -> tuple[jax.Array]:
@@ -148,7 +187,6 @@ def _decide(
         tick=tick_values.observe(_STAGES, scenario, params, seen),
         channels=telemetry.observe(scenario, params, seen),
         reference=(jax.vmap(orientation)(command.q_CN), command.omega_CN_C, command.acceleration_C),
-        attitude=_attitude(scenario, params, decided, motion),
     )
     return decided, motion, values
 
@@ -162,29 +200,40 @@ def _move(
     order: tuple[jax.Array, jax.Array],
 ) -> tuple[Motion, AttitudeValues]:
     motion = stepwise.move(scenario, params, state, decided, motion, *order)
-    return motion, _attitude(scenario, params, decided, motion)
+    held, wheels = decided.flight.attitude, motion.truth.wheel_speed
+    return motion, _attitude(scenario, params, held, motion.attitude, wheels)
 
 
-def _move_all(scenario: Scenario, params: Params, state: State, decided: Decided) -> tuple[Motion]:
-    return (stepwise.move_all(_STAGES, scenario, params, state, decided),)
+def _close(
+    scenario: Scenario,
+    params: Params,
+    state: State,
+    decided: Decided,
+    motion: Motion,
+    order: tuple[jax.Array, jax.Array],
+) -> tuple[State, Begun, SensedValues, jax.Array]:
+    motion = stepwise.move(scenario, params, state, decided, motion, *order)
+    return _open(scenario, params, stepwise.finish(_STAGES, scenario, params, state, decided, motion))
 
 
-def _finish(
-    scenario: Scenario, params: Params, state: State, decided: Decided, motion: Motion
-) -> tuple[State, jax.Array]:
-    after = stepwise.finish(_STAGES, scenario, params, state, decided, motion)
-    return after, after.failure
+def _close_alone(
+    scenario: Scenario, params: Params, state: State, decided: Decided
+) -> tuple[State, Begun, SensedValues, jax.Array]:
+    motion = stepwise.move_all(_STAGES, scenario, params, state, decided)
+    return _open(scenario, params, stepwise.finish(_STAGES, scenario, params, state, decided, motion))
 
 
-def _attitude(scenario: Scenario, params: Params, decided: Decided, motion: Motion) -> AttitudeValues:
-    attitude, predicted = motion.attitude, decided.flight.attitude
+def _attitude(
+    scenario: Scenario, params: Params, held: AttitudeEstimate, now: AttitudeEstimate, wheel_speed: jax.Array
+) -> AttitudeValues:
+    """Values of the estimate `now`, with the covariance `held` since the beginning of the tick."""
     noise = tick_values.gyro_variance(scenario, params)
     return AttitudeValues(
-        orientation=orientation(attitude.q_BN),
-        rate=attitude.omega_BN_B,
-        covariance=turned(quaternion.to_matrix(attitude.q_BN).T, predicted.covariance[:3, :3]),
-        rate_covariance=tick_values.rate_covariance(predicted, noise),
-        gyro=attitude.gyro_B,
+        orientation=orientation(now.q_BN),
+        rate=now.omega_BN_B,
+        covariance=turned(quaternion.to_matrix(now.q_BN).T, held.covariance[:3, :3]),
+        rate_covariance=tick_values.rate_covariance(held, noise),
+        gyro=now.gyro_B,
         gyro_variance=noise,
-        wheel_speed=motion.truth.wheel_speed,
+        wheel_speed=wheel_speed,
     )

@@ -1,16 +1,20 @@
 """What a live run says at each point of a tick."""
 
+from typing import Any
+
 import numpy as np
 
 from rpojax.interop import live_topics, messages, topics
-from rpojax.interop.live_program import AttitudeValues, DecidedValues
+from rpojax.interop.live_program import AttitudeValues, DecidedValues, SensedValues
 from rpojax.interop.live_settings import Settings, Stage
 from rpojax.interop.messages import Said, nanoseconds
-from rpojax.interop.tick_values import TickValues
+from rpojax.interop.topics import Topic
 
-_DECIDED = frozenset((topics.TARGET_ESTIMATE, topics.WHEEL_COMMAND, topics.THRUSTER_COMMAND, topics.DIAGNOSTICS))
+_DECIDED = (topics.TARGET_ESTIMATE, topics.WHEEL_COMMAND, topics.THRUSTER_COMMAND, topics.DIAGNOSTICS)
 """Said when the flight software has decided."""
-_SENSED = frozenset(topics.TABLE) - _DECIDED
+_AWAITED = (topics.CLOCK, topics.SERVICER_ESTIMATE, topics.RELATIVE_ESTIMATE, topics.WHEELS)
+"""Said first, since others decide by it; while they do, the rest is said."""
+_REST = tuple(topic for topic in topics.TABLE if topic not in (*_AWAITED, *_DECIDED))
 
 
 class Words:
@@ -20,40 +24,45 @@ class Words:
         self._attitude_is_external = Stage.ATTITUDE in settings.external
         self._step_ns = step_ns
 
-    def sensed(self, values: TickValues, picture: np.ndarray | None) -> Said:
-        """At the beginning of a tick: time, truth, measurements, and what navigation makes of them."""
-        at = nanoseconds(float(values.time_s))
-        said = messages.of_tick(values, _SENSED)
+    def sensed(self, values: SensedValues) -> Said:
+        """At the beginning of a tick: time, what others decide by, then truth and measurements."""
+        at = nanoseconds(float(values.tick.time_s))
+        for topic, message in messages.of_tick(values.tick, (*_AWAITED, *_REST)):
+            if self._attitude_is_external and topic is topics.WHEELS:
+                # The motors' torques are not decided yet.
+                yield topic, messages.wheels(at, np.asarray(values.tick.wheel_speed), np.zeros(0))
+                yield _attitude(at, values.attitude)
+            else:
+                yield topic, message
         if at == 0:
-            said.insert(0, (topics.TF_STATIC, messages.camera_mounting(at, values)))
+            yield topics.TF_STATIC, messages.camera_mounting(at, values.tick)
+
+    def picture(self, at: int, picture: np.ndarray) -> Said:
+        """The picture of a tick."""
+        return [(topics.IMAGE, messages.image(at, picture))]
+
+    def reference(self, values: DecidedValues) -> Said:
+        """The attitude reference, once decided."""
         if self._attitude_is_external:
-            # The motors' torques are not decided yet.
-            wheels = messages.wheels(at, np.asarray(values.wheel_speed), np.zeros(0))
-            said = [(topic, wheels if topic.name == topics.WHEELS.name else message) for topic, message in said]
-        if picture is not None:
-            said.append((topics.IMAGE, messages.image(at, picture)))
-        return said
+            at, points = nanoseconds(float(values.tick.time_s)), map(np.asarray, values.reference)
+            yield live_topics.ATTITUDE_REFERENCE, live_topics.attitude_reference(at, self._step_ns, *points)
 
     def decided(self, values: DecidedValues) -> Said:
-        """Once burn and attitude reference are decided: what flight software is up to."""
-        at = nanoseconds(float(values.tick.time_s))
-        said = messages.of_tick(values.tick, _DECIDED)
-        if self._attitude_is_external:
-            reference = live_topics.attitude_reference(at, self._step_ns, *map(np.asarray, values.reference))
-            said.append((live_topics.ATTITUDE_REFERENCE, reference))
-        return said
+        """Once all is decided: what flight software is up to."""
+        return messages.of_tick(values.tick, _DECIDED)
 
-    def step(self, at: int, values: AttitudeValues, first: bool) -> Said:
-        """Before a plant step whose torques come from outside; the `first` of a tick repeats nothing."""
-        turn, rate, P, P_rate = map(
-            np.asarray, (values.orientation, values.rate, values.covariance, values.rate_covariance)
-        )
-        said: Said = []
-        if not first:
-            variance = float(values.gyro_variance)
-            said = [
-                (topics.CLOCK, messages.clock(at)),
-                (topics.IMU, messages.imu(at, np.asarray(values.gyro), variance)),
-                (topics.WHEELS, messages.wheels(at, np.asarray(values.wheel_speed), np.zeros(0))),
-            ]
-        return [*said, (live_topics.ATTITUDE_ESTIMATE, live_topics.attitude_estimate(at, turn, rate, P, P_rate))]
+    def step(self, at: int, values: AttitudeValues) -> Said:
+        """Before a plant step within a tick whose torques come from outside."""
+        return [
+            (topics.CLOCK, messages.clock(at)),
+            (topics.WHEELS, messages.wheels(at, np.asarray(values.wheel_speed), np.zeros(0))),
+            _attitude(at, values),
+            (topics.IMU, messages.imu(at, np.asarray(values.gyro), float(values.gyro_variance))),
+        ]
+
+
+def _attitude(at: int, values: AttitudeValues) -> tuple[Topic, Any]:
+    turn, rate, P, P_rate = map(
+        np.asarray, (values.orientation, values.rate, values.covariance, values.rate_covariance)
+    )
+    return live_topics.ATTITUDE_ESTIMATE, live_topics.attitude_estimate(at, turn, rate, P, P_rate)

@@ -1,6 +1,6 @@
 """Messages from values: pure builders, and all that is said of a tick with the topic on which it is said."""
 
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
 
@@ -15,7 +15,7 @@ from rpojax.interop.message_types import message_class
 from rpojax.interop.tick_values import Motion, TickValues, View
 from rpojax.interop.topics import Topic
 
-Said = list[tuple[Topic, Any]]
+Said = Iterable[tuple[Topic, Any]]
 Values = Array | np.ndarray
 """Numbers of a tick, wherever they are."""
 
@@ -281,13 +281,13 @@ def _status(level: str, name: str, text: str, values: dict[str, float]) -> Any:
     )
 
 
-def of_tick(values: TickValues, wanted: Container[Topic] = topics.TABLE) -> Said:
-    """What is said of a tick on the topics that are wanted, in the order of their table.
+def of_tick(values: TickValues, wanted: Iterable[Topic] = topics.TABLE) -> Said:
+    """What is said of a tick on the topics that are wanted, in their order; each message is made when its turn comes.
 
     Pictures and what is said once are left out.
     """
-    at = nanoseconds(float(values.time_s))
-    return [(topic, make()) for topic, make in _makers(at, values).items() if topic in wanted]
+    makers = _makers(nanoseconds(float(values.time_s)), values)
+    return ((topic, makers[topic]()) for topic in wanted if topic in makers)
 
 
 def _makers(at: int, values: TickValues) -> dict[Topic, Callable[[], Any]]:

@@ -41,9 +41,9 @@ STREAM = Qos(depth=10)
 LATCHED = Qos(depth=1, latched=True)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Topic:
-    """One topic.
+    """One topic, compared by its identity.
 
     Attributes:
         name: absolute

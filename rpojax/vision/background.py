@@ -6,7 +6,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.ndimage import zoom
 
 from rpojax.core.pytree import pytree
 from rpojax.vision.pinhole import Lens
@@ -67,6 +66,8 @@ def sky(seed: int = 0, cloud_share: float = 0.45) -> Sky:
 
 def _clouds(rng: np.random.Generator, shape: tuple[int, ...], share: float) -> np.ndarray:
     """Thickness (y, x) of clouds, above 0 over a share: noise summed over octaves, that closes round the globe."""
+    from scipy.ndimage import zoom  # a third of a second that only pictures need
+
     total = np.zeros(shape)
     for octave in range(2, 7):
         cells = 2**octave

@@ -9,7 +9,7 @@ from jaxtyping import Array
 from scipy.ndimage import binary_dilation
 from scipy.spatial import KDTree
 
-from rpojax.vision.grid_field import INPUTS, LATENT, GridField, with_solid
+from rpojax.vision.grid_field import INPUTS, LATENT, GridField, number_nodes, with_solid
 from rpojax.vision.rays import new_layers
 
 _EMPTY = -10.0
@@ -42,13 +42,6 @@ def new_grid(surface: np.ndarray, normals: np.ndarray, key: Array, rows: int = 1
             network=new_layers(key, (INPUTS, 64, 64, 3)),
         )
     )
-
-
-def number_nodes(near: np.ndarray) -> np.ndarray:
-    """Rows (x, y, z) int32 of nodes by whether they are near the surface: 0 for those that are not, else 1, 2, ..."""
-    row = np.zeros(near.shape, np.int32)
-    row[near] = 1 + np.arange(int(near.sum()), dtype=np.int32)
-    return row
 
 
 def _frame(low: np.ndarray, high: np.ndarray, spacing: float) -> tuple[np.ndarray, tuple[int, ...]]:

@@ -212,6 +212,13 @@ def _shade(field: GridField, latent: Array, point: Array, normal: Array, view: A
     return jax.nn.sigmoid(apply_layers(field.network, inputs)) ** GAMMA
 
 
+def number_nodes(near: np.ndarray) -> np.ndarray:
+    """Rows (x, y, z) int32 of nodes by whether they are near the surface: 0 for those that are not, else 1, 2, ..."""
+    row = np.zeros(near.shape, np.int32)
+    row[near] = 1 + np.arange(int(near.sum()), dtype=np.int32)
+    return row
+
+
 def with_solid(field: GridField) -> GridField:
     """The field with its lookup of solid cells as the present matter has it."""
     thickness = _activate(field, field.matter) * field.spacing

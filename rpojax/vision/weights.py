@@ -11,8 +11,7 @@ import numpy as np
 
 from rpojax.errors import RpojaxError
 from rpojax.vision.field import Field
-from rpojax.vision.grid_build import number_nodes
-from rpojax.vision.grid_field import INPUTS, LATENT, GridField, with_solid
+from rpojax.vision.grid_field import INPUTS, LATENT, GridField, number_nodes, with_solid
 from rpojax.vision.point_field import FREQUENCIES, PointField
 
 SIZE_LIMIT = 64 * 1024 * 1024
