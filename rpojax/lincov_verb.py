@@ -10,7 +10,7 @@ from tyro.conf import arg
 
 from rpojax.console import busy
 from rpojax.errors import RpojaxError
-from rpojax.machine import prepare_jax
+from rpojax.machine import prepare_jax, prepare_loop
 from rpojax.outputs import claim
 from rpojax.verb_parts import AsJson, NoCache, Out, Overrides, Seed, Source, Status, load, print_json
 
@@ -50,6 +50,7 @@ def lincov(
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     file = load(scenario, overrides)
     prepare_jax(cache=not no_cache)
+    prepare_loop(rendered=False)
     from rpojax.analysis import error_budget, linear_agreement, linear_covariance
     from rpojax.campaign import admission
 

@@ -15,6 +15,7 @@ from rpojax.analysis import linear_inputs, outlines
 from rpojax.analysis.linear_inputs import TickInputs
 from rpojax.analysis.linear_state import Layout
 from rpojax.analysis.outlines import Framing, Tumble
+from rpojax.core import trailing
 from rpojax.core.frames import apply, hill_frame
 from rpojax.core.pytree import pytree
 from rpojax.core.pytree import replace as put_in
@@ -143,7 +144,12 @@ class Loop:
         """Derivatives (ticks, size + 19, size + inputs) of `step` at each tick."""
 
         def one(moment: tuple[State, TickNoise, Framing]) -> Array:
-            return jax.jacfwd(self.step(*moment))(self.point(moment[0]))
+            step, point = self.step(*moment), self.point(moment[0])
+
+            def along(direction: Array) -> Array:
+                return jax.jvp(step, (point,), (direction,))[1]
+
+            return trailing.batch(along, in_axes=-1, out_axes=-1)(jnp.eye(point.size))
 
         return jax.lax.map(one, (states, drawn, framings))
 
