@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from tyro.conf import UseAppendAction, arg
 
 from rpojax.console import busy
-from rpojax.machine import prepare_jax
+from rpojax.machine import prepare_jax, prepare_loop
 from rpojax.outputs import claim
 from rpojax.verb_parts import AsJson, NoCache, Overrides, Seed, Source, Status, load, print_json
 
@@ -46,6 +46,7 @@ def sensitivity(
         claim(out, force, (".json",))
     file = load(scenario, overrides)
     prepare_jax(cache=not no_cache)
+    prepare_loop(rendered=file.camera.model == "rendered")
     from rpojax.analysis import derivative_sensitivity as analysis
     from rpojax.campaign import normal_space
     from rpojax.campaign.store import Campaign

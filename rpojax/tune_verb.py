@@ -9,7 +9,7 @@ from tyro.conf import UseAppendAction, arg
 
 from rpojax import console
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.machine import prepare_jax
+from rpojax.machine import prepare_jax, prepare_loop
 from rpojax.outputs import claim, resumable
 from rpojax.verb_parts import AsJson, NoCache, Overrides, Seed, Source, Status, load, print_json
 
@@ -67,6 +67,7 @@ def tune(
         raise RpojaxError(f"--judge: found {judge}, expected 0 or at least 2")
     file = load(scenario, overrides)
     prepare_jax(cache=not no_cache)
+    prepare_loop(rendered=file.camera.model == "rendered")
     from rpojax.analysis import judging, tuning
 
     words = tuning.names_of_parameters(parameters or ("navigation",))

@@ -7,7 +7,7 @@ from tyro.conf import arg
 
 from rpojax.console import busy
 from rpojax.errors import OutputError
-from rpojax.machine import prepare_jax
+from rpojax.machine import prepare_jax, prepare_loop
 from rpojax.outputs import claim_folder
 from rpojax.verb_parts import AsJson, NoCache, Out, Overrides, Seed, Source, Status, load, print_json
 
@@ -39,6 +39,7 @@ def worst_case(
     file = load(scenario, overrides)
     _claim(out, force)
     prepare_jax(cache=not no_cache)
+    prepare_loop(rendered=file.camera.model == "rendered")
     from rpojax.analysis import metric_bound, worst_case_record
     from rpojax.analysis import worst_case as analysis
     from rpojax.analysis.limit_trials import Effort

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from rpojax.machine import prepare_jax
+from rpojax.machine import prepare_jax, prepare_loop
 
 PARAMETERS = ("formation", "schedule")
 SETTINGS = ("formation.velocity_weight=[1e3, 1e3, 1e3]", "tuning.formation=1", "tuning.delta_v=1")
@@ -26,6 +26,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=5)
     options = parser.parse_args()
     prepare_jax(cache=True)
+    prepare_loop(rendered=False)
     import rpojax
     from rpojax.analysis import slopes, tunable
     from rpojax.analysis.derivatives import Flights, run_keys

@@ -12,7 +12,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rpojax.machine import prepare_jax
+from rpojax.machine import prepare_jax, prepare_loop
 
 if TYPE_CHECKING:
     from rpojax.analysis.comparison import Runs
@@ -35,6 +35,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     prepare_jax(cache=True)
+    prepare_loop(rendered=False)
     options.out.mkdir(parents=True, exist_ok=True)
     points = tune_all(options)
     found = judge_all(options, points)

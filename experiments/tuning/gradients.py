@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rpojax.machine import prepare_jax
+from rpojax.machine import prepare_jax, prepare_loop
 
 STEPS = (1e-4, 1e-3)
 """In coordinates: the relative change of a number. Weak dependences need the longer one, for positions are rounded."""
@@ -30,6 +30,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     prepare_jax(cache=True)
+    prepare_loop(rendered=False)
     found = {
         name: compare(options.scenario, [f"duration_s={options.horizon}", SPEED_WEIGHTS, *overrides], options)
         for name, overrides in (("off", CALM), ("on", []))

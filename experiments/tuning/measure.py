@@ -67,9 +67,10 @@ def times(value: float | tuple[float, ...], name: str) -> str:
 
 def table(options: argparse.Namespace) -> int:
     """Packaged, wrong and tuned filters on the same unseen runs; status 1 if a bar is missed."""
-    from rpojax.machine import prepare_jax
+    from rpojax.machine import prepare_jax, prepare_loop
 
     prepare_jax(cache=True)
+    prepare_loop(rendered=False)
     import numpy as np
 
     import rpojax
@@ -106,9 +107,10 @@ def memory(options: argparse.Namespace) -> int:
     """Two steps of a large tuning; the most memory of the process and of the programs."""
     import resource
 
-    from rpojax.machine import prepare_jax
+    from rpojax.machine import prepare_jax, prepare_loop
 
     prepare_jax(cache=True)
+    prepare_loop(rendered=False)
     import rpojax
     from rpojax.analysis import tuning
 

@@ -18,7 +18,7 @@ from jaxtyping import Array
 
 from rpojax.campaign import dispersions, single
 from rpojax.campaign.dispersions import Values
-from rpojax.campaign.engine import run_axes
+from rpojax.campaign.engine import batching, run_axes
 from rpojax.flight.computer import Stages
 from rpojax.simulation import closed_loop, running_metrics
 from rpojax.simulation.closed_loop import State
@@ -171,7 +171,7 @@ class Flights:
 
     def _figures(self, nominal: Params, numbers: Array, keys: Array, chunk: int = 0) -> tuple[Array, Seen]:
         """Figures (runs, figures), failures and events of runs; `chunk` 0 keeps nothing for a reverse mode."""
-        axes = run_axes(0)
+        axes = run_axes(-1)
         values = jax.vmap(self._inputs)(numbers, keys)
 
         def begin(values: Values, key: Array) -> State:
@@ -182,11 +182,13 @@ class Flights:
             after, seen = closed_loop.tick(self._stages, self.scenario, params, state)
             return after, running_metrics.add(self.names, self.scenario, params, seen, sums)
 
-        every = jax.vmap(one, in_axes=(0, axes, 0), out_axes=(axes, 0))
+        every = batching(self.scenario)(one, in_axes=(-1, axes, -1), out_axes=(axes, -1))
         state = jax.vmap(begin, out_axes=axes)(values, keys)
-        sums = jax.vmap(lambda _: running_metrics.start(self.names))(keys)
-        state, sums = _scan(lambda carry: every(values, *carry), (state, sums), self.scenario.ticks, chunk)
-        return jax.vmap(partial(running_metrics.finish, self.names))(sums), (state.failure > 0, sums.events)
+        sums = jax.vmap(lambda _: running_metrics.start(self.names), out_axes=-1)(keys)
+        own = {name: jnp.moveaxis(value, 0, -1) for name, value in values.items()}
+        state, sums = _scan(lambda carry: every(own, *carry), (state, sums), self.scenario.ticks, chunk)
+        figures = jax.vmap(partial(running_metrics.finish, self.names), in_axes=-1)(sums)
+        return figures, (state.failure > 0, sums.events)
 
     def _jacobian(self, nominal: Params, _: Array, numbers: Array, keys: Array) -> tuple[Array, ...]:
         def along(direction: Array) -> tuple[Array, ...]:

@@ -4,7 +4,7 @@ import contextlib
 import dataclasses
 import functools
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -24,6 +24,7 @@ from rpojax.flight.computer import Stages
 from rpojax.simulation import closed_loop, dispersed, params, scenario, telemetry
 from rpojax.simulation.closed_loop import State
 from rpojax.simulation.params import Params
+from rpojax.simulation.scenario import Scenario
 from rpojax.simulation.schema import ScenarioFile
 
 SEGMENT_TICKS = 200
@@ -215,9 +216,7 @@ class Engine:
             return after, telemetry.observe(self.scenario, dispersed, seen)
 
         axes = run_axes(-1)
-        # Pictures are made by convolutions and lookups, which JAX batches best itself.
-        batch = jax.vmap if self.scenario.camera_model == "rendered" else trailing.batch
-        every = batch(one, in_axes=(-1, axes), out_axes=(axes, -1))
+        every = batching(self.scenario)(one, in_axes=(-1, axes), out_axes=(axes, -1))
         own = {name: jnp.moveaxis(value, 0, -1) for name, value in values.items()}
         after, seen = jax.lax.scan(lambda carry, _: every(own, carry), state, None, length=self.segment_ticks)
         return after, {name: jnp.moveaxis(value, -1, 1) for name, value in seen.items()}
@@ -238,6 +237,12 @@ def _master_key(seed: int) -> Array:
 def _joined(parts: list[dict[str, Array]], axis: int) -> dict[str, np.ndarray]:
     """The devices' shares of each array, one after the other along the axis of the runs."""
     return {name: np.concatenate([np.asarray(part[name]) for part in parts], axis=axis) for name in parts[0]}
+
+
+def batching(scenario: Scenario) -> Callable[..., Callable[..., Any]]:
+    """What makes many runs' tick of one run's: `jax.vmap`, or its like that keeps runs in the last axis."""
+    # Pictures are made by convolutions and lookups, which JAX batches best itself.
+    return jax.vmap if scenario.camera_model == "rendered" else trailing.batch
 
 
 def run_axes(axis: int) -> State:

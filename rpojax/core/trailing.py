@@ -17,7 +17,7 @@ from jax.extend import core
 
 from rpojax.core.trailing_rules import RULES, Value, spread
 
-_CALLS = {"jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "custom_vjp_call", "checkpoint", "remat2"}
+_CALLS = {"jit", "pjit", "closed_call", "core_call", "checkpoint", "remat2"}
 
 
 def batch(function: Callable[..., Any], in_axes: Any, out_axes: Any) -> Callable[..., Any]:
@@ -99,13 +99,13 @@ class _Evaluation:
         if name == "cond":
             return self._cond(params["branches"], given[0], given[1:])
         if not any(value.many for value in given):
-            return _values(equation, equation.primitive.bind(*(value.array for value in given), **params), False)
+            return _values(equation, _bind(equation, *(value.array for value in given)), False)
         rule = RULES.get(name)
         result = rule(equation, given, self._size) if rule else None
         if result is not None:
             return [Value(result, True)]
         axes = [-1 if value.many else None for value in given]
-        every = jax.vmap(partial(equation.primitive.bind, **params), in_axes=axes, out_axes=-1)
+        every = jax.vmap(partial(_bind, equation), in_axes=axes, out_axes=-1)
         return _values(equation, every(*(value.array for value in given)), True)
 
     def _scan(self, params: dict[str, Any], given: list[Value]) -> list[Value]:
@@ -182,6 +182,14 @@ def _scan_differs(params: dict[str, Any], given: Sequence[bool]) -> list[bool]:
 def _cond_differs(branches: Sequence[Any], given: Sequence[bool]) -> list[bool]:
     found = [_differs(branch, given[1:]) for branch in branches]
     return [given[0] or any(each) for each in zip(*found, strict=True)]
+
+
+def _bind(equation: Any, *arrays: Any) -> Any:
+    """An operation carried out; functions with derivatives of their own keep them."""
+    bound = equation.primitive.get_bind_params(equation.params)
+    # JAX up to 0.9 hands over the functions apart.
+    functions, params = bound if isinstance(bound, tuple) else ((), bound)
+    return equation.primitive.bind(*functions, *arrays, **params)
 
 
 def _values(equation: Any, result: Any, many: bool) -> list[Value]:

@@ -110,3 +110,21 @@ def test_scopes_are_kept() -> None:
 
     text = jax.jit(trailing.batch(function, (-1,), -1)).lower(X).as_text(debug_info=True)
     assert "sense/sin" in text
+
+
+@jax.custom_jvp
+def steep(x: Any) -> Any:
+    """A function whose derivative is a matter of agreement."""
+    return x * 0.0
+
+
+@steep.defjvp
+def _steep_jvp(primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
+    return steep(primals[0]), 5.0 * tangents[0]
+
+
+def test_functions_keep_derivatives_of_their_own() -> None:
+    every = trailing.batch(lambda x: steep(x) + jax.lax.stop_gradient(x), in_axes=-1, out_axes=-1)
+    np.testing.assert_array_equal(every(X), X)
+    np.testing.assert_array_equal(jax.grad(lambda x: jnp.sum(every(x)))(X), np.full_like(X, 5.0))
+    np.testing.assert_array_equal(jax.jvp(every, (X,), (X,))[1], 5.0 * X)
