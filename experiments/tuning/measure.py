@@ -1,6 +1,6 @@
 """A filter with noises wrong by a factor of ten, tuned back, and the packaged one tuned further.
 
-    python experiments/tuning/measure.py up|down|packaged --out out/tuning [--steps 80] [--runs 64]
+    python experiments/tuning/measure.py up|down|packaged --out out/tuning [--steps 80] [--runs 64] [--horizon 2000]
     python experiments/tuning/measure.py table --out out/tuning
     python experiments/tuning/measure.py memory --out out/tuning
 
@@ -39,6 +39,7 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=64)
     parser.add_argument("--steps", type=int, default=80)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--horizon", type=float, default=2000.0)
     parser.add_argument("--judge", type=int, default=500)
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
@@ -53,6 +54,7 @@ def tune(options: argparse.Namespace) -> int:
     """`rpojax tune`, as a user calls it."""
     command = ["tune", "inspection", "--parameters", "navigation", "--runs", str(options.runs), "--judge", "0"]
     command += ["--steps", str(options.steps), "--seed", str(options.seed), "--force"]
+    command += ["--horizon", f"{options.horizon:g}"]
     command += ["--out", str(options.out / f"{options.what}.toml")]
     if options.what in FACTORS:
         command += ["--set", *(f"navigation.{key}={times(value, options.what)}" for key, value in NOISES.items())]

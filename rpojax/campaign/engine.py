@@ -129,7 +129,9 @@ class Engine:
 
     @functools.cached_property
     def _prepared(self) -> Any:
-        return jax.jit(self._preparation.call).lower(*self._any_inputs()).compile()
+        # It works once for hundreds of ticks of the loop, so that it is not worth while to make it fast.
+        wanted = jax.jit(self._preparation.call).lower(*self._any_inputs())
+        return wanted.compile(compiler_options={"xla_backend_optimization_level": 0})
 
     @functools.cached_property
     def _preparation(self) -> Exported:
