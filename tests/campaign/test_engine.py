@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import rpojax
+from rpojax.campaign import traces
 from rpojax.campaign.engine import Engine
 from rpojax.campaign.runner import run_campaign
 from rpojax.simulation import closed_loop
@@ -88,6 +89,7 @@ def test_a_campaign_of_many_blocks_traces_the_loop_once(
         return tick(*arguments)
 
     monkeypatch.setattr(closed_loop, "tick", counted)
+    monkeypatch.delenv(traces.FOLDER, raising=False)
     anew = mission.model_copy(update={"name": "not compiled by another test"})
     result = run_campaign(anew, 3, tmp_path / "runs", block_size=1, devices=jax.devices()[:1])
     assert result.missing() == []
@@ -112,6 +114,7 @@ def in_process_with_two_devices(*words: str, flags: str = "") -> str:
 EXCHANGE = """
 import jax
 import numpy as np
+from rpojax.campaign import traces
 from rpojax.campaign.engine import Engine
 from rpojax.simulation import scenario
 
