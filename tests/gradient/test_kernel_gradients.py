@@ -55,9 +55,6 @@ POSITION = np.array([4.0e6, -3.0e6, 4.5e6])
 
 Kernel = Callable[..., Any]
 
-# Each kernel runs on a few numbers, a handful of times.
-compiled = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
-
 
 def check(kernel: Kernel, size: int, *constants: Any) -> None:
     """Compares both derivatives of `kernel(x, *constants)` at x = 0 with finite differences.
@@ -88,34 +85,34 @@ def check_finite(kernel: Kernel, size: int, *constants: Any) -> None:
 # Quaternions
 
 
-@compiled
+@jax.jit
 def algebra(x: jax.Array, q: jax.Array, p: jax.Array, v: jax.Array) -> Any:
     q, p, v = q + x[:4], p + x[4:8], v + x[8:]
     return quaternion.multiply(q, p), quaternion.rotate(q, v), quaternion.to_matrix(p), quaternion.normalize(q)
 
 
-@compiled
+@jax.jit
 def exponential(x: jax.Array, phi: jax.Array) -> jax.Array:
     return quaternion.exp(phi + x)
 
 
-@compiled
+@jax.jit
 def logarithm(x: jax.Array, phi: jax.Array) -> jax.Array:
     return quaternion.log(quaternion.exp(phi + x))
 
 
-@compiled
+@jax.jit
 def from_matrix(x: jax.Array, phi: jax.Array) -> jax.Array:
     return quaternion.from_matrix(quaternion.to_matrix(quaternion.exp(phi + x)))
 
 
-@compiled
+@jax.jit
 def turn_from(x: jax.Array, a: jax.Array, b: jax.Array) -> jax.Array:
     """Turn from `a` to `b`, which the small rotation vector `x` moves."""
     return quaternion.between(a, b + quaternion.cross(x, b))
 
 
-@compiled
+@jax.jit
 def propagated(x: jax.Array, q: jax.Array, omega: jax.Array) -> jax.Array:
     return quaternion.propagate(q, omega + x[:3], 0.2 + x[3])
 
@@ -152,7 +149,7 @@ def test_the_turn_between_opposite_directions_has_a_finite_derivative() -> None:
 # Orbits and frames
 
 
-@compiled
+@jax.jit
 def orbit_state(x: jax.Array) -> Any:
     a, e, i, raan, w, nu = jnp.array([7.0e6, 0.0, 1.7, 1.3, 1.5, 0.4]) + x * jnp.array([1e6, 1, 1, 1, 1, 1.0])
     elements = Elements(
@@ -162,7 +159,7 @@ def orbit_state(x: jax.Array) -> Any:
     return r_N / 7e6, v_N / 7e3
 
 
-@compiled
+@jax.jit
 def gravities(x: jax.Array, r_N: jax.Array, d_N: jax.Array) -> Any:
     r = Difference(value=r_N + 1e6 * x[:3], change=d_N + 10.0 * x[3:])
     pull = orbital_mechanics.gravity(EARTH, 6, r)
@@ -171,14 +168,14 @@ def gravities(x: jax.Array, r_N: jax.Array, d_N: jax.Array) -> Any:
     return pull.value, 1e4 * pull.change, 1e6 * moon.value, 1e11 * moon.change, 1e6 * gradient
 
 
-@compiled
+@jax.jit
 def transition(x: jax.Array) -> Any:
     phi = orbital_mechanics.relative_transition(1e-3 * (1.0 + x[0]), 200.0 * (1.0 + x[1]))
     scale = jnp.repeat(jnp.array([1.0, 1e-2]), np.array([3, 3]), total_repeat_length=6)
     return phi * scale[None, :] / scale[:, None]
 
 
-@compiled
+@jax.jit
 def axes(x: jax.Array, r_N: jax.Array, v_N: jax.Array) -> Any:
     R_HN, omega_N = frames.hill_frame(r_N + 1e6 * x[:3], v_N + 1e3 * x[3:6])
     return R_HN, 1e3 * omega_N, frames.look_at(v_N / 7e3 + x[6:9], r_N / 7e6 + x[9:])
@@ -194,7 +191,7 @@ def test_derivatives_of_gravity_and_its_differences_are_right(place: np.ndarray,
     check(gravities, 6, place, distance * V)
 
 
-@compiled
+@jax.jit
 def harmonics(x: jax.Array, r_N: jax.Array) -> Any:
     """What is left of gravity after the pull of a point, to its own constants."""
     field = replace(EARTH, radius=EARTH.radius * (1.0 + 0.1 * x[3]), zonals=jnp.asarray(EARTH.zonals) + 1e-3 * x[4:])
@@ -209,7 +206,7 @@ def test_derivatives_of_the_zonal_harmonics_are_right(place: np.ndarray) -> None
     check(harmonics, 9, place)
 
 
-@compiled
+@jax.jit
 def sky(x: jax.Array) -> Any:
     seconds = 8e8 + 1e5 * x[0]
     return ephemeris.sun(seconds) / 1e10, ephemeris.moon(seconds) / 1e8
@@ -226,7 +223,7 @@ def swing(x: jax.Array, method: Method) -> Any:
     return integrate.step(method, lambda y, u: (y[1], u * (1.0 + x[3]) - jnp.sin(y[0])), start, forces, 0.5)
 
 
-rk4_swing, rk8_swing = (compiled(lambda x, method=method: swing(x, method)) for method in ("rk4", "rk8"))
+rk4_swing, rk8_swing = (jax.jit(lambda x, method=method: swing(x, method)) for method in ("rk4", "rk8"))
 
 
 @pytest.mark.parametrize("kernel", [rk4_swing, rk8_swing], ids=["rk4", "rk8"])
@@ -240,7 +237,7 @@ def test_derivatives_through_a_step_of_integration_are_right(kernel: Kernel) -> 
 SUN_N = np.array([1.2e11, 0.0, 9e10])
 
 
-@compiled
+@jax.jit
 def lit_share(x: jax.Array, r_N: jax.Array) -> jax.Array:
     """One along each axis is a penumbra's width in low orbit."""
     return light.illumination(r_N + 3e4 * x[:3], SUN_N * (1.0 + 0.01 * x[3]), 6378137.0 + 3e4 * x[4], 7e8 + 1e7 * x[5])
@@ -306,7 +303,7 @@ def test_derivatives_of_hill_and_camera_axes_are_right() -> None:
 # Measurement updates
 
 
-@compiled
+@jax.jit
 def measurement_update(x: jax.Array, covariance: jax.Array, z: jax.Array, H: jax.Array, R: jax.Array) -> Any:
     rows = Rows(
         residual=z + x[:3],
@@ -332,7 +329,7 @@ def test_derivatives_of_a_measurement_update_are_right() -> None:
 # Physics
 
 
-@compiled
+@jax.jit
 def torques(x: jax.Array, plant_params: PlantParams, speed: jax.Array) -> Any:
     """Wheel torques, what they do to body and wheels, and the gravity gradient."""
     body, wheels = plant_params.servicer, plant_params.wheels
@@ -355,7 +352,7 @@ def test_derivatives_of_wheel_and_body_torques_are_right_also_when_saturated(par
         check(torques, 12, params.plant, np.array([0.0, 0.0, speed]))
 
 
-@compiled
+@jax.jit
 def surface_forces(x: jax.Array, plant_params: PlantParams, r_N: jax.Array, v_N: jax.Array, sun_N: jax.Array) -> Any:
     air, sunlight, surface = plant_params.atmosphere, plant_params.sunlight, plant_params.servicer_surface
     air = replace(air, density=air.density * (1.0 + x[6]), scale_height=air.scale_height * (1.0 + x[7]))
@@ -380,7 +377,7 @@ def test_drag_has_finite_derivatives_on_a_craft_that_rests_in_the_air(params: Pa
     check_finite(surface_forces, 9, still, POSITION, np.zeros(3), SUN_N)
 
 
-@compiled
+@jax.jit
 def wheel_drive(x: jax.Array, plant_params: PlantParams, command: jax.Array, speed: jax.Array) -> Any:
     wheels, speed = plant_params.wheels, speed + 10.0 * x[3:6]
     wheels = replace(
@@ -401,7 +398,7 @@ def test_motor_torque_and_friction_have_finite_derivatives_at_the_limits_of_torq
     check_finite(wheel_drive, 10, params.plant, np.array([0.025, -0.025, 0.0]), np.array([0.0, 628.0, -628.0]))
 
 
-@functools.partial(compiled, static_argnums=(4, 5))
+@functools.partial(jax.jit, static_argnums=(4, 5))
 def valve(
     x: jax.Array, plant_params: PlantParams, ignition: jax.Array, on_time: jax.Array, method: Method, ramps: bool
 ) -> Any:
@@ -498,7 +495,7 @@ def plant_step(
 
 
 nominal_step, full_step, rk8_step = (
-    compiled(functools.partial(plant_step, effects)) for effects in (NOMINAL, FULL, static(FULL, integrator="rk8"))
+    jax.jit(functools.partial(plant_step, effects)) for effects in (NOMINAL, FULL, static(FULL, integrator="rk8"))
 )
 
 
@@ -582,7 +579,7 @@ def test_a_step_of_the_plant_has_finite_derivatives_with_a_thruster_without_forc
 # Vision
 
 
-@compiled
+@jax.jit
 def outline(x: jax.Array, hull_K: jax.Array) -> jax.Array:
     lens = pinhole.lens(0.2 + 0.01 * x[12], 128, 128)
     return 1e-2 * box_model.outline(lens, hull_K + x[:12].reshape(4, 3))
@@ -599,7 +596,7 @@ def test_the_outline_has_finite_derivatives_with_points_behind_the_camera_and_at
 # Attitude
 
 
-@compiled
+@jax.jit
 def wheel_command(x: jax.Array, flight: FlightParams, q_BC: jax.Array) -> jax.Array:
     q_BN = quaternion.multiply(quaternion.exp(0.1 * x[:3]), q_BC)
     omega = 0.01 * x[3:6]
@@ -618,7 +615,7 @@ def test_derivatives_of_the_attitude_controller_are_right(params: Params, angle:
     check(wheel_command, 9, params.flight, turn(V, angle))
 
 
-@compiled
+@jax.jit
 def attitude_update(x: jax.Array, flight: FlightParams, q_BN: jax.Array) -> Any:
     tuning = flight.attitude_filter
     before = attitude_estimator.initial(tuning, q_BN, 0.01 * jnp.asarray(V))
@@ -632,7 +629,7 @@ def test_derivatives_of_the_attitude_filters_update_are_right(params: Params) ->
     check(attitude_update, 6, params.flight, Q)
 
 
-@compiled
+@jax.jit
 def slew_command(x: jax.Array, q_EN: jax.Array, remainder: jax.Array, age: jax.Array) -> AttitudeCommand:
     reference = Reference(
         q_EN=q_EN,
@@ -650,7 +647,7 @@ def test_derivatives_of_a_slew_are_right(age: float, size: float) -> None:
     check(slew_command, 7, Q, size * W, np.float64(age))
 
 
-@compiled
+@jax.jit
 def slew_duration(x: jax.Array, flight: FlightParams, angle: jax.Array) -> jax.Array:
     return slew.slew_duration(flight.pointing, angle + x[0])
 
@@ -660,7 +657,7 @@ def test_the_duration_of_a_slew_over_no_angle_has_a_finite_derivative(params: Pa
     check_finite(slew_duration, 1, params.flight, np.float64(angle))
 
 
-@compiled
+@jax.jit
 def planned_burn(x: jax.Array, flight: FlightParams, r_TS_N: jax.Array, gain: jax.Array) -> Any:
     known = scene.estimate(flight, r_TS_N + x[:3], 0.01 * jnp.asarray(V) + 0.01 * x[3:6])
     law, gain = formation_control.lqr, gain * (1.0 + 0.1 * x[6])
@@ -681,7 +678,7 @@ def test_derivatives_of_the_burn_plan_and_of_the_look_attitude_are_right(params:
 # The orbit filter
 
 
-@compiled
+@jax.jit
 def prediction(x: jax.Array, flight: FlightParams, delta_v_N: jax.Array) -> Any:
     known = scene.estimate(flight)
     relative = replace(known.relative, r_TS_N=known.relative.r_TS_N + 10.0 * x[:3])
@@ -706,7 +703,7 @@ def test_the_orbit_filters_prediction_has_finite_derivatives_to_a_velocity_chang
     check_finite(prediction, 14, params.flight, np.zeros(3))
 
 
-@compiled
+@jax.jit
 def box_update(x: jax.Array, flight: FlightParams, q_KN: jax.Array, box: BoxMeasurement, sigma: jax.Array) -> Any:
     """Update by a box that the one before it confirms, of a target known to `sigma` [m]."""
     known = scene.estimate(flight).relative
@@ -743,7 +740,7 @@ def test_a_box_update_has_finite_derivatives_at_and_beyond_the_gates_border(
     check_finite(box_update, 9, params.flight, q_KN, moved, np.float64(0.05))
 
 
-@compiled
+@jax.jit
 def gps_update(x: jax.Array, flight: FlightParams, gps_N: jax.Array) -> Any:
     tuning = replace(flight.navigation, gps_noise=2.0 + x[3])
     gps = GpsMeasurement(position_N=gps_N + x[:3], present=jnp.asarray(True))
@@ -756,7 +753,7 @@ def test_derivatives_of_a_gps_update_are_right(params: Params) -> None:
 
 
 def test_the_gate_passes_a_derivative_only_near_its_threshold() -> None:
-    slope = compiled(jax.grad(lambda x: safe.gate(x, jnp.asarray(0.1))))
+    slope = jax.jit(jax.grad(lambda x: safe.gate(x, jnp.asarray(0.1))))
     assert float(slope(0.01)) > 1.0
     assert float(slope(-0.01)) > 1.0
     assert float(slope(50.0)) == 0.0
