@@ -1,15 +1,33 @@
 """Settings of every test session, made before the package is imported, and the nominal scenario."""
 
+import atexit
+import gc
 import os
+import shutil
+import tempfile
+from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import jax
 import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
+from sharing_out import TogetherScheduling, longest_first
 
 PACKAGE = Path(__file__).parents[1] / "rpojax"
 CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rpojax" / "jax-tests"
+
+# Most of the time goes into compiling programs that then run for a second, and half of that into XLA's newer way of
+# writing fused loops. The name of this flag is not promised, and XLA stops at one it does not know.
+QUICK_COMPILATION = "--xla_cpu_use_fusion_emitters"
+if version("jax").startswith("0.10.") and QUICK_COMPILATION not in os.environ.get("XLA_FLAGS", ""):
+    os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {QUICK_COMPILATION}=false".strip()
+
+# The workers of a session share what they have traced; another session may have another package to trace.
+if "RPOJAX_TRACES" not in os.environ:
+    os.environ["RPOJAX_TRACES"] = tempfile.mkdtemp(prefix="rpojax-traces-")
+    atexit.register(shutil.rmtree, os.environ["RPOJAX_TRACES"], ignore_errors=True)
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -32,6 +50,18 @@ from rpojax.simulation import scenario as scenarios  # noqa: E402
 from rpojax.simulation.params import Params  # noqa: E402
 from rpojax.simulation.scenario import Scenario  # noqa: E402
 from rpojax.simulation.schema import ScenarioFile  # noqa: E402
+
+# Tracing makes millions of objects of which few are garbage.
+gc.freeze()
+gc.set_threshold(50_000, 20, 20)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    longest_first(items)
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> TogetherScheduling:
+    return TogetherScheduling(config, log)
 
 
 @pytest.fixture(scope="session")

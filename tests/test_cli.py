@@ -887,7 +887,8 @@ def start(out: Path, *words: str) -> subprocess.Popen[str]:
     """A campaign of many blocks in its own process."""
     path = {
         "PYTHONPATH": str(Path(rpojax.__file__).parents[1]),
-        "XLA_FLAGS": "--xla_force_host_platform_device_count=1",
+        # Compiled as in this process, so that both compute the same bits.
+        "XLA_FLAGS": f"{os.environ.get('XLA_FLAGS', '')} --xla_force_host_platform_device_count=1",
     }
     return subprocess.Popen(
         [sys.executable, "-m", "rpojax", "campaign", "inspection", *LONG, *words, "--out", str(out)],

@@ -15,6 +15,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -70,7 +71,7 @@ class Campaign:
         timing = manifests.timing(list(self.manifests.values()), float(self.asked["scenario"].get("duration_s", 0.0)))
         return {**self.asked, "timing": timing} if timing else dict(self.asked)
 
-    @property
+    @cached_property
     def file(self) -> ScenarioFile:
         """The scenario that was run."""
         return scenario.validate(self.asked["scenario"])

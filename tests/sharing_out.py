@@ -1,0 +1,35 @@
+"""Which tests a worker does in one go, and which come first: those that share compiled programs, the longest ones."""
+
+from typing import Any
+
+import pytest
+from xdist.scheduler import LoadScopeScheduling
+
+LONGEST = (
+    *("campaign", "simulation", "vision", "test_cli.py", "gradient", "analysis", "test_notebooks.py", "training"),
+    *("validation", "interop", "report", "flight", "physics"),
+)
+"""Folders and files of this folder by falling time, as far as it counts; whatever is not here comes last."""
+
+
+def company(nodeid: str) -> str:
+    """The folder below this one that a test is in, or its file where it is in none."""
+    words = nodeid.split("::")[0].split("/")
+    return words[1] if len(words) > 1 else words[0]
+
+
+def longest_first(items: list[pytest.Item]) -> None:
+    """Puts the tests in the order in which they are handed out."""
+    places = {name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get(company(item.nodeid), len(places)))
+
+
+class TogetherScheduling(LoadScopeScheduling):
+    """One worker does all the tests of a folder, so that none is compiled or traced twice."""
+
+    def __init__(self, config: pytest.Config, log: Any = None) -> None:
+        super().__init__(config, log)
+        config.option.loadscopereorder = False
+
+    def _split_scope(self, nodeid: str) -> str:
+        return company(nodeid)
