@@ -134,3 +134,19 @@ def test_a_node_that_navigates_is_believed() -> None:
     assert found["metrics"]["nav_servicer_position_error_rms_m"] == pytest.approx(np.sqrt(3.0), rel=0.15)
     assert found["metrics"]["nees_relative_mean"] == pytest.approx(6.0, rel=0.15)
     assert json.loads(node.communicate(timeout=60)[0])["last_s"] == 279.0
+
+
+@pytest.mark.slow
+def test_in_real_time_the_run_keeps_the_pace_and_says_its_pictures() -> None:
+    rendered = ("--set", "camera.model=rendered")
+    simulator = bridge(155, 40, *rendered, "--real-time", "1", "--timeout-s", "30", external="attitude")
+    node = start(str(NODE), "--stages", "attitude", "--domain-id", "155")
+    found = end(simulator)
+    assert found["completed"]
+    assert found["ignored"] == {}
+    assert found["wall_s"] > 39.9
+    assert found["sent"]["/servicer/camera/image_raw"] == found["ticks"] == 40
+    # On a busy machine a step may be over before its answer has come.
+    assert 0 < found["received"]["/servicer/wheels/command"] <= found["steps"] == 200
+    assert sum(found["late"].values()) < found["steps"]
+    node.communicate(timeout=60)
