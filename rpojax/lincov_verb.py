@@ -182,7 +182,7 @@ def _show(content: dict[str, Any], out: Path) -> None:
     for title, table in content["budget"]["at_end"].items():
         shown = Table(title=f"{title} at the end: {content['budget']['total_at_end'][title]:.3f} m, by source")
         shown.add_column("source")
-        shown.add_column("1 sigma [m]", justify="right")
+        shown.add_column(r"1 sigma \[m]", justify="right")
         for name, value in sorted(table.items(), key=lambda item: -item[1])[:8]:
             shown.add_row(name, f"{value:.4f}")
         console.print(shown)

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rpojax import cli
@@ -15,7 +16,8 @@ from rpojax.interop.live_settings import COMMANDS, Settings, Stage
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "ros2_live.md").read_text(encoding="utf-8")
-NODE = ROOT / "experiments" / "ros2_interop" / "example_node.py"
+NODES = ROOT / "experiments" / "ros2_interop"
+NODE, NAVIGATION = NODES / "example_node.py", NODES / "navigation_node.py"
 
 
 @pytest.mark.parametrize(
@@ -56,9 +58,9 @@ def start(*words: str) -> "subprocess.Popen[str]":
     return subprocess.Popen([sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def bridge(domain: int, duration_s: int, *words: str) -> "subprocess.Popen[str]":
+def bridge(domain: int, duration_s: int, *words: str, external: str = "formation,attitude") -> "subprocess.Popen[str]":
     """A simulator that waits for its node."""
-    options = ["--external", "formation,attitude", "--domain-id", str(domain), "--wait-s", "600", "--json", *words]
+    options = ["--external", external, "--domain-id", str(domain), "--wait-s", "600", "--json", *words]
     process = start("-m", "rpojax", "bridge", "inspection", "--set", f"duration_s={duration_s}", *options)
     assert process.stderr is not None
     assert any("waiting" in line for line in process.stderr)
@@ -118,3 +120,33 @@ def test_a_run_stops_where_a_late_command_is_to_stop_it() -> None:
     assert not found["completed"]
     assert "found no command" in found["stopped"]
     assert found["metrics"] is None
+
+
+@pytest.mark.slow
+def test_a_node_that_navigates_is_believed() -> None:
+    simulator = bridge(154, 280, "--timeout-s", "60", external="navigation")
+    node = start(str(NAVIGATION), "--domain-id", "154")
+    found = end(simulator)
+    assert (found["completed"], found["late"], found["ignored"]) == (True, {}, {})
+    assert set(found["received"].values()) == {280}
+    # 0.1 m along each axis is what the node's estimates are off by, and what they say they are.
+    assert found["metrics"]["nav_relative_position_error_rms_m"] == pytest.approx(np.sqrt(3.0) * 0.1, rel=0.15)
+    assert found["metrics"]["nav_servicer_position_error_rms_m"] == pytest.approx(np.sqrt(3.0), rel=0.15)
+    assert found["metrics"]["nees_relative_mean"] == pytest.approx(6.0, rel=0.15)
+    assert json.loads(node.communicate(timeout=60)[0])["last_s"] == 279.0
+
+
+@pytest.mark.slow
+def test_in_real_time_the_run_keeps_the_pace_and_says_its_pictures() -> None:
+    rendered = ("--set", "camera.model=rendered")
+    simulator = bridge(155, 40, *rendered, "--real-time", "1", "--timeout-s", "30", external="attitude")
+    node = start(str(NODE), "--stages", "attitude", "--domain-id", "155")
+    found = end(simulator)
+    assert found["completed"]
+    assert found["ignored"] == {}
+    assert found["wall_s"] > 39.9
+    assert found["sent"]["/servicer/camera/image_raw"] == found["ticks"] == 40
+    # On a busy machine a step may be over before its answer has come.
+    assert 0 < found["received"]["/servicer/wheels/command"] <= found["steps"] == 200
+    assert sum(found["late"].values()) < found["steps"]
+    node.communicate(timeout=60)

@@ -1,15 +1,17 @@
 """Message types on the wire: the classes of cyclonedds give the bytes of the bags, for every type that there is."""
 
+import importlib.util
 import itertools
 from collections.abc import Iterator
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from rpojax.errors import RpojaxError
-from rpojax.interop import dds_types, message_types, messages
+from rpojax.interop import dds_types, message_types, messages, topics
 
 TYPES = sorted(message_types.typestore().types)
 BASES = {"string": "words", "bool": True}
@@ -88,3 +90,15 @@ def test_bytes_that_are_no_message_make_an_empty_sample(data: bytes) -> None:
 def test_an_unknown_type_is_refused_in_one_line() -> None:
     with pytest.raises(RpojaxError, match=r"^message type: found 'nav_msgs/msg/Odometer', expected [^\n]*$"):
         dds_types.struct("nav_msgs/msg/Odometer")
+
+
+def test_the_file_that_nodes_may_copy_knows_the_types_of_all_topics() -> None:
+    path = Path(__file__).parents[2] / "experiments" / "ros2_interop" / "ros_wire.py"
+    spec = importlib.util.spec_from_file_location("ros_wire", path)
+    assert spec
+    assert spec.loader
+    wire = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(wire)
+    for name in {topic.type for topic in topics.TABLE}:
+        assert wire.struct(name).__idl_typename__ == dds_types.dds_name(name).replace("::", ".")
+        assert wire.STORE.hash_rihs01(name) == message_types.type_hash(name)
