@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import arg
 
-from rpojax.machine import prepare_jax, prepare_stepping
+from rpojax.machine import prepare_jax
 from rpojax.verb_parts import AsJson, NoCache, Overrides, Seed, Source, Status, load, print_json
 
 if TYPE_CHECKING:
@@ -52,7 +52,6 @@ def bridge(
     Exit status beside the usual: 3 the run failed, 4 it was not flown to its end, as the other side fell silent.
     """
     prepare_jax(cache=not no_cache)
-    prepare_stepping()
     from rpojax.interop import live_settings
 
     settings = live_settings.Settings(

@@ -39,14 +39,6 @@ def prepare_loop(rendered: bool) -> None:
         os.environ["XLA_FLAGS"] = f"{flags} {LOOP_FLAG}".strip()
 
 
-def prepare_stepping() -> None:
-    """Has results computed by the thread that asks for them: short calls that are waited for come back sooner.
-
-    To be called before anything is computed; what the user's environment says is left as it is.
-    """
-    os.environ.setdefault("JAX_CPU_ENABLE_ASYNC_DISPATCH", "false")
-
-
 def available_cores() -> int:
     """Cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):

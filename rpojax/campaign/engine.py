@@ -12,12 +12,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.export import Exported
 from jaxtyping import Array
 
 from rpojax.campaign import dispersions, per_device, traces
 from rpojax.campaign.design import Design, independent
 from rpojax.campaign.dispersions import Values
+from rpojax.campaign.traces import Trace
 from rpojax.core import random, trailing
 from rpojax.errors import RpojaxError
 from rpojax.flight.computer import Stages
@@ -131,20 +131,21 @@ class Engine:
     def _prepared(self) -> Any:
         # It works once for hundreds of ticks of the loop, so that it is not worth while to make it fast.
         wanted = jax.jit(self._preparation.call).lower(*self._any_inputs())
-        return wanted.compile(compiler_options={"xla_backend_optimization_level": 0})
+        quickly: Any = {"xla_backend_optimization_level": 0} if jax.default_backend() == "cpu" else None
+        return wanted.compile(compiler_options=quickly)
 
     @functools.cached_property
-    def _preparation(self) -> Exported:
+    def _preparation(self) -> Trace:
         return traces.traced(self._prepare, self._any_inputs(), f"prepare {scenario.digest(self.file)}")
 
     @functools.cached_property
-    def _loop(self) -> Exported:
+    def _loop(self) -> Trace:
         meaning = f"advance {self.segment_ticks} {self.scenario!r}" if self.stages == Stages() else None
         return traces.traced(self._advance, (self._nominal, *self._drawn_and_state()), meaning)
 
     def _drawn_and_state(self) -> tuple[Any, Any]:
         """Shapes of what the preparation hands to the loop."""
-        drawn, _, state = traces.results(self._preparation)
+        drawn, _, state = self._preparation.results
         return drawn, state
 
     def _any_inputs(self) -> tuple[Params, Array, np.ndarray, dict[str, np.ndarray]]:
@@ -162,7 +163,7 @@ class Engine:
 
     def channels(self) -> list[str]:
         """Names of the channels that the engine gives, without compiling anything."""
-        return sorted(traces.results(self._loop)[1])
+        return sorted(self._loop.results[1])
 
     def prepare(self, seed: int, ids: np.ndarray) -> Block:
         """Dispersed values and initial states of `capacity` runs."""

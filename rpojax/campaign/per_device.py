@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import jax
-from jax.export import Exported
 from jax.sharding import SingleDeviceSharding
 
+from rpojax.campaign.traces import Trace
 
-def lowered(
-    trace: Exported, arguments: Sequence[Any], devices: Sequence[Any], donate: tuple[int, ...] = ()
-) -> list[Any]:
+
+def lowered(trace: Trace, arguments: Sequence[Any], devices: Sequence[Any], donate: tuple[int, ...] = ()) -> list[Any]:
     """The function lowered for each device, ready to be compiled there; `donate` numbers the arguments given up."""
     wanted = jax.jit(trace.call, donate_argnums=donate)
     return [wanted.lower(*jax.tree.map(lambda each, on=device: _shape(each, on), arguments)) for device in devices]

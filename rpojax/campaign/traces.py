@@ -1,18 +1,18 @@
 """Traced functions, kept for later processes: tracing takes longer than to load what is compiled already."""
 
 import contextlib
-import functools
 import hashlib
 import os
 import tempfile
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import jax
 from jax import export
-from jax.export import Exported
+from jax.extend import core
 
 import rpojax
 
@@ -20,48 +20,86 @@ FOLDER = "RPOJAX_TRACES"
 """Environment variable with the folder where traces are kept; without it none is."""
 
 _CHECK = hashlib.sha256().digest_size
+_PACKAGES = ("jax", "jaxlib", "flax", "numpy", "scipy")
+_SETTINGS = (
+    *("jax_enable_x64", "jax_default_matmul_precision", "jax_default_prng_impl", "jax_threefry_partitionable"),
+    "jax_numpy_dtype_promotion",
+)
+"""Of JAX, on which it depends what is traced."""
 
 
-def traced(function: Callable[..., Any], arguments: Sequence[Any], meaning: str | None = None) -> Exported:
+@dataclass(frozen=True)
+class Trace:
+    """A traced function.
+
+    Attributes:
+        call: the function; tracing that once more takes next to no time
+        results: shapes and types of what it gives, in its structure
+    """
+
+    call: Callable[..., Any]
+    results: Any
+
+
+def traced(function: Callable[..., Any], arguments: Sequence[Any], meaning: str | None = None) -> Trace:
     """`function` traced for arguments of these shapes, from an earlier process if that has left it.
 
-    `meaning` is all that the trace depends on besides the shapes, this package and JAX; without it nothing is kept.
+    `meaning` is all that the trace depends on besides the shapes, this package and JAX; without it nothing is kept,
+    and the function may do what cannot be kept, such as print.
     """
+    if meaning is None:
+        return _plain(function, arguments)
     folder = os.environ.get(FOLDER)
-    if meaning is None or not folder:
-        return export.export(jax.jit(function))(*arguments)
-    path = Path(folder) / f"{_key(arguments, meaning)}.trace"
-    content = _read(path)
+    path = Path(folder) / f"{_key(arguments, meaning)}.trace" if folder else None
+    content = _read(path) if path else None
     if content is None:
-        content = bytes(export.export(jax.jit(function))(*arguments).serialize())
-        with contextlib.suppress(OSError):
-            _write(path, content)
+        made = export.export(jax.jit(function))(*arguments)
+        try:
+            content = bytes(made.serialize())
+        except ValueError:
+            # Records of a module that was loaded anew have no name that could be kept.
+            return _exported(made)
+        if path is not None and _source_digest() == _SOURCE:
+            with contextlib.suppress(OSError):
+                _write(path, content)
     # What is kept is what is used, so that the first process computes the same numbers as the next ones.
-    return export.deserialize(bytearray(content))
+    return _exported(export.deserialize(bytearray(content)))
 
 
-def results(trace: Exported) -> Any:
-    """Shapes and types of what a traced function gives, in its structure."""
-    found = [jax.ShapeDtypeStruct(each.shape, each.dtype) for each in trace.out_avals]
-    return jax.tree.unflatten(trace.out_tree, found)
+def _plain(function: Callable[..., Any], arguments: Sequence[Any]) -> Trace:
+    found, results = jax.make_jaxpr(function, return_shape=True)(*arguments)
+    structure = jax.tree.structure(results)
+
+    def call(*arguments: Any) -> Any:
+        return jax.tree.unflatten(structure, core.jaxpr_as_fun(found)(*jax.tree.leaves(arguments)))
+
+    return Trace(call, results)
+
+
+def _exported(made: export.Exported) -> Trace:
+    results = [jax.ShapeDtypeStruct(each.shape, each.dtype) for each in made.out_avals]
+    return Trace(made.call, jax.tree.unflatten(made.out_tree, results))
 
 
 def _key(arguments: Sequence[Any], meaning: str) -> str:
     leaves, structure = jax.tree.flatten(tuple(arguments))
     shapes = [(each.shape, str(each.dtype)) for each in leaves]
-    versions = (_source_digest(), jax.__version__, version("jaxlib"), jax.default_backend())
-    settings = (jax.config.jax_enable_x64, str(jax.config.jax_default_matmul_precision))  # pyright: ignore[reportAttributeAccessIssue]
+    versions = (_SOURCE, export.default_export_platform(), *map(version, _PACKAGES))
+    settings = [str(getattr(jax.config, name)) for name in _SETTINGS]
     return hashlib.sha256(repr((meaning, shapes, str(structure), versions, settings)).encode()).hexdigest()
 
 
-@functools.cache
 def _source_digest() -> str:
-    """Hash of this package's code: a trace made by other code is of no use."""
+    """Hash of this package's code as it lies on the disk."""
     folder = Path(rpojax.__file__).parent
     found = hashlib.sha256()
     for path in sorted(folder.rglob("*.py")):
         found.update(f"{path.relative_to(folder)}\0".encode() + path.read_bytes())
     return found.hexdigest()
+
+
+_SOURCE = _source_digest()
+"""The code that this process has loaded: a trace of other code is of no use, and none is kept once it has changed."""
 
 
 def _read(path: Path) -> bytes | None:
@@ -78,5 +116,9 @@ def _write(path: Path, content: bytes) -> None:
     """All or nothing, since several processes may look for the same trace at the same time."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
-        file.write(hashlib.sha256(content).digest() + content)
-    Path(file.name).replace(path)
+        part = Path(file.name)
+    try:
+        part.write_bytes(hashlib.sha256(content).digest() + content)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)

@@ -186,10 +186,7 @@ def _cond_differs(branches: Sequence[Any], given: Sequence[bool]) -> list[bool]:
 
 def _bind(equation: Any, *arrays: Any) -> Any:
     """An operation carried out; functions with derivatives of their own keep them."""
-    bound = equation.primitive.get_bind_params(equation.params)
-    # JAX up to 0.9 hands over the functions apart.
-    functions, params = bound if isinstance(bound, tuple) else ((), bound)
-    return equation.primitive.bind(*functions, *arrays, **params)
+    return equation.primitive.bind(*arrays, **equation.primitive.get_bind_params(equation.params))
 
 
 def _values(equation: Any, result: Any, many: bool) -> list[Value]:

@@ -75,8 +75,10 @@ def fly(file: ScenarioFile, seed: int, run_id: int, settings: Settings, tell: Te
     """
     ledger = Ledger(tell)
     exchange = Exchange(settings.domain_id, settings.said, settings.heard, ledger)
-    flight = _Flight(file, seed, run_id, settings)
     tell("compiling")
+    # Short calls that are waited for at once come back sooner from the thread that asks for them.
+    jax.config.update("jax_cpu_enable_async_dispatch", False)
+    flight = _Flight(file, seed, run_id, settings)
     flight.rehearse()
     tell("waiting for the other side")
     exchange.meet(settings.wait_s)
@@ -92,6 +94,8 @@ def fly(file: ScenarioFile, seed: int, run_id: int, settings: Settings, tell: Te
             flight.tick(orders)
     except UnfinishedError as error:
         stopped = str(error)
+    finally:
+        gc.unfreeze()
     return Outcome(
         ticks=flight.ticks,
         steps=flight.ticks * flight.scenario.substeps,
@@ -184,7 +188,7 @@ class _Flight:
             tick = program.adopt(tick, given)
         decider, burn = other.burn(at) if Stage.FORMATION in self._external else ("own", CLOSED)
         decided, motion, chosen = program.decide(decider, tick, burn)
-        other.say(self._words.reference(chosen))
+        other.say(self._words.reference(chosen, tick.values))
 
         def aside() -> None:
             other.say(self._words.decided(chosen))

@@ -22,6 +22,7 @@ class Words:
 
     def __init__(self, settings: Settings, step_ns: int) -> None:
         self._attitude_is_external = Stage.ATTITUDE in settings.external
+        self._formation_is_external = Stage.FORMATION in settings.external
         self._step_ns = step_ns
 
     def sensed(self, values: SensedValues) -> Said:
@@ -31,7 +32,8 @@ class Words:
             if self._attitude_is_external and topic is topics.WHEELS:
                 # The motors' torques are not decided yet.
                 yield topic, messages.wheels(at, np.asarray(values.tick.wheel_speed), np.zeros(0))
-                yield _attitude(at, values.attitude)
+                if self._formation_is_external:
+                    yield _attitude(at, values.attitude)
             else:
                 yield topic, message
         if at == 0:
@@ -41,11 +43,14 @@ class Words:
         """The picture of a tick."""
         return [(topics.IMAGE, messages.image(at, picture))]
 
-    def reference(self, values: DecidedValues) -> Said:
-        """The attitude reference, once decided."""
-        if self._attitude_is_external:
-            at, points = nanoseconds(float(values.tick.time_s)), map(np.asarray, values.reference)
-            yield live_topics.ATTITUDE_REFERENCE, live_topics.attitude_reference(at, self._step_ns, *points)
+    def reference(self, values: DecidedValues, sensed: SensedValues) -> Said:
+        """The attitude reference, once decided; who follows it hears the first attitude after it."""
+        if not self._attitude_is_external:
+            return
+        at, points = nanoseconds(float(values.tick.time_s)), map(np.asarray, values.reference)
+        yield live_topics.ATTITUDE_REFERENCE, live_topics.attitude_reference(at, self._step_ns, *points)
+        if not self._formation_is_external:
+            yield _attitude(at, sensed.attitude)
 
     def decided(self, values: DecidedValues) -> Said:
         """Once all is decided: what flight software is up to."""

@@ -144,6 +144,26 @@ def test_a_worker_computes_as_it_is_told_unless_it_knows_better(
     assert os.environ["XLA_FLAGS"] == (own or "--xla_told=1")
 
 
+def test_a_worker_understands_all_that_it_may_be_told(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(flying, "do_blocks", lambda *_: 0)
+    monkeypatch.setattr(cluster, "_prepared", lambda directory, _: (Campaign(directory), None))
+    heard: dict[str, object] = {}
+    monkeypatch.setattr(cluster.jax.config, "update", heard.__setitem__)
+    told = dict.fromkeys(cluster._TOLD, "7")
+    for name in told:
+        monkeypatch.setenv(name, "")
+        monkeypatch.delenv(name)
+    assert cluster.do_block(str(campaign.directory), 0, told) == ("done", 0)
+    assert (os.environ["XLA_FLAGS"], os.environ["RPOJAX_TRACES"]) == ("7", "7")
+    assert heard == {
+        "jax_compilation_cache_dir": "7",
+        "jax_persistent_cache_min_compile_time_secs": 7.0,
+        "jax_persistent_cache_min_entry_size_bytes": 7,
+    }
+    for name in ("XLA_FLAGS", "RPOJAX_TRACES"):
+        monkeypatch.delenv(name)
+
+
 def test_a_scheduler_that_is_not_there_is_named(campaign: Campaign) -> None:
     pytest.importorskip("distributed")
     with pytest.raises(RpojaxError, match=r"--scheduler: found 'nonsense://x'.*expected the address"):

@@ -3,14 +3,15 @@
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 import pytest
-from jax.export import Exported
 from jaxtyping import Array
 
 from rpojax.campaign import traces
 from rpojax.campaign.dispersions import Values
 from rpojax.campaign.engine import Engine
+from rpojax.campaign.traces import Trace
 from rpojax.flight import formation_control
 from rpojax.flight.computer import Stages
 from rpojax.simulation.params import Params
@@ -31,7 +32,7 @@ class Counted:
         return {"sum": x.sum() + others["a"].sum(), "same": others}
 
 
-def traced(function: Counted, arguments: Any = ARGUMENTS, meaning: str | None = "sum") -> Exported:
+def traced(function: Counted, arguments: Any = ARGUMENTS, meaning: str | None = "sum") -> Trace:
     """As a new process would: JAX remembers what it has traced by the function's identity."""
     return traces.traced(lambda x, others: function(x, others), arguments, meaning)
 
@@ -49,11 +50,13 @@ def test_a_kept_trace_is_not_made_again_and_computes_the_same(folder: Path) -> N
     assert function.times == 1
     assert len(list(folder.iterdir())) == 1
     assert first.call(*ARGUMENTS)["sum"] == second.call(*ARGUMENTS)["sum"] == 5.0
-    assert traces.results(second)["same"]["a"].shape == (2,)
+    assert second.results["same"]["a"].shape == (2,)
 
 
-@pytest.mark.parametrize("change", ["meaning", "shape", "type", "structure", "code"])
-def test_what_changes_a_trace_makes_it_anew(folder: Path, change: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("change", ["meaning", "shape", "type", "structure", "code", "numbers"])
+def test_what_changes_a_trace_makes_it_anew(
+    folder: Path, change: str, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
     function = Counted()
     traced(function)
     meaning = "other" if change == "meaning" else "sum"
@@ -66,7 +69,12 @@ def test_what_changes_a_trace_makes_it_anew(folder: Path, change: str, monkeypat
     if change == "structure":
         others = {**others, "b": np.ones(1)}
     if change == "code":
+        monkeypatch.setattr(traces, "_SOURCE", "other code")
         monkeypatch.setattr(traces, "_source_digest", lambda: "other code")
+    if change == "numbers":
+        partitionable = jax.config.jax_threefry_partitionable  # pyright: ignore[reportAttributeAccessIssue]
+        request.addfinalizer(lambda: jax.config.update("jax_threefry_partitionable", partitionable))
+        jax.config.update("jax_threefry_partitionable", not partitionable)
     traced(function, (x, others), meaning)
     assert function.times == 2
     assert len(list(folder.iterdir())) == 2
@@ -82,6 +90,37 @@ def test_a_damaged_trace_is_made_anew(folder: Path, damage: str) -> None:
     assert traced(function).call(*ARGUMENTS)["sum"] == 5.0
     traced(function)
     assert function.times == 2
+
+
+def test_code_that_has_changed_since_it_was_loaded_leaves_no_trace(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(traces, "_source_digest", lambda: "edited meanwhile")
+    assert traced(Counted()).call(*ARGUMENTS)["sum"] == 5.0
+    assert not folder.exists()
+
+
+def test_a_trace_that_cannot_be_put_in_its_place_leaves_nothing_behind(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    traced(Counted())
+    (path,) = folder.iterdir()
+    path.unlink()
+    path.mkdir()
+    assert traced(Counted()).call(*ARGUMENTS)["sum"] == 5.0
+    assert list(folder.iterdir()) == [path]
+
+
+def test_a_function_that_prints_can_be_flown_but_not_kept(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    def talkative(x: Any, others: dict[str, Any]) -> Any:
+        jax.debug.print("heard")
+        return x
+
+    trace = traces.traced(talkative, ARGUMENTS)
+    np.testing.assert_array_equal(jax.jit(trace.call)(*ARGUMENTS), ARGUMENTS[0])
+    jax.effects_barrier()
+    assert "heard" in capfd.readouterr().out
+    assert not folder.exists()
 
 
 def test_nothing_is_kept_without_a_folder_or_without_a_meaning(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
