@@ -274,11 +274,19 @@ class Controller:
         if self.formation and (at := self.common(ORBIT, RELATIVE)) > self.decided:
             self.decided = at
             self.fly_formation(at, Estimate.read(self.seen[ORBIT], self.seen[RELATIVE]))
-        # A node that was started in the middle of a tick does not know yet where to point.
-        knows = self.pointing is not None or REFERENCE in self.seen
-        if self.attitude and knows and (at := self.common(ATTITUDE, WHEELS)) > self.answered:
+        if self.attitude and (at := self.common(ATTITUDE, WHEELS)) > self.answered and self.knows_where_to_point(at):
             self.answered = at
             self.fly_attitude(at)
+
+    def knows_where_to_point(self, at: int) -> bool:
+        """By its own plan, or by the simulator's reference of this tick, which may come after the estimate."""
+        if self.pointing is not None or REFERENCE not in self.seen:
+            return self.pointing is not None
+        return 0 <= self.place(at) < len(self.seen[REFERENCE].points)
+
+    def place(self, at: int) -> int:
+        """Number of the plant step in the simulator's reference."""
+        return round((at - stamp(self.seen[REFERENCE])) / NANO / Law.step)
 
     def common(self, *topics: str) -> int:
         """Stamp [ns] that all these topics have come with, or -1."""
@@ -338,8 +346,7 @@ class Controller:
 
     def given_command(self, at: int) -> tuple[Rotation, np.ndarray, np.ndarray]:
         """The simulator's own reference at this step of its tick."""
-        reference = self.seen[REFERENCE]
-        point = reference.points[round((at - stamp(reference)) / NANO / Law.step)]
+        point = self.seen[REFERENCE].points[self.place(at)]
         return (
             rotation(point.transforms[0].rotation).inv(),
             xyz(point.velocities[0].angular),
