@@ -76,8 +76,6 @@ def fly(file: ScenarioFile, seed: int, run_id: int, settings: Settings, tell: Te
     ledger = Ledger(tell)
     exchange = Exchange(settings.domain_id, settings.said, settings.heard, ledger)
     tell("compiling")
-    # Short calls that are waited for at once come back sooner from the thread that asks for them.
-    jax.config.update("jax_cpu_enable_async_dispatch", False)
     flight = _Flight(file, seed, run_id, settings)
     flight.rehearse()
     tell("waiting for the other side")
