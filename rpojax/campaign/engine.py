@@ -140,7 +140,9 @@ class Engine:
 
     @functools.cached_property
     def _loop(self) -> Trace:
-        meaning = f"advance {self.segment_ticks} {self.scenario!r}" if self.stages == Stages() else None
+        # What is kept is for the kind of device that JAX takes by default, and for the packaged stages.
+        usual = self.stages == Stages() and all(each.platform == jax.default_backend() for each in self.devices)
+        meaning = f"advance {self.segment_ticks} {self.scenario!r}" if usual else None
         return traces.traced(self._advance, (self._nominal, *self._drawn_and_state()), meaning)
 
     def _drawn_and_state(self) -> tuple[Any, Any]:

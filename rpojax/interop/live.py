@@ -85,6 +85,9 @@ def fly(file: ScenarioFile, seed: int, run_id: int, settings: Settings, tell: Te
     if settings.factor is not None:
         pace = RealTime(settings.factor, nanoseconds(flight.scenario.step_s), settings.timeout_s)
     orders = Orders(settings, flight.limits, exchange, pace, ledger)
+    # What is here by now stays to the end: there is no use in going through it for garbage again and again.
+    gc.collect()
+    gc.freeze()
     wall, cpu, stopped = time.perf_counter(), time.process_time(), ""
     try:
         while flight.goes_on:
@@ -154,9 +157,6 @@ class _Flight:
         for decider in deciders:
             self._tick = self._fly(_Rehearsal(decider), lambda _: None)
         self._tick = start
-        # What is here by now stays to the end: there is no use in going through it for garbage again and again.
-        gc.collect()
-        gc.freeze()
 
     def tick(self, other: "Other") -> None:
         """Flies one tick."""
