@@ -135,15 +135,8 @@ def _vision(found: Mapping[str, Any]) -> "Table":
     title = f"rendered camera, {found['side_px']} x {found['side_px']} px, target at {found['range_m']:g} m"
     table = _table(title, ("work", "batch", "devices", "compile [s]", "run [s]", "cpu [s]", "pictures/s"))
     for name, verb, rate in (("picture", "render", "frames_per_s"), ("detection", "detect", "detections_per_s")):
-        table.add_row(
-            name,
-            str(found["batch"]),
-            str(found["devices"]),
-            f"{found[f'{verb}_compile_s']:.1f}",
-            f"{found[f'{verb}_s']:.3g}",
-            f"{found[f'{verb}_cpu_s']:.3g}",
-            f"{found[rate]:,.0f}",
-        )
+        times = {"compile_s": found[f"{verb}_compile_s"], "run_s": found[f"{verb}_s"], "cpu_s": found[f"{verb}_cpu_s"]}
+        _row(table, name, {**found, **times}, found["batch"], f"{found[rate]:,.0f}")
     return table
 
 

@@ -5,12 +5,12 @@ import gc
 import os
 import shutil
 import tempfile
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import jax
 import pytest
+import quick_compilation
 from hypothesis import settings
 from jaxtyping import install_import_hook
 from sharing_out import TogetherScheduling, longest_first
@@ -18,11 +18,10 @@ from sharing_out import TogetherScheduling, longest_first
 PACKAGE = Path(__file__).parents[1] / "rpojax"
 CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rpojax" / "jax-tests"
 
-# Most of the time goes into compiling programs that then run for a second, and half of that into XLA's newer way of
-# writing fused loops. The name of this flag is not promised, and XLA stops at one it does not know.
-QUICK_COMPILATION = "--xla_cpu_use_fusion_emitters"
-if version("jax").startswith("0.10.") and QUICK_COMPILATION not in os.environ.get("XLA_FLAGS", ""):
-    os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {QUICK_COMPILATION}=false".strip()
+# Most of the time goes into compiling programs that then run for a second; what the user's environment says stays.
+for flag in quick_compilation.FLAGS:
+    if flag.partition("=")[0] not in os.environ.get("XLA_FLAGS", ""):
+        os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {flag}".strip()
 
 # The workers of a session share what they have traced; another session may have another package to trace.
 if "RPOJAX_TRACES" not in os.environ:

@@ -10,6 +10,7 @@ from typing import Any
 import jax
 import nbformat
 import pytest
+import quick_compilation
 from nbclient import NotebookClient
 from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell
@@ -18,10 +19,8 @@ ROOT = Path(__file__).parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 LARGEST_BYTES = 1_500_000
 
-# Most of the time goes into compiling code that then runs for a second: compile it with less effort.
 QUICK_COMPILATION = ["--xla_backend_optimization_level=0", "--xla_llvm_disable_expensive_passes=true"]
-if jax.__version_info__[:2] == (0, 10):  # the name of this flag is not promised, and XLA stops at one it does not know
-    QUICK_COMPILATION.append("--xla_cpu_use_fusion_emitters=false")
+"""Compiles with less effort still."""
 
 QUESTIONS = """
 import json
@@ -81,7 +80,7 @@ def executed(name: str, questions: str, folder: Path) -> dict[str, Any]:
         "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])),
         "IPYTHONDIR": str(folder / "ipython"),
         "TMPDIR": str(folder),
-        "XLA_FLAGS": " ".join(QUICK_COMPILATION),
+        "XLA_FLAGS": " ".join([*QUICK_COMPILATION, *quick_compilation.FLAGS]),
         # The cache of the test session: a second run has nothing to compile.
         "JAX_COMPILATION_CACHE_DIR": str(jax.config.jax_compilation_cache_dir or folder / "cache"),
         "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",

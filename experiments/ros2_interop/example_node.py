@@ -259,15 +259,10 @@ class Controller:
 
     def run(self, patience_s: float) -> None:
         """Until the simulator has gone, or has not come."""
-        silent, met = 0.0, False
-        while silent < patience_s and not (met and silent and self.node.is_alone(ORBIT)):
-            heard = self.node.take(0.5)
-            silent = 0.0 if heard else silent + 0.5
-            met = met or bool(heard)
-            for topic, message in heard:
-                self.counts[topic] += 1
-                self.seen[topic] = message
-                self.answer()
+        for topic, message in self.node.listen(patience_s):
+            self.counts[topic] += 1
+            self.seen[topic] = message
+            self.answer()
 
     def answer(self) -> None:
         """Says what can be said with what has come so far."""

@@ -74,15 +74,12 @@ def main() -> None:
     say = {topic: node.publisher(topic, ODOMETRY) for topic in PAIRS.values()}
     for topic in PAIRS:
         node.subscribe(topic, ODOMETRY)
-    received, last, silent = dict.fromkeys(PAIRS, 0), -1, 0.0
-    while silent < options.patience_s and not (last >= 0 and silent and all(map(node.is_alone, PAIRS))):
-        heard = node.take(0.5)
-        silent = 0.0 if heard else silent + 0.5
-        for topic, truth in heard:
-            estimate = PAIRS[topic]
-            say[estimate](blur(truth, SIGMA[estimate], random))
-            received[topic] += 1
-            last = stamp(truth)
+    received, last = dict.fromkeys(PAIRS, 0), -1
+    for topic, truth in node.listen(options.patience_s):
+        estimate = PAIRS[topic]
+        say[estimate](blur(truth, SIGMA[estimate], random))
+        received[topic] += 1
+        last = stamp(truth)
     print(json.dumps({"received": received, "last_s": last / 1e9}))
 
 

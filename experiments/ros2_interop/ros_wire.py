@@ -1,6 +1,7 @@
 """ROS 2 topics without ROS: a few lines on cyclonedds and rosbags, to be copied. Nothing of rpojax is needed here."""
 
 import os
+from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
@@ -103,6 +104,15 @@ class Node:
         self._waitset.wait(round(seconds * 1e9))
         taken = ((topic, sample) for topic, reader in self._readers.items() for sample in reader.take(100))
         return [(topic, sample.message) for topic, sample in taken if getattr(sample, "message", None) is not None]
+
+    def listen(self, patience_s: float) -> Iterator[tuple[str, Any]]:
+        """What comes on all topics, until those who have spoken are gone, or nobody has come for so long [s]."""
+        silent, met = 0.0, False
+        while silent < patience_s and not (met and silent and all(map(self.is_alone, self._readers))):
+            heard = self.take(0.5)
+            silent = 0.0 if heard else silent + 0.5
+            met = met or bool(heard)
+            yield from heard
 
     def is_alone(self, topic: str) -> bool:
         """Nobody speaks on a topic that this node listens to."""

@@ -34,7 +34,7 @@ def cache_of_its_own() -> Iterator[Path]:
             yield Path(folder)
         finally:
             _use(*before)
-            os.environ.pop(traces.FOLDER)
+            os.environ.pop(traces.FOLDER, None)
             if kept is not None:
                 os.environ[traces.FOLDER] = kept
 

@@ -212,7 +212,7 @@ def _close(
     motion: Motion,
     order: tuple[jax.Array, jax.Array],
 ) -> tuple[State, Begun, SensedValues, jax.Array]:
-    motion = stepwise.move(scenario, params, state, decided, motion, *order)
+    motion, _ = _move(scenario, params, state, decided, motion, order)
     return _open(scenario, params, stepwise.finish(_STAGES, scenario, params, state, decided, motion))
 
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from rpojax.core.pytree import replace
 from rpojax.interop import live_topics, messages, topics
 from rpojax.interop.live_program import AttitudeValues, DecidedValues, SensedValues
 from rpojax.interop.live_settings import Settings, Stage
@@ -27,17 +28,16 @@ class Words:
 
     def sensed(self, values: SensedValues) -> Said:
         """At the beginning of a tick: time, what others decide by, then truth and measurements."""
-        at = nanoseconds(float(values.tick.time_s))
-        for topic, message in messages.of_tick(values.tick, (*_AWAITED, *_REST)):
-            if self._attitude_is_external and topic is topics.WHEELS:
-                # The motors' torques are not decided yet.
-                yield topic, messages.wheels(at, np.asarray(values.tick.wheel_speed), np.zeros(0))
-                if self._formation_is_external:
-                    yield _attitude(at, values.attitude)
-            else:
-                yield topic, message
+        tick, at = values.tick, nanoseconds(float(values.tick.time_s))
+        if self._attitude_is_external:
+            # The motors' torques are not decided yet.
+            tick = replace(tick, wheel_torque=np.zeros(0))
+        yield from messages.of_tick(tick, _AWAITED)
+        if self._attitude_is_external and self._formation_is_external:
+            yield _attitude(at, values.attitude)
+        yield from messages.of_tick(tick, _REST)
         if at == 0:
-            yield topics.TF_STATIC, messages.camera_mounting(at, values.tick)
+            yield topics.TF_STATIC, messages.camera_mounting(at, tick)
 
     def picture(self, at: int, picture: np.ndarray) -> Said:
         """The picture of a tick."""
