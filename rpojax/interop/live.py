@@ -81,13 +81,13 @@ def fly(file: ScenarioFile, seed: int, run_id: int, settings: Settings, tell: Te
     tell("waiting for the other side")
     exchange.meet(settings.wait_s)
     tell("flying")
+    # What is here by now stays to the end: there is no use in going through it for garbage again and again.
+    gc.collect()
+    gc.freeze()
     pace: Lockstep | RealTime = Lockstep(settings.timeout_s)
     if settings.factor is not None:
         pace = RealTime(settings.factor, nanoseconds(flight.scenario.step_s), settings.timeout_s)
     orders = Orders(settings, flight.limits, exchange, pace, ledger)
-    # What is here by now stays to the end: there is no use in going through it for garbage again and again.
-    gc.collect()
-    gc.freeze()
     wall, cpu, stopped = time.perf_counter(), time.process_time(), ""
     try:
         while flight.goes_on:

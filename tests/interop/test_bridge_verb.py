@@ -62,9 +62,22 @@ def bridge(domain: int, duration_s: int, *words: str, external: str = "formation
     """A simulator that waits for its node."""
     options = ["--external", external, "--domain-id", str(domain), "--wait-s", "600", "--json", *words]
     process = start("-m", "rpojax", "bridge", "inspection", "--set", f"duration_s={duration_s}", *options)
-    assert process.stderr is not None
-    assert any("waiting" in line for line in process.stderr)
+    until(process, "waiting")
     return process
+
+
+def until(simulator: "subprocess.Popen[str]", word: str) -> None:
+    """Reads what the simulator tells up to a line with this word."""
+    assert simulator.stderr is not None
+    assert any(word in line for line in simulator.stderr)
+
+
+def kill(node: "subprocess.Popen[str]", simulator: "subprocess.Popen[str]") -> None:
+    """Kills a node when it has flown for a second."""
+    until(simulator, "flying")
+    time.sleep(1.0)
+    node.kill()
+    node.communicate()
 
 
 def end(process: "subprocess.Popen[str]") -> dict[str, Any]:
@@ -95,11 +108,8 @@ def test_the_example_node_flies_a_run_and_no_message_is_lost() -> None:
 
 @pytest.mark.slow
 def test_a_node_that_is_killed_is_missed_and_another_takes_its_place() -> None:
-    simulator = bridge(152, 100, "--timeout-s", "0.5", "--patience-s", "300")
-    first = start(str(NODE), "--domain-id", "152")
-    time.sleep(8.0)
-    first.kill()
-    first.communicate()
+    simulator = bridge(152, 1500, "--timeout-s", "0.5", "--patience-s", "300")
+    kill(start(str(NODE), "--domain-id", "152"), simulator)
     time.sleep(3.0)
     second = start(str(NODE), "--domain-id", "152")
     found = end(simulator)
@@ -110,11 +120,8 @@ def test_a_node_that_is_killed_is_missed_and_another_takes_its_place() -> None:
 
 @pytest.mark.slow
 def test_a_run_stops_where_a_late_command_is_to_stop_it() -> None:
-    simulator = bridge(153, 100, "--timeout-s", "2", "--on-late", "stop")
-    first = start(str(NODE), "--domain-id", "153")
-    time.sleep(6.0)
-    first.kill()
-    first.communicate()
+    simulator = bridge(153, 1500, "--timeout-s", "2", "--on-late", "stop")
+    kill(start(str(NODE), "--domain-id", "153"), simulator)
     found = end(simulator)
     assert simulator.returncode == 4
     assert not found["completed"]
