@@ -96,10 +96,11 @@ class Exchange:
         self.heard = {topic.name: Heard(topic, self._participant.subscriber(topic), ledger) for topic in heard}
 
     def say(self, said: Said) -> None:
-        """Sends messages on those of their topics that are this side's to speak on."""
-        for topic, message in said:
-            if (publisher := self._publishers.get(topic.name)) is not None:
-                publisher.send(message)
+        """Sends messages on those of their topics that are this side's to speak on, where somebody listens."""
+        for topic, make in said:
+            publisher = self._publishers.get(topic.name)
+            if publisher is not None and publisher.is_heard:
+                publisher.send(make())
 
     def notice_strangers(self) -> None:
         """Counts publishers that have come to a topic of commands with another type than its own."""

@@ -4,6 +4,7 @@ import gc
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Protocol
 
 import jax
@@ -181,7 +182,7 @@ class _Flight:
         tick, program, at = self._tick, self._program, self._time(0)
         other.say(self._words.sensed(tick.values))
         if self._pictures:
-            other.say(self._words.picture(at, program.picture(tick)))
+            other.say(self._words.picture(at, partial(program.picture, tick)))
         if Stage.NAVIGATION in self._external and (given := other.estimate(at)) is not None:
             tick = program.adopt(tick, given)
         decider, burn = other.burn(at) if Stage.FORMATION in self._external else ("own", CLOSED)
@@ -251,7 +252,7 @@ class _Rehearsal:
         self._estimates: dict[str, Any] = {}
 
     def say(self, said: Said) -> None:
-        self._estimates |= {topic.name: message for topic, message in said}
+        self._estimates |= {topic.name: make() for topic, make in said}
 
     def estimate(self, at: int) -> GivenOrbit:
         names = (topics.SERVICER_ESTIMATE.name, topics.RELATIVE_ESTIMATE.name)

@@ -1,5 +1,7 @@
 """What a live run says at each point of a tick."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -37,18 +39,18 @@ class Words:
             yield _attitude(at, values.attitude)
         yield from messages.of_tick(tick, _REST)
         if at == 0:
-            yield topics.TF_STATIC, messages.camera_mounting(at, tick)
+            yield topics.TF_STATIC, partial(messages.camera_mounting, at, tick)
 
-    def picture(self, at: int, picture: np.ndarray) -> Said:
-        """The picture of a tick."""
-        return [(topics.IMAGE, messages.image(at, picture))]
+    def picture(self, at: int, take: Callable[[], np.ndarray]) -> Said:
+        """The picture of a tick, which is not taken for nobody."""
+        return [(topics.IMAGE, lambda: messages.image(at, take()))]
 
     def reference(self, values: DecidedValues, sensed: SensedValues) -> Said:
         """The attitude reference, once decided; who follows it hears the first attitude after it."""
         if not self._attitude_is_external:
             return
         at, points = nanoseconds(float(values.tick.time_s)), map(np.asarray, values.reference)
-        yield live_topics.ATTITUDE_REFERENCE, live_topics.attitude_reference(at, self._step_ns, *points)
+        yield live_topics.ATTITUDE_REFERENCE, partial(live_topics.attitude_reference, at, self._step_ns, *points)
         if not self._formation_is_external:
             yield _attitude(at, sensed.attitude)
 
@@ -58,16 +60,15 @@ class Words:
 
     def step(self, at: int, values: AttitudeValues) -> Said:
         """Before a plant step within a tick whose torques come from outside."""
+        variance = float(values.gyro_variance)
         return [
-            (topics.CLOCK, messages.clock(at)),
-            (topics.WHEELS, messages.wheels(at, np.asarray(values.wheel_speed), np.zeros(0))),
+            (topics.CLOCK, partial(messages.clock, at)),
+            (topics.WHEELS, partial(messages.wheels, at, np.asarray(values.wheel_speed), np.zeros(0))),
             _attitude(at, values),
-            (topics.IMU, messages.imu(at, np.asarray(values.gyro), float(values.gyro_variance))),
+            (topics.IMU, partial(messages.imu, at, np.asarray(values.gyro), variance)),
         ]
 
 
-def _attitude(at: int, values: AttitudeValues) -> tuple[Topic, Any]:
-    turn, rate, P, P_rate = map(
-        np.asarray, (values.orientation, values.rate, values.covariance, values.rate_covariance)
-    )
-    return live_topics.ATTITUDE_ESTIMATE, live_topics.attitude_estimate(at, turn, rate, P, P_rate)
+def _attitude(at: int, values: AttitudeValues) -> tuple[Topic, Callable[[], Any]]:
+    now = values.orientation, values.rate, values.covariance, values.rate_covariance
+    return live_topics.ATTITUDE_ESTIMATE, partial(live_topics.attitude_estimate, at, *map(np.asarray, now))

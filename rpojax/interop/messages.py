@@ -15,7 +15,8 @@ from rpojax.interop.message_types import message_class
 from rpojax.interop.tick_values import Motion, TickValues, View
 from rpojax.interop.topics import Topic
 
-Said = Iterable[tuple[Topic, Any]]
+Said = Iterable[tuple[Topic, Callable[[], Any]]]
+"""Topics, each with what makes its message where somebody listens."""
 Values = Array | np.ndarray
 """Numbers of a tick, wherever they are."""
 
@@ -282,12 +283,12 @@ def _status(level: str, name: str, text: str, values: dict[str, float]) -> Any:
 
 
 def of_tick(values: TickValues, wanted: Iterable[Topic] = topics.TABLE) -> Said:
-    """What is said of a tick on the topics that are wanted, in their order; each message is made when its turn comes.
+    """What is said of a tick on the topics that are wanted, in their order.
 
     Pictures and what is said once are left out.
     """
     makers = _makers(nanoseconds(float(values.time_s)), values)
-    return ((topic, makers[topic]()) for topic in wanted if topic in makers)
+    return [(topic, makers[topic]) for topic in wanted if topic in makers]
 
 
 def _makers(at: int, values: TickValues) -> dict[Topic, Callable[[], Any]]:

@@ -5,6 +5,7 @@ unless the variable CYCLONEDDS_URI says otherwise.
 """
 
 import os
+import time
 from collections.abc import Sequence
 from typing import Any
 
@@ -28,6 +29,9 @@ _RECEIVED_DEPTH = 1000
 """A subscriber keeps more than ROS's ten, so that a flood of nonsense does not push out what counts."""
 _HIGHEST_DOMAIN = 232
 _AT_ONCE = 64
+_let_others = getattr(os, "sched_yield", lambda: None)
+_AWAKE_S = 0.002
+"""A thread that sleeps until a message comes is woken late: for about as long as a node thinks it stays awake."""
 
 
 class Publisher:
@@ -43,6 +47,7 @@ class Publisher:
         made = need("cyclonedds.topic", "ros").Topic(participant, _wire_name(topic), self._class)
         self._writer = need("cyclonedds.pub", "ros").DataWriter(participant, made, _qos(topic, topic.qos.depth))
         self._failure = need("cyclonedds.core", "ros").DDSException
+        self._latched = topic.qos.latched
         self.sent = 0
         self.unsent = 0
 
@@ -54,6 +59,11 @@ class Publisher:
             self.unsent += 1
         else:
             self.sent += 1
+
+    @property
+    def is_heard(self) -> bool:
+        """Somebody listens, or will be given what was said before."""
+        return self._latched or self.listeners > 0
 
     @property
     def listeners(self) -> int:
@@ -76,7 +86,13 @@ class Subscriber:
 
     def wait(self, seconds: float) -> bool:
         """Waits until something has come, for at most so many seconds; tells whether it has."""
-        return self._waitset.wait(max(round(seconds * 1e9), 0)) > 0
+        until = time.monotonic() + seconds
+        asleep = min(until, time.monotonic() + _AWAKE_S)
+        while time.monotonic() < asleep:
+            if self._waitset.wait(0) > 0:
+                return True
+            _let_others()
+        return self._waitset.wait(max(round((until - time.monotonic()) * 1e9), 0)) > 0
 
     def take(self) -> list[Any]:
         """Some of the messages that have come, oldest first; None for one that is no message of the topic's type."""

@@ -100,8 +100,8 @@ def said(
         nanos = messages.nanoseconds(float(values.time_s))
         if number == 0:
             yield Stamped(nanos, topics.TF_STATIC, messages.camera_mounting(nanos, values))
-        for topic, message in messages.of_tick(values):
-            yield Stamped(nanos, topic, message)
+        for topic, make in messages.of_tick(values):
+            yield Stamped(nanos, topic, make())
         if images == Images.RAW:
             yield Stamped(nanos, topics.IMAGE, messages.image(nanos, next(shots)))
         elif images == Images.COMPRESSED:

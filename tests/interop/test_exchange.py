@@ -2,6 +2,7 @@
 
 import time
 from collections import Counter
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -265,7 +266,7 @@ def test_commands_and_nonsense_over_the_wire(monkeypatch: pytest.MonkeyPatch) ->
     pace, steps = Lockstep(30.0), 20
     for step in range(steps):
         at = step * NANO
-        exchange.say([(topics.CLOCK, messages.clock(at))])
+        exchange.say([(topics.CLOCK, partial(messages.clock, at))])
         exchange.notice_strangers()
         assert clock.wait(30.0)
         assert [message.clock.sec for message in clock.take()] == [step]

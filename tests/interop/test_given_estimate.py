@@ -13,7 +13,7 @@ from rpojax.interop.tick_values import seen_in_hill
 @pytest.mark.parametrize("tick", [0, 120])
 def test_the_flight_softwares_own_messages_give_its_own_estimate(flight: Flight, tick: int) -> None:
     values = flight.tick(tick)
-    said = {topic.name: message for topic, message in messages.of_tick(values)}
+    said = {topic.name: make() for topic, make in messages.of_tick(values)}
     found = given_orbit(said[topics.SERVICER_ESTIMATE.name], said[topics.RELATIVE_ESTIMATE.name])
     target = values.target_estimate
     r_TN_N, v_TN_N = found.r_SN_N + found.r_TS_N, found.v_SN_N + found.v_TS_N

@@ -145,7 +145,7 @@ def test_measurements_are_near_the_truth_and_not_the_truth(flight: Flight[TickVa
 
 def test_the_valve_opens_when_the_velocity_changes(flight: Flight[TickValues]) -> None:
     said = [messages.of_tick(flight.tick(number)) for number in range(flight.ticks)]
-    commands = [next(each for topic, each in tick if topic.name == "/servicer/thruster/command") for tick in said]
+    commands = [next(make() for topic, make in tick if topic.name == "/servicer/thruster/command") for tick in said]
     ahead = [command for command in commands if command.points]
     assert 40 < len(ahead) < flight.ticks
     times = {
