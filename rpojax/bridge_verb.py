@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import arg
 
-from rpojax.machine import prepare_jax
+from rpojax.machine import prepare_jax, prepare_loop
 from rpojax.verb_parts import AsJson, NoCache, Overrides, Seed, Source, Status, load, print_json
 
 if TYPE_CHECKING:
@@ -51,7 +51,9 @@ def bridge(
 
     Exit status beside the usual: 3 the run failed, 4 it was not flown to its end, as the other side fell silent.
     """
+    file = load(scenario, overrides)
     prepare_jax(cache=not no_cache)
+    prepare_loop(rendered=file.camera.model == "rendered")
     from rpojax.interop import live_settings
 
     settings = live_settings.Settings(
@@ -64,7 +66,6 @@ def bridge(
         factor=real_time,
         pictures=not no_pictures,
     )
-    file = load(scenario, overrides)
     from rpojax.campaign import admission
 
     admission.check_numbers(1, run_id, seed, None)

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 from ros_wire import Node, make
+from rotation import Rotation, cross
 from scipy.linalg import solve_discrete_are
-from scipy.spatial.transform import Rotation
 
 NANO = 1_000_000_000
 MU = 3.986004418e14
@@ -102,20 +102,20 @@ class Estimate:
 
     def look(self) -> tuple[Rotation, np.ndarray]:
         """A_EN with the camera on the target, its x axis towards the orbit normal, and its rate [rad/s] in E."""
-        h_N = np.cross(self.r_SN_N, self.v_SN_N)
+        h_N = cross(self.r_SN_N, self.v_SN_N)
         normal = h_N / np.linalg.norm(h_N)
         omega_HN_N = h_N / (self.r_SN_N @ self.r_SN_N)
         d_N = -self.A_NH.apply(self.rho)
-        d_dot_N = -self.A_NH.apply(self.rho_dot) + np.cross(omega_HN_N, d_N)
+        d_dot_N = -self.A_NH.apply(self.rho_dot) + cross(omega_HN_N, d_N)
         distance = np.linalg.norm(d_N)
         line = d_N / distance
         line_rate = (d_dot_N - (d_dot_N @ line) * line) / distance
         rest = normal - (normal @ line) * line
         x = rest / np.linalg.norm(rest)
-        y = np.cross(line, x)
+        y = cross(line, x)
         roll_rate = -(normal @ line) * (line_rate @ y) / np.linalg.norm(rest)
         A_EN = Vehicle.camera.inv() * Rotation.from_matrix(np.stack([x, y, line]))
-        return A_EN, A_EN.apply(np.cross(line, line_rate) + roll_rate * line)
+        return A_EN, A_EN.apply(cross(line, line_rate) + roll_rate * line)
 
 
 def transition(n: float, t: float) -> np.ndarray:
@@ -180,10 +180,10 @@ def decide(K: np.ndarray, at: int, now: Estimate, watched: int) -> Burn:
 
 def between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Rotation vector of the smallest turn from unit vector `a` to `b`; for opposite ones, any."""
-    axis, cosine = np.cross(a, b), float(a @ b)
+    axis, cosine = cross(a, b), float(a @ b)
     sine = float(np.linalg.norm(axis))
     if sine < 1e-9:
-        axis, sine = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))]), 1.0
+        axis, sine = cross(a, np.eye(3)[int(np.argmin(np.abs(a)))]), 1.0
         axis = axis / np.linalg.norm(axis) if cosine < 0.0 else 0.0 * axis
         return np.pi * axis
     return float(np.arctan2(sine, cosine)) / sine * axis
@@ -234,7 +234,7 @@ def wheel_torque(
     rate_error = omega - A_BC.apply(omega_C)
     alpha = A_BC.apply(alpha_C) - Law.bandwidth**2 * error - 2.0 * Law.damping * Law.bandwidth * rate_error
     momentum = Vehicle.inertia @ omega + Vehicle.wheel_inertia * wheels
-    torque = -(Vehicle.inertia @ alpha + np.cross(omega, momentum))
+    torque = -(Vehicle.inertia @ alpha + cross(omega, momentum))
     return torque / max(np.max(np.abs(torque)) / Vehicle.wheel_limit, 1.0)
 
 

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from rpojax import cli
+from rpojax.interop import topics
 from rpojax.interop.live_settings import COMMANDS, Settings, Stage
+from rpojax.interop.participant import Participant
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "ros2_live.md").read_text(encoding="utf-8")
@@ -147,12 +149,14 @@ def test_a_node_that_navigates_is_believed() -> None:
 def test_in_real_time_the_run_keeps_the_pace_and_says_its_pictures() -> None:
     rendered = ("--set", "camera.model=rendered")
     simulator = bridge(155, 40, *rendered, "--real-time", "1", "--timeout-s", "30", external="attitude")
+    pictures = Participant(155).subscriber(topics.IMAGE)
     node = start(str(NODE), "--stages", "attitude", "--domain-id", "155")
     found = end(simulator)
     assert found["completed"]
     assert found["ignored"] == {}
     assert found["wall_s"] > 39.9
-    assert found["sent"]["/servicer/camera/image_raw"] == found["ticks"] == 40
+    assert len(pictures.take()) == found["sent"]["/servicer/camera/image_raw"] == found["ticks"] == 40
+    assert topics.GPS.name not in found["sent"]  # nobody listens to it
     # On a busy machine a step may be over before its answer has come.
     assert 0 < found["received"]["/servicer/wheels/command"] <= found["steps"] == 200
     assert sum(found["late"].values()) < found["steps"]
