@@ -4,7 +4,7 @@ Nothing is generated ahead, and nothing is written down twice.
 """
 
 from functools import cache, partial
-from typing import Any
+from typing import Any, Literal
 
 from rpojax.errors import RpojaxError
 from rpojax.interop.message_types import deserialize, message_class, serialize, typestore
@@ -41,36 +41,54 @@ def struct(name: str) -> Any:
 def wire_class(name: str) -> Any:
     """The same type for messages of `message_class`: their bytes are those of the bags, and need no second copy.
 
-    A sample has one attribute, `message`: None where the bytes that came are no such message.
+    Of a sample that came, `stamp` is the time in its header [ns], read without the rest, which is read for `message`:
+    a flood of old commands costs little. Both are None where the bytes are no such message.
     """
     idl = need("cyclonedds.idl", "ros")
     made = idl.make_idl_struct(_class_name(name), _idl_name(name), _fields(name), dataclassify=False)
     # Not by inheritance: a base would become a part of the type on the wire.
     made.__init__ = _carry
     made.serialize = _serialize
-    made.deserialize = classmethod(partial(_deserialize, name))
+    made.deserialize = classmethod(_deserialize)
     made.deserialize_key = classmethod(_deserialize_key)
+    made.message = property(partial(_message, name))
+    made.stamp = property(_stamp)
     return made
 
 
 def _carry(sample: Any, message: Any) -> None:
-    sample.message = message
+    sample.said, sample.data = message, None
 
 
 def _serialize(sample: Any, **_: Any) -> bytes:
-    return serialize(sample.message)
+    return serialize(sample.said)
 
 
-def _deserialize(name: str, made: Any, data: bytes, **_: Any) -> Any:
-    try:
-        return made(deserialize(data, name))
-    except (RpojaxError, UnicodeDecodeError):
-        return made(None)
+def _deserialize(made: Any, data: bytes, **_: Any) -> Any:
+    sample = made(None)
+    sample.data = bytes(data)
+    return sample
 
 
 def _deserialize_key(made: Any, data: bytes, **_: Any) -> Any:
     """What is said of a topic as a whole, such as its end, comes with a key; topics of ROS have none."""
     return made(None)
+
+
+def _message(name: str, sample: Any) -> Any:
+    try:
+        return sample.said if sample.data is None else deserialize(sample.data, name)
+    except (RpojaxError, UnicodeDecodeError):
+        return None
+
+
+def _stamp(sample: Any) -> int | None:
+    if sample.data is None or len(sample.data) < 12:
+        return None
+    # Four bytes of encapsulation, of which the second says which end comes first, then seconds and nanoseconds.
+    end: Literal["little", "big"] = "little" if sample.data[1] & 1 else "big"
+    seconds = int.from_bytes(sample.data[4:8], end, signed=True)
+    return 10**9 * seconds + int.from_bytes(sample.data[8:12], end)
 
 
 def _idl_name(name: str) -> str:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 from rpojax.errors import RpojaxError
-from rpojax.interop import commands
 from rpojax.interop.commands import Reason
 from rpojax.interop.ledger import Ledger
 from rpojax.interop.messages import Said
@@ -62,24 +61,31 @@ class Heard:
                 return found
 
     def _fetch(self) -> bool:
-        taken = self._subscriber.take()
+        taken = self._subscriber.arrived()
         self.received += len(taken)
         self._waiting.extend(taken)
         return bool(taken)
 
-    def _examine(self, message: Any, at: int, exactly: bool, check: Check[T]) -> T | None:
-        """What a message says, if it counts."""
-        reason = Reason.UNREADABLE
-        if message is not None:
-            stamp = commands.stamp(message)
-            old = stamp < at if exactly else stamp <= self.newest
-            found = Reason.EARLY if stamp > at else Reason.STALE if old or stamp == self.newest else check(message)
-            if not isinstance(found, Reason):
-                self.newest = stamp
-                return found
-            reason = found
-        self._ledger.ignore(self.topic, reason)
-        return None
+    def _examine(self, sample: Any, at: int, exactly: bool, check: Check[T]) -> T | None:
+        """What a sample says, if it counts."""
+        found = self._reason(sample.stamp, at, exactly)
+        if found is None:
+            message = sample.message
+            found = Reason.UNREADABLE if message is None else check(message)
+        if isinstance(found, Reason):
+            self._ledger.ignore(self.topic, found)
+            return None
+        self.newest = sample.stamp
+        return found
+
+    def _reason(self, stamp: int | None, at: int, exactly: bool) -> Reason | None:
+        """Why a stamp does not count."""
+        if stamp is None:
+            return Reason.UNREADABLE
+        if stamp > at:
+            return Reason.EARLY
+        old = stamp < at if exactly else stamp <= self.newest
+        return Reason.STALE if old or stamp == self.newest else None
 
 
 class Exchange:

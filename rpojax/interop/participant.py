@@ -25,7 +25,7 @@ LOOPBACK = (
 """Settings without multicast and without any other interface."""
 
 _BLOCKING_NS = 100_000_000
-_RECEIVED_DEPTH = 1000
+_RECEIVED_DEPTH = 20_000
 """A subscriber keeps more than ROS's ten, so that a flood of nonsense does not push out what counts."""
 _HIGHEST_DOMAIN = 232
 _AT_ONCE = 64
@@ -94,10 +94,13 @@ class Subscriber:
             _let_others()
         return self._waitset.wait(max(round((until - time.monotonic()) * 1e9), 0)) > 0
 
+    def arrived(self) -> list[Any]:
+        """Some of the samples that have come, oldest first, as `wire_class` makes them."""
+        return [sample for sample in self._reader.take(_AT_ONCE) if not isinstance(sample, self._invalid)]
+
     def take(self) -> list[Any]:
         """Some of the messages that have come, oldest first; None for one that is no message of the topic's type."""
-        samples = self._reader.take(_AT_ONCE)
-        return [sample.message for sample in samples if not isinstance(sample, self._invalid)]
+        return [sample.message for sample in self.arrived()]
 
     @property
     def speakers(self) -> int:

@@ -77,6 +77,9 @@ def test_a_sample_carries_a_message_there_and_back() -> None:
     # DDS fills up to whole words.
     again = made.deserialize(data + bytes(-len(data) % 4)).message
     assert again.header == message.header
+    assert made.deserialize(data).stamp == 1_200_000_000
+    assert made.deserialize(b"\0\0\0\0" + b"\xff\xff\xff\xff\x00\x00\x00\x07").stamp == 7 - 10**9
+    assert made.deserialize(data[:11]).stamp is None
     np.testing.assert_array_equal(again.effort, message.effort)
 
 

@@ -2,6 +2,7 @@
 
 import time
 from collections import Counter
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -24,6 +25,17 @@ DOMAIN = 143
 NOTHING = 1e-9
 
 
+@dataclass
+class Sample:
+    """As it comes out of DDS; what cannot be read has no message."""
+
+    message: Any
+
+    @property
+    def stamp(self) -> int | None:
+        return None if self.message is None else commands.stamp(self.message)
+
+
 class Inbox:
     """A subscriber whose messages are put in by a test."""
 
@@ -33,8 +45,8 @@ class Inbox:
 
     speakers = 1
 
-    def take(self) -> list[Any]:
-        return self.batches.pop(0) if self.batches else []
+    def arrived(self) -> list[Sample]:
+        return list(map(Sample, self.batches.pop(0))) if self.batches else []
 
     def wait(self, seconds: float) -> bool:
         self.waited += 1
@@ -74,8 +86,8 @@ def test_in_lockstep_only_the_command_with_the_stamp_counts() -> None:
 
 def test_a_flood_is_not_listened_to_for_longer_than_agreed() -> None:
     class Flood(Inbox):
-        def take(self) -> list[Any]:
-            return [torque(1)] * 64
+        def arrived(self) -> list[Sample]:
+            return [Sample(torque(1))] * 64
 
     ledger = Ledger(lambda _: None)
     inbox: Any = Flood()
