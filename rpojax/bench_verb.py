@@ -12,7 +12,7 @@ from tyro.conf import arg
 from rpojax import console
 from rpojax.errors import RpojaxError
 from rpojax.machine import LOOP_FLAG, prepare_jax, prepare_loop
-from rpojax.verb_parts import AsJson, Status, load, print_json
+from rpojax.verb_parts import AsJson, Overrides, Source, Status, load, print_json
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -26,7 +26,9 @@ PARTS = {
 
 
 def bench(
+    scenario: Source = "inspection",
     *,
+    overrides: Overrides = (),
     runs: Annotated[
         tuple[int, ...],
         arg(
@@ -41,11 +43,11 @@ def bench(
 ) -> int:
     """Measure the closed loop without metrics and storage, its kernels, and pictures; programs are compiled anew."""
     parts = _chosen(only)
-    file = load("inspection", (f"duration_s={duration_s}",))
+    file = load(scenario, (f"duration_s={duration_s}", *overrides))
     prepare_jax(cache=False)
     # XLA is told once in a process how to join results; pictures want it otherwise.
     apart = len(parts) > 1 and "vision" in parts
-    prepare_loop(rendered=parts == ["vision"])
+    prepare_loop(rendered=parts == ["vision"] or file.camera.model == "rendered")
     from rpojax.campaign import benchmark, measuring
 
     batches = runs or benchmark.default_batches(file)

@@ -55,8 +55,9 @@ def default_batch(file: ScenarioFile) -> int:
 
 
 def default_batches(file: ScenarioFile) -> tuple[int, ...]:
-    """Batch sizes that are measured unless others are asked for."""
-    return tuple(sorted({*BATCHES, default_batch(file)}))
+    """Batch sizes that are measured unless others are asked for; pictures leave no room for large ones."""
+    fixed = BATCHES[:1] if file.camera.model == "rendered" else BATCHES
+    return tuple(sorted({*fixed, default_batch(file)}))
 
 
 def check(batches: Sequence[int]) -> None:

@@ -106,6 +106,11 @@ def test_the_default_block_is_among_the_batches_that_are_measured(mission: Scena
     assert benchmark.default_batch(mission) in benchmark.default_batches(mission)
 
 
+def test_large_batches_of_pictures_are_not_measured_by_default(mission: ScenarioFile) -> None:
+    rendered = mission.model_copy(update={"camera": mission.camera.model_copy(update={"model": "rendered"})})
+    assert benchmark.default_batches(rendered) == (1, benchmark.default_batch(rendered))
+
+
 def test_a_batch_is_shared_evenly_and_no_device_is_idle(mission: ScenarioFile, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(benchmark.Engine, "compile", lambda engine: None)
     devices = jax.devices()[:1]
