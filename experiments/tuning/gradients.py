@@ -1,6 +1,6 @@
 """Gradients of the closed loop to every tunable number against central differences, events off and on.
 
-    python experiments/tuning/gradients.py [--runs 8] [--horizon 600] [--json FILE]
+    python experiments/tuning/gradients.py [--runs 8] [--horizon 600] [--parameters A,B,...] [--json FILE]
 
 Events off: no false boxes, no dead band, no gate; a run counts for a number only where no box and no mode changes
 within the step, which a difference would mistake for slope. Events on: the scenario as it is, all runs.
@@ -15,7 +15,7 @@ import numpy as np
 
 from rpojax.machine import prepare_jax, prepare_loop
 
-STEPS = (1e-4, 1e-3, 1e-2)
+STEPS = (1e-4, 1e-3, 1e-2, 1e-1)
 """In coordinates: the relative change of a number. Weak dependences need a longer one, for positions are rounded."""
 STENCIL = {1: 8.0 / 12.0, 2: -1.0 / 12.0}
 """Weights of central differences over one and two steps: an error of the fourth order, so steps may be long."""
@@ -29,6 +29,7 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=8)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--horizon", type=float, default=600.0)
+    parser.add_argument("--parameters", help="groups or numbers; all of them by default")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     prepare_jax(cache=True)
@@ -50,7 +51,8 @@ def compare(source: str, overrides: list[str], options: argparse.Namespace) -> d
     from rpojax.analysis.objective import Objective
 
     file = rpojax.load(source, [*overrides, "tuning.estimate=1.0"])
-    chosen, objective = tunable.choose(file, list(tunable.GROUPS)), Objective(file)
+    names = options.parameters.split(",") if options.parameters else list(tunable.GROUPS)
+    chosen, objective = tunable.choose(file, names), Objective(file)
     flights = Flights(file, partial(tunable.inputs, file, chosen), chosen.count, objective.names, options.runs)
     keys = run_keys(options.seed, np.arange(options.runs))
     x = np.tile(chosen.start, (options.runs, 1))
