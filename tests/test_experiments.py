@@ -1,25 +1,17 @@
 """The scripts of the experiments say by their exit status whether their figures hold."""
 
-import importlib.util
 import sys
-from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
-
-EXPERIMENTS = Path(__file__).parents[1] / "experiments"
+from experiment_files import load
 
 
 @pytest.fixture
 def measure() -> ModuleType:
     """The script of the inspection campaign, freshly loaded."""
-    spec = importlib.util.spec_from_file_location("measure", EXPERIMENTS / "inspection_campaign" / "measure.py")
-    assert spec
-    assert spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load("inspection_campaign/measure.py")
 
 
 @pytest.mark.parametrize(("peak_s", "status"), [(100.0, 0), (111.0, 1)])

@@ -1,14 +1,13 @@
 """Message types on the wire: the classes of cyclonedds give the bytes of the bags, for every type that there is."""
 
-import importlib.util
 import itertools
 from collections.abc import Iterator
 from importlib import import_module
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from experiment_files import load
 
 from rpojax.errors import RpojaxError
 from rpojax.interop import dds_types, message_types, messages, topics
@@ -96,12 +95,7 @@ def test_an_unknown_type_is_refused_in_one_line() -> None:
 
 
 def test_the_file_that_nodes_may_copy_knows_the_types_of_all_topics() -> None:
-    path = Path(__file__).parents[2] / "experiments" / "ros2_interop" / "ros_wire.py"
-    spec = importlib.util.spec_from_file_location("ros_wire", path)
-    assert spec
-    assert spec.loader
-    wire = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(wire)
+    wire = load("ros2_interop/ros_wire.py")
     for name in {topic.type for topic in topics.TABLE}:
         assert wire.struct(name).__idl_typename__ == dds_types.dds_name(name).replace("::", ".")
         assert wire.STORE.hash_rihs01(name) == message_types.type_hash(name)

@@ -1,26 +1,11 @@
 """The example node's rotations are SciPy's."""
 
-import importlib.util
-from pathlib import Path
-from typing import Any
-
 import numpy as np
 import pytest
+from experiment_files import load
 from scipy.spatial import transform
 
-PATH = Path(__file__).parents[2] / "experiments" / "ros2_interop" / "rotation.py"
-
-
-def _module() -> Any:
-    spec = importlib.util.spec_from_file_location("rotation", PATH)
-    assert spec
-    assert spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-EXAMPLE = _module()
+EXAMPLE = load("ros2_interop/rotation.py")
 TURNS = [
     np.zeros(3),
     np.array([1e-9, 0.0, 0.0]),

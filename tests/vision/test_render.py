@@ -1,13 +1,12 @@
 """From field to frame: the square of rays, averaging, eclipse, the camera's errors, and poses mended by gradients."""
 
-import importlib.util
-from pathlib import Path
 from types import ModuleType
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from experiment_files import load
 
 from rpojax.vision import render
 from rpojax.vision.exposure import Exposure, expose
@@ -16,7 +15,6 @@ from rpojax.vision.pinhole import lens, project
 from rpojax.vision.region import SIDES, Sampling, project_region, region_side
 from rpojax.vision.weights import load_field
 
-ROOT = Path(__file__).parents[2]
 TIPS = np.array([[x, y, 0.0] for x in (-0.22, 0.22) for y in (-0.8, 0.8)])
 
 
@@ -29,12 +27,7 @@ def field() -> Field:
 @pytest.fixture(scope="module")
 def measure() -> ModuleType:
     """The script of the experiment."""
-    spec = importlib.util.spec_from_file_location("field_figures", ROOT / "experiments/radiance_field/measure.py")
-    assert spec
-    assert spec.loader
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load("radiance_field/measure.py")
 
 
 def frame_of(
