@@ -244,9 +244,10 @@ def control_attitude(
 
 def delta_v_between(params: FlightParams, memory: FlightMemory, begin: Scalar, end: Scalar) -> Vector:
     """Velocity change in N [m/s] that flight software expects from the plan between two times [s]."""
-    on = jnp.clip(end, memory.plan.ignition, memory.plan.cutoff) - jnp.clip(
-        begin, memory.plan.ignition, memory.plan.cutoff
-    )
+    ignition, cutoff = memory.plan.ignition, memory.plan.cutoff
+    on = jnp.clip(end, ignition, cutoff) - jnp.clip(begin, ignition, cutoff)
+    # An empty burn on the border of a step would have a derivative to its time, half of it on either side of the tie.
+    on = jnp.where(cutoff > ignition, on, 0.0)
     direction_N = quaternion.rotate(quaternion.conjugate(memory.attitude.q_BN), params.onboard.thrust_direction)
     return on * params.onboard.thrust / params.onboard.mass * direction_N
 

@@ -71,6 +71,15 @@ def test_the_expected_velocity_changes_of_all_intervals_add_up_to_the_whole_burn
     np.testing.assert_allclose(parts[20], [0.0, 1e-3 * 0.2, 0.0], atol=1e-15)
 
 
+def test_a_burn_that_was_not_decided_has_no_derivative_to_its_time(flight: FlightParams, memory: FlightMemory) -> None:
+    def expected(time: jax.Array) -> jax.Array:
+        empty = replace(memory, plan=replace(memory.plan, ignition=time, cutoff=time))
+        return delta_v_between(flight, empty, 59.8, 60.0)
+
+    for time in (59.8, 59.9, 60.0):  # on either border of the step, and within
+        np.testing.assert_array_equal(jax.jacfwd(expected)(jnp.float64(time)), np.zeros(3))
+
+
 def test_a_users_control_law_decides_the_burn(flight: FlightParams, memory: FlightMemory) -> None:
     def sideways(gain: jax.Array, deviation: jax.Array) -> jax.Array:
         return jnp.array([0.0, 0.0, 0.005])
