@@ -141,5 +141,5 @@ def look(scenario: Scenario, params: Params, tumble: Tumble, truth: Truth) -> Ou
 def outline(scenario: Scenario, params: Params, q_TN: Float[Array, "4"], truth: Truth) -> Float[Array, "4"]:
     """Edges [px] of a target at attitude `q_TN` as the true camera would see it, not cut by the frame."""
     lens = pinhole.lens(params.camera.field_of_view, scenario.width_px, scenario.height_px)
-    hull_K = box_camera.hull_in_camera(params.camera, params.plant.target.hull, q_TN, truth.r_ST_N, truth.q_BN)
-    return box_model.outline(lens, hull_K)
+    placed = box_camera.target_in_camera(params.camera, q_TN, truth.r_ST_N, truth.q_BN)
+    return box_model.outline(lens, box_camera.hull_in_camera(params.plant.target.hull, *placed))

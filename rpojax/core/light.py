@@ -6,7 +6,8 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.core import safe
 from rpojax.core.constants import RADIUS_EARTH, RADIUS_SUN
-from rpojax.core.safe import arctan2, normalize
+from rpojax.core.safe import normalize
+from rpojax.core.series import arctan2
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -25,8 +26,7 @@ def illumination(
     sun_angle = _arc_sine(radius_sun / sun_distance)
     earth_angle = _arc_sine(jnp.minimum(radius / distance, 1.0))
     separation = _arc_cosine(-jnp.sum(r_N * to_sun, axis=0) / (distance * sun_distance))
-    dark = _overlap(sun_angle, earth_angle, separation) / (jnp.pi * sun_angle * sun_angle)
-    return 1.0 - jnp.minimum(dark, 1.0)
+    return 1.0 - _overlap(sun_angle, earth_angle, separation) / (jnp.pi * sun_angle * sun_angle)
 
 
 def _arc_sine(sine: Scalar) -> Scalar:
@@ -48,7 +48,8 @@ def _overlap(a: Scalar, b: Scalar, c: Scalar) -> Scalar:
     angle_a, angle_b = _arc_cosine(jnp.clip(x / a, -1.0, 1.0)), _arc_cosine(jnp.clip((c - x) / b, -1.0, 1.0))
     lens = a * a * angle_a + b * b * angle_b - c * safe.sqrt(a * a - x * x)
     least = jnp.minimum(a, b)
-    return jnp.where(crossing, jnp.maximum(lens, 0.0), jnp.where(c >= a + b, 0.0, jnp.pi * least * least))
+    whole = jnp.pi * least * least
+    return jnp.where(crossing, jnp.clip(lens, 0.0, whole), jnp.where(c >= a + b, 0.0, whole))
 
 
 @_overlap.defjvp

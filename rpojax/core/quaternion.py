@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import safe
-from rpojax.core.series import cos_sinc
+from rpojax.core.series import arctan2, cos_sinc
 
 Quaternion = Float[Array, "4"]
 Vector = Float[Array, "3"]
@@ -94,7 +94,7 @@ def log(q: Quaternion) -> Vector:
     square = jnp.sum(u * u, axis=0)
     small = square < 1e-12
     sine = jnp.sqrt(jnp.where(small, 1.0, square))
-    scale = jnp.where(small, 2.0 - square / 3.0, 2.0 * jnp.arctan2(sine, w) / sine)
+    scale = jnp.where(small, 2.0 - square / 3.0, 2.0 * arctan2(sine, w) / sine)
     return scale * u
 
 
@@ -107,7 +107,7 @@ def between(a: Vector, b: Vector) -> Vector:
     sine, cosine = safe.norm(axis), jnp.sum(a * b, axis=0)
     least = jnp.argmin(jnp.abs(a), axis=0)
     fallback = cross(a, jnp.where(jnp.arange(3) == least, 1.0, 0.0).astype(a.dtype))
-    angle = safe.arctan2(sine, cosine)
+    angle = arctan2(sine, cosine)
     small = sine < 1e-9
     # Angle over sine tends to one for like vectors; for opposite ones the axis has to be chosen.
     ratio = jnp.where(small, 1.0, angle / jnp.where(small, 1.0, sine))

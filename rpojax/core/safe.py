@@ -31,19 +31,6 @@ def safe_div(numerator: Float[Array, "*shape"], denominator: Float[Array, "*shap
     return jnp.where(nonzero, numerator / jnp.where(nonzero, denominator, 1.0), 0.0)
 
 
-def arctan2(y: Float[Array, "*shape"], x: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-    """Angle of the point (x, y) [rad], with value and derivative 0 at the origin."""
-    nonzero = (x != 0.0) | (y != 0.0)
-    return jnp.where(nonzero, jnp.arctan2(jnp.where(nonzero, y, 0.0), jnp.where(nonzero, x, 1.0)), 0.0)
-
-
-def arccos(cosine: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-    """Angle [rad] whose cosine is given; arguments beyond +-1 are clipped and have derivative 0 there."""
-    inside = jnp.abs(cosine) < 1.0
-    clipped = jnp.where(cosine >= 1.0, 0.0, jnp.pi)
-    return jnp.where(inside, jnp.arccos(jnp.where(inside, cosine, 0.0)), clipped)
-
-
 @jax.custom_jvp
 def gate(margin: Float[Array, ""], width: Float[Array, ""]) -> Float[Array, ""]:
     """1.0 where `margin` is positive and 0.0 elsewhere, with the derivative of a logistic step of the given width.

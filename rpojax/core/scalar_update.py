@@ -1,6 +1,5 @@
-"""Kalman measurement update, one scalar row at a time in Joseph form: no matrix inverse and no LAPACK."""
+"""Kalman measurement update, one scalar row at a time: no matrix inverse and no LAPACK."""
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -46,28 +45,33 @@ class Update:
 
 
 def update(covariance: Float[Array, "n n"], rows: Rows) -> Update:
-    """Processes the rows in order; the result equals the joint update (Bierman, Factorization Methods, 1977)."""
-    deviation = jnp.zeros_like(rows.jacobian[0])
+    """Processes the rows in order; the result equals the joint update (Bierman, Factorization Methods, 1977).
 
-    def one(carry: tuple[Array, Array, Array], row: Rows) -> tuple[tuple[Array, Array, Array], tuple[Array, Array]]:
-        deviation, P, log_likelihood = carry
-        h = row.jacobian
-        Ph = jnp.sum(P * h[None, :], axis=1)
-        s = jnp.sum(Ph * h, axis=0) + row.variance
-        innovation = row.residual - jnp.sum(h * deviation, axis=0)
-        k = row.weight / s * Ph
-        # Joseph form of a rank-one update: symmetric by construction, and right for any gain, also a gated one.
-        P = P - k[:, None] * Ph[None, :] - Ph[:, None] * k[None, :] + s * k[:, None] * k[None, :]
-        gain = -0.5 * row.weight * (jnp.log(2.0 * jnp.pi * s) + innovation * innovation / s)
-        return (deviation + k * innovation, P, log_likelihood + gain), (innovation, s)
-
-    start = (deviation, covariance, jnp.zeros_like(rows.residual[0]))
-    (deviation, covariance, log_likelihood), (innovation, variance) = jax.lax.scan(one, start, rows)
+    What each row leaves of the covariance is worked out on the few vectors that the rows need, and on the matrix once.
+    """
+    deviation, log_likelihood = jnp.zeros_like(rows.jacobian[0]), jnp.zeros_like(rows.residual[0])
+    taken: list[tuple[Array, Array]] = []
+    innovations, variances = [], []
+    for index in range(rows.residual.shape[0]):
+        h, weight = rows.jacobian[index], rows.weight[index]
+        Ph = jnp.sum(covariance * h[None, :], axis=1)
+        for factor, before in taken:
+            Ph = Ph - factor * jnp.sum(before * h, axis=0) * before
+        s = jnp.sum(Ph * h, axis=0) + rows.variance[index]
+        innovation = rows.residual[index] - jnp.sum(h * deviation, axis=0)
+        deviation = deviation + weight / s * innovation * Ph
+        log_likelihood = log_likelihood - 0.5 * weight * (jnp.log(2.0 * jnp.pi * s) + innovation * innovation / s)
+        # The factor of Joseph's form for a weighted gain: 1 / s for a row that is used, and with that form's slope.
+        taken.append(((2.0 - weight) * weight / s, Ph))
+        innovations.append(innovation)
+        variances.append(s)
+    for factor, Ph in taken:
+        covariance = covariance - factor * (Ph[:, None] * Ph[None, :])
     return Update(
         deviation=deviation,
         covariance=covariance,
-        innovation=innovation,
-        innovation_variance=variance,
+        innovation=jnp.stack(innovations),
+        innovation_variance=jnp.stack(variances),
         weight=rows.weight,
         log_likelihood=log_likelihood,
     )

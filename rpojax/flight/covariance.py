@@ -10,26 +10,37 @@ Matrix = Float[Array, "3 3"]
 Scalar = Float[Array, ""]
 
 
-def propagate(P: Float[Array, "n n"], gradient: Matrix, decay: Float[Array, " m"], dt: float) -> Float[Array, "n n"]:
+def propagate(
+    P: Float[Array, "n n"],
+    gradient: Matrix,
+    decay: Float[Array, " m"],
+    velocity: Matrix,
+    growth: Float[Array, " m"],
+    dt: float,
+) -> Float[Array, "n n"]:
     """Covariance after `dt` [s] of position (first three), velocity (next three) and `m` errors that decay.
 
-    `gradient` [1/s^2] is that of gravity. The transition is a kick followed by a drift, which together are symplectic;
-    over one second they differ from the exact transition by parts in a million.
+    `gradient` [1/s^2] is that of gravity; the step adds `velocity` to the covariance of velocity and `growth` to the
+    variances of the slow errors. The transition is a kick followed by a drift, which together are symplectic; over one
+    second they differ from the exact transition by parts in a million.
     """
     kick = dt * gradient
+    xx, xv, xs, vv, vs, ss = P[:3, :3], P[:3, 3:6], P[:3, 6:], P[3:6, 3:6], P[3:6, 6:], P[6:, 6:]
+    kicked = xv + _product(xx, kick.T)
+    half = _product(kick, 0.5 * (xv + kicked))
+    vv = vv + (half + half.T)
+    xx = xx + dt * (kicked + kicked.T) + dt * dt * vv
+    xv = kicked + dt * vv
+    vs = (vs + _product(kick, xs)) * decay[None, :]
+    xs = xs * decay[None, :] + dt * vs
+    ss = ss * (decay[:, None] * decay[None, :]) + jnp.diag(growth)
+    blocks = [[xx, xv, xs], [xv.T, vv + velocity, vs], [xs.T, vs.T, ss]]
+    return jnp.concatenate([jnp.concatenate(row, axis=1) for row in blocks], axis=0)
 
-    def transition(P: Array) -> Array:
-        position, velocity, rest = P[:3], P[3:6], P[6:]
-        velocity = velocity + jnp.sum(kick[:, :, None] * position[None, :, :], axis=1)
-        return jnp.concatenate([position + dt * velocity, velocity, decay[:, None] * rest], axis=0)
 
-    return transition(transition(P).T)
-
-
-def process_noise(velocity: Matrix, growth: Float[Array, " m"]) -> Float[Array, "n n"]:
-    """Covariance added in a step: `velocity` (3, 3) on the velocity, `growth` (m,) on the slowly varying errors."""
-    count = growth.shape[0]
-    return jnp.pad(velocity, ((3, count), (3, count))) + jnp.diag(jnp.pad(growth, (6, 0)))
+def _product(A: Matrix, B: Float[Array, "3 k"]) -> Float[Array, "3 k"]:
+    """Matrix product with its sum written out, which the compiler works out for many runs at once."""
+    return A[:, :1] * B[:1] + A[:, 1:2] * B[1:2] + A[:, 2:] * B[2:]
 
 
 def burn(delta_v_N: Vector, burn_delta_v: Scalar, magnitude_sigma: Scalar, direction_sigma: Scalar) -> Matrix:

@@ -94,14 +94,14 @@ def predict(
     growth = sigma**2 * (1.0 - factors**2)
     identity = jnp.eye(3, dtype=decay.dtype)
     velocity = burn_covariance + tuning.relative_acceleration_noise**2 * dt * identity
-    P = covariance.propagate(estimate.covariance, orbital_mechanics.gravity_gradient(r_SN_N), factors, dt)
+    gradient = orbital_mechanics.gravity_gradient(r_SN_N)
     return replace(
         estimate,
         r_TS_N=r_TS_N,
         v_TS_N=v_TS_N,
         scale=decay * estimate.scale,
         center=wander * estimate.center,
-        covariance=P + covariance.process_noise(velocity, growth),
+        covariance=covariance.propagate(estimate.covariance, gradient, factors, velocity, growth, dt),
     )
 
 
@@ -256,10 +256,14 @@ def _jacobian(model: BoxModel) -> Float[Array, "3 12"]:
 
 
 def _innovation_variance(P: Float[Array, "12 12"], model: BoxModel) -> Vector:
-    """Variance of the box residuals before the update."""
-    H = _jacobian(model)
-    HP = jnp.sum(H[:, :, None] * P[None, :, :], axis=1)
-    return jnp.sum(HP * H, axis=1) + model.variance
+    """Variance of the box residuals before the update, from the blocks of P that the Jacobian picks."""
+    d = model.inverse_depth
+    bearing = P[:3, 8:10] + d * P[:3, 10:12]
+    slow = jnp.concatenate([bearing, jnp.sum(P[:3, 6:8], axis=1, keepdims=True)], axis=1).T
+    spread = jnp.sum(P[None, :3, :3] * model.gradient[:, None, :], axis=2)
+    own = [P[8 + row, 8 + row] + d * (2.0 * P[8 + row, 10 + row] + d * P[10 + row, 10 + row]) for row in range(2)]
+    size = P[6, 6] + 2.0 * P[6, 7] + P[7, 7]
+    return jnp.sum((spread + 2.0 * slow) * model.gradient, axis=1) + jnp.stack([*own, size]) + model.variance
 
 
 def _iterated_position(

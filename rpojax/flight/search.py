@@ -5,6 +5,7 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from rpojax.core.series import cos_sin
 from rpojax.flight.looking import bearing_uncertainty
 from rpojax.flight.orbit_filter import OrbitEstimate
 from rpojax.flight.pointing import Pointing
@@ -17,7 +18,7 @@ Flag = Bool[Array, ""]
 def search_clock(pointing: Pointing, estimate: OrbitEstimate, time: Scalar) -> Scalar:
     """Time along the spiral [s]; back to its start once it has left the projected uncertainty."""
     radius = jnp.minimum(pointing.search_sigmas * bearing_uncertainty(estimate), pointing.search_radius_max)
-    full = jnp.maximum(radius**1.5 / _spiral_growth(pointing), 10.0)
+    full = jnp.maximum(radius * jnp.sqrt(radius) / _spiral_growth(pointing), 10.0)
     return jnp.where(time > full, 1.0, time)
 
 
@@ -26,10 +27,10 @@ def spiral(pointing: Pointing, time: Scalar) -> tuple[Vector, Vector]:
     growth = _spiral_growth(pointing)
     # The first second is left out: there the spiral's radius would start at an infinite rate.
     volume = growth * (time + 1.0)
-    radius = jnp.cbrt(volume * volume)
+    radius = jnp.exp(2.0 / 3.0 * jnp.log(volume))
     radius_rate = 2.0 / 3.0 * growth / jnp.sqrt(radius)
     turns = 2.0 * math.pi / pointing.search_pitch
-    c, s = jnp.cos(turns * radius), jnp.sin(turns * radius)
+    c, s = cos_sin(turns * radius)
     none = jnp.zeros_like(radius)
     outward, around = jnp.stack([c, s, none]), jnp.stack([-s, c, none])
     return radius * outward, radius_rate * (outward + turns * radius * around)

@@ -67,13 +67,13 @@ def predict(
     growth = tuning.gps_error_sigma**2 * (1.0 - decay**2)
     velocity = burn_covariance + tuning.acceleration_noise**2 * dt * jnp.eye(3, dtype=decay.dtype)
     gradient = orbital_mechanics.gravity_gradient(estimate.r_SN_N)
-    P = covariance.propagate(estimate.covariance, gradient, jnp.full(3, decay), dt)
+    added = velocity, jnp.full(3, growth)
     return replace(
         estimate,
         r_SN_N=r_SN_N,
         v_SN_N=v_SN_N,
         gps_error_N=decay * estimate.gps_error_N,
-        covariance=P + covariance.process_noise(velocity, jnp.full(3, growth)),
+        covariance=covariance.propagate(estimate.covariance, gradient, jnp.full(3, decay), *added, dt),
     )
 
 

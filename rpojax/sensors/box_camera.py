@@ -123,15 +123,17 @@ def measure(
 def _false_box(camera: BoxCamera, frame_size: Float[Array, "2"], uniforms: Float[Array, "4"]) -> Float[Array, "4"]:
     """False box: centre uniform over the frame, sides log-uniform."""
     center = frame_size * uniforms[:2]
-    half = 0.5 * camera.outlier_size_min * (camera.outlier_size_max / camera.outlier_size_min) ** uniforms[2:]
+    growth = jnp.log(camera.outlier_size_max / camera.outlier_size_min)
+    half = 0.5 * camera.outlier_size_min * jnp.exp(growth * uniforms[2:])
     return jnp.concatenate([center - half, center + half])
 
 
-def hull_in_camera(
-    camera: BoxCamera, hull_T: Float[Array, "n 3"], q_TN: Array, r_ST_N: Vector, q_BN: Array
-) -> Float[Array, "n 3"]:
-    """Hull vertices [m] in camera axes."""
+def target_in_camera(camera: BoxCamera, q_TN: Array, r_ST_N: Vector, q_BN: Array) -> tuple[Float[Array, "3 3"], Vector]:
+    """The target's axes `R_KT` and its place `r_TK_K` [m] in camera axes."""
     q_KN = attitude(camera, q_BN)
-    R_KT = quaternion.to_matrix(quaternion.multiply(q_KN, quaternion.conjugate(q_TN)))
-    r_TK_K = rotate(q_KN, -r_ST_N)
+    return quaternion.to_matrix(quaternion.multiply(q_KN, quaternion.conjugate(q_TN))), rotate(q_KN, -r_ST_N)
+
+
+def hull_in_camera(hull_T: Float[Array, "n 3"], R_KT: Float[Array, "3 3"], r_TK_K: Vector) -> Float[Array, "n 3"]:
+    """Hull vertices [m] in camera axes."""
     return jnp.sum(R_KT[None, :, :] * hull_T[:, None, :], axis=2) + r_TK_K[None, :]

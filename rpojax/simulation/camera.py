@@ -5,6 +5,7 @@ from jaxtyping import Array, Float
 
 from rpojax.core import ephemeris, light, quaternion, random
 from rpojax.core.constants import RADIUS_EARTH
+from rpojax.core.materialise import materialise
 from rpojax.core.safe import normalize
 from rpojax.flight.computer import FlightMemory
 from rpojax.flight.navigation import BoxMeasurement
@@ -41,7 +42,9 @@ def expose(
     """
     camera = params.camera
     observable = light.is_observable(truth.r_TN_N, truth.r_ST_N, sky.sun_N, camera.phase_limit, camera.sun_exclusion)
-    hull_K = box_camera.hull_in_camera(camera, params.plant.target.hull, truth.q_TN, truth.r_ST_N, truth.q_BN)
+    # Every vertex needs the same rotation.
+    placed = materialise(box_camera.target_in_camera(camera, truth.q_TN, truth.r_ST_N, truth.q_BN), tick)
+    hull_K = box_camera.hull_in_camera(params.plant.target.hull, *placed)
     size = (scenario.width_px, scenario.height_px)
     normals, uniforms = drawn.box, drawn.chances
     if scenario.camera_model == "geometric":

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import gaussian, orbital_mechanics, quaternion, safe
+from rpojax.core import gaussian, orbital_mechanics, quaternion, safe, series
 from rpojax.core.frames import apply, hill_frame
 from rpojax.core.quaternion import rotate
 from rpojax.physics.plant import Truth
@@ -150,7 +150,7 @@ def _vehicle(params: Params, telemetry: Telemetry) -> Channels:
     truth = telemetry.truth
     ahead_N = boresight_N(params, truth)
     line_N = -safe.normalize(truth.r_ST_N)
-    off = safe.arctan2(safe.norm(quaternion.cross(ahead_N, line_N)), jnp.sum(ahead_N * line_N, axis=0))
+    off = series.arctan2(safe.norm(quaternion.cross(ahead_N, line_N)), jnp.sum(ahead_N * line_N, axis=0))
     return {
         "mode": telemetry.mode.astype(jnp.int8),
         "running": telemetry.running,

@@ -192,8 +192,13 @@ def move(
     return Motion(truth=truth, attitude=attitude, delta_v_N=delta_v_N)
 
 
-def act(stages: Stages, scenario: Scenario, params: Params, state: State, decided: Decided) -> Motion:
-    """Motion at the end of the tick, under the flight software's own attitude control."""
+def act(
+    stages: Stages, scenario: Scenario, params: Params, state: State, decided: Decided, unrolled: bool = False
+) -> Motion:
+    """Motion at the end of the tick, under the flight software's own attitude control.
+
+    With `unrolled` the compiler gets the plant steps one by one instead of a loop.
+    """
 
     def step(motion: Motion, inputs: tuple[Array, Array]) -> tuple[Motion, None]:
         offset, gyro_normals = inputs
@@ -202,7 +207,7 @@ def act(stages: Stages, scenario: Scenario, params: Params, state: State, decide
 
     with jax.named_scope("act"):
         inputs = (offsets(scenario), decided.sensed.drawn.gyro)
-        return jax.lax.scan(step, set_off(state, decided), inputs)[0]
+        return jax.lax.scan(step, set_off(state, decided), inputs, unroll=unrolled)[0]
 
 
 def end(stages: Stages, scenario: Scenario, params: Params, state: State, decided: Decided, motion: Motion) -> State:
@@ -290,9 +295,17 @@ def _advance_sensors(scenario: Scenario, params: Params, state: State, drawn: Ti
     )
 
 
+def _witnesses(state: State) -> tuple[object, ...]:
+    """Numbers that show whether all of a state's are finite; of covariances traces, which all else there enters."""
+    flight = state.flight
+    estimates = (flight.orbit.servicer, flight.orbit.relative, flight.attitude)
+    traces = [sum(each.covariance[i, i] for i in range(each.covariance.shape[0])) for each in estimates]
+    return state.truth, *(replace(each, covariance=trace) for each, trace in zip(estimates, traces, strict=True))
+
+
 def _freeze_if_failed(params: Params, before: State, after: State, time: Scalar) -> State:
     """The new state, or the old one for a run that has failed now or earlier."""
-    finite = safe.is_finite((after.truth, after.flight.orbit, after.flight.attitude))
+    finite = safe.is_finite(_witnesses(after))
     inside = jnp.sum(after.truth.r_ST_N**2, axis=0) < params.limits.keep_out**2
     code = jnp.where(~finite, 1, jnp.where(inside, 2, 0)).astype(jnp.int32)
     was_running = before.failure == 0

@@ -11,8 +11,7 @@ from rpojax.flight import covariance
 EXACT = 1e-13  # a few roundings relative to the standard deviations
 
 burn = jax.jit(covariance.burn)
-process_noise = jax.jit(covariance.process_noise)
-propagate = jax.jit(covariance.propagate, static_argnums=3)
+propagate = jax.jit(covariance.propagate, static_argnums=5)
 
 
 @given(SEEDS)
@@ -26,25 +25,21 @@ def test_the_transition_is_a_kick_then_a_drift_and_a_decay_of_the_slow_errors(se
     drift[:3, 3:6] = dt * np.eye(3)
     F = rest @ drift @ kick
     P = random_covariance(rng, 10.0 ** rng.uniform(-2, 1, 8))
-    found = np.asarray(propagate(P, gradient, decay, dt))
-    expected = F @ P @ F.T
+    velocity, growth = random_covariance(rng, 10.0 ** rng.uniform(-2, 1, 3)), rng.uniform(0.0, 3.0, 2)
+    noise = np.zeros((8, 8))
+    noise[3:6, 3:6], noise[6:, 6:] = velocity, np.diag(growth)
+    found = np.asarray(propagate(P, gradient, decay, velocity, growth, dt))
+    expected = F @ P @ F.T + noise
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     np.testing.assert_allclose(found / scale, expected / scale, atol=EXACT)
+    symmetric = np.asarray(propagate(P + P.T, gradient + gradient.T, decay, velocity + velocity.T, growth, dt))
+    np.testing.assert_array_equal(symmetric, symmetric.T)
 
 
 def test_the_kick_and_drift_of_an_orbit_preserve_volume() -> None:
     gradient = 1e-6 * np.diag([2.0, -1.0, -1.0])
-    P = np.asarray(propagate(np.eye(6), gradient, np.zeros(0), 1.0))
+    P = np.asarray(propagate(np.eye(6), gradient, np.zeros(0), np.zeros((3, 3)), np.zeros(0), 1.0))
     np.testing.assert_allclose(np.linalg.det(P), 1.0, rtol=1e-12)
-
-
-def test_process_noise_lies_on_the_velocity_and_on_the_slow_errors() -> None:
-    velocity = np.array([[1.0, 0.1, 0.2], [0.1, 2.0, 0.3], [0.2, 0.3, 3.0]])
-    found = process_noise(velocity, np.array([4.0, 5.0]))
-    expected = np.zeros((8, 8))
-    expected[3:6, 3:6] = velocity
-    expected[6, 6], expected[7, 7] = 4.0, 5.0
-    np.testing.assert_array_equal(found, expected)
 
 
 @given(SEEDS)

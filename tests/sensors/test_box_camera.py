@@ -26,7 +26,15 @@ measure = jax.jit(box_camera.measure, static_argnums=(1, 2))
 measure_many = jax.jit(
     jax.vmap(box_camera.measure, in_axes=(None, None, None, None, None, None, 0, 0)), static_argnums=(1, 2)
 )
-hull_in_camera = jax.jit(box_camera.hull_in_camera)
+
+
+@jax.jit
+def hull_in_camera(
+    camera: BoxCamera, hull_T: jax.Array, q_TN: jax.Array, r_ST_N: jax.Array, q_BN: jax.Array
+) -> jax.Array:
+    return box_camera.hull_in_camera(hull_T, *box_camera.target_in_camera(camera, q_TN, r_ST_N, q_BN))
+
+
 attitude = jax.jit(box_camera.attitude)
 YES, NO = jnp.asarray(True), jnp.asarray(False)
 
