@@ -31,7 +31,10 @@ _TAIL: Final = 0.25
 _LAST_RATE: Final = 0.05
 """Size of the last step over that of the first."""
 _MEMORY: Final = 0.95
-"""Of the size of gradients from step to step: far from the goal they are a hundred times longer, and must go."""
+"""Of the size of gradients from step to step."""
+_FRESH_START: Final = 20
+"""After so many steps, in the first half of the walk, the size of gradients is learnt anew: far from the goal they are a
+thousand times longer, and what matters little would not move for the rest of the walk."""
 _LARGEST_FILE: Final = 50_000_000
 
 
@@ -165,8 +168,7 @@ def tune(
     chosen = tunable.choose(short, settings.parameters)
     inputs = partial(tunable.inputs, short, chosen)
     flights = Flights(short, inputs, chosen.count, objective.names, settings.runs, stages, objective.slope)
-    rate = optax.cosine_decay_schedule(settings.rate, settings.steps, _LAST_RATE)
-    optimizer = optax.adam(rate, b2=_MEMORY)
+    optimizer = optax.scale_by_adam(b2=_MEMORY)
     identity = {**asdict(settings), "scenario_hash": scenario.digest(file), "tuning": file.tuning.model_dump()}
     walk = _new(optimizer, chosen.start)
     if resume and progress_file is not None:
@@ -233,10 +235,13 @@ def _step(
         )
     if not np.isfinite(found.total).all():
         raise RpojaxError(f"step {number + 1}: found no run with a finite gradient, expected some; try a lower --rate")
-    state = jax.tree.unflatten(jax.tree.structure(optimizer.init(walk.x)), walk.optimizer)
-    with jax.numpy_dtype_promotion("standard"):  # optax mixes types in its schedules
+    state = optimizer.init(walk.x)
+    if number % _FRESH_START or number > settings.steps // 2:
+        state = jax.tree.unflatten(jax.tree.structure(state), walk.optimizer)
+    rate = optax.cosine_decay_schedule(settings.rate, settings.steps, _LAST_RATE)
+    with jax.numpy_dtype_promotion("standard"):  # optax mixes types
         updates, state = optimizer.update(found.total, state)
-    x = walk.x + np.asarray(updates)
+        x = walk.x - float(rate(number)) * np.asarray(updates)
     run_s = time.perf_counter() - begin - (flights.compile_s - compiled)
     step = Step(value, parts, float(np.linalg.norm(found.total)), found.left_out, found.shortened, run_s)
     counts = number >= settings.steps - _tail_length(settings.steps)
