@@ -7,7 +7,7 @@ from pathlib import Path
 _DEVICE_FLAG = "--xla_force_host_platform_device_count"
 
 _EXTRA_FLAG = "--xla_backend_extra_options"
-LOOP_FLAG = f"{_EXTRA_FLAG}=xla_cpu_use_multi_output_fusion=true,xla_cpu_small_while_loop_byte_threshold=1000000"
+LOOP_FLAG = f"{_EXTRA_FLAG}=xla_cpu_use_multi_output_fusion=true,xla_cpu_small_while_loop_byte_threshold=2000000"
 
 
 def prepare_jax(cache: bool) -> None:

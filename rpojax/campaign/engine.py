@@ -29,8 +29,6 @@ from rpojax.simulation.schema import ScenarioFile
 
 SEGMENT_TICKS = 200
 """About so many ticks run on the device before the host looks at them."""
-MANY = 128
-"""From so many runs in a block on, a program that runs faster and takes longer to compile pays."""
 
 
 def block_size(file: ScenarioFile) -> int:
@@ -219,7 +217,7 @@ class Engine:
     def _advance(self, nominal: Params, values: Values, state: State) -> tuple[State, telemetry.Channels]:
         def one(values: Values, state: State) -> tuple[State, telemetry.Channels]:
             dispersed = dispersions.apply(nominal, values)
-            after, seen = closed_loop.tick(self.stages, self.scenario, dispersed, state, unrolled=self.size >= MANY)
+            after, seen = closed_loop.tick(self.stages, self.scenario, dispersed, state)
             return after, telemetry.observe(self.scenario, dispersed, seen)
 
         axes = run_axes(-1)

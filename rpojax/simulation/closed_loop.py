@@ -74,17 +74,11 @@ def init(scenario: Scenario, params: Params, key: Array, drawn: StartNoise | Non
 
 
 def tick(
-    stages: Stages,
-    scenario: Scenario,
-    params: Params,
-    state: State,
-    drawn: TickNoise | None = None,
-    unrolled: bool = False,
+    stages: Stages, scenario: Scenario, params: Params, state: State, drawn: TickNoise | None = None
 ) -> tuple[State, Telemetry]:
     """State one tick later, and what there was to see at its beginning.
 
-    The run's own random numbers are used unless others are given. `unrolled` makes a program that takes a fifth longer
-    to compile and, for hundreds of runs at once, a tenth less to run: a loop over plant steps copies what it carries.
+    The run's own random numbers are used unless others are given.
     """
     sensed = tick_stages.sense(scenario, params, state, drawn)
     flight, innovation = tick_stages.navigate(stages, scenario, params, state, sensed)
@@ -92,7 +86,7 @@ def tick(
     flight, mode = tick_stages.guide(scenario, params, sensed, flight, innovation.accepted)
     telemetry = tick_stages.look(state, sensed, flight, innovation, mode)
     decided = Decided(sensed=sensed, flight=flight, burn_error=burn_error)
-    motion = tick_stages.act(stages, scenario, params, state, decided, unrolled)
+    motion = tick_stages.act(stages, scenario, params, state, decided)
     return tick_stages.end(stages, scenario, params, state, decided, motion), telemetry
 
 

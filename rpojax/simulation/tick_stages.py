@@ -192,13 +192,8 @@ def move(
     return Motion(truth=truth, attitude=attitude, delta_v_N=delta_v_N)
 
 
-def act(
-    stages: Stages, scenario: Scenario, params: Params, state: State, decided: Decided, unrolled: bool = False
-) -> Motion:
-    """Motion at the end of the tick, under the flight software's own attitude control.
-
-    With `unrolled` the compiler gets the plant steps one by one instead of a loop.
-    """
+def act(stages: Stages, scenario: Scenario, params: Params, state: State, decided: Decided) -> Motion:
+    """Motion at the end of the tick, under the flight software's own attitude control."""
 
     def step(motion: Motion, inputs: tuple[Array, Array]) -> tuple[Motion, None]:
         offset, gyro_normals = inputs
@@ -207,7 +202,7 @@ def act(
 
     with jax.named_scope("act"):
         inputs = (offsets(scenario), decided.sensed.drawn.gyro)
-        return jax.lax.scan(step, set_off(state, decided), inputs, unroll=unrolled)[0]
+        return jax.lax.scan(step, set_off(state, decided), inputs)[0]
 
 
 def end(stages: Stages, scenario: Scenario, params: Params, state: State, decided: Decided, motion: Motion) -> State:
