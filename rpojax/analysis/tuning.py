@@ -33,8 +33,8 @@ _LAST_RATE: Final = 0.05
 _MEMORY: Final = 0.95
 """Of the size of gradients from step to step."""
 _FRESH_START: Final = 20
-"""After so many steps, in the first half of the walk, the size of gradients is learnt anew: far from the goal they are a
-thousand times longer, and what matters little would not move for the rest of the walk."""
+"""After so many steps, in the first half of the walk, the size of gradients is learnt anew: far from the goal they are
+a thousand times longer, and what matters little would not move for the rest of the walk."""
 _LARGEST_FILE: Final = 50_000_000
 
 
