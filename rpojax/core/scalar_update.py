@@ -44,17 +44,26 @@ class Update:
     log_likelihood: Array
 
 
-def update(covariance: Float[Array, "n n"], rows: Rows) -> Update:
+def update(
+    covariance: Float[Array, "n n"],
+    rows: Rows,
+    gained: Float[Array, " n"] | None = None,
+    added: Float[Array, " n"] | None = None,
+) -> Update:
     """Processes the rows in order; the result equals the joint update (Bierman, Factorization Methods, 1977).
 
-    What each row leaves of the covariance is worked out on the few vectors that the rows need, and on the matrix once.
+    `gained` are variances that the state gets before the rows, `added` those that it gets after them. What each row
+    leaves of the covariance is worked out on the few vectors that the rows need, and on the matrix once.
     """
+    size = rows.jacobian.shape[1]
+    none = jnp.zeros(size, dtype=covariance.dtype)
+    gained, added = none if gained is None else gained, none if added is None else added
     deviation, log_likelihood = jnp.zeros_like(rows.jacobian[0]), jnp.zeros_like(rows.residual[0])
     taken: list[tuple[Array, Array]] = []
     innovations, variances = [], []
     for index in range(rows.residual.shape[0]):
         h, weight = rows.jacobian[index], rows.weight[index]
-        Ph = jnp.sum(covariance * h[None, :], axis=1)
+        Ph = jnp.sum(covariance * h[None, :], axis=1) + gained * h
         for factor, before in taken:
             Ph = Ph - factor * jnp.sum(before * h, axis=0) * before
         s = jnp.sum(Ph * h, axis=0) + rows.variance[index]
@@ -65,6 +74,7 @@ def update(covariance: Float[Array, "n n"], rows: Rows) -> Update:
         taken.append(((2.0 - weight) * weight / s, Ph))
         innovations.append(innovation)
         variances.append(s)
+    covariance = covariance + jnp.eye(size, dtype=covariance.dtype) * (gained + added)[:, None]
     for factor, Ph in taken:
         covariance = covariance - factor * (Ph[:, None] * Ph[None, :])
     return Update(

@@ -181,12 +181,13 @@ def update(
     `q_KN` is known from the attitude filter.
     """
     R_KN = quaternion.to_matrix(q_KN)
-    estimate = replace(estimate, covariance=_with_attitude_drift(estimate.covariance, box.attitude_drift))
+    # Without stars the attitude error is one slow drift, not white noise; it enters where slow bearing errors live.
+    drift = jnp.pad(jnp.full(2, box.attitude_drift), (8, 2))
     prior = box_model(tuning, focal_px, R_KN, estimate.r_TS_N, box)
     bearing_error = estimate.bearing_bias + prior.inverse_depth * estimate.center
     slow = jnp.concatenate([bearing_error, jnp.sum(estimate.scale, axis=0)[None]])
     measured = jnp.concatenate([box.tangent, box.log_size[None]]) - slow
-    variance = _innovation_variance(estimate.covariance, prior)
+    variance = _innovation_variance(estimate.covariance, prior) + jnp.pad(drift[8:10], (0, 1))
     # What a whole box would know counts: a cut one is vague itself, and would make any prior look certain enough.
     doubt = variance - prior.variance
     whole = _whole_bearing_variance(tuning, focal_px)
@@ -209,29 +210,21 @@ def update(
         variance=model.variance,
         weight=jnp.stack([accepted, accepted, jnp.where(box.truncated, 0.0, accepted)]),
     )
-    result = scalar_update.update(estimate.covariance, rows)
     used = accepted > 0.5
     track, lost = box_gate.remember(tuning, track, q_KN, box, box.present & ~used)
-    x, P = result.deviation, _add_doubt(tuning, estimate.r_TS_N, result.covariance, lost)
+    result = scalar_update.update(estimate.covariance, rows, drift, _doubt(tuning, estimate.r_TS_N, lost))
+    x = result.deviation
     corrected = RelativeEstimate(
         r_TS_N=estimate.r_TS_N + x[:3],
         v_TS_N=estimate.v_TS_N + x[3:6],
         scale=estimate.scale + x[6:8],
         bearing_bias=estimate.bearing_bias + x[8:10],
         center=estimate.center + x[10:],
-        covariance=P,
+        covariance=result.covariance,
     )
     noise = jnp.where(box.present, prior.variance, jnp.stack([whole, whole, prior.variance[2]]))
     expected = Expected(values=prior.predicted + slow, variance=doubt + noise, ahead=ahead)
     return corrected, track, result, used, expected
-
-
-def _with_attitude_drift(P: Float[Array, "12 12"], drift: Scalar) -> Float[Array, "12 12"]:
-    """Covariance in which the bearing bias has wandered by as much as the attitude.
-
-    Without stars the attitude error is one slow drift, not white noise; it enters where slow bearing errors live.
-    """
-    return P + jnp.diag(jnp.pad(jnp.full(2, drift), (8, 2)))
 
 
 def _is_ahead(R_KN: Matrix, r_TS_N: Vector) -> Bool[Array, ""]:
@@ -294,16 +287,14 @@ def _iterated_position(
     return point
 
 
-def _add_doubt(
-    tuning: Navigation, r_TS_N: Vector, P: Float[Array, "12 12"], doubt: Bool[Array, ""]
-) -> Float[Array, "12 12"]:
-    """Covariance with more uncertainty when the filter doubts itself, so that it can find back."""
+def _doubt(tuning: Navigation, r_TS_N: Vector, lost: Bool[Array, ""]) -> Float[Array, "12"]:
+    """Variances that the estimate gets when the filter doubts itself, so that it can find back."""
     square = jnp.sum(r_TS_N * r_TS_N, axis=0)
     added = jnp.concatenate(
         [
             jnp.full(3, tuning.recovery_position_sigma**2 * square),
             jnp.full(3, tuning.recovery_velocity_sigma**2),
-            jnp.zeros(6, dtype=P.dtype),
+            jnp.zeros(6, dtype=square.dtype),
         ]
     )
-    return P + jnp.diag(jnp.where(doubt, added, 0.0))
+    return jnp.where(lost, added, 0.0)

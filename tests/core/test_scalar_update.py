@@ -94,3 +94,15 @@ def test_the_first_innovation_is_the_residual_with_its_predicted_variance(seed: 
     result = update(P, z, H, R, np.ones(ROWS))
     assert result.innovation[0] == z[0]
     np.testing.assert_allclose(result.innovation_variance[0], H[0] @ P @ H[0] + R[0], rtol=1e-12)
+
+
+@given(SEEDS)
+def test_variances_gained_before_the_rows_are_measured_and_those_added_after_them_are_not(seed: int) -> None:
+    P, z, H, R = random_case(seed)
+    gained, added = np.random.default_rng(seed).uniform(0.0, 2.0, (2, STATES))
+    rows = Rows(residual=z, jacobian=H, variance=R, weight=np.ones(ROWS))
+    result = jax.jit(scalar_update.update)(P, rows, gained, added)
+    deviation, covariance = joint_update(P + np.diag(gained), z, H, R)
+    np.testing.assert_allclose(result.deviation, deviation, atol=TEXTBOOK * np.max(np.abs(deviation)))
+    expected = covariance + np.diag(added)
+    np.testing.assert_allclose(result.covariance, expected, atol=TEXTBOOK * np.max(np.abs(expected)))
