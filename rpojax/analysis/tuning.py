@@ -241,7 +241,7 @@ def _step(
     rate = optax.cosine_decay_schedule(settings.rate, settings.steps, _LAST_RATE)
     with jax.numpy_dtype_promotion("standard"):  # optax mixes types
         updates, state = optimizer.update(found.total, state)
-        x = walk.x - float(rate(number)) * np.asarray(updates)
+        x = walk.x - np.asarray(rate(number)) * np.asarray(updates)
     run_s = time.perf_counter() - begin - (flights.compile_s - compiled)
     step = Step(value, parts, float(np.linalg.norm(found.total)), found.left_out, found.shortened, run_s)
     counts = number >= settings.steps - _tail_length(settings.steps)
