@@ -47,13 +47,15 @@ class Update:
 def update(
     covariance: Float[Array, "n n"],
     rows: Rows,
+    crossed: Float[Array, "m n"] | None = None,
     gained: Float[Array, " n"] | None = None,
     added: Float[Array, " n"] | None = None,
 ) -> Update:
     """Processes the rows in order; the result equals the joint update (Bierman, Factorization Methods, 1977).
 
-    `gained` are variances that the state gets before the rows, `added` those that it gets after them. What each row
-    leaves of the covariance is worked out on the few vectors that the rows need, and on the matrix once.
+    `crossed` is the product of Jacobian and covariance, where the caller knows a shorter way to it; `gained` are
+    variances that the state gets before the rows, `added` those that it gets after them. What each row leaves of the
+    covariance is worked out on the few vectors that the rows need, and on the matrix once.
     """
     size = rows.jacobian.shape[1]
     none = jnp.zeros(size, dtype=covariance.dtype)
@@ -63,7 +65,7 @@ def update(
     innovations, variances = [], []
     for index in range(rows.residual.shape[0]):
         h, weight = rows.jacobian[index], rows.weight[index]
-        Ph = jnp.sum(covariance * h[None, :], axis=1) + gained * h
+        Ph = (jnp.sum(covariance * h[None, :], axis=1) if crossed is None else crossed[index]) + gained * h
         for factor, before in taken:
             Ph = Ph - factor * jnp.sum(before * h, axis=0) * before
         s = jnp.sum(Ph * h, axis=0) + rows.variance[index]

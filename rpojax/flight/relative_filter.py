@@ -212,7 +212,8 @@ def update(
     )
     used = accepted > 0.5
     track, lost = box_gate.remember(tuning, track, q_KN, box, box.present & ~used)
-    result = scalar_update.update(estimate.covariance, rows, drift, _doubt(tuning, estimate.r_TS_N, lost))
+    crossed, doubtful = _crossed(estimate.covariance, model), _doubt(tuning, estimate.r_TS_N, lost)
+    result = scalar_update.update(estimate.covariance, rows, crossed, gained=drift, added=doubtful)
     x = result.deviation
     corrected = RelativeEstimate(
         r_TS_N=estimate.r_TS_N + x[:3],
@@ -248,15 +249,20 @@ def _jacobian(model: BoxModel) -> Float[Array, "3 12"]:
     return jnp.concatenate(columns, axis=1)
 
 
+def _crossed(P: Float[Array, "12 12"], model: BoxModel) -> Float[Array, "3 12"]:
+    """Jacobian times covariance, from the few columns of the Jacobian that are not zero."""
+    G = model.gradient
+    position = G[:, :1] * P[:1] + G[:, 1:2] * P[1:2] + G[:, 2:] * P[2:3]
+    bearing = P[8:10] + model.inverse_depth * P[10:12]
+    return position + jnp.concatenate([bearing, P[6:7] + P[7:8]], axis=0)
+
+
 def _innovation_variance(P: Float[Array, "12 12"], model: BoxModel) -> Vector:
-    """Variance of the box residuals before the update, from the blocks of P that the Jacobian picks."""
-    d = model.inverse_depth
-    bearing = P[:3, 8:10] + d * P[:3, 10:12]
-    slow = jnp.concatenate([bearing, jnp.sum(P[:3, 6:8], axis=1, keepdims=True)], axis=1).T
-    spread = jnp.sum(P[None, :3, :3] * model.gradient[:, None, :], axis=2)
-    own = [P[8 + row, 8 + row] + d * (2.0 * P[8 + row, 10 + row] + d * P[10 + row, 10 + row]) for row in range(2)]
-    size = P[6, 6] + 2.0 * P[6, 7] + P[7, 7]
-    return jnp.sum((spread + 2.0 * slow) * model.gradient, axis=1) + jnp.stack([*own, size]) + model.variance
+    """Variance of the box residuals before the update."""
+    HP = _crossed(P, model)
+    bearing = [HP[row, 8 + row] + model.inverse_depth * HP[row, 10 + row] for row in range(2)]
+    slow = jnp.stack([*bearing, HP[2, 6] + HP[2, 7]])
+    return jnp.sum(HP[:, :3] * model.gradient, axis=1) + slow + model.variance
 
 
 def _iterated_position(

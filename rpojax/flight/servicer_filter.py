@@ -87,7 +87,8 @@ def update(tuning: Navigation, estimate: ServicerEstimate, gps: GpsMeasurement) 
         variance=jnp.full(3, tuning.gps_noise**2),
         weight=jnp.full(3, jnp.where(gps.present, 1.0, 0.0)),
     )
-    result = scalar_update.update(estimate.covariance, rows)
+    P = estimate.covariance
+    result = scalar_update.update(P, rows, crossed=P[:3] + P[6:])
     x = result.deviation
     corrected = ServicerEstimate(
         r_SN_N=estimate.r_SN_N + x[:3],

@@ -101,8 +101,18 @@ def test_variances_gained_before_the_rows_are_measured_and_those_added_after_the
     P, z, H, R = random_case(seed)
     gained, added = np.random.default_rng(seed).uniform(0.0, 2.0, (2, STATES))
     rows = Rows(residual=z, jacobian=H, variance=R, weight=np.ones(ROWS))
-    result = jax.jit(scalar_update.update)(P, rows, gained, added)
+    result = jax.jit(scalar_update.update)(P, rows, gained=gained, added=added)
     deviation, covariance = joint_update(P + np.diag(gained), z, H, R)
     np.testing.assert_allclose(result.deviation, deviation, atol=TEXTBOOK * np.max(np.abs(deviation)))
     expected = covariance + np.diag(added)
     np.testing.assert_allclose(result.covariance, expected, atol=TEXTBOOK * np.max(np.abs(expected)))
+
+
+@given(SEEDS)
+def test_a_product_of_jacobian_and_covariance_that_the_caller_knows_is_taken_for_it(seed: int) -> None:
+    P, z, H, R = random_case(seed)
+    rows = Rows(residual=z, jacobian=H, variance=R, weight=np.ones(ROWS))
+    known = jax.jit(scalar_update.update)(P, rows, crossed=H @ P)
+    expected = update(P, z, H, R, np.ones(ROWS))
+    np.testing.assert_allclose(known.covariance, expected.covariance, atol=TEXTBOOK * np.max(np.abs(P)))
+    np.testing.assert_allclose(known.deviation, expected.deviation, atol=TEXTBOOK * np.max(np.abs(expected.deviation)))
