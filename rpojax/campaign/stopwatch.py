@@ -10,7 +10,7 @@ import jax
 
 from rpojax.campaign import per_device, traces
 
-REPEATS = 3
+REPEATS = 7
 """Timed passes; the fastest counts, since a busy machine only ever adds time."""
 
 
