@@ -103,8 +103,11 @@ GROUPS: Final[dict[str, dict[str, Coordinate | Callable[[ScenarioFile], Coordina
 }
 """Keys by the name under which they are tuned together, with their coordinates or what makes them of a scenario."""
 
-DECIDING: Final = ("gate", "formation", "schedule")
-"""Groups whose numbers act through decisions: whether a box is believed, whether and when there is a burn."""
+DECIDING: Final = ("gate", "formation", "schedule", "navigation.edge_noise_px", "navigation.scale_sigma")
+"""Groups and keys whose numbers act through decisions: whether a box is believed, whether and when there is a burn.
+
+What a box may be off by says which boxes pass the gate: of what these two do, derivatives see a third.
+"""
 
 TUNABLE: Final = {key: coordinate for group in GROUPS.values() for key, coordinate in group.items()}
 
@@ -141,7 +144,7 @@ class Tunable:
     @property
     def decides(self) -> np.ndarray:
         """(k,) bool, whether the number acts through decisions."""
-        deciding = {key for group in DECIDING for key in GROUPS[group]}
+        deciding = {key for word in DECIDING for key in GROUPS.get(word, (word,))}
         return np.concatenate([np.full(value.size, key in deciding) for key, value in self.nominal.items()])
 
     def values(self, x: Float[Array, " k"]) -> Values:

@@ -152,9 +152,10 @@ def test_a_walk_without_any_finite_gradient_stops(file: ScenarioFile, monkeypatc
     ("words", "mode"),
     [
         (("formation",), "differences"),
-        (("navigation",), "reverse"),
-        (("navigation.edge_noise_px",), "forward"),
-        (("navigation", "gate"), "reverse and differences"),
+        (("attitude",), "reverse"),
+        (("navigation.gps_noise_m",), "forward"),
+        (("navigation.edge_noise_px",), "differences"),
+        (("navigation",), "reverse and differences"),
     ],
 )
 def test_numbers_that_act_through_decisions_are_told_by_differences(words: tuple[str, ...], mode: str) -> None:
