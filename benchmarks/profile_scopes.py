@@ -21,6 +21,9 @@ from rpojax.campaign import benchmark, operations  # noqa: E402
 from rpojax.campaign.engine import Engine  # noqa: E402
 from rpojax.errors import RpojaxError  # noqa: E402
 
+FUNCTIONS = "functions"
+"""Loops of which XLA makes a function: plant steps, for the most part."""
+
 
 def events(folder: Path) -> Iterator[tuple[str, int]]:
     """Name and duration [ns] of everything that a trace holds."""
@@ -34,11 +37,14 @@ def events(folder: Path) -> Iterator[tuple[str, int]]:
 def profile(engine: Engine) -> list[tuple[str, int, int]]:
     """Scope, instructions started and time [ns] of each part of one pass of a batch; other parts of the host left out.
 
-    A loop's or a branch's own time is that of what it holds, so only that is counted.
+    A loop's or a branch's own time is that of what it holds, so only that is counted. Of a short loop XLA makes a
+    function that it calls, and tells nothing of what is in it.
     """
     benchmark.flown(engine)
     text = benchmark.loop_program(engine).as_text()
-    scope_of = {each.name: each.scope for each in operations.instructions(text) if not each.holds_others}
+    found = operations.instructions(text)
+    scope_of = {each.name: each.scope for each in found if not each.holds_others}
+    scope_of |= {each.name: FUNCTIONS for each in found if each.kind == "call"}
     ready = benchmark.block(engine)
     time_ns, started = Counter[str](), Counter[str]()
     with tempfile.TemporaryDirectory() as folder:
@@ -50,7 +56,7 @@ def profile(engine: Engine) -> list[tuple[str, int, int]]:
                 started[scope] += 1
     if not time_ns:
         raise RpojaxError("profile: found no instruction of the loop, expected those that its text names")
-    scopes = (*operations.SCOPES, operations.COPIES, operations.OTHER)
+    scopes = (*operations.SCOPES, FUNCTIONS, operations.COPIES, operations.OTHER)
     return [(scope, started[scope], time_ns[scope]) for scope in scopes]
 
 

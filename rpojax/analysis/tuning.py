@@ -33,8 +33,10 @@ _LAST_RATE: Final = 0.05
 _MEMORY: Final = 0.95
 """Of the size of gradients from step to step."""
 _FRESH_START: Final = 20
-"""After so many steps, in the first half of the walk, the size of gradients is learnt anew: far from the goal they are
-a thousand times longer, and what matters little would not move for the rest of the walk."""
+"""After so many steps, up to the middle of the walk, Adam starts afresh: far from the goal gradients are a thousand
+times longer, and as long as it remembers that, what matters little does not move."""
+_METHOD: Final = [_TAIL, _LAST_RATE, _MEMORY, _FRESH_START]
+"""What must be the same for a walk to go on as it began."""
 _LARGEST_FILE: Final = 50_000_000
 
 
@@ -169,7 +171,8 @@ def tune(
     inputs = partial(tunable.inputs, short, chosen)
     flights = Flights(short, inputs, chosen.count, objective.names, settings.runs, stages, objective.slope)
     optimizer = optax.scale_by_adam(b2=_MEMORY)
-    identity = {**asdict(settings), "scenario_hash": scenario.digest(file), "tuning": file.tuning.model_dump()}
+    of_file = {"scenario_hash": scenario.digest(file), "tuning": file.tuning.model_dump()}
+    identity = {**asdict(settings), "method": _METHOD, **of_file}
     walk = _new(optimizer, chosen.start)
     if resume and progress_file is not None:
         walk = _under_way(progress_file, walk, json.loads(json.dumps(identity)))
@@ -183,6 +186,11 @@ def tune(
     return Tuned(x, values, walk.steps, slopes.mode(chosen.decides), flights.compile_s, flights.memory_bytes)
 
 
+def _starts_afresh(number: int, steps: int) -> bool:
+    """Whether Adam forgets before step `number`, counted from 0, of a walk of so many."""
+    return number % _FRESH_START == 0 and number <= steps // 2
+
+
 def _tail_length(steps: int) -> int:
     return max(1, round(_TAIL * steps))
 
@@ -194,8 +202,10 @@ def _new(optimizer: Any, x: np.ndarray) -> Walk:
 def _under_way(progress_file: Path, new: Walk, identity: dict[str, Any]) -> Walk:
     """The walk that a file holds, of the same form as a new one."""
     content = files.read_json(progress_file, "the progress of a tuning", _LARGEST_FILE)
+    another = f"{progress_file}: found the progress of another tuning, expected that of this one"
     try:
-        same = content["of"] == identity
+        if content["of"] != identity:
+            raise ResultError(another)
         leaves = [
             np.asarray(leaf, dtype=kind.dtype).reshape(kind.shape)
             for leaf, kind in zip(content["optimizer"], new.optimizer, strict=True)
@@ -204,8 +214,8 @@ def _under_way(progress_file: Path, new: Walk, identity: dict[str, Any]) -> Walk
         walk = Walk(np.asarray(content["x"], dtype=float), leaves, np.asarray(content["tail"], dtype=float), steps)
     except (KeyError, TypeError, ValueError) as error:
         raise ResultError(f"{progress_file}: found {error!r}, expected the progress of a tuning") from None
-    if not same or walk.x.shape != new.x.shape:
-        raise ResultError(f"{progress_file}: found the progress of another tuning, expected that of this one")
+    if walk.x.shape != new.x.shape:
+        raise ResultError(another)
     return walk
 
 
@@ -236,7 +246,7 @@ def _step(
     if not np.isfinite(found.total).all():
         raise RpojaxError(f"step {number + 1}: found no run with a finite gradient, expected some; try a lower --rate")
     state = optimizer.init(walk.x)
-    if number % _FRESH_START or number > settings.steps // 2:
+    if not _starts_afresh(number, settings.steps):
         state = jax.tree.unflatten(jax.tree.structure(state), walk.optimizer)
     rate = optax.cosine_decay_schedule(settings.rate, settings.steps, _LAST_RATE)
     with jax.numpy_dtype_promotion("standard"):  # optax mixes types

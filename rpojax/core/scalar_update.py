@@ -53,7 +53,7 @@ def update(
 ) -> Update:
     """Processes the rows in order; the result equals the joint update (Bierman, Factorization Methods, 1977).
 
-    `crossed` is the product of Jacobian and covariance, where the caller knows a shorter way to it; `gained` are
+    `crossed` is the product of Jacobian and `covariance`, where the caller knows a shorter way to it; `gained` are
     variances that the state gets before the rows, `added` those that it gets after them. What each row leaves of the
     covariance is worked out on the few vectors that the rows need, and on the matrix once.
     """

@@ -35,7 +35,10 @@ _STEP: Final = math.pi / 8.0
 
 @jax.custom_jvp
 def arctan2(y: Float[Array, "*shape"], x: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-    """Angle [rad] of the point (x, y), to two roundings; with value and derivative 0 at the origin."""
+    """Angle [rad] of the point (x, y), to two roundings for numbers up to 1e150; value and derivative 0 at the origin.
+
+    A negative zero counts as zero.
+    """
     along, across = jnp.maximum(jnp.abs(x), jnp.abs(y)), jnp.minimum(jnp.abs(x), jnp.abs(y))
     # The nearest of 0, 22.5 and 45 deg is taken off, so that the tangent of what is left is at most 0.2.
     zone = jnp.where(across > math.tan(0.5 * _STEP) * along, 1.0, 0.0)
@@ -57,6 +60,6 @@ def arctan2(y: Float[Array, "*shape"], x: Float[Array, "*shape"]) -> Float[Array
 def _arctan2_jvp(primals: tuple[Array, Array], tangents: tuple[Array, Array]) -> tuple[Array, Array]:
     y, x = primals
     square = x * x + y * y
-    somewhere = square > 0.0
+    somewhere = square != 0.0
     moved = (x * tangents[0] - y * tangents[1]) / jnp.where(somewhere, square, 1.0)
     return arctan2(y, x), jnp.where(somewhere, moved, 0.0)

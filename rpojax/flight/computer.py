@@ -246,7 +246,7 @@ def delta_v_between(params: FlightParams, memory: FlightMemory, begin: Scalar, e
     """Velocity change in N [m/s] that flight software expects from the plan between two times [s]."""
     ignition, cutoff = memory.plan.ignition, memory.plan.cutoff
     on = jnp.clip(end, ignition, cutoff) - jnp.clip(begin, ignition, cutoff)
-    # An empty burn on the border of a step would have a derivative to its time, half of it on either side of the tie.
+    # A tie is split between two steps. That of an empty burn must not count: the step before the decision has no part.
     on = jnp.where(cutoff > ignition, on, 0.0)
     direction_N = quaternion.rotate(quaternion.conjugate(memory.attitude.q_BN), params.onboard.thrust_direction)
     return on * params.onboard.thrust / params.onboard.mass * direction_N

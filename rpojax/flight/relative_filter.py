@@ -187,7 +187,7 @@ def update(
     bearing_error = estimate.bearing_bias + prior.inverse_depth * estimate.center
     slow = jnp.concatenate([bearing_error, jnp.sum(estimate.scale, axis=0)[None]])
     measured = jnp.concatenate([box.tangent, box.log_size[None]]) - slow
-    variance = _innovation_variance(estimate.covariance, prior) + jnp.pad(drift[8:10], (0, 1))
+    variance = _innovation_variance(estimate.covariance, drift, prior)
     # What a whole box would know counts: a cut one is vague itself, and would make any prior look certain enough.
     doubt = variance - prior.variance
     whole = _whole_bearing_variance(tuning, focal_px)
@@ -257,12 +257,10 @@ def _crossed(P: Float[Array, "12 12"], model: BoxModel) -> Float[Array, "3 12"]:
     return position + jnp.concatenate([bearing, P[6:7] + P[7:8]], axis=0)
 
 
-def _innovation_variance(P: Float[Array, "12 12"], model: BoxModel) -> Vector:
-    """Variance of the box residuals before the update."""
-    HP = _crossed(P, model)
-    bearing = [HP[row, 8 + row] + model.inverse_depth * HP[row, 10 + row] for row in range(2)]
-    slow = jnp.stack([*bearing, HP[2, 6] + HP[2, 7]])
-    return jnp.sum(HP[:, :3] * model.gradient, axis=1) + slow + model.variance
+def _innovation_variance(P: Float[Array, "12 12"], gained: Float[Array, "12"], model: BoxModel) -> Vector:
+    """Variance of the box residuals before the update, with variances that the state has gained."""
+    H = _jacobian(model)
+    return jnp.sum((_crossed(P, model) + gained[None, :] * H) * H, axis=1) + model.variance
 
 
 def _iterated_position(

@@ -291,7 +291,10 @@ def _advance_sensors(scenario: Scenario, params: Params, state: State, drawn: Ti
 
 
 def _witnesses(state: State) -> tuple[object, ...]:
-    """Numbers that show whether all of a state's are finite; of covariances traces, which all else there enters."""
+    """Numbers that show whether all of a state's are finite.
+
+    Of covariances the traces, which anything else there enters within the next update and prediction.
+    """
     flight = state.flight
     estimates = (flight.orbit.servicer, flight.orbit.relative, flight.attitude)
     traces = [sum(each.covariance[i, i] for i in range(each.covariance.shape[0])) for each in estimates]

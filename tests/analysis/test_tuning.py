@@ -18,7 +18,7 @@ from rpojax.analysis.tuning import Settings
 from rpojax.errors import ResultError, RpojaxError
 from rpojax.simulation.schema import ScenarioFile
 
-CHOSEN = ("attitude_control.bandwidth_rad_s", "navigation.edge_noise_px", "formation")
+CHOSEN = ("attitude_control.bandwidth_rad_s", "navigation.gps_noise_m", "formation")
 
 
 class Bowl(Flights):
@@ -68,15 +68,46 @@ def test_a_walk_ends_at_the_best_place_in_spite_of_noise_and_jumps(file: Scenari
     assert found.steps[-1].objective < 0.5 < 3.0 < found.steps[0].objective
     assert all(step.left_out == 1 for step in found.steps)
     assert sum(step.shortened for step in found.steps) > 50
-    assert found.values["navigation.edge_noise_px"] == pytest.approx(np.exp(-1.0), rel=0.05)
+    assert found.values["navigation.gps_noise_m"] == pytest.approx(np.exp(-1.0), rel=0.05)
 
 
-def test_an_interrupted_walk_ends_where_it_would_have_ended(file: ScenarioFile, tmp_path: Path) -> None:
-    settings, kept = Settings(CHOSEN, runs=8, steps=12), tmp_path / "walk.json"
+class Cliff(Bowl):
+    """The same, with derivatives that are a million times longer at the first steps."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.seen = 0
+
+    def reverse(self, numbers: np.ndarray, keys: np.ndarray, weights: np.ndarray | None = None) -> Found:
+        found = super().reverse(numbers, keys, weights)
+        self.seen += 1
+        assert found.gradient is not None
+        return replace(found, gradient=found.gradient * (1e6 if self.seen <= 5 else 1.0))
+
+
+def test_a_walk_forgets_how_long_the_first_gradients_were(file: ScenarioFile, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tuning, "Flights", Cliff)
+    found = tuning.tune(file, Settings(CHOSEN, runs=32, steps=80))
+    np.testing.assert_allclose(found.x, Bowl.best, atol=0.1)
+
+
+@pytest.mark.parametrize(
+    ("steps", "starts"),
+    [(1, [0]), (20, [0]), (39, [0]), (40, [0, 20]), (80, [0, 20, 40]), (200, [0, 20, 40, 60, 80, 100])],
+)
+def test_a_walk_starts_afresh_every_twenty_steps_up_to_its_middle(steps: int, starts: list[int]) -> None:
+    assert [number for number in range(steps) if tuning._starts_afresh(number, steps)] == starts
+
+
+@pytest.mark.parametrize(("steps", "last"), [(12, 6), (42, 19), (42, 20), (42, 21)])
+def test_an_interrupted_walk_ends_where_it_would_have_ended(
+    file: ScenarioFile, tmp_path: Path, steps: int, last: int
+) -> None:
+    settings, kept = Settings(CHOSEN, runs=8, steps=steps), tmp_path / "walk.json"
     whole = tuning.tune(file, settings)
 
     def stop(number: int, _: tuning.Step) -> None:
-        if number == 6:
+        if number == last:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -90,7 +121,8 @@ def test_an_interrupted_walk_ends_where_it_would_have_ended(file: ScenarioFile, 
     ("content", "message"),
     [
         (None, "found the progress of another tuning"),
-        ('{"of": 1}', "found KeyError"),
+        ('{"of": 1}', "found the progress of another tuning"),
+        ("{}", "found KeyError"),
         ("[", "the progress of a tuning"),
     ],
 )
@@ -184,4 +216,4 @@ def test_a_filter_that_doubts_its_boxes_learns_better(tmp_path: Path) -> None:
     start = rpojax.load("inspection", ["navigation.edge_noise_px=10.0"])
     found = tuning.tune(start, Settings(("navigation.edge_noise_px",), runs=16, steps=40, horizon_s=400.0))
     assert found.mode == "forward"
-    assert 0.5 < found.values["navigation.edge_noise_px"] < 3.0
+    assert 0.5 < found.values["navigation.gps_noise_m"] < 3.0

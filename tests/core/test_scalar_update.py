@@ -116,3 +116,22 @@ def test_a_product_of_jacobian_and_covariance_that_the_caller_knows_is_taken_for
     expected = update(P, z, H, R, np.ones(ROWS))
     np.testing.assert_allclose(known.covariance, expected.covariance, atol=TEXTBOOK * np.max(np.abs(P)))
     np.testing.assert_allclose(known.deviation, expected.deviation, atol=TEXTBOOK * np.max(np.abs(expected.deviation)))
+
+
+@given(SEEDS)
+def test_a_row_of_any_weight_is_joseph_s_form_of_the_weighted_gain_in_value_and_slope(seed: int) -> None:
+    P, z, H, R = random_case(seed)
+
+    def joseph(weight: jax.Array) -> jax.Array:
+        gain = weight * P @ H[0] / (H[0] @ P @ H[0] + R[0])
+        remaining = np.eye(STATES) - gain[:, None] * H[0][None, :]
+        return remaining @ P @ remaining.T + R[0] * gain[:, None] * gain[None, :]
+
+    def found(weight: jax.Array) -> jax.Array:
+        return update(P, z[:1], H[:1], R[:1], weight[None]).covariance
+
+    for weight in (0.0, 0.3, 1.0):
+        scale = TEXTBOOK * np.max(np.abs(P))
+        np.testing.assert_allclose(found(np.array(weight)), joseph(np.array(weight)), atol=scale)
+        slopes = [jax.jacfwd(form)(np.array(weight)) for form in (found, joseph)]
+        np.testing.assert_allclose(*slopes, atol=scale)

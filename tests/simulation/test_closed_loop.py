@@ -297,6 +297,22 @@ def test_a_run_that_becomes_non_finite_fails_and_keeps_its_last_finite_state(
         assert np.all(np.isfinite(leaf))
 
 
+@pytest.mark.parametrize("name", ["servicer", "relative", "attitude"])
+def test_a_covariance_with_one_number_that_is_not_finite_fails_the_run_within_two_ticks(
+    loop: tuple[Scenario, Params], start: State, name: str
+) -> None:
+    scenario, params = loop
+    flight = start.flight
+    holder = flight if name == "attitude" else flight.orbit
+    estimate = getattr(holder, name)
+    spoilt = replace(estimate, covariance=estimate.covariance.at[3, 5].set(jnp.nan).at[5, 3].set(jnp.nan))
+    orbit = flight.orbit if name == "attitude" else replace(flight.orbit, **{name: spoilt})
+    flight = replace(flight, orbit=orbit, **({"attitude": spoilt} if name == "attitude" else {}))
+    state, _ = rollout(scenario, params, replace(start, flight=flight), TICKS, STAGES)
+    assert closed_loop.FAILURES[int(state.failure)] == "non-finite state"
+    assert float(state.failed_at) <= 1.0
+
+
 def test_the_relative_state_at_the_start_is_the_scenarios(loop: tuple[Scenario, Params], start: State) -> None:
     rho, rho_dot = closed_loop.relative_state(start.truth)
     np.testing.assert_allclose(rho, loop[1].initial.relative_position, atol=1e-12)
