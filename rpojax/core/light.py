@@ -1,5 +1,7 @@
 """Sunlight as truth and flight software both need it: the Earth's shadow, and when a camera can see a target."""
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -21,20 +23,33 @@ def illumination(
     0 in the umbra, between in the penumbra, 1 in the light: overlap of the apparent discs (Montenbruck and Gill,
     Satellite Orbits, section 3.4.2). The value is continuous, and so is its gradient.
     """
+    return _free_share(r_N, r_sun_N, radius, radius_sun, jnp.arctan2)
+
+
+def _free_share(
+    r_N: Vector,
+    r_sun_N: Vector,
+    radius: float | Scalar,
+    radius_sun: float | Scalar,
+    arctangent: Callable[[Scalar, Scalar], Scalar],
+) -> Scalar:
+    """The same by a given arc tangent, on whose last digits half of the result's hang (see `_overlap`)."""
     to_sun = r_sun_N - r_N
     sun_distance, distance = jnp.sqrt(jnp.sum(to_sun * to_sun, axis=0)), jnp.sqrt(jnp.sum(r_N * r_N, axis=0))
-    sun_angle = _arc_sine(radius_sun / sun_distance)
-    earth_angle = _arc_sine(jnp.minimum(radius / distance, 1.0))
-    separation = _arc_cosine(-jnp.sum(r_N * to_sun, axis=0) / (distance * sun_distance))
+    sun_sine, earth_sine = radius_sun / sun_distance, jnp.minimum(radius / distance, 1.0)
+    cosine = -jnp.sum(r_N * to_sun, axis=0) / (distance * sun_distance)
+    sun_angle, earth_angle = arctangent(sun_sine, _beside(sun_sine)), arctangent(earth_sine, _beside(earth_sine))
+    separation = arctangent(_beside(cosine), cosine)
     return 1.0 - _overlap(sun_angle, earth_angle, separation) / (jnp.pi * sun_angle * sun_angle)
 
 
-def _arc_sine(sine: Scalar) -> Scalar:
-    return arctan2(sine, safe.sqrt((1.0 - sine) * (1.0 + sine)))
+def _beside(sine: Scalar) -> Scalar:
+    """The cosine that belongs to a sine, or the other way round, of an angle for which it is not negative."""
+    return safe.sqrt((1.0 - sine) * (1.0 + sine))
 
 
 def _arc_cosine(cosine: Scalar) -> Scalar:
-    return arctan2(safe.sqrt((1.0 - cosine) * (1.0 + cosine)), cosine)
+    return arctan2(_beside(cosine), cosine)
 
 
 @jax.custom_jvp
@@ -76,7 +91,7 @@ def _chord(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar, Scalar]:
 
 def is_lit(r_N: Vector, r_sun_N: Vector) -> Bool[Array, ""]:
     """True while more than half of the Sun's disc is visible."""
-    return illumination(r_N, r_sun_N) > 0.5
+    return _free_share(r_N, r_sun_N, RADIUS_EARTH, RADIUS_SUN, arctan2) > 0.5
 
 
 def is_observable(

@@ -46,7 +46,7 @@ def test_speed_is_simulated_time_of_all_runs_over_the_fastest_pass(
 ) -> None:
     passes = iter([Taken(1.0, 1.0), Taken(3.0, 3.0), Taken(2.0, 3.5), Taken(4.0, 4.0)])
     monkeypatch.setattr(benchmark, "flown", lambda engine: next(passes))
-    found = benchmark.speed(benchmark.prepare(mission, 1), 1, 0.5)
+    found = benchmark.speed(benchmark.prepare(mission, 1), 1, 0.5, repeats=3)
     assert (found.batch, found.devices, found.run_s, found.cpu_s, found.compile_cached_s) == (1, 1, 2.0, 3.5, 0.5)
     assert found.run_seconds_per_s == mission.duration_s / 2.0
     assert found.runs_per_hour == 3600.0 * found.run_seconds_per_s / 3000.0
