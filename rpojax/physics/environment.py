@@ -90,13 +90,17 @@ def drag(air: Atmosphere, surface: Surface, earth_radius: Scalar | float, r_N: V
     return -0.5 * density * surface.drag_coefficient * surface.area * norm(flow) * flow
 
 
-def light_pressure(light: Sunlight, surface: Surface, r_N: Vector, r_sun_N: Vector) -> Vector:
-    """Force of sunlight [N] in N on a surface at an inertial position [m], less in the Earth's shadow."""
+def light_share(light: Sunlight, r_N: Vector, r_sun_N: Vector) -> Scalar:
+    """Share of sunlight [-] that the Earth leaves at an inertial position [m]."""
+    return illumination(r_N, r_sun_N, light.shadow_radius, light.sun_radius)
+
+
+def light_pressure(light: Sunlight, surface: Surface, r_N: Vector, r_sun_N: Vector, share: Scalar) -> Vector:
+    """Force of sunlight [N] in N on a surface at an inertial position [m], of which the Earth leaves a share [-]."""
     from_sun = r_N - r_sun_N
     square = jnp.sum(from_sun * from_sun, axis=0)
     pressure = light.flux / SPEED_OF_LIGHT * light.astronomical_unit**2 / square
-    lit = illumination(r_N, r_sun_N, light.shadow_radius, light.sun_radius)
-    return lit * pressure * surface.pressure_coefficient * surface.area / jnp.sqrt(square) * from_sun
+    return share * pressure * surface.pressure_coefficient * surface.area / jnp.sqrt(square) * from_sun
 
 
 def gravity_gradient_torque(r_B: Vector, inertia: Float[Array, "3 3"], mu: Scalar | float = MU_EARTH) -> Vector:

@@ -133,11 +133,12 @@ def step(
     driving_torque = motor_torque(effects, params.wheels, truth, wheel_command, health, dt)
     inverse_hub = rigid_body.inverse_without_wheels(params.servicer.inertia, params.wheels.axes, params.wheels.inertia)
     inverse_target = rigid_body.inverse(params.target.inertia)
+    light_shares = _light_shares(effects, params, truth, sky, dt)
 
     def derivative(y: Truth, openings: tuple[Scalar, ...]) -> Truth:
         force_B, torque_B, flow = _propulsion(effects, params, y, thrusts, openings)
         a_TN_N, a_ST_N = _orbital_accelerations(effects, params, y, sky)
-        surface = _surface_forces(effects, params, y, sky)
+        surface = _surface_forces(effects, params, y, sky, light_shares)
         pull_B, torque_T = _gravity_gradient_torques(effects, params, y)
         wheel_torque = driving_torque + _bearing_torque(effects, params.wheels, y.wheel_speed, health, dt)
         omega_dot, wheel_acceleration = rigid_body.accelerations_with_wheels(
@@ -236,20 +237,37 @@ class _SurfaceForces:
     servicer_torque_B: Array
 
 
-def _surface_forces(effects: Effects, params: PlantParams, y: Truth, sky: Sky) -> _SurfaceForces:
-    def force(surface: Surface, r_N: Vector, v_N: Vector) -> Vector:
+def _light_shares(
+    effects: Effects, params: PlantParams, truth: Truth, sky: Sky, dt: float | Scalar
+) -> tuple[Scalar, Scalar]:
+    """Shares of sunlight [-] on the target and on the servicer in the middle of a step, which hold for all of it.
+
+    The shadow costs more than all other forces together, and within a step changes by a line.
+    """
+    if not effects.solar_pressure:
+        none = jnp.zeros_like(truth.mass)
+        return none, none
+    r_N, way_N = truth.r_TN_N + 0.5 * dt * truth.v_TN_N, truth.r_ST_N + 0.5 * dt * truth.v_ST_N
+    target, servicer = (environment.light_share(params.sunlight, at_N, sky.sun_N) for at_N in (r_N, r_N + way_N))
+    return target, servicer
+
+
+def _surface_forces(
+    effects: Effects, params: PlantParams, y: Truth, sky: Sky, light_shares: tuple[Scalar, Scalar]
+) -> _SurfaceForces:
+    def force(surface: Surface, share: Scalar, r_N: Vector, v_N: Vector) -> Vector:
         total = jnp.zeros_like(r_N)
         if effects.drag:
             total = total + environment.drag(params.atmosphere, surface, params.gravity.radius, r_N, v_N)
         if effects.solar_pressure:
-            total = total + environment.light_pressure(params.sunlight, surface, r_N, sky.sun_N)
+            total = total + environment.light_pressure(params.sunlight, surface, r_N, sky.sun_N, share)
         return total
 
     none = jnp.zeros_like(y.r_TN_N)
     if not (effects.drag or effects.solar_pressure):
         return _SurfaceForces(none, none, none, none)
-    on_target = force(params.target_surface, y.r_TN_N, y.v_TN_N)
-    on_servicer = force(params.servicer_surface, y.r_TN_N + y.r_ST_N, y.v_TN_N + y.v_ST_N)
+    on_target = force(params.target_surface, light_shares[0], y.r_TN_N, y.v_TN_N)
+    on_servicer = force(params.servicer_surface, light_shares[1], y.r_TN_N + y.r_ST_N, y.v_TN_N + y.v_ST_N)
     lever_B = params.servicer_surface.center_of_pressure - _center_of_mass_shift(effects, params, y)
     return _SurfaceForces(
         target_acceleration_N=on_target / params.target.mass,

@@ -359,7 +359,8 @@ def surface_forces(x: jax.Array, plant_params: PlantParams, r_N: jax.Array, v_N:
     surface = replace(surface, area=surface.area * (1.0 + x[8]))
     r_N, v_N = r_N + 1e4 * x[:3], v_N + 1e3 * x[3:6]
     drag = environment.drag(air, surface, plant_params.gravity.radius, r_N, v_N)
-    return 1e5 * drag, 1e6 * environment.light_pressure(sunlight, surface, r_N, sun_N)
+    share = environment.light_share(sunlight, r_N, sun_N)
+    return 1e5 * drag, 1e6 * environment.light_pressure(sunlight, surface, r_N, sun_N, share)
 
 
 @pytest.mark.parametrize("speed", [7.6e3, 1.0], ids=["in orbit", "nearly with the air"])

@@ -13,7 +13,13 @@ from rpojax.physics.environment import Atmosphere, Sunlight, Surface
 from rpojax.simulation.params import Params
 
 drag = jax.jit(environment.drag)
-light_pressure = jax.jit(environment.light_pressure)
+
+
+@jax.jit
+def light_pressure(light: Sunlight, surface: Surface, r_N: jax.Array, r_sun_N: jax.Array) -> jax.Array:
+    return environment.light_pressure(light, surface, r_N, r_sun_N, environment.light_share(light, r_N, r_sun_N))
+
+
 gravity_gradient_torque = jax.jit(environment.gravity_gradient_torque)
 
 HEIGHT = RADIUS + 500e3
