@@ -50,6 +50,7 @@ def describe(
         "stages": dict(stages or {}),
         "design": dict(design or {"first_run": first_run, "runs": runs}),
         "report": report,
+        "dtype": "float32" if file.precision == "single" else "float64",
         **made_here(len(jax.devices())),
     }
 
@@ -60,7 +61,6 @@ def made_here(devices: int) -> dict[str, Any]:
         "id": secrets.token_hex(8),
         "versions": versions(),
         "device": device(devices),
-        "dtype": "float64",
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
 

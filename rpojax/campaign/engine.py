@@ -21,7 +21,7 @@ from rpojax.campaign.traces import Trace
 from rpojax.core import random, trailing
 from rpojax.errors import RpojaxError
 from rpojax.flight.computer import Stages
-from rpojax.simulation import closed_loop, dispersed, params, scenario, telemetry
+from rpojax.simulation import closed_loop, dispersed, params, precision, scenario, telemetry
 from rpojax.simulation.closed_loop import State
 from rpojax.simulation.params import Params
 from rpojax.simulation.scenario import Scenario
@@ -38,7 +38,7 @@ def block_size(file: ScenarioFile) -> int:
     """
     rendered = file.camera.model == "rendered"
     if jax.default_backend() == "cpu":
-        return 10 if rendered else 256
+        return 10 if rendered else 512 if file.precision == "single" else 256
     return 256 if rendered else 4096
 
 
@@ -96,7 +96,8 @@ class Engine:
             raise RpojaxError(f"design: found none, expected that of the campaign for {file.design.kind!r}")
         self.design = design
         self.file = file
-        self.scenario = scenario.static(file)
+        self.scenario = scenario.static(file, single=True)
+        self.single = file.precision == "single"
         self.size = size or block_size(file)
         self.devices = list(devices if devices is not None else jax.devices())
         self.stages = stages or Stages()
@@ -119,8 +120,9 @@ class Engine:
         if self._programs is not None:
             return
         begin = time.perf_counter()
-        arguments = (self._nominal, *self._drawn_and_state())
-        wanted = per_device.lowered(self._loop, arguments, self.devices, donate=(2,))
+        loop, arguments = self._loop, self._loop_arguments()
+        with self._precision():
+            wanted = per_device.lowered(loop, arguments, self.devices, donate=(2,))
         with ThreadPoolExecutor(len(wanted) + 1) as pool:
             preparing = pool.submit(lambda: self._prepared)
             loops = list(pool.map(_compiled, wanted))
@@ -143,12 +145,19 @@ class Engine:
         # What is kept is for the kind of device that JAX takes by default, and for the packaged stages.
         usual = self.stages == Stages() and all(each.platform == jax.default_backend() for each in self.devices)
         meaning = f"advance {self.segment_ticks} {self.scenario!r}" if usual else None
-        return traces.traced(self._advance, (self._nominal, *self._drawn_and_state()), meaning)
+        arguments = self._loop_arguments()
+        with self._precision():
+            return traces.traced(self._advance, arguments, meaning)
 
-    def _drawn_and_state(self) -> tuple[Any, Any]:
-        """Shapes of what the preparation hands to the loop."""
+    def _precision(self) -> contextlib.AbstractContextManager[None]:
+        return precision.single() if self.single else contextlib.nullcontext()
+
+    def _loop_arguments(self) -> tuple[Any, Any, Any]:
+        """Numbers of the nominal run, and shapes of what the preparation hands to the loop."""
         drawn, _, state = self._preparation.results
-        return drawn, state
+        if not self.single:
+            return self._nominal, drawn, state
+        return precision.rounded(self._nominal), jax.eval_shape(precision.rounded, drawn), state
 
     def _any_inputs(self) -> tuple[Params, Array, np.ndarray, dict[str, np.ndarray]]:
         """Arguments of the preparation, of which only the shapes count."""
@@ -173,7 +182,7 @@ class Engine:
         assert self._programs is not None
         parts = [self._programs[0](*self._inputs(seed, share)) for share in np.split(ids, len(self.devices))]
         placed = [
-            jax.device_put((self._nominal, drawn, state), device)
+            jax.device_put((*self._of_loop(drawn), state), device)
             for (drawn, _, state), device in zip(parts, self.devices, strict=True)
         ]
         return Block(
@@ -182,6 +191,11 @@ class Engine:
             used=_joined([used for _, used, _ in parts], axis=0),
             shares=[(nominal, values, state) for nominal, values, state in placed],
         )
+
+    def _of_loop(self, drawn: Values) -> tuple[Params, Values]:
+        """Nominal and dispersed numbers as the loop takes them."""
+        numbers = (self._nominal, drawn)
+        return precision.rounded(numbers) if self.single else numbers
 
     def run(self, block: Block) -> Iterator[Segment]:
         """Carries a block to the end of the scenario, segment by segment; the last one is cut at the end."""
@@ -210,7 +224,8 @@ class Engine:
             drawn = dispersions.draw(self.file, run_key, given)
             dispersed = dispersions.apply(nominal, drawn)
             used = dispersions.read_back(dispersed, self.keys)
-            return drawn, used, closed_loop.init(self.scenario, dispersed, run_key)
+            state = closed_loop.init(self.scenario, dispersed, run_key)
+            return drawn, used, precision.rounded_state(state) if self.single else state
 
         return jax.vmap(one, out_axes=(0, 0, run_axes(-1)))(ids, given)
 

@@ -73,10 +73,12 @@ class GpsMeasurement:
     Attributes:
         position_N: (3,) of the servicer [m]
         present: () bool
+        residue_N: (3,) what the position lacks in single precision [m]; else None
     """
 
     position_N: Array
     present: Array
+    residue_N: Array | None = None
 
 
 @pytree

@@ -10,9 +10,8 @@ the sum of the two.
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import orbital_mechanics
+from rpojax.core import compensated, integrate, orbital_mechanics
 from rpojax.core.difference import Difference
-from rpojax.core.integrate import rk4
 from rpojax.core.pytree import pytree
 from rpojax.flight import covariance, relative_filter, servicer_filter
 from rpojax.flight.box_gate import BoxTrack
@@ -92,10 +91,12 @@ def predict(
 
     servicer, relative = estimate.servicer, estimate.relative
     mean = (servicer.r_SN_N, servicer.v_SN_N, relative.r_TS_N, relative.v_TS_N)
-    r, v, d, d_dot = rk4(derivative, mean, jnp.zeros(3, dtype=delta_v_N.dtype), dt)
+    change_r, change_v, change_d, change_d_dot = integrate.change("rk4", derivative, mean, jnp.zeros(3), dt)
+    r, v, residue = compensated.drifted(servicer.r_SN_N, servicer.v_SN_N, servicer.residue, change_r, change_v, dt)
+    d, d_dot = relative.r_TS_N + change_d, relative.v_TS_N + change_d_dot
     burn = covariance.burn(delta_v_N, burn_delta_v, doubt * tuning.burn_magnitude_sigma, tuning.burn_direction_sigma)
     return OrbitEstimate(
-        servicer=servicer_filter.predict(tuning, servicer, r, v, burn, dt),
+        servicer=servicer_filter.predict(tuning, servicer, r, v, residue, burn, dt),
         relative=relative_filter.predict(tuning, relative, d, d_dot, servicer.r_SN_N, burn, dt),
     )
 

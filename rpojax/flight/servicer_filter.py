@@ -6,7 +6,8 @@ State (9): position and velocity of the servicer in N, GPS error (3).
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import orbital_mechanics, scalar_update
+from rpojax.core import compensated, orbital_mechanics, scalar_update
+from rpojax.core.compensated import Residue
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.scalar_update import Rows, Update
 from rpojax.flight import covariance
@@ -25,12 +26,14 @@ class ServicerEstimate:
         v_SN_N: (3,) servicer velocity [m/s]
         gps_error_N: (3,) [m]
         covariance: (9, 9) in this order
+        residue: (2, 3) what position [m] and velocity [m/s] lack in single precision; else None
     """
 
     r_SN_N: Array
     v_SN_N: Array
     gps_error_N: Array
     covariance: Array
+    residue: Array | None = None
 
 
 def initial_sigma(tuning: Navigation) -> Float[Array, "9"]:
@@ -59,10 +62,11 @@ def predict(
     estimate: ServicerEstimate,
     r_SN_N: Vector,
     v_SN_N: Vector,
+    residue: Residue,
     burn_covariance: Matrix,
     dt: float,
 ) -> ServicerEstimate:
-    """Estimate `dt` [s] later with its mean already propagated to `r_SN_N` [m], `v_SN_N` [m/s]."""
+    """Estimate `dt` [s] later with its mean already propagated to `r_SN_N` [m], `v_SN_N` [m/s] and their `residue`."""
     decay = jnp.exp(-dt / tuning.gps_error_time_constant)
     growth = tuning.gps_error_sigma**2 * (1.0 - decay**2)
     velocity = burn_covariance + tuning.acceleration_noise**2 * dt * jnp.eye(3, dtype=decay.dtype)
@@ -72,6 +76,7 @@ def predict(
         estimate,
         r_SN_N=r_SN_N,
         v_SN_N=v_SN_N,
+        residue=residue,
         gps_error_N=decay * estimate.gps_error_N,
         covariance=covariance.propagate(estimate.covariance, gradient, jnp.full(3, decay), *added, dt),
     )
@@ -79,20 +84,23 @@ def predict(
 
 def update(tuning: Navigation, estimate: ServicerEstimate, gps: GpsMeasurement) -> tuple[ServicerEstimate, Update]:
     """Estimate after a GPS position; nothing changes when there is none."""
-    gps_N = gps.position_N
-    identity = jnp.eye(3, dtype=gps_N.dtype)
+    missing = None if estimate.residue is None else estimate.residue[0]
+    apart = compensated.apart(gps.position_N, gps.residue_N, estimate.r_SN_N, missing)
+    identity = jnp.eye(3, dtype=apart.dtype)
     rows = Rows(
-        residual=gps_N - estimate.r_SN_N - estimate.gps_error_N,
-        jacobian=jnp.concatenate([identity, jnp.zeros((3, 3), dtype=gps_N.dtype), identity], axis=1),
+        residual=apart - estimate.gps_error_N,
+        jacobian=jnp.concatenate([identity, jnp.zeros((3, 3), dtype=apart.dtype), identity], axis=1),
         variance=jnp.full(3, tuning.gps_noise**2),
         weight=jnp.full(3, jnp.where(gps.present, 1.0, 0.0)),
     )
     P = estimate.covariance
     result = scalar_update.update(P, rows, crossed=P[:3] + P[6:])
     x = result.deviation
+    r_SN_N, v_SN_N, residue = compensated.moved(estimate.r_SN_N, estimate.v_SN_N, estimate.residue, x[:3], x[3:6])
     corrected = ServicerEstimate(
-        r_SN_N=estimate.r_SN_N + x[:3],
-        v_SN_N=estimate.v_SN_N + x[3:6],
+        r_SN_N=r_SN_N,
+        v_SN_N=v_SN_N,
+        residue=residue,
         gps_error_N=estimate.gps_error_N + x[6:],
         covariance=result.covariance,
     )

@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import integrate, orbital_mechanics, quaternion
+from rpojax.core import compensated, integrate, orbital_mechanics, quaternion
 from rpojax.core.constants import MU_MOON, MU_SUN
 from rpojax.core.difference import Difference
 from rpojax.core.frames import hill_frame, hill_to_inertial
@@ -78,6 +79,7 @@ class Truth:
         omega_TN_T: (3,) target rate [rad/s]
         mass: () servicer mass [kg]
         delta_v: () velocity change that the thruster has applied so far, summed in magnitude [m/s]
+        residue: (2, 3) what the target's position [m] and velocity [m/s] lack in single precision; else None
     """
 
     r_TN_N: Array
@@ -91,6 +93,7 @@ class Truth:
     omega_TN_T: Array
     mass: Array
     delta_v: Array
+    residue: Array | None = None
 
 
 def initial_truth(
@@ -170,7 +173,18 @@ def step(
         )
 
     openings = tuple(health.thrust * thrust.opening for thrust in thrusts)
-    after = integrate.step(effects.integrator, derivative, truth, openings, dt)
+    change = integrate.change(effects.integrator, derivative, replace(truth, residue=None), openings, dt)
+    return _changed(truth, change, dt)
+
+
+def _changed(truth: Truth, change: Truth, dt: float | Scalar) -> Truth:
+    """Truth with the change of a step of `dt` [s] added; attitudes are normalised."""
+    after = jax.tree.map(lambda y, more: y + more, replace(truth, residue=None), change)
+    if truth.residue is not None:
+        assert isinstance(dt, float)
+        orbit = (truth.r_TN_N, truth.v_TN_N, truth.residue, change.r_TN_N, change.v_TN_N)
+        r_TN_N, v_TN_N, residue = compensated.drifted(*orbit, dt)
+        after = replace(after, r_TN_N=r_TN_N, v_TN_N=v_TN_N, residue=residue)
     return replace(after, q_BN=quaternion.normalize(after.q_BN), q_TN=quaternion.normalize(after.q_TN))
 
 

@@ -40,8 +40,25 @@ def check_together(file: ScenarioFile) -> None:
             file.formation.desired_position_m,
             f"a place farther from the target than limits.keep_out_m = {file.limits.keep_out_m:g}",
         )
+    _check_precision(file)
     check_dispersions(file)
     check_design(file)
+
+
+def _check_precision(file: ScenarioFile) -> None:
+    """Single precision is for what it has been held against double precision with."""
+    if file.precision == "double":
+        return
+    if file.camera.model == "rendered":
+        raise ScenarioError("camera.model", file.camera.model, "'geometric' or 'statistical' with precision = 'single'")
+    if file.effects.integrator != "rk4":
+        raise ScenarioError("effects.integrator", file.effects.integrator, "'rk4' with precision = 'single'")
+    if file.duration_s > _LONGEST_SINGLE_S:
+        expected = f"at most {_LONGEST_SINGLE_S:g} with precision = 'single', whose times are too coarse then"
+        raise ScenarioError("duration_s", file.duration_s, expected)
+
+
+_LONGEST_SINGLE_S = 86400.0
 
 
 def _check_orbit(orbit: OrbitSection) -> None:

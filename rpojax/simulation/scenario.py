@@ -104,8 +104,14 @@ def validate(tables: Mapping[str, Any]) -> ScenarioFile:
     return file
 
 
-def static(file: ScenarioFile) -> Scenario:
-    """Static settings of a checked scenario."""
+def static(file: ScenarioFile, single: bool = False) -> Scenario:
+    """Static settings of a checked scenario; `single` says that the caller flies it in single precision if it asks so.
+
+    Raises:
+        ScenarioError: the scenario asks for single precision and the caller has none.
+    """
+    if file.precision == "single" and not single:
+        raise ScenarioError("precision", file.precision, "'double', as campaigns alone fly in single precision")
     rates = file.rates
     return Scenario(
         ticks=round(file.duration_s * rates.camera_hz),

@@ -208,6 +208,7 @@ class ScenarioFile(Section):
     name: Annotated[str, Field(min_length=1)]
     description: str
     duration_s: Positive
+    precision: Literal["double", "single"] = "double"
     epoch_utc: Epoch
     effects: EffectsSection
     rates: Rates

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import gaussian, orbital_mechanics, quaternion, safe, series
+from rpojax.core import compensated, gaussian, orbital_mechanics, quaternion, safe, series
 from rpojax.core.frames import apply, hill_frame
 from rpojax.core.quaternion import rotate
 from rpojax.physics.plant import Truth
@@ -74,11 +74,12 @@ def _errors(telemetry: Telemetry) -> Channels:
 def orbit_errors(telemetry: Telemetry) -> tuple[Float[Array, "6"], Float[Array, "6"]]:
     """Estimate less truth in N [m, m/s]: position and velocity of the servicer, and of the target relative to it."""
     truth, servicer, relative = telemetry.truth, telemetry.flight.orbit.servicer, telemetry.flight.orbit.relative
+    missing, true_missing = (each.residue if each.residue is not None else (None, None) for each in (servicer, truth))
     return (
         jnp.concatenate(
             [
-                servicer.r_SN_N - (truth.r_TN_N + truth.r_ST_N),
-                servicer.v_SN_N - (truth.v_TN_N + truth.v_ST_N),
+                compensated.apart(servicer.r_SN_N, missing[0], truth.r_TN_N, true_missing[0]) - truth.r_ST_N,
+                compensated.apart(servicer.v_SN_N, missing[1], truth.v_TN_N, true_missing[1]) - truth.v_ST_N,
             ]
         ),
         jnp.concatenate([relative.r_TS_N + truth.r_ST_N, relative.v_TS_N + truth.v_ST_N]),

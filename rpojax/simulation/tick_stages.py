@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.core import ephemeris, orbital_mechanics, safe
+from rpojax.core import compensated, ephemeris, orbital_mechanics, safe
 from rpojax.core.constants import MU_MOON, MU_SUN
 from rpojax.core.difference import Difference
 from rpojax.core.pytree import pytree, replace, select
@@ -183,7 +183,9 @@ def move(
     dt, effects, plan, sensed = scenario.step_s, scenario.effects, decided.flight.plan, decided.sensed
     now = replace(decided.flight, attitude=motion.attitude)
     begin = sensed.time + offset
-    burn = Burn(ignition=plan.ignition - begin, cutoff=plan.cutoff - begin, error=decided.burn_error)
+    # Differences of times first: in single precision only these are exact.
+    ignition, cutoff = plan.ignition - sensed.time - offset, plan.cutoff - sensed.time - offset
+    burn = Burn(ignition=ignition, cutoff=cutoff, error=decided.burn_error)
     delta_v_N = motion.delta_v_N + computer.delta_v_between(params.flight, now, begin, begin + dt)
     thrust = actuators.thrust(params.plant.thruster, burn, effects.integrator, effects.thruster_ramps, dt)
     truth = plant.step(effects, params.plant, motion.truth, torque, (thrust,), sensed.sky, sensed.health, dt)
@@ -250,15 +252,22 @@ def _measure(
         state.tick,
     )
     measurements = Measurements(
-        gps=GpsMeasurement(
-            position_N=gps.measure(params.gps, truth.r_TN_N + truth.r_ST_N, state.sensors.gps_bias_N, drawn.gps),
-            present=health.gps,
-        ),
+        gps=_gps(params, state, drawn, health),
         star_tracker_q_BN=star_tracker.measure(params.star_tracker, truth.q_BN, drawn.star_tracker),
         star_tracker_present=health.star_tracker & star_tracker.sees_stars(params.star_tracker, truth.q_BN, sky.sun_N),
         box=camera.as_measurement(scenario, params, frame),
     )
     return measurements, frame
+
+
+def _gps(params: Params, state: State, drawn: TickNoise, health: Health) -> GpsMeasurement:
+    truth, bias_N = state.truth, state.sensors.gps_bias_N
+    if truth.residue is None:
+        position_N, residue_N = gps.measure(params.gps, truth.r_TN_N + truth.r_ST_N, bias_N, drawn.gps), None
+    else:
+        from_target_N = gps.measure(params.gps, truth.r_ST_N, bias_N, drawn.gps)
+        position_N, residue_N = compensated.add(truth.r_TN_N, truth.residue[0], from_target_N)
+    return GpsMeasurement(position_N=position_N, residue_N=residue_N, present=health.gps)
 
 
 def _luni_solar_pull(scenario: Scenario, flight: FlightMemory, sky: Sky) -> Array:

@@ -1,0 +1,103 @@
+"""Campaigns in single precision: the same runs as in double precision, up to what rounding may do."""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.analysis import judging
+from rpojax.campaign import single
+from rpojax.campaign.engine import Engine
+from rpojax.errors import RpojaxError
+from rpojax.simulation import precision, scenario
+from rpojax.simulation.schema import ScenarioFile
+
+
+def mission(duration_s: float, kind: str) -> ScenarioFile:
+    """The nominal mission, shortened, in a precision."""
+    return scenario.load("inspection", [f"duration_s={duration_s}", f"precision={kind}"])
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One metric of the same runs in both precisions."""
+
+    name: str
+    double: np.ndarray
+    single: np.ndarray
+
+    @property
+    def interval(self) -> float:
+        """Half of the 95 % interval of the mean in double precision."""
+        return 1.96 * float(np.std(self.double, ddof=1)) / np.sqrt(len(self.double))
+
+    @property
+    def apart(self) -> float:
+        """Difference of the means."""
+        return abs(float(np.mean(self.single) - np.mean(self.double)))
+
+
+def fly_both(duration_s: float, runs: int) -> list[Pair]:
+    """All metrics that every run has; no run fails in either."""
+    double, other = (judging.fly(mission(duration_s, kind), 5, runs) for kind in ("double", "single"))
+    assert double.completed.all()
+    assert other.completed.all()
+    pairs = [
+        Pair(name, double.metrics[name].astype(float), other.metrics[name].astype(float)) for name in double.metrics
+    ]
+    return [pair for pair in pairs if np.isfinite(pair.double).all() and np.isfinite(pair.single).all()]
+
+
+@pytest.mark.slow
+def test_statistics_agree_with_those_in_double_precision_within_their_intervals() -> None:
+    pairs = fly_both(2000.0, 128)
+    assert len(pairs) > 20
+    for pair in pairs:
+        assert pair.apart <= pair.interval, pair.name
+        # A run's own numbers stray far less than runs do from one another.
+        assert np.median(np.abs(pair.single - pair.double)) <= 0.3 * np.std(pair.double) + 1e-12, pair.name
+
+
+def test_a_few_runs_are_nearly_those_in_double_precision() -> None:
+    pairs = {pair.name: pair for pair in fly_both(200.0, 2)}
+    for name in ("nav_relative_position_error_rms_m", "nav_servicer_position_error_rms_m", "formation_error_rms_m"):
+        np.testing.assert_allclose(pairs[name].single, pairs[name].double, rtol=0.02, err_msg=name)
+        assert np.any(pairs[name].single != pairs[name].double)
+
+
+def test_the_loop_holds_single_numbers_alone() -> None:
+    engine = Engine(mission(200.0, "single"), 1, jax.devices()[:1])
+    _, _, state = engine._preparation.results
+    kinds = {leaf.dtype for leaf in jax.tree.leaves(state) if jnp.issubdtype(leaf.dtype, jnp.floating)}
+    assert kinds == {np.dtype(np.float32)}
+    assert state.truth.residue.shape == state.flight.orbit.servicer.residue.shape == (2, 3, 1)
+
+
+def test_what_is_rounded_and_what_it_lacks_are_the_state() -> None:
+    _, _, state = single.dispersed(mission(200.0, "double"))
+    after = jax.jit(precision.rounded_state)(state)
+    assert after.truth.residue is not None
+    whole = after.truth.r_TN_N.astype(jnp.float64) + after.truth.residue[0].astype(jnp.float64)
+    np.testing.assert_allclose(whole, state.truth.r_TN_N, rtol=0.0, atol=1e-8)
+    np.testing.assert_array_equal(after.keys, state.keys)
+    assert after.tick.dtype == state.tick.dtype
+
+
+@pytest.mark.parametrize(
+    ("override", "named"),
+    [
+        ("camera.model=rendered", "camera.model"),
+        ("effects.integrator=rk8", "effects.integrator"),
+        ("duration_s=100000", "duration_s"),
+    ],
+)
+def test_what_single_precision_is_not_made_for_is_refused(override: str, named: str) -> None:
+    with pytest.raises(RpojaxError, match=rf"^{named}: found .* expected .*single"):
+        scenario.load("inspection", ["precision=single", override])
+
+
+def test_one_run_in_memory_is_refused_in_single_precision() -> None:
+    with pytest.raises(RpojaxError, match=r"^precision: found 'single', expected 'double'"):
+        single.simulate(mission(200.0, "single"))
