@@ -81,7 +81,7 @@ class Engine:
 
     Every device runs the same single-device program on `size` runs, so a run's numbers are the same to the last bit
     however many devices there are. (One program sharded over the devices is compiled differently for each number of
-    them, and its last bits differ.)
+    them, and its last bits differ.) The cores of a CPU count as devices, and run one program in threads.
     """
 
     def __init__(
@@ -120,13 +120,15 @@ class Engine:
         if self._programs is not None:
             return
         begin = time.perf_counter()
-        loop, arguments = self._loop, self._loop_arguments()
-        with self._precision():
-            wanted = per_device.lowered(loop, arguments, self.devices, donate=(2,))
-        with ThreadPoolExecutor(len(wanted) + 1) as pool:
+        with ThreadPoolExecutor(len(self.devices) + 1) as pool:
+            # The preparation is compiled while the loop, which needs its shapes, is traced.
+            arguments = self._loop_arguments()
             preparing = pool.submit(lambda: self._prepared)
-            loops = list(pool.map(_compiled, wanted))
-            self._programs = (preparing.result(), loops)
+            loop = self._loop
+            with self._precision():
+                wanted = per_device.lowered(loop, arguments, self.devices, donate=(2,))
+            loops = dict(zip(wanted, pool.map(_compiled, wanted.values()), strict=True))
+            self._programs = (preparing.result(), [loops[home] for home in per_device.homes(self.devices)])
         self.compile_s = time.perf_counter() - begin
 
     @functools.cached_property
@@ -183,7 +185,7 @@ class Engine:
         parts = [self._programs[0](*self._inputs(seed, share)) for share in np.split(ids, len(self.devices))]
         placed = [
             jax.device_put((*self._of_loop(drawn), state), device)
-            for (drawn, _, state), device in zip(parts, self.devices, strict=True)
+            for (drawn, _, state), device in zip(parts, per_device.homes(self.devices), strict=True)
         ]
         return Block(
             ids=ids,
@@ -198,25 +200,32 @@ class Engine:
         return precision.rounded(numbers) if self.single else numbers
 
     def run(self, block: Block) -> Iterator[Segment]:
-        """Carries a block to the end of the scenario, segment by segment; the last one is cut at the end."""
+        """Carries a block to the end of the scenario, segment by segment; the last one is cut at the end.
+
+        The devices work on the next segment while the caller looks at this one.
+        """
         assert self._programs is not None
-        states = [state for _, _, state in block.shares]
-        for number in range(self.segments):
-            # Calls return at once, so all devices work at the same time until the first result is looked at.
-            results = [
-                program(nominal, values, state)
-                for program, (nominal, values, _), state in zip(self._programs[1], block.shares, states, strict=True)
-            ]
-            states = [state for state, _ in results]
-            channels = _joined([seen for _, seen in results], axis=1)
-            first = number * self.segment_ticks
-            keep = min(self.segment_ticks, self.scenario.ticks - first)
-            yield Segment(
-                first_tick=first,
-                channels={name: value[:keep] for name, value in channels.items()},
-                failure=np.concatenate([np.asarray(state.failure) for state in states]),
-                failed_at=np.concatenate([np.asarray(state.failed_at) for state in states]),
-            )
+        programs, shares = self._programs[1], block.shares
+        with ThreadPoolExecutor(len(self.devices)) as pool:
+            coming = per_device.started(pool, programs, shares)
+            for number in range(self.segments):
+                results = [each.result() for each in coming]
+                states = [state for state, _ in results]
+                # Copies: what they are made of is given up to the next segment.
+                failure = np.concatenate([np.asarray(state.failure) for state in states])
+                failed_at = np.concatenate([np.asarray(state.failed_at) for state in states])
+                if number + 1 < self.segments:
+                    inputs = [(*share[:2], state) for share, state in zip(shares, states, strict=True)]
+                    coming = per_device.started(pool, programs, inputs)
+                yield self._segment(number, [seen for _, seen in results], failure, failed_at)
+
+    def _segment(
+        self, number: int, seen: list[telemetry.Channels], failure: np.ndarray, failed_at: np.ndarray
+    ) -> Segment:
+        first = number * self.segment_ticks
+        keep = min(self.segment_ticks, self.scenario.ticks - first)
+        channels = {name: value[:keep] for name, value in _joined(seen, axis=1).items()}
+        return Segment(first_tick=first, channels=channels, failure=failure, failed_at=failed_at)
 
     def _prepare(self, nominal: Params, key: Array, ids: Array, given: Values) -> tuple[Values, Values, State]:
         def one(run_id: Array, given: Values) -> tuple[Values, Values, State]:

@@ -45,8 +45,8 @@ class Program:
     """A function compiled for some devices.
 
     Attributes:
-        compiled: one program per device
-        inputs: arguments of each, on its device
+        compiled: the program of each device
+        inputs: arguments of each, where it runs
         compile_s: tracing and compiling all of them [s]
     """
 
@@ -56,9 +56,8 @@ class Program:
 
     def run(self) -> list[Any]:
         """Results of all devices, which work at the same time."""
-        # Calls return at once; what is waited for is the last result.
-        results = [program(*given) for program, given in zip(self.compiled, self.inputs, strict=True)]
-        return jax.block_until_ready(results)
+        with ThreadPoolExecutor(len(self.compiled)) as pool:
+            return [each.result() for each in per_device.started(pool, self.compiled, self.inputs)]
 
     def fastest(self, repeats: int = REPEATS) -> Taken:
         """The fastest of some passes on all devices."""
@@ -66,10 +65,11 @@ class Program:
 
 
 def program(function: Callable[..., Any], shares: Sequence[tuple[Any, ...]], devices: Sequence[Any]) -> Program:
-    """`function` compiled for each device, with that device's share of the arguments."""
-    inputs = [jax.device_put(share, device) for share, device in zip(shares, devices, strict=True)]
+    """`function` compiled for the devices, with each device's share of the arguments."""
+    places = per_device.homes(devices)
+    inputs = [jax.device_put(share, place) for share, place in zip(shares, places, strict=True)]
     begin = time.perf_counter()
     wanted = per_device.lowered(traces.traced(function, inputs[0]), inputs[0], devices)
     with ThreadPoolExecutor(len(wanted)) as pool:
-        compiled = list(pool.map(lambda each: each.compile(), wanted))
-    return Program(compiled, inputs, time.perf_counter() - begin)
+        compiled = dict(zip(wanted, pool.map(lambda each: each.compile(), wanted.values()), strict=True))
+    return Program([compiled[place] for place in places], inputs, time.perf_counter() - begin)
