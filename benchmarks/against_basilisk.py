@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from rpojax.campaign.engine import Engine
     from rpojax.simulation.schema import ScenarioFile
 
-ROUNDS = 2
+ROUNDS = 6
 """Turns of each simulator; the faster one counts."""
 
 ORBITS = 3
@@ -66,12 +66,10 @@ def options(argv: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--cores", type=int, default=cores, metavar="N", help="cores for both (default: all)")
     parser.add_argument("--runs", type=int, default=10, metavar="N", help="runs of Basilisk per core and pass")
     parser.add_argument("--duration-s", type=float, default=3000.0, metavar="T", help="simulated time of a run [s]")
-    parser.add_argument(
-        "--batches", type=int, nargs="+", metavar="N", help="of rpojax (default: 256 per core, and 512)"
-    )
+    parser.add_argument("--batches", type=int, nargs="+", metavar="N", help="of rpojax (default: 128 and 256 per core)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to a new file")
     given = parser.parse_args(argv)
-    given.batches = sorted({256 * given.cores, 512}) if given.batches is None else given.batches
+    given.batches = sorted({128 * given.cores, 256 * given.cores}) if given.batches is None else given.batches
     comparison.check_options(given.cores, cores, given.runs, given.duration_s, given.batches)
     if given.json is not None:
         if given.json.exists():

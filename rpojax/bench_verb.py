@@ -37,7 +37,7 @@ def bench(
             help_behavior_hint="(default: 1, 64, 512, 2048 and what a campaign takes at once)",
         ),
     ] = (),
-    duration_s: Annotated[float, arg(metavar="T", help="Simulated time of a run [s].")] = 200.0,
+    duration_s: Annotated[float, arg(metavar="T", help="Simulated time of a run [s].")] = 800.0,
     only: Annotated[str, arg(metavar="PARTS", help="Parts to measure.")] = ",".join(PARTS),
     as_json: AsJson = False,
 ) -> int:

@@ -86,7 +86,7 @@ def campaign(
     block_size: Annotated[
         int | None,
         arg(
-            metavar="N", help="Runs at once on a device.", help_behavior_hint="(default: 256 on a CPU, 4096 elsewhere)"
+            metavar="N", help="Runs at once on a device.", help_behavior_hint="(default: 128 on a CPU, 4096 elsewhere)"
         ),
     ] = None,
     histories: Annotated[

@@ -64,7 +64,7 @@ def test_by_default_both_batches_fly_on_all_cores(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(against_basilisk, "available_cores", lambda: 4)
     given = against_basilisk.options([])
     assert (given.cores, given.batches, given.duration_s, given.json) == (4, [512, 1024], 3000.0, None)
-    assert against_basilisk.options(["--cores", "2"]).batches == [512]
+    assert against_basilisk.options(["--cores", "2"]).batches == [256, 512]
 
 
 def test_a_missing_basilisk_is_said_with_the_line_that_installs_it(
@@ -86,6 +86,7 @@ def content() -> dict[str, Any]:
 
 def fly_with(monkeypatch: pytest.MonkeyPatch, proof: Proof, *words: str) -> int:
     """Exit status of the command with simulators that only say how fast they were."""
+    monkeypatch.setattr(against_basilisk, "ROUNDS", 2)
     rates = {"Basilisk": iter([10_000.0, 12_000.0]), "rpojax": iter([90_000.0, 40_000.0, 39_000.0])}
     peer = SimpleNamespace(
         import_s=1.0, prove=lambda *_: [PROOF, proof], fly=lambda *_: flown("Basilisk", next(rates["Basilisk"]))

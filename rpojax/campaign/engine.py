@@ -38,7 +38,7 @@ def block_size(file: ScenarioFile) -> int:
     """
     rendered = file.camera.model == "rendered"
     if jax.default_backend() == "cpu":
-        return 10 if rendered else 512 if file.precision == "single" else 256
+        return 10 if rendered else 256 if file.precision == "single" else 128
     return 256 if rendered else 4096
 
 

@@ -55,9 +55,9 @@ def test_statistics_agree_with_those_in_double_precision_within_their_intervals(
     pairs = fly_both(2000.0, 128)
     assert len(pairs) > 20
     for pair in pairs:
-        assert pair.apart <= pair.interval, pair.name
+        assert pair.apart <= 0.2 * pair.interval + 1e-12, pair.name
         # A run's own numbers stray far less than runs do from one another.
-        assert np.median(np.abs(pair.single - pair.double)) <= 0.3 * np.std(pair.double) + 1e-12, pair.name
+        assert np.median(np.abs(pair.single - pair.double)) <= 0.05 * np.std(pair.double) + 1e-12, pair.name
 
 
 def test_a_few_runs_are_nearly_those_in_double_precision() -> None:

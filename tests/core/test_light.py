@@ -9,6 +9,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 from rpojax.core import light
+from rpojax.simulation import precision
 
 SUN_DISTANCE, SUN_RADIUS = 1.496e11, 6.957e8
 SUN = np.array([SUN_DISTANCE, 0.0, 0.0])
@@ -171,3 +172,15 @@ def test_a_camera_is_blind_when_it_looks_near_the_sun(off_sun_deg: float, seen: 
     angle = np.deg2rad(off_sun_deg)
     r_ST_N = -40.0 * np.array([np.cos(angle), np.sin(angle), 0.0])
     assert observable(DAY, r_ST_N, 180.0, 30.0) is seen  # every phase will do, so that only the exclusion counts
+
+
+def test_single_precision_has_the_penumbra_to_a_ten_thousandth() -> None:
+    angles = np.arcsin(6378137.0 / 7.0e6) + np.linspace(-0.008, 0.008, 401)
+    places = 7.0e6 * np.stack([-np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
+    shares = jax.jit(jax.vmap(lambda r_N: light.illumination(r_N, jnp.asarray(SUN, r_N.dtype))))
+    double = np.asarray(shares(jnp.asarray(places)))
+    with precision.single():
+        found = np.asarray(shares(jnp.asarray(places, jnp.float32)))
+    assert found.dtype == np.float32
+    assert ((double > 0.01) & (double < 0.99)).sum() > 50
+    np.testing.assert_allclose(found, double, atol=1e-4)
