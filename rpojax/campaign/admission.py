@@ -97,8 +97,10 @@ def check_size(file: ScenarioFile, runs: int, block_size: int, devices: int, his
 def memory_bytes(file: ScenarioFile, runs: int, block_size: int, devices: int, histories: int) -> int:
     """Memory that a campaign takes at most, by a rough count [B]."""
     ticks = _ticks(file)
-    records = ticks * (block_size * devices * RECORD_BYTES + block_size * EVALUATION_BYTES)
-    recorded = min(histories, block_size * devices) * ticks * HISTORY_BYTES
+    # While runs are flown those before them are still there, being stored.
+    at_once = min(runs, 2 * block_size * devices)
+    records = ticks * (max(at_once, block_size * devices) * RECORD_BYTES + block_size * EVALUATION_BYTES)
+    recorded = min(histories, at_once) * ticks * HISTORY_BYTES
     return _RESERVE_BYTES + records + recorded + dispersed.design_bytes(file, runs)
 
 

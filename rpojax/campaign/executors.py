@@ -13,6 +13,7 @@ import tempfile
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import IO, Any, Protocol, runtime_checkable
 
@@ -49,20 +50,32 @@ class Local:
     engine: Engine
 
     def do(self, blocks: Sequence[int], tell: Tell) -> dict[int, str]:
-        """Does some blocks, as many at once as there are devices; an error ends the process, so none is given up."""
+        """Does some blocks, as many at once as there are devices; an error ends the process, so none is given up.
+
+        While blocks are flown those before them are stored, by a thread.
+        """
         tell(0.0, 0, False)
         self.engine.compile()
         tell(0.0, 0, True)
         done, failed = 0, 0
-        for first in range(0, len(blocks), len(self.engine.devices)):
-            wave = blocks[first : first + len(self.engine.devices)]
-            runs = sum(description.count(self.result.asked, block) for block in wave)
+        with ThreadPoolExecutor(1) as pool:
+            storing: Future[None] | None = None
+            for first in range(0, len(blocks), len(self.engine.devices)):
+                wave = blocks[first : first + len(self.engine.devices)]
+                runs = sum(description.count(self.result.asked, block) for block in wave)
 
-            def during(share: float, failures: int, runs: int = runs, done: int = done, failed: int = failed) -> None:
-                tell(done + share * runs, failed + failures, True)
+                def during(
+                    share: float, failures: int, runs: int = runs, done: int = done, failed: int = failed
+                ) -> None:
+                    tell(done + share * runs, failed + failures, True)
 
-            failed += flying.do_blocks(self.result, self.engine, wave, during)
-            done += runs
+                landed = flying.fly_blocks(self.result, self.engine, wave, during)
+                if storing is not None:
+                    storing.result()
+                storing = pool.submit(flying.store_blocks, self.result, self.engine, landed)
+                done, failed = done + runs, failed + landed.failures
+            if storing is not None:
+                storing.result()
         return {}
 
 

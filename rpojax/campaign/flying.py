@@ -99,12 +99,38 @@ def check_versions(recorded: Mapping[str, str]) -> None:
             )
 
 
+@dataclass(frozen=True)
+class Landed:
+    """Blocks that were flown at once, to be stored.
+
+    Attributes:
+        blocks: their numbers
+        flown: their runs, padded to a full batch
+        effort: what they took
+        kept: rows that have a history
+        failures: how many of their runs failed
+    """
+
+    blocks: Sequence[int]
+    flown: Flown
+    effort: Effort
+    kept: Sequence[int]
+    failures: int
+
+
 def do_blocks(result: Campaign, engine: Engine, wave: Sequence[int], during: During) -> int:
-    """Runs some blocks at once, one a device, and stores them; returns how many of their runs failed.
+    """Flies some blocks at once, one a device, and stores them; returns how many of their runs failed.
 
     Raises:
         UnfinishedError: they cannot be stored.
     """
+    landed = fly_blocks(result, engine, wave, during)
+    store_blocks(result, engine, landed)
+    return landed.failures
+
+
+def fly_blocks(result: Campaign, engine: Engine, wave: Sequence[int], during: During) -> Landed:
+    """Flies some blocks at once, one a device."""
     check_versions(result.asked["versions"])
     engine.compile()
     for block in wave:
@@ -119,13 +145,23 @@ def do_blocks(result: Campaign, engine: Engine, wave: Sequence[int], during: Dur
     known = retention.known(result.asked["first_run"], result.asked["runs"])
     kept = [row for row in counted.tolist() if int(ids[row]) in known]
     flown = fly(engine, result.asked["seed"], ids, kept, counted, retention, during)
-    for place, block in enumerate(wave):
+    return Landed(wave, flown, effort, kept, int((flown.failure[counted] > 0).sum()))
+
+
+def store_blocks(result: Campaign, engine: Engine, landed: Landed) -> None:
+    """Stores blocks that were flown.
+
+    Raises:
+        UnfinishedError: they cannot be stored.
+    """
+    size, retention, flown = engine.size, Retention.read(result.asked["histories"]), landed.flown
+    for place, block in enumerate(landed.blocks):
         rows = slice(place * size, place * size + size)
-        for row in kept:
+        for row in landed.kept:
             if rows.start <= row < rows.stop:
-                result.write_history(int(ids[row]), retention.of(flown.history(row, engine), engine.scenario.ticks))
-        result.write_block(block, flown.results(rows, engine), effort)
-    return int((flown.failure[counted] > 0).sum())
+                history = retention.of(flown.history(row, engine), engine.scenario.ticks)
+                result.write_history(int(flown.block.ids[row]), history)
+        result.write_block(block, flown.results(rows, engine), landed.effort)
 
 
 def later_histories(result: Campaign) -> list[int]:
