@@ -63,13 +63,7 @@ class Local:
             for first in range(0, len(blocks), len(self.engine.devices)):
                 wave = blocks[first : first + len(self.engine.devices)]
                 runs = sum(description.count(self.result.asked, block) for block in wave)
-
-                def during(
-                    share: float, failures: int, runs: int = runs, done: int = done, failed: int = failed
-                ) -> None:
-                    tell(done + share * runs, failed + failures, True)
-
-                landed = flying.fly_blocks(self.result, self.engine, wave, during)
+                landed = flying.fly_blocks(self.result, self.engine, wave, _during(tell, runs, done, failed))
                 if storing is not None:
                     storing.result()
                 storing = pool.submit(flying.store_blocks, self.result, self.engine, landed)
@@ -77,6 +71,11 @@ class Local:
             if storing is not None:
                 storing.result()
         return {}
+
+
+def _during(tell: Tell, runs: int, done: int, failed: int) -> flying.During:
+    """Tells how far a wave of `runs` is, after those done and failed before it."""
+    return lambda share, failures: tell(done + share * runs, failed + failures, True)
 
 
 def check_stages(result: Campaign) -> None:
