@@ -45,7 +45,7 @@ def fly(params: Params, effects: Effects, epoch_s: float, steps: int) -> np.ndar
     )
 
     def step(truth: plant.Truth, time: jax.Array) -> tuple[plant.Truth, jax.Array]:
-        sky = Sky(sun_N=ephemeris.sun(epoch_s + time), moon_N=ephemeris.moon(epoch_s + time))
+        sky = Sky(sun_N=ephemeris.sun(time, epoch_s), moon_N=ephemeris.moon(time, epoch_s))
         after = plant.step(effects, params.plant, truth, jnp.zeros(3), (thrust,), sky, faults.healthy(), STEP_S)
         R_HN, _ = hill_frame(after.r_TN_N, after.v_TN_N)
         return after, apply(R_HN, after.r_ST_N)

@@ -5,6 +5,7 @@ Satellite Orbits, section 3.3.2, with four more terms of the Moon's distance fro
 47.A).
 """
 
+import math
 from collections.abc import Callable
 
 import jax.numpy as jnp
@@ -65,29 +66,25 @@ def earth_turn(seconds: Scalar) -> Scalar:
     return 2.0 * jnp.pi * jnp.mod(0.7790572732640 + 0.00273781191135448 * days + jnp.mod(days, 1.0), 1.0)
 
 
-def sun(seconds: Scalar) -> Vector:
-    """Position [m] of the Sun from the Earth in N, `seconds` after 2000-01-01 12:00 terrestrial time."""
-    centuries = seconds / _CENTURY
-    anomaly = jnp.deg2rad(357.5256 + 35999.049 * centuries)
-    longitude = jnp.deg2rad(282.9400 + 0.3225 * centuries) + anomaly
+def sun(seconds: Scalar, epoch: float = 0.0) -> Vector:
+    """Position [m] of the Sun from the Earth in N, `seconds` after `epoch` [s from 2000-01-01 12:00 terrestrial]."""
+    anomaly = _angle(357.5256, 35999.049, seconds, epoch)
+    longitude = _angle(282.9400, 0.3225, seconds, epoch) + anomaly
     longitude = longitude + _ARCSECOND * (6892.0 * jnp.sin(anomaly) + 72.0 * jnp.sin(2.0 * anomaly))
     distance = 1e9 * (149.619 - 2.499 * jnp.cos(anomaly) - 0.021 * jnp.cos(2.0 * anomaly))
     return _equatorial(longitude, jnp.zeros_like(longitude), distance)
 
 
-def moon(seconds: Scalar) -> Vector:
-    """Position [m] of the Moon from the Earth in N, `seconds` after 2000-01-01 12:00 terrestrial time."""
-    centuries = seconds / _CENTURY
-    mean = jnp.deg2rad(218.31617 + (481267.88088 - 1.3972) * centuries)
-    arguments = jnp.deg2rad(
-        jnp.stack(
-            [
-                134.96292 + 477198.86753 * centuries,
-                357.52543 + 35999.04944 * centuries,
-                93.27283 + 483202.01873 * centuries,
-                297.85027 + 445267.11135 * centuries,
-            ]
-        )
+def moon(seconds: Scalar, epoch: float = 0.0) -> Vector:
+    """Position [m] of the Moon from the Earth in N, `seconds` after `epoch` [s from 2000-01-01 12:00 terrestrial]."""
+    mean = _angle(218.31617, 481267.88088 - 1.3972, seconds, epoch)
+    arguments = jnp.stack(
+        [
+            _angle(134.96292, 477198.86753, seconds, epoch),
+            _angle(357.52543, 35999.04944, seconds, epoch),
+            _angle(93.27283, 483202.01873, seconds, epoch),
+            _angle(297.85027, 445267.11135, seconds, epoch),
+        ]
     )
     wobble = _ARCSECOND * _series(_MOON_LONGITUDE, arguments, jnp.sin)
     tilt = _ARCSECOND * (412.0 * jnp.sin(2.0 * arguments[2]) + 541.0 * jnp.sin(arguments[1]))
@@ -96,6 +93,15 @@ def moon(seconds: Scalar) -> Vector:
     )
     distance = 1e3 * (385000.0 + _series(_MOON_DISTANCE, arguments, jnp.cos))
     return _equatorial(mean + wobble, latitude, distance)
+
+
+def _angle(start: float, rate: float, seconds: Scalar, epoch: float) -> Scalar:
+    """Angle [rad] of `start` [deg] in 2000 and a rate [deg per century]; whole turns before the epoch are left out.
+
+    So single precision has all of its digits for what is left.
+    """
+    at_epoch = math.fmod(start + rate * (epoch / _CENTURY), 360.0)
+    return math.radians(at_epoch) + math.radians(rate) / _CENTURY * seconds
 
 
 def _series(rows: tuple[tuple[int, ...], ...], arguments: Float[Array, "4"], wave: Callable[[Array], Array]) -> Scalar:

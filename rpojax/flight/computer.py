@@ -242,10 +242,14 @@ def control_attitude(
     )
 
 
-def delta_v_between(params: FlightParams, memory: FlightMemory, begin: Scalar, end: Scalar) -> Vector:
-    """Velocity change in N [m/s] that flight software expects from the plan between two times [s]."""
-    ignition, cutoff = memory.plan.ignition, memory.plan.cutoff
-    on = jnp.clip(end, ignition, cutoff) - jnp.clip(begin, ignition, cutoff)
+def delta_v_within(
+    params: FlightParams, memory: FlightMemory, ignition: Scalar, cutoff: Scalar, dt: float | Scalar
+) -> Vector:
+    """Velocity change in N [m/s] that flight software expects over the next `dt` [s].
+
+    The valve is to be open from `ignition` to `cutoff`, both in [s] from now.
+    """
+    on = jnp.clip(dt, ignition, cutoff) - jnp.clip(0.0, ignition, cutoff)
     # A tie is split between two steps. That of an empty burn must not count: the step before the decision has no part.
     on = jnp.where(cutoff > ignition, on, 0.0)
     direction_N = quaternion.rotate(quaternion.conjugate(memory.attitude.q_BN), params.onboard.thrust_direction)
@@ -299,7 +303,7 @@ __all__ = [
     "Measurements",
     "Stages",
     "control_attitude",
-    "delta_v_between",
+    "delta_v_within",
     "guide",
     "navigate",
     "plan_burn",

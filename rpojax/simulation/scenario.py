@@ -141,6 +141,9 @@ def digest(file: ScenarioFile) -> str:
     elif file.design.kind == "grid":
         # The order of a grid's keys says which run has which combination.
         content["design"]["values"] = list(content["design"]["values"].items())
+    if file.precision == "double":
+        # As before there was another: campaigns of then go on.
+        del content["precision"]
     if trained := networks.digests(content):
         content["trained"] = trained
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

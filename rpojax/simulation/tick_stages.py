@@ -87,8 +87,8 @@ class Motion:
 
 def sky_at(scenario: Scenario, time: Scalar) -> Sky:
     """Sun and Moon at `time` [s]; the same for all runs of a campaign, so they cost next to nothing."""
-    seconds = scenario.epoch_s + time
-    return Sky(sun_N=ephemeris.sun(seconds), moon_N=ephemeris.moon(seconds))
+    epoch = scenario.epoch_s
+    return Sky(sun_N=ephemeris.sun(time, epoch), moon_N=ephemeris.moon(time, epoch))
 
 
 def sense(scenario: Scenario, params: Params, state: State, drawn: TickNoise | None = None) -> Sensed:
@@ -182,11 +182,10 @@ def move(
     """Motion one plant step later, under constant wheel torques [N m]; `offset` [s] is that of the step in the tick."""
     dt, effects, plan, sensed = scenario.step_s, scenario.effects, decided.flight.plan, decided.sensed
     now = replace(decided.flight, attitude=motion.attitude)
-    begin = sensed.time + offset
-    # Differences of times first: in single precision only these are exact.
+    # Times since the step began: in single precision those since the start are too coarse to be told apart.
     ignition, cutoff = plan.ignition - sensed.time - offset, plan.cutoff - sensed.time - offset
     burn = Burn(ignition=ignition, cutoff=cutoff, error=decided.burn_error)
-    delta_v_N = motion.delta_v_N + computer.delta_v_between(params.flight, now, begin, begin + dt)
+    delta_v_N = motion.delta_v_N + computer.delta_v_within(params.flight, now, ignition, cutoff, dt)
     thrust = actuators.thrust(params.plant.thruster, burn, effects.integrator, effects.thruster_ramps, dt)
     truth = plant.step(effects, params.plant, motion.truth, torque, (thrust,), sensed.sky, sensed.health, dt)
     sample = gyro.measure(params.gyro, truth.omega_BN_B, state.sensors.gyro_bias_B, gyro_normals, dt)

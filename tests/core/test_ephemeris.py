@@ -3,10 +3,12 @@
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from rpojax.core import ephemeris
+from rpojax.simulation import precision
 
 GOLDEN = np.loadtxt(Path(__file__).with_name("ephemeris_golden.csv"), delimiter=",", skiprows=1)
 """Seconds, Sun [m], Moon [m]; made by `make_ephemeris_golden.py`."""
@@ -51,3 +53,15 @@ def test_the_sun_is_at_the_vernal_equinox_in_march_2026() -> None:
     longitude = np.rad2deg(np.arctan2(np.hypot(y, z), x))
     np.testing.assert_allclose(longitude, 26.22 * 50.29 / 3600.0, atol=0.02)
     assert y < 0.0 and z < 0.0
+
+
+@pytest.mark.parametrize("body", ["sun", "moon"])
+def test_an_epoch_keeps_all_digits_in_single_precision(body: str) -> None:
+    place = getattr(ephemeris, body)
+    epoch, seconds = 827505999.184, 5432.1
+    whole = np.asarray(place(jnp.float64(epoch + seconds)))
+    np.testing.assert_allclose(place(jnp.float64(seconds), epoch), whole, rtol=1e-11)
+    with precision.single():
+        found = np.asarray(jax.jit(lambda after: place(after, epoch))(jnp.float32(seconds)), dtype=np.float64)
+    # A thousandth of the Sun's radius; seconds since 2000, rounded to 64 s, would be wrong by thirteen times as much.
+    assert np.linalg.norm(found - whole) < 1e-6 * np.linalg.norm(whole)
