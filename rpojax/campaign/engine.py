@@ -202,7 +202,8 @@ class Engine:
     def run(self, block: Block) -> Iterator[Segment]:
         """Carries a block to the end of the scenario, segment by segment; the last one is cut at the end.
 
-        The devices work on the next segment while the caller looks at this one.
+        The devices work on the next segment while the caller looks at this one. A block can be flown once: its states
+        are given up to the loop.
         """
         assert self._programs is not None
         programs, shares = self._programs[1], block.shares
@@ -217,7 +218,10 @@ class Engine:
                 if number + 1 < self.segments:
                     inputs = [(*share[:2], state) for share, state in zip(shares, states, strict=True)]
                     coming = per_device.started(pool, programs, inputs)
-                yield self._segment(number, [seen for _, seen in results], failure, failed_at)
+                segment = self._segment(number, [seen for _, seen in results], failure, failed_at)
+                # Else a segment's records would be there twice while the caller looks at them.
+                del results, states
+                yield segment
 
     def _segment(
         self, number: int, seen: list[telemetry.Channels], failure: np.ndarray, failed_at: np.ndarray

@@ -5,13 +5,14 @@ from jaxtyping import Array, Float
 
 from rpojax.core import integrate
 
+Numbers = Float[Array, "..."]
 Vector = Float[Array, "3"]
 Residue = Float[Array, "2 3"] | None
 """What is missing from a position [m] and a velocity [m/s]; None in double precision, which needs none."""
 
 
-def add(total: Vector, residue: Vector, part: Vector) -> tuple[Vector, Vector]:
-    """`total` with its residue and a part added, as the nearest vector and its own residue.
+def add(total: Numbers, residue: Numbers, part: Numbers) -> tuple[Numbers, Numbers]:
+    """`total` with its residue and a part added, as the nearest numbers and their own residue.
 
     Knuth, The Art of Computer Programming, volume 2, section 4.2.2, theorem B: exact whichever of the two is larger.
     """

@@ -80,6 +80,7 @@ class Truth:
         mass: () servicer mass [kg]
         delta_v: () velocity change that the thruster has applied so far, summed in magnitude [m/s]
         residue: (2, 3) what the target's position [m] and velocity [m/s] lack in single precision; else None
+        mass_residue: () the same of the mass [kg]
     """
 
     r_TN_N: Array
@@ -94,6 +95,7 @@ class Truth:
     mass: Array
     delta_v: Array
     residue: Array | None = None
+    mass_residue: Array | None = None
 
 
 def initial_truth(
@@ -173,19 +175,26 @@ def step(
         )
 
     openings = tuple(health.thrust * thrust.opening for thrust in thrusts)
-    change = integrate.change(effects.integrator, derivative, replace(truth, residue=None), openings, dt)
+    change = integrate.change(effects.integrator, derivative, _bare(truth), openings, dt)
     return _changed(truth, change, dt)
 
 
 def _changed(truth: Truth, change: Truth, dt: float | Scalar) -> Truth:
     """Truth with the change of a step of `dt` [s] added; attitudes are normalised."""
-    after = jax.tree.map(lambda y, more: y + more, replace(truth, residue=None), change)
+    after = jax.tree.map(lambda y, more: y + more, _bare(truth), change)
     if truth.residue is not None:
         assert isinstance(dt, float)
+        assert truth.mass_residue is not None
+        mass, mass_residue = compensated.add(truth.mass, truth.mass_residue, change.mass)
+        after = replace(after, mass=mass, mass_residue=mass_residue)
         orbit = (truth.r_TN_N, truth.v_TN_N, truth.residue, change.r_TN_N, change.v_TN_N)
         r_TN_N, v_TN_N, residue = compensated.drifted(*orbit, dt)
         after = replace(after, r_TN_N=r_TN_N, v_TN_N=v_TN_N, residue=residue)
     return replace(after, q_BN=quaternion.normalize(after.q_BN), q_TN=quaternion.normalize(after.q_TN))
+
+
+def _bare(truth: Truth) -> Truth:
+    return replace(truth, residue=None, mass_residue=None)
 
 
 def motor_torque(

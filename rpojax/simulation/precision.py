@@ -39,7 +39,11 @@ def rounded_state(state: State) -> State:
     after = rounded(state)
     return replace(
         after,
-        truth=replace(after.truth, residue=_residue(truth.r_TN_N, truth.v_TN_N)),
+        truth=replace(
+            after.truth,
+            residue=_residue(truth.r_TN_N, truth.v_TN_N),
+            mass_residue=jnp.zeros_like(after.truth.mass),
+        ),
         flight=replace(
             after.flight,
             orbit=replace(

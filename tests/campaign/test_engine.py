@@ -4,7 +4,9 @@ import json
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ import numpy as np
 import pytest
 
 import rpojax
-from rpojax.campaign import traces
+from rpojax.campaign import per_device, traces
 from rpojax.campaign.engine import Engine
 from rpojax.campaign.runner import run_campaign
 from rpojax.simulation import closed_loop
@@ -76,6 +78,26 @@ def test_another_seed_is_another_campaign(engine: Engine, block: Channels) -> No
     assert not np.any(np.all(other.channels["rho_H"][0] == block["rho_H"][0], axis=1))
 
 
+def test_a_block_left_after_its_first_segment_leaves_nothing_behind(engine: Engine, block: Channels) -> None:
+    flying = engine.run(engine.prepare(0, np.arange(BATCH)))
+    first = next(flying)
+    flying.close()  # waits for the segment that the devices work on
+    assert not [thread.name for thread in threading.enumerate() if "ThreadPoolExecutor" in thread.name]
+    assert not same(first.channels, 5, {name: values[:200] for name, values in block.items()}, 5)
+    assert not same(fly(engine, np.arange(BATCH)), 5, block, 5)
+
+
+def test_an_error_in_a_device_s_thread_is_the_caller_s() -> None:
+    def lost(*_: object) -> object:
+        raise ValueError("device lost")
+
+    with ThreadPoolExecutor(2) as pool:
+        coming = per_device.started(pool, [lambda value: value, lost], [(1.0,), (2.0,)])
+        assert coming[0].result() == 1.0
+        with pytest.raises(ValueError, match="device lost"):
+            coming[1].result()
+
+
 def test_a_campaign_of_many_blocks_traces_the_loop_once(
     mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -108,7 +130,7 @@ def in_process_with_two_devices(*words: str, flags: str = "") -> str:
 EXCHANGE = """
 import jax
 import numpy as np
-from rpojax.campaign import traces
+from rpojax.campaign import per_device, traces
 from rpojax.campaign.engine import Engine
 from rpojax.simulation import scenario
 
