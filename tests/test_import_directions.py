@@ -29,7 +29,7 @@ FLOORS = {
 
 LEFT_TO_RIGHT = {
     "core": "constants pytree safe gaussian series quaternion frames difference orbital_mechanics ephemeris light "
-    "integrate",
+    "compensated course integrate",
     "physics": "effects environment actuators rigid_body faults plant",
     "vision": "pinhole box_model rays grid_field grid_build point_field field region render exposure weights "
     "sheets turntable background overlap layers first_look second_look detector pictures search imager",

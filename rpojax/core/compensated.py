@@ -1,9 +1,11 @@
-"""Orbits in single precision: what rounding takes away from 7000 km and 7 km/s is carried beside them."""
+"""Numbers as the sum of two singles, so that what rounding takes away from 7000 km and 7 km/s is not lost."""
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from rpojax.core import integrate
+from rpojax.core.pytree import pytree
 
 Numbers = Float[Array, "..."]
 Vector = Float[Array, "3"]
@@ -11,16 +13,68 @@ Residue = Float[Array, "2 3"] | None
 """What is missing from a position [m] and a velocity [m/s]; None in double precision, which needs none."""
 
 
-def add(total: Numbers, residue: Numbers, part: Numbers) -> tuple[Numbers, Numbers]:
-    """`total` with its residue and a part added, as the nearest numbers and their own residue.
+@pytree
+class TwoPart:
+    """A number or an array of them.
 
-    Knuth, The Art of Computer Programming, volume 2, section 4.2.2, theorem B: exact whichever of the two is larger.
+    Attributes:
+        value: the nearest single
+        rest: what it lacks
     """
-    rough = total + part
-    given = rough - total
-    missing = (total - (rough - given)) + (part - given) + residue
-    after = rough + missing
-    return after, missing - (after - rough)
+
+    value: Array
+    rest: Array
+
+    def __add__(self, other: "TwoPart") -> "TwoPart":
+        # Knuth, The Art of Computer Programming, volume 2, section 4.2.2, theorem B: exact whichever is larger.
+        rough = self.value + other.value
+        given = rough - self.value
+        missing = (self.value - (rough - given)) + (other.value - given)
+        return _normalised(rough, missing + self.rest + other.rest)
+
+    def __mul__(self, other: "TwoPart") -> "TwoPart":
+        top = product(self.value, other.value)
+        return _normalised(top.value, top.rest + (self.value * other.rest + self.rest * other.value))
+
+    def __getitem__(self, index: int) -> "TwoPart":
+        return TwoPart(value=self.value[index], rest=self.rest[index])
+
+
+def whole(value: Numbers) -> TwoPart:
+    """Singles that lack nothing."""
+    return TwoPart(value=value, rest=jnp.zeros_like(value))
+
+
+def constant(value: float) -> TwoPart:
+    """A number known to more digits than a single has."""
+    nearest = np.float32(value)
+    return TwoPart(value=jnp.asarray(nearest), rest=jnp.asarray(np.float32(value - float(nearest))))
+
+
+def product(a: Numbers, b: Numbers) -> TwoPart:
+    """Product of singles to twice their digits: halves of 12 digits, whose products are exact (Dekker, 1971).
+
+    No compiler can spoil it by fusing a product with a sum, as only exact products are summed up.
+    """
+    (a_top, a_low), (b_top, b_low) = _halves(a), _halves(b)
+    top, middle = a_top * b_top, a_top * b_low + a_low * b_top
+    value = top + middle
+    return TwoPart(value=value, rest=(middle - (value - top)) + a_low * b_low)
+
+
+def inverse_root(square: TwoPart) -> TwoPart:
+    """One over the square root, by a Newton step from that of the value alone."""
+    rough = 1.0 / jnp.sqrt(square.value)
+    again = product(rough, rough)
+    found = product(square.value, again.value)
+    error = ((1.0 - found.value) - found.rest) - square.value * again.rest - square.rest * again.value
+    return TwoPart(value=rough, rest=0.5 * rough * error)
+
+
+def add(total: Numbers, residue: Numbers, part: Numbers) -> tuple[Numbers, Numbers]:
+    """`total` with its residue and a part added, as the nearest numbers and their own residue."""
+    after = TwoPart(value=total, rest=residue) + whole(part)
+    return after.value, after.rest
 
 
 def moved(r: Vector, v: Vector, residue: Residue, change_r: Vector, change_v: Vector) -> tuple[Vector, Vector, Residue]:
@@ -32,19 +86,19 @@ def moved(r: Vector, v: Vector, residue: Residue, change_r: Vector, change_v: Ve
     return r, v, jnp.stack([missing_r, missing_v])
 
 
-def drifted(
-    r: Vector, v: Vector, residue: Residue, change_r: Vector, change_v: Vector, dt: float
-) -> tuple[Vector, Vector, Residue]:
-    """The same after an `integrate.change` over `dt` [s], which knows of no residue and has rounded weights."""
-    if residue is not None:
-        short = integrate.lengthening(dt) * jnp.stack([change_r, change_v])
-        residue = residue + short + jnp.stack([dt * residue[1], jnp.zeros_like(residue[1])])
-    return moved(r, v, residue, change_r, change_v)
-
-
 def apart(r: Vector, residue: Vector | None, other: Vector, other_residue: Vector | None) -> Vector:
     """`r` less `other`, with what both of them lack."""
     difference = r - other
     if residue is not None:
         difference = difference + residue
     return difference if other_residue is None else difference - other_residue
+
+
+def _normalised(value: Numbers, rest: Numbers) -> TwoPart:
+    after = value + rest
+    return TwoPart(value=after, rest=rest - (after - value))
+
+
+def _halves(value: Numbers) -> tuple[Numbers, Numbers]:
+    top = jax.lax.reduce_precision(value, exponent_bits=8, mantissa_bits=11)
+    return top, value - top

@@ -44,14 +44,6 @@ def change(
     return _rk4(derivative, state, inputs, dt) if method == "rk4" else _rk8(derivative, state, inputs, dt)
 
 
-def lengthening(dt: float) -> float:
-    """Share by which rounded weights make a change over `dt` [s] by "rk4" too short; 0 in double precision."""
-    if jax.dtypes.canonicalize_dtype(np.float64) == np.float64:
-        return 0.0
-    rounded = np.array([dt / 6.0, dt / 3.0, dt / 3.0, dt / 6.0], dtype=np.float32)
-    return dt / float(np.sum(rounded, dtype=np.float64)) - 1.0
-
-
 def _sum(state: State, change: State) -> State:
     return jax.tree.map(lambda y, more: y + more, state, change)
 

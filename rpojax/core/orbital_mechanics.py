@@ -77,10 +77,19 @@ def gravity(field: Field, degree: int, r: Difference) -> Difference:
     Each harmonic pulls along the radius with P'_{n+1} and along the pole with P'_n of the sine of latitude, derivatives
     of Legendre polynomials that follow from one another (Kaula, Theory of Satellite Geodesy, 1966, in vector form).
     """
+    return _pull(field, degree, r, two_body=1.0)
+
+
+def zonal_pull(field: Field, degree: int, r: Difference) -> Difference:
+    """The same without the two-body pull."""
+    return _pull(field, degree, r, two_body=0.0)
+
+
+def _pull(field: Field, degree: int, r: Difference, two_body: float) -> Difference:
     inverse = inverse_length(r)
     along_radius, along_pole = _zonal_sums(field, degree, inverse, r[2] * inverse)
     strength = (inverse * inverse) * field.mu
-    outward = strength * (along_radius - 1.0) * inverse
+    outward = strength * (along_radius - two_body) * inverse
     polar = strength * along_pole
     pull = outward.scale(r)
     pole = jnp.array([0.0, 0.0, 1.0], dtype=r.value.dtype)

@@ -10,8 +10,8 @@ the sum of the two.
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import compensated, integrate, orbital_mechanics
-from rpojax.core.difference import Difference
+from rpojax.core import course, integrate
+from rpojax.core.orbital_mechanics import EARTH
 from rpojax.core.pytree import pytree
 from rpojax.flight import covariance, relative_filter, servicer_filter
 from rpojax.flight.box_gate import BoxTrack
@@ -79,9 +79,12 @@ def predict(
     """
     acceleration = delta_v_N / dt
 
-    def derivative(y: tuple[Vector, ...], _: Scalar) -> tuple[Vector, ...]:
+    servicer, relative = estimate.servicer, estimate.relative
+    own = course.begin(EARTH, zonal_degree, servicer.r_SN_N, servicer.v_SN_N, servicer.residue)
+
+    def derivative(y: tuple[Vector, ...], time: Scalar | None) -> tuple[Vector, ...]:
         r, v, d, d_dot = y
-        pull = orbital_mechanics.gravity(orbital_mechanics.EARTH, zonal_degree, Difference(value=r, change=d))
+        pull = own.gravity(time, r, d)
         return (
             v,
             pull.value + pull_N + acceleration,
@@ -89,10 +92,10 @@ def predict(
             pull.change - acceleration,
         )
 
-    servicer, relative = estimate.servicer, estimate.relative
-    mean = (servicer.r_SN_N, servicer.v_SN_N, relative.r_TS_N, relative.v_TS_N)
-    change_r, change_v, change_d, change_d_dot = integrate.change("rk4", derivative, mean, jnp.zeros(3), dt)
-    r, v, residue = compensated.drifted(servicer.r_SN_N, servicer.v_SN_N, servicer.residue, change_r, change_v, dt)
+    mean = (*own.start, relative.r_TS_N, relative.v_TS_N)
+    times = own.times(integrate.NODES["rk4"], dt)
+    change_r, change_v, change_d, change_d_dot = integrate.change("rk4", derivative, mean, times, dt)
+    r, v, residue = own.end(dt, change_r, change_v)
     d, d_dot = relative.r_TS_N + change_d, relative.v_TS_N + change_d_dot
     burn = covariance.burn(delta_v_N, burn_delta_v, doubt * tuning.burn_magnitude_sigma, tuning.burn_direction_sigma)
     return OrbitEstimate(

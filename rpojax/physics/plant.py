@@ -6,8 +6,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import compensated, integrate, orbital_mechanics, quaternion
+from rpojax.core import compensated, course, integrate, orbital_mechanics, quaternion
 from rpojax.core.constants import MU_MOON, MU_SUN
+from rpojax.core.course import Course
 from rpojax.core.difference import Difference
 from rpojax.core.frames import hill_frame, hill_to_inertial
 from rpojax.core.orbital_mechanics import Field
@@ -139,10 +140,14 @@ def step(
     inverse_hub = rigid_body.inverse_without_wheels(params.servicer.inertia, params.wheels.axes, params.wheels.inertia)
     inverse_target = rigid_body.inverse(params.target.inertia)
     light_shares = _light_shares(effects, params, truth, sky, dt)
+    orbit = course.begin(params.gravity, effects.zonal_degree, truth.r_TN_N, truth.v_TN_N, truth.residue)
 
-    def derivative(y: Truth, openings: tuple[Scalar, ...]) -> Truth:
+    def derivative(counted: Truth, inputs: tuple[tuple[Scalar, ...], Scalar | None]) -> Truth:
+        openings, time = inputs
+        r_TN_N, v_TN_N = orbit.at(time, counted.r_TN_N, counted.v_TN_N)
+        y = replace(counted, r_TN_N=r_TN_N, v_TN_N=v_TN_N)
         force_B, torque_B, flow = _propulsion(effects, params, y, thrusts, openings)
-        a_TN_N, a_ST_N = _orbital_accelerations(effects, params, y, sky)
+        pull = orbit.gravity(time, counted.r_TN_N, y.r_ST_N) + _distant_pulls(effects, y, sky)
         surface = _surface_forces(effects, params, y, sky, light_shares)
         pull_B, torque_T = _gravity_gradient_torques(effects, params, y)
         wheel_torque = driving_torque + _bearing_torque(effects, params.wheels, y.wheel_speed, health, dt)
@@ -158,10 +163,10 @@ def step(
         )
         torque_T = torque_T + surface.target_torque_T
         return Truth(
-            r_TN_N=y.v_TN_N,
-            v_TN_N=a_TN_N + surface.target_acceleration_N,
+            r_TN_N=counted.v_TN_N,
+            v_TN_N=pull.value + surface.target_acceleration_N,
             r_ST_N=y.v_ST_N,
-            v_ST_N=a_ST_N
+            v_ST_N=pull.change
             + surface.servicer_acceleration_N
             - surface.target_acceleration_N
             + rotate(conjugate(y.q_BN), force_B) / y.mass,
@@ -175,22 +180,30 @@ def step(
         )
 
     openings = tuple(health.thrust * thrust.opening for thrust in thrusts)
-    change = integrate.change(effects.integrator, derivative, _bare(truth), openings, dt)
-    return _changed(truth, change, dt)
+    r_TN_N, v_TN_N = orbit.start
+    counted = replace(_bare(truth), r_TN_N=r_TN_N, v_TN_N=v_TN_N)
+    times = orbit.times(integrate.NODES[effects.integrator], dt)
+    change = integrate.change(effects.integrator, derivative, counted, (openings, times), dt)
+    return _changed(orbit, truth, change, dt)
 
 
-def _changed(truth: Truth, change: Truth, dt: float | Scalar) -> Truth:
+def _changed(orbit: Course, truth: Truth, change: Truth, dt: float | Scalar) -> Truth:
     """Truth with the change of a step of `dt` [s] added; attitudes are normalised."""
     after = jax.tree.map(lambda y, more: y + more, _bare(truth), change)
-    if truth.residue is not None:
-        assert isinstance(dt, float)
-        assert truth.mass_residue is not None
+    r_TN_N, v_TN_N, residue = orbit.end(dt, change.r_TN_N, change.v_TN_N)
+    mass, mass_residue = after.mass, None
+    if truth.mass_residue is not None:
         mass, mass_residue = compensated.add(truth.mass, truth.mass_residue, change.mass)
-        after = replace(after, mass=mass, mass_residue=mass_residue)
-        orbit = (truth.r_TN_N, truth.v_TN_N, truth.residue, change.r_TN_N, change.v_TN_N)
-        r_TN_N, v_TN_N, residue = compensated.drifted(*orbit, dt)
-        after = replace(after, r_TN_N=r_TN_N, v_TN_N=v_TN_N, residue=residue)
-    return replace(after, q_BN=quaternion.normalize(after.q_BN), q_TN=quaternion.normalize(after.q_TN))
+    return replace(
+        after,
+        r_TN_N=r_TN_N,
+        v_TN_N=v_TN_N,
+        residue=residue,
+        mass=mass,
+        mass_residue=mass_residue,
+        q_BN=quaternion.normalize(after.q_BN),
+        q_TN=quaternion.normalize(after.q_TN),
+    )
 
 
 def _bare(truth: Truth) -> Truth:
@@ -239,15 +252,15 @@ def _center_of_mass_shift(effects: Effects, params: PlantParams, y: Truth) -> Ve
     return actuators.center_of_mass_shift(params.thruster, params.servicer.mass - y.mass, y.mass)
 
 
-def _orbital_accelerations(effects: Effects, params: PlantParams, y: Truth, sky: Sky) -> tuple[Vector, Vector]:
-    """Gravity [m/s^2] in N on the target, and on the servicer less that on the target."""
+def _distant_pulls(effects: Effects, y: Truth, sky: Sky) -> Difference:
+    """Pull [m/s^2] of the Sun and the Moon in N on the target, and on the servicer less that on the target."""
     r = Difference(value=y.r_TN_N, change=y.r_ST_N)
-    pull = orbital_mechanics.gravity(params.gravity, effects.zonal_degree, r)
+    pull = Difference(value=jnp.zeros_like(y.r_TN_N), change=jnp.zeros_like(y.r_ST_N))
     if effects.sun_gravity:
         pull = pull + orbital_mechanics.distant_pull(MU_SUN, sky.sun_N, r)
     if effects.moon_gravity:
         pull = pull + orbital_mechanics.distant_pull(MU_MOON, sky.moon_N, r)
-    return pull.value, pull.change
+    return pull
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpojax.core import compensated
+from rpojax.core.compensated import TwoPart
+from rpojax.simulation import precision
 
 add = jax.jit(compensated.add)
 LARGE = st.floats(-1e7, 1e7, width=32)
@@ -26,6 +28,28 @@ def test_nothing_is_lost_of_a_sum_whichever_part_is_larger(total: list[float], p
         assert after.dtype == residue.dtype == np.float32
         np.testing.assert_allclose(exact(after, residue), exact(first, second), rtol=1e-13, atol=1e-13)
         np.testing.assert_array_equal(after, exact(first, second).astype(np.float32))
+
+
+@given(st.lists(LARGE, min_size=3, max_size=3), st.lists(SMALL, min_size=3, max_size=3))
+def test_a_product_has_the_digits_of_two_singles(first: list[float], second: list[float]) -> None:
+    one, two = np.array(first, np.float32), np.array(second, np.float32)
+    kept = np.abs(one.astype(np.float64) * two) > 1e-20  # below, halves of what is kept fall out of single precision
+    found = jax.jit(compensated.product)(one, two)
+    both = exact(np.asarray(found.value), np.asarray(found.rest))
+    np.testing.assert_allclose(both[kept], (one.astype(np.float64) * two)[kept], rtol=2.0**-44)
+
+
+@given(st.floats(1e-3, 1e15), st.floats(-1e7, 1e7))
+def test_numbers_in_two_parts_multiply_and_have_roots(square: float, other: float) -> None:
+    @jax.jit
+    def both(a: TwoPart, b: TwoPart) -> tuple[TwoPart, TwoPart]:
+        return a * b, compensated.inverse_root(a)
+
+    with precision.single():
+        a, b = compensated.constant(square), compensated.constant(other)
+        times, root = ([np.asarray(part) for part in (each.value, each.rest)] for each in both(a, b))
+    np.testing.assert_allclose(exact(*times), square * other, rtol=2.0**-43, atol=1e-20)
+    np.testing.assert_allclose(exact(*root), square**-0.5, rtol=2.0**-43)
 
 
 def test_a_million_steps_far_below_the_last_digit_add_up() -> None:

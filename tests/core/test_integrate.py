@@ -10,7 +10,6 @@ from scipy.optimize import brentq
 
 from rpojax.core import integrate
 from rpojax.core.integrate import NODES, Method
-from rpojax.simulation import precision
 
 METHODS: tuple[Method, ...] = ("rk4", "rk8")
 ORDER = {"rk4": 4, "rk8": 8}
@@ -122,15 +121,3 @@ def test_every_leaf_of_the_inputs_is_taken_at_the_methods_nodes(method: Method) 
     after = integrate.step(method, lambda _, u: {"x": u["rising"], "y": u["vector"]}, state, inputs, 1.0)
     np.testing.assert_allclose(after["x"], 0.5, rtol=1e-15)
     np.testing.assert_allclose(after["y"], [1 / 3, 1 / 4], rtol=1e-15)
-
-
-def test_rounded_weights_make_a_change_too_short_by_the_share_that_is_told() -> None:
-    assert integrate.lengthening(0.2) == 0.0
-    with precision.single():
-        told = integrate.lengthening(0.2)
-        zero, nodes = jnp.zeros(3, jnp.float32), jnp.eye(3, dtype=jnp.float32)
-        # Each component is pushed at one node alone, so that nothing is rounded but the weights.
-        change = integrate.change("rk4", lambda _, u: u, zero, nodes, 0.2)
-    assert told != 0.0
-    assert change.dtype == np.float32
-    np.testing.assert_allclose(np.sum(change, dtype=np.float64) * (1.0 + told), 0.2, rtol=1e-15)
