@@ -28,4 +28,4 @@ def new_campaign(
 
 def effort() -> Effort:
     """A block that took no time."""
-    return Effort(time.time(), 0.0, "a test")
+    return Effort(time.time(), 0.5, 0.0, "a test")

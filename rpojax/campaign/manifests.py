@@ -32,7 +32,7 @@ class Manifest:
         reasons: reason of failure -> number of runs
         sha256: group of arrays -> digest of the block's values in it
         began_s: when its computation began, seconds since 1970 [s]
-        wall_s: time from then to the manifest, shared with the blocks computed at once with it [s]
+        wall_s: time from then until its runs had ended, shared with the blocks computed at once with it [s]
         compile_s: time to compile the programs that computed it [s]
         attempts: how often it was begun
         device: what computed it

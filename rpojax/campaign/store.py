@@ -11,7 +11,6 @@
 | `report.html`, `report.json`, `figures/` | the report |
 """
 
-import time
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -38,11 +37,13 @@ class Effort:
 
     Attributes:
         began_s: when its computation began, seconds since 1970 [s]
+        wall_s: time from then until its runs had ended [s]
         compile_s: time to compile the programs [s]
         device: what computed it
     """
 
     began_s: float
+    wall_s: float
     compile_s: float
     device: str
 
@@ -128,7 +129,7 @@ class Campaign:
             reasons=dict(sorted(failed.items())),
             sha256={group: encoding.digest(arrays) for group, arrays in sorted(groups.items())},
             began_s=effort.began_s,
-            wall_s=max(0.0, time.time() - effort.began_s),
+            wall_s=effort.wall_s,
             compile_s=effort.compile_s,
             attempts=max(1, manifests.attempts(self.directory, block)),
             device=effort.device,
