@@ -99,7 +99,8 @@ def filtered(
 
 def truth(file: ScenarioFile) -> tuple[Scenario, FlightParams, OrbitEstimate]:
     """Static settings, flight software's numbers and the start of the nominal run, as an estimate without error."""
-    scenario, params = single.nominal(file)
+    # The table of kernels is of double precision, whatever the loop is in.
+    scenario, params = single.nominal(file.model_copy(update={"precision": "double"}))
     identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
     initial = params.initial
     true = plant.initial_truth(

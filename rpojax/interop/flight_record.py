@@ -105,7 +105,9 @@ def fly(
         RpojaxError: there is no such run, or scenario, trained files or stages are not those of the campaign.
     """
     check_run(found, run_id)
-    file = flying.engine_of(found.asked, jax.devices()[:1], stages).file
+    asked = flying.engine_of(found.asked, jax.devices()[:1], stages).file
+    # A run alone is flown in double precision; how far that is from the campaign is found out in any case.
+    file = asked.model_copy(update={"precision": "double"})
     population = design.population_of(found.asked)
     static, chosen, state = single.dispersed(file, found.asked["seed"], run_id, population)
     count = -(-static.ticks // _SEGMENT_TICKS)

@@ -170,6 +170,12 @@ def test_orbits_are_counted_over_all_devices() -> None:
     assert found.vehicle_steps_per_s == pytest.approx(found.vehicles * 3 / found.run_s)
 
 
+def test_the_filter_is_measured_in_double_precision_whatever_the_loop_is_in(inspection_file: ScenarioFile) -> None:
+    scenario, _, start = filter_benchmark.truth(inspection_file.model_copy(update={"precision": "single"}))
+    assert scenario == filter_benchmark.truth(inspection_file)[0]
+    assert start.servicer.residue is None
+
+
 def test_the_filter_that_is_measured_follows_the_truth(inspection_file: ScenarioFile) -> None:
     scenario, flight, start = filter_benchmark.truth(inspection_file)
     noise = jnp.asarray(np.random.default_rng(1).standard_normal((30, filter_benchmark.NOISES, 3)))

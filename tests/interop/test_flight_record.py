@@ -7,6 +7,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from folders import new_campaign
 
 from rpojax.campaign import single
 from rpojax.campaign.runner import Progress
@@ -30,6 +31,16 @@ def test_other_trained_files_than_the_campaigns_are_refused(folder: Campaign, tm
     (tmp_path / "campaign.json").write_text(json.dumps({**described, "scenario_hash": "0" * 64}))
     with pytest.raises(RpojaxError, match="scenario: found another content or trained files"):
         flight_record.fly(Campaign(tmp_path), 3, tick_values.observe)
+
+
+def test_a_run_of_a_campaign_in_single_precision_is_flown_in_double(
+    both: Flight, observe_both: Observe, tmp_path: Path
+) -> None:
+    file = both.file.model_copy(update={"precision": "single"})
+    found = flight_record.fly(new_campaign(tmp_path / "runs", file, both.seed, 4, 0, 1), both.run_id, observe_both)
+    assert found.file == both.file
+    for name, values in both.poses.items():
+        np.testing.assert_array_equal(found.poses[name], values, err_msg=name)
 
 
 def test_a_run_ends_with_the_tick_at_which_it_failed(
