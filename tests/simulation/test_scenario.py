@@ -445,14 +445,16 @@ def test_a_scenario_without_requirements_is_one_with_none_and_has_the_same_diges
     assert scenarios.static(older) == scenarios.static(asked_for)
 
 
-def test_the_digest_is_what_it_was_before_there_were_requirements_and_designs(
+def test_the_digest_is_what_it_was_before_there_were_requirements_designs_and_precisions(
     inspection_file: ScenarioFile,
 ) -> None:
     content = inspection_file.model_dump(mode="json")
-    for key in ("name", "description", "requirements", "tuning", "design"):
+    for key in ("name", "description", "requirements", "tuning", "design", "precision"):
         del content[key]
     text = json.dumps(content, sort_keys=True)
     assert scenarios.digest(inspection_file) == hashlib.sha256(text.encode()).hexdigest()
+    single = inspection_file.model_copy(update={"precision": "single"})
+    assert scenarios.digest(single) != scenarios.digest(inspection_file)
 
 
 def test_requirements_of_a_file_replace_those_of_its_base(tmp_path: Path) -> None:
