@@ -64,4 +64,4 @@ def _tell(
         return
     print(out)
     print(f"{count} messages of {flight.ticks} ticks")
-    print(flown_again.sentence(agreement))
+    print(flown_again.sentence(flight, agreement))

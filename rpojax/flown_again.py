@@ -30,10 +30,11 @@ def content(agreement: "Agreement | None") -> dict[str, Any] | None:
     return None if agreement is None else dataclasses.asdict(agreement)
 
 
-def sentence(agreement: "Agreement | None") -> str:
+def sentence(flight: "Flight", agreement: "Agreement | None") -> str:
     """The comparison for people."""
+    how = "flown again in double precision" if flight.file.precision == "single" else "flown again"
     if agreement is None:
-        return "flown again; the campaign has not recorded this run yet"
+        return f"{how}; the campaign has not recorded this run yet"
     end = "the same end" if agreement.same_end else "ANOTHER END"
     off = f"{agreement.range_difference_m:.2g} m"
-    return f"flown again: range within {off} of the {agreement.samples} samples that the campaign kept, {end}"
+    return f"{how}: range within {off} of the {agreement.samples} samples that the campaign kept, {end}"

@@ -45,7 +45,7 @@ def export_rrd(
         print_json({"file": str(out), "run_id": run_id, **told, "agreement": flown_again.content(agreement)})
     else:
         print(out)
-        print(flown_again.sentence(agreement))
+        print(flown_again.sentence(flight, agreement))
     return Status.DONE
 
 

@@ -215,12 +215,11 @@ class Engine:
                 # Copies: what they are made of is given up to the next segment.
                 failure = np.concatenate([np.asarray(state.failure) for state in states])
                 failed_at = np.concatenate([np.asarray(state.failed_at) for state in states])
-                if number + 1 < self.segments:
-                    inputs = [(*share[:2], state) for share, state in zip(shares, states, strict=True)]
-                    coming = per_device.started(pool, programs, inputs)
+                inputs = [(*share[:2], state) for share, state in zip(shares, states, strict=True)]
+                coming = per_device.started(pool, programs, inputs) if number + 1 < self.segments else []
                 segment = self._segment(number, [seen for _, seen in results], failure, failed_at)
                 # Else a segment's records would be there twice while the caller looks at them.
-                del results, states
+                del results, states, inputs
                 yield segment
 
     def _segment(

@@ -1,8 +1,9 @@
 """An orbit over one step of integration: as it is in double precision, about a parabola in single (Encke's method).
 
-The parabola goes on with the position, the velocity and the gravity of the step's beginning, all known to twice the
-digits of single precision. What is integrated is the deviation from it, some metres in the longest step. Rounding
-then errs by less than 1e-9 m/s^2. It errs by 4e-7 m/s^2 where all of gravity is summed up in single precision, and
+The parabola goes on with the position, the velocity and the gravity of the step's beginning, known to twice the digits
+of single precision but for the harmonics, which are a thousandth. What is integrated is the deviation from it, 2 mm in
+a step of 1 s. Rounding then errs by 4e-10 m/s^2 for a point mass and 3e-9 m/s^2 with harmonics (root mean square; by
+3e-8 m/s^2 at worst, near the poles). It errs by 4e-7 m/s^2 where all of gravity is summed up in single precision, and
 alike for all runs of a campaign that are on nearly the same orbit, so that no average over runs is rid of it.
 """
 
@@ -29,10 +30,10 @@ class Course:
     Attributes:
         field: gravity
         degree: of its zonal harmonics
-        r: position at the beginning [m]
-        v: velocity there [m/s]
-        residue: what both lack; None in double precision, where they are counted from zero
-        a: gravity there [m/s^2], in single precision
+        r: (3,) position at the beginning [m]
+        v: (3,) velocity there [m/s]
+        residue: (2, 3) what both lack; None in double precision
+        a: (3,) gravity there [m/s^2]; None in double precision, where position and velocity are counted from zero
     """
 
     field: Field
@@ -55,23 +56,32 @@ class Course:
 
     def at(self, time: Time, r: Vector, v: Vector) -> tuple[Vector, Vector]:
         """Position [m] and velocity [m/s] in full, of those that are integrated."""
-        if self.a is None or time is None:
+        if self.a is None:
             return r, v
+        assert time is not None
         return self.r + self._way(time, r), self.v + (time * self.a.value + v)
 
     def gravity(self, time: Time, r: Vector, to_other: Vector) -> Difference:
-        """Acceleration [m/s^2] to integrate at a position; that of another craft, so far from there [m], less it."""
-        if self.a is None or time is None:
+        """Acceleration [m/s^2] to integrate at a position as it is integrated [m], as the value.
+
+        The change is the acceleration of another craft, so far from there [m], less that of this one.
+        """
+        if self.a is None:
             return orbital_mechanics.gravity(self.field, self.degree, Difference(value=r, change=to_other))
+        assert time is not None
         way = self._way(time, r)
         from_start = orbital_mechanics.gravity(self.field, self.degree, Difference(value=self.r, change=way))
         here = orbital_mechanics.gravity(self.field, self.degree, Difference(value=self.r + way, change=to_other))
         return Difference(value=from_start.change, change=here.change)
 
     def end(self, dt: float | Scalar, change_r: Vector, change_v: Vector) -> tuple[Vector, Vector, Residue]:
-        """Position [m], velocity [m/s] and what they lack after a step of `dt` [s] with the changes of both."""
-        if self.a is None or self.residue is None:
+        """Position [m], velocity [m/s] and what they lack after a step of `dt` [s] with the changes of both.
+
+        In single precision `dt` is a number of Python's, of which more digits are known.
+        """
+        if self.a is None:
             return self.r + change_r, self.v + change_v, None
+        assert self.residue is not None
         assert isinstance(dt, float)
         duration = compensated.constant(dt)
         v_start = TwoPart(value=self.v, rest=self.residue[1])

@@ -43,7 +43,7 @@ class Flight(Generic[Values]):
     """One run, up to its end or its failure.
 
     Attributes:
-        file: scenario
+        file: scenario of the campaign; the run is flown in double precision whatever it asks for
         seed: master seed
         run_id: number of the run
         population: runs that its design was made for
@@ -105,11 +105,11 @@ def fly(
         RpojaxError: there is no such run, or scenario, trained files or stages are not those of the campaign.
     """
     check_run(found, run_id)
-    asked = flying.engine_of(found.asked, jax.devices()[:1], stages).file
+    file = flying.engine_of(found.asked, jax.devices()[:1], stages).file
     # A run alone is flown in double precision; how far that is from the campaign is found out in any case.
-    file = asked.model_copy(update={"precision": "double"})
+    double = file.model_copy(update={"precision": "double"})
     population = design.population_of(found.asked)
-    static, chosen, state = single.dispersed(file, found.asked["seed"], run_id, population)
+    static, chosen, state = single.dispersed(double, found.asked["seed"], run_id, population)
     count = -(-static.ticks // _SEGMENT_TICKS)
     segment = -(-static.ticks // count)
     parts = []

@@ -115,6 +115,7 @@ def origin(flight: Flight[TickValues]) -> dict[str, str]:
         "rpojax.version": __version__,
         "rpojax.scenario": flight.file.name,
         "rpojax.scenario_hash": scenario.digest(flight.file),
+        "rpojax.precision": "double",
         "rpojax.seed": str(flight.seed),
         "rpojax.run_id": str(flight.run_id),
     }

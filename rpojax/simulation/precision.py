@@ -42,6 +42,7 @@ def rounded_state(state: State) -> State:
         truth=replace(
             after.truth,
             residue=_residue(truth.r_TN_N, truth.v_TN_N),
+            # None: the mass begins as the rounded mass of `Params`, from which propellant used is counted.
             mass_residue=jnp.zeros_like(after.truth.mass),
         ),
         flight=replace(

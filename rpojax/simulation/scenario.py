@@ -111,7 +111,7 @@ def static(file: ScenarioFile, single: bool = False) -> Scenario:
         ScenarioError: the scenario asks for single precision and the caller has none.
     """
     if file.precision == "single" and not single:
-        raise ScenarioError("precision", file.precision, "'double', as campaigns alone fly in single precision")
+        raise ScenarioError("precision", file.precision, "'double', as only run, campaign and bench know 'single'")
     rates = file.rates
     return Scenario(
         ticks=round(file.duration_s * rates.camera_hz),

@@ -114,6 +114,7 @@ def test_what_is_rounded_and_what_it_lacks_are_the_state() -> None:
         ("camera.model=rendered", "camera.model"),
         ("effects.integrator=rk8", "effects.integrator"),
         ("duration_s=100000", "duration_s"),
+        ("rates.plant_hz=100", "rates.plant_hz"),
     ],
 )
 def test_what_single_precision_is_not_made_for_is_refused(override: str, named: str) -> None:

@@ -63,5 +63,5 @@ def test_an_epoch_keeps_all_digits_in_single_precision(body: str) -> None:
     np.testing.assert_allclose(place(jnp.float64(seconds), epoch), whole, rtol=1e-11)
     with precision.single():
         found = np.asarray(jax.jit(lambda after: place(after, epoch))(jnp.float32(seconds)), dtype=np.float64)
-    # A thousandth of the Sun's radius; seconds since 2000, rounded to 64 s, would be wrong by thirteen times as much.
+    # A fifth of a thousandth of the Sun from its middle to its edge; seconds since 2000 are rounded to 64 s.
     assert np.linalg.norm(found - whole) < 1e-6 * np.linalg.norm(whole)

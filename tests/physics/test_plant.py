@@ -20,6 +20,7 @@ from rpojax.physics.effects import Effects
 from rpojax.physics.environment import Sky
 from rpojax.physics.faults import Health
 from rpojax.physics.plant import PlantParams, Truth
+from rpojax.simulation import precision
 from rpojax.simulation.params import Params
 
 STEP = 0.2
@@ -269,3 +270,34 @@ def test_a_run_starts_with_the_relative_state_of_the_scenario(params: Params) ->
     np.testing.assert_allclose(truth.omega_BN_B, matrix(q) @ np.asarray(omega_HN_N), atol=1e-16)
     assert truth.mass == 30.0
     assert truth.delta_v == 0.0
+
+
+def test_a_minute_of_thrust_in_single_precision_is_that_in_double(params: Params, in_orbit: Truth) -> None:
+    effects = Effects(drag=True, sun_gravity=True, moon_gravity=True)
+
+    def minute(params: PlantParams, truth: Truth, sky: Sky, health: Health) -> Truth:
+        pushes = (push(params, -1.0, 100.0, effects),)
+
+        def body(truth: Truth, _: None) -> tuple[Truth, None]:
+            return plant.step(effects, params, truth, jnp.zeros(3), pushes, sky, health, STEP), None
+
+        return jax.lax.scan(body, truth, None, length=300)[0]
+
+    double = jax.jit(minute)(params.plant, in_orbit, SKY, HEALTHY)
+    near = precision.rounded(in_orbit)
+    orbits = (in_orbit.r_TN_N - near.r_TN_N.astype(float), in_orbit.v_TN_N - near.v_TN_N.astype(float))
+    start = replace(near, residue=precision.rounded(jnp.stack(orbits)), mass_residue=jnp.zeros((), jnp.float32))
+    given = precision.rounded(jax.tree.map(jnp.asarray, (params.plant, SKY, HEALTHY)))
+    with precision.single():
+        single = jax.jit(minute)(given[0], start, *given[1:])
+    whole = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=np.float64), single)
+    assert single.r_TN_N.dtype == np.float32
+    assert whole.residue is not None
+    assert whole.mass_residue is not None
+    # The rounding of mu, 2e-7 m/s^2, bends both orbits alike.
+    np.testing.assert_allclose(whole.r_TN_N + whole.residue[0], double.r_TN_N, rtol=0.0, atol=1e-3)
+    np.testing.assert_allclose(whole.v_TN_N + whole.residue[1], double.v_TN_N, rtol=0.0, atol=2e-5)
+    np.testing.assert_allclose(whole.r_ST_N, double.r_ST_N, rtol=0.0, atol=2e-5)
+    np.testing.assert_allclose(whole.delta_v, double.delta_v, rtol=1e-5)
+    used = float(start.mass) - whole.mass - whole.mass_residue
+    np.testing.assert_allclose(used, in_orbit.mass - double.mass, rtol=1e-5)
