@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 LARGEST_BYTES = 1_500_000
 
-QUICK_COMPILATION = ["--xla_backend_optimization_level=0", "--xla_llvm_disable_expensive_passes=true"]
+QUICK_COMPILATION = ["--xla_llvm_disable_expensive_passes=true"]
 """Compiles with less effort still."""
 
 QUESTIONS = """

@@ -13,6 +13,7 @@ from typing import Any
 import jax
 import numpy as np
 import pytest
+import quick_compilation
 
 import rpojax
 from rpojax.campaign import per_device, traces
@@ -143,7 +144,7 @@ print(len(engine.devices), len(equal), all(equal))
 
 
 def test_a_run_is_the_same_to_the_last_bit_on_either_device() -> None:
-    flags = "--xla_backend_optimization_level=0"  # compiles in two thirds of the time
+    flags = quick_compilation.FLAGS[0]
     devices, channels, equal = in_process_with_devices(2, "-c", EXCHANGE, flags=flags).split()
     assert (devices, equal) == ("2", "True")
     assert int(channels) > 20
