@@ -49,16 +49,16 @@ def _check_precision(file: ScenarioFile) -> None:
     """Single precision is for what it has been held against double precision with."""
     if file.precision == "double":
         return
-    if file.camera.model == "rendered":
-        raise ScenarioError("camera.model", file.camera.model, "'geometric' or 'statistical' with precision = 'single'")
-    if file.effects.integrator != "rk4":
-        raise ScenarioError("effects.integrator", file.effects.integrator, "'rk4' with precision = 'single'")
-    if file.rates.plant_hz > _FASTEST_SINGLE_HZ:
-        expected = f"at most {_FASTEST_SINGLE_HZ:g} with precision = 'single', which loses what shorter steps add"
-        raise ScenarioError("rates.plant_hz", file.rates.plant_hz, expected)
-    if file.duration_s > _LONGEST_SINGLE_S:
-        expected = f"at most {_LONGEST_SINGLE_S:g} with precision = 'single'"
-        raise ScenarioError("duration_s", file.duration_s, expected)
+    model, integrator = file.camera.model, file.effects.integrator
+    plant_hz, duration_s = file.rates.plant_hz, file.duration_s
+    for key, found, known, expected in (
+        ("camera.model", model, model != "rendered", "'geometric' or 'statistical'"),
+        ("effects.integrator", integrator, integrator == "rk4", "'rk4'"),
+        ("rates.plant_hz", plant_hz, plant_hz <= _FASTEST_SINGLE_HZ, f"at most {_FASTEST_SINGLE_HZ:g}"),
+        ("duration_s", duration_s, duration_s <= _LONGEST_SINGLE_S, f"at most {_LONGEST_SINGLE_S:g}"),
+    ):
+        if not known:
+            raise ScenarioError(key, found, f"{expected} with precision = 'single'")
 
 
 _LONGEST_SINGLE_S = 20000.0
