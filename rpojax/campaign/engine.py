@@ -4,7 +4,7 @@ import contextlib
 import dataclasses
 import functools
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -65,15 +65,20 @@ class Segment:
 
     Attributes:
         first_tick: number of its first tick
-        channels: name -> (ticks, runs, ...)
+        shares: for each device name -> (ticks, ..., runs of the device), as the loop lays them out
         failure: (runs,) failure code so far
         failed_at: (runs,) [s], infinite while all is well
     """
 
     first_tick: int
-    channels: dict[str, np.ndarray]
+    shares: list[dict[str, np.ndarray]]
     failure: np.ndarray
     failed_at: np.ndarray
+
+    @functools.cached_property
+    def channels(self) -> dict[str, np.ndarray]:
+        """Name -> (ticks, runs, ...), all devices together."""
+        return {name: np.moveaxis(values, -1, 1) for name, values in _joined(self.shares).items()}
 
 
 class Engine:
@@ -202,33 +207,20 @@ class Engine:
     def run(self, block: Block) -> Iterator[Segment]:
         """Carries a block to the end of the scenario, segment by segment; the last one is cut at the end.
 
-        The devices work on the next segment while the caller looks at this one. A block can be flown once: its states
+        The devices work on the next segments while the caller looks at this one. A block can be flown once: its states
         are given up to the loop.
         """
         assert self._programs is not None
-        programs, shares = self._programs[1], block.shares
-        with ThreadPoolExecutor(len(self.devices)) as pool:
-            coming = per_device.started(pool, programs, shares)
-            for number in range(self.segments):
-                results = [each.result() for each in coming]
-                states = [state for state, _ in results]
-                # Copies: what they are made of is given up to the next segment.
-                failure = np.concatenate([np.asarray(state.failure) for state in states])
-                failed_at = np.concatenate([np.asarray(state.failed_at) for state in states])
-                inputs = [(*share[:2], state) for share, state in zip(shares, states, strict=True)]
-                coming = per_device.started(pool, programs, inputs) if number + 1 < self.segments else []
-                segment = self._segment(number, [seen for _, seen in results], failure, failed_at)
-                # Else a segment's records would be there twice while the caller looks at them.
-                del results, states, inputs
-                yield segment
-
-    def _segment(
-        self, number: int, seen: list[telemetry.Channels], failure: np.ndarray, failed_at: np.ndarray
-    ) -> Segment:
-        first = number * self.segment_ticks
-        keep = min(self.segment_ticks, self.scenario.ticks - first)
-        channels = {name: value[:keep] for name, value in _joined(seen, axis=1).items()}
-        return Segment(first_tick=first, channels=channels, failure=failure, failed_at=failed_at)
+        flights = [_Flight(program, *share) for program, share in zip(self._programs[1], block.shares, strict=True)]
+        for number, parts in enumerate(per_device.side_by_side([each.advance for each in flights], self.segments)):
+            first = number * self.segment_ticks
+            keep = min(self.segment_ticks, self.scenario.ticks - first)
+            yield Segment(
+                first_tick=first,
+                shares=[{name: np.asarray(value)[:keep] for name, value in part.seen.items()} for part in parts],
+                failure=np.concatenate([part.failure for part in parts]),
+                failed_at=np.concatenate([part.failed_at for part in parts]),
+            )
 
     def _prepare(self, nominal: Params, key: Array, ids: Array, given: Values) -> tuple[Values, Values, State]:
         def one(run_id: Array, given: Values) -> tuple[Values, Values, State]:
@@ -251,7 +243,32 @@ class Engine:
         every = batching(self.scenario)(one, in_axes=(-1, axes), out_axes=(axes, -1))
         own = {name: jnp.moveaxis(value, 0, -1) for name, value in values.items()}
         after, seen = jax.lax.scan(lambda carry, _: every(own, carry), state, None, length=self.segment_ticks)
-        return after, {name: jnp.moveaxis(value, -1, 1) for name, value in seen.items()}
+        return after, seen
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """What a device made of a stretch of time, and how its runs fared."""
+
+    seen: telemetry.Channels
+    failure: np.ndarray
+    failed_at: np.ndarray
+
+
+@dataclass
+class _Flight:
+    """A device's share of a block under way."""
+
+    program: Any
+    nominal: Params
+    values: Values
+    state: State
+
+    def advance(self) -> _Stretch:
+        """Carries the runs through one more segment."""
+        self.state, seen = jax.block_until_ready(self.program(self.nominal, self.values, self.state))
+        # Copies: what they are made of is given up to the next segment.
+        return _Stretch(seen, np.array(self.state.failure), np.array(self.state.failed_at))
 
 
 def _compiled(lowered: Any) -> Any:
@@ -266,7 +283,7 @@ def _master_key(seed: int) -> Array:
     return jnp.asarray(random.master_key(seed))
 
 
-def _joined(parts: list[dict[str, Array]], axis: int) -> dict[str, np.ndarray]:
+def _joined(parts: Sequence[Mapping[str, Array | np.ndarray]], axis: int = -1) -> dict[str, np.ndarray]:
     """The devices' shares of each array, one after the other along the axis of the runs."""
     return {name: np.concatenate([np.asarray(part[name]) for part in parts], axis=axis) for name in parts[0]}
 

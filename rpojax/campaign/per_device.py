@@ -1,13 +1,19 @@
 """One traced function for several devices at once: each runs a program of its own, but the cores of a CPU share one."""
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 from jax.sharding import SingleDeviceSharding
 
 from rpojax.campaign.traces import Trace
+
+T = TypeVar("T")
+
+_AHEAD = 2
+"""Calls that may wait to be looked at: enough for threads that share a core with others for a moment."""
 
 
 def homes(devices: Sequence[Any]) -> list[Any]:
@@ -30,13 +36,23 @@ def lowered(
     }
 
 
-def started(pool: ThreadPoolExecutor, programs: Sequence[Any], inputs: Sequence[tuple[Any, ...]]) -> list[Future[Any]]:
-    """Results to come of programs that run at the same time, each in a thread of the pool."""
-    return [pool.submit(_results, program, given) for program, given in zip(programs, inputs, strict=True)]
+def side_by_side(works: Sequence[Callable[[], T]], times: int) -> Iterator[list[T]]:
+    """What each of some functions gives, `times` times, each in a thread of its own.
 
-
-def _results(program: Any, given: tuple[Any, ...]) -> Any:
-    return jax.block_until_ready(program(*given))
+    None waits for the others: a thread may be `_AHEAD` calls ahead of whoever takes the results.
+    """
+    pools = [ThreadPoolExecutor(1) for _ in works]
+    coming: deque[list[Future[T]]] = deque()
+    try:
+        for number in range(-_AHEAD, times):
+            if number + _AHEAD < times:
+                coming.append([pool.submit(work) for pool, work in zip(pools, works, strict=True)])
+            if number >= 0:
+                # Not kept here while the caller looks at them.
+                yield [each.result() for each in coming.popleft()]
+    finally:
+        for pool in pools:
+            pool.shutdown(cancel_futures=True)
 
 
 def _shape(array: Any, device: Any) -> jax.ShapeDtypeStruct:

@@ -15,7 +15,12 @@ RECORDED = (*metrics.CHANNELS, "running")
 
 
 class Recorder:
-    """Collects channels segment by segment: those in `RECORDED` of all runs, those wanted of the runs in `rows`."""
+    """Collects channels segment by segment: those in `RECORDED` of all runs, those wanted of the runs in `rows`.
+
+    Attributes:
+        records: name -> (ticks, ..., runs), in the layout of the loop, so that they are copied in long rows
+        full: name -> (rows, ticks, ...)
+    """
 
     def __init__(self, ticks: int, rows: Sequence[int], wants: Callable[[str], bool]) -> None:
         self.ticks = ticks
@@ -26,20 +31,29 @@ class Recorder:
 
     def add(self, segment: Segment) -> None:
         """Takes the channels of the next stretch of time."""
-        stop = segment.first_tick + next(iter(segment.channels.values())).shape[0]
-        ticks = slice(segment.first_tick, stop)
-        for name, values in segment.channels.items():
-            runs_first = np.moveaxis(values, 0, 1)
-            if name in RECORDED:
-                self._into(self.records, name, runs_first)[:, ticks] = runs_first
-            if self.rows and name != "running" and self.wants(name):
-                chosen = runs_first[self.rows]
-                self._into(self.full, name, chosen)[:, ticks] = chosen
+        runs, first = len(segment.failure), 0
+        for share in segment.shares:
+            last = first + next(iter(share.values())).shape[-1]
+            for name, values in share.items():
+                if name in RECORDED:
+                    self._record(name, values, segment.first_tick, slice(first, last), runs)
+                if name != "running" and self.wants(name):
+                    self._keep(name, values, segment.first_tick, slice(first, last))
+            first = last
 
-    def _into(self, arrays: dict[str, np.ndarray], name: str, values: np.ndarray) -> np.ndarray:
-        if name not in arrays:
-            arrays[name] = np.empty((values.shape[0], self.ticks, *values.shape[2:]), dtype=values.dtype)
-        return arrays[name]
+    def _record(self, name: str, values: np.ndarray, tick: int, runs: slice, count: int) -> None:
+        if name not in self.records:
+            self.records[name] = np.empty((self.ticks, *values.shape[1:-1], count), dtype=values.dtype)
+        self.records[name][tick : tick + len(values), ..., runs] = values
+
+    def _keep(self, name: str, values: np.ndarray, tick: int, runs: slice) -> None:
+        begin, end = np.searchsorted(self.rows, (runs.start, runs.stop))
+        if begin == end:
+            return
+        if name not in self.full:
+            self.full[name] = np.empty((len(self.rows), self.ticks, *values.shape[1:-1]), dtype=values.dtype)
+        chosen = values[..., np.array(self.rows[begin:end]) - runs.start]
+        self.full[name][begin:end, tick : tick + len(values)] = np.moveaxis(chosen, -1, 0)
 
     def history(self, row: int, file: ScenarioFile, failure: int, failed_at: float) -> dict[str, np.ndarray]:
         """Wanted channels of one run, time first, nan after its failure."""
@@ -57,7 +71,7 @@ def results(
     file: ScenarioFile, block: Block, recorder: Recorder, failure: np.ndarray, failed_at: np.ndarray, rows: slice
 ) -> dict[str, np.ndarray]:
     """Arrays of one block as they are stored; metrics of failed runs are undefined."""
-    records = {name: values[rows] for name, values in recorder.records.items()}
+    records = {name: np.moveaxis(values[..., rows], -1, 0) for name, values in recorder.records.items()}
     failed = failure[rows] > 0
     arrays: dict[str, np.ndarray] = {}
     with np.errstate(invalid="ignore"):

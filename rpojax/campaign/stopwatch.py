@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import jax
@@ -56,12 +57,17 @@ class Program:
 
     def run(self) -> list[Any]:
         """Results of all devices, which work at the same time."""
-        with ThreadPoolExecutor(len(self.compiled)) as pool:
-            return [each.result() for each in per_device.started(pool, self.compiled, self.inputs)]
+        works = [partial(_done, each, given) for each, given in zip(self.compiled, self.inputs, strict=True)]
+        [results] = per_device.side_by_side(works, 1)
+        return results
 
     def fastest(self, repeats: int = REPEATS) -> Taken:
         """The fastest of some passes on all devices."""
         return fastest(lambda: timed(self.run), repeats)
+
+
+def _done(compiled: Any, inputs: tuple[Any, ...]) -> Any:
+    return jax.block_until_ready(compiled(*inputs))
 
 
 def program(function: Callable[..., Any], shares: Sequence[tuple[Any, ...]], devices: Sequence[Any]) -> Program:

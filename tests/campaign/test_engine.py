@@ -1,12 +1,12 @@
 """One trace for a campaign, and numbers of a run that depend on nothing but scenario, seed and run number."""
 
+import itertools
 import json
 import os
 import subprocess
 import sys
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -89,15 +89,26 @@ def test_a_block_left_after_its_first_segment_leaves_nothing_behind(engine: Engi
     assert not same(fly(engine, np.arange(BATCH)), 5, block, 5)
 
 
+def test_threads_of_devices_work_side_by_side_and_ahead_of_the_caller() -> None:
+    counts = itertools.count(), itertools.count(10)
+    results = per_device.side_by_side([lambda: next(counts[0]), lambda: next(counts[1])], 5)
+    assert next(results) == [0, 10]
+    slow = threading.Event()
+    waiting = per_device.side_by_side([lambda: next(counts[0]), slow.wait], 2)
+    threading.Timer(0.05, slow.set).start()
+    assert next(waiting)[1] is True
+    waiting.close()
+    assert [row[1] for row in results] == [11, 12, 13, 14]
+
+
 def test_an_error_in_a_device_s_thread_is_the_caller_s() -> None:
-    def lost(*_: object) -> object:
+    def lost() -> float:
         raise ValueError("device lost")
 
-    with ThreadPoolExecutor(2) as pool:
-        coming = per_device.started(pool, [lambda value: value, lost], [(1.0,), (2.0,)])
-        assert coming[0].result() == 1.0
-        with pytest.raises(ValueError, match="device lost"):
-            coming[1].result()
+    before = set(threading.enumerate())
+    with pytest.raises(ValueError, match="device lost"):
+        next(per_device.side_by_side([lambda: 1.0, lost], 4))
+    assert set(threading.enumerate()) <= before
 
 
 def test_a_campaign_of_many_blocks_traces_the_loop_once(
