@@ -19,9 +19,6 @@ ROOT = Path(__file__).parents[1]
 NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 LARGEST_BYTES = 1_500_000
 
-QUICK_COMPILATION = ["--xla_llvm_disable_expensive_passes=true"]
-"""Compiles with less effort still."""
-
 QUESTIONS = """
 import json
 print(json.dumps({
@@ -80,7 +77,7 @@ def executed(name: str, questions: str, folder: Path) -> dict[str, Any]:
         "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])),
         "IPYTHONDIR": str(folder / "ipython"),
         "TMPDIR": str(folder),
-        "XLA_FLAGS": " ".join([*QUICK_COMPILATION, *quick_compilation.FLAGS]),
+        "XLA_FLAGS": " ".join(quick_compilation.FLAGS),
         # The cache of the test session: a second run has nothing to compile.
         "JAX_COMPILATION_CACHE_DIR": str(jax.config.jax_compilation_cache_dir or folder / "cache"),
         "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",

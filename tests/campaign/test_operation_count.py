@@ -8,6 +8,7 @@ from pathlib import Path
 
 import jax
 import pytest
+import quick_compilation
 
 import rpojax
 from rpojax.campaign import operations
@@ -60,7 +61,8 @@ print(json.dumps([loop.cost_analysis()["flops"] / runs, *counts]))
 @pytest.fixture(scope="module")
 def counted() -> tuple[float, int, int]:
     """Floating-point operations of a run and tick, instructions and multiplications of the compiled closed loop."""
-    environment = {name: value for name, value in os.environ.items() if name != "XLA_FLAGS"}
+    # What is counted is settled before LLVM begins.
+    environment = {**os.environ, "XLA_FLAGS": quick_compilation.FLAGS[0]}
     environment["PYTHONPATH"] = str(Path(rpojax.__file__).parents[1])
     words = [sys.executable, "-c", COUNT, str(RUNS)]
     done = subprocess.run(words, env=environment, check=True, capture_output=True, text=True)
