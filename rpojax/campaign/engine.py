@@ -6,7 +6,7 @@ import functools
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import jax
@@ -111,6 +111,9 @@ class Engine:
         count = -(-self.scenario.ticks // SEGMENT_TICKS)
         self.segment_ticks = -(-self.scenario.ticks // count)
         self.segments = count
+        # What is compiled knows of one segment alone, so that missions of all lengths share it.
+        self._piece = file.model_copy(update={"duration_s": self.segment_ticks * self.scenario.tick_s})
+        self._static = replace(self.scenario, ticks=self.segment_ticks)
         nominal = params.build(file.model_dump(), self.scenario.width_px, self.scenario.height_px)
         self._nominal = jax.tree.map(np.asarray, nominal)
         self._programs: tuple[Any, list[Any]] | None = None
@@ -145,13 +148,13 @@ class Engine:
 
     @functools.cached_property
     def _preparation(self) -> Trace:
-        return traces.traced(self._prepare, self._any_inputs(), f"prepare {scenario.digest(self.file)}")
+        return traces.traced(self._prepare, self._any_inputs(), f"prepare {scenario.digest(self._piece)}")
 
     @functools.cached_property
     def _loop(self) -> Trace:
         # What is kept is for the kind of device that JAX takes by default, and for the packaged stages.
         usual = self.stages == Stages() and all(each.platform == jax.default_backend() for each in self.devices)
-        meaning = f"advance {self.segment_ticks} {self.scenario!r}" if usual else None
+        meaning = f"advance {self._static!r}" if usual else None
         arguments = self._loop_arguments()
         with self._precision():
             return traces.traced(self._advance, arguments, meaning)
@@ -225,10 +228,10 @@ class Engine:
     def _prepare(self, nominal: Params, key: Array, ids: Array, given: Values) -> tuple[Values, Values, State]:
         def one(run_id: Array, given: Values) -> tuple[Values, Values, State]:
             run_key = random.fold_in(key, run_id)
-            drawn = dispersions.draw(self.file, run_key, given)
+            drawn = dispersions.draw(self._piece, run_key, given)
             dispersed = dispersions.apply(nominal, drawn)
             used = dispersions.read_back(dispersed, self.keys)
-            state = closed_loop.init(self.scenario, dispersed, run_key)
+            state = closed_loop.init(self._static, dispersed, run_key)
             return drawn, used, precision.rounded_state(state) if self.single else state
 
         return jax.vmap(one, out_axes=(0, 0, run_axes(-1)))(ids, given)
@@ -236,8 +239,8 @@ class Engine:
     def _advance(self, nominal: Params, values: Values, state: State) -> tuple[State, telemetry.Channels]:
         def one(values: Values, state: State) -> tuple[State, telemetry.Channels]:
             dispersed = dispersions.apply(nominal, values)
-            after, seen = closed_loop.tick(self.stages, self.scenario, dispersed, state)
-            return after, telemetry.observe(self.scenario, dispersed, seen)
+            after, seen = closed_loop.tick(self.stages, self._static, dispersed, state)
+            return after, telemetry.observe(self._static, dispersed, seen)
 
         axes = run_axes(-1)
         every = batching(self.scenario)(one, in_axes=(-1, axes), out_axes=(axes, -1))

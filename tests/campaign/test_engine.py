@@ -129,6 +129,18 @@ def test_a_campaign_of_many_blocks_traces_the_loop_once(
     assert len(calls) == 1
 
 
+def test_missions_of_all_lengths_share_one_trace(mission: ScenarioFile, monkeypatch: pytest.MonkeyPatch) -> None:
+    calls = []
+    tick = closed_loop.tick
+    monkeypatch.setattr(closed_loop, "tick", lambda *given: calls.append(1) or tick(*given))
+    first = Engine(mission, 1, jax.devices()[:1])._loop
+    calls.clear()
+    longer = mission.model_copy(update={"duration_s": 6000.0})
+    other = Engine(longer, 1, jax.devices()[:1])._loop
+    assert calls == []
+    assert jax.tree.leaves(other.results) == jax.tree.leaves(first.results)
+
+
 def in_process_with_devices(count: int, *words: str, flags: str = "") -> str:
     """Standard output of a Python process that sees some host devices and compiles as this one does."""
     environment = {name: value for name, value in os.environ.items() if name not in ("XLA_FLAGS", "RPOJAX_CACHE")}
