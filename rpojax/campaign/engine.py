@@ -3,10 +3,11 @@
 import contextlib
 import dataclasses
 import functools
+import itertools
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import jax
@@ -65,7 +66,7 @@ class Segment:
 
     Attributes:
         first_tick: number of its first tick
-        shares: for each device name -> (ticks, ..., runs of the device), as the loop lays them out
+        shares: of each device, name -> (ticks, ..., runs of the device), as the loop lays them out
         failure: (runs,) failure code so far
         failed_at: (runs,) [s], infinite while all is well
     """
@@ -111,9 +112,9 @@ class Engine:
         count = -(-self.scenario.ticks // SEGMENT_TICKS)
         self.segment_ticks = -(-self.scenario.ticks // count)
         self.segments = count
-        # What is compiled knows of one segment alone, so that missions of all lengths share it.
-        self._piece = file.model_copy(update={"duration_s": self.segment_ticks * self.scenario.tick_s})
-        self._static = replace(self.scenario, ticks=self.segment_ticks)
+        # What is compiled knows of one segment alone: missions whose segments are as long share it.
+        self._segment_file = file.model_copy(update={"duration_s": self.segment_ticks * self.scenario.tick_s})
+        self._segment_scenario = scenario.static(self._segment_file, single=True)
         nominal = params.build(file.model_dump(), self.scenario.width_px, self.scenario.height_px)
         self._nominal = jax.tree.map(np.asarray, nominal)
         self._programs: tuple[Any, list[Any]] | None = None
@@ -148,13 +149,13 @@ class Engine:
 
     @functools.cached_property
     def _preparation(self) -> Trace:
-        return traces.traced(self._prepare, self._any_inputs(), f"prepare {scenario.digest(self._piece)}")
+        return traces.traced(self._prepare, self._any_inputs(), f"prepare {scenario.digest(self._segment_file)}")
 
     @functools.cached_property
     def _loop(self) -> Trace:
         # What is kept is for the kind of device that JAX takes by default, and for the packaged stages.
         usual = self.stages == Stages() and all(each.platform == jax.default_backend() for each in self.devices)
-        meaning = f"advance {self._static!r}" if usual else None
+        meaning = f"advance {self._segment_scenario!r}" if usual else None
         arguments = self._loop_arguments()
         with self._precision():
             return traces.traced(self._advance, arguments, meaning)
@@ -215,23 +216,28 @@ class Engine:
         """
         assert self._programs is not None
         flights = [_Flight(program, *share) for program, share in zip(self._programs[1], block.shares, strict=True)]
-        for number, parts in enumerate(per_device.side_by_side([each.advance for each in flights], self.segments)):
-            first = number * self.segment_ticks
-            keep = min(self.segment_ticks, self.scenario.ticks - first)
-            yield Segment(
-                first_tick=first,
-                shares=[{name: np.asarray(value)[:keep] for name, value in part.seen.items()} for part in parts],
-                failure=np.concatenate([part.failure for part in parts]),
-                failed_at=np.concatenate([part.failed_at for part in parts]),
-            )
+        stretches = per_device.side_by_side([each.advance for each in flights], self.segments)
+        with contextlib.closing(stretches):
+            # Nothing here holds a device's records while the caller looks at what was made of them.
+            yield from map(self._segment, itertools.count(), stretches)
+
+    def _segment(self, number: int, parts: Sequence["_Stretch"]) -> Segment:
+        first = number * self.segment_ticks
+        keep = min(self.segment_ticks, self.scenario.ticks - first)
+        return Segment(
+            first_tick=first,
+            shares=[{name: np.asarray(value)[:keep] for name, value in part.seen.items()} for part in parts],
+            failure=np.concatenate([part.failure for part in parts]),
+            failed_at=np.concatenate([part.failed_at for part in parts]),
+        )
 
     def _prepare(self, nominal: Params, key: Array, ids: Array, given: Values) -> tuple[Values, Values, State]:
         def one(run_id: Array, given: Values) -> tuple[Values, Values, State]:
             run_key = random.fold_in(key, run_id)
-            drawn = dispersions.draw(self._piece, run_key, given)
+            drawn = dispersions.draw(self._segment_file, run_key, given)
             dispersed = dispersions.apply(nominal, drawn)
             used = dispersions.read_back(dispersed, self.keys)
-            state = closed_loop.init(self._static, dispersed, run_key)
+            state = closed_loop.init(self._segment_scenario, dispersed, run_key)
             return drawn, used, precision.rounded_state(state) if self.single else state
 
         return jax.vmap(one, out_axes=(0, 0, run_axes(-1)))(ids, given)
@@ -239,11 +245,11 @@ class Engine:
     def _advance(self, nominal: Params, values: Values, state: State) -> tuple[State, telemetry.Channels]:
         def one(values: Values, state: State) -> tuple[State, telemetry.Channels]:
             dispersed = dispersions.apply(nominal, values)
-            after, seen = closed_loop.tick(self.stages, self._static, dispersed, state)
-            return after, telemetry.observe(self._static, dispersed, seen)
+            after, seen = closed_loop.tick(self.stages, self._segment_scenario, dispersed, state)
+            return after, telemetry.observe(self._segment_scenario, dispersed, seen)
 
         axes = run_axes(-1)
-        every = batching(self.scenario)(one, in_axes=(-1, axes), out_axes=(axes, -1))
+        every = batching(self._segment_scenario)(one, in_axes=(-1, axes), out_axes=(axes, -1))
         own = {name: jnp.moveaxis(value, 0, -1) for name, value in values.items()}
         after, seen = jax.lax.scan(lambda carry, _: every(own, carry), state, None, length=self.segment_ticks)
         return after, seen

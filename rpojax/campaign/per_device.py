@@ -1,7 +1,7 @@
 """One traced function for several devices at once: each runs a program of its own, but the cores of a CPU share one."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
@@ -12,7 +12,7 @@ from rpojax.campaign.traces import Trace
 
 T = TypeVar("T")
 
-_AHEAD = 2
+AHEAD = 2
 """Calls that may wait to be looked at: enough for threads that share a core with others for a moment."""
 
 
@@ -36,23 +36,25 @@ def lowered(
     }
 
 
-def side_by_side(works: Sequence[Callable[[], T]], times: int) -> Iterator[list[T]]:
+def side_by_side(works: Sequence[Callable[[], T]], times: int) -> Generator[list[T], None, None]:
     """What each of some functions gives, `times` times, each in a thread of its own.
 
-    None waits for the others: a thread may be `_AHEAD` calls ahead of whoever takes the results.
+    A thread waits for the others only when it is `AHEAD` calls ahead of what the caller looks at.
     """
     pools = [ThreadPoolExecutor(1) for _ in works]
     coming: deque[list[Future[T]]] = deque()
     try:
-        for number in range(-_AHEAD, times):
-            if number + _AHEAD < times:
+        for number in range(-AHEAD, times):
+            if number + AHEAD < times:
                 coming.append([pool.submit(work) for pool, work in zip(pools, works, strict=True)])
             if number >= 0:
                 # Not kept here while the caller looks at them.
                 yield [each.result() for each in coming.popleft()]
     finally:
         for pool in pools:
-            pool.shutdown(cancel_futures=True)
+            pool.shutdown(wait=False, cancel_futures=True)
+        for pool in pools:
+            pool.shutdown()
 
 
 def _shape(array: Any, device: Any) -> jax.ShapeDtypeStruct:

@@ -1,6 +1,6 @@
 """What is kept of runs under way: channels that metrics need of all, all wanted channels of a few."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -24,40 +24,41 @@ class Recorder:
 
     def __init__(self, ticks: int, rows: Sequence[int], wants: Callable[[str], bool]) -> None:
         self.ticks = ticks
-        self.rows = sorted(rows)
+        self.rows = np.array(sorted(rows), dtype=int)
         self.wants = wants
         self.records: dict[str, np.ndarray] = {}
         self.full: dict[str, np.ndarray] = {}
 
     def add(self, segment: Segment) -> None:
         """Takes the channels of the next stretch of time."""
-        runs, first = len(segment.failure), 0
+        begin = 0
         for share in segment.shares:
-            last = first + next(iter(share.values())).shape[-1]
-            for name, values in share.items():
-                if name in RECORDED:
-                    self._record(name, values, segment.first_tick, slice(first, last), runs)
-                if name != "running" and self.wants(name):
-                    self._keep(name, values, segment.first_tick, slice(first, last))
-            first = last
+            length, *_, count = next(iter(share.values())).shape
+            ticks = slice(segment.first_tick, segment.first_tick + length)
+            self._record(share, ticks, slice(begin, begin + count), len(segment.failure))
+            self._keep(share, ticks, slice(begin, begin + count))
+            begin += count
 
-    def _record(self, name: str, values: np.ndarray, tick: int, runs: slice, count: int) -> None:
-        if name not in self.records:
-            self.records[name] = np.empty((self.ticks, *values.shape[1:-1], count), dtype=values.dtype)
-        self.records[name][tick : tick + len(values), ..., runs] = values
+    def _record(self, share: Mapping[str, np.ndarray], ticks: slice, runs: slice, all_runs: int) -> None:
+        for name, values in share.items():
+            if name in RECORDED:
+                if name not in self.records:
+                    self.records[name] = np.empty((self.ticks, *values.shape[1:-1], all_runs), dtype=values.dtype)
+                self.records[name][ticks, ..., runs] = values
 
-    def _keep(self, name: str, values: np.ndarray, tick: int, runs: slice) -> None:
-        begin, end = np.searchsorted(self.rows, (runs.start, runs.stop))
-        if begin == end:
-            return
-        if name not in self.full:
-            self.full[name] = np.empty((len(self.rows), self.ticks, *values.shape[1:-1]), dtype=values.dtype)
-        chosen = values[..., np.array(self.rows[begin:end]) - runs.start]
-        self.full[name][begin:end, tick : tick + len(values)] = np.moveaxis(chosen, -1, 0)
+    def _keep(self, share: Mapping[str, np.ndarray], ticks: slice, runs: slice) -> None:
+        places = slice(*np.searchsorted(self.rows, (runs.start, runs.stop)))
+        chosen = self.rows[places] - runs.start
+        for name, values in share.items():
+            if len(chosen) and name != "running" and self.wants(name):
+                if name not in self.full:
+                    shape = (len(self.rows), self.ticks, *values.shape[1:-1])
+                    self.full[name] = np.empty(shape, dtype=values.dtype)
+                self.full[name][places, ticks] = np.moveaxis(values[..., chosen], -1, 0)
 
     def history(self, row: int, file: ScenarioFile, failure: int, failed_at: float) -> dict[str, np.ndarray]:
         """Wanted channels of one run, time first, nan after its failure."""
-        place = self.rows.index(row)
+        place = int(np.searchsorted(self.rows, row))
         channels = {name: values[place].copy() for name, values in self.full.items()}
         time_s = np.arange(self.ticks) / file.rates.camera_hz
         if failure:

@@ -24,12 +24,12 @@ def mission() -> ScenarioFile:
 
 @pytest.fixture(scope="session", autouse=True)
 def shared_programs() -> Iterator[None]:
-    """Engines for the same scenario, size and devices use one pair of programs; they differ in their inputs only."""
+    """Engines for the same scenario of any length, size and devices use one pair of programs."""
     programs: dict[Any, Any] = {}
     compile_anew = Engine.compile
 
     def compile_once(engine: Engine) -> None:
-        key = (engine.file.model_dump_json(), engine.size, tuple(engine.devices))
+        key = (engine._segment_file.model_dump_json(), engine.size, tuple(engine.devices))
         if key not in programs:
             compile_anew(engine)
             programs[key] = engine._programs

@@ -90,7 +90,9 @@ def test_the_estimate_of_memory_covers_the_evaluation_of_a_block(mission: Scenar
     engine = Engine(mission, 1, jax.devices()[:1])
     channels = next(iter(engine.run(engine.prepare(0, np.zeros(1, int))))).channels
     runs, ticks = 100, len(channels["range_m"])
-    records = {name: np.repeat(np.moveaxis(channels[name], 0, 1), runs, axis=0) for name in metrics.CHANNELS}
+    # Laid out as they are recorded: runs side by side.
+    many = {name: np.repeat(np.moveaxis(channels[name], 1, -1), runs, axis=-1) for name in metrics.CHANNELS}
+    records = {name: np.moveaxis(values, -1, 0) for name, values in many.items()}
     tracemalloc.start()
     metrics.evaluate(mission, records)
     peak = tracemalloc.get_traced_memory()[1]

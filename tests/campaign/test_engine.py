@@ -89,16 +89,28 @@ def test_a_block_left_after_its_first_segment_leaves_nothing_behind(engine: Engi
     assert not same(fly(engine, np.arange(BATCH)), 5, block, 5)
 
 
-def test_threads_of_devices_work_side_by_side_and_ahead_of_the_caller() -> None:
-    counts = itertools.count(), itertools.count(10)
-    results = per_device.side_by_side([lambda: next(counts[0]), lambda: next(counts[1])], 5)
-    assert next(results) == [0, 10]
-    slow = threading.Event()
-    waiting = per_device.side_by_side([lambda: next(counts[0]), slow.wait], 2)
-    threading.Timer(0.05, slow.set).start()
-    assert next(waiting)[1] is True
-    waiting.close()
-    assert [row[1] for row in results] == [11, 12, 13, 14]
+def test_a_device_goes_on_while_another_is_late_but_not_far_ahead_of_the_caller() -> None:
+    counted, third, released = itertools.count(1), threading.Event(), threading.Event()
+    calls: list[int] = []
+
+    def quick() -> int:
+        calls.append(next(counted))
+        if len(calls) == per_device.AHEAD + 1:
+            third.set()
+        return calls[-1]
+
+    def late() -> bool:
+        return released.wait(30.0)
+
+    results = per_device.side_by_side([quick, late], 10)
+    begun = threading.Thread(target=next, args=(results,))
+    begun.start()
+    assert third.wait(30.0)  # though the other has not given its first result
+    released.set()
+    begun.join()
+    results.close()
+    assert len(calls) == per_device.AHEAD + 1
+    assert list(per_device.side_by_side([lambda: next(counted)], 3)) == [[4], [5], [6]]
 
 
 def test_an_error_in_a_device_s_thread_is_the_caller_s() -> None:
@@ -129,16 +141,23 @@ def test_a_campaign_of_many_blocks_traces_the_loop_once(
     assert len(calls) == 1
 
 
-def test_missions_of_all_lengths_share_one_trace(mission: ScenarioFile, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missions_with_segments_as_long_share_their_traces(
+    mission: ScenarioFile, monkeypatch: pytest.MonkeyPatch
+) -> None:
     calls = []
-    tick = closed_loop.tick
-    monkeypatch.setattr(closed_loop, "tick", lambda *given: calls.append(1) or tick(*given))
-    first = Engine(mission, 1, jax.devices()[:1])._loop
+    tick, init = closed_loop.tick, closed_loop.init
+    monkeypatch.setattr(closed_loop, "tick", lambda *given: calls.append("tick") or tick(*given))
+    monkeypatch.setattr(closed_loop, "init", lambda *given: calls.append("init") or init(*given))
+
+    def traced(duration_s: float) -> Engine:
+        engine = Engine(mission.model_copy(update={"duration_s": duration_s}), 1, jax.devices()[:1])
+        assert engine._loop.results is not None
+        return engine
+
+    assert traced(400.0).segment_ticks == 200
     calls.clear()
-    longer = mission.model_copy(update={"duration_s": 6000.0})
-    other = Engine(longer, 1, jax.devices()[:1])._loop
+    assert traced(6000.0).segment_ticks == 200
     assert calls == []
-    assert jax.tree.leaves(other.results) == jax.tree.leaves(first.results)
 
 
 def in_process_with_devices(count: int, *words: str, flags: str = "") -> str:
