@@ -114,7 +114,7 @@ class Engine:
         self.segments = count
         # What is compiled knows of one segment alone: missions whose segments are as long share it.
         self._segment_file = file.model_copy(update={"duration_s": self.segment_ticks * self.scenario.tick_s})
-        self._segment_scenario = scenario.static(self._segment_file, single=True)
+        self._segment_scenario = dataclasses.replace(self.scenario, ticks=self.segment_ticks)
         nominal = params.build(file.model_dump(), self.scenario.width_px, self.scenario.height_px)
         self._nominal = jax.tree.map(np.asarray, nominal)
         self._programs: tuple[Any, list[Any]] | None = None

@@ -44,10 +44,10 @@ def side_by_side(works: Sequence[Callable[[], T]], times: int) -> Generator[list
     pools = [ThreadPoolExecutor(1) for _ in works]
     coming: deque[list[Future[T]]] = deque()
     try:
-        for number in range(-AHEAD, times):
-            if number + AHEAD < times:
+        for number in range(times + AHEAD):
+            if number < times:
                 coming.append([pool.submit(work) for pool, work in zip(pools, works, strict=True)])
-            if number >= 0:
+            if number >= AHEAD:
                 # Not kept here while the caller looks at them.
                 yield [each.result() for each in coming.popleft()]
     finally:

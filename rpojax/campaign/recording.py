@@ -42,19 +42,19 @@ class Recorder:
     def _record(self, share: Mapping[str, np.ndarray], ticks: slice, runs: slice, all_runs: int) -> None:
         for name, values in share.items():
             if name in RECORDED:
-                if name not in self.records:
-                    self.records[name] = np.empty((self.ticks, *values.shape[1:-1], all_runs), dtype=values.dtype)
-                self.records[name][ticks, ..., runs] = values
+                shape = (self.ticks, *values.shape[1:-1], all_runs)
+                _made(self.records, name, shape, values.dtype)[ticks, ..., runs] = values
 
     def _keep(self, share: Mapping[str, np.ndarray], ticks: slice, runs: slice) -> None:
         places = slice(*np.searchsorted(self.rows, (runs.start, runs.stop)))
         chosen = self.rows[places] - runs.start
+        if len(chosen) == 0:
+            return
         for name, values in share.items():
-            if len(chosen) and name != "running" and self.wants(name):
-                if name not in self.full:
-                    shape = (len(self.rows), self.ticks, *values.shape[1:-1])
-                    self.full[name] = np.empty(shape, dtype=values.dtype)
-                self.full[name][places, ticks] = np.moveaxis(values[..., chosen], -1, 0)
+            if name != "running" and self.wants(name):
+                shape = (len(self.rows), self.ticks, *values.shape[1:-1])
+                kept = np.moveaxis(values[..., chosen], -1, 0)
+                _made(self.full, name, shape, values.dtype)[places, ticks] = kept
 
     def history(self, row: int, file: ScenarioFile, failure: int, failed_at: float) -> dict[str, np.ndarray]:
         """Wanted channels of one run, time first, nan after its failure."""
@@ -66,6 +66,13 @@ class Recorder:
                 if np.issubdtype(values.dtype, np.floating):
                     values[time_s > failed_at] = np.nan
         return {"time_s": time_s, "rho_desired_H": np.asarray(file.formation.desired_position_m), **channels}
+
+
+def _made(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
+    """The array of that name, made at its first use."""
+    if name not in arrays:
+        arrays[name] = np.empty(shape, dtype)
+    return arrays[name]
 
 
 def results(
