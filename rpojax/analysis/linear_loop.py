@@ -19,7 +19,7 @@ from rpojax.core import trailing
 from rpojax.core.frames import apply, hill_frame
 from rpojax.core.pytree import pytree
 from rpojax.core.pytree import replace as put_in
-from rpojax.flight import burn_plan, computer
+from rpojax.flight import burn_plan, computer, looking
 from rpojax.flight.computer import FlightMemory, Stages
 from rpojax.flight.pointing import Mode
 from rpojax.simulation import closed_loop, telemetry
@@ -164,10 +164,11 @@ class Loop:
         """
         time = tick.astype(jnp.float64) * self.scenario.tick_s
         sky = closed_loop.sky_at(self.scenario, time)
+        sight = looking.sight(self.params.flight.onboard, memory.orbit, sky.sun_N)
 
         def one(law: Array) -> tuple[Array, Array]:
             stages = replace(self.stages, formation_law=lambda gain, deviation: law)
-            plan = computer.plan_burn(stages, self.params.flight, memory, sky.sun_N, time).plan
+            plan = computer.plan_burn(stages, self.params.flight, memory, sight, time).plan
             turn = plan.ignition - plan.turn_start
             return plan.delta_v_N, jnp.stack([plan.turn_start, plan.cutoff + turn])
 

@@ -1,7 +1,7 @@
 """Dispersed values: of every run and key, drawn from the run's own random stream or given by the design."""
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import jax.numpy as jnp
 import numpy as np
@@ -31,9 +31,9 @@ def draw(file: ScenarioFile, run_key: Array, given: Mapping[str, Array]) -> Valu
     values: Values = {}
     for text in dispersed.tabled(file):
         _put(file, values, dispersed.place(text), given[text])
-    for entry in dispersed.in_order(file):
-        name = dispersed.name(entry)
-        key = random.fold_in(stream, zlib.crc32(name.encode()) & 0x7FFFFFFF)
+    entries = dispersed.in_order(file)
+    names = [dispersed.name(entry) for entry in entries]
+    for entry, name, key in zip(entries, names, _keys(stream, names), strict=True):
         source = Placed(given[name]) if name in given else Drawn(key)
         match entry:
             case schema.Derived():
@@ -46,6 +46,12 @@ def draw(file: ScenarioFile, run_key: Array, given: Mapping[str, Array]) -> Valu
                 place = dispersed.place(entry.key)
                 _put(file, values, place, _draw_one(entry, _nominal(file, place), source))
     return values
+
+
+def _keys(stream: Array, names: Sequence[str]) -> Array:
+    """(n, 2) random keys of dispersions by their names."""
+    numbers = np.array([zlib.crc32(name.encode()) & 0x7FFFFFFF for name in names], dtype=np.uint32)
+    return random.fold_in_each(jnp.broadcast_to(stream, (len(names), 2)), jnp.asarray(numbers))
 
 
 def _nominal(file: ScenarioFile, place: Place) -> Array:

@@ -1,7 +1,5 @@
 """Sunlight as truth and flight software both need it: the Earth's shadow, and when a camera can see a target."""
 
-from collections.abc import Callable
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -23,24 +21,22 @@ def illumination(
     0 in the umbra, between in the penumbra, 1 in the light: overlap of the apparent discs (Montenbruck and Gill,
     Satellite Orbits, section 3.4.2). The value is continuous, and so is its gradient.
     """
-    return _free_share(r_N, r_sun_N, radius, radius_sun, jnp.arctan2)
+    sun_sine, earth_sine, cosine = _discs(r_N, r_sun_N, radius, radius_sun)
+    # The library's arc tangents: half of the result's digits hang on their last ones (see `_overlap`).
+    sun_angle = jnp.arctan2(sun_sine, _beside(sun_sine))
+    earth_angle = jnp.arctan2(earth_sine, _beside(earth_sine))
+    separation = jnp.arctan2(_beside(cosine), cosine)
+    return 1.0 - _overlap(sun_angle, earth_angle, separation) / (jnp.pi * sun_angle * sun_angle)
 
 
-def _free_share(
-    r_N: Vector,
-    r_sun_N: Vector,
-    radius: float | Scalar,
-    radius_sun: float | Scalar,
-    arctangent: Callable[[Scalar, Scalar], Scalar],
-) -> Scalar:
-    """The same by a given arc tangent, on whose last digits half of the result's hang (see `_overlap`)."""
+def _discs(
+    r_N: Vector, r_sun_N: Vector, radius: float | Scalar, radius_sun: float | Scalar
+) -> tuple[Scalar, Scalar, Scalar]:
+    """Sines of the apparent radii of Sun and Earth, and the cosine of the angle between their centres."""
     to_sun = r_sun_N - r_N
     sun_distance, distance = jnp.sqrt(jnp.sum(to_sun * to_sun, axis=0)), jnp.sqrt(jnp.sum(r_N * r_N, axis=0))
-    sun_sine, earth_sine = radius_sun / sun_distance, jnp.minimum(radius / distance, 1.0)
     cosine = -jnp.sum(r_N * to_sun, axis=0) / (distance * sun_distance)
-    sun_angle, earth_angle = arctangent(sun_sine, _beside(sun_sine)), arctangent(earth_sine, _beside(earth_sine))
-    separation = arctangent(_beside(cosine), cosine)
-    return 1.0 - _overlap(sun_angle, earth_angle, separation) / (jnp.pi * sun_angle * sun_angle)
+    return radius_sun / sun_distance, jnp.minimum(radius / distance, 1.0), cosine
 
 
 def _beside(sine: Scalar) -> Scalar:
@@ -100,8 +96,15 @@ def _chord(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar, Scalar]:
 
 
 def is_lit(r_N: Vector, r_sun_N: Vector) -> Bool[Array, ""]:
-    """True while more than half of the Sun's disc is visible."""
-    return _free_share(r_N, r_sun_N, RADIUS_EARTH, RADIUS_SUN, arctan2) > 0.5
+    """True while more than half of the Sun's disc is visible.
+
+    The Earth's limb curves away, so that the centre of a disc that it halves is `sun^2 / (6 earth)` behind it, by their
+    apparent radii: right to 3e-9 rad up to geostationary orbit, to 3e-6 rad at the Moon's distance.
+    """
+    sun_sine, earth_sine, cosine = _discs(r_N, r_sun_N, RADIUS_EARTH, RADIUS_SUN)
+    earth_cosine = _beside(earth_sine)
+    behind = sun_sine * sun_sine / (6.0 * arctan2(earth_sine, earth_cosine))
+    return cosine < earth_cosine + earth_sine * behind
 
 
 def is_observable(

@@ -1,6 +1,7 @@
 """Random streams: a run's draws depend on the master seed, the run's number and the stream's name alone."""
 
 import enum
+from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
@@ -8,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, UInt32
 
 Key = UInt32[Array, "2"]
+Keys = UInt32[Array, "n 2"]
 
 
 class Stream(enum.IntEnum):
@@ -35,15 +37,35 @@ def fold_in(key: Key, number: int | Array) -> Key:
     return jnp.stack(_threefry(key, zero, jnp.asarray(number).astype(jnp.uint32)))
 
 
+def rows(keys: Keys, which: Sequence[int] | np.ndarray) -> UInt32[Array, "m 2"]:
+    """Some of several keys, in any order and as often as wanted."""
+    return keys.at[np.asarray(which, dtype=np.int32)].get(mode="promise_in_bounds")
+
+
+def fold_in_each(keys: Keys, numbers: UInt32[Array, " n"]) -> Keys:
+    """Keys derived from each of several by a number of its own, as `fold_in` derives one."""
+    return jnp.stack(_threefry(keys.T, jnp.zeros_like(numbers), numbers), axis=1)
+
+
 def normal(key: Key, count: int) -> Float[Array, " {count}"]:
     """Standard normal numbers, drawn in float32 (plenty for noise, at half the cost) and returned in float64."""
-    u = jnp.maximum(_LEAST, _unit(key, count) * (1.0 - _LEAST) + _LEAST)
-    return (np.float32(np.sqrt(2.0)) * jax.lax.erf_inv(u)).astype(jnp.float64)
+    return normal_each(key[None], [count])
 
 
 def uniform(key: Key, count: int) -> Float[Array, " {count}"]:
     """Numbers uniform in [0, 1), drawn in float32 and returned in float64."""
-    return _unit(key, count).astype(jnp.float64)
+    return uniform_each(key[None], [count])
+
+
+def normal_each(keys: Keys, counts: Sequence[int]) -> Float[Array, " total"]:
+    """The numbers that `normal` draws from each of several keys, one key's after the other's, in one go."""
+    u = jnp.maximum(_LEAST, _unit(keys, counts) * (1.0 - _LEAST) + _LEAST)
+    return (np.float32(np.sqrt(2.0)) * jax.lax.erf_inv(u)).astype(jnp.float64)
+
+
+def uniform_each(keys: Keys, counts: Sequence[int]) -> Float[Array, " total"]:
+    """The numbers that `uniform` draws from each of several keys, one key's after the other's, in one go."""
+    return _unit(keys, counts).astype(jnp.float64)
 
 
 _LEAST = np.nextafter(np.float32(-1.0), np.float32(0.0))
@@ -52,18 +74,21 @@ _LEAST = np.nextafter(np.float32(-1.0), np.float32(0.0))
 _TURNS = ((13, 15, 26, 6), (17, 29, 16, 24))
 
 
-def _unit(key: Key, count: int) -> Float[Array, " {count}"]:
+def _unit(keys: Keys, counts: Sequence[int]) -> Float[Array, " total"]:
     """Numbers uniform in [0, 1) of the leading 23 of 32 random bits."""
-    counter = jnp.arange(count, dtype=jnp.uint32)
-    first, second = _threefry(key, jnp.zeros_like(counter), counter)
+    counter = jnp.asarray(np.concatenate([np.arange(count, dtype=np.uint32) for count in counts]))
+    # A lone key goes with its many numbers by itself.
+    own = keys.T if len(counts) == 1 else rows(keys, np.repeat(np.arange(len(counts)), counts)).T
+    first, second = _threefry(own, jnp.zeros_like(counter), counter)
     mantissa = ((first ^ second) >> np.uint32(9)) | np.uint32(0x3F800000)
     return jax.lax.bitcast_convert_type(mantissa, jnp.float32) - np.float32(1.0)
 
 
-def _threefry(key: Key, x: Array, y: Array) -> tuple[Array, Array]:
+def _threefry(key: UInt32[Array, "2 ..."], x: Array, y: Array) -> tuple[Array, Array]:
     """Threefry-2x32 of a block (Salmon et al., Parallel random numbers: as easy as 1, 2, 3, 2011): JAX's own numbers.
 
-    JAX runs the twenty rounds as loops of small steps on a CPU; written out they are one loop over all runs.
+    `key` holds the halves of one key, or of one for each number. JAX runs the twenty rounds as loops of small steps on
+    a CPU; written out they are one loop over all runs.
     """
     schedule = (key[0], key[1], key[0] ^ key[1] ^ np.uint32(0x1BD11BDA))
     x, y = x + schedule[0], y + schedule[1]

@@ -57,6 +57,18 @@ def _dynamic_slice(equation: Any, given: list[Value], size: int) -> Any:
     )
 
 
+def _gather(equation: Any, given: list[Value], size: int) -> Any:
+    array, places = given
+    if not array.many or places.many:
+        return None
+    params, numbers = dict(equation.params), equation.params["dimension_numbers"]
+    params["dimension_numbers"] = numbers._replace(
+        offset_dims=(*numbers.offset_dims, len(equation.outvars[0].aval.shape))
+    )
+    params["slice_sizes"] = (*params["slice_sizes"], size)
+    return equation.primitive.bind(array.array, places.array, **params)
+
+
 def _squeeze(equation: Any, given: list[Value], _: int) -> Any:
     return lax.squeeze(given[0].array, equation.params["dimensions"])
 
@@ -111,6 +123,7 @@ RULES: dict[str, Rule] = {
     "broadcast_in_dim": _expand,
     "concatenate": _concatenate,
     "dynamic_slice": _dynamic_slice,
+    "gather": _gather,
     "pad": _pad,
     "reshape": _reshape,
     "select_n": _select,

@@ -54,10 +54,11 @@ def plan_burn(
     gain: Float[Array, "3 6"],
     station: Station,
     estimate: OrbitEstimate,
+    q_look: Float[Array, "4"],
     allowed: Flag,
     time: Scalar,
 ) -> BurnPlan:
-    """Next burn: deviation predicted to the burn's middle, control law there, thrust axis, on-time, turn.
+    """Next burn: deviation predicted to the burn's middle, control law there, thrust axis, on-time, turn from `q_look`.
 
     No burn inside the dead band, below the thruster's minimum on-time, while the range is too uncertain, or unless
     `allowed`; a burn too long for the look-away limit is shortened.
@@ -66,7 +67,6 @@ def plan_burn(
     delta_v_N = apply_transposed(R_CN, station.impulse + law(gain, deviation))
     size, direction_N = safe.norm(delta_v_N), safe.normalize(delta_v_N)
 
-    q_look, _ = look_attitude(onboard, estimate)
     thrust_now_N = rotate(quaternion.conjugate(q_look), onboard.thrust_direction)
     turn_N = quaternion.between(thrust_now_N, direction_N)
     turn_time = slew_duration(pointing, safe.norm(turn_N))

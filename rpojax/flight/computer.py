@@ -29,6 +29,7 @@ from rpojax.flight.box_gate import BoxTrack
 from rpojax.flight.burn_plan import BurnPlan
 from rpojax.flight.formation_control import Formation, FormationLaw, Station
 from rpojax.flight.guidance import PointingState
+from rpojax.flight.looking import Sight
 from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement, Navigation
 from rpojax.flight.onboard import Onboard
 from rpojax.flight.orbit_filter import Innovation, OrbitEstimate
@@ -196,10 +197,9 @@ def _attitude_variance(onboard: Onboard, estimate: AttitudeEstimate) -> Scalar:
     return 0.5 * (P[0, 0] + P[1, 1] + P[2, 2] - jnp.sum(boresight * apply(P, boresight), axis=0))
 
 
-def plan_burn(stages: Stages, params: FlightParams, memory: FlightMemory, sun_N: Vector, time: Scalar) -> FlightMemory:
+def plan_burn(stages: Stages, params: FlightParams, memory: FlightMemory, sight: Sight, time: Scalar) -> FlightMemory:
     """Memory with a newly decided burn: none while the target is lost or dark, or the thruster has just failed."""
     lost = guidance.is_lost(params.pointing, memory.pointing)
-    visible = looking.can_see(params.onboard, memory.orbit, sun_N)
     works = time >= memory.thruster_failed_at + params.formation.thruster_retry
     plan = burn_plan.plan_burn(
         stages.formation_law,
@@ -209,7 +209,8 @@ def plan_burn(stages: Stages, params: FlightParams, memory: FlightMemory, sun_N:
         memory.gain,
         memory.station,
         memory.orbit,
-        visible & works & ~lost,
+        sight.q_BN,
+        sight.visible & works & ~lost,
         time,
     )
     return replace(memory, plan=plan)

@@ -7,6 +7,7 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.core import light, quaternion, safe
 from rpojax.core.frames import apply, look_at
+from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
 from rpojax.flight.onboard import Onboard
 from rpojax.flight.orbit_filter import OrbitEstimate
@@ -44,6 +45,24 @@ def bearing_uncertainty(estimate: OrbitEstimate) -> Scalar:
     P = estimate.relative.covariance[:3, :3]
     across = P[0, 0] + P[1, 1] + P[2, 2] - jnp.sum(line * apply(P, line), axis=0)
     return safe.sqrt(across) / safe.norm(estimate.relative.r_TS_N)
+
+
+@pytree
+class Sight:
+    """How the estimated target is to be looked at.
+
+    Attributes:
+        q_BN: (4,) look attitude
+        visible: () bool, it should be visible then
+    """
+
+    q_BN: Array
+    visible: Array
+
+
+def sight(onboard: Onboard, estimate: OrbitEstimate, sun_N: Vector) -> Sight:
+    """How the estimated target is to be looked at, the Sun being at `sun_N` [m]."""
+    return Sight(q_BN=look_attitude(onboard, estimate)[0], visible=can_see(onboard, estimate, sun_N))
 
 
 def can_see(onboard: Onboard, estimate: OrbitEstimate, sun_N: Vector, tolerance: float = 0.0) -> Flag:

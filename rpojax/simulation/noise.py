@@ -3,9 +3,11 @@
 `init` and `tick` take such a record instead where somebody else chooses the numbers.
 """
 
-import jax
+from collections.abc import Sequence
+
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Float, UInt32
 
 from rpojax.core import random
 from rpojax.core.materialise import materialise
@@ -76,11 +78,15 @@ def burn_normals(keys: Array, tick: Array) -> Float[Array, "4"]:
 
 def draw_start(scenario: Scenario, keys: Array) -> StartNoise:
     """Numbers of the start, from the (streams, 2) keys of a run."""
-    samples = random.normal(random.fold_in(keys[Stream.STAR_TRACKER], _START), 6)
     lasting = scenario.camera_model == "statistical"
+    numbers = jnp.array([_START, _START, _START - 1], dtype=jnp.uint32)
+    owners = [Stream.STAR_TRACKER, Stream.SENSOR_BIAS, Stream.SENSOR_BIAS]
+    own = random.fold_in_each(random.rows(keys, owners), numbers)
+    counts = [6, 6, 4]
+    samples, biases, box_edges = _shares(random.normal_each(own, counts), counts)
     return StartNoise(
-        biases=random.normal(random.fold_in(keys[Stream.SENSOR_BIAS], _START), 6),
-        box_edges=random.normal(random.fold_in(keys[Stream.SENSOR_BIAS], _START - 1), 4) if lasting else None,
+        biases=biases,
+        box_edges=box_edges if lasting else None,
         handover=random.normal(keys[Stream.HANDOVER], 12),
         star_tracker=samples[:3],
         gyro=samples[3:],
@@ -88,41 +94,57 @@ def draw_start(scenario: Scenario, keys: Array) -> StartNoise:
 
 
 def draw(scenario: Scenario, keys: Array, tick: Array) -> TickNoise:
-    """Numbers of one tick, from the (streams, 2) keys of a run."""
-    first, second = _tick_keys(keys, tick)
+    """Numbers of one tick, from the (streams, 2) keys of a run.
+
+    All in one go: written out for every stream, the generator would be a seventh of the loop's program.
+    """
+    own = _tick_keys(keys, tick)
     lasting = scenario.camera_model == "statistical"
-    drawn = TickNoise(
-        gps=random.normal(first[Stream.GPS], 3),
-        star_tracker=random.normal(second[Stream.STAR_TRACKER], 3),
-        gyro=random.normal(first[Stream.GYRO], 3 * scenario.substeps).reshape(scenario.substeps, 3),
-        box=random.normal(first[Stream.BOX_CAMERA], statistical_camera.NORMALS),
-        chances=random.uniform(second[Stream.BOX_CAMERA], statistical_camera.UNIFORMS),
-        # The tick is the same for all runs of a batch, so this is a true branch.
-        burn=jax.lax.cond(
-            tick % scenario.formation_ticks == 0,
-            lambda: burn_normals(keys, tick),
-            lambda: jnp.zeros(4, dtype=jnp.float64),
-        ),
-        chamber_pressure=random.normal(first[Stream.CHAMBER_PRESSURE], 1)[0],
-        biases=random.normal(first[Stream.SENSOR_BIAS], 6),
-        box_edges=random.normal(second[Stream.SENSOR_BIAS], 4) if lasting else None,
+    of_first = [3, 0, 3 * scenario.substeps, statistical_camera.NORMALS, 4, 6, 1]
+    of_second = [3, 0, 4 if lasting else 0]
+    counts = of_first + of_second
+    second_of_camera = own[len(_FIRST) + _SECOND.index(Stream.BOX_CAMERA)]
+    normals, chances = materialise(
+        (random.normal_each(own, counts), random.uniform(second_of_camera, statistical_camera.UNIFORMS)), tick
     )
-    return materialise(drawn, tick)
+    gps, _, gyro, box, burn, biases, chamber_pressure, star_tracker, _, box_edges = _shares(normals, counts)
+    return TickNoise(
+        gps=gps,
+        star_tracker=star_tracker,
+        gyro=gyro.reshape(scenario.substeps, 3),
+        box=box,
+        chances=chances,
+        burn=jnp.where(tick % scenario.formation_ticks == 0, burn, 0.0),
+        chamber_pressure=chamber_pressure[0],
+        biases=biases,
+        box_edges=box_edges if lasting else None,
+    )
 
 
-def _tick_keys(keys: Array, tick: Array) -> tuple[dict[Stream, Array], dict[Stream, Array]]:
-    """Keys of the streams at a tick, and those derived from them where a stream has two kinds of numbers.
+_FIRST = (
+    *(Stream.GPS, Stream.STAR_TRACKER, Stream.GYRO, Stream.BOX_CAMERA, Stream.THRUSTER, Stream.SENSOR_BIAS),
+    Stream.CHAMBER_PRESSURE,
+)
+"""Streams that a tick has a key of."""
+
+_SECOND = (Stream.STAR_TRACKER, Stream.BOX_CAMERA, Stream.SENSOR_BIAS)
+"""Those with two kinds of numbers: a second key is derived from the first."""
+
+
+def _tick_keys(keys: Array, tick: Array) -> UInt32[Array, "n 2"]:
+    """Keys of a tick: the first ones, and after them the second ones.
 
     Stored, since each of them feeds many numbers: the rounds that make it would be run again for every one.
     """
-    now = {
-        Stream.GPS: tick,
-        Stream.STAR_TRACKER: tick,
-        Stream.GYRO: tick,
-        Stream.BOX_CAMERA: tick,
-        Stream.CHAMBER_PRESSURE: tick,
-        Stream.SENSOR_BIAS: tick + 1,
-    }
-    first = materialise({stream: random.fold_in(keys[stream], number) for stream, number in now.items()}, tick)
-    twice = (Stream.STAR_TRACKER, Stream.BOX_CAMERA, Stream.SENSOR_BIAS)
-    return first, materialise({stream: random.fold_in(first[stream], 1) for stream in twice}, tick)
+    ahead = np.array([stream == Stream.SENSOR_BIAS for stream in _FIRST], dtype=np.uint32)  # those of the tick's end
+    ticks = tick.astype(jnp.uint32) + ahead
+    first = materialise(random.fold_in_each(random.rows(keys, _FIRST), ticks), tick)
+    again = random.rows(first, [_FIRST.index(stream) for stream in _SECOND])
+    second = random.fold_in_each(again, jnp.ones(len(_SECOND), dtype=jnp.uint32))
+    return materialise(jnp.concatenate([first, second]), tick)
+
+
+def _shares(numbers: Array, counts: Sequence[int]) -> list[Array]:
+    """The numbers of each key, of which there are so many."""
+    ends = np.cumsum(counts).tolist()
+    return [numbers[end - count : end] for count, end in zip(counts, ends, strict=True)]

@@ -5,11 +5,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import compensated, gaussian, orbital_mechanics, quaternion, safe, series
-from rpojax.core.frames import apply, hill_frame
+from rpojax.core.frames import apply, hill_frame, inertial_to_hill
 from rpojax.core.quaternion import rotate
 from rpojax.physics.plant import Truth
 from rpojax.sensors import box_camera
-from rpojax.simulation import camera, closed_loop
+from rpojax.simulation import camera
 from rpojax.simulation.closed_loop import Telemetry
 from rpojax.simulation.params import Params
 from rpojax.simulation.scenario import Scenario
@@ -171,10 +171,13 @@ def boresight_N(params: Params, truth: Truth) -> Vector:
 def _passive_range(telemetry: Telemetry) -> Scalar:
     """Least range over one orbit if thrust stopped now [m]; looked at once in ten ticks, infinite in between."""
 
+    truth = telemetry.truth
+    # Outside of the branch, where the other channels need it, too.
+    frame = hill_frame(truth.r_TN_N, truth.v_TN_N)
+
     def look(_: None) -> Scalar:
-        truth = telemetry.truth
         n = orbital_mechanics.mean_motion(orbital_mechanics.semi_major_axis(truth.r_TN_N, truth.v_TN_N))
-        return orbital_mechanics.closest_drift(n, *closed_loop.relative_state(truth))
+        return orbital_mechanics.closest_drift(n, *inertial_to_hill(truth.r_ST_N, truth.v_ST_N, *frame))
 
     due = telemetry.tick % _PASSIVE_EVERY == 0
     return jax.lax.cond(due, look, lambda _: jnp.full((), jnp.inf, dtype=jnp.float64), None)

@@ -11,7 +11,7 @@ from rpojax.core import compensated, ephemeris, orbital_mechanics, safe
 from rpojax.core.constants import MU_MOON, MU_SUN
 from rpojax.core.difference import Difference
 from rpojax.core.pytree import pytree, replace, select
-from rpojax.flight import attitude_estimator, burn_plan, computer
+from rpojax.flight import attitude_estimator, burn_plan, computer, looking
 from rpojax.flight.attitude_estimator import AttitudeEstimate
 from rpojax.flight.computer import FlightMemory, Measurements, Stages
 from rpojax.flight.navigation import GpsMeasurement
@@ -120,12 +120,14 @@ def plan_burn(
 
     def decide(flight: FlightMemory) -> tuple[burn_plan.BurnPlan, BurnError]:
         error = actuators.draw_burn_error(params.plant.thruster, sensed.drawn.burn)
-        return computer.plan_burn(stages, params.flight, flight, sensed.sky.sun_N, sensed.time).plan, error
+        return computer.plan_burn(stages, params.flight, flight, sight, sensed.time).plan, error
 
     def keep(flight: FlightMemory) -> tuple[burn_plan.BurnPlan, BurnError]:
         return flight.plan, state.burn_error
 
     with jax.named_scope("plan_burn"):
+        # Outside of the branch, since guidance needs the same every tick.
+        sight = looking.sight(params.flight.onboard, flight.orbit, sensed.sky.sun_N)
         due = state.tick % scenario.formation_ticks == 0
         plan, error = jax.lax.cond(due, decide, keep, flight)
         return replace(flight, plan=plan), error

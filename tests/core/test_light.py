@@ -140,11 +140,12 @@ def test_the_gradient_of_the_light_is_zero_in_the_umbra_and_outside_of_the_shado
     np.testing.assert_allclose(gradient(place(7.0e6, angle), SUN), np.zeros(3), atol=1e-24)
 
 
-def test_more_than_half_of_the_disc_counts_as_light() -> None:
-    inner, outer = border(7.0e6, inner=True), border(7.0e6, inner=False)
-    half = brentq(lambda angle: free_share(place(7.0e6, angle)) - 0.5, inner, outer)
-    assert not bool(is_lit(place(7.0e6, half - 1e-6), SUN))
-    assert bool(is_lit(place(7.0e6, half + 1e-6), SUN))
+@pytest.mark.parametrize(("distance", "tolerance"), [(7.0e6, 1e-10), (4.2164e7, 4e-9), (3.84e8, 3e-6)])
+def test_more_than_half_of_the_disc_counts_as_light(distance: float, tolerance: float) -> None:
+    inner, outer = border(distance, inner=True), border(distance, inner=False)
+    half = brentq(lambda angle: free_share(place(distance, angle)) - 0.5, inner, outer, xtol=1e-14)
+    assert not bool(is_lit(place(distance, half - tolerance), SUN))
+    assert bool(is_lit(place(distance, half + tolerance), SUN))
 
 
 DAY, NIGHT = np.array([7.0e6, 0.0, 0.0]), np.array([-7.0e6, 0.0, 0.0])

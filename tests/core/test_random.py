@@ -51,6 +51,19 @@ def test_keys_and_numbers_are_those_of_jax(seed: int, number: int, count: int) -
     np.testing.assert_array_equal(random.uniform(key, count), jax.random.uniform(theirs, (count,), dtype=jnp.float32))
 
 
+def test_keys_and_numbers_made_in_one_go_are_those_of_each_key() -> None:
+    keys = jnp.stack([random.fold_in(random.master_key(7), run) for run in range(4)])
+    chosen = [3, 0, 0]
+    derived = random.fold_in_each(random.rows(keys, chosen), jnp.array([9, 5, 2**31], dtype=jnp.uint32))
+    expected = [random.fold_in(keys[3], 9), random.fold_in(keys[0], 5), random.fold_in(keys[0], jnp.uint32(2**31))]
+    np.testing.assert_array_equal(derived, jnp.stack(expected))
+    counts = [3, 0, 8, 1]
+    for each, one in ((random.normal_each, normal), (random.uniform_each, uniform)):
+        np.testing.assert_array_equal(
+            each(keys, counts), np.concatenate([one(key, count) for key, count in zip(keys, counts, strict=True)])
+        )
+
+
 def test_the_key_of_a_run_is_pinned() -> None:
     # Threefry's own numbers: a change here would silently change every stored result.
     assert run_key(1, 0).tolist() == [507451445, 1853169794]

@@ -46,6 +46,14 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     ),
     "reductions": lambda x, m, s, marker: (jnp.sum(m, axis=1), jnp.max(x), jnp.argmin(x), jnp.all(x > s), jnp.prod(x)),
     "slices": lambda x, m, s, marker: (m[1:, 0], x[::2], x[marker - 2], jax.lax.dynamic_slice(m, (marker, 0), (2, 1))),
+    "chosen": lambda x, m, s, marker: (
+        x[np.array([2, 0, 0, 1])],
+        m[np.array([0, 2, 2])],
+        m[:, np.array([1, 1])],
+        m[np.array([0, 2]), np.array([1, 0])],
+        jnp.arange(3.0)[np.array([2, 2])] * s,
+        x[jnp.stack([jnp.argmax(x), jnp.argmin(x)])],
+    ),
     "own places": lambda x, m, s, marker: (m[jnp.argmax(x)], jax.lax.dynamic_slice(x, (jnp.argmin(x),), (1,))),
     "shapes": lambda x, m, s, marker: (m.T, m.reshape(9), x[:, None] * m, jnp.pad(x, 1), jnp.diag(x), jnp.flip(x)),
     "joins": lambda x, m, s, marker: (

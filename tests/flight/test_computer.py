@@ -1,5 +1,7 @@
 """The flight computer: what it solves at start, the velocity change it expects, and its replaceable stages."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +11,7 @@ from reference import IDENTITY, MU, matrix, turn
 
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
-from rpojax.flight import computer, formation_control
+from rpojax.flight import computer, formation_control, looking
 from rpojax.flight.computer import FlightMemory, FlightParams, Measurements, Stages
 from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement
 from rpojax.flight.orbit_filter import Innovation
@@ -20,9 +22,16 @@ delta_v_within = jax.jit(computer.delta_v_within)
 start = jax.jit(computer.start, static_argnums=1)
 navigate = jax.jit(computer.navigate, static_argnums=(0, 2))
 guide = jax.jit(computer.guide, static_argnums=5)
-plan_burn = jax.jit(computer.plan_burn, static_argnums=0)
 predict = jax.jit(computer.predict, static_argnums=(0, 2, 9))
 control_attitude = jax.jit(computer.control_attitude, static_argnums=0)
+
+
+@partial(jax.jit, static_argnums=0)
+def plan_burn(
+    stages: Stages, flight: FlightParams, memory: FlightMemory, sun_N: jax.Array, time: jax.Array
+) -> FlightMemory:
+    sight = looking.sight(flight.onboard, memory.orbit, sun_N)
+    return computer.plan_burn(stages, flight, memory, sight, time)
 
 
 @pytest.fixture(scope="module")

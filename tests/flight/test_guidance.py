@@ -91,7 +91,8 @@ def known(flight: FlightParams) -> OrbitEstimate:
 
 def plan(law: object, flight: FlightParams, estimate: OrbitEstimate, allowed: bool = True) -> BurnPlan:
     parts = (flight.formation, flight.pointing, flight.onboard, GAIN, STAYS, estimate)
-    found = plan_burn(law, *parts, np.asarray(allowed), TIME)
+    q_look, _ = look_attitude(flight.onboard, estimate)
+    found = plan_burn(law, *parts, q_look, np.asarray(allowed), TIME)
     return jax.tree.map(np.asarray, found)
 
 

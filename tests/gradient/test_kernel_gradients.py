@@ -664,10 +664,10 @@ def planned_burn(x: jax.Array, flight: FlightParams, r_TS_N: jax.Array, gain: ja
     law, gain = formation_control.lqr, gain * (1.0 + 0.1 * x[6])
     allowed, time = jnp.asarray(True), jnp.asarray(0.0)
     station = formation_control.keep_station(flight.formation, jnp.asarray(1.1e-3), 200.0)
-    plan = burn_plan.plan_burn(
-        law, flight.formation, flight.pointing, flight.onboard, gain, station, known, allowed, time
-    )
     q_BN, omega = looking.look_attitude(flight.onboard, known)
+    plan = burn_plan.plan_burn(
+        law, flight.formation, flight.pointing, flight.onboard, gain, station, known, q_BN, allowed, time
+    )
     return 0.1 * plan.ignition, 0.1 * plan.cutoff, 1e2 * plan.delta_v_N, plan.q_burn, q_BN, 1e2 * omega
 
 

@@ -1,0 +1,62 @@
+"""The random numbers of a tick and of the start: each from the stream of its name, whatever else is drawn."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.core import random
+from rpojax.core.random import Stream
+from rpojax.simulation import noise
+from rpojax.simulation.scenario import Scenario
+
+START = 0x7FFFFFFF
+draw = jax.jit(noise.draw, static_argnums=0)
+draw_start = jax.jit(noise.draw_start, static_argnums=0)
+fold_in = jax.jit(random.fold_in)
+normal = jax.jit(random.normal, static_argnums=1)
+uniform = jax.jit(random.uniform, static_argnums=1)
+
+
+@pytest.fixture(scope="module")
+def keys() -> jax.Array:
+    """Keys of the streams of a run, by number of the stream."""
+    return jnp.stack([fold_in(random.master_key(11), stream) for stream in range(len(Stream) + 1)])
+
+
+@pytest.mark.parametrize("model", ["geometric", "statistical"])
+@pytest.mark.parametrize("tick", [0, 7, 200])
+def test_numbers_of_a_tick_come_from_the_streams_of_their_names(
+    inspection: Scenario, keys: jax.Array, tick: int, model: str
+) -> None:
+    scenario = dataclasses.replace(inspection, camera_model=model)
+    drawn = draw(scenario, keys, jnp.asarray(tick, dtype=jnp.int32))
+    now = {stream: fold_in(keys[stream], tick) for stream in Stream}
+    later = fold_in(keys[Stream.SENSOR_BIAS], tick + 1)
+    expected = {
+        "gps": normal(now[Stream.GPS], 3),
+        "star_tracker": normal(fold_in(now[Stream.STAR_TRACKER], 1), 3),
+        "gyro": normal(now[Stream.GYRO], 3 * scenario.substeps).reshape(-1, 3),
+        "box": normal(now[Stream.BOX_CAMERA], 5),
+        "chances": uniform(fold_in(now[Stream.BOX_CAMERA], 1), 7),
+        "burn": normal(now[Stream.THRUSTER], 4) if tick % scenario.formation_ticks == 0 else np.zeros(4),
+        "chamber_pressure": normal(now[Stream.CHAMBER_PRESSURE], 1)[0],
+        "biases": normal(later, 6),
+        "box_edges": normal(fold_in(later, 1), 4) if model == "statistical" else None,
+    }
+    assert expected.keys() == {field.name for field in dataclasses.fields(drawn)}
+    for name, values in expected.items():
+        np.testing.assert_array_equal(getattr(drawn, name), values, err_msg=name)
+
+
+def test_numbers_of_the_start_come_from_the_streams_of_their_names(inspection: Scenario, keys: jax.Array) -> None:
+    drawn = draw_start(dataclasses.replace(inspection, camera_model="statistical"), keys)
+    samples = normal(fold_in(keys[Stream.STAR_TRACKER], START), 6)
+    np.testing.assert_array_equal(drawn.star_tracker, samples[:3])
+    np.testing.assert_array_equal(drawn.gyro, samples[3:])
+    np.testing.assert_array_equal(drawn.biases, normal(fold_in(keys[Stream.SENSOR_BIAS], START), 6))
+    np.testing.assert_array_equal(drawn.box_edges, normal(fold_in(keys[Stream.SENSOR_BIAS], START - 1), 4))
+    np.testing.assert_array_equal(drawn.handover, normal(keys[Stream.HANDOVER], 12))
+    assert draw_start(inspection, keys).box_edges is None
