@@ -42,7 +42,7 @@ def test_keys_differ_between_seeds_runs_and_streams() -> None:
     assert len(set(keys)) == len(keys)
 
 
-@given(st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1), st.integers(1, 40))
+@given(st.integers(0, 2**32 - 1), st.integers(0, 2**32 - 1), st.sampled_from([1, 2, 7, 40]))
 def test_keys_and_numbers_are_those_of_jax(seed: int, number: int, count: int) -> None:
     theirs = jax.random.fold_in(jax.random.key(seed, impl="threefry2x32"), np.uint32(number))
     key = random.fold_in(random.master_key(seed), jnp.uint32(number))
