@@ -70,7 +70,10 @@ def traced(function: Callable[..., Any], arguments: Sequence[Any], meaning: str 
 
 @contextlib.contextmanager
 def _no_garbage_collection() -> Iterator[None]:
-    """Tracing makes millions of objects that stay; looking through them for garbage takes a fifth of its time."""
+    """Tracing makes millions of objects that stay, and looking through them for garbage takes a fifth of its time.
+
+    Where two threads trace at once, the one that ends first ends it for both.
+    """
     collecting = gc.isenabled()
     gc.disable()
     try:

@@ -98,8 +98,9 @@ def _chord(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar, Scalar]:
 def is_lit(r_N: Vector, r_sun_N: Vector) -> Bool[Array, ""]:
     """True while more than half of the Sun's disc is visible.
 
-    The Earth's limb curves away, so that the centre of a disc that it halves is `sun^2 / (6 earth)` behind it, by their
-    apparent radii: right to 3e-9 rad up to geostationary orbit, to 3e-6 rad at the Moon's distance.
+    The limb is curved, so half of the Sun is covered when its centre is `sun^2 / (6 earth)` inside of the Earth's disc,
+    by their apparent radii: to 1e-9 rad up to geostationary orbit, to 1e-6 rad up to the Moon's. Not for places so far
+    that the Earth's disc is the smaller one.
     """
     sun_sine, earth_sine, cosine = _discs(r_N, r_sun_N, RADIUS_EARTH, RADIUS_SUN)
     earth_cosine = _beside(earth_sine)

@@ -76,8 +76,10 @@ _TURNS = ((13, 15, 26, 6), (17, 29, 16, 24))
 
 def _unit(keys: Keys, counts: Sequence[int]) -> Float[Array, " total"]:
     """Numbers uniform in [0, 1) of the leading 23 of 32 random bits."""
+    if len(counts) != keys.shape[0]:
+        raise ValueError(f"counts: found {len(counts)}, expected one for each of {keys.shape[0]} keys")
     counter = jnp.asarray(np.concatenate([np.arange(count, dtype=np.uint32) for count in counts]))
-    # A lone key goes with its many numbers by itself.
+    # One key goes with all of its numbers as it is, without being repeated.
     own = keys.T if len(counts) == 1 else rows(keys, np.repeat(np.arange(len(counts)), counts)).T
     first, second = _threefry(own, jnp.zeros_like(counter), counter)
     mantissa = ((first ^ second) >> np.uint32(9)) | np.uint32(0x3F800000)

@@ -82,7 +82,7 @@ def draw_start(scenario: Scenario, keys: Array) -> StartNoise:
     numbers = jnp.array([_START, _START, _START - 1], dtype=jnp.uint32)
     owners = [Stream.STAR_TRACKER, Stream.SENSOR_BIAS, Stream.SENSOR_BIAS]
     own = random.fold_in_each(random.rows(keys, owners), numbers)
-    counts = [6, 6, 4]
+    counts = [6, 6, 4 if lasting else 0]
     samples, biases, box_edges = _shares(random.normal_each(own, counts), counts)
     return StartNoise(
         biases=biases,
@@ -93,55 +93,74 @@ def draw_start(scenario: Scenario, keys: Array) -> StartNoise:
     )
 
 
+_FIRST, _SECOND = 0, 1
+"""Which key of a stream at a tick: one, and another derived from it where the stream has two kinds of numbers."""
+
+_ROWS = (
+    (Stream.GPS, _FIRST),
+    (Stream.STAR_TRACKER, _FIRST),
+    (Stream.GYRO, _FIRST),
+    (Stream.BOX_CAMERA, _FIRST),
+    (Stream.THRUSTER, _FIRST),
+    (Stream.SENSOR_BIAS, _FIRST),
+    (Stream.CHAMBER_PRESSURE, _FIRST),
+    (Stream.STAR_TRACKER, _SECOND),
+    (Stream.BOX_CAMERA, _SECOND),
+    (Stream.SENSOR_BIAS, _SECOND),
+)
+"""The keys of a tick, all first ones before the second ones."""
+
+
 def draw(scenario: Scenario, keys: Array, tick: Array) -> TickNoise:
     """Numbers of one tick, from the (streams, 2) keys of a run.
 
-    All in one go: written out for every stream, the generator would be a seventh of the loop's program.
+    Those of all streams together: the generator is written out, and written out for each of them it would be a seventh
+    of the instructions that the compiler is given.
     """
-    own = _tick_keys(keys, tick)
     lasting = scenario.camera_model == "statistical"
-    of_first = [3, 0, 3 * scenario.substeps, statistical_camera.NORMALS, 4, 6, 1]
-    of_second = [3, 0, 4 if lasting else 0]
-    counts = of_first + of_second
-    second_of_camera = own[len(_FIRST) + _SECOND.index(Stream.BOX_CAMERA)]
-    normals, chances = materialise(
-        (random.normal_each(own, counts), random.uniform(second_of_camera, statistical_camera.UNIFORMS)), tick
+    counts = {
+        (Stream.GPS, _FIRST): 3,
+        (Stream.GYRO, _FIRST): 3 * scenario.substeps,
+        (Stream.BOX_CAMERA, _FIRST): statistical_camera.NORMALS,
+        (Stream.THRUSTER, _FIRST): 4,
+        (Stream.SENSOR_BIAS, _FIRST): 6,
+        (Stream.CHAMBER_PRESSURE, _FIRST): 1,
+        (Stream.STAR_TRACKER, _SECOND): 3,
+        (Stream.SENSOR_BIAS, _SECOND): 4 if lasting else 0,
+    }
+    own, in_order = _tick_keys(keys, tick), [counts.get(row, 0) for row in _ROWS]
+    chances_key = own[_ROWS.index((Stream.BOX_CAMERA, _SECOND))]
+    numbers, chances = materialise(
+        (random.normal_each(own, in_order), random.uniform(chances_key, statistical_camera.UNIFORMS)), tick
     )
-    gps, _, gyro, box, burn, biases, chamber_pressure, star_tracker, _, box_edges = _shares(normals, counts)
+    normals = dict(zip(_ROWS, _shares(numbers, in_order), strict=True))
+    burn = normals[Stream.THRUSTER, _FIRST]
     return TickNoise(
-        gps=gps,
-        star_tracker=star_tracker,
-        gyro=gyro.reshape(scenario.substeps, 3),
-        box=box,
+        gps=normals[Stream.GPS, _FIRST],
+        star_tracker=normals[Stream.STAR_TRACKER, _SECOND],
+        gyro=normals[Stream.GYRO, _FIRST].reshape(scenario.substeps, 3),
+        box=normals[Stream.BOX_CAMERA, _FIRST],
         chances=chances,
         burn=jnp.where(tick % scenario.formation_ticks == 0, burn, 0.0),
-        chamber_pressure=chamber_pressure[0],
-        biases=biases,
-        box_edges=box_edges if lasting else None,
+        chamber_pressure=normals[Stream.CHAMBER_PRESSURE, _FIRST][0],
+        biases=normals[Stream.SENSOR_BIAS, _FIRST],
+        box_edges=normals[Stream.SENSOR_BIAS, _SECOND] if lasting else None,
     )
-
-
-_FIRST = (
-    *(Stream.GPS, Stream.STAR_TRACKER, Stream.GYRO, Stream.BOX_CAMERA, Stream.THRUSTER, Stream.SENSOR_BIAS),
-    Stream.CHAMBER_PRESSURE,
-)
-"""Streams that a tick has a key of."""
-
-_SECOND = (Stream.STAR_TRACKER, Stream.BOX_CAMERA, Stream.SENSOR_BIAS)
-"""Those with two kinds of numbers: a second key is derived from the first."""
 
 
 def _tick_keys(keys: Array, tick: Array) -> UInt32[Array, "n 2"]:
-    """Keys of a tick: the first ones, and after them the second ones.
+    """Keys of a tick in the order of the rows.
 
     Stored, since each of them feeds many numbers: the rounds that make it would be run again for every one.
     """
-    ahead = np.array([stream == Stream.SENSOR_BIAS for stream in _FIRST], dtype=np.uint32)  # those of the tick's end
+    first = [stream for stream, which in _ROWS if which == _FIRST]
+    second = [stream for stream, which in _ROWS if which == _SECOND]
+    ahead = np.array([stream == Stream.SENSOR_BIAS for stream in first], dtype=np.uint32)  # those of the tick's end
     ticks = tick.astype(jnp.uint32) + ahead
-    first = materialise(random.fold_in_each(random.rows(keys, _FIRST), ticks), tick)
-    again = random.rows(first, [_FIRST.index(stream) for stream in _SECOND])
-    second = random.fold_in_each(again, jnp.ones(len(_SECOND), dtype=jnp.uint32))
-    return materialise(jnp.concatenate([first, second]), tick)
+    own = materialise(random.fold_in_each(random.rows(keys, first), ticks), tick)
+    again = random.rows(own, [first.index(stream) for stream in second])
+    derived = random.fold_in_each(again, jnp.ones(len(second), dtype=jnp.uint32))
+    return materialise(jnp.concatenate([own, derived]), tick)
 
 
 def _shares(numbers: Array, counts: Sequence[int]) -> list[Array]:

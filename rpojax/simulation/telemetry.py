@@ -170,7 +170,6 @@ def boresight_N(params: Params, truth: Truth) -> Vector:
 
 def _passive_range(telemetry: Telemetry) -> Scalar:
     """Least range over one orbit if thrust stopped now [m]; looked at once in ten ticks, infinite in between."""
-
     truth = telemetry.truth
     # Outside of the branch, where the other channels need it, too.
     frame = hill_frame(truth.r_TN_N, truth.v_TN_N)

@@ -126,7 +126,7 @@ def plan_burn(
         return flight.plan, state.burn_error
 
     with jax.named_scope("plan_burn"):
-        # Outside of the branch, since guidance needs the same every tick.
+        # Outside of the branch, where the compiler finds that guidance works out the same.
         sight = looking.sight(params.flight.onboard, flight.orbit, sensed.sky.sun_N)
         due = state.tick % scenario.formation_ticks == 0
         plan, error = jax.lax.cond(due, decide, keep, flight)

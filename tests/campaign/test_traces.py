@@ -1,5 +1,6 @@
 """Traced functions are kept, found again by what they mean, and made anew where the file is of no use."""
 
+import gc
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,34 @@ def test_a_kept_trace_is_not_made_again_and_computes_the_same(folder: Path) -> N
     assert len(list(folder.iterdir())) == 1
     assert first.call(*ARGUMENTS)["sum"] == second.call(*ARGUMENTS)["sum"] == 5.0
     assert second.results["same"]["a"].shape == (2,)
+
+
+@pytest.mark.parametrize("collecting", [True, False])
+@pytest.mark.parametrize("meaning", ["sum", None])
+def test_garbage_is_collected_again_once_a_function_is_traced_or_has_failed(
+    folder: Path, meaning: str | None, collecting: bool
+) -> None:
+    meanwhile = []
+
+    def failing(x: Any) -> Any:
+        meanwhile.append(gc.isenabled())
+        raise RuntimeError("no function")
+
+    def working(x: Any) -> Any:
+        meanwhile.append(gc.isenabled())
+        return x + 1.0
+
+    before = gc.isenabled()
+    try:
+        (gc.enable if collecting else gc.disable)()
+        traces.traced(working, (np.ones(2),), meaning)
+        assert gc.isenabled() is collecting
+        with pytest.raises(RuntimeError, match="no function"):
+            traces.traced(failing, (np.ones(3),), meaning)
+        assert gc.isenabled() is collecting
+    finally:
+        (gc.enable if before else gc.disable)()
+    assert meanwhile == [False, False]
 
 
 @pytest.mark.parametrize("change", ["meaning", "shape", "type", "structure", "code", "numbers"])

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -62,6 +63,13 @@ def test_keys_and_numbers_made_in_one_go_are_those_of_each_key() -> None:
         np.testing.assert_array_equal(
             each(keys, counts), np.concatenate([one(key, count) for key, count in zip(keys, counts, strict=True)])
         )
+
+
+def test_each_key_needs_its_count() -> None:
+    keys = jnp.zeros((3, 2), dtype=jnp.uint32)
+    for counts in ([3], [2, 2], [1, 1, 1, 1]):
+        with pytest.raises(ValueError, match=f"counts: found {len(counts)}, expected one for each of 3 keys"):
+            random.normal_each(keys, counts)
 
 
 def test_the_key_of_a_run_is_pinned() -> None:

@@ -52,6 +52,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
         m[:, np.array([1, 1])],
         m[np.array([0, 2]), np.array([1, 0])],
         jnp.arange(3.0)[np.array([2, 2])] * s,
+        jnp.take_along_axis(m, np.array([[0, 2], [1, 1], [2, 0]]), axis=1),
         x[jnp.stack([jnp.argmax(x), jnp.argmin(x)])],
     ),
     "own places": lambda x, m, s, marker: (m[jnp.argmax(x)], jax.lax.dynamic_slice(x, (jnp.argmin(x),), (1,))),
@@ -105,7 +106,7 @@ def test_stacked_components_stay_apart_in_memory() -> None:
 
     def function(x: Any, m: Any) -> Any:
         y = jnp.stack([x[1] * x[2], x[2] - x[0], x[0]])
-        return jnp.concatenate([jnp.sum(m * y[None, :], axis=1), y])
+        return jnp.concatenate([jnp.sum(m * y[None, :], axis=1), m[np.array([2, 0, 0]), 1], y])
 
     text = jax.jit(trailing.batch(function, (-1, -1), -1)).lower(X, M).as_text()
     assert "transpose" not in text

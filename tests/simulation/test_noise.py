@@ -46,6 +46,8 @@ def test_numbers_of_a_tick_come_from_the_streams_of_their_names(
         "biases": normal(later, 6),
         "box_edges": normal(fold_in(later, 1), 4) if model == "statistical" else None,
     }
+    if tick % scenario.formation_ticks == 0:
+        np.testing.assert_array_equal(noise.burn_normals(keys, jnp.asarray(tick)), expected["burn"])
     assert expected.keys() == {field.name for field in dataclasses.fields(drawn)}
     for name, values in expected.items():
         np.testing.assert_array_equal(getattr(drawn, name), values, err_msg=name)
