@@ -103,13 +103,13 @@ def show(found: Mapping[str, Any]) -> None:
 def _loop(found: Mapping[str, Any]) -> "Table":
     table = _table(
         f"closed loop, {found['scenario']}, {found['duration_s']:g} s",
-        ("batch", "devices", "compile [s]", "cached [s]", "run [s]", "cpu [s]", "run-s/s", "runs of 3000 s/h"),
+        ("batch", "devices", "compile (loop) [s]", "cached [s]", "run [s]", "cpu [s]", "run-s/s", "runs of 3000 s/h"),
     )
     for entry in found["batches"]:
         table.add_row(
             str(entry["batch"]),
             str(entry["devices"]),
-            f"{entry['compile_s']:.1f}",
+            f"{entry['compile_s']:.1f} ({entry['loop_compile_s']:.1f})",
             f"{entry['compile_cached_s']:.1f}",
             f"{entry['run_s']:.3g}",
             f"{entry['cpu_s']:.3g}",
@@ -148,6 +148,7 @@ def _table(title: str, headings: Sequence[str]) -> "Table":
 
     table = Table(title=Text(title))
     for number, heading in enumerate(headings):
-        # Cells are short, headings may wrap.
-        table.add_column(heading, justify="left" if number == 0 and heading in ("kernel", "work") else "right")
+        # Cells are short, headings may wrap; as plain text, since to rich a unit in brackets is markup.
+        side = "left" if number == 0 and heading in ("kernel", "work") else "right"
+        table.add_column(Text(heading), justify=side)
     return table

@@ -467,7 +467,7 @@ def test_bench_states_speed_and_time_to_compile(call: Call, monkeypatch: pytest.
     assert result.status == 0
     assert result.json["run_seconds_per_s"] > 0.0
     assert (result.json["batch"], result.json["devices"]) == (1, 1)
-    assert {"compile_s", "compile_cached_s", "machine", "versions", "batches"} <= set(result.json)
+    assert {"compile_s", "loop_compile_s", "compile_cached_s", "machine", "versions", "batches"} <= set(result.json)
     assert not {"kernels", "vision"} & set(result.json)
     people = call(*words)
     assert "runs of" in people.out
@@ -476,7 +476,13 @@ def test_bench_states_speed_and_time_to_compile(call: Call, monkeypatch: pytest.
 
 def test_bench_prints_a_table_for_every_part(capsys: pytest.CaptureFixture[str]) -> None:
     times = {"batch": 4, "devices": 2, "compile_s": 1.0, "run_s": 2.0, "cpu_s": 3.0}
-    loop = {**times, "compile_cached_s": 0.5, "run_seconds_per_s": 4321.0, "runs_per_hour": 5185.0}
+    loop = {
+        **times,
+        "loop_compile_s": 0.8,
+        "compile_cached_s": 0.5,
+        "run_seconds_per_s": 4321.0,
+        "runs_per_hour": 5185.0,
+    }
     vision = {f"{verb}_{what}": 1.0 for verb in ("render", "detect") for what in ("compile_s", "s", "cpu_s")}
     rates = {"frames_per_s": 77.0, "detections_per_s": 99.0}
     bench_verb.show(
@@ -496,8 +502,9 @@ def test_bench_prints_a_table_for_every_part(capsys: pytest.CaptureFixture[str])
         }
     )
     out = capsys.readouterr().out
-    for text in ("4,321", "5,185", "98.7 M", "1.23 us", "77", "99", "--block-size 1024", "1,234 MiB", "a machine"):
+    for text in ("4,321", "5,185", "(0.8)", "[s]", "98.7 M", "1.23 us", "77", "99", "--block-size 1024", "1,234 MiB"):
         assert text in out
+    assert "a machine" in out
 
 
 def test_version_and_help(call: Call) -> None:

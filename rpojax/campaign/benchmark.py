@@ -32,6 +32,7 @@ class Speed:
         batch: runs at once
         devices: devices that share them
         compile_s: tracing and compiling both programs [s]
+        loop_compile_s: of that, what XLA takes for the loop [s]
         compile_cached_s: the same in a later process, which finds them in the cache [s]
         run_s: fastest pass through the scenario [s]
         cpu_s: what it took of the processor [s]
@@ -42,6 +43,7 @@ class Speed:
     batch: int
     devices: int
     compile_s: float
+    loop_compile_s: float
     compile_cached_s: float
     run_s: float
     cpu_s: float
@@ -112,6 +114,7 @@ def speed(ready: Engine, batch: int, compile_cached_s: float, repeats: int = REP
         batch=batch,
         devices=len(ready.devices),
         compile_s=ready.compile_s,
+        loop_compile_s=ready.loop_compile_s,
         compile_cached_s=compile_cached_s,
         run_s=taken.wall_s,
         cpu_s=taken.cpu_s,

@@ -76,6 +76,7 @@ def speeds(**by_batch: float) -> list[Speed]:
             batch=int(name[1:]),
             devices=min(int(name[1:]), 2),
             compile_s=1.0,
+            loop_compile_s=0.5,
             compile_cached_s=1.0,
             run_s=1.0,
             cpu_s=1.0,
