@@ -19,6 +19,7 @@ from typing import Any
 import jax
 import numpy as np
 import pytest
+from one_compilation import shared_programs
 
 import rpojax
 from rpojax import bench_verb, cli, console, machine
@@ -68,20 +69,9 @@ def call(capsys: pytest.CaptureFixture[str]) -> Call:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def shared_programs() -> Iterator[None]:
+def programs() -> Iterator[None]:
     """Commands on the same scenario and block size use one pair of programs, compiled once."""
-    programs: dict[Any, Any] = {}
-    compile_anew = Engine.compile
-
-    def compile_once(engine: Engine) -> None:
-        key = (engine.file.model_dump_json(), engine.size, tuple(engine.devices))
-        if key not in programs:
-            compile_anew(engine)
-            programs[key] = engine._programs
-        engine._programs = programs[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Engine, "compile", compile_once)
+    with shared_programs():
         yield
 
 

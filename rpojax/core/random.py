@@ -54,18 +54,13 @@ def normal(key: Key, count: int) -> Float[Array, " {count}"]:
 
 def uniform(key: Key, count: int) -> Float[Array, " {count}"]:
     """Numbers uniform in [0, 1), drawn in float32 and returned in float64."""
-    return uniform_each(key[None], [count])
+    return _unit(key[None], [count]).astype(jnp.float64)
 
 
 def normal_each(keys: Keys, counts: Sequence[int]) -> Float[Array, " total"]:
     """The numbers that `normal` draws from each of several keys, one key's after the other's, in one go."""
     u = jnp.maximum(_LEAST, _unit(keys, counts) * (1.0 - _LEAST) + _LEAST)
     return (np.float32(np.sqrt(2.0)) * jax.lax.erf_inv(u)).astype(jnp.float64)
-
-
-def uniform_each(keys: Keys, counts: Sequence[int]) -> Float[Array, " total"]:
-    """The numbers that `uniform` draws from each of several keys, one key's after the other's, in one go."""
-    return _unit(keys, counts).astype(jnp.float64)
 
 
 _LEAST = np.nextafter(np.float32(-1.0), np.float32(0.0))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, UInt32
+from jaxtyping import Array, UInt32
 
 from rpojax.core import random
 from rpojax.core.materialise import materialise
@@ -49,7 +49,7 @@ class TickNoise:
         gyro: (substeps, 3)
         box: (5,) of the camera; the geometric one takes four, one for each edge
         chances: (7,) of the camera, uniform in [0, 1)
-        burn: (4,) execution error, zero unless a burn is decided
+        burn: (4,) execution error of a burn that is decided now
         chamber_pressure: ()
         biases: (6,) by which GPS error and gyro bias go on
         box_edges: (4,) by which the statistical camera's lasting errors go on, None for other cameras
@@ -69,11 +69,6 @@ class TickNoise:
 def camera_key(keys: Array, tick: Array) -> Array:
     """Random key of the exposure of one tick, from the (streams, 2) keys of a run."""
     return random.fold_in(keys[Stream.BOX_CAMERA], tick)
-
-
-def burn_normals(keys: Array, tick: Array) -> Float[Array, "4"]:
-    """Numbers of the execution error of a burn decided at one tick, from the (streams, 2) keys of a run."""
-    return random.normal(random.fold_in(keys[Stream.THRUSTER], tick), 4)
 
 
 def draw_start(scenario: Scenario, keys: Array) -> StartNoise:
@@ -134,14 +129,13 @@ def draw(scenario: Scenario, keys: Array, tick: Array) -> TickNoise:
         (random.normal_each(own, in_order), random.uniform(chances_key, statistical_camera.UNIFORMS)), tick
     )
     normals = dict(zip(_ROWS, _shares(numbers, in_order), strict=True))
-    burn = normals[Stream.THRUSTER, _FIRST]
     return TickNoise(
         gps=normals[Stream.GPS, _FIRST],
         star_tracker=normals[Stream.STAR_TRACKER, _SECOND],
         gyro=normals[Stream.GYRO, _FIRST].reshape(scenario.substeps, 3),
         box=normals[Stream.BOX_CAMERA, _FIRST],
         chances=chances,
-        burn=jnp.where(tick % scenario.formation_ticks == 0, burn, 0.0),
+        burn=normals[Stream.THRUSTER, _FIRST],
         chamber_pressure=normals[Stream.CHAMBER_PRESSURE, _FIRST][0],
         biases=normals[Stream.SENSOR_BIAS, _FIRST],
         box_edges=normals[Stream.SENSOR_BIAS, _SECOND] if lasting else None,

@@ -144,7 +144,7 @@ def _take_over(
         sensed.time,
     )
     # Each ignition has an error of its own; whoever only closes the valve at another time keeps it.
-    drawn = actuators.draw_burn_error(params.plant.thruster, noise.burn_normals(state.keys, state.tick))
+    drawn = actuators.draw_burn_error(params.plant.thruster, sensed.drawn.burn)
     new = (burn.cutoff > burn.ignition) & (burn.ignition != flight.plan.ignition)
     return replace(flight, plan=plan), select(new, drawn, state.burn_error)
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
+from one_compilation import shared_programs
 
-from rpojax.campaign.engine import Engine
 from rpojax.campaign.runner import run_campaign
 from rpojax.campaign.store import Campaign
 from rpojax.simulation import scenario
@@ -23,20 +23,9 @@ def mission() -> ScenarioFile:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def shared_programs() -> Iterator[None]:
+def programs() -> Iterator[None]:
     """Engines for the same scenario of any length, size and devices use one pair of programs."""
-    programs: dict[Any, Any] = {}
-    compile_anew = Engine.compile
-
-    def compile_once(engine: Engine) -> None:
-        key = (engine._segment_file.model_dump_json(), engine.size, tuple(engine.devices))
-        if key not in programs:
-            compile_anew(engine)
-            programs[key] = engine._programs
-        engine._programs = programs[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Engine, "compile", compile_once)
+    with shared_programs():
         yield
 
 
