@@ -15,7 +15,7 @@ import numpy as np
 from jax import lax
 from jax.extend import core
 
-from rpojax.core.trailing_rules import RULES, Value, spread
+from rpojax.core.trailing_rules import RULES, Items, Value
 
 _CALLS = {"jit", "pjit", "closed_call", "core_call", "checkpoint", "remat2"}
 
@@ -34,9 +34,12 @@ def batch(function: Callable[..., Any], in_axes: Any, out_axes: Any) -> Callable
         given = [Value(leaf, axis is not None) for leaf, axis in zip(leaves, _flat(in_axes, args), strict=True)]
         size = next(value.array.shape[-1] for value in given if value.many)
         traced, shape = jax.make_jaxpr(function, return_shape=True)(*jax.tree.unflatten(tree, map(_item, given)))
-        results = _Evaluation(size).call(traced, given)
-        axes = _flat(out_axes, shape)
-        arrays = [_result(value, axis, size) for value, axis in zip(results, axes, strict=True)]
+        evaluation = _Evaluation(size)
+        results = evaluation.call(traced, given)
+        own = [axis is not None for axis in _flat(out_axes, shape)]
+        if any(value.many and not several for value, several in zip(results, own, strict=True)):
+            raise ValueError("out_axes: found None for a result that differs from item to item, expected -1")
+        arrays = evaluation.arrays(results, own)
         return jax.tree.unflatten(jax.tree.structure(shape), arrays)
 
     return batched
@@ -58,19 +61,12 @@ def _item(value: Value) -> jax.ShapeDtypeStruct:
     return jax.ShapeDtypeStruct(shape[:-1] if value.many else shape, jnp.result_type(value.array))
 
 
-def _result(value: Value, axis: int | None, size: int) -> Any:
-    if axis is not None:
-        return spread(value, size)
-    if value.many:
-        raise ValueError("out_axes: found None for a result that differs from item to item, expected -1")
-    return value.array
-
-
 class _Evaluation:
-    """Operations of one item carried out for `size` of them."""
+    """Operations of one item carried out for `size` of them, the same one once however often it is asked for."""
 
     def __init__(self, size: int) -> None:
-        self._size = size
+        self._items = Items(size)
+        self._done: dict[Any, tuple[list[Value], list[Value]]] = {}
 
     def call(self, closed: Any, given: Sequence[Value]) -> list[Value]:
         """Results of a traced function."""
@@ -90,6 +86,13 @@ class _Evaluation:
             known.update(zip(equation.outvars, results, strict=True))
         return [read(atom) for atom in jaxpr.outvars]
 
+    def arrays(self, values: Sequence[Value], many: Sequence[bool]) -> list[Any]:
+        """Arrays of values, with an axis of items where they are to have `many`."""
+        return [
+            self._items.spread(value) if several else jnp.asarray(value.array)
+            for value, several in zip(values, many, strict=True)
+        ]
+
     def _apply(self, equation: Any, given: list[Value]) -> list[Value]:
         name, params = equation.primitive.name, equation.params
         if name in _CALLS:
@@ -98,10 +101,20 @@ class _Evaluation:
             return self._scan(params, given)
         if name == "cond":
             return self._cond(params["branches"], given[0], given[1:])
+        if name not in RULES:
+            return self._carried_out(equation, given)
+        # The numbers are kept as long as what was made of them, lest others get their identity.
+        key = (name, tuple(sorted(params.items())), *(value.identity for value in given))
+        if key not in self._done:
+            self._done[key] = given, self._carried_out(equation, given)
+        return self._done[key][1]
+
+    def _carried_out(self, equation: Any, given: list[Value]) -> list[Value]:
+        name = equation.primitive.name
         if not any(value.many for value in given):
             return _values(equation, _bind(equation, *(value.array for value in given)), False)
         rule = RULES.get(name)
-        result = rule(equation, given, self._size) if rule else None
+        result = rule(equation, given, self._items) if rule else None
         if result is not None:
             return [Value(result, True)]
         axes = [-1 if value.many else None for value in given]
@@ -116,10 +129,11 @@ class _Evaluation:
         many = found[: len(carried)]
 
         def body(state: list[Any], now: list[Any]) -> tuple[list[Any], list[Any]]:
-            results = self.call(params["jaxpr"], [*constants, *map(Value, state, many), *map(Value, now, several)])
-            return self._arrays(results[: len(many)], many), [value.array for value in results[len(many) :]]
+            inner = _Evaluation(self._items.size)
+            results = inner.call(params["jaxpr"], [*constants, *map(Value, state, many), *map(Value, now, several)])
+            return inner.arrays(results[: len(many)], many), [value.array for value in results[len(many) :]]
 
-        start, rest = self._arrays(carried, many), [value.array for value in inputs]
+        start, rest = self.arrays(carried, many), [value.array for value in inputs]
         how = {"length": params["length"], "reverse": params["reverse"], "unroll": params["unroll"]}
         end, seen = lax.scan(body, start, rest, **how)
         return [*map(Value, end, many), *map(Value, seen, found[len(many) :])]
@@ -129,7 +143,8 @@ class _Evaluation:
         many = _cond_differs(branches, [index.many, *kinds])
 
         def run(branch: Any, *arrays: Any) -> list[Any]:
-            return self._arrays(self.call(branch, list(map(Value, arrays, kinds))), many)
+            inner = _Evaluation(self._items.size)
+            return inner.arrays(inner.call(branch, list(map(Value, arrays, kinds))), many)
 
         arrays = [value.array for value in given]
         if not index.many:
@@ -137,12 +152,6 @@ class _Evaluation:
             return list(map(Value, results, many))
         cases = zip(*(run(branch, *arrays) for branch in branches), strict=True)
         return [Value(_chosen(index.array, case), True) for case in cases]
-
-    def _arrays(self, values: Sequence[Value], many: Sequence[bool]) -> list[Any]:
-        return [
-            spread(value, self._size) if several else jnp.asarray(value.array)
-            for value, several in zip(values, many, strict=True)
-        ]
 
 
 def _differs(closed: Any, given: Sequence[bool]) -> list[bool]:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 
@@ -13,51 +14,77 @@ class Value(NamedTuple):
     array: Any
     many: bool
 
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of one item."""
+        return jnp.shape(self.array)[: -1 if self.many else None]
 
-Rule = Callable[[Any, list[Value], int], Any]
-"""From the operation, its arguments and the number of items to its result, None where it does not know."""
+    @property
+    def identity(self) -> Any:
+        """Alike for the same numbers only, as long as both values exist."""
+        array = self.array
+        own = (str(array.dtype), array.shape, array.tobytes()) if isinstance(array, np.ndarray) else id(array)
+        return own, self.many
 
 
-def spread(value: Value, size: int) -> Any:
-    """The array with an axis of `size` items."""
-    if value.many:
-        return value.array
-    shape = jnp.shape(value.array)
-    return lax.broadcast_in_dim(value.array, (*shape, size), range(len(shape)))
+class Items:
+    """The items of a batch, and what they have in common, once it has been given to each of them.
+
+    Attributes:
+        size: how many there are
+    """
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self._spread: dict[Any, tuple[Value, Any]] = {}
+
+    def spread(self, value: Value, shape: tuple[int, ...] = ()) -> Any:
+        """The array with an axis of items; that of a scalar with `shape` before it."""
+        own = value.shape
+        if value.many and (own or not shape):
+            return value.array
+        key = value.identity, own or shape
+        if key not in self._spread:
+            wanted = (*(own or shape), self.size)
+            places = (len(shape),) if value.many else range(len(own))
+            self._spread[key] = value, lax.broadcast_in_dim(value.array, wanted, places)
+        return self._spread[key][1]
 
 
-def _elementwise(equation: Any, given: list[Value], size: int) -> Any:
-    arrays = [spread(value, size) for value in given]
-    shape = max((array.shape for array in arrays), key=len)
+Rule = Callable[[Any, list[Value], Items], Any]
+"""From the operation, its arguments and the items to its result, None where it does not know."""
+
+
+def _elementwise(equation: Any, given: list[Value], items: Items) -> Any:
     # An operation may take a scalar beside an array.
-    same = [a if a.ndim == len(shape) else lax.broadcast_in_dim(a, shape, (len(shape) - 1,)) for a in arrays]
-    return equation.primitive.bind(*same, **equation.params)
+    shape = max((value.shape for value in given), key=len)
+    return equation.primitive.bind(*(items.spread(value, shape) for value in given), **equation.params)
 
 
-def _select(equation: Any, given: list[Value], size: int) -> Any:
+def _select(equation: Any, given: list[Value], items: Items) -> Any:
     which, *cases = given
     if not which.many and jnp.ndim(which.array) == 0:
-        return lax.select_n(which.array, *(spread(case, size) for case in cases))
-    return _elementwise(equation, given, size)
+        return lax.select_n(which.array, *map(items.spread, cases))
+    return _elementwise(equation, given, items)
 
 
-def _slice(equation: Any, given: list[Value], size: int) -> Any:
+def _slice(equation: Any, given: list[Value], items: Items) -> Any:
     params = equation.params
     strides = None if params["strides"] is None else (*params["strides"], 1)
-    return lax.slice(given[0].array, (*params["start_indices"], 0), (*params["limit_indices"], size), strides)
+    return lax.slice(given[0].array, (*params["start_indices"], 0), (*params["limit_indices"], items.size), strides)
 
 
-def _dynamic_slice(equation: Any, given: list[Value], size: int) -> Any:
+def _dynamic_slice(equation: Any, given: list[Value], items: Items) -> Any:
     array, *starts = given
     if not array.many or any(start.many for start in starts):
         return None
     first = jnp.zeros((), dtype=jnp.result_type(starts[0].array))
     return lax.dynamic_slice(
-        array.array, (*(start.array for start in starts), first), (*equation.params["slice_sizes"], size)
+        array.array, (*(start.array for start in starts), first), (*equation.params["slice_sizes"], items.size)
     )
 
 
-def _gather(equation: Any, given: list[Value], size: int) -> Any:
+def _gather(equation: Any, given: list[Value], items: Items) -> Any:
     array, places = given
     if not array.many or places.many:
         return None
@@ -65,45 +92,45 @@ def _gather(equation: Any, given: list[Value], size: int) -> Any:
     params["dimension_numbers"] = numbers._replace(
         offset_dims=(*numbers.offset_dims, len(equation.outvars[0].aval.shape))
     )
-    params["slice_sizes"] = (*params["slice_sizes"], size)
+    params["slice_sizes"] = (*params["slice_sizes"], items.size)
     return equation.primitive.bind(array.array, places.array, **params)
 
 
-def _squeeze(equation: Any, given: list[Value], _: int) -> Any:
+def _squeeze(equation: Any, given: list[Value], _: Items) -> Any:
     return lax.squeeze(given[0].array, equation.params["dimensions"])
 
 
-def _expand(equation: Any, given: list[Value], size: int) -> Any:
-    shape = (*equation.params["shape"], size)
+def _expand(equation: Any, given: list[Value], items: Items) -> Any:
+    shape = (*equation.params["shape"], items.size)
     places = (*equation.params["broadcast_dimensions"], len(shape) - 1)
     return lax.broadcast_in_dim(given[0].array, shape, places)
 
 
-def _concatenate(equation: Any, given: list[Value], size: int) -> Any:
-    return lax.concatenate([spread(value, size) for value in given], equation.params["dimension"])
+def _concatenate(equation: Any, given: list[Value], items: Items) -> Any:
+    return lax.concatenate(list(map(items.spread, given)), equation.params["dimension"])
 
 
-def _stack(equation: Any, given: list[Value], size: int) -> Any:
-    return jnp.stack([spread(value, size) for value in given], axis=equation.params["axis"])
+def _stack(equation: Any, given: list[Value], items: Items) -> Any:
+    return jnp.stack(list(map(items.spread, given)), axis=equation.params["axis"])
 
 
-def _pad(equation: Any, given: list[Value], size: int) -> Any:
+def _pad(equation: Any, given: list[Value], items: Items) -> Any:
     array, filling = given
     if filling.many:
         return None
-    return lax.pad(spread(array, size), filling.array, (*equation.params["padding_config"], (0, 0, 0)))
+    return lax.pad(items.spread(array), filling.array, (*equation.params["padding_config"], (0, 0, 0)))
 
 
-def _transpose(equation: Any, given: list[Value], _: int) -> Any:
+def _transpose(equation: Any, given: list[Value], _: Items) -> Any:
     order = equation.params["permutation"]
     return lax.transpose(given[0].array, (*order, len(order)))
 
 
-def _reshape(equation: Any, given: list[Value], size: int) -> Any:
-    return lax.reshape(given[0].array, (*equation.params["new_sizes"], size))
+def _reshape(equation: Any, given: list[Value], items: Items) -> Any:
+    return lax.reshape(given[0].array, (*equation.params["new_sizes"], items.size))
 
 
-def _as_it_is(equation: Any, given: list[Value], _: int) -> Any:
+def _as_it_is(equation: Any, given: list[Value], _: Items) -> Any:
     """Reductions and the like over axes that are counted from the front."""
     return equation.primitive.bind(given[0].array, **equation.params)
 

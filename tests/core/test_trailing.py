@@ -112,6 +112,35 @@ def test_stacked_components_stay_apart_in_memory() -> None:
     assert "transpose" not in text
 
 
+def test_the_same_is_worked_out_once() -> None:
+    """Also across functions, but not across the borders of loops and branches, which have results of their own."""
+    again = jax.jit(lambda x: jnp.sin(x * 2.0) * 3.0)
+
+    def function(x: Any, m: Any, s: Any) -> Any:
+        def body(carry: Any, row: Any) -> Any:
+            return carry + row * jnp.sin(s * 2.0), None
+
+        return again(x) + again(x), jax.lax.scan(body, jnp.sin(s * 2.0), m[0])[0] + jnp.sin(s * 2.0), s[None] * 7.0
+
+    every = trailing.batch(function, (-1, -1, -1), -1)
+    traced = str(jax.make_jaxpr(every)(X, M, S))
+    assert traced.count(" sin ") == 3  # of x, of s, and of s in the loop
+    for found, expected in zip(every(X, M, S), jax.vmap(function, -1, -1)(X, M, S), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-14)
+
+
+def test_what_items_have_in_common_is_spread_once() -> None:
+    every = trailing.batch(lambda x: (x[0] * 2.0 + 2.0, x * 2.0, x - 2.0), (-1,), -1)
+    traced = str(jax.make_jaxpr(every)(X))
+    assert traced.count("broadcast_in_dim") == 2  # as a number and as three
+
+
+def test_numbers_that_look_alike_are_kept_apart() -> None:
+    every = trailing.batch(lambda x: (x / 0.0, x / -0.0), (-1,), -1)
+    up, down = every(jnp.abs(X))
+    assert bool(jnp.all(up == jnp.inf)) and bool(jnp.all(down == -jnp.inf))
+
+
 def test_scopes_are_kept() -> None:
     def function(x: Any) -> Any:
         with jax.named_scope("sense"):
