@@ -148,10 +148,7 @@ class Engine:
 
     @functools.cached_property
     def _prepared(self) -> Any:
-        # It works once for hundreds of ticks of the loop, so that it is not worth while to make it fast.
-        wanted = jax.jit(self._preparation.call).lower(*self._any_inputs())
-        quickly: Any = {"xla_backend_optimization_level": 0} if jax.default_backend() == "cpu" else None
-        return wanted.compile(compiler_options=quickly)
+        return _compiled(jax.jit(self._preparation.call).lower(*self._any_inputs()), _PREPARATION_ON_CPU)
 
     @functools.cached_property
     def _preparation(self) -> Trace:
@@ -286,11 +283,27 @@ class _Flight:
         return _Stretch(seen, np.array(self.state.failure), np.array(self.state.failed_at))
 
 
-def _compiled(lowered: Any) -> Any:
-    """A program without calls of another library for its many small sums, where XLA knows that option."""
+_PREPARATION_ON_CPU = {
+    # It works once for hundreds of ticks of the loop, so that it is compiled quickly rather than well,
+    "xla_backend_optimization_level": 0,
+    "xla_cpu_use_fusion_emitters": False,
+    # and beside the tracing of the loop, which is to have a core for itself.
+    "xla_cpu_parallel_codegen_split_count": 1,
+}
+
+_LOOP_ON_CPU = {
+    # No calls of another library for many small sums.
+    "xla_cpu_experimental_ynn_fusion_type": "",
+    # It moves a reshape past one operation at a time, each in a round of all the other passes, to no use here.
+    "xla_disable_hlo_passes": "reshape-mover",
+}
+
+
+def _compiled(lowered: Any, on_cpu: Mapping[str, Any] = _LOOP_ON_CPU) -> Any:
+    """A program compiled with options for a CPU, where it is for one and XLA knows them."""
     if jax.default_backend() == "cpu":
         with contextlib.suppress(jax.errors.JaxRuntimeError):
-            return lowered.compile(compiler_options={"xla_cpu_experimental_ynn_fusion_type": ""})
+            return lowered.compile(compiler_options=dict(on_cpu))
     return lowered.compile()
 
 
