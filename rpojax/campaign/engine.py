@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import functools
 import itertools
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -283,28 +284,35 @@ class _Flight:
         return _Stretch(seen, np.array(self.state.failure), np.array(self.state.failed_at))
 
 
-_PREPARATION_ON_CPU = {
-    # It works once for hundreds of ticks of the loop, so that it is compiled quickly rather than well,
+_PREPARATION_ON_CPU: Mapping[str, Any] = {
     "xla_backend_optimization_level": 0,
     "xla_cpu_use_fusion_emitters": False,
-    # and beside the tracing of the loop, which is to have a core for itself.
     "xla_cpu_parallel_codegen_split_count": 1,
 }
+"""It works once for hundreds of ticks of the loop, so that it is compiled quickly rather than well, and on one core
+beside the tracing of the loop."""
 
-_LOOP_ON_CPU = {
-    # No calls of another library for many small sums.
+_LOOP_ON_CPU: Mapping[str, Any] = {
     "xla_cpu_experimental_ynn_fusion_type": "",
-    # It moves a reshape past one operation at a time, each in a round of all the other passes, to no use here.
     "xla_disable_hlo_passes": "reshape-mover",
 }
+"""No calls of another library for many small sums, and no pass that moves reshapes past one operation at a time, each
+in a round of all the other passes."""
 
 
 def _compiled(lowered: Any, on_cpu: Mapping[str, Any] = _LOOP_ON_CPU) -> Any:
-    """A program compiled with options for a CPU, where it is for one and XLA knows them."""
-    if jax.default_backend() == "cpu":
-        with contextlib.suppress(jax.errors.JaxRuntimeError):
-            return lowered.compile(compiler_options=dict(on_cpu))
-    return lowered.compile()
+    """A program compiled with options where JAX computes on a CPU: what XLA knows and the user's flags leave open."""
+    flags = os.environ.get("XLA_FLAGS", "")
+    usual = on_cpu if jax.default_backend() == "cpu" else {}
+    options = {name: value for name, value in usual.items() if f"--{name}" not in flags}
+    while True:
+        try:
+            return lowered.compile(compiler_options=options or None)
+        except jax.errors.JaxRuntimeError as error:
+            unknown = [name for name in options if "No such compile option" in str(error) and name in str(error)]
+            if not unknown:
+                raise
+            options.pop(unknown[0])
 
 
 def _master_key(seed: int) -> Array:

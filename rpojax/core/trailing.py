@@ -24,6 +24,7 @@ def batch(function: Callable[..., Any], in_axes: Any, out_axes: Any) -> Callable
     """A function of one item as a function of many that lie along the last axes of its arguments and results.
 
     Axes are given as to `jax.vmap`: -1 for what every item has of its own, None for what they have in common.
+    To be called in a compiled function: else all that is made on the way is kept to the end.
 
     Raises:
         ValueError: a result that was said to be in common differs from item to item.
@@ -62,7 +63,7 @@ def _item(value: Value) -> jax.ShapeDtypeStruct:
 
 
 class _Evaluation:
-    """Operations of one item carried out for `size` of them, the same one once however often it is asked for."""
+    """Operations of one item carried out for `size` of them; one that has a rule once for the same numbers."""
 
     def __init__(self, size: int) -> None:
         self._items = Items(size)
@@ -101,11 +102,11 @@ class _Evaluation:
             return self._scan(params, given)
         if name == "cond":
             return self._cond(params["branches"], given[0], given[1:])
-        if name not in RULES:
+        if name not in RULES:  # others may have effects, or hold functions
             return self._carried_out(equation, given)
-        # The numbers are kept as long as what was made of them, lest others get their identity.
         key = (name, tuple(sorted(params.items())), *(value.identity for value in given))
         if key not in self._done:
+            # The numbers are kept as long as what was made of them, lest others get their identity.
             self._done[key] = given, self._carried_out(equation, given)
         return self._done[key][1]
 
@@ -142,15 +143,15 @@ class _Evaluation:
         kinds = [value.many for value in given]
         many = _cond_differs(branches, [index.many, *kinds])
 
-        def run(branch: Any, *arrays: Any) -> list[Any]:
-            inner = _Evaluation(self._items.size)
-            return inner.arrays(inner.call(branch, list(map(Value, arrays, kinds))), many)
+        def run(within: _Evaluation, branch: Any, *arrays: Any) -> list[Any]:
+            return within.arrays(within.call(branch, list(map(Value, arrays, kinds))), many)
 
         arrays = [value.array for value in given]
         if not index.many:
-            results = lax.switch(index.array, [partial(run, branch) for branch in branches], *arrays)
-            return list(map(Value, results, many))
-        cases = zip(*(run(branch, *arrays) for branch in branches), strict=True)
+            # What is made in a branch is for that branch alone.
+            own = [partial(run, _Evaluation(self._items.size), branch) for branch in branches]
+            return list(map(Value, lax.switch(index.array, own, *arrays), many))
+        cases = zip(*(run(self, branch, *arrays) for branch in branches), strict=True)
         return [Value(_chosen(index.array, case), True) for case in cases]
 
 

@@ -21,7 +21,7 @@ class Value(NamedTuple):
 
     @property
     def identity(self) -> Any:
-        """Alike for the same numbers only, as long as both values exist."""
+        """Alike only for the same numbers of the same type, as long as both values exist."""
         array = self.array
         own = (str(array.dtype), array.shape, array.tobytes()) if isinstance(array, np.ndarray) else id(array)
         return own, self.many
@@ -39,7 +39,7 @@ class Items:
         self._spread: dict[Any, tuple[Value, Any]] = {}
 
     def spread(self, value: Value, shape: tuple[int, ...] = ()) -> Any:
-        """The array with an axis of items; that of a scalar with `shape` before it."""
+        """The array with an axis of items; a scalar, and only that, with `shape` before it."""
         own = value.shape
         if value.many and (own or not shape):
             return value.array
@@ -59,6 +59,12 @@ def _elementwise(equation: Any, given: list[Value], items: Items) -> Any:
     # An operation may take a scalar beside an array.
     shape = max((value.shape for value in given), key=len)
     return equation.primitive.bind(*(items.spread(value, shape) for value in given), **equation.params)
+
+
+def _bitcast(equation: Any, given: list[Value], items: Items) -> Any:
+    # Numbers of another width get an axis of their own, after that of the items.
+    same = given[0].array.dtype.itemsize == np.dtype(equation.params["new_dtype"]).itemsize
+    return _elementwise(equation, given, items) if same else None
 
 
 def _select(equation: Any, given: list[Value], items: Items) -> Any:
@@ -136,7 +142,7 @@ def _as_it_is(equation: Any, given: list[Value], _: Items) -> Any:
 
 
 _ELEMENTWISE = (
-    "abs acos add and asin atan atan2 bitcast_convert_type cbrt ceil clamp convert_element_type copy cos cosh div "
+    "abs acos add and asin atan atan2 cbrt ceil clamp convert_element_type copy cos cosh div "
     "eq erf erf_inv erfc exp exp2 expm1 floor ge gt integer_pow is_finite le log log1p logistic lt max min mul ne "
     "neg nextafter not or pow rem round rsqrt shift_left shift_right_arithmetic shift_right_logical sign sin sinh "
     "sqrt square stop_gradient sub tan tanh xor"
@@ -147,6 +153,7 @@ _REDUCTIONS = "argmax argmin reduce_and reduce_max reduce_min reduce_or reduce_p
 RULES: dict[str, Rule] = {
     **dict.fromkeys(_ELEMENTWISE.split(), _elementwise),
     **dict.fromkeys(_REDUCTIONS.split(), _as_it_is),
+    "bitcast_convert_type": _bitcast,
     "broadcast_in_dim": _expand,
     "concatenate": _concatenate,
     "dynamic_slice": _dynamic_slice,

@@ -113,14 +113,19 @@ def test_stacked_components_stay_apart_in_memory() -> None:
 
 
 def test_the_same_is_worked_out_once() -> None:
-    """Also across functions, but not across the borders of loops and branches, which have results of their own."""
+    """Also across functions and the cases of a choice, but not within a loop, which has results of its own."""
     again = jax.jit(lambda x: jnp.sin(x * 2.0) * 3.0)
 
     def function(x: Any, m: Any, s: Any) -> Any:
         def body(carry: Any, row: Any) -> Any:
             return carry + row * jnp.sin(s * 2.0), None
 
-        return again(x) + again(x), jax.lax.scan(body, jnp.sin(s * 2.0), m[0])[0] + jnp.sin(s * 2.0), s[None] * 7.0
+        chosen = jax.lax.cond(s > 0.0, lambda: jnp.sin(x * 2.0), lambda: -jnp.sin(x * 2.0))
+        return (
+            again(x) + again(x) + chosen,
+            jax.lax.scan(body, jnp.sin(s * 2.0), m[0])[0] + jnp.sin(s * 2.0),
+            s[None] * 7.0,
+        )
 
     every = trailing.batch(function, (-1, -1, -1), -1)
     traced = str(jax.make_jaxpr(every)(X, M, S))
@@ -135,10 +140,27 @@ def test_what_items_have_in_common_is_spread_once() -> None:
     assert traced.count("broadcast_in_dim") == 2  # as a number and as three
 
 
-def test_numbers_that_look_alike_are_kept_apart() -> None:
-    every = trailing.batch(lambda x: (x / 0.0, x / -0.0), (-1,), -1)
-    up, down = every(jnp.abs(X))
-    assert bool(jnp.all(up == jnp.inf)) and bool(jnp.all(down == -jnp.inf))
+def alike(x: Any, m: Any) -> Any:
+    """Operations that differ in one thing alone: sign of zero, type of zero, place, width."""
+    signs = x / 0.0, x / -0.0
+    kinds = x > 0.0, jnp.round(x).astype(int) > 0, jnp.zeros(3) + x, jnp.zeros(3, dtype=int) + jnp.round(x).astype(int)
+    widths = [jax.lax.bitcast_convert_type(x, kind) for kind in (jnp.uint64, jnp.uint32)]
+    return signs, kinds, (x[0:2], x[1:3], m[0], m[:, 0]), widths
+
+
+def test_operations_that_look_alike_are_kept_apart() -> None:
+    every = trailing.batch(alike, (-1, -1), -1)
+    expected = jax.vmap(alike, (-1, -1), -1)(jnp.abs(X), M)
+    for found, wanted in zip(jax.tree.leaves(every(jnp.abs(X), M)), jax.tree.leaves(expected), strict=True):
+        np.testing.assert_array_equal(found, wanted)
+
+
+def test_an_array_of_many_is_not_the_same_array_in_common() -> None:
+    square = jnp.asarray(X[:, :3])
+    many, common = trailing.batch(lambda a, b: (jnp.sin(a), jnp.sin(b)), (-1, None), (-1, None))(square, square)
+    np.testing.assert_array_equal(many, common)
+    summed, _ = trailing.batch(lambda a, b: (jnp.sin(a)[0], jnp.sin(b)), (-1, None), (-1, None))(square, square)
+    np.testing.assert_array_equal(summed, jnp.sin(square)[0])
 
 
 def test_scopes_are_kept() -> None:
