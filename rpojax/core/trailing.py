@@ -148,9 +148,9 @@ class _Evaluation:
 
         arrays = [value.array for value in given]
         if not index.many:
-            # What is made in a branch is for that branch alone.
-            own = [partial(run, _Evaluation(self._items.size), branch) for branch in branches]
-            return list(map(Value, lax.switch(index.array, own, *arrays), many))
+            # What is made in a branch is for that branch alone, each time that it is traced.
+            apart = [lambda *a, b=branch: run(_Evaluation(self._items.size), b, *a) for branch in branches]
+            return list(map(Value, lax.switch(index.array, apart, *arrays), many))
         cases = zip(*(run(self, branch, *arrays) for branch in branches), strict=True)
         return [Value(_chosen(index.array, case), True) for case in cases]
 
