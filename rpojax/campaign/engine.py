@@ -4,7 +4,6 @@ import contextlib
 import dataclasses
 import functools
 import itertools
-import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -16,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.campaign import dispersions, per_device, traces
+from rpojax.campaign import compilation, dispersions, per_device, traces
 from rpojax.campaign.design import Design, independent
 from rpojax.campaign.dispersions import Values
 from rpojax.campaign.traces import Trace
@@ -142,14 +141,15 @@ class Engine:
             with self._precision():
                 wanted = per_device.lowered(loop, arguments, self.devices, donate=(2,))
             traced = time.perf_counter()
-            loops = dict(zip(wanted, pool.map(_compiled, wanted.values()), strict=True))
+            compiled = pool.map(lambda each: compilation.compiled(each, compilation.LOOP), wanted.values())
+            loops = dict(zip(wanted, compiled, strict=True))
             self.loop_compile_s = time.perf_counter() - traced
             self._programs = (preparing.result(), [loops[home] for home in per_device.homes(self.devices)])
         self.compile_s = time.perf_counter() - begin
 
     @functools.cached_property
     def _prepared(self) -> Any:
-        return _compiled(jax.jit(self._preparation.call).lower(*self._any_inputs()), _PREPARATION_ON_CPU)
+        return compilation.compiled(jax.jit(self._preparation.call).lower(*self._any_inputs()), compilation.PREPARATION)
 
     @functools.cached_property
     def _preparation(self) -> Trace:
@@ -282,37 +282,6 @@ class _Flight:
         self.state, seen = jax.block_until_ready(self.program(self.nominal, self.values, self.state))
         # Copies: what they are made of is given up to the next segment.
         return _Stretch(seen, np.array(self.state.failure), np.array(self.state.failed_at))
-
-
-_PREPARATION_ON_CPU: Mapping[str, Any] = {
-    "xla_backend_optimization_level": 0,
-    "xla_cpu_use_fusion_emitters": False,
-    "xla_cpu_parallel_codegen_split_count": 1,
-}
-"""It works once for hundreds of ticks of the loop, so that it is compiled quickly rather than well, and on one core
-beside the tracing of the loop."""
-
-_LOOP_ON_CPU: Mapping[str, Any] = {
-    "xla_cpu_experimental_ynn_fusion_type": "",
-    "xla_disable_hlo_passes": "reshape-mover",
-}
-"""No calls of another library for many small sums, and no pass that moves reshapes past one operation at a time, each
-in a round of all the other passes."""
-
-
-def _compiled(lowered: Any, on_cpu: Mapping[str, Any] = _LOOP_ON_CPU) -> Any:
-    """A program compiled with options where JAX computes on a CPU: what XLA knows and the user's flags leave open."""
-    flags = os.environ.get("XLA_FLAGS", "")
-    usual = on_cpu if jax.default_backend() == "cpu" else {}
-    options = {name: value for name, value in usual.items() if f"--{name}" not in flags}
-    while True:
-        try:
-            return lowered.compile(compiler_options=options or None)
-        except jax.errors.JaxRuntimeError as error:
-            unknown = [name for name in options if "No such compile option" in str(error) and name in str(error)]
-            if not unknown:
-                raise
-            options.pop(unknown[0])
 
 
 def _master_key(seed: int) -> Array:

@@ -16,7 +16,6 @@ import pytest
 import quick_compilation
 
 import rpojax
-from rpojax.campaign import engine as engine_module
 from rpojax.campaign import per_device, traces
 from rpojax.campaign.engine import Engine
 from rpojax.campaign.runner import run_campaign
@@ -176,7 +175,6 @@ EXCHANGE = """
 import jax
 import numpy as np
 from rpojax.campaign import per_device, traces
-from rpojax.campaign import engine as engine_module
 from rpojax.campaign.engine import Engine
 from rpojax.simulation import scenario
 
@@ -206,32 +204,3 @@ def test_two_devices_give_the_campaign_that_one_gives_to_the_last_bit(
     assert expected.keys() == found.keys()
     for name, values in expected.items():
         np.testing.assert_array_equal(found[name], values, err_msg=name)
-
-
-class OtherXla:
-    """A program whose compiler does not know one of the options."""
-
-    def __init__(self, says: str) -> None:
-        self.says = says
-        self.asked: list[dict[str, object] | None] = []
-
-    def compile(self, compiler_options: dict[str, object] | None) -> str:
-        self.asked.append(dict(compiler_options) if compiler_options else None)
-        if compiler_options and "xla_cpu_use_fusion_emitters" in compiler_options:
-            raise jax.errors.JaxRuntimeError(self.says)
-        return "program"
-
-
-def test_what_xla_does_not_know_of_the_options_is_left_out_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XLA_FLAGS", "--xla_cpu_parallel_codegen_split_count=8")
-    other = OtherXla("INVALID_ARGUMENT: No such compile option: 'xla_cpu_use_fusion_emitters'")
-    assert engine_module._compiled(other, engine_module._PREPARATION_ON_CPU) == "program"
-    assert other.asked[-1] == {"xla_backend_optimization_level": 0}
-
-
-def test_other_errors_of_the_compiler_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("XLA_FLAGS", "")
-    other = OtherXla("RESOURCE_EXHAUSTED: out of memory")
-    with pytest.raises(jax.errors.JaxRuntimeError, match="out of memory"):
-        engine_module._compiled(other, engine_module._PREPARATION_ON_CPU)
-    assert len(other.asked) == 1
