@@ -19,16 +19,16 @@ import numpy as np
 
 from benchmarks import comparison
 from benchmarks.comparison import Pass
-from rpojax import outputs
+from rpojax.cli import output_paths
+from rpojax.cli.arguments import Status
 from rpojax.errors import RpojaxError
-from rpojax.machine import available_cores, prepare_jax, prepare_loop
-from rpojax.verb_parts import Status
+from rpojax.runtime.jax_environment import available_cores, prepare_jax, prepare_loop
 from rpojax.version import __version__
 
 if TYPE_CHECKING:
     from benchmarks.basilisk_peer import Peer
-    from rpojax.campaign.engine import Engine
-    from rpojax.simulation.schema import ScenarioFile
+    from rpojax.campaign.execution.batch_engine import Engine
+    from rpojax.scenario.schema import ScenarioFile
 
 ROUNDS = 6
 """Turns of each simulator; the faster one counts."""
@@ -74,7 +74,7 @@ def options(argv: Sequence[str] | None = None) -> argparse.Namespace:
     if given.json is not None:
         if given.json.exists():
             raise RpojaxError(f"--json: found {given.json}, expected a file that does not exist yet")
-        outputs.claim(given.json, force=False)
+        output_paths.claim(given.json, force=False)
     return given
 
 
@@ -110,13 +110,13 @@ def compare(given: argparse.Namespace, peer_version: str) -> int:
     prepare_jax(cache=False)
     prepare_loop(rendered=False)
     begin = time.perf_counter()
-    from rpojax.campaign import benchmark, measuring
+    from rpojax.benchmark import closed_loop_speed, suite
 
     import_s = time.perf_counter() - begin
     from benchmarks import basilisk_inputs, basilisk_peer
-    from rpojax.simulation import scenario
+    from rpojax.scenario import scenario_file
 
-    file = scenario.load("inspection", [f"duration_s={given.duration_s}"])
+    file = scenario_file.load("inspection", [f"duration_s={given.duration_s}"])
     tell("drawing the runs")
     inputs = basilisk_inputs.draw(file, given.cores * min(given.runs, DISTINCT))
     with basilisk_peer.started(inputs, given.cores) as peer:
@@ -126,7 +126,7 @@ def compare(given: argparse.Namespace, peer_version: str) -> int:
             print(f"against_basilisk: Basilisk does not fly the mission: {faults[0]}", file=sys.stderr)
             return 1
         tell(f"rpojax compiles for {', '.join(map(str, given.batches))} runs at once")
-        engines = [benchmark.prepare(file, batch) for batch in given.batches]
+        engines = [closed_loop_speed.prepare(file, batch) for batch in given.batches]
         passes = list(in_turn(peer, engines, given))
     ours = comparison.best(passes, "rpojax")
     used = next(engine for engine in engines if engine.capacity == ours.at_once)
@@ -134,7 +134,7 @@ def compare(given: argparse.Namespace, peer_version: str) -> int:
         passes,
         proofs=proofs,
         starts={"Basilisk": peer.import_s, "rpojax": import_s, "compile": used.compile_s},
-        where=whereabouts(given, measuring.machine(), peer_version),
+        where=whereabouts(given, suite.machine(), peer_version),
     )
     print("\n".join(comparison.report(content)))
     if given.json is not None:
@@ -167,10 +167,10 @@ def in_turn(peer: "Peer", engines: Sequence["Engine"], given: argparse.Namespace
 
 def rpojax_pass(engine: "Engine") -> Pass:
     """A full batch through the mission, with its channels brought to numpy."""
-    from rpojax.campaign import benchmark
+    from rpojax.benchmark import closed_loop_speed
 
     cpu, begin = time.process_time(), time.perf_counter()
-    block = benchmark.block(engine)
+    block = closed_loop_speed.block(engine)
     ready = time.perf_counter()
     segments = list(engine.run(block))
     end, cpu_s = time.perf_counter(), time.process_time() - cpu

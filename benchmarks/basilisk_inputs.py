@@ -6,11 +6,12 @@ import jax
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.campaign import dispersions, single
+from rpojax.campaign import single_run
 from rpojax.core import quaternion
+from rpojax.dispersions import dispersed_values
 from rpojax.physics.plant import PlantParams, Truth
+from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation import closed_loop
-from rpojax.simulation.schema import ScenarioFile
 
 SEED = 0
 """Of the campaign whose runs both simulators fly."""
@@ -18,12 +19,12 @@ SEED = 0
 
 def draw(file: ScenarioFile, runs: int) -> list[dict[str, Any]]:
     """Inputs of the first runs of a campaign, in lists for JSON."""
-    static, nominal = single.nominal(file)
+    static, nominal = single_run.nominal(file)
 
     @jax.jit
     def one(run_id: Array) -> tuple[PlantParams, Truth, Array]:
         key = closed_loop.run_key(SEED, run_id)
-        chosen = dispersions.apply(nominal, dispersions.draw(file, key, {}))
+        chosen = dispersed_values.apply(nominal, dispersed_values.draw(file, key, {}))
         thruster = chosen.plant.thruster
         push = quaternion.rotate(quaternion.exp(thruster.misalignment), quaternion.normalize(thruster.direction))
         return chosen.plant, closed_loop.init(static, chosen, key).truth, push

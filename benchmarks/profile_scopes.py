@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from rpojax.machine import prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
 
 prepare_jax(cache=False)
 prepare_loop(rendered=False)
@@ -17,8 +17,8 @@ prepare_loop(rendered=False)
 import jax  # noqa: E402  (after the settings that it reads once)
 
 import rpojax  # noqa: E402
-from rpojax.campaign import benchmark, operations  # noqa: E402
-from rpojax.campaign.engine import Engine  # noqa: E402
+from rpojax.benchmark import closed_loop_speed, operation_count  # noqa: E402
+from rpojax.campaign.execution.batch_engine import Engine  # noqa: E402
 from rpojax.errors import RpojaxError  # noqa: E402
 
 FUNCTIONS = "functions"
@@ -40,23 +40,23 @@ def profile(engine: Engine) -> list[tuple[str, int, int]]:
     A loop's or a branch's own time is that of what it holds, so only that is counted. Of a short loop XLA makes a
     function that it calls, and tells nothing of what is in it.
     """
-    benchmark.flown(engine)
-    text = benchmark.loop_program(engine).as_text()
-    found = operations.instructions(text)
+    closed_loop_speed.flown(engine)
+    text = closed_loop_speed.loop_program(engine).as_text()
+    found = operation_count.instructions(text)
     scope_of = {each.name: each.scope for each in found if not each.holds_others}
     scope_of |= {each.name: FUNCTIONS for each in found if each.kind == "call"}
-    ready = benchmark.block(engine)
+    ready = closed_loop_speed.block(engine)
     time_ns, started = Counter[str](), Counter[str]()
     with tempfile.TemporaryDirectory() as folder:
         with jax.profiler.trace(folder):
-            benchmark.carry(engine, ready)
+            closed_loop_speed.carry(engine, ready)
         for name, duration in events(Path(folder)):
             if scope := scope_of.get(name):
                 time_ns[scope] += duration
                 started[scope] += 1
     if not time_ns:
         raise RpojaxError("profile: found no instruction of the loop, expected those that its text names")
-    scopes = (*operations.SCOPES, FUNCTIONS, operations.COPIES, operations.OTHER)
+    scopes = (*operation_count.SCOPES, FUNCTIONS, operation_count.COPIES, operation_count.OTHER)
     return [(scope, started[scope], time_ns[scope]) for scope in scopes]
 
 
@@ -67,7 +67,9 @@ def main() -> None:
     parser.add_argument("--scenario", default="inspection")
     parser.add_argument("--set", dest="overrides", action="append", default=["duration_s=200"])
     options = parser.parse_args()
-    engine = benchmark.prepare(rpojax.load(options.scenario, options.overrides), options.batch, jax.devices()[:1])
+    engine = closed_loop_speed.prepare(
+        rpojax.load(options.scenario, options.overrides), options.batch, jax.devices()[:1]
+    )
     rows = profile(engine)
     ticks = engine.scenario.ticks
     total = sum(time_ns for _, _, time_ns in rows)

@@ -5,10 +5,10 @@ from functools import cache
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from rpojax.campaign import benchmark as closed_loop
-from rpojax.campaign.engine import Engine
-from rpojax.simulation import scenario
-from rpojax.simulation.schema import ScenarioFile
+from rpojax.benchmark import closed_loop_speed as closed_loop
+from rpojax.campaign.execution.batch_engine import Engine
+from rpojax.scenario import scenario_file
+from rpojax.scenario.schema import ScenarioFile
 
 BATCHES = (1, 16, 64, 256, 512, 2048)
 
@@ -16,7 +16,7 @@ BATCHES = (1, 16, 64, 256, 512, 2048)
 @cache
 def mission() -> ScenarioFile:
     """The nominal mission, cut short."""
-    return scenario.load("inspection", ["duration_s=200"])
+    return scenario_file.load("inspection", ["duration_s=200"])
 
 
 @cache

@@ -3,17 +3,17 @@
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from rpojax.campaign import filter_benchmark, orbit_benchmark
-from rpojax.simulation import scenario
+from rpojax.benchmark import filter_speed, orbit_speed
+from rpojax.scenario import scenario_file
 
 
-@pytest.mark.parametrize("vehicles", [256, orbit_benchmark.VEHICLES, 4096])
+@pytest.mark.parametrize("vehicles", [256, orbit_speed.VEHICLES, 4096])
 def test_orbits(benchmark: BenchmarkFixture, vehicles: int) -> None:
-    program = orbit_benchmark.prepare(vehicles)
+    program = orbit_speed.prepare(vehicles)
     benchmark.group = "orbits with J2, by vehicles on a device"
     benchmark.pedantic(program.run, warmup_rounds=1, rounds=6)
     assert benchmark.stats is not None
-    total = vehicles * len(program.inputs) * orbit_benchmark.STEPS
+    total = vehicles * len(program.inputs) * orbit_speed.STEPS
     benchmark.extra_info |= {
         "vehicle_steps_per_s": total / benchmark.stats["min"],
         "compile_s": program.compile_s,
@@ -21,13 +21,13 @@ def test_orbits(benchmark: BenchmarkFixture, vehicles: int) -> None:
     }
 
 
-@pytest.mark.parametrize("batch", [1, *filter_benchmark.BATCHES])
+@pytest.mark.parametrize("batch", [1, *filter_speed.BATCHES])
 def test_filter(benchmark: BenchmarkFixture, batch: int) -> None:
-    program = filter_benchmark.prepare(scenario.load("inspection"), batch)
+    program = filter_speed.prepare(scenario_file.load("inspection"), batch)
     benchmark.group = "orbit filter, by runs on a device"
     benchmark.pedantic(program.run, warmup_rounds=1, rounds=6)
     assert benchmark.stats is not None
-    updates = batch * len(program.inputs) * filter_benchmark.UPDATES
+    updates = batch * len(program.inputs) * filter_speed.UPDATES
     benchmark.extra_info |= {
         "us_per_update": 1e6 * benchmark.stats["min"] / updates,
         "compile_s": program.compile_s,

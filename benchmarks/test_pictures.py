@@ -5,14 +5,14 @@ from functools import cache
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from rpojax.campaign import vision_benchmark
-from rpojax.campaign.stopwatch import Program
+from rpojax.benchmark import vision_speed
+from rpojax.benchmark.stopwatch import Program
 
 
 @cache
 def programs() -> dict[str, Program]:
     """Both programs, compiled."""
-    return dict(zip(("render", "detect"), vision_benchmark.prepare(), strict=True))
+    return dict(zip(("render", "detect"), vision_speed.prepare(), strict=True))
 
 
 @pytest.mark.parametrize("work", ["render", "detect"])

@@ -9,25 +9,25 @@ from typing import TYPE_CHECKING, Any
 from rpojax.version import __version__
 
 if TYPE_CHECKING:
-    from rpojax.campaign.dataset import open_campaign
-    from rpojax.campaign.runner import resume_campaign, run_campaign
-    from rpojax.campaign.single import simulate
-    from rpojax.campaign.store import Campaign
+    from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
+    from rpojax.campaign.single_run import simulate
+    from rpojax.campaign.storage.campaign_folder import Campaign
+    from rpojax.campaign.storage.xarray_dataset import open_campaign
     from rpojax.errors import RpojaxError
     from rpojax.flight.computer import Stages
-    from rpojax.report.html import write_report
-    from rpojax.simulation.scenario import load
+    from rpojax.report.page.html_report import write_report
+    from rpojax.scenario.scenario_file import load
 
 _HOMES = {
-    "Campaign": "rpojax.campaign.store",
+    "Campaign": "rpojax.campaign.storage.campaign_folder",
     "RpojaxError": "rpojax.errors",
     "Stages": "rpojax.flight.computer",
-    "load": "rpojax.simulation.scenario",
-    "open_campaign": "rpojax.campaign.dataset",
-    "resume_campaign": "rpojax.campaign.runner",
-    "run_campaign": "rpojax.campaign.runner",
-    "simulate": "rpojax.campaign.single",
-    "write_report": "rpojax.report.html",
+    "load": "rpojax.scenario.scenario_file",
+    "open_campaign": "rpojax.campaign.storage.xarray_dataset",
+    "resume_campaign": "rpojax.campaign.run_and_resume",
+    "run_campaign": "rpojax.campaign.run_and_resume",
+    "simulate": "rpojax.campaign.single_run",
+    "write_report": "rpojax.report.page.html_report",
 }
 
 __all__ = [

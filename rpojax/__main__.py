@@ -2,6 +2,6 @@
 
 import sys
 
-from rpojax.cli import main
+from rpojax.cli.main import main
 
 sys.exit(main())

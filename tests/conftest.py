@@ -41,14 +41,16 @@ install_import_hook(
     "function_checks.checked",
 )
 
+pytest_plugins = ["campaign_fixtures"]
+
 settings.register_profile("rpojax", deadline=None, max_examples=20, derandomize=True, database=None)
 settings.load_profile("rpojax")
 
-from rpojax.simulation import params as parameters  # noqa: E402  (after the hook)
-from rpojax.simulation import scenario as scenarios  # noqa: E402
-from rpojax.simulation.params import Params  # noqa: E402
-from rpojax.simulation.scenario import Scenario  # noqa: E402
-from rpojax.simulation.schema import ScenarioFile  # noqa: E402
+from rpojax.scenario import params as parameters  # noqa: E402  (after the hook)
+from rpojax.scenario import scenario_file as scenarios  # noqa: E402
+from rpojax.scenario.params import Params  # noqa: E402
+from rpojax.scenario.scenario_file import Scenario  # noqa: E402
+from rpojax.scenario.schema import ScenarioFile  # noqa: E402
 
 # Tracing makes millions of objects of which few are garbage.
 gc.freeze()

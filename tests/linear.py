@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from rpojax.analysis.linear_agreement import CHANNELS, Sampled
-from rpojax.analysis.linear_covariance import LinearCovariance
-from rpojax.analysis.linear_loop import OUTPUTS
+from rpojax.analysis.linear_covariance.linear_covariance import LinearCovariance
+from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS
+from rpojax.analysis.linear_covariance.monte_carlo_agreement import CHANNELS, Sampled
 
 TIMES, RUNS = 40, 400
 

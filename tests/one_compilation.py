@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from rpojax.campaign.engine import Engine
+from rpojax.campaign.execution.batch_engine import Engine
 
 
 @contextmanager

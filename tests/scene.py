@@ -7,11 +7,12 @@ from reference import MU, unit
 
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
-from rpojax.flight import looking, orbit_filter
 from rpojax.flight.computer import FlightParams
-from rpojax.flight.navigation import BoxMeasurement
-from rpojax.flight.onboard import Onboard
-from rpojax.flight.orbit_filter import OrbitEstimate
+from rpojax.flight.guidance import target_pointing
+from rpojax.flight.navigation import orbit_filter
+from rpojax.flight.navigation.filter_tuning import BoxMeasurement
+from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.vehicle_model import Onboard
 
 R_SN_N = np.array([5.0e6, 3.0e6, 3.7e6])
 """Position of the servicer [m], 6900 km from the Earth's centre."""
@@ -37,7 +38,7 @@ _initial = jax.jit(orbit_filter.initial)
 
 @jax.jit
 def _camera_attitude(onboard: Onboard, known: OrbitEstimate) -> jax.Array:
-    q_BN, _ = looking.look_attitude(onboard, known)
+    q_BN, _ = target_pointing.look_attitude(onboard, known)
     return quaternion.multiply(quaternion.normalize(onboard.camera_mounting), q_BN)
 
 

@@ -6,16 +6,21 @@ import pytest
 from xdist.scheduler import LoadScopeScheduling
 
 LONGEST = (
-    *("campaign", "simulation", "vision", "test_cli.py", "gradient", "analysis", "test_notebooks.py", "training"),
+    *("campaign", "simulation", "vision", "cli", "gradient", "analysis", "test_notebooks.py", "training"),
     *("validation", "interop", "report", "flight", "physics"),
 )
 """Folders and files of this folder by falling time, as far as it counts; whatever is not here comes last."""
 
 
+CAMPAIGNS = ("campaign", "dispersions", "benchmark")
+"""Folders whose tests use the same programs."""
+
+
 def company(nodeid: str) -> str:
     """The folder below this one that a test is in, or its file where it is in none."""
     words = nodeid.split("::")[0].split("/")
-    return words[1] if len(words) > 1 else words[0]
+    place = words[1] if len(words) > 1 else words[0]
+    return "campaign" if place in CAMPAIGNS else place
 
 
 def longest_first(items: list[pytest.Item]) -> None:

@@ -14,8 +14,8 @@ import pytest
 from benchmarks import against_basilisk, basilisk_inputs, basilisk_peer, comparison
 from benchmarks.comparison import Pass, Proof
 from experiments.validation.reference import quaternion_of
-from rpojax.campaign import benchmark as closed_loop
-from rpojax.simulation.schema import ScenarioFile
+from rpojax.benchmark import closed_loop_speed as closed_loop
+from rpojax.scenario.schema import ScenarioFile
 
 WHERE = {
     "machine": "some machine",

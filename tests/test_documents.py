@@ -14,15 +14,16 @@ import pytest
 
 import rpojax
 from rpojax import Stages
-from rpojax.analysis.order_statistics import runs_for_bound
-from rpojax.campaign.single import dispersed
-from rpojax.core.random import Stream
+from rpojax.analysis.statistics.order_statistics import runs_for_bound
+from rpojax.campaign.single_run import dispersed
+from rpojax.core.random_streams import Stream
 from rpojax.errors import RpojaxError
-from rpojax.physics import faults
+from rpojax.physics import equipment_faults
 from rpojax.report.labels import metric
-from rpojax.simulation import closed_loop, figures_of_merit, scenario, schema, telemetry, traces, units
-from rpojax.simulation.forms import Section
-from rpojax.simulation.schema import ScenarioFile
+from rpojax.scenario import key_units, metric_catalogue, scenario_file, schema
+from rpojax.scenario.field_types import Section
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation import closed_loop, telemetry, trace_channels
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -116,31 +117,31 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("name", scenario.packaged())
+@pytest.mark.parametrize("name", scenario_file.packaged())
 def test_every_packaged_scenario_is_mentioned(name: str) -> None:
     assert f"`{name}`" in README
     assert f"`{name}`" in SCENARIO_PAGE
 
 
 def test_the_readme_lists_the_exit_statuses_that_the_command_line_has() -> None:
-    from rpojax import cli
+    from rpojax.cli import main
 
     rows = [cell for cell in first_cells(section(README, "Command line")) if cell.isdigit()]
     assert rows == ["0", "1", "2", "3", "4", "130"]
-    assert {1, *map(int, cli.Status)} == {int(row) for row in rows}
+    assert {1, *map(int, main.Status)} == {int(row) for row in rows}
     # The help of the command says the same numbers.
-    described = re.search(r"Exit status: (.*?)\n\n", cli.__doc__ or "", re.DOTALL)
+    described = re.search(r"Exit status: (.*?)\n\n", main.__doc__ or "", re.DOTALL)
     assert described
     assert re.findall(r"(?:^|; )(\d+) ", described[1].replace("\n", " ")) == rows
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_every_verb_that_a_page_uses_is_one_of_the_command_line(page: Path) -> None:
-    from rpojax import cli
+    from rpojax.cli import main
 
     text = "\n".join([*blocks(page.read_text(encoding="utf-8"), ""), *quoted(page.read_text(encoding="utf-8"))])
     verbs = set(re.findall(r"\brpojax ([a-z][a-z-]*)\b", text))
-    assert {verb for verb in verbs if not callable(getattr(cli, verb.replace("-", "_"), None))} == set()
+    assert {verb for verb in verbs if not callable(getattr(main, verb.replace("-", "_"), None))} == set()
 
 
 def test_names_of_the_package_in_the_readme_exist() -> None:
@@ -158,19 +159,19 @@ def test_the_scenario_files_in_the_readme_are_accepted(tmp_path: Path) -> None:
     change, dispersion = blocks(README, "toml")
     path = tmp_path / "closer.toml"
     path.write_text(change)
-    assert scenario.load(path).name == "closer"
+    assert scenario_file.load(path).name == "closer"
     path.write_text('extends = "inspection"\n' + dispersion)
-    *base, added = [drawn.key for drawn in scenario.load(path).dispersions]
+    *base, added = [drawn.key for drawn in scenario_file.load(path).dispersions]
     assert added == "gps.noise_m"
-    assert base == [drawn.key for drawn in scenario.load("inspection").dispersions]
-    assert scenario.load(path, ["dispersions=[]"]).dispersions == []
+    assert base == [drawn.key for drawn in scenario_file.load("inspection").dispersions]
+    assert scenario_file.load(path, ["dispersions=[]"]).dispersions == []
 
 
 def test_the_scenario_of_the_fields_page_is_accepted(tmp_path: Path) -> None:
     [text] = blocks((ROOT / "docs" / "field.md").read_text(encoding="utf-8"), "toml")
     path = tmp_path / "kepler.toml"
     path.write_text(text)
-    file = scenario.load(path)
+    file = scenario_file.load(path)
     assert file.camera.model == "rendered"
     assert file.imaging.field == str(tmp_path / "kepler.field.safetensors")
     assert len(file.target.hull_m) >= 4
@@ -179,11 +180,11 @@ def test_the_scenario_of_the_fields_page_is_accepted(tmp_path: Path) -> None:
 def test_the_options_on_the_fields_page_are_those_of_its_verbs() -> None:
     import inspect
 
-    from rpojax import field_verbs
+    from rpojax.cli.commands import field
 
     page = (ROOT / "docs" / "field.md").read_text(encoding="utf-8")
     code = "\n".join([*blocks(page, ""), *quoted(page)])
-    verbs = (field_verbs.train, field_verbs.evaluate, field_verbs.render)
+    verbs = (field.train, field.evaluate, field.render)
     known = {name.replace("_", "-") for verb in verbs for name in inspect.signature(verb).parameters}
     assert set(re.findall(r"--([a-z][a-z-]*)", code)) <= known | {"json"}
 
@@ -207,7 +208,7 @@ def test_the_scenario_page_lists_every_key_of_a_section_and_no_other(name: str) 
 
 def test_the_scenario_page_names_every_kind_of_fault() -> None:
     text = section(SCENARIO_PAGE, "`fault`")
-    assert set(faults.KINDS) <= set(quoted(text.partition("Kinds:")[2]))
+    assert set(equipment_faults.KINDS) <= set(quoted(text.partition("Kinds:")[2]))
 
 
 def test_the_scenario_page_lists_the_keys_at_the_top_level() -> None:
@@ -248,11 +249,11 @@ def test_the_scenarios_of_the_scenario_page_are_accepted(tmp_path: Path) -> None
     derived, grid = blocks(SCENARIO_PAGE, "toml")
     path = tmp_path / "mine.toml"
     path.write_text('extends = "inspection"\n' + derived)
-    assert scenario.load(path).dispersions[-1].kind == "derived"
+    assert scenario_file.load(path).dispersions[-1].kind == "derived"
     path.write_text('extends = "inspection_cold"\n' + grid)
     with pytest.raises(RpojaxError, match=r"^design.values: found 'servicer.mass_kg'"):
-        scenario.load(path)
-    assert scenario.load(path, ["dispersions=[]"]).design.kind == "grid"
+        scenario_file.load(path)
+    assert scenario_file.load(path, ["dispersions=[]"]).design.kind == "grid"
 
 
 def test_keys_named_anywhere_in_the_pages_exist() -> None:
@@ -267,7 +268,7 @@ def test_keys_named_anywhere_in_the_pages_exist() -> None:
 
 def test_the_conventions_list_every_unit_suffix() -> None:
     rows = [line.split("|")[1] for line in section(CONVENTIONS_PAGE, "Units").splitlines() if line.startswith("| `")]
-    assert {suffix for row in rows for suffix in quoted(row)} == set(units.FACTORS)
+    assert {suffix for row in rows for suffix in quoted(row)} == set(key_units.FACTORS)
 
 
 def test_the_model_page_lists_every_random_stream() -> None:
@@ -277,20 +278,20 @@ def test_the_model_page_lists_every_random_stream() -> None:
 
 def test_the_folder_page_lists_every_metric_with_its_unit() -> None:
     rows = [line.strip("|").split("|") for line in section(FOLDER_PAGE, "Metrics").splitlines() if "| `" in line]
-    assert {row[0].strip(" `"): row[1].strip() for row in rows} == figures_of_merit.UNITS
+    assert {row[0].strip(" `"): row[1].strip() for row in rows} == metric_catalogue.UNITS
 
 
-@pytest.mark.parametrize("name", figures_of_merit.UNITS)
+@pytest.mark.parametrize("name", metric_catalogue.UNITS)
 def test_the_report_has_a_title_and_a_meaning_for_every_metric(name: str) -> None:
     assert metric(name).meaning
 
 
 def test_the_folder_page_names_every_trace() -> None:
-    assert set(traces.TRACES) == set(quoted(section(FOLDER_PAGE, "Traces")))
+    assert set(trace_channels.TRACES) == set(quoted(section(FOLDER_PAGE, "Traces")))
 
 
 def test_the_folder_page_lists_every_channel_of_a_history() -> None:
-    static, params, state = dispersed(scenario.load("inspection"))
+    static, params, state = dispersed(scenario_file.load("inspection"))
     seen = jax.eval_shape(
         lambda: telemetry.observe(static, params, closed_loop.tick(Stages(), static, params, state)[1])
     )
@@ -298,7 +299,7 @@ def test_the_folder_page_lists_every_channel_of_a_history() -> None:
 
 
 def test_the_folder_page_lists_the_further_channels_of_a_rendered_camera() -> None:
-    static, params, state = dispersed(scenario.load("inspection"))
+    static, params, state = dispersed(scenario_file.load("inspection"))
 
     def channels(model: str) -> set[str]:
         seen = replace(static, camera_model=model)

@@ -13,19 +13,20 @@ import common
 import jax
 
 import rpojax
-from rpojax.campaign import creation, flying
-from rpojax.campaign.retention import Retention
-from rpojax.campaign.store import Campaign
+from rpojax.campaign.execution import block_runner
+from rpojax.campaign.history_retention import Retention
+from rpojax.campaign.storage import folder_creation
+from rpojax.campaign.storage.campaign_folder import Campaign
 
 
 def main() -> int:
     options = common.options(__doc__, pairs=8, block_size=256, duration_s=1000.0)
     file = rpojax.load("inspection", [f"duration_s={options.duration_s}"])
     runs = options.block_size * (options.pairs + 1)
-    asked = creation.describe(file, 0, runs, 0, options.block_size, Retention("none").recorded())
-    creation.create(options.out / "runs", asked, force=False)
+    asked = folder_creation.describe(file, 0, runs, 0, options.block_size, Retention("none").recorded())
+    folder_creation.create(options.out / "runs", asked, force=False)
     result = Campaign(options.out / "runs")
-    engine = flying.engine_of(asked, jax.devices()[:1])
+    engine = block_runner.engine_of(asked, jax.devices()[:1])
     engine.compile()
     print(f"compiled in {engine.compile_s:.0f} s", flush=True)
 
@@ -33,13 +34,13 @@ def main() -> int:
         begin = time.perf_counter()
         ids = result.block_ids(block)
         rows = slice(0, engine.size)
-        flown = flying.fly(engine, 0, ids, [], ids - ids[0], Retention("none"), lambda share, failed: None)
+        flown = block_runner.fly(engine, 0, ids, [], ids - ids[0], Retention("none"), lambda share, failed: None)
         flown.results(rows, engine)
         return time.perf_counter() - begin
 
     def stored(block: int) -> float:
         begin = time.perf_counter()
-        flying.do_blocks(result, engine, [block], lambda share, failed: None)
+        block_runner.do_blocks(result, engine, [block], lambda share, failed: None)
         return time.perf_counter() - begin
 
     computed(0)

@@ -14,7 +14,10 @@ import common
 def workers_of(process: int) -> list[int]:
     """Numbers of the worker processes of a campaign's process."""
     found = subprocess.run(
-        ["pgrep", "-P", str(process), "-f", "rpojax.campaign.worker"], capture_output=True, text=True, check=False
+        ["pgrep", "-P", str(process), "-f", "rpojax.campaign.execution.worker_process"],
+        capture_output=True,
+        text=True,
+        check=False,
     )
     return [int(line) for line in found.stdout.split()]
 

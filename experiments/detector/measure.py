@@ -14,15 +14,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.training import backdrops, detector_judge, judge, raytrace, target_mesh
-from rpojax.training.composites import Sensor, expose, visible_box
-from rpojax.training.detection_data import Dataset, read
-from rpojax.vision import first_look, pictures
-from rpojax.vision.background import background, sky
-from rpojax.vision.detector import Params, detect, load_detector
+from rpojax.training.detector import evaluate_detector
+from rpojax.training.radiance_field import evaluate_field
+from rpojax.training.synthetic_data import backdrops, ray_tracing, target_mesh
+from rpojax.training.synthetic_data.composites import Sensor, expose, visible_box
+from rpojax.training.synthetic_data.detection_dataset import Dataset, read
+from rpojax.vision.detector import proposal_network
+from rpojax.vision.detector.multiscale_detection import Box, search
+from rpojax.vision.detector.two_stage_detector import Params, detect, load_detector
+from rpojax.vision.imaging import image_files
+from rpojax.vision.imaging.stars_and_earth import background, sky
 from rpojax.vision.pinhole import lens
-from rpojax.vision.search import Box, search
-from rpojax.vision.weights import load_field
+from rpojax.vision.weight_files import load_field
 
 FIELD_OF_VIEW_DEG = 10.0
 SIZE_PX = 128
@@ -57,10 +60,10 @@ def main() -> int:
 
 def _validation(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
     data = read(arguments.folder)
-    found = detector_judge.find(params, data.images)
+    found = evaluate_detector.find(params, data.images)
     if arguments.sheet:
         cv2.imwrite(str(arguments.sheet), _drawn(data, found, 48))
-    return detector_judge.report(found, data)
+    return evaluate_detector.report(found, data)
 
 
 def _peer(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
@@ -68,15 +71,15 @@ def _peer(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
     with np.load(arguments.found) as content:
         about = json.loads(str(content["about"]))
         count = range(len(data))
-        found = detector_judge.Found([content[f"boxes_{i}"] for i in count], [content[f"scores_{i}"] for i in count])
-    return {**about, **detector_judge.report(found, data)}
+        found = evaluate_detector.Found([content[f"boxes_{i}"] for i in count], [content[f"scores_{i}"] for i in count])
+    return {**about, **evaluate_detector.report(found, data)}
 
 
 # The packaged target, as the flight camera sees it.
 
 
 def _target(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
-    shell = raytrace.Shell(
+    shell = ray_tracing.Shell(
         arguments.views,
         size_px=SIZE_PX,
         samples=64,
@@ -85,16 +88,16 @@ def _target(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
         field_of_view_deg=FIELD_OF_VIEW_DEG,
         seed=77,
     )
-    views = raytrace.render(target_mesh.packaged(), shell)
-    shown = judge.pictures(load_field()[0], views)
+    views = ray_tracing.render(target_mesh.packaged(), shell)
+    shown = evaluate_field.pictures(load_field()[0], views)
     results: dict[str, Any] = {}
     sheet = []
     for name, color, alpha in (("ray traces", views.rgb, views.alpha), ("radiance field", shown.rgb, shown.alpha)):
         for behind in ("black", "sky"):
             for label in ("visible", "silhouette"):
                 data = _scenes(color, alpha, views.alpha, behind, label == "visible")
-                found = detector_judge.find(params, data.images)
-                results[f"{name}, {behind}, {label}"] = detector_judge.figures(found, data)
+                found = evaluate_detector.find(params, data.images)
+                results[f"{name}, {behind}, {label}"] = evaluate_detector.figures(found, data)
                 if label == "visible":
                     sheet.append(_drawn(data, found, 24))
     if arguments.sheet:
@@ -112,7 +115,7 @@ def _scenes(color: np.ndarray, alpha: np.ndarray, truth: np.ndarray, behind: str
         linear, cover, real = (np.roll(v[index], shift, axis=(0, 1)) for v in (color, alpha, truth))
         back = np.zeros_like(linear) if behind == "black" else _behind(rng, heaven, optics)
         image = linear + back * (1.0 - cover[..., None])
-        box = visible_box(image, back, real) if visible else judge.silhouette_box(real)
+        box = visible_box(image, back, real) if visible else evaluate_field.silhouette_box(real)
         images.append(expose(rng, image, Sensor(2e4, 10.0)))
         boxes.append(np.zeros((0, 4)) if box is None else np.array(box).reshape(1, 4))
     return Dataset(np.stack(images), tuple(boxes), (behind,) * len(images))
@@ -126,10 +129,12 @@ def _behind(rng: np.random.Generator, heaven: Any, optics: Any) -> np.ndarray:
     return np.asarray(background(heaven, optics, SIZE_PX, SIZE_PX, turned, place, light, turn))
 
 
-def _drawn(data: Dataset, found: detector_judge.Found, count: int) -> np.ndarray:
-    from rpojax.training.detection_data import drawn
+def _drawn(data: Dataset, found: evaluate_detector.Found, count: int) -> np.ndarray:
+    from rpojax.training.synthetic_data.detection_dataset import drawn
 
-    boxes = [b[s >= detector_judge.THRESHOLD] for b, s in zip(found.boxes[:count], found.scores[:count], strict=True)]
+    boxes = [
+        b[s >= evaluate_detector.THRESHOLD] for b, s in zip(found.boxes[:count], found.scores[:count], strict=True)
+    ]
     return np.asarray(cv2.resize(drawn(data.images[:count], boxes), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
 
 
@@ -141,7 +146,7 @@ def _speed(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
     results: dict[str, Any] = {"devices": jax.device_count()}
     images = jnp.asarray(np.random.default_rng(0).random((_SPEED_BATCH, SIZE_PX, SIZE_PX, 3)), jnp.float32)
     looks: dict[str, Callable[..., Any]] = {
-        "first look alone": lambda params, images: first_look.detect(params["first"], images, 1)
+        "first look alone": lambda params, images: proposal_network.detect(params["first"], images, 1)
     }
     looks |= {f"second look at {count}": partial(detect, count=count) for count in (1, 2, 4)}
     for name, look in looks.items():
@@ -181,7 +186,7 @@ def _photographs(arguments: argparse.Namespace, params: Params) -> dict[str, Any
     earth = backdrops.globe(held_out=True)
     rows, shrunk = [], []
     for name, entry in known.items():
-        image = pictures.read(arguments.folder / name)
+        image = image_files.read(arguments.folder / name)
         real = [Box(*(float(edge) for edge in box[:4]), score=1.0) for box in entry["boxes"]]
         found = search(params, image)
         rows.append({"file": name, "found": _hits(real, found), "of": len(real), "false": _false(real, found)})
@@ -267,7 +272,7 @@ def _before(
     inside = (x > corner[0] - 1.0) & (x < corner[0] + scale * (box.right - box.left) + 1.0)
     inside &= (y > corner[1] - 1.0) & (y < corner[1] + scale * (box.bottom - box.top) + 1.0)
     matte = np.clip(placed.max(axis=2) / 0.12, 0.0, 1.0) * inside
-    back = raytrace.encode(backdrops.backdrop(rng, kind, earth, SIZE_PX))
+    back = ray_tracing.encode(backdrops.backdrop(rng, kind, earth, SIZE_PX))
     return placed * matte[..., None] + back * (1.0 - matte[..., None])
 
 

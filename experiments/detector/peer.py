@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.training.augment import Batch, batch
-from rpojax.training.detection_data import Dataset, read
+from rpojax.training.detector.augmentation import Batch, batch
+from rpojax.training.synthetic_data.detection_dataset import Dataset, read
 
 BATCH = 32
 RATE = 2e-3
@@ -142,7 +142,7 @@ def find(torch: Any, model: Any, images: np.ndarray) -> tuple[list[np.ndarray], 
 
 def suppress(boxes: np.ndarray, scores: np.ndarray) -> list[int]:
     """Numbers of the best boxes that no better one overlaps."""
-    from rpojax.training.average_precision import overlaps
+    from rpojax.training.detector.average_precision import overlaps
 
     kept: list[int] = []
     for index in np.argsort(-scores)[:200]:

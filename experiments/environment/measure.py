@@ -13,9 +13,9 @@ os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.
 import numpy as np
 
 import rpojax
-from rpojax.campaign import benchmark
-from rpojax.campaign.store import Campaign
-from rpojax.physics.faults import KINDS
+from rpojax.benchmark import closed_loop_speed
+from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.physics.equipment_faults import KINDS
 
 ROUNDS = 7
 BATCH = 512
@@ -43,13 +43,13 @@ def campaign(scenario: str, runs: int, out: Path) -> Campaign:
 def speed(table: Table) -> None:
     """Closed loop with everything on against J2 alone, in turns in one sitting."""
     engines = {
-        name: benchmark.prepare(rpojax.load(name, ["duration_s=200"]), BATCH)
+        name: closed_loop_speed.prepare(rpojax.load(name, ["duration_s=200"]), BATCH)
         for name in ("inspection", "inspection_full")
     }
     times = {name: [] for name in engines}
     for _ in range(ROUNDS):
         for name, engine in engines.items():
-            times[name].append(benchmark.flown(engine).wall_s)
+            times[name].append(closed_loop_speed.flown(engine).wall_s)
     rates = {name: BATCH * 200.0 / min(values) for name, values in times.items()}
     ratio = float(np.median(np.array(times["inspection"]) / np.array(times["inspection_full"])))
     shown = ", ".join(f"{name} {rate:,.0f}" for name, rate in rates.items())

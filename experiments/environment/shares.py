@@ -10,16 +10,16 @@ import jax.numpy as jnp
 import numpy as np
 
 import rpojax
-from rpojax.core import ephemeris
 from rpojax.core.frames import apply, hill_frame
-from rpojax.core.orbital_mechanics import mean_motion
-from rpojax.physics import actuators, faults, plant
+from rpojax.core.orbits import sun_moon_ephemeris
+from rpojax.core.orbits.orbital_mechanics import mean_motion
+from rpojax.physics import actuators, equipment_faults, plant
 from rpojax.physics.actuators import Burn, BurnError
-from rpojax.physics.effects import Effects
 from rpojax.physics.environment import Sky
-from rpojax.simulation import params as parameters
-from rpojax.simulation import scenario as scenarios
-from rpojax.simulation.params import Params
+from rpojax.physics.plant_options import Effects
+from rpojax.scenario import params as parameters
+from rpojax.scenario import scenario_file as scenarios
+from rpojax.scenario.params import Params
 
 STEP_S = 2.0
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
@@ -45,8 +45,10 @@ def fly(params: Params, effects: Effects, epoch_s: float, steps: int) -> np.ndar
     )
 
     def step(truth: plant.Truth, time: jax.Array) -> tuple[plant.Truth, jax.Array]:
-        sky = Sky(sun_N=ephemeris.sun(time, epoch_s), moon_N=ephemeris.moon(time, epoch_s))
-        after = plant.step(effects, params.plant, truth, jnp.zeros(3), (thrust,), sky, faults.healthy(), STEP_S)
+        sky = Sky(sun_N=sun_moon_ephemeris.sun(time, epoch_s), moon_N=sun_moon_ephemeris.moon(time, epoch_s))
+        after = plant.step(
+            effects, params.plant, truth, jnp.zeros(3), (thrust,), sky, equipment_faults.healthy(), STEP_S
+        )
         R_HN, _ = hill_frame(after.r_TN_N, after.v_TN_N)
         return after, apply(R_HN, after.r_ST_N)
 

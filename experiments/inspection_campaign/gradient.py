@@ -15,10 +15,11 @@ import numpy as np
 from jax import Array
 
 import rpojax
-from rpojax.campaign import single
-from rpojax.simulation import closed_loop, params
+from rpojax.campaign import single_run
+from rpojax.scenario import params
+from rpojax.scenario.params import Params
+from rpojax.simulation import closed_loop
 from rpojax.simulation.closed_loop import State
-from rpojax.simulation.params import Params
 
 GAINS = {
     "formation.position_weight": ("flight", "formation", "position_weight"),
@@ -35,7 +36,7 @@ def main() -> None:
     options = parser.parse_args()
     calm = [] if options.events else ["camera.outlier_probability=0.0", "formation.dead_band_mm_s=0.0"]
     file = rpojax.load("inspection", ["duration_s=600.0", *calm])
-    scenario, chosen, _ = single.dispersed(file, seed=0, run_id=options.run_id)
+    scenario, chosen, _ = single_run.dispersed(file, seed=0, run_id=options.run_id)
     key = closed_loop.run_key(0, options.run_id)
     stages = rpojax.Stages()
 

@@ -14,9 +14,9 @@ os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.
 import numpy as np
 
 import rpojax
-from rpojax.analysis.order_statistics import quantile_upper_bound
-from rpojax.campaign.store import Campaign
-from rpojax.flight.pointing import Mode
+from rpojax.analysis.statistics.order_statistics import quantile_upper_bound
+from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.flight.guidance.pointing_modes import Mode
 
 HISTORIES = 64
 SETTLED_S = 1000.0

@@ -13,7 +13,7 @@ import jax
 import numpy as np
 
 import rpojax
-from rpojax.campaign.store import Campaign
+from rpojax.campaign.storage.campaign_folder import Campaign
 
 RUN = 17
 

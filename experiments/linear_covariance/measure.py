@@ -12,14 +12,14 @@ os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.
 
 import numpy as np
 
-from rpojax.analysis import linear_agreement, linear_covariance
-from rpojax.analysis.linear_agreement import TOLERANCE, Agreement, Sampled
-from rpojax.analysis.linear_covariance import LinearCovariance
-from rpojax.analysis.linear_loop import OUTPUTS
-from rpojax.campaign.engine import Engine
-from rpojax.simulation import scenario
-from rpojax.simulation.dispersed import columns
-from rpojax.simulation.schema import ScenarioFile
+from rpojax.analysis.linear_covariance import linear_covariance, monte_carlo_agreement
+from rpojax.analysis.linear_covariance.linear_covariance import LinearCovariance
+from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS
+from rpojax.analysis.linear_covariance.monte_carlo_agreement import TOLERANCE, Agreement, Sampled
+from rpojax.campaign.execution.batch_engine import Engine
+from rpojax.scenario import scenario_file
+from rpojax.scenario.dispersion_keys import columns
+from rpojax.scenario.schema import ScenarioFile
 
 MOST_RUN_S = 10.0
 LOOKS_S = (600.0, 1000.0, 3000.0, 5900.0)
@@ -71,17 +71,17 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=2000)
     arguments = parser.parse_args()
-    file = scenario.load("inspection", ["camera.outlier_probability=0.0"])
+    file = scenario_file.load("inspection", ["camera.outlier_probability=0.0"])
     linear = linear_covariance.analyse(file)
     print(
         f"worked out in {linear.run_s:.1f} s ({linear.run_cpu_s:.1f} s of processor time), "
         f"compiled in {linear.compile_s:.1f} s"
     )
-    sampled = linear_agreement.fly(file, arguments.runs, 0)
+    sampled = monte_carlo_agreement.fly(file, arguments.runs, 0)
     print(f"{sampled.runs} runs flown in {sampled.run_s:.1f} s, {sampled.failed} failed\n")
     print(f"| component | median ratio | least | largest | within {TOLERANCE:.0%} | disagrees |")
     print("|---|---|---|---|---|---|")
-    held = [row(found) for found in linear_agreement.compare(linear, sampled)]
+    held = [row(found) for found in monte_carlo_agreement.compare(linear, sampled)]
     effects(file, linear, sampled)
     return 0 if all(held) and linear.run_s <= MOST_RUN_S else 1
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from rpojax.campaign.store import Campaign
+    from rpojax.campaign.storage.campaign_folder import Campaign
 
 OUT = Path("out/pictures")
 METRICS = {
@@ -35,17 +35,17 @@ def run(
     scenario: str, model: str, runs: int, first_run: int, duration_s: float, seed: int, block_size: int | None
 ) -> Path:
     """One campaign, with its cost printed."""
-    from rpojax.machine import prepare_jax
+    from rpojax.runtime.jax_environment import prepare_jax
 
     prepare_jax(cache=True)
-    from rpojax.campaign import runner
-    from rpojax.simulation import scenario as scenarios
+    from rpojax.campaign import run_and_resume
+    from rpojax.scenario import scenario_file as scenarios
 
     file = scenarios.load(scenario, [f"camera.model={model}", f"duration_s={duration_s}"])
     out = OUT / (f"{scenario}_{model}_{runs}" + (f"_from_{first_run}" if first_run else ""))
     kept = range(first_run, first_run + runs)
     begin = time.perf_counter()
-    result = runner.run_campaign(
+    result = run_and_resume.run_campaign(
         file, runs, out, seed, first_run=first_run, block_size=block_size, histories=kept, force=True
     )
     total = time.perf_counter() - begin
@@ -58,7 +58,7 @@ def run(
 
 def opened(folder: Path) -> "Campaign":
     """A campaign that is there."""
-    from rpojax.campaign.store import Campaign
+    from rpojax.campaign.storage.campaign_folder import Campaign
 
     return Campaign(folder)
 
@@ -87,7 +87,7 @@ def table(folders: list[Path]) -> None:
 
 def look_away(campaign: "Campaign") -> str:
     """Boxes while the camera was not on the target, of the runs whose history is kept."""
-    from rpojax.flight.pointing import Mode
+    from rpojax.flight.guidance.pointing_modes import Mode
 
     frames = boxes = false = 0
     for run_id in campaign.history_ids:

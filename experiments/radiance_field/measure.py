@@ -26,12 +26,13 @@ import numpy as np
 import optax
 
 from rpojax.core import quaternion
-from rpojax.training import judge, raytrace, target_mesh, train_field
-from rpojax.vision.field import Field
+from rpojax.training.radiance_field import evaluate_field, train_field
+from rpojax.training.synthetic_data import ray_tracing, target_mesh
 from rpojax.vision.pinhole import lens
-from rpojax.vision.region import Sampling, sampling
-from rpojax.vision.render import render_frame
-from rpojax.vision.weights import load_field
+from rpojax.vision.radiance_field.ray_budget import Sampling, sampling
+from rpojax.vision.radiance_field.render_image import render_frame
+from rpojax.vision.radiance_field.target_field import Field
+from rpojax.vision.weight_files import load_field
 
 HERE = Path(__file__).parent
 OUT = Path("out/radiance_field")
@@ -42,19 +43,19 @@ STEPS = {"grid": 2000, "point": 750}
 """Steps of the two trainings that are compared."""
 
 
-def fresh_views(count: int = 64, samples: int = 256, **changes: Any) -> raytrace.Views:
+def fresh_views(count: int = 64, samples: int = 256, **changes: Any) -> ray_tracing.Views:
     """Views that no training has seen."""
-    shell = raytrace.Shell(count, samples=samples, seed=SEED, **changes)
+    shell = ray_tracing.Shell(count, samples=samples, seed=SEED, **changes)
     name = "_".join(f"{key}{value}" for key, value in changes.items())
-    return raytrace.render(target_mesh.packaged(), shell, OUT / f"test_{name}")
+    return ray_tracing.render(target_mesh.packaged(), shell, OUT / f"test_{name}")
 
 
 def quality(field: Field) -> None:
     """The figures that the packaged field must reach."""
     views = fresh_views()
-    found = judge.figures(judge.pictures(field, views), views)
-    rows = judge.per_view(judge.pictures(field, views), views)
-    boxes = np.array([judge.silhouette_box(alpha) for alpha in views.alpha])
+    found = evaluate_field.figures(evaluate_field.pictures(field, views), views)
+    rows = evaluate_field.per_view(evaluate_field.pictures(field, views), views)
+    boxes = np.array([evaluate_field.silhouette_box(alpha) for alpha in views.alpha])
     width = np.max(boxes[:, 2:] - boxes[:, :2], axis=1).mean() / views.alpha.shape[1]
     print(f"target's long side: {width:.0%} of the frame, mean over views")
     print("| figure | must | all pixels together | mean over views |\n|---|---|---|---|")
@@ -68,8 +69,8 @@ def ranges(field: Field) -> None:
     print("| range [m] | target [px] | box IoU, median | p5 | PSNR [dB] | silhouette IoU |\n|---|---|---|---|---|---|")
     for range_m in (10.0, 20.0, 30.0, 35.0, 50.0, 80.0):
         views = fresh_views(40, 128, range_m=range_m, field_of_view_deg=10.0)
-        rows = judge.per_view(judge.pictures(field, views), views)
-        boxes = np.array([judge.silhouette_box(alpha) for alpha in views.alpha])
+        rows = evaluate_field.per_view(evaluate_field.pictures(field, views), views)
+        boxes = np.array([evaluate_field.silhouette_box(alpha) for alpha in views.alpha])
         long_px = np.max(boxes[:, 2:] - boxes[:, :2], axis=1).mean()
         iou = rows["box_iou"]
         print(
@@ -81,7 +82,7 @@ def ranges(field: Field) -> None:
 def phase(field: Field) -> None:
     """Error by phase angle."""
     views = fresh_views()
-    rows = judge.per_view(judge.pictures(field, views), views)
+    rows = evaluate_field.per_view(evaluate_field.pictures(field, views), views)
     middle = target_mesh.packaged().bounds.mean(axis=0)
     away = views.position - middle
     away /= np.linalg.norm(away, axis=1, keepdims=True)
@@ -97,7 +98,7 @@ def phase(field: Field) -> None:
 def frame_time(field: Field, region: int = 64, batch: int = 8) -> float:
     """Milliseconds for a frame of `region` x `region` rays within a batch: shortest of several calls."""
     optics = lens(jnp.asarray(np.radians(10.0)), 128, 128)
-    rotations, positions, suns = raytrace.draw(target_mesh.packaged(), raytrace.Shell(batch, range_m=30.0))
+    rotations, positions, suns = ray_tracing.draw(target_mesh.packaged(), ray_tracing.Shell(batch, range_m=30.0))
     lit = jnp.ones((), jnp.float32)
     share = sampling(field, float(optics.focal_px), 30.0)
     rays = Sampling(region, math.ceil(region * region * share.rays / share.side**2))
@@ -135,14 +136,14 @@ def compare(field: Field) -> None:
     """Both fields, trained on the same views in this run: error against training time and against render time."""
     del field
     mesh = target_mesh.packaged()
-    views = raytrace.render(mesh, raytrace.Shell(300, range_scale=(0.9, 1.15)), OUT / "train")
+    views = ray_tracing.render(mesh, ray_tracing.Shell(300, range_scale=(0.9, 1.15)), OUT / "train")
     judged = fresh_views()
     final = []
     print("| field | steps | training [s] | of processors [s] | PSNR near the target, views held out [dB] |")
     print("|---|---|---|---|---|")
     for kind, steps in STEPS.items():
         trained, _ = train_field.train(mesh, views, train_field.Recipe(steps=steps, kind=kind), on_step=line(kind))
-        found = judge.figures(judge.pictures(trained, judged), judged)
+        found = evaluate_field.figures(evaluate_field.pictures(trained, judged), judged)
         final.append(
             f"| {kind} | {frame_time(trained, 64):.1f} | {found['psnr_db']:.1f} | {found['psnr_target_db']:.1f} "
             f"| {found['ssim']:.3f} | {found['silhouette_iou']:.3f} |"
@@ -223,20 +224,20 @@ class Recovered:
         return [100.0 * float(abs(error[3])) for error in self.errors]
 
 
-def pose_shell(seed: int, **changes: Any) -> raytrace.Shell:
+def pose_shell(seed: int, **changes: Any) -> ray_tracing.Shell:
     """The one view whose pose is recovered."""
-    return raytrace.Shell(1, seed=77 + seed, size_px=64, **changes)
+    return ray_tracing.Shell(1, seed=77 + seed, size_px=64, **changes)
 
 
 def traced_silhouette(seed: int) -> jax.Array:
     """Ray-traced silhouette (64, 64) of that view."""
-    return jnp.asarray(raytrace.render(target_mesh.packaged(), pose_shell(seed, samples=256)).alpha[0])
+    return jnp.asarray(ray_tracing.render(target_mesh.packaged(), pose_shell(seed, samples=256)).alpha[0])
 
 
 def silhouette(field: Field, view: tuple[jax.Array, ...], error: jax.Array, rays: Sampling, size: int) -> jax.Array:
     """Alpha (size, size) of a view whose pose is wrong by an error."""
     rotation, position, sun = view
-    optics = lens(jnp.asarray(np.radians(raytrace.FIELD_OF_VIEW_DEG)), size, size)
+    optics = lens(jnp.asarray(np.radians(ray_tracing.FIELD_OF_VIEW_DEG)), size, size)
     R_KT, r = moved(rotation, position, error)
     return render_frame(field, optics, size, size, rays, r, R_KT, sun, jnp.ones((), jnp.float32)).alpha
 
@@ -252,7 +253,7 @@ def recover(
 ) -> Recovered:
     """Descends from a pose 3 deg and 3 % wrong to a silhouette (64, 64), that of the field itself by default."""
     rotation, position, sun = (
-        jnp.asarray(values[0], jnp.float32) for values in raytrace.draw(target_mesh.packaged(), pose_shell(seed))
+        jnp.asarray(values[0], jnp.float32) for values in ray_tracing.draw(target_mesh.packaged(), pose_shell(seed))
     )
     view = (rotation, position, sun)
     axis = np.random.default_rng(seed).normal(size=3)
@@ -315,16 +316,16 @@ def strips(field: Field) -> None:
     views = fresh_views()
     chosen = np.arange(0, 64, 8)
     views = take(views, chosen)
-    shown = judge.pictures(field, views)
-    error = np.abs(judge.codes(shown.rgb) - judge.codes(views.rgb))
+    shown = evaluate_field.pictures(field, views)
+    error = np.abs(evaluate_field.codes(shown.rgb) - evaluate_field.codes(views.rgb))
     save(HERE / "strip.png", sheet(views.rgb, shown.rgb, error), 1)
     far = take(fresh_views(40, 128, range_m=30.0, field_of_view_deg=10.0), np.arange(0, 40, 5))
-    shown = judge.pictures(field, far)
-    error = np.abs(judge.codes(shown.rgb) - judge.codes(far.rgb))
+    shown = evaluate_field.pictures(field, far)
+    error = np.abs(evaluate_field.codes(shown.rgb) - evaluate_field.codes(far.rgb))
     save(HERE / "strip_30m.png", sheet(far.rgb, shown.rgb, error), 1)
 
 
-def take(views: raytrace.Views, chosen: np.ndarray) -> raytrace.Views:
+def take(views: ray_tracing.Views, chosen: np.ndarray) -> ray_tracing.Views:
     """Some of the views."""
     names = ("rotation", "position", "sun", "rgb", "alpha", "depth")
     return dataclasses.replace(views, **{name: getattr(views, name)[chosen] for name in names})
@@ -332,7 +333,7 @@ def take(views: raytrace.Views, chosen: np.ndarray) -> raytrace.Views:
 
 def sheet(*rows: np.ndarray) -> np.ndarray:
     """Rows of pictures as one (h, w, 3) array of codes."""
-    return np.concatenate([np.concatenate(list(judge.codes(row)), axis=1) for row in rows], axis=0)
+    return np.concatenate([np.concatenate(list(evaluate_field.codes(row)), axis=1) for row in rows], axis=0)
 
 
 def save(path: Path, picture: np.ndarray, scale: int) -> None:

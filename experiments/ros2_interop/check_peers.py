@@ -18,12 +18,13 @@ from typing import Any
 import numpy as np
 from rosbags.interfaces import Nodetype
 
-from rpojax.interop import live_topics, messages
-from rpojax.interop.frames import ECI, SERVICER
-from rpojax.interop.message_types import message_class, serialize, typestore
-from rpojax.interop.participant import LOOPBACK, Participant
-from rpojax.interop.tick_values import Motion, View
-from rpojax.interop.topics import Rate, Source, Topic
+from rpojax.interop.cosimulation import live_topics
+from rpojax.interop.ros2 import message_builders
+from rpojax.interop.ros2.dds_participant import LOOPBACK, Participant
+from rpojax.interop.ros2.frame_names import ECI, SERVICER
+from rpojax.interop.ros2.message_types import message_class, serialize, typestore
+from rpojax.interop.ros2.message_values import Motion, View
+from rpojax.interop.ros2.topics import Rate, Source, Topic
 
 HERE = Path(__file__).parent
 DOMAIN = 57
@@ -103,23 +104,23 @@ def samples(name: str) -> Iterator[Any]:
         q = random.normal(size=4)
         match name:
             case "sensor_msgs/msg/JointState":
-                yield messages.wheels(at, a, b)
+                yield message_builders.wheels(at, a, b)
             case "sensor_msgs/msg/Imu":
                 yield live_topics.attitude_estimate(at, q, a, np.outer(a, b), np.outer(b, c))
             case "nav_msgs/msg/Odometry":
                 P = random.normal(size=(2, 6, 6))
                 values = {"position": a, "orientation": q, "velocity": b, "rate": c}
-                yield messages.odometry(
+                yield message_builders.odometry(
                     at, ECI, SERVICER, Motion(**values, pose_covariance=P[0], twist_covariance=P[1])
                 )
             case "trajectory_msgs/msg/JointTrajectory":
-                yield messages.thruster_command(at, at + 60_000_000_000, at + 80_000_000_001, 0.03)
+                yield message_builders.thruster_command(at, at + 60_000_000_000, at + 80_000_000_001, 0.03)
             case "vision_msgs/msg/Detection2DArray":
                 view: dict[str, Any] = {"size_px": np.array([128, 128]), "focal_px": 700.0, "center_px": np.zeros(2)}
                 view |= {"box_center_px": a[:2], "box_size_px": b[:2], "score": c[0], "present": True}
-                yield messages.detections(at, View(**view))
+                yield message_builders.detections(at, View(**view))
             case "sensor_msgs/msg/Image":
-                yield messages.image(at, random.integers(0, 256, (48, 64, 3), dtype=np.uint8))
+                yield message_builders.image(at, random.integers(0, 256, (48, 64, 3), dtype=np.uint8))
             case _:
                 raise ValueError(name)
 

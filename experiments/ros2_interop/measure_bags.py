@@ -17,13 +17,14 @@ from typing import TypeVar
 import numpy as np
 
 import rpojax
-from rpojax.campaign import creation
-from rpojax.campaign.retention import Retention
-from rpojax.campaign.store import Campaign
-from rpojax.interop import flight_record, ros_bag, tick_values
-from rpojax.interop.flight_record import Flight
-from rpojax.interop.ros_bag import Format, Images
-from rpojax.interop.tick_values import TickValues
+from rpojax.campaign.history_retention import Retention
+from rpojax.campaign.storage import folder_creation
+from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.interop import run_replay
+from rpojax.interop.ros2 import bag_writing, message_values
+from rpojax.interop.ros2.bag_writing import Format, Images
+from rpojax.interop.ros2.message_values import TickValues
+from rpojax.interop.run_replay import Flight
 
 T = TypeVar("T")
 LONGEST_S = 10.0
@@ -50,7 +51,7 @@ def timed(work: Callable[[], T]) -> tuple[T, Took]:
 def begun(out: Path, duration_s: float) -> Campaign:
     """A campaign with a rendered camera of which no run is flown: an export flies its run itself."""
     file = rpojax.load("inspection", ["camera.model=rendered", f"duration_s={duration_s}"])
-    creation.create(out, creation.describe(file, 0, 8, 0, 1, Retention("none").recorded()), force=True)
+    folder_creation.create(out, folder_creation.describe(file, 0, 8, 0, 1, Retention("none").recorded()), force=True)
     return Campaign(out)
 
 
@@ -62,8 +63,8 @@ def digest(bag: Path) -> str:
 
 def bag(flight: Flight[TickValues], pictures: list[np.ndarray], out: Path, form: Format, images: Images) -> int:
     """Writes a bag; returns the number of messages."""
-    told = ros_bag.said(flight, images, pictures)
-    return ros_bag.write(out, form, ros_bag.topics_of(images), told, ros_bag.origin(flight), force=True)
+    told = bag_writing.said(flight, images, pictures)
+    return bag_writing.write(out, form, bag_writing.topics_of(images), told, bag_writing.origin(flight), force=True)
 
 
 def main() -> int:
@@ -75,12 +76,10 @@ def main() -> int:
     options = parser.parse_args()
     found = Campaign(options.campaign) if options.campaign else begun(options.out / "runs", options.duration_s)
 
-    flight, took = timed(lambda: flight_record.fly(found, options.run_id, tick_values.observe))
-    print(
-        f"{flight.ticks} ticks flown in {took}, compiling included; {flight_record.compare(flight, found)}", flush=True
-    )
+    flight, took = timed(lambda: run_replay.fly(found, options.run_id, message_values.observe))
+    print(f"{flight.ticks} ticks flown in {took}, compiling included; {run_replay.compare(flight, found)}", flush=True)
     rendered = flight.file.camera.model == "rendered"
-    pictures, took = timed(lambda: list(ros_bag.pictures(flight)) if rendered else [])
+    pictures, took = timed(lambda: list(bag_writing.pictures(flight)) if rendered else [])
     print(f"{len(pictures)} pictures taken again in {took}, compiling included", flush=True)
 
     holds = True

@@ -51,11 +51,12 @@ def finish(bridge: "subprocess.Popen[str]") -> dict[str, Any]:
 
 def in_process(options: argparse.Namespace) -> dict[str, float]:
     """Metrics of the same run flown by the packaged flight software."""
-    from rpojax.campaign import single
-    from rpojax.simulation import metrics, scenario
+    from rpojax.campaign import single_run
+    from rpojax.scenario import scenario_file
+    from rpojax.simulation import metrics
 
-    file = scenario.load(options.scenario, options.overrides)
-    channels = single.simulate(file, options.seed, 0)
+    file = scenario_file.load(options.scenario, options.overrides)
+    channels = single_run.simulate(file, options.seed, 0)
     ticks = len(channels["time_s"])
     records = {name: value[None] for name, value in channels.items() if value.shape[:1] == (ticks,)}
     return {name: float(value[0]) for name, value in metrics.evaluate(file, records).items()}

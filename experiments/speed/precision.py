@@ -5,7 +5,7 @@ import argparse
 import numpy as np
 
 import rpojax
-from rpojax.machine import prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
 
 MISSIONS = {
     "inspection": 6000,
@@ -20,10 +20,10 @@ MISSIONS = {
 
 def compare(name: str, duration_s: int, runs: int, seed: int) -> str:
     """A row of the table."""
-    from rpojax.analysis import judging
+    from rpojax.analysis.gradients import tuning_validation
 
     double, single = (
-        judging.fly(rpojax.load(name, [f"duration_s={duration_s}", f"precision={kind}"]), seed, runs)
+        tuning_validation.fly(rpojax.load(name, [f"duration_s={duration_s}", f"precision={kind}"]), seed, runs)
         for kind in ("double", "single")
     )
     means, strays = {}, {}

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from rpojax.machine import prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
 
 PARAMETERS = ("formation", "schedule")
 SETTINGS = ("formation.velocity_weight=[1e3, 1e3, 1e3]", "tuning.formation=1", "tuning.delta_v=1")
@@ -28,13 +28,13 @@ def main() -> None:
     prepare_jax(cache=True)
     prepare_loop(rendered=False)
     import rpojax
-    from rpojax.analysis import slopes, tunable
-    from rpojax.analysis.derivatives import Flights, run_keys
-    from rpojax.analysis.objective import Objective
+    from rpojax.analysis.gradients import gradient_estimator, tunable_parameters
+    from rpojax.analysis.gradients.run_derivatives import Flights, run_keys
+    from rpojax.analysis.gradients.tuning_objective import Objective
 
     file = rpojax.load("inspection", [*SETTINGS, *ONLY, f"duration_s={options.horizon}"])
-    chosen, names = tunable.choose(file, PARAMETERS), Objective(file).names
-    flights = Flights(file, partial(tunable.inputs, file, chosen), chosen.count, names, options.runs)
+    chosen, names = tunable_parameters.choose(file, PARAMETERS), Objective(file).names
+    flights = Flights(file, partial(tunable_parameters.inputs, file, chosen), chosen.count, names, options.runs)
     keys = run_keys(options.seed, np.arange(options.runs))
 
     def logs(x: np.ndarray) -> np.ndarray:
@@ -51,7 +51,7 @@ def main() -> None:
         weights[:, column] = np.exp(-here[:, column])
         found = flights.reverse(np.tile(chosen.start, (options.runs, 1)), keys, weights).gradient
         assert found is not None
-        cut, _, shortened = slopes.combine(found / options.runs)
+        cut, _, shortened = gradient_estimator.combine(found / options.runs)
         print(f"\n`{figure}`, {shortened} of {options.runs} gradients cut\n")
         spans = " | ".join(f"differences over {span:g}" for span in SPANS)
         print(f"| number | mean derivative | cut | median | {spans} |\n|---|---|---|---|{'---|' * len(SPANS)}")

@@ -12,10 +12,10 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rpojax.machine import prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
 
 if TYPE_CHECKING:
-    from rpojax.analysis.comparison import Runs
+    from rpojax.analysis.statistics.campaign_comparison import Runs
 
 PRICES = (0.05, 0.15, 0.4, 0.8, 1.5, 2.5)
 """Weights of the logarithm of the velocity change beside 1 for that of the formation error."""
@@ -47,8 +47,8 @@ def main() -> None:
 def tune_all(options: argparse.Namespace) -> list[dict]:
     """Tuned scenarios from the lowest price to the highest; those that are there already are kept."""
     import rpojax
-    from rpojax.analysis import tuning
-    from rpojax.simulation import scenario
+    from rpojax.analysis.gradients import tuning
+    from rpojax.scenario import scenario_file
 
     file = rpojax.load(options.scenario, [*ONLY, "tuning.formation=1"])
     points = []
@@ -59,7 +59,7 @@ def tune_all(options: argparse.Namespace) -> list[dict]:
             tables["tuning"]["delta_v"] = price
             seed = 1000 * options.seed + number
             settings = tuning.Settings(PARAMETERS, options.runs, options.steps, seed, options.horizon, rate=0.2)
-            tuned = tuning.tune(scenario.validate(tables), settings)
+            tuned = tuning.tune(scenario_file.validate(tables), settings)
             content = {
                 "price": price,
                 "values": tuned.values,
@@ -75,14 +75,14 @@ def tune_all(options: argparse.Namespace) -> list[dict]:
 def judge_all(options: argparse.Namespace, points: list[dict]) -> dict:
     """Means over unseen full runs, and ratios to the packaged gains with intervals from resampled runs."""
     import rpojax
-    from rpojax.analysis import judging, tuning
+    from rpojax.analysis.gradients import tuning, tuning_validation
 
     packaged = rpojax.load(options.scenario)
     seed = 777_000 + options.seed
-    first = judging.fly(packaged, seed, options.judge)
+    first = tuning_validation.fly(packaged, seed, options.judge)
     rows = [{"price": None, "values": {}, **ratios(first, first)}]
     for point in points:
-        flown = judging.fly(tuning.tuned_scenario(packaged, point["values"]), seed, options.judge)
+        flown = tuning_validation.fly(tuning.tuned_scenario(packaged, point["values"]), seed, options.judge)
         rows.append({"price": point["price"], "values": point["values"], **ratios(first, flown)})
         print(f"judged price {point['price']:g}", flush=True)
     return {"runs": options.judge, "seed": seed, "points": rows}
@@ -90,9 +90,9 @@ def judge_all(options: argparse.Namespace, points: list[dict]) -> dict:
 
 def ratios(first: "Runs", other: "Runs") -> dict:
     """Formation error and velocity change of runs, and their ratios to those of the same runs with packaged gains."""
-    from rpojax.analysis import judging
+    from rpojax.analysis.gradients import tuning_validation
 
-    means = judging.means(first, other)
+    means = tuning_validation.means(first, other)
     found: dict = {"failed": int((~other.completed).sum())}
     for name in ("formation_error_rms_m", "delta_v_m_s"):
         found[name] = means[name].second

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rpojax.machine import prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
 
 STEPS = (1e-4, 1e-3, 1e-2, 1e-1)
 """In coordinates: the relative change of a number. Weak dependences need a longer one, for positions are rounded."""
@@ -46,14 +46,16 @@ def main() -> None:
 def compare(source: str, overrides: list[str], options: argparse.Namespace) -> dict[str, dict[str, float]]:
     """Largest relative differences by number: forward, reverse, and the share of runs without an event in the step."""
     import rpojax
-    from rpojax.analysis import tunable
-    from rpojax.analysis.derivatives import Flights, run_keys
-    from rpojax.analysis.objective import Objective
+    from rpojax.analysis.gradients import tunable_parameters
+    from rpojax.analysis.gradients.run_derivatives import Flights, run_keys
+    from rpojax.analysis.gradients.tuning_objective import Objective
 
     file = rpojax.load(source, [*overrides, "tuning.estimate=1.0"])
-    names = options.parameters.split(",") if options.parameters else list(tunable.GROUPS)
-    chosen, objective = tunable.choose(file, names), Objective(file)
-    flights = Flights(file, partial(tunable.inputs, file, chosen), chosen.count, objective.names, options.runs)
+    names = options.parameters.split(",") if options.parameters else list(tunable_parameters.GROUPS)
+    chosen, objective = tunable_parameters.choose(file, names), Objective(file)
+    flights = Flights(
+        file, partial(tunable_parameters.inputs, file, chosen), chosen.count, objective.names, options.runs
+    )
     keys = run_keys(options.seed, np.arange(options.runs))
     x = np.tile(chosen.start, (options.runs, 1))
     # One random direction among the figures, each in units of its own spread, stands for all of them.

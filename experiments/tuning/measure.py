@@ -69,14 +69,14 @@ def times(value: float | tuple[float, ...], name: str) -> str:
 
 def table(options: argparse.Namespace) -> int:
     """Packaged, wrong and tuned filters on the same unseen runs; status 1 if a bar is missed."""
-    from rpojax.machine import prepare_jax, prepare_loop
+    from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
 
     prepare_jax(cache=True)
     prepare_loop(rendered=False)
     import numpy as np
 
     import rpojax
-    from rpojax.analysis import judging
+    from rpojax.analysis.gradients import tuning_validation
 
     cases = {"packaged": rpojax.load("inspection")}
     for name in [*FACTORS, "packaged"]:
@@ -88,7 +88,7 @@ def table(options: argparse.Namespace) -> int:
     print(f"| filter | failed | {' | '.join(SHOWN)} | holds |\n|---|---|{'---|' * 5}")
     found, status = {}, 0
     for name, file in cases.items():
-        flown = judging.fly(file, seed, options.judge)
+        flown = tuning_validation.fly(file, seed, options.judge)
         means = {metric: float(np.nanmean(flown.metrics[metric])) for metric in SHOWN}
         found[name] = {"failed": int((~flown.completed).sum()), **means}
         close = means[SHOWN[2]] <= ERROR_RATIO * found["packaged"][SHOWN[2]]
@@ -109,12 +109,12 @@ def memory(options: argparse.Namespace) -> int:
     """Two steps of a large tuning; the most memory of the process and of the programs."""
     import resource
 
-    from rpojax.machine import prepare_jax, prepare_loop
+    from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
 
     prepare_jax(cache=True)
     prepare_loop(rendered=False)
     import rpojax
-    from rpojax.analysis import tuning
+    from rpojax.analysis.gradients import tuning
 
     settings = tuning.Settings(("navigation",), runs=512, steps=2, horizon_s=3000.0)
     tuned = tuning.tune(rpojax.load("inspection"), settings)

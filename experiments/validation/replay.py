@@ -19,18 +19,19 @@ from jaxtyping import Array, Float
 
 from experiments.validation.gradient import has_gravity_gradient
 from experiments.validation.reference import FormatError, Numbers, Reference, read
-from rpojax.core import light, quaternion
+from rpojax.core import quaternion
 from rpojax.core.constants import ASTRONOMICAL_UNIT, RADIUS_EARTH, SPEED_OF_LIGHT
 from rpojax.core.frames import hill_frame, inertial_to_hill
-from rpojax.core.integrate import Method
-from rpojax.core.orbital_mechanics import Field
+from rpojax.core.numerics.runge_kutta import Method
+from rpojax.core.orbits import eclipse
+from rpojax.core.orbits.orbital_mechanics import Field
 from rpojax.core.pytree import pytree
 from rpojax.physics import actuators, plant
 from rpojax.physics.actuators import Burn, BurnError, Thrust, Thruster, Wheels
-from rpojax.physics.effects import Effects
 from rpojax.physics.environment import Atmosphere, Sky, Sunlight, Surface
-from rpojax.physics.faults import Fault, healthy
+from rpojax.physics.equipment_faults import Fault, healthy
 from rpojax.physics.plant import PlantParams, Target, Truth
+from rpojax.physics.plant_options import Effects
 from rpojax.physics.rigid_body import Body
 
 SAME_TIME = 1e-9
@@ -596,7 +597,7 @@ def illumination_errors(reference: Reference) -> Numbers | None:
         return None
     sun, light_of = jnp.asarray(reference["r_sun"]), _sunlight(reference)
     with jax.disable_jit():
-        share = jax.vmap(lambda r: light.illumination(r, sun, light_of.shadow_radius, light_of.sun_radius))
+        share = jax.vmap(lambda r: eclipse.illumination(r, sun, light_of.shadow_radius, light_of.sun_radius))
         ours = np.asarray(share(jnp.asarray(reference["r"])))
     return np.abs(ours - reference["illumination"])
 

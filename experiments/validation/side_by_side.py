@@ -20,13 +20,13 @@ from experiments.validation.make_references import with_hill
 from experiments.validation.peer import Arrays, Integrator, Peer, Run
 from experiments.validation.reference import Numbers, Reference, checked
 from experiments.validation.replay import Options
-from rpojax.campaign import single
-from rpojax.core.integrate import Method
-from rpojax.flight import attitude_control
+from rpojax.campaign import single_run
+from rpojax.core.numerics.runge_kutta import Method
+from rpojax.flight.control import attitude_control
+from rpojax.scenario.params import Params
+from rpojax.scenario.scenario_file import Scenario
 from rpojax.simulation import closed_loop
 from rpojax.simulation.closed_loop import State, Telemetry
-from rpojax.simulation.params import Params
-from rpojax.simulation.scenario import Scenario
 
 WORDS = "gravity gradient of a point mass"
 
@@ -37,7 +37,7 @@ def mission(duration_s: float, seed: int) -> tuple[Run, int]:
     Burns begin and end on steps of the attitude control here, because Basilisk can only switch there.
     """
     file = rpojax.load("inspection", [f"duration_s={duration_s}"])
-    static, params, state = single.dispersed(file, seed)
+    static, params, state = single_run.dispersed(file, seed)
     torques: list[Numbers] = []
     telemetry = jax.tree.map(np.asarray, _rollout(static, _recording(torques), params, state))
     jax.effects_barrier()

@@ -16,15 +16,15 @@ os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path.home() / ".cache" / 
 import numpy as np
 
 import rpojax
-from rpojax.analysis import worst_case
-from rpojax.analysis.derivatives import Flights
-from rpojax.analysis.limit_trials import Effort
-from rpojax.analysis.metric_bound import Bound
-from rpojax.analysis.worst_case import Costs, Worst
-from rpojax.campaign import normal_space
-from rpojax.campaign.normal_space import NormalSpace
-from rpojax.campaign.store import Campaign
-from rpojax.simulation.figures_of_merit import LOW_IS_BAD, UNITS
+from rpojax.analysis.gradients.evaluation_log import Effort
+from rpojax.analysis.gradients.run_derivatives import Flights
+from rpojax.analysis.reliability import worst_case
+from rpojax.analysis.reliability.metric_limit import Bound
+from rpojax.analysis.reliability.worst_case import Costs, Worst
+from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.dispersions import standard_normal
+from rpojax.dispersions.standard_normal import NormalSpace
+from rpojax.scenario.metric_catalogue import LOW_IS_BAD, UNITS
 
 METRICS = ("nav_relative_position_error_rms_m", "formation_error_rms_m", "min_range_m", "delta_v_m_s")
 SETTINGS = ["duration_s=2000.0"]
@@ -43,7 +43,7 @@ def main() -> None:
     given = parser.parse_args()
     file = rpojax.load("inspection", SETTINGS)
     sampled = campaign(given.out / "campaign")
-    space = normal_space.make(file)
+    space = standard_normal.make(file)
     flights = worst_case.flights_of(space, given.metric or METRICS, given.starts)
     costs = worst_case.measure(flights)
     print(

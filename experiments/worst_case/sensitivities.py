@@ -16,12 +16,12 @@ os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path.home() / ".cache" / 
 import numpy as np
 
 import rpojax
-from rpojax.analysis import derivative_sensitivity as sensitivity
-from rpojax.analysis import worst_case
-from rpojax.analysis.derivative_sensitivity import Agreement, Sensitivity
-from rpojax.campaign import normal_space
-from rpojax.campaign.store import Campaign
-from rpojax.simulation import dispersed
+from rpojax.analysis.reliability import derivative_sensitivity as sensitivity
+from rpojax.analysis.reliability import worst_case
+from rpojax.analysis.reliability.derivative_sensitivity import Agreement, Sensitivity
+from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.dispersions import standard_normal
+from rpojax.scenario import dispersion_keys
 
 METRICS = ("nav_relative_position_error_rms_m", "formation_error_rms_m", "min_range_m", "delta_v_m_s")
 SETTINGS = ["duration_s=2000.0"]
@@ -34,12 +34,14 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=15)
     given = parser.parse_args()
     sampled = Campaign(given.out / "campaign")
-    space = normal_space.make(rpojax.load("inspection", SETTINGS))
+    space = standard_normal.make(rpojax.load("inspection", SETTINGS))
     flights = worst_case.flights_of(space, METRICS, BATCH)
     begin = time.process_time()
     found = sensitivity.analyse(space, METRICS, given.runs, 0, flights)
     print(f"processor time {time.process_time() - begin:.0f} s with compilation, which took {flights.compile_s:.0f} s")
-    columns = {name: column for name, column in dispersed.columns(sampled.drawn).items() if np.isfinite(column).all()}
+    columns = {
+        name: column for name, column in dispersion_keys.columns(sampled.drawn).items() if np.isfinite(column).all()
+    }
     for one in found:
         beside = sensitivity.compare(one, space, columns, sampled.metrics[one.metric])
         assert beside is not None

@@ -1,1 +1,1 @@
-"""Floor 6: what many runs say together; turns results of a campaign into statements about the design."""
+"""Floor 7: what many runs tell: statistics, linear covariance, gradients, reliability, calibration."""

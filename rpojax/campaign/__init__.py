@@ -1,1 +1,1 @@
-"""Floor 5: many runs through one compiled step, and the folder they leave."""
+"""Floor 6: many runs through one compiled step, and the folder they leave."""

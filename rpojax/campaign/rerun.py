@@ -8,9 +8,11 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from rpojax.campaign import creation, executors, flying, runner
-from rpojax.campaign.retention import Retention
-from rpojax.campaign.store import Campaign
+from rpojax.campaign import run_and_resume
+from rpojax.campaign.execution import block_runner, executors
+from rpojax.campaign.history_retention import Retention
+from rpojax.campaign.storage import folder_creation
+from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.computer import Stages
 
@@ -48,7 +50,7 @@ def rerun(
     *,
     force: bool = False,
     stages: Stages | None = None,
-    on_progress: Callable[[runner.Progress], None] | None = None,
+    on_progress: Callable[[run_and_resume.Progress], None] | None = None,
 ) -> Rerun:
     """Flies a run again, in a block of the size that the campaign had, and compares its metrics with those recorded.
 
@@ -58,7 +60,7 @@ def rerun(
     """
     check_run(found, run_id)
     _check_apart(found.directory, out)
-    engine = flying.engine_of(found.asked, jax.devices()[:1], stages)
+    engine = block_runner.engine_of(found.asked, jax.devices()[:1], stages)
     asked = {
         **found.asked,
         "runs": 1,
@@ -66,11 +68,11 @@ def rerun(
         "histories": Retention("all").recorded(),
         "report": True,
         "rerun_of": {key: found.asked[key] for key in ("first_run", "runs")},
-        **creation.made_here(1),
+        **folder_creation.made_here(1),
     }
-    creation.create(out, asked, force)
+    folder_creation.create(out, asked, force)
     result = Campaign(out)
-    runner.complete(result, executors.Local(result, engine), on_progress)
+    run_and_resume.complete(result, executors.Local(result, engine), on_progress)
     rows = np.flatnonzero(found.run_ids == run_id)
     recorded = {name: float(values[rows[0]]) for name, values in found.metrics.items()} if len(rows) else {}
     return Rerun(result, len(rows) > 0, _different(recorded, result.metrics))

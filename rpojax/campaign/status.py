@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from rpojax.campaign import description, manifests
+from rpojax.campaign.storage import block_manifests, campaign_json
 
 
 def status(directory: Path) -> dict[str, Any]:
@@ -12,10 +12,10 @@ def status(directory: Path) -> dict[str, Any]:
     Raises:
         ResultError: the folder is no campaign, or a manifest of it cannot be read.
     """
-    asked = description.read(directory)
-    blocks = description.blocks(asked)
-    done = manifests.done(directory, blocks)
-    entries = manifests.read_all(directory, asked, done)
+    asked = campaign_json.read(directory)
+    blocks = campaign_json.blocks(asked)
+    done = block_manifests.done(directory, blocks)
+    entries = block_manifests.read_all(directory, asked, done)
     page = directory / "report.html"
     ended = sum(entry.count for entry in entries)
     return {
@@ -28,11 +28,12 @@ def status(directory: Path) -> dict[str, Any]:
             "failed": sum(entry.failed for entry in entries),
             "missing": asked["runs"] - ended,
         },
-        "reasons": manifests.reasons(entries),
+        "reasons": block_manifests.reasons(entries),
         "begun": [
-            {"block": block, "attempts": attempts} for block, attempts in manifests.begun(directory, blocks).items()
+            {"block": block, "attempts": attempts}
+            for block, attempts in block_manifests.begun(directory, blocks).items()
         ],
-        "timing": manifests.timing(entries, _duration_s(asked)),
+        "timing": block_manifests.timing(entries, _duration_s(asked)),
         "report": str(page) if page.is_file() else None,
     }
 

@@ -1,4 +1,4 @@
-"""Floor 1: mathematics that every other floor shares; knows nothing of vehicles, sensors or flight software."""
+"""Floor 1: mathematics that all other floors share; knows nothing of vehicles, sensors or flight software."""
 
 import jax
 

@@ -16,8 +16,8 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from rpojax.core.numerics.safe import normalize
 from rpojax.core.quaternion import cross
-from rpojax.core.safe import normalize
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]

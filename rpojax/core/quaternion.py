@@ -3,8 +3,8 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import safe
-from rpojax.core.series import arctan2, cos_sinc
+from rpojax.core.numerics import safe
+from rpojax.core.numerics.trigonometric_series import arctan2, cos_sinc
 
 Quaternion = Float[Array, "4"]
 Vector = Float[Array, "3"]

@@ -6,35 +6,27 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.core import quaternion, safe
+from rpojax.core import quaternion
 from rpojax.core.frames import apply
-from rpojax.core.materialise import materialise
-from rpojax.core.orbital_mechanics import mean_motion, semi_major_axis
+from rpojax.core.numerics import safe
+from rpojax.core.numerics.fusion_barrier import materialise
+from rpojax.core.orbits.orbital_mechanics import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace, select
-from rpojax.flight import (
-    attitude_control,
-    attitude_estimator,
-    box_gate,
-    burn_plan,
-    formation_control,
-    guidance,
-    looking,
-    orbit_filter,
-    slew,
-    thrust_gauge,
-)
-from rpojax.flight.attitude_control import AttitudeControl
-from rpojax.flight.attitude_estimator import AttitudeEstimate, AttitudeFilter
-from rpojax.flight.box_gate import BoxTrack
-from rpojax.flight.burn_plan import BurnPlan
-from rpojax.flight.formation_control import Formation, FormationLaw, Station
-from rpojax.flight.guidance import PointingState
-from rpojax.flight.looking import Sight
-from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement, Navigation
-from rpojax.flight.onboard import Onboard
-from rpojax.flight.orbit_filter import Innovation, OrbitEstimate
-from rpojax.flight.pointing import Pointing
-from rpojax.flight.thrust_gauge import ThrustGauge
+from rpojax.flight.control import attitude_control, formation_lqr
+from rpojax.flight.control.attitude_control import AttitudeControl
+from rpojax.flight.control.formation_lqr import Formation, FormationLaw, Station
+from rpojax.flight.guidance import attitude_guidance, burn_timing, slew_profile, target_pointing
+from rpojax.flight.guidance.attitude_guidance import PointingState
+from rpojax.flight.guidance.burn_timing import BurnPlan
+from rpojax.flight.guidance.pointing_modes import Pointing
+from rpojax.flight.guidance.target_pointing import Sight
+from rpojax.flight.navigation import attitude_ekf, orbit_filter, outlier_gate, thrust_estimator
+from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilter
+from rpojax.flight.navigation.filter_tuning import BoxMeasurement, GpsMeasurement, Navigation
+from rpojax.flight.navigation.orbit_filter import Innovation, OrbitEstimate
+from rpojax.flight.navigation.outlier_gate import BoxTrack
+from rpojax.flight.navigation.thrust_estimator import ThrustGauge
+from rpojax.flight.vehicle_model import Onboard
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -123,7 +115,7 @@ class Stages:
 
     orbit_update: OrbitUpdate = orbit_filter.update
     orbit_predict: OrbitPrediction = orbit_filter.predict
-    formation_law: FormationLaw = formation_control.lqr
+    formation_law: FormationLaw = formation_lqr.lqr
     wheel_torque: WheelControl = attitude_control.wheel_torque
 
 
@@ -137,18 +129,18 @@ def start(
     r_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N
     v_TN_N = orbit.servicer.v_SN_N + orbit.relative.v_TS_N
     n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
-    attitude = attitude_estimator.initial(params.attitude_filter, star_tracker_q_BN, gyro_B)
+    attitude = attitude_ekf.initial(params.attitude_filter, star_tracker_q_BN, gyro_B)
     return FlightMemory(
         orbit=orbit,
-        track=box_gate.initial_track(),
+        track=outlier_gate.initial_track(),
         attitude=attitude,
         attitude_variance=_attitude_variance(params.onboard, attitude),
-        plan=burn_plan.no_burn(),
-        thrust=thrust_gauge.initial(),
+        plan=burn_timing.no_burn(),
+        thrust=thrust_estimator.initial(),
         thruster_failed_at=jnp.full((), -jnp.inf, dtype=jnp.float64),
-        pointing=guidance.initial_pointing(params.onboard, orbit),
-        gain=formation_control.lqr_gain(params.formation, n, period),
-        station=formation_control.keep_station(params.formation, n, period),
+        pointing=attitude_guidance.initial_pointing(params.onboard, orbit),
+        gain=formation_lqr.lqr_gain(params.formation, n, period),
+        station=formation_lqr.keep_station(params.formation, n, period),
         allocation=jnp.linalg.inv(params.onboard.wheel_axes.T),
     )
 
@@ -160,9 +152,9 @@ def navigate(
 
     A box of a target that lies in the dark is not one.
     """
-    visible = looking.can_see(params.onboard, memory.orbit, sun_N, looking.LIGHT_TOLERANCE)
+    visible = target_pointing.can_see(params.onboard, memory.orbit, sun_N, target_pointing.LIGHT_TOLERANCE)
     box = measurements.box
-    attitude = attitude_estimator.update(
+    attitude = attitude_ekf.update(
         params.attitude_filter,
         memory.attitude,
         measurements.star_tracker_q_BN,
@@ -199,9 +191,9 @@ def _attitude_variance(onboard: Onboard, estimate: AttitudeEstimate) -> Scalar:
 
 def plan_burn(stages: Stages, params: FlightParams, memory: FlightMemory, sight: Sight, time: Scalar) -> FlightMemory:
     """Memory with a newly decided burn: none while the target is lost or dark, or the thruster has just failed."""
-    lost = guidance.is_lost(params.pointing, memory.pointing)
+    lost = attitude_guidance.is_lost(params.pointing, memory.pointing)
     works = time >= memory.thruster_failed_at + params.formation.thruster_retry
-    plan = burn_plan.plan_burn(
+    plan = burn_timing.plan_burn(
         stages.formation_law,
         params.formation,
         params.pointing,
@@ -225,9 +217,9 @@ def guide(
     dt: float,
 ) -> tuple[FlightMemory, Array]:
     """Memory with the attitude reference for the next `dt` [s], and the mode; the Sun is at `sun_N` [m]."""
-    plan = burn_plan.inhibit(params.pointing, memory.plan, memory.attitude.q_BN, time, dt)
-    visible = looking.can_see(params.onboard, memory.orbit, sun_N)
-    pointing, mode = guidance.guide(
+    plan = burn_timing.inhibit(params.pointing, memory.plan, memory.attitude.q_BN, time, dt)
+    visible = target_pointing.can_see(params.onboard, memory.orbit, sun_N)
+    pointing, mode = attitude_guidance.guide(
         params.pointing, params.onboard, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt
     )
     return replace(memory, plan=plan, pointing=pointing), mode
@@ -237,7 +229,7 @@ def control_attitude(
     stages: Stages, params: FlightParams, memory: FlightMemory, wheel_speed: Vector, age: Scalar
 ) -> Vector:
     """Wheel torque commands [N m] `age` [s] after the last guidance tick."""
-    command = materialise(slew.evaluate(memory.pointing.reference, age), age)
+    command = materialise(slew_profile.evaluate(memory.pointing.reference, age), age)
     return stages.wheel_torque(
         params.attitude_control, params.onboard, memory.allocation, memory.attitude, command, wheel_speed
     )
@@ -275,7 +267,7 @@ def predict(
     the thruster as failed.
     """
     burning = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0
-    gauge = select(burning, thrust_gauge.update(memory.thrust, thrust_ratio), memory.thrust)
+    gauge = select(burning, thrust_estimator.update(memory.thrust, thrust_ratio), memory.thrust)
     return replace(
         memory,
         thrust=gauge,
@@ -286,11 +278,11 @@ def predict(
             memory.orbit,
             gauge.ratio * delta_v_N,
             gauge.ratio * safe.norm(memory.plan.delta_v_N),
-            thrust_gauge.doubt(gauge),
+            thrust_estimator.doubt(gauge),
             pull_N,
             dt,
         ),
-        attitude=attitude_estimator.predict_covariance(params.attitude_filter, memory.attitude, q_BN_before, dt),
+        attitude=attitude_ekf.predict_covariance(params.attitude_filter, memory.attitude, q_BN_before, dt),
     )
 
 

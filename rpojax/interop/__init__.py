@@ -1,1 +1,1 @@
-"""Runs in the words of other tools, ROS 2 and the rerun viewer; their packages are optional and imported late."""
+"""Floor 8: runs in the formats of other tools (ROS 2, rerun) and live links; optional packages are imported late."""

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from rpojax.core import quaternion
 from rpojax.core.constants import STANDARD_GRAVITY
-from rpojax.core.integrate import NODES, Method
+from rpojax.core.numerics.runge_kutta import NODES, Method
 from rpojax.core.pytree import pytree
 
 Vector = Float[Array, "3"]

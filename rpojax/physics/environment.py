@@ -5,10 +5,10 @@ from jaxtyping import Array, Float
 
 from rpojax.core.constants import ASTRONOMICAL_UNIT, MU_EARTH, RADIUS_EARTH, RADIUS_SUN, SPEED_OF_LIGHT
 from rpojax.core.frames import apply
-from rpojax.core.light import illumination
+from rpojax.core.numerics.safe import norm
+from rpojax.core.orbits.eclipse import illumination
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import cross
-from rpojax.core.safe import norm
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]

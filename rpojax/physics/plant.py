@@ -6,20 +6,22 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import compensated, course, integrate, orbital_mechanics, quaternion
+from rpojax.core import quaternion
 from rpojax.core.constants import MU_MOON, MU_SUN
-from rpojax.core.course import Course
-from rpojax.core.difference import Difference
 from rpojax.core.frames import hill_frame, hill_to_inertial
-from rpojax.core.orbital_mechanics import Field
+from rpojax.core.numerics import double_single, runge_kutta
+from rpojax.core.numerics.exact_difference import Difference
+from rpojax.core.numerics.safe import norm
+from rpojax.core.orbits import encke_reference, orbital_mechanics
+from rpojax.core.orbits.encke_reference import Course
+from rpojax.core.orbits.orbital_mechanics import Field
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.quaternion import conjugate, cross, rotate
-from rpojax.core.safe import norm
 from rpojax.physics import actuators, environment, rigid_body
 from rpojax.physics.actuators import Thrust, Thruster, Wheels
-from rpojax.physics.effects import Effects
 from rpojax.physics.environment import Atmosphere, Sky, Sunlight, Surface
-from rpojax.physics.faults import SEIZING_TIME, Fault, Health
+from rpojax.physics.equipment_faults import SEIZING_TIME, Fault, Health
+from rpojax.physics.plant_options import Effects
 from rpojax.physics.rigid_body import Body
 
 Vector = Float[Array, "3"]
@@ -140,7 +142,7 @@ def step(
     inverse_hub = rigid_body.inverse_without_wheels(params.servicer.inertia, params.wheels.axes, params.wheels.inertia)
     inverse_target = rigid_body.inverse(params.target.inertia)
     light_shares = _light_shares(effects, params, truth, sky, dt)
-    orbit = course.begin(params.gravity, effects.zonal_degree, truth.r_TN_N, truth.v_TN_N, truth.residue)
+    orbit = encke_reference.begin(params.gravity, effects.zonal_degree, truth.r_TN_N, truth.v_TN_N, truth.residue)
 
     def derivative(counted: Truth, inputs: tuple[tuple[Scalar, ...], Scalar | None]) -> Truth:
         openings, time = inputs
@@ -182,8 +184,8 @@ def step(
     openings = tuple(health.thrust * thrust.opening for thrust in thrusts)
     r_TN_N, v_TN_N = orbit.start
     counted = replace(_bare(truth), r_TN_N=r_TN_N, v_TN_N=v_TN_N)
-    times = orbit.times(integrate.NODES[effects.integrator], dt)
-    change = integrate.change(effects.integrator, derivative, counted, (openings, times), dt)
+    times = orbit.times(runge_kutta.NODES[effects.integrator], dt)
+    change = runge_kutta.change(effects.integrator, derivative, counted, (openings, times), dt)
     return _changed(orbit, truth, change, dt)
 
 
@@ -193,7 +195,7 @@ def _changed(orbit: Course, truth: Truth, change: Truth, dt: float | Scalar) -> 
     r_TN_N, v_TN_N, residue = orbit.end(dt, change.r_TN_N, change.v_TN_N)
     mass, mass_residue = after.mass, None
     if truth.mass_residue is not None:
-        mass, mass_residue = compensated.add(truth.mass, truth.mass_residue, change.mass)
+        mass, mass_residue = double_single.add(truth.mass, truth.mass_residue, change.mass)
     return replace(
         after,
         r_TN_N=r_TN_N,

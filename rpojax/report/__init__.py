@@ -1,1 +1,1 @@
-"""Floor 7: results become pictures, one self-contained page for people and one JSON file for machines."""
+"""Floor 8: results as figures, one self-contained page for people and one JSON file for machines."""

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from rpojax.simulation.figures_of_merit import LOW_IS_BAD, UNITS
+from rpojax.scenario.metric_catalogue import LOW_IS_BAD, UNITS
 
 
 @dataclass(frozen=True)

@@ -11,11 +11,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.pytree import pytree
-from rpojax.sensors.box_camera import Frame
-from rpojax.vision import box_model
-from rpojax.vision.box_model import Box
-from rpojax.vision.imager import Scene
-from rpojax.vision.rays import Layers, apply_layers
+from rpojax.sensors.geometric_camera import Frame
+from rpojax.vision import bounding_box
+from rpojax.vision.bounding_box import Box
+from rpojax.vision.imaging.image_formation import Scene
+from rpojax.vision.radiance_field.volume_rendering import Layers, apply_layers
 
 FEATURES = 20
 OUTPUTS = 12
@@ -90,7 +90,7 @@ def features(scene: Scene, outline: Float[Array, "4"], size_px: tuple[int, int])
     away_T = scene.r_KT_T * jax.lax.rsqrt(jnp.sum(scene.r_KT_T**2) + 1e-12)
     right_T, down_T = scene.R_KT[0], scene.R_KT[1]
     visible, size = visible_outline(outline, size_px)
-    middle = box_model.box_center(visible)
+    middle = bounding_box.box_center(visible)
     half = 0.5 * jnp.array(size_px, jnp.float32)
     behind, light = _earth_behind(scene, away_T)
     share = _area(visible) / jnp.maximum(_area(outline), 1e-6)
@@ -119,8 +119,8 @@ def features(scene: Scene, outline: Float[Array, "4"], size_px: tuple[int, int])
 
 def visible_outline(outline: Float[Array, "4"], size_px: tuple[int, int]) -> tuple[Float[Array, "4"], Float[Array, ""]]:
     """The outline cut to the frame, and the geometric mean of its sides [px]."""
-    visible, _ = box_model.cut_to_frame(outline, *size_px)
-    return visible, jnp.maximum(box_model.box_size(visible), SMALLEST_PX)
+    visible, _ = bounding_box.cut_to_frame(outline, *size_px)
+    return visible, jnp.maximum(bounding_box.box_size(visible), SMALLEST_PX)
 
 
 def _area(edges: Array) -> Array:
@@ -163,7 +163,7 @@ def _bounded(value: Array, low: float, high: float) -> Array:
 
 def is_in_frame(outline: Float[Array, "4"], size_px: tuple[int, int]) -> Bool[Array, ""]:
     """Whether enough of the outline is in the frame for a box to be one of the target."""
-    visible, _ = box_model.cut_to_frame(outline, *size_px)
+    visible, _ = bounding_box.cut_to_frame(outline, *size_px)
     return _area(visible) > 1.0
 
 
@@ -215,7 +215,7 @@ def measure(
         box=Box(
             edges=edges.astype(jnp.float64),
             present=present,
-            truncated=box_model.at_border(edges, jnp.zeros_like(frame_size), frame_size),
+            truncated=bounding_box.at_border(edges, jnp.zeros_like(frame_size), frame_size),
         ),
         observable=observable & working,
         score=jnp.where(present, score, 0.0).astype(jnp.float64),

@@ -1,1 +1,1 @@
-"""Floor 4: a scenario becomes arrays, and arrays become a closed-loop run."""
+"""Floor 5: one closed-loop run: state, noise, step, rollout, telemetry, metrics."""

@@ -4,22 +4,24 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from rpojax.core import random
+from rpojax.core import random_streams
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.pytree import replace
-from rpojax.core.random import Stream
-from rpojax.flight import computer, looking, orbit_filter, relative_filter, servicer_filter
+from rpojax.core.random_streams import Stream
+from rpojax.flight import computer
 from rpojax.flight.computer import Stages
+from rpojax.flight.guidance import target_pointing
+from rpojax.flight.navigation import orbit_filter, relative_orbit_ekf, servicer_orbit_ekf
 from rpojax.physics import plant
 from rpojax.physics.actuators import BurnError
 from rpojax.physics.plant import Truth
+from rpojax.scenario.params import Params
+from rpojax.scenario.scenario_file import Scenario
 from rpojax.sensors import gyro, star_tracker
-from rpojax.simulation import noise, tick_stages
+from rpojax.simulation import noise, step_stages
 from rpojax.simulation.noise import StartNoise, TickNoise
-from rpojax.simulation.params import Params
-from rpojax.simulation.run_state import SensorState, State, Telemetry
-from rpojax.simulation.scenario import Scenario
-from rpojax.simulation.tick_stages import Decided, sky_at
+from rpojax.simulation.state import SensorState, State, Telemetry
+from rpojax.simulation.step_stages import Decided, sky_at
 
 FAILURES = ("", "non-finite state", "entered the keep-out sphere")
 """Reasons by failure code."""
@@ -27,7 +29,7 @@ FAILURES = ("", "non-finite state", "entered the keep-out sphere")
 
 def run_key(seed: int, run_id: int | Array) -> Array:
     """Random key of one run of a campaign."""
-    return random.fold_in(random.master_key(seed), run_id)
+    return random_streams.fold_in(random_streams.master_key(seed), run_id)
 
 
 def init(scenario: Scenario, params: Params, key: Array, drawn: StartNoise | None = None) -> State:
@@ -35,7 +37,7 @@ def init(scenario: Scenario, params: Params, key: Array, drawn: StartNoise | Non
 
     The run's own random numbers are used unless others are given.
     """
-    streams = jax.vmap(lambda stream: random.fold_in(key, stream))(jnp.arange(len(Stream) + 1))
+    streams = jax.vmap(lambda stream: random_streams.fold_in(key, stream))(jnp.arange(len(Stream) + 1))
     drawn = drawn or noise.draw_start(scenario, streams)
     navigation = params.flight.navigation
     identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
@@ -47,7 +49,7 @@ def init(scenario: Scenario, params: Params, key: Array, drawn: StartNoise | Non
         gyro_bias_B=params.gyro.initial_bias_sigma * drawn.biases[3:],
         box_edges=drawn.box_edges,
     )
-    sigma = [servicer_filter.initial_sigma(navigation)[:6], relative_filter.initial_sigma(navigation)[:6]]
+    sigma = [servicer_orbit_ekf.initial_sigma(navigation)[:6], relative_orbit_ekf.initial_sigma(navigation)[:6]]
     error = jnp.concatenate(sigma) * drawn.handover
     orbit = orbit_filter.initial(
         navigation,
@@ -56,7 +58,7 @@ def init(scenario: Scenario, params: Params, key: Array, drawn: StartNoise | Non
         -truth.r_ST_N + error[6:9],
         -truth.v_ST_N + error[9:12],
     )
-    q_BN, omega = looking.look_attitude(params.flight.onboard, orbit)
+    q_BN, omega = target_pointing.look_attitude(params.flight.onboard, orbit)
     truth = replace(truth, q_BN=q_BN, omega_BN_B=omega)
     star_q = star_tracker.measure(params.star_tracker, q_BN, drawn.star_tracker)
     gyro_B = gyro.measure(params.gyro, omega, sensors.gyro_bias_B, drawn.gyro, scenario.step_s)
@@ -80,14 +82,14 @@ def tick(
 
     The run's own random numbers are used unless others are given.
     """
-    sensed = tick_stages.sense(scenario, params, state, drawn)
-    flight, innovation = tick_stages.navigate(stages, scenario, params, state, sensed)
-    flight, burn_error = tick_stages.plan_burn(stages, scenario, params, state, sensed, flight)
-    flight, mode = tick_stages.guide(scenario, params, sensed, flight, innovation.accepted)
-    telemetry = tick_stages.look(state, sensed, flight, innovation, mode)
+    sensed = step_stages.sense(scenario, params, state, drawn)
+    flight, innovation = step_stages.navigate(stages, scenario, params, state, sensed)
+    flight, burn_error = step_stages.plan_burn(stages, scenario, params, state, sensed, flight)
+    flight, mode = step_stages.guide(scenario, params, sensed, flight, innovation.accepted)
+    telemetry = step_stages.look(state, sensed, flight, innovation, mode)
     decided = Decided(sensed=sensed, flight=flight, burn_error=burn_error)
-    motion = tick_stages.act(stages, scenario, params, state, decided)
-    return tick_stages.end(stages, scenario, params, state, decided, motion), telemetry
+    motion = step_stages.act(stages, scenario, params, state, decided)
+    return step_stages.end(stages, scenario, params, state, decided, motion), telemetry
 
 
 def rollout(

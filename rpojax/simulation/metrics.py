@@ -6,9 +6,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rpojax.flight.pointing import Mode
-from rpojax.simulation import figures_of_merit
-from rpojax.simulation.schema import ScenarioFile
+from rpojax.flight.guidance.pointing_modes import Mode
+from rpojax.scenario import metric_catalogue
+from rpojax.scenario.schema import ScenarioFile
 
 Floats = NDArray[np.floating]
 Records = Mapping[str, np.ndarray]
@@ -45,7 +45,7 @@ def evaluate(file: ScenarioFile, records: Records) -> dict[str, Floats]:
     """
     tick_s = 1.0 / file.rates.camera_hz
     ticks = records["range_m"].shape[1]
-    late, last = (slice(first, None) for first in figures_of_merit.late_and_last(ticks, tick_s))
+    late, last = (slice(first, None) for first in metric_catalogue.late_and_last(ticks, tick_s))
     desired = np.asarray(file.formation.desired_position_m)
     inside = np.abs(records["relative_error_H"]) <= 3.0 * records["relative_sigma_H"]
     return {

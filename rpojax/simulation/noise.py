@@ -9,12 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, UInt32
 
-from rpojax.core import random
-from rpojax.core.materialise import materialise
+from rpojax.core import random_streams
+from rpojax.core.numerics.fusion_barrier import materialise
 from rpojax.core.pytree import pytree
-from rpojax.core.random import Stream
+from rpojax.core.random_streams import Stream
+from rpojax.scenario.scenario_file import Scenario
 from rpojax.sensors import statistical_camera
-from rpojax.simulation.scenario import Scenario
 
 _START = 0x7FFFFFFF
 """Number of the draws before the first tick; ticks count from 0."""
@@ -68,7 +68,7 @@ class TickNoise:
 
 def camera_key(keys: Array, tick: Array) -> Array:
     """Random key of the exposure of one tick, from the (streams, 2) keys of a run."""
-    return random.fold_in(keys[Stream.BOX_CAMERA], tick)
+    return random_streams.fold_in(keys[Stream.BOX_CAMERA], tick)
 
 
 def draw_start(scenario: Scenario, keys: Array) -> StartNoise:
@@ -76,13 +76,13 @@ def draw_start(scenario: Scenario, keys: Array) -> StartNoise:
     lasting = scenario.camera_model == "statistical"
     numbers = jnp.array([_START, _START, _START - 1], dtype=jnp.uint32)
     owners = [Stream.STAR_TRACKER, Stream.SENSOR_BIAS, Stream.SENSOR_BIAS]
-    own = random.fold_in_each(random.rows(keys, owners), numbers)
+    own = random_streams.fold_in_each(random_streams.rows(keys, owners), numbers)
     counts = [6, 6, 4 if lasting else 0]
-    samples, biases, box_edges = _shares(random.normal_each(own, counts), counts)
+    samples, biases, box_edges = _shares(random_streams.normal_each(own, counts), counts)
     return StartNoise(
         biases=biases,
         box_edges=box_edges if lasting else None,
-        handover=random.normal(keys[Stream.HANDOVER], 12),
+        handover=random_streams.normal(keys[Stream.HANDOVER], 12),
         star_tracker=samples[:3],
         gyro=samples[3:],
     )
@@ -126,7 +126,8 @@ def draw(scenario: Scenario, keys: Array, tick: Array) -> TickNoise:
     own, in_order = _tick_keys(keys, tick), [counts.get(row, 0) for row in _ROWS]
     chances_key = own[_ROWS.index((Stream.BOX_CAMERA, _SECOND))]
     numbers, chances = materialise(
-        (random.normal_each(own, in_order), random.uniform(chances_key, statistical_camera.UNIFORMS)), tick
+        (random_streams.normal_each(own, in_order), random_streams.uniform(chances_key, statistical_camera.UNIFORMS)),
+        tick,
     )
     normals = dict(zip(_ROWS, _shares(numbers, in_order), strict=True))
     return TickNoise(
@@ -151,9 +152,9 @@ def _tick_keys(keys: Array, tick: Array) -> UInt32[Array, "n 2"]:
     second = [stream for stream, which in _ROWS if which == _SECOND]
     ahead = np.array([stream == Stream.SENSOR_BIAS for stream in first], dtype=np.uint32)  # those of the tick's end
     ticks = tick.astype(jnp.uint32) + ahead
-    own = materialise(random.fold_in_each(random.rows(keys, first), ticks), tick)
-    again = random.rows(own, [first.index(stream) for stream in second])
-    derived = random.fold_in_each(again, jnp.ones(len(second), dtype=jnp.uint32))
+    own = materialise(random_streams.fold_in_each(random_streams.rows(keys, first), ticks), tick)
+    again = random_streams.rows(own, [first.index(stream) for stream in second])
+    derived = random_streams.fold_in_each(again, jnp.ones(len(second), dtype=jnp.uint32))
     return materialise(jnp.concatenate([own, derived]), tick)
 
 

@@ -13,13 +13,15 @@ from typing import Final, Literal
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import gaussian, quaternion, safe
+from rpojax.core import gaussian_density, quaternion
+from rpojax.core.numerics import safe
 from rpojax.core.pytree import pytree
-from rpojax.flight.pointing import Mode
-from rpojax.simulation import figures_of_merit, telemetry
+from rpojax.flight.guidance.pointing_modes import Mode
+from rpojax.scenario import metric_catalogue
+from rpojax.scenario.params import Params
+from rpojax.scenario.scenario_file import Scenario
+from rpojax.simulation import telemetry
 from rpojax.simulation.closed_loop import Telemetry, relative_state
-from rpojax.simulation.params import Params
-from rpojax.simulation.scenario import Scenario
 
 Scalar = Float[Array, ""]
 Observation = tuple[Scalar, Scalar]
@@ -52,13 +54,13 @@ class Instant:
     def servicer_density(self) -> tuple[Scalar, Scalar]:
         """Normalised square of the servicer's error, and log determinant of its covariance."""
         P = self.seen.flight.orbit.servicer.covariance[:6, :6]
-        return gaussian.square_and_log_determinant(P, self.errors[0])
+        return gaussian_density.square_and_log_determinant(P, self.errors[0])
 
     @cached_property
     def relative_density(self) -> tuple[Scalar, Scalar]:
         """The same of the target relative to the servicer."""
         P = self.seen.flight.orbit.relative.covariance[:6, :6]
-        return gaussian.square_and_log_determinant(P, self.errors[1])
+        return gaussian_density.square_and_log_determinant(P, self.errors[1])
 
 
 @dataclass(frozen=True)
@@ -160,7 +162,7 @@ def _accumulate(figure: Figure, total: Scalar, value: Scalar, weight: Scalar) ->
 
 
 def _inside(window: str, scenario: Scenario, tick: Array) -> Scalar:
-    late, last = figures_of_merit.late_and_last(scenario.ticks, scenario.tick_s)
+    late, last = metric_catalogue.late_and_last(scenario.ticks, scenario.tick_s)
     first = {"all": 0, "late": late, "last": last}[window]
     return jnp.where(tick >= first, 1.0, 0.0)
 

@@ -4,15 +4,17 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import compensated, gaussian, orbital_mechanics, quaternion, safe, series
+from rpojax.core import gaussian_density, quaternion
 from rpojax.core.frames import apply, hill_frame, inertial_to_hill
+from rpojax.core.numerics import double_single, safe, trigonometric_series
+from rpojax.core.orbits import orbital_mechanics
 from rpojax.core.quaternion import rotate
 from rpojax.physics.plant import Truth
-from rpojax.sensors import box_camera
-from rpojax.simulation import camera
+from rpojax.scenario.params import Params
+from rpojax.scenario.scenario_file import Scenario
+from rpojax.sensors import geometric_camera
+from rpojax.simulation import camera_models
 from rpojax.simulation.closed_loop import Telemetry
-from rpojax.simulation.params import Params
-from rpojax.simulation.scenario import Scenario
 
 Channels = dict[str, Array]
 Matrix = Float[Array, "3 3"]
@@ -78,8 +80,8 @@ def orbit_errors(telemetry: Telemetry) -> tuple[Float[Array, "6"], Float[Array, 
     return (
         jnp.concatenate(
             [
-                compensated.apart(servicer.r_SN_N, missing[0], truth.r_TN_N, true_missing[0]) - truth.r_ST_N,
-                compensated.apart(servicer.v_SN_N, missing[1], truth.v_TN_N, true_missing[1]) - truth.v_ST_N,
+                double_single.apart(servicer.r_SN_N, missing[0], truth.r_TN_N, true_missing[0]) - truth.r_ST_N,
+                double_single.apart(servicer.v_SN_N, missing[1], truth.v_TN_N, true_missing[1]) - truth.v_ST_N,
             ]
         ),
         jnp.concatenate([relative.r_TS_N + truth.r_ST_N, relative.v_TS_N + truth.v_ST_N]),
@@ -98,7 +100,7 @@ def _camera(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channel
     onboard = params.flight.onboard
     R_HN, _ = hill_frame(truth.r_TN_N, truth.v_TN_N)
     edges = frame.box.edges
-    measured = camera.as_measurement(scenario, params, frame)
+    measured = camera_models.as_measurement(scenario, params, frame)
     ray_K = jnp.concatenate([measured.tangent, jnp.ones(1, dtype=jnp.float64)])
     q_KB = quaternion.normalize(onboard.camera_mounting)
     q_KN = quaternion.multiply(q_KB, telemetry.flight.attitude.q_BN)
@@ -151,7 +153,7 @@ def _vehicle(params: Params, telemetry: Telemetry) -> Channels:
     truth = telemetry.truth
     ahead_N = boresight_N(params, truth)
     line_N = -safe.normalize(truth.r_ST_N)
-    off = series.arctan2(safe.norm(quaternion.cross(ahead_N, line_N)), jnp.sum(ahead_N * line_N, axis=0))
+    off = trigonometric_series.arctan2(safe.norm(quaternion.cross(ahead_N, line_N)), jnp.sum(ahead_N * line_N, axis=0))
     return {
         "mode": telemetry.mode.astype(jnp.int8),
         "running": telemetry.running,
@@ -164,7 +166,7 @@ def _vehicle(params: Params, telemetry: Telemetry) -> Channels:
 
 def boresight_N(params: Params, truth: Truth) -> Vector:
     """Direction in N in which the true camera looks."""
-    q_KN = box_camera.attitude(params.camera, truth.q_BN)
+    q_KN = geometric_camera.attitude(params.camera, truth.q_BN)
     return rotate(quaternion.conjugate(q_KN), jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64))
 
 
@@ -194,4 +196,4 @@ def _sigma(R_HN: Matrix, P_N: Matrix) -> Vector:
 
 def mahalanobis(P: Float[Array, "n n"], error: Float[Array, " n"]) -> Float[Array, ""]:
     """Squared error normalised by its covariance, `e' P^-1 e`."""
-    return gaussian.square_and_log_determinant(P, error)[0]
+    return gaussian_density.square_and_log_determinant(P, error)[0]

@@ -1,1 +1,1 @@
-"""Floor 3: the offline phase, in which the networks of the camera are made; optional packages are needed only here."""
+"""Floor 3: offline training of the radiance field and the detector; optional packages only here."""

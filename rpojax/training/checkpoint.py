@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.vision.weights import WeightsError, read_tensors, write_tensors
+from rpojax.vision.weight_files import WeightsError, read_tensors, write_tensors
 
 
 def write(path: Path, key: str, content: Any, progress: Any) -> None:

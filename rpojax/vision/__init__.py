@@ -1,1 +1,1 @@
-"""Floor 2: what a camera makes of a scene."""
+"""Floor 2: from a scene to a picture, and from a picture to bounding boxes."""

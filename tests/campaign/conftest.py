@@ -1,58 +1,8 @@
-"""A short mission and a small campaign of it, with compiled programs shared between the tests."""
+"""Tests of this folder share compiled programs."""
 
-import json
-from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
-
-import numpy as np
 import pytest
-import zarr
-from one_compilation import shared_programs
-
-from rpojax.campaign.runner import run_campaign
-from rpojax.campaign.store import Campaign
-from rpojax.simulation import scenario
-from rpojax.simulation.schema import ScenarioFile
-
-
-@pytest.fixture(scope="session")
-def mission() -> ScenarioFile:
-    """Two segments and two burn decisions of the nominal mission, with all its dispersions."""
-    return scenario.load("inspection", ["duration_s=400"])
 
 
 @pytest.fixture(scope="session", autouse=True)
-def programs() -> Iterator[None]:
-    """Engines for the same scenario of any length, size and devices use one pair of programs."""
-    with shared_programs():
-        yield
-
-
-@pytest.fixture(scope="session")
-def three_runs(tmp_path_factory: pytest.TempPathFactory, mission: ScenarioFile) -> Campaign:
-    """Three runs in three blocks, with the histories of two; not to be changed by a test."""
-    return run_campaign(mission, 3, tmp_path_factory.mktemp("three") / "runs", block_size=1, histories=[0, 2])
-
-
-@pytest.fixture(scope="session")
-def arrays() -> Callable[[Path], dict[str, np.ndarray]]:
-    """Reader of every array that a campaign folder holds, by path."""
-
-    def read(directory: Path) -> dict[str, np.ndarray]:
-        root = zarr.open_group(str(directory / "results.zarr"), mode="r")
-        nodes = root.members(max_depth=None)
-        return {name: np.asarray(node[:]) for name, node in nodes if isinstance(node, zarr.Array)}
-
-    return read
-
-
-@pytest.fixture
-def edit_info() -> Callable[..., None]:
-    """Changer of entries of a folder's campaign.json."""
-
-    def edit(directory: Path, **entries: Any) -> None:
-        path = directory / "campaign.json"
-        path.write_text(json.dumps(json.loads(path.read_text()) | entries))
-
-    return edit
+def sharing(programs: None) -> None:
+    """Engines for the same scenario use one pair of programs."""

@@ -11,26 +11,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zarr
-from folders import effort, new_campaign
-from test_store import results
+from campaign_folders import effort, new_campaign, results
 
 import rpojax
-from rpojax.campaign import creation, files, flying, rerun
-from rpojax.campaign.retention import Retention
-from rpojax.campaign.runner import Shard, resume_campaign
-from rpojax.campaign.store import Campaign
+from rpojax.campaign import rerun
+from rpojax.campaign.execution import block_runner
+from rpojax.campaign.history_retention import Retention
+from rpojax.campaign.run_and_resume import Shard, resume_campaign
+from rpojax.campaign.storage import atomic_files, folder_creation
+from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, ResultError, RpojaxError, UnfinishedError
-from rpojax.simulation.schema import ScenarioFile
+from rpojax.scenario.schema import ScenarioFile
 
 RUNS, BLOCK = 60, 2
 
 WRITER = """
 import itertools
 import sys
-sys.path[:0] = [{tests!r}, {here!r}]
-from folders import effort
-from test_store import results
-from rpojax.campaign.store import Campaign
+sys.path.insert(0, {tests!r})
+from campaign_folders import effort, results
+from rpojax.campaign.storage.campaign_folder import Campaign
 
 campaign = Campaign(sys.argv[1])
 blocks = campaign.missing()
@@ -42,8 +42,7 @@ for block in itertools.cycle(blocks) if sys.argv[2] == "endlessly" else reversed
 
 def writer(directory: Path, how: str) -> subprocess.Popen[str]:
     """A process that writes the missing blocks, over and over or once from the last on, and tells each."""
-    here = Path(__file__).parent
-    code = WRITER.format(tests=str(here.parent), here=str(here))
+    code = WRITER.format(tests=str(Path(__file__).parents[1]))
     path = {"PYTHONPATH": str(Path(rpojax.__file__).parents[1])}
     words = [sys.executable, "-c", code, str(directory), how]
     return subprocess.Popen(words, env=os.environ | path, stdout=subprocess.PIPE, text=True)
@@ -67,7 +66,7 @@ def test_two_writers_of_all_blocks_one_of_them_killed_leave_what_one_alone_leave
     other.communicate()
     assert (killed.returncode, other.returncode) == (-signal.SIGKILL, 0)
     assert shared.missing() == []
-    files.sweep(shared.directory)
+    atomic_files.sweep(shared.directory)
     assert list(shared.directory.rglob("*.partial")) == []
     found, expected = contents(shared.directory / "results.zarr"), contents(alone.directory / "results.zarr")
     assert found == expected
@@ -112,21 +111,21 @@ def test_rows_of_more_than_one_sample_are_in_shards_with_named_dimensions(
 
 
 def asked(mission: ScenarioFile, seed: int = 7) -> dict[str, object]:
-    return creation.describe(mission, seed, 5, 0, BLOCK, {"rule": "none", "channels": None, "every": 1})
+    return folder_creation.describe(mission, seed, 5, 0, BLOCK, {"rule": "none", "channels": None, "every": 1})
 
 
 def test_the_first_to_come_makes_the_folder_and_others_join_if_they_agree(
     mission: ScenarioFile, tmp_path: Path
 ) -> None:
     out = tmp_path / "runs"
-    creation.join(out, asked(mission))
+    folder_creation.join(out, asked(mission))
     before = (out / "campaign.json").read_bytes()
-    creation.join(out, asked(mission))
+    folder_creation.join(out, asked(mission))
     assert (out / "campaign.json").read_bytes() == before
     with pytest.raises(ResultError, match="found seed 7, expected 8 to share the folder"):
-        creation.join(out, asked(mission, seed=8))
+        folder_creation.join(out, asked(mission, seed=8))
     with pytest.raises(OutputError, match="--force"):
-        creation.create(out, asked(mission), force=False)
+        folder_creation.create(out, asked(mission), force=False)
     assert [path.name for path in tmp_path.iterdir()] == ["runs"]
 
 
@@ -134,21 +133,21 @@ def test_who_comes_second_by_a_hair_joins_too_and_leaves_nothing(
     mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "runs"
-    creation.join(out, asked(mission))
+    folder_creation.join(out, asked(mission))
     # As if the folder had come between the look and the rename.
     monkeypatch.setattr(os.path, "lexists", lambda path: Path(path) != out and Path(path).exists())
-    monkeypatch.setattr(creation, "_renamed", lambda made, place: False)
-    creation.join(out, asked(mission))
+    monkeypatch.setattr(folder_creation, "_renamed", lambda made, place: False)
+    folder_creation.join(out, asked(mission))
     assert [path.name for path in tmp_path.iterdir()] == ["runs"]
 
 
 def test_what_a_maker_left_that_was_killed_goes_when_the_folder_is_made(mission: ScenarioFile, tmp_path: Path) -> None:
     process = subprocess.Popen([sys.executable, "-c", ""])
     process.wait()
-    left = tmp_path / f".runs.{files.machine()}-{process.pid}-0.partial"
+    left = tmp_path / f".runs.{atomic_files.machine()}-{process.pid}-0.partial"
     left.mkdir()
     (left / "scenario.toml").touch()
-    creation.create(tmp_path / "runs", asked(mission), force=False)
+    folder_creation.create(tmp_path / "runs", asked(mission), force=False)
     assert [path.name for path in tmp_path.iterdir()] == ["runs"]
 
 
@@ -189,14 +188,14 @@ def test_a_shard_with_nothing_left_leaves_the_second_pass_to_the_last_one(
     mission: ScenarioFile, tmp_path: Path
 ) -> None:
     kept = Retention("worst:1:min_range_m")
-    asked = creation.describe(mission, 0, 4, 0, 2, kept.recorded())
-    creation.create(tmp_path / "runs", asked, force=False)
+    asked = folder_creation.describe(mission, 0, 4, 0, 2, kept.recorded())
+    folder_creation.create(tmp_path / "runs", asked, force=False)
     assert resume_campaign(tmp_path / "runs", shard=Shard.parse("3/3")).missing() == [0, 1]
 
 
 def test_blocks_are_not_added_with_another_version() -> None:
     with pytest.raises(RpojaxError, match=r"jax: found version .*, expected 0\.1\.2, with which the campaign began"):
-        flying.check_versions(creation.versions() | {"jax": "0.1.2"})
+        block_runner.check_versions(folder_creation.versions() | {"jax": "0.1.2"})
 
 
 def test_a_run_is_not_flown_again_onto_its_own_campaign(mission: ScenarioFile, tmp_path: Path) -> None:

@@ -7,17 +7,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.analysis import judging
-from rpojax.campaign import single
-from rpojax.campaign.engine import Engine
+from rpojax.analysis.gradients import tuning_validation
+from rpojax.campaign import single_run
+from rpojax.campaign.execution.batch_engine import Engine
 from rpojax.errors import RpojaxError
-from rpojax.simulation import precision, scenario
-from rpojax.simulation.schema import ScenarioFile
+from rpojax.scenario import scenario_file
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation import single_precision
 
 
 def mission(duration_s: float, kind: str, name: str = "inspection") -> ScenarioFile:
     """A packaged mission, shortened, in a precision."""
-    return scenario.load(name, [f"duration_s={duration_s}", f"precision={kind}"])
+    return scenario_file.load(name, [f"duration_s={duration_s}", f"precision={kind}"])
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Pair:
 
 def fly_both(duration_s: float, runs: int, name: str = "inspection") -> list[Pair]:
     """Metrics of the runs, which fail in both or in neither and lack a metric in both or in neither."""
-    double, other = (judging.fly(mission(duration_s, kind, name), 5, runs) for kind in ("double", "single"))
+    double, other = (tuning_validation.fly(mission(duration_s, kind, name), 5, runs) for kind in ("double", "single"))
     np.testing.assert_array_equal(other.completed, double.completed)
     pairs = []
     for metric, values in double.metrics.items():
@@ -100,8 +101,8 @@ def test_the_loop_holds_single_numbers_alone() -> None:
 
 
 def test_what_is_rounded_and_what_it_lacks_are_the_state() -> None:
-    _, _, state = single.dispersed(mission(200.0, "double"))
-    after = jax.jit(precision.rounded_state)(state)
+    _, _, state = single_run.dispersed(mission(200.0, "double"))
+    after = jax.jit(single_precision.rounded_state)(state)
     assert after.truth.residue is not None
     whole = after.truth.r_TN_N.astype(jnp.float64) + after.truth.residue[0].astype(jnp.float64)
     np.testing.assert_allclose(whole, state.truth.r_TN_N, rtol=0.0, atol=1e-8)
@@ -120,9 +121,9 @@ def test_what_is_rounded_and_what_it_lacks_are_the_state() -> None:
 )
 def test_what_single_precision_is_not_made_for_is_refused(override: str, named: str) -> None:
     with pytest.raises(RpojaxError, match=rf"^{named}: found .* expected .*single"):
-        scenario.load("inspection", ["precision=single", override])
+        scenario_file.load("inspection", ["precision=single", override])
 
 
 def test_one_run_in_memory_is_refused_in_single_precision() -> None:
     with pytest.raises(RpojaxError, match=r"^precision: found 'single', expected 'double'"):
-        single.simulate(mission(200.0, "single"))
+        single_run.simulate(mission(200.0, "single"))

@@ -11,12 +11,14 @@ from reference import IDENTITY, MU, matrix, turn
 
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
-from rpojax.flight import computer, formation_control, looking
+from rpojax.flight import computer
 from rpojax.flight.computer import FlightMemory, FlightParams, Measurements, Stages
-from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement
-from rpojax.flight.orbit_filter import Innovation
-from rpojax.flight.pointing import Mode
-from rpojax.simulation.params import Params
+from rpojax.flight.control import formation_lqr
+from rpojax.flight.guidance import target_pointing
+from rpojax.flight.guidance.pointing_modes import Mode
+from rpojax.flight.navigation.filter_tuning import BoxMeasurement, GpsMeasurement
+from rpojax.flight.navigation.orbit_filter import Innovation
+from rpojax.scenario.params import Params
 
 delta_v_within = jax.jit(computer.delta_v_within)
 start = jax.jit(computer.start, static_argnums=1)
@@ -30,7 +32,7 @@ control_attitude = jax.jit(computer.control_attitude, static_argnums=0)
 def plan_burn(
     stages: Stages, flight: FlightParams, memory: FlightMemory, sun_N: jax.Array, time: jax.Array
 ) -> FlightMemory:
-    sight = looking.sight(flight.onboard, memory.orbit, sun_N)
+    sight = target_pointing.sight(flight.onboard, memory.orbit, sun_N)
     return computer.plan_burn(stages, flight, memory, sight, time)
 
 
@@ -54,7 +56,7 @@ def test_the_gain_is_solved_for_the_targets_mean_motion_and_the_burn_period(
     flight: FlightParams, memory: FlightMemory
 ) -> None:
     n = np.sqrt(MU / np.linalg.norm(scene.R_SN_N) ** 3)
-    expected = formation_control.lqr_gain(flight.formation, jnp.float64(n), 200.0)
+    expected = formation_lqr.lqr_gain(flight.formation, jnp.float64(n), 200.0)
     np.testing.assert_allclose(memory.gain, expected, rtol=1e-3)  # the target flies 30 m ahead, a hair faster
 
 

@@ -14,36 +14,29 @@ from jax.test_util import check_grads
 from reference import IDENTITY, matrix, random_covariance, random_unit, turn, unit
 from scipy.optimize import brentq
 
-from rpojax.core import ephemeris, frames, integrate, light, orbital_mechanics, quaternion, safe, scalar_update
-from rpojax.core.difference import Difference
-from rpojax.core.integrate import NODES, Method
-from rpojax.core.orbital_mechanics import EARTH, Elements
+from rpojax.core import frames, kalman_update, quaternion
+from rpojax.core.kalman_update import Rows
+from rpojax.core.numerics import runge_kutta, safe
+from rpojax.core.numerics.exact_difference import Difference
+from rpojax.core.numerics.runge_kutta import NODES, Method
+from rpojax.core.orbits import eclipse, orbital_mechanics, sun_moon_ephemeris
+from rpojax.core.orbits.orbital_mechanics import EARTH, Elements
 from rpojax.core.pytree import replace
-from rpojax.core.scalar_update import Rows
-from rpojax.flight import (
-    attitude_control,
-    attitude_estimator,
-    box_gate,
-    burn_plan,
-    formation_control,
-    looking,
-    orbit_filter,
-    relative_filter,
-    servicer_filter,
-    slew,
-)
-from rpojax.flight.attitude_control import AttitudeCommand
-from rpojax.flight.attitude_estimator import AttitudeEstimate
 from rpojax.flight.computer import FlightParams
-from rpojax.flight.navigation import BoxMeasurement, GpsMeasurement
-from rpojax.flight.slew import Reference
-from rpojax.physics import actuators, environment, faults, plant, rigid_body
+from rpojax.flight.control import attitude_control, formation_lqr
+from rpojax.flight.control.attitude_control import AttitudeCommand
+from rpojax.flight.guidance import burn_timing, slew_profile, target_pointing
+from rpojax.flight.guidance.slew_profile import Reference
+from rpojax.flight.navigation import attitude_ekf, orbit_filter, outlier_gate, relative_orbit_ekf, servicer_orbit_ekf
+from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
+from rpojax.flight.navigation.filter_tuning import BoxMeasurement, GpsMeasurement
+from rpojax.physics import actuators, environment, equipment_faults, plant, rigid_body
 from rpojax.physics.actuators import Burn, BurnError
-from rpojax.physics.effects import Effects
 from rpojax.physics.environment import Sky
 from rpojax.physics.plant import PlantParams, Truth
-from rpojax.simulation.params import Params
-from rpojax.vision import box_model, pinhole
+from rpojax.physics.plant_options import Effects
+from rpojax.scenario.params import Params
+from rpojax.vision import bounding_box, pinhole
 
 # Central differences with steps of 1e-6 of numbers near one: rounding 1e-10, and a margin for curvature.
 TOLERANCE = 1e-5
@@ -209,7 +202,7 @@ def test_derivatives_of_the_zonal_harmonics_are_right(place: np.ndarray) -> None
 @jax.jit
 def sky(x: jax.Array) -> Any:
     seconds = 8e8 + 1e5 * x[0]
-    return ephemeris.sun(seconds) / 1e10, ephemeris.moon(seconds) / 1e8
+    return sun_moon_ephemeris.sun(seconds) / 1e10, sun_moon_ephemeris.moon(seconds) / 1e8
 
 
 def test_derivatives_of_sun_and_moon_to_time_are_right() -> None:
@@ -220,7 +213,7 @@ def swing(x: jax.Array, method: Method) -> Any:
     """A pendulum over one step, forced at the method's nodes."""
     forces = 1.0 + x[2] * jnp.asarray(NODES[method])
     start = (0.5 + x[0], 1.0 + x[1])
-    return integrate.step(method, lambda y, u: (y[1], u * (1.0 + x[3]) - jnp.sin(y[0])), start, forces, 0.5)
+    return runge_kutta.step(method, lambda y, u: (y[1], u * (1.0 + x[3]) - jnp.sin(y[0])), start, forces, 0.5)
 
 
 rk4_swing, rk8_swing = (jax.jit(lambda x, method=method: swing(x, method)) for method in ("rk4", "rk8"))
@@ -240,7 +233,9 @@ SUN_N = np.array([1.2e11, 0.0, 9e10])
 @jax.jit
 def lit_share(x: jax.Array, r_N: jax.Array) -> jax.Array:
     """One along each axis is a penumbra's width in low orbit."""
-    return light.illumination(r_N + 3e4 * x[:3], SUN_N * (1.0 + 0.01 * x[3]), 6378137.0 + 3e4 * x[4], 7e8 + 1e7 * x[5])
+    return eclipse.illumination(
+        r_N + 3e4 * x[:3], SUN_N * (1.0 + 0.01 * x[3]), 6378137.0 + 3e4 * x[4], 7e8 + 1e7 * x[5]
+    )
 
 
 def behind(distance: float, off_axis: float) -> np.ndarray:
@@ -311,7 +306,7 @@ def measurement_update(x: jax.Array, covariance: jax.Array, z: jax.Array, H: jax
         variance=R * (1.0 + x[15:18]),
         weight=jnp.array([1.0, 0.0, 1.0]),
     )
-    return scalar_update.update(covariance * (1.0 + x[18]), rows)
+    return kalman_update.update(covariance * (1.0 + x[18]), rows)
 
 
 def test_derivatives_of_a_measurement_update_are_right() -> None:
@@ -483,7 +478,7 @@ def plant_step(
     burn = Burn(ignition=ignition, cutoff=cutoff + 0.1 * x[7], error=error)
     thrust = actuators.thrust(plant_params.thruster, burn, effects.integrator, effects.thruster_ramps, 0.2)
     failed = replace(
-        faults.healthy(),
+        equipment_faults.healthy(),
         thrust=jnp.asarray(0.6),
         wheel_friction=jnp.array([0.1, 0.0, 0.0]),
         wheel_stuck=jnp.array([False, True, False]),
@@ -583,7 +578,7 @@ def test_a_step_of_the_plant_has_finite_derivatives_with_a_thruster_without_forc
 @jax.jit
 def outline(x: jax.Array, hull_K: jax.Array) -> jax.Array:
     lens = pinhole.lens(0.2 + 0.01 * x[12], 128, 128)
-    return 1e-2 * box_model.outline(lens, hull_K + x[:12].reshape(4, 3))
+    return 1e-2 * bounding_box.outline(lens, hull_K + x[:12].reshape(4, 3))
 
 
 def test_derivatives_of_the_outline_are_right() -> None:
@@ -619,10 +614,10 @@ def test_derivatives_of_the_attitude_controller_are_right(params: Params, angle:
 @jax.jit
 def attitude_update(x: jax.Array, flight: FlightParams, q_BN: jax.Array) -> Any:
     tuning = flight.attitude_filter
-    before = attitude_estimator.initial(tuning, q_BN, 0.01 * jnp.asarray(V))
+    before = attitude_ekf.initial(tuning, q_BN, 0.01 * jnp.asarray(V))
     measured = quaternion.multiply(quaternion.exp(1e-3 * x[:3]), q_BN)
     louder = replace(tuning, star_tracker_noise=tuning.star_tracker_noise * (1.0 + x[3:]))
-    after = attitude_estimator.update(louder, before, measured, jnp.asarray(True))
+    after = attitude_ekf.update(louder, before, measured, jnp.asarray(True))
     return 1e3 * after.q_BN, 1e3 * after.bias_B, 1e6 * after.covariance
 
 
@@ -639,7 +634,7 @@ def slew_command(x: jax.Array, q_EN: jax.Array, remainder: jax.Array, age: jax.A
         slew_age=jnp.zeros(()),
         slew_time=20.0 + x[6],
     )
-    return slew.evaluate(reference, age)
+    return slew_profile.evaluate(reference, age)
 
 
 @pytest.mark.parametrize("size", [0.0, 1.0], ids=["no angle", "a radian"])
@@ -650,7 +645,7 @@ def test_derivatives_of_a_slew_are_right(age: float, size: float) -> None:
 
 @jax.jit
 def slew_duration(x: jax.Array, flight: FlightParams, angle: jax.Array) -> jax.Array:
-    return slew.slew_duration(flight.pointing, angle + x[0])
+    return slew_profile.slew_duration(flight.pointing, angle + x[0])
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-12], ids=["zero", "nearly zero"])
@@ -661,18 +656,18 @@ def test_the_duration_of_a_slew_over_no_angle_has_a_finite_derivative(params: Pa
 @jax.jit
 def planned_burn(x: jax.Array, flight: FlightParams, r_TS_N: jax.Array, gain: jax.Array) -> Any:
     known = scene.estimate(flight, r_TS_N + x[:3], 0.01 * jnp.asarray(V) + 0.01 * x[3:6])
-    law, gain = formation_control.lqr, gain * (1.0 + 0.1 * x[6])
+    law, gain = formation_lqr.lqr, gain * (1.0 + 0.1 * x[6])
     allowed, time = jnp.asarray(True), jnp.asarray(0.0)
-    station = formation_control.keep_station(flight.formation, jnp.asarray(1.1e-3), 200.0)
-    q_BN, omega = looking.look_attitude(flight.onboard, known)
-    plan = burn_plan.plan_burn(
+    station = formation_lqr.keep_station(flight.formation, jnp.asarray(1.1e-3), 200.0)
+    q_BN, omega = target_pointing.look_attitude(flight.onboard, known)
+    plan = burn_timing.plan_burn(
         law, flight.formation, flight.pointing, flight.onboard, gain, station, known, q_BN, allowed, time
     )
     return 0.1 * plan.ignition, 0.1 * plan.cutoff, 1e2 * plan.delta_v_N, plan.q_burn, q_BN, 1e2 * omega
 
 
 def test_derivatives_of_the_burn_plan_and_of_the_look_attitude_are_right(params: Params) -> None:
-    gain = formation_control.lqr_gain(params.flight.formation, jnp.asarray(1.1e-3), 200.0)
+    gain = formation_lqr.lqr_gain(params.flight.formation, jnp.asarray(1.1e-3), 200.0)
     check(planned_burn, 7, params.flight, scene.AHEAD + np.array([1.0, -2.0, 3.0]), gain)
 
 
@@ -712,8 +707,10 @@ def box_update(x: jax.Array, flight: FlightParams, q_KN: jax.Array, box: BoxMeas
     moved = replace(known, r_TS_N=known.r_TS_N + x[:3], covariance=known.covariance * spread)
     measured = replace(box, tangent=box.tangent + 0.1 * x[3:5], log_size=box.log_size + x[5])
     tuning = replace(flight.navigation, edge_noise=1.0 + x[6], scale_sigma=flight.navigation.scale_sigma + 0.1 * x[7:])
-    track = replace(box_gate.initial_track(), direction_N=jnp.asarray(unit(scene.AHEAD)), age=jnp.ones(()))
-    after, _, result, _, _ = relative_filter.update(tuning, True, flight.onboard.focal_px, moved, track, q_KN, measured)
+    track = replace(outlier_gate.initial_track(), direction_N=jnp.asarray(unit(scene.AHEAD)), age=jnp.ones(()))
+    after, _, result, _, _ = relative_orbit_ekf.update(
+        tuning, True, flight.onboard.focal_px, moved, track, q_KN, measured
+    )
     return after.r_TS_N - known.r_TS_N, after.scale, 1e2 * after.covariance, 1e-3 * result.log_likelihood
 
 
@@ -745,7 +742,7 @@ def test_a_box_update_has_finite_derivatives_at_and_beyond_the_gates_border(
 def gps_update(x: jax.Array, flight: FlightParams, gps_N: jax.Array) -> Any:
     tuning = replace(flight.navigation, gps_noise=2.0 + x[3])
     gps = GpsMeasurement(position_N=gps_N + x[:3], present=jnp.asarray(True))
-    after, result = servicer_filter.update(tuning, scene.estimate(flight).servicer, gps)
+    after, result = servicer_orbit_ekf.update(tuning, scene.estimate(flight).servicer, gps)
     return after.r_SN_N - scene.R_SN_N, after.gps_error_N, result.log_likelihood
 
 

@@ -6,15 +6,17 @@ from typing import Any
 import jax
 import numpy as np
 import pytest
-from folders import new_campaign
+from campaign_folders import new_campaign
 from made_up_run import made_up as make_up
 
-from rpojax.campaign.store import Campaign
-from rpojax.interop import flight_record, shown_values, tick_values
-from rpojax.interop.flight_record import Flight, Observe
-from rpojax.interop.shown_values import Shown
-from rpojax.interop.tick_values import TickValues
-from rpojax.simulation import scenario
+from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.interop import run_replay
+from rpojax.interop.rerun_viewer import viewer_values
+from rpojax.interop.rerun_viewer.viewer_values import Shown
+from rpojax.interop.ros2 import message_values
+from rpojax.interop.ros2.message_values import TickValues
+from rpojax.interop.run_replay import Flight, Observe
+from rpojax.scenario import scenario_file
 
 SEED, RUN = 5, 3
 SHORT = ("duration_s=180", "rates.formation_period_s=115")
@@ -24,7 +26,7 @@ SHORT = ("duration_s=180", "rates.formation_period_s=115")
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
     """A campaign folder in which no block is done."""
-    file = scenario.load("inspection", SHORT)
+    file = scenario_file.load("inspection", SHORT)
     return new_campaign(tmp_path_factory.mktemp("interop") / "runs", file, SEED, 4, 0, 1)
 
 
@@ -33,7 +35,7 @@ def observe_both() -> Observe:
     """What messages and the viewer say of a tick, so that one program is compiled for both."""
 
     def observe(*tick: Any) -> tuple[TickValues, dict]:
-        return tick_values.observe(*tick), shown_values.observe(*tick)
+        return message_values.observe(*tick), viewer_values.observe(*tick)
 
     return observe
 
@@ -41,7 +43,7 @@ def observe_both() -> Observe:
 @pytest.fixture(scope="session")
 def both(folder: Campaign, observe_both: Observe) -> Flight[tuple[TickValues, Shown]]:
     """One of its runs, flown again."""
-    return flight_record.fly(folder, RUN, observe_both)
+    return run_replay.fly(folder, RUN, observe_both)
 
 
 @pytest.fixture(scope="session")

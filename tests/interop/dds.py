@@ -6,7 +6,7 @@ from typing import Any
 
 from cyclonedds.idl import make_idl_struct, types
 
-from rpojax.interop.message_types import typestore
+from rpojax.interop.ros2.message_types import typestore
 
 _BASES = {"bool": bool, "string": str, "byte": types.uint8, "char": types.uint8, "octet": types.uint8}
 

@@ -4,13 +4,13 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from rpojax.campaign import single
-from rpojax.campaign.design import Population
-from rpojax.flight.pointing import Mode
-from rpojax.interop.flight_record import Flight
-from rpojax.interop.shown_values import Shown
-from rpojax.sensors import box_camera
-from rpojax.simulation import scenario
+from rpojax.campaign import single_run
+from rpojax.dispersions.designs import Population
+from rpojax.flight.guidance.pointing_modes import Mode
+from rpojax.interop.rerun_viewer.viewer_values import Shown
+from rpojax.interop.run_replay import Flight
+from rpojax.scenario import scenario_file
+from rpojax.sensors import geometric_camera
 
 TICKS = 60
 NO_BOX, REJECTED = 5, 7
@@ -90,10 +90,10 @@ def orbit_frames() -> np.ndarray:
 
 def made_up(*words: str) -> Flight[Shown]:
     """The run, with overrides of the scenario as words."""
-    file = scenario.load("inspection", words)
-    chosen = single.nominal(file)[1]
+    file = scenario_file.load("inspection", words)
+    chosen = single_run.nominal(file)[1]
     identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
-    q_KB = np.asarray(box_camera.attitude(chosen.camera, identity))
+    q_KB = np.asarray(geometric_camera.attitude(chosen.camera, identity))
     values = values_of(orbit_frames())
     poses = poses_of(values, Rotation.from_quat(np.roll(q_KB, -1)).as_matrix())
     return Flight(file, 1, 4, Population(0, 8), chosen, np.nan, values, poses)

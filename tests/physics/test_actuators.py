@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from rpojax.core.integrate import NODES, Method
+from rpojax.core.numerics.runge_kutta import NODES, Method
 from rpojax.core.pytree import replace
 from rpojax.physics import actuators
 from rpojax.physics.actuators import Burn, BurnError, Thruster
-from rpojax.simulation.params import Params
+from rpojax.scenario.params import Params
 
 EXACT = 1e-14  # a few roundings of numbers near one
 STEP = 0.2

@@ -10,7 +10,7 @@ from reference import MU, RADIUS, SEEDS, random_unit, relative_error
 from rpojax.core.pytree import replace
 from rpojax.physics import environment
 from rpojax.physics.environment import Atmosphere, Sunlight, Surface
-from rpojax.simulation.params import Params
+from rpojax.scenario.params import Params
 
 drag = jax.jit(environment.drag)
 

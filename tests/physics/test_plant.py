@@ -11,17 +11,17 @@ from hypothesis import strategies as st
 from reference import IDENTITY, gravity, matrix, random_unit
 from scipy.integrate import solve_ivp
 
-from rpojax.core import orbital_mechanics
 from rpojax.core.frames import hill_frame, inertial_to_hill
+from rpojax.core.orbits import orbital_mechanics
 from rpojax.core.pytree import replace
-from rpojax.physics import actuators, faults, plant
+from rpojax.physics import actuators, equipment_faults, plant
 from rpojax.physics.actuators import Burn, BurnError, Thrust
-from rpojax.physics.effects import Effects
 from rpojax.physics.environment import Sky
-from rpojax.physics.faults import Health
+from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant import PlantParams, Truth
-from rpojax.simulation import precision
-from rpojax.simulation.params import Params
+from rpojax.physics.plant_options import Effects
+from rpojax.scenario.params import Params
+from rpojax.simulation import single_precision
 
 STEP = 0.2
 HOUR = round(3600.0 / STEP)
@@ -29,7 +29,7 @@ BURN_STEPS = 20
 G0 = 9.80665
 EFFECTS = Effects()
 SKY = Sky(sun_N=jnp.array([1.0e11, 1.1e11, 2.0e10]), moon_N=jnp.array([-3.0e8, 2.0e8, 1.0e8]))
-HEALTHY = faults.healthy()
+HEALTHY = equipment_faults.healthy()
 
 step = jax.jit(plant.step, static_argnums=(0, 7))
 initial_truth = jax.jit(plant.initial_truth)
@@ -284,11 +284,11 @@ def test_a_minute_of_thrust_in_single_precision_is_that_in_double(params: Params
         return jax.lax.scan(body, truth, None, length=300)[0]
 
     double = jax.jit(minute)(params.plant, in_orbit, SKY, HEALTHY)
-    near = precision.rounded(in_orbit)
+    near = single_precision.rounded(in_orbit)
     orbits = (in_orbit.r_TN_N - near.r_TN_N.astype(float), in_orbit.v_TN_N - near.v_TN_N.astype(float))
-    start = replace(near, residue=precision.rounded(jnp.stack(orbits)), mass_residue=jnp.zeros((), jnp.float32))
-    given = precision.rounded(jax.tree.map(jnp.asarray, (params.plant, SKY, HEALTHY)))
-    with precision.single():
+    start = replace(near, residue=single_precision.rounded(jnp.stack(orbits)), mass_residue=jnp.zeros((), jnp.float32))
+    given = single_precision.rounded(jax.tree.map(jnp.asarray, (params.plant, SKY, HEALTHY)))
+    with single_precision.single():
         single = jax.jit(minute)(given[0], start, *given[1:])
     whole = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=np.float64), single)
     assert single.r_TN_N.dtype == np.float32

@@ -13,18 +13,18 @@ from reference import IDENTITY, matrix, turn
 from scipy.integrate import solve_ivp
 
 from rpojax.core.pytree import replace
-from rpojax.physics import actuators, faults, plant
+from rpojax.physics import actuators, equipment_faults, plant
 from rpojax.physics.actuators import Burn, BurnError, Thrust
-from rpojax.physics.effects import Effects
 from rpojax.physics.environment import Sky
-from rpojax.physics.faults import Health
+from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant import PlantParams, Truth
-from rpojax.simulation.params import Params
+from rpojax.physics.plant_options import Effects
+from rpojax.scenario.params import Params
 
 STEP = 0.2
 NOTHING = Effects(zonal_degree=0, gravity_gradient=False)
 SKY = Sky(sun_N=jnp.array([1.0e11, 1.1e11, 2.0e10]), moon_N=jnp.array([-3.0e8, 2.0e8, 1.0e8]))
-HEALTHY = faults.healthy()
+HEALTHY = equipment_faults.healthy()
 FAR = jnp.array([1e14, 0.0, 0.0])
 """So far from the Earth that its pull is not felt."""
 

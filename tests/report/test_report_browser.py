@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rpojax.report.html import write_report
+from rpojax.report.page.html_report import write_report
 
 _NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 BROWSER = next((found for name in _NAMES if (found := shutil.which(name))), None)

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from rpojax.report.figures import FIGURES, bearing_and_range, estimation_error, relative_position, write_figures
+from rpojax.report.figures.paper_figures import (
+    FIGURES,
+    bearing_and_range,
+    estimation_error,
+    relative_position,
+    write_figures,
+)
 
 
 def _lines(axes):
@@ -70,7 +76,9 @@ def test_a_name_that_looks_like_mathematics_is_drawn_as_it_is(campaign, tmp_path
 
 def test_every_figure_says_what_it_shows_and_where_it_comes_from(campaign, tmp_path, monkeypatch):
     titles = []
-    monkeypatch.setattr("rpojax.report.drawing.png", lambda figure: titles.append(figure.get_suptitle()) or b"")
+    monkeypatch.setattr(
+        "rpojax.report.figures.png_export.png", lambda figure: titles.append(figure.get_suptitle()) or b""
+    )
     write_figures(campaign.history(0), tmp_path, "inspection, run 0")
     assert titles[0] == "Bearing and range (as Figure 6 of the paper): inspection, run 0"
     assert [title.partition("Figure ")[2][0] for title in titles] == ["6", "7", "8"]

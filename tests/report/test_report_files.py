@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from rpojax.errors import OutputError
-from rpojax.report.files import write_atomically
+from rpojax.report.atomic_output import write_atomically
 
 
 def test_a_file_is_replaced_whole_and_nothing_is_left_beside_it(tmp_path: Path) -> None:
@@ -20,7 +20,7 @@ def test_a_link_in_place_of_the_partial_file_is_not_followed(tmp_path: Path, mon
     other = tmp_path / "other"
     other.write_bytes(b"precious")
     (tmp_path / ".taken.partial").symlink_to(other)
-    monkeypatch.setattr("rpojax.campaign.files.partial_name", lambda name: ".taken.partial")
+    monkeypatch.setattr("rpojax.campaign.storage.atomic_files.partial_name", lambda name: ".taken.partial")
     with pytest.raises(OutputError, match="expected a file that can be written"):
         write_atomically(tmp_path / "report.json", b"new")
     assert other.read_bytes() == b"precious"

@@ -12,11 +12,11 @@ import pytest
 
 from rpojax.campaign.rerun import rerun
 from rpojax.errors import OutputError, ResultError
-from rpojax.report import sections
-from rpojax.report.charts import binned, envelope, worst_run
-from rpojax.report.html import write_report
+from rpojax.report.figures.plotly_charts import binned, envelope, worst_run
 from rpojax.report.labels import CHANNELS, number
-from rpojax.report.summary import summarise
+from rpojax.report.page import section_records
+from rpojax.report.page.html_report import write_report
+from rpojax.report.sections.summary import summarise
 
 _DASH = "\N{EN DASH}"
 _VOID = {"meta", "img", "rect", "br", "wbr", "link"}
@@ -154,10 +154,10 @@ def test_replaced_stages_are_part_of_the_identity_and_have_to_be_given_to_fly_a_
 
 def test_where_low_is_bad_the_low_side_is_shown(campaign):
     campaign.metrics["min_range_m"] = np.linspace(20.0, 30.0, 40)
-    rows = {row.name: row for row in sections.metric_rows(campaign, summarise(campaign))}
+    rows = {row.name: row for row in section_records.metric_rows(campaign, summarise(campaign))}
     assert rows["min_range_m"].cells[4:7] == ["p5 20.50", "p1 20.10", f"p1 {_DASH}"]
     assert not any("p" in cell for cell in rows["delta_v_m_s"].cells)
-    shown = {entry["name"]: entry for entry in sections.histograms(campaign, summarise(campaign))}
+    shown = {entry["name"]: entry for entry in section_records.histograms(campaign, summarise(campaign))}
     assert shown["min_range_m"]["tail"] == "p1 20.10"
     assert shown["min_range_m"]["chart"]["layout"]["shapes"][1]["x0"] == pytest.approx(20.1)
     assert shown["delta_v_m_s"]["tail"].startswith("p99 ")

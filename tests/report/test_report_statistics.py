@@ -5,9 +5,15 @@ import json
 import numpy as np
 import pytest
 
-from rpojax.report import causes, consistency, convergence, dispersions, sensitivity
-from rpojax.report.describe import describe, interval_of_mean
-from rpojax.report.html import write_report
+from rpojax.report.page.html_report import write_report
+from rpojax.report.sections import (
+    consistency_section,
+    convergence_section,
+    dispersion_section,
+    failure_causes,
+    sensitivity_section,
+)
+from rpojax.report.sections.metric_statistics import describe, interval_of_mean
 
 
 def test_intervals_of_quantiles_are_ranks_and_hold_what_they_say():
@@ -41,13 +47,13 @@ def test_the_mean_is_resampled_where_runs_are_few_and_skewed():
 def test_a_consistent_filter_shows_no_departure_and_a_sure_one_does(build):
     campaign = build(runs=200, seconds=300, kept=())
     campaign.metrics["sigma3_coverage"] = np.random.default_rng(3).binomial(900, 0.9973, 200) / 900.0
-    found = {entry["name"]: entry for entry in consistency.content(campaign)["means"]}
+    found = {entry["name"]: entry for entry in consistency_section.content(campaign)["means"]}
     for name in ("nees_mean", "nees_relative_mean", "sigma3_coverage"):
         assert found[name]["says"].startswith("No departure")
     campaign.metrics["nees_mean"] = campaign.metrics["nees_mean"] * 2.0
     campaign.metrics["nees_relative_mean"] = campaign.metrics["nees_relative_mean"] / 2.0
     campaign.metrics["sigma3_coverage"] = campaign.metrics["sigma3_coverage"] - 0.02
-    found = {entry["name"]: entry for entry in consistency.content(campaign)["means"]}
+    found = {entry["name"]: entry for entry in consistency_section.content(campaign)["means"]}
     assert "Above" in found["nees_mean"]["says"]
     assert "too sure of itself" in found["nees_mean"]["says"]
     assert "Below" in found["nees_relative_mean"]["says"]
@@ -59,7 +65,7 @@ def test_chi_square_intervals_take_one_instant_a_run_for_nees_and_every_update_f
     campaign = build(runs=100, seconds=600, kept=())
     campaign.info["scenario"]["rates"] = {"camera_hz": 1.0}
     campaign.metrics = {name: np.full(100, 3.0) for name in ("nees_mean", "nees_relative_mean", "nis_gps_mean")}
-    found = {entry["name"]: entry for entry in consistency.content(campaign)["means"]}
+    found = {entry["name"]: entry for entry in consistency_section.content(campaign)["means"]}
     # Tables for 100 runs of 12 and of 6 components.
     assert found["nees_mean"]["chance_interval_95"] == pytest.approx([11.05890, 12.97898], abs=1e-5)
     assert found["nees_relative_mean"]["chance_interval_95"] == pytest.approx([5.34019, 6.69769], abs=1e-5)
@@ -70,7 +76,7 @@ def test_chi_square_intervals_take_one_instant_a_run_for_nees_and_every_update_f
 
 def test_averages_at_instants_and_their_sentence(build):
     campaign = build(runs=100, seconds=600, kept=())
-    first, second = consistency.content(campaign)["over_time"]
+    first, second = consistency_section.content(campaign)["over_time"]
     assert (first["name"], first["components"], second["components"]) == ("nees", 12, 6)
     assert first["interval_95"] == pytest.approx([11.05890, 12.97898], abs=1e-5)
     assert first["inside"] == pytest.approx(0.95, abs=0.05)
@@ -79,7 +85,7 @@ def test_averages_at_instants_and_their_sentence(build):
     nees = campaign.traces["nees"]
     for factor, words in ((1.5, "Mostly above: errors are larger"), (0.6, "Mostly below: errors are smaller")):
         campaign.traces["nees"] = nees * np.float32(factor)
-        assert consistency.content(campaign)["over_time"][0]["says"].startswith(words)
+        assert consistency_section.content(campaign)["over_time"][0]["says"].startswith(words)
 
 
 def test_instants_outside_are_no_verdict_where_the_spread_between_runs_gives_none(build):
@@ -87,7 +93,7 @@ def test_instants_outside_are_no_verdict_where_the_spread_between_runs_gives_non
     campaign = build(runs=100, seconds=600, kept=())
     campaign.traces["nees"] = np.full_like(campaign.traces["nees"], 12.0)
     campaign.traces["nees"][:2] = 120.0
-    entry = consistency.content(campaign)["over_time"][0]
+    entry = consistency_section.content(campaign)["over_time"][0]
     assert entry["above"] == 1.0
     assert entry["says"] == "No departure can be told from the shares of instants alone."
 
@@ -102,7 +108,7 @@ def test_whiteness_counts_the_runs_beyond_the_bound_of_their_updates(build, mean
     campaign.metrics["gps_innovation_lag1"] = mean + rng.normal(size=400) / np.sqrt(1800.0)
     campaign.metrics["visible_fraction"] = np.full(400, 0.25)
     campaign.metrics["box_innovation_lag1"] = rng.normal(size=400) / np.sqrt(450.0)
-    gps, boxes = consistency.content(campaign)["whiteness"]
+    gps, boxes = consistency_section.content(campaign)["whiteness"]
     assert gps["bound"] == pytest.approx(1.96 / np.sqrt(1800.0))
     assert boxes["bound"] == pytest.approx(1.96 / np.sqrt(450.0))
     assert words in gps["says"]
@@ -121,7 +127,7 @@ def test_convergence_ends_where_the_table_stands_and_hides_what_design_forbids(b
     assert [entry["p50_low_95"][-1], entry["p50_high_95"][-1]] == pytest.approx(table["p50_interval_95"])
     assert found["failure_rate"]["rate"][-1] == 2.0 / 400.0
     assert "p1" in found["metrics"]["min_range_m"]
-    assert convergence.content(build(runs=19, seconds=60, kept=())) is None
+    assert convergence_section.content(build(runs=19, seconds=60, kept=())) is None
 
 
 def test_an_influence_that_ranks_miss_is_named_by_the_other_method(build):
@@ -129,13 +135,13 @@ def test_an_influence_that_ranks_miss_is_named_by_the_other_method(build):
     errors = campaign.drawn["camera.misalignment_deg"][:, 1]
     campaign.metrics["formation_error_rms_m"] = np.square(errors / 0.1) + 0.01 * campaign.drawn["gps.noise_m"]
     campaign.metrics["delta_v_m_s"] = campaign.drawn["servicer.mass_kg"] ** 3
-    found = {entry["metric"]: entry for entry in sensitivity.content(campaign)}
+    found = {entry["metric"]: entry for entry in sensitivity_section.content(campaign)}
     formation = found["formation_error_rms_m"]
     assert formation["disagree"]
     assert formation["by_hsic"] == ["camera.misalignment_deg[1]"]
     assert "Only HSIC puts camera.misalignment_deg[1]" in formation["sentence"]
     assert found["delta_v_m_s"]["sentence"] == "Both methods name the same leading inputs: servicer.mass_kg."
-    chart = sensitivity.chart(formation)
+    chart = sensitivity_section.chart(formation)
     left, right = chart["data"]
     assert left["y"] == right["y"]
     assert right["y"][-1] == "camera.misalignment_deg[1]"
@@ -147,7 +153,7 @@ def test_runs_of_a_design_are_ranked_by_size_without_a_word_on_chance(build):
     campaign.info["scenario"]["design"] = {"kind": "sobol"}
     campaign.metrics["delta_v_m_s"] = campaign.drawn["servicer.mass_kg"] ** 3
     campaign.metrics["min_range_m"] = np.random.default_rng(1).normal(size=60)
-    found = {entry["metric"]: entry for entry in sensitivity.content(campaign)}
+    found = {entry["metric"]: entry for entry in sensitivity_section.content(campaign)}
     for entry in found.values():
         sizes = [abs(one["spearman"]) for one in entry["inputs"]]
         assert entry["by_spearman"] == [one["name"] for one in entry["inputs"][:3]]
@@ -155,7 +161,7 @@ def test_runs_of_a_design_are_ranked_by_size_without_a_word_on_chance(build):
         assert entry["disagree"] is None
         assert entry["sentence"].startswith(f"Greatest by rank correlation: {entry['by_spearman'][0]}, ")
     assert found["delta_v_m_s"]["by_hsic"][0] == "servicer.mass_kg"
-    explorer = dispersions.explorer(campaign)
+    explorer = dispersion_section.explorer(campaign)
     assert explorer is not None
     assert {one["chance"] for one in explorer["metrics"].values()} == {None}
     assert "dotted lines" not in write_report(campaign).read_text()
@@ -165,9 +171,11 @@ def test_codes_of_faults_are_not_ranked(build):
     campaign = build(runs=60, seconds=60, kept=(), failed=tuple(range(20)))
     campaign.drawn |= {"fault.kind": np.repeat([3.0, 1.0, 2.0], 20), "fault.wheel": np.arange(60.0) % 3.0}
     codes = {"fault.kind", "fault.wheel"}
-    assert all(codes.isdisjoint(one["name"] for one in entry["inputs"]) for entry in sensitivity.content(campaign))
-    assert all(codes.isdisjoint(one["input"] for one in entry["inputs"]) for entry in causes.content(campaign))
-    explorer = dispersions.explorer(campaign)
+    assert all(
+        codes.isdisjoint(one["name"] for one in entry["inputs"]) for entry in sensitivity_section.content(campaign)
+    )
+    assert all(codes.isdisjoint(one["input"] for one in entry["inputs"]) for entry in failure_causes.content(campaign))
+    explorer = dispersion_section.explorer(campaign)
     assert explorer is not None
     assert all(codes.isdisjoint(one["rank"]) for one in explorer["metrics"].values())
     assert codes <= set(explorer["inputs"])
@@ -176,7 +184,7 @@ def test_codes_of_faults_are_not_ranked(build):
 def test_draws_are_held_against_what_the_scenario_declares(build):
     campaign = build(runs=500, seconds=60, kept=())
     campaign.info["scenario"]["dispersions"][0]["sigma"] = 0.6
-    found = {one.key: one for one in dispersions.as_drawn(campaign)}
+    found = {one.key: one for one in dispersion_section.as_drawn(campaign)}
     mass, noise, constant = found["servicer.mass_kg"], found["gps.noise_m"], found["thruster.on"]
     assert mass.doubtful
     assert (mass.law_mean, mass.law_std) == (24.0, 0.6)

@@ -3,9 +3,9 @@
 import jax
 import numpy as np
 
+from rpojax.scenario.params import Params
 from rpojax.sensors import gps
 from rpojax.sensors.gps import Gps
-from rpojax.simulation.params import Params
 
 CHAINS, SAMPLES = 2000, 200
 FOUR_SIGMA = 4.0  # one false alarm in 16000, and the seeds are fixed

@@ -3,8 +3,8 @@
 import jax
 import numpy as np
 
+from rpojax.scenario.params import Params
 from rpojax.sensors import gyro
-from rpojax.simulation.params import Params
 
 RUNS = 4000
 FOUR_SIGMA = 4.0  # one false alarm in 16000, and the seeds are fixed

@@ -9,9 +9,9 @@ from reference import SEEDS, matrix, random_unit, turn
 
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
+from rpojax.scenario.params import Params
 from rpojax.sensors import star_tracker
 from rpojax.sensors.star_tracker import StarTracker
-from rpojax.simulation.params import Params
 
 SAMPLES = 10_000
 FOUR_SIGMA = 4.0  # one false alarm in 16000, and the seeds are fixed

@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.sensors import statistical_camera, statistics_file
-from rpojax.sensors.box_camera import Frame
+from rpojax.sensors import statistical_camera, statistical_camera_file
+from rpojax.sensors.geometric_camera import Frame
 from rpojax.sensors.statistical_camera import FEATURES, NORMALS, OUTPUTS, UNIFORMS, CameraStatistics
-from rpojax.vision.imager import Scene
-from rpojax.vision.weights import WeightsError
+from rpojax.vision.imaging.image_formation import Scene
+from rpojax.vision.weight_files import WeightsError
 
 SIZE = (128, 128)
 DRAWS = 20_000
@@ -42,7 +42,7 @@ def fitted(true: float, false: float, bias: float = 0.0, wide: float = 0.0) -> C
     none = 1.0 - true - false
     last[0], last[1] = np.log(true / none), np.log(max(false, 1e-9) / none)
     last[2:6] = bias / 0.1
-    widths = statistics_file.WIDTHS
+    widths = statistical_camera_file.WIDTHS
     layers = [(jnp.zeros((i, o), jnp.float32), jnp.zeros((o,), jnp.float32)) for i, o in itertools.pairwise(widths)]
     layers[-1] = (layers[-1][0], jnp.asarray(last))
     return CameraStatistics(
@@ -164,8 +164,8 @@ def test_features_tell_whether_the_earth_is_behind_and_lit() -> None:
 def test_a_fitted_camera_in_a_file_is_itself_again(tmp_path: Path) -> None:
     path = tmp_path / "a.camera.safetensors"
     statistics = fitted(0.7, 0.1, 0.02)
-    statistics_file.save_statistics(statistics, path, {"samples": 3})
-    found, card = statistics_file.load_statistics(path)
+    statistical_camera_file.save_statistics(statistics, path, {"samples": 3})
+    found, card = statistical_camera_file.load_statistics(path)
     assert card == {"samples": 3}
     for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(statistics), strict=True):
         np.testing.assert_array_equal(a, b)
@@ -176,12 +176,12 @@ def test_a_damaged_file_is_refused_in_one_line(tmp_path: Path, content: bytes, w
     path = tmp_path / "a.camera.safetensors"
     path.write_bytes(content)
     with pytest.raises(WeightsError, match=words) as error:
-        statistics_file.load_statistics(path)
+        statistical_camera_file.load_statistics(path)
     assert "\n" not in str(error.value)
 
 
 def test_a_file_of_something_else_is_refused(tmp_path: Path) -> None:
-    from rpojax.vision.weights import packaged_field
+    from rpojax.vision.weight_files import packaged_field
 
     with pytest.raises(WeightsError, match="calibrate-camera-model"):
-        statistics_file.load_statistics(packaged_field())
+        statistical_camera_file.load_statistics(packaged_field())

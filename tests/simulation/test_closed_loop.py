@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 from rpojax.core.pytree import replace
-from rpojax.flight import attitude_control, formation_control
-from rpojax.flight.attitude_control import AttitudeCommand
 from rpojax.flight.computer import Stages
-from rpojax.flight.pointing import Mode
-from rpojax.simulation import closed_loop, stepwise, tick_stages
-from rpojax.simulation import params as parameters
-from rpojax.simulation import scenario as scenarios
+from rpojax.flight.control import attitude_control, formation_lqr
+from rpojax.flight.control.attitude_control import AttitudeCommand
+from rpojax.flight.guidance.pointing_modes import Mode
+from rpojax.scenario import params as parameters
+from rpojax.scenario import scenario_file as scenarios
+from rpojax.scenario.params import Params
+from rpojax.scenario.scenario_file import Scenario
+from rpojax.simulation import closed_loop, external_stages, step_stages
 from rpojax.simulation.closed_loop import State, Telemetry
-from rpojax.simulation.params import Params
-from rpojax.simulation.scenario import Scenario
-from rpojax.simulation.stepwise import GivenBurn
-from rpojax.simulation.tick_stages import Decided, Motion
+from rpojax.simulation.external_stages import GivenBurn
+from rpojax.simulation.step_stages import Decided, Motion
 
 TICKS = 90
 
@@ -44,7 +44,7 @@ LIMIT = 0.005
 
 def cautious(gain: jax.Array, deviation: jax.Array) -> jax.Array:
     """A user's own law: what the LQR wants, but never much at once."""
-    wanted = formation_control.lqr(gain, deviation)
+    wanted = formation_lqr.lqr(gain, deviation)
     return wanted * jnp.minimum(LIMIT / jnp.sqrt(jnp.sum(wanted**2)), 1.0)
 
 
@@ -153,10 +153,10 @@ def test_a_run_stepped_stage_by_stage_is_the_run(loop: tuple[Scenario, Params], 
     static, numbers = loop
     state, seen = start, []
     for _ in range(TICKS):
-        begun = stepwise.begin(STAGES, static, numbers, state)
-        decided, now = stepwise.decide(STAGES, static, "own", numbers, state, begun, NO_BURN)
-        motion = stepwise.move_all(STAGES, static, numbers, state, decided)
-        state = stepwise.finish(STAGES, static, numbers, state, decided, motion)
+        begun = external_stages.begin(STAGES, static, numbers, state)
+        decided, now = external_stages.decide(STAGES, static, "own", numbers, state, begun, NO_BURN)
+        motion = external_stages.move_all(STAGES, static, numbers, state, decided)
+        state = external_stages.finish(STAGES, static, numbers, state, decided, motion)
         seen.append(now)
     assert_close(state, run[0])
     assert_close(jax.tree.map(lambda *leaves: jnp.stack(leaves), *seen), run[1])
@@ -171,16 +171,16 @@ def test_a_run_whose_burns_and_torques_are_given_from_outside_as_the_flight_soft
     for tick in range(TICKS):
         # The same burn is told again and again, as one who does not know whether it has been heard would do.
         burn = GivenBurn(ignition=plans.ignition[tick], cutoff=plans.cutoff[tick], q_burn=plans.q_burn[tick])
-        begun = stepwise.begin(STAGES, static, numbers, state)
-        decided, _ = stepwise.decide(STAGES, static, "given", numbers, state, begun, burn)
-        motion = tick_stages.set_off(state, decided)
-        commands = stepwise.reference(static, decided)
+        begun = external_stages.begin(STAGES, static, numbers, state)
+        decided, _ = external_stages.decide(STAGES, static, "given", numbers, state, begun, burn)
+        motion = step_stages.set_off(state, decided)
+        commands = external_stages.reference(static, decided)
         accelerations.append(float(jnp.max(jnp.abs(commands.acceleration_C))))
         for step in range(static.substeps):
             command = jax.tree.map(lambda values, step=step: values[step], commands)
             torque = wheel_torque(numbers, decided, motion, command)
-            motion = stepwise.move(static, numbers, state, decided, motion, torque, jnp.array(step))
-        state = stepwise.finish(STAGES, static, numbers, state, decided, motion)
+            motion = external_stages.move(static, numbers, state, decided, motion, torque, jnp.array(step))
+        state = external_stages.finish(STAGES, static, numbers, state, decided, motion)
     assert max(accelerations) > 0.01  # there was a turn to follow
     assert_close(state, run[0])
 
@@ -206,17 +206,17 @@ def test_a_burn_that_is_called_off_from_outside_stops_at_once(
     plan = jax.tree.map(lambda leaf: leaf[60], run[1].flight.plan)
     assert float(plan.ignition) < 60.0 < float(plan.cutoff) - 1.0
     state = replace(start, tick=jnp.array(60, dtype=jnp.int32), flight=replace(start.flight, plan=plan))
-    begun = stepwise.begin(STAGES, static, numbers, state)
-    decided, _ = stepwise.decide(STAGES, static, "given", numbers, state, begun, NO_BURN)
+    begun = external_stages.begin(STAGES, static, numbers, state)
+    decided, _ = external_stages.decide(STAGES, static, "given", numbers, state, begun, NO_BURN)
     left = decided.flight.plan
     np.testing.assert_array_equal([left.ignition, left.cutoff], [plan.ignition, 60.0])
     np.testing.assert_array_equal(decided.burn_error.magnitude, start.burn_error.magnitude)
 
 
 def test_an_estimate_from_outside_takes_the_place_of_the_own(loop: tuple[Scenario, Params], start: State) -> None:
-    begun = stepwise.begin(STAGES, *loop, start)
+    begun = external_stages.begin(STAGES, *loop, start)
     servicer, relative = begun.flight.orbit.servicer, begun.flight.orbit.relative
-    given = stepwise.GivenOrbit(
+    given = external_stages.GivenOrbit(
         r_SN_N=servicer.r_SN_N + 1.0,
         v_SN_N=servicer.v_SN_N,
         r_TS_N=relative.r_TS_N,
@@ -224,7 +224,7 @@ def test_an_estimate_from_outside_takes_the_place_of_the_own(loop: tuple[Scenari
         servicer_covariance=2.0 * servicer.covariance[:6, :6],
         relative_covariance=jnp.eye(6),
     )
-    after = stepwise.adopt(begun, given).flight.orbit
+    after = external_stages.adopt(begun, given).flight.orbit
     np.testing.assert_array_equal(after.servicer.r_SN_N, servicer.r_SN_N + 1.0)
     np.testing.assert_array_equal(after.relative.v_TS_N, relative.v_TS_N - 0.5)
     np.testing.assert_array_equal(after.servicer.covariance[:6, :6], 2.0 * servicer.covariance[:6, :6])

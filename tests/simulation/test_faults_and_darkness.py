@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from rpojax.core.pytree import replace
-from rpojax.flight.pointing import Mode
-from rpojax.physics import faults
+from rpojax.flight.guidance.pointing_modes import Mode
+from rpojax.physics import equipment_faults
+from rpojax.scenario import params as parameters
+from rpojax.scenario import scenario_file as scenarios
+from rpojax.scenario.params import Params
+from rpojax.scenario.scenario_file import Scenario
 from rpojax.simulation import closed_loop
-from rpojax.simulation import params as parameters
-from rpojax.simulation import scenario as scenarios
 from rpojax.simulation.closed_loop import State, Telemetry
-from rpojax.simulation.params import Params
-from rpojax.simulation.scenario import Scenario
 
 TICKS, BEGIN, END = 400, 100, 300
 """Length of a run, and start and end of the fault [s]."""
@@ -35,13 +35,13 @@ ECLIPSE_RAAN = np.deg2rad(30.3)
 """The Sun 30 deg out of the orbit plane, as in the packaged scenario: sunset at 30 deg of anomaly, sunrise at 159."""
 
 SUNSET, SUNRISE = "sunset", "sunrise"
-CASES = (*faults.KINDS, SUNSET, SUNRISE)
+CASES = (*equipment_faults.KINDS, SUNSET, SUNRISE)
 
 
 def case(nominal: Params, name: str) -> Params:
     """Params of one case."""
-    if name in faults.KINDS:
-        return parameters.put(nominal, ("plant", "fault", "kind"), jnp.float64(faults.KINDS.index(name)))
+    if name in equipment_faults.KINDS:
+        return parameters.put(nominal, ("plant", "fault", "kind"), jnp.float64(equipment_faults.KINDS.index(name)))
     # 0.063 deg of orbit a second: sunset or sunrise some 150 s after the start.
     anomaly = np.deg2rad(20.5 if name == SUNSET else 149.5)
     orbit = replace(nominal.orbit, raan=jnp.float64(ECLIPSE_RAAN), true_anomaly=jnp.float64(anomaly))
@@ -100,7 +100,7 @@ def test_a_run_stays_finite_whatever_happens(runs: Runs, name: str) -> None:
         assert np.all(np.isfinite(leaf))
 
 
-@pytest.mark.parametrize("name", faults.KINDS)
+@pytest.mark.parametrize("name", equipment_faults.KINDS)
 def test_until_the_fault_all_runs_are_the_same_and_then_not(runs: Runs, name: str) -> None:
     healthy, struck = runs["none"][1].truth, runs[name][1].truth
     # One program for all: equal numbers give equal results.

@@ -8,10 +8,10 @@ import scipy.linalg
 from hypothesis import given
 from reference import SEEDS
 
-from rpojax.core import orbital_mechanics
+from rpojax.core.orbits import orbital_mechanics
+from rpojax.scenario import params as parameters
+from rpojax.scenario import scenario_file as scenarios
 from rpojax.simulation import closed_loop, telemetry
-from rpojax.simulation import params as parameters
-from rpojax.simulation import scenario as scenarios
 from rpojax.simulation.closed_loop import State
 
 N = 1.107e-3

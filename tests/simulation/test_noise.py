@@ -7,23 +7,23 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.core import random
-from rpojax.core.random import Stream
+from rpojax.core import random_streams
+from rpojax.core.random_streams import Stream
+from rpojax.scenario.scenario_file import Scenario
 from rpojax.simulation import noise
-from rpojax.simulation.scenario import Scenario
 
 START = 0x7FFFFFFF
 draw = jax.jit(noise.draw, static_argnums=0)
 draw_start = jax.jit(noise.draw_start, static_argnums=0)
-fold_in = jax.jit(random.fold_in)
-normal = jax.jit(random.normal, static_argnums=1)
-uniform = jax.jit(random.uniform, static_argnums=1)
+fold_in = jax.jit(random_streams.fold_in)
+normal = jax.jit(random_streams.normal, static_argnums=1)
+uniform = jax.jit(random_streams.uniform, static_argnums=1)
 
 
 @pytest.fixture(scope="module")
 def keys() -> jax.Array:
     """Keys of the streams of a run, by number of the stream."""
-    return jnp.stack([fold_in(random.master_key(11), stream) for stream in range(len(Stream) + 1)])
+    return jnp.stack([fold_in(random_streams.master_key(11), stream) for stream in range(len(Stream) + 1)])
 
 
 @pytest.mark.parametrize("model", ["geometric", "statistical"])

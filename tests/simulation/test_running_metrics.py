@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import rpojax
-from rpojax.campaign import single
-from rpojax.flight.pointing import Mode
+from rpojax.campaign import single_run
+from rpojax.flight.guidance.pointing_modes import Mode
+from rpojax.scenario.metric_catalogue import UNITS
 from rpojax.simulation import closed_loop, metrics, running_metrics, telemetry
-from rpojax.simulation.figures_of_merit import UNITS
 from rpojax.simulation.running_metrics import FIGURES, Sums
 
 SHARED = [name for name in FIGURES if name in UNITS]
@@ -22,7 +22,7 @@ Flown = tuple[dict[str, float], dict[str, np.ndarray], dict[str, np.ndarray]]
 def flown() -> Flown:
     """Figures added up over 240 s with a burn, the metrics of the same flight's records, and these."""
     file = rpojax.load("inspection", ["duration_s=240.0", "rates.formation_period_s=120.0"])
-    scenario, params, state = single.dispersed(file, seed=0, run_id=3)
+    scenario, params, state = single_run.dispersed(file, seed=0, run_id=3)
     names = tuple(FIGURES)
 
     @jax.jit

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rpojax.training import raytrace
-from rpojax.training.raytrace import Shell, Views
-from rpojax.training.target_mesh import Material, Part, TargetMesh
+from rpojax.training.synthetic_data import ray_tracing
+from rpojax.training.synthetic_data.ray_tracing import Shell, Views
+from rpojax.training.synthetic_data.target_mesh import Material, Part, TargetMesh
 
 pytest.importorskip("mitsuba")
 trimesh = pytest.importorskip("trimesh")
@@ -22,4 +22,4 @@ def box() -> TargetMesh:
 @pytest.fixture(scope="session")
 def views(box: TargetMesh) -> Views:
     """Small views of the box."""
-    return raytrace.render(box, Shell(24, size_px=32, samples=8, seed=5))
+    return ray_tracing.render(box, Shell(24, size_px=32, samples=8, seed=5))

@@ -1,0 +1,1 @@
+"""Fits of the statistical camera to the rendered one."""

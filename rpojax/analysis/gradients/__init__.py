@@ -1,0 +1,1 @@
+"""Derivatives of runs, and tuning of flight software by gradient."""

@@ -1,0 +1,90 @@
+"""What tuning makes small: a weighted sum over a batch of runs of what their figures of merit say.
+
+Errors and effort count by their logarithm, run by run: a per cent less of anything counts alike, and a lost run weighs
+no more than others. Weights are those of the scenario's section `tuning`.
+"""
+
+from typing import Final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from rpojax.errors import ScenarioError
+from rpojax.scenario.schema import ScenarioFile
+
+Figures = Float[Array, "runs figures"]
+
+NEEDS: Final = {
+    "innovations": ("innovation_surprise",),
+    "estimate": ("estimate_surprise",),
+    "consistency": ("nees_mean", "nees_relative_mean"),
+    "navigation": ("nav_relative_position_error_rms_m",),
+    "formation": ("formation_error_rms_m",),
+    "delta_v": ("delta_v_m_s",),
+    "pointing": ("pointing_error_rms_deg",),
+}
+"""Figures that each part of the objective is made from."""
+
+_LOST = 10.0
+"""A run whose NEES exceeds the batch's median by this factor was lost, and says nothing about consistency."""
+_FLOOR: Final = {"delta_v": 1e-3, "pointing": 1e-3}
+"""Below these [m/s, deg] less is not worth anything."""
+
+
+class Objective:
+    """A weighted sum of parts, as a function of the figures of a batch.
+
+    Attributes:
+        weights: by part, those that are not zero
+        names: of the figures that are needed
+    """
+
+    def __init__(self, file: ScenarioFile) -> None:
+        self.weights = {name: weight for name, weight in file.tuning.model_dump().items() if weight > 0.0}
+        if not self.weights:
+            raise ScenarioError("tuning", "no weight above zero", f"a weight for one of {', '.join(NEEDS)}")
+        self.names = tuple(dict.fromkeys(name for part in self.weights for name in NEEDS[part]))
+        self._value = jax.jit(self._total)
+
+    def __call__(self, figures: np.ndarray) -> tuple[float, dict[str, float]]:
+        """Value of the figures (runs, figures) of a batch, and its parts without their weights."""
+        value, parts = self._value(jnp.asarray(figures), jnp.ones(len(figures)))
+        return float(value), {name: float(part) for name, part in parts.items()}
+
+    def slope(self, figures: Array, weights: Array, there: Array) -> Array:
+        """Gradient (runs, figures) of the value of a batch, in which runs that are not `there` (runs,) do not count."""
+        del weights
+        return jax.grad(lambda x: self._total(x, there)[0])(figures)
+
+    def _total(self, figures: Figures, there: Array) -> tuple[Array, dict[str, Array]]:
+        finite = jnp.all(jnp.isfinite(figures), axis=1)
+        counted = there * jnp.where(finite, 1.0, 0.0)
+        safe = jnp.where(finite[:, None], figures, 1.0)
+        columns = {name: safe[:, index] for index, name in enumerate(self.names)}
+        parts = {name: _part(name, columns, counted) for name in self.weights}
+        total = sum((weight * parts[name] for name, weight in self.weights.items()), jnp.zeros(()))
+        return total, parts
+
+
+def _part(name: str, columns: dict[str, Array], counted: Array) -> Array:
+    if name == "consistency":
+        relative = columns["nees_relative_mean"]
+        servicer = columns["nees_mean"] - relative
+        return _inconsistency(relative, counted) + _inconsistency(servicer, counted)
+    values = columns[NEEDS[name][0]]
+    if name in ("innovations", "estimate"):
+        return _mean(values, counted)
+    return _mean(jnp.log(jnp.maximum(values, _FLOOR.get(name, 0.0))), counted)
+
+
+def _mean(values: Array, counted: Array) -> Array:
+    return jnp.sum(counted * values) / jnp.sum(counted)
+
+
+def _inconsistency(nees: Float[Array, " runs"], counted: Array) -> Array:
+    """Squared log of the mean NEES of six components over six, lost runs left out."""
+    typical = jnp.nanmedian(jnp.where(counted > 0.0, nees, jnp.nan))
+    kept = counted * jnp.where(nees <= _LOST * typical, 1.0, 0.0)
+    return jnp.log(_mean(nees, kept) / 6.0) ** 2

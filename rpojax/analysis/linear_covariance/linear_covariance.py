@@ -1,0 +1,156 @@
+"""Linear covariance of the whole closed loop: mean and spread at every second from one nominal run, without sampling.
+
+The derivative of the loop's tick along the nominal run carries the covariance of truth, estimate and flight software
+together (Geller, "Linear covariance techniques for orbital rendezvous analysis and autonomous onboard mission
+planning", Journal of Guidance, Control and Dynamics 29, 2006). Three things that a derivative does not tell are put in
+otherwise: burn decisions by their describing function, the target's attitude by an ensemble of outlines, and boxes that
+are missed or given up for a burn by leaving them out of the nominal run at their rate.
+"""
+
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from rpojax.analysis.linear_covariance import dispersion_inputs
+from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS
+from rpojax.analysis.linear_covariance.nominal_recursion import Record, Side, average, merge
+from rpojax.analysis.linear_covariance.nominal_setup import Setup
+from rpojax.errors import RpojaxError
+from rpojax.flight.computer import Stages
+from rpojax.scenario.schema import ScenarioFile
+
+MEMBERS = 256
+"""Targets in the ensemble of outlines."""
+HOLD = 10
+"""Ticks that one derivative stands for once the transfer is over."""
+
+
+@dataclass(frozen=True)
+class LinearCovariance:
+    """What a linear covariance tells.
+
+    Attributes:
+        time_s: (ticks,)
+        nominal: (ticks, 19) outputs of the nominal runs, as `linear_loop.OUTPUTS`
+        mean: (ticks, 19) of all runs
+        covariance: (ticks, 19, 19)
+        filter_sigma_H: (ticks, 3) of the relative position in the nominal filter [m]
+        seen: (ticks,) share of the nominal runs whose filter used a box
+        sources: names of what makes runs differ
+        left_out: names of dispersions whose effect is not in it
+        share_time_s: (spans,)
+        shares: (spans, sources, 19) variance that comes of each source
+        burn_probability: (decisions,) of a burn at each decision
+        burn_size_m_s: (decisions,) mean size of its velocity change
+        compile_s: compilation, and what is worked out at the start [s]
+        run_s: everything after it [s]
+        run_cpu_s: the same, in time of the processor [s]
+    """
+
+    time_s: np.ndarray
+    nominal: np.ndarray
+    mean: np.ndarray
+    covariance: np.ndarray
+    filter_sigma_H: np.ndarray
+    seen: np.ndarray
+    sources: list[str]
+    left_out: list[str]
+    share_time_s: np.ndarray
+    shares: np.ndarray
+    burn_probability: np.ndarray
+    burn_size_m_s: np.ndarray
+    compile_s: float
+    run_s: float
+    run_cpu_s: float
+
+    def sigma(self, output: str) -> np.ndarray:
+        """Standard deviations (ticks, ...) of an output."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)[:, OUTPUTS[output]])
+
+    def output_mean(self, output: str) -> np.ndarray:
+        """Means (ticks, ...) of an output."""
+        return self.mean[:, OUTPUTS[output]]
+
+
+def check(file: ScenarioFile) -> None:
+    """Refuses what no derivative can stand for.
+
+    Raises:
+        RpojaxError: naming the key.
+    """
+    if file.camera.model != "geometric":
+        raise RpojaxError(f"camera.model: found {file.camera.model!r}, expected 'geometric' for a linear covariance")
+    if file.effects.faults:
+        raise RpojaxError("effects.faults: found true, expected false for a linear covariance")
+    if file.camera.edge_noise_px == 0.0:
+        raise RpojaxError("camera.edge_noise_px: found 0.0, expected more for a linear covariance")
+    dispersion_inputs.disperse(file)
+
+
+def analyse(
+    file: ScenarioFile, members: int = MEMBERS, hold: int = HOLD, stages: Stages | None = None
+) -> LinearCovariance:
+    """Linear covariance of a scenario with an ensemble of so many targets.
+
+    After the transfer, one derivative stands for up to `hold` ticks.
+
+    Raises:
+        RpojaxError: as `check` does.
+    """
+    check(file)
+    begin = time.perf_counter()
+    setup = Setup(file, members, stages or Stages())
+    compiled = time.perf_counter()
+    begin_cpu = time.process_time()
+    records = _fly(setup, hold)
+    run_s, run_cpu_s = time.perf_counter() - compiled, time.process_time() - begin_cpu
+    return _result(setup, records, compiled - begin, run_s, run_cpu_s)
+
+
+def _fly(setup: Setup, hold: int) -> list[Record]:
+    """All burn periods, on both sides of the mean run until their burns are over, then on one."""
+    static = setup.loop.scenario
+    records: list[Record] = []
+    # The recursion along one period goes on beside the nominal run of the next. Its matrices are small: BLAS with
+    # threads of its own would take twice as long and keep the other cores from the derivatives.
+    with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(2) as pool:
+        sides = [Side(setup, start, hold, pool) for start in setup.starts]
+        waiting: list[list[Future[Record]]] = []
+        for first in range(0, static.ticks, static.formation_ticks):
+            kept = min(static.formation_ticks, static.ticks - first)
+            waiting.append([side.period(kept) for side in sides])
+            if len(sides) == 2 and all(side.arrived for side in sides):
+                sides = [merge(sides)]
+        for futures in waiting:
+            records.append(average([future.result() for future in futures]))
+    return records
+
+
+def _result(setup: Setup, records: list[Record], compile_s: float, run_s: float, run_cpu_s: float) -> LinearCovariance:
+    static = setup.loop.scenario
+    time_s = np.arange(static.ticks) * static.tick_s
+
+    def joined(name: str) -> np.ndarray:
+        return np.concatenate([getattr(record, name) for record in records])
+
+    decisions = np.array([record.decision for record in records])
+    return LinearCovariance(
+        time_s=time_s,
+        nominal=joined("nominal"),
+        mean=joined("mean"),
+        covariance=joined("covariance"),
+        filter_sigma_H=np.sqrt(joined("filter_variance_H")),
+        seen=joined("seen"),
+        sources=setup.sources,
+        left_out=setup.left_out,
+        share_time_s=time_s[:: setup.span],
+        shares=joined("shares"),
+        burn_probability=decisions[:, 0],
+        burn_size_m_s=decisions[:, 1],
+        compile_s=compile_s,
+        run_s=run_s,
+        run_cpu_s=run_cpu_s,
+    )

@@ -1,0 +1,84 @@
+"""A limit of a metric that has a derivative, as the words of a command line name it."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from rpojax.errors import RpojaxError
+from rpojax.scenario.metric_catalogue import UNITS
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation import running_metrics
+
+_ROUNDING = 1e-5
+"""Share of the limit by which it must be broken: records are in single precision."""
+
+
+@dataclass(frozen=True)
+class Bound:
+    """A limit of a metric.
+
+    Attributes:
+        metric: name of a metric that has a derivative
+        bound: on which side of the limit it must stay
+        limit: in the metric's unit
+    """
+
+    metric: str
+    bound: Literal["at most", "at least"]
+    limit: float
+
+    def margins(self, values: np.ndarray) -> np.ndarray:
+        """From values to where the limit is broken by more than rounding; positive inside."""
+        room = self.limit - values if self.bound == "at most" else values - self.limit
+        return room + _ROUNDING * abs(self.limit)
+
+    def value(self, margin: float) -> float:
+        """Value with a margin."""
+        room = margin - _ROUNDING * abs(self.limit)
+        return self.limit - room if self.bound == "at most" else self.limit + room
+
+    def broken(self, value: float) -> bool:
+        """Whether a value is beyond the limit."""
+        return value > self.limit if self.bound == "at most" else value < self.limit
+
+
+def bound_of(file: ScenarioFile, requirement: str | None, metric: str | None, limit: float | None, bound: str) -> Bound:
+    """The bound that the words of a command line name: a requirement of the scenario, or a metric with its limit.
+
+    Raises:
+        RpojaxError: naming the option.
+    """
+    if (requirement is None) == (metric is None):
+        found = "neither" if metric is None else "both"
+        raise RpojaxError(f"--requirement, --metric: found {found}, expected one of the two")
+    if requirement is not None:
+        if limit is not None:
+            raise RpojaxError(f"--limit: found {limit}, expected it with --metric only")
+        known = [each.metric for each in file.requirements]
+        chosen = [each for each in file.requirements if each.metric == requirement]
+        if not chosen:
+            expected = ", ".join(known) or "a scenario that has requirements"
+            raise RpojaxError(f"--requirement: found {requirement!r}, expected one of the scenario's: {expected}")
+        check_metric("--requirement", requirement)
+        return Bound(requirement, chosen[0].bound, chosen[0].limit)
+    assert metric is not None
+    check_metric("--metric", metric)
+    if limit is None or not math.isfinite(limit):
+        raise RpojaxError(f"--limit: found {limit}, expected a number, with --metric")
+    if bound not in ("at most", "at least"):
+        raise RpojaxError(f"--bound: found {bound!r}, expected 'at most' or 'at least'")
+    return Bound(metric, "at most" if bound == "at most" else "at least", limit)
+
+
+def check_metric(option: str, name: str) -> None:
+    """Refuses metrics that have no derivative.
+
+    Raises:
+        RpojaxError: naming the option.
+    """
+    known = [each for each in UNITS if each in running_metrics.FIGURES]
+    if name not in known:
+        what = "a metric with a derivative" if name in UNITS else "a metric"
+        raise RpojaxError(f"{option}: found {name!r}, expected {what}: {', '.join(known)}")

@@ -1,0 +1,1 @@
+"""Statistics of independent runs: intervals, verdicts on requirements, filter consistency, sensitivity, comparison."""

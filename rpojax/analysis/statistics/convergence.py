@@ -1,0 +1,84 @@
+"""How an estimate and its interval settle as a campaign grows, run by run; the intervals hold for independent runs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rpojax.analysis.statistics.binomial_intervals import proportion_interval
+from rpojax.analysis.statistics.order_statistics import quantile_ranks, quantile_upper_bound
+
+_COUNTS = 20
+_FEWEST = 10
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Estimates of a metric over the first `runs` of a campaign, all (c,) at so many counts, NaN where undefined.
+
+    Attributes:
+        runs: numbers of runs, evenly spaced on a logarithmic scale
+        median: of the runs that have the metric
+        median_low: of its exact 95 % interval, from ranks
+        median_high: of the same
+        tail: the 99th percentile of those runs on the bad side
+        tail_bound: its one-sided 95 % bound, runs without the metric being worse than all others
+    """
+
+    runs: np.ndarray
+    median: np.ndarray
+    median_low: np.ndarray
+    median_high: np.ndarray
+    tail: np.ndarray
+    tail_bound: np.ndarray
+
+
+@dataclass(frozen=True)
+class RateConvergence:
+    """Share of runs with an event among the first `runs` of a campaign, with its exact 95 % interval, all (c,)."""
+
+    runs: np.ndarray
+    rate: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def counts(runs: int) -> np.ndarray:
+    """About twenty numbers of runs, from ten to all, evenly spaced on a logarithmic scale; one for ten and fewer."""
+    if runs <= _FEWEST:
+        return np.array([runs] if runs else [], dtype=np.int64)
+    return np.unique(np.round(np.geomspace(_FEWEST, runs, _COUNTS)).astype(np.int64))
+
+
+def converge(values: np.ndarray, failed: np.ndarray, low_is_bad: bool = False) -> Convergence:
+    """Convergence of a metric's `values` (n,), NaN where undefined, with the runs that `failed` (n,)."""
+    numbers = counts(len(values))
+    badness = np.where(failed | ~np.isfinite(values), np.inf, -values if low_is_bad else values)
+    rows = np.array([_estimates(badness[:number]) for number in numbers]).reshape(-1, 5)
+    median, low, high, tail, bound = -rows.T if low_is_bad else rows.T
+    low, high = (high, low) if low_is_bad else (low, high)
+    return Convergence(numbers, median, low, high, tail, bound)
+
+
+def converge_rate(events: np.ndarray) -> RateConvergence:
+    """Convergence of the share of runs with an event, of flags (n,)."""
+    numbers = counts(len(events))
+    so_far = np.cumsum(events)[numbers - 1]
+    ends = [proportion_interval(int(count), int(number)) for count, number in zip(so_far, numbers, strict=True)]
+    low, high = np.array(ends).reshape(-1, 2).T
+    return RateConvergence(numbers, so_far / numbers, low, high)
+
+
+def _estimates(badness: np.ndarray) -> tuple[float, ...]:
+    """Median, both ends of its interval, 99th percentile and its bound; infinite values only count in the bound."""
+    ranked = np.sort(badness[np.isfinite(badness)])
+    if len(ranked) == 0:
+        return (np.nan,) * 5
+    low, high = quantile_ranks(len(ranked), 0.5)
+    bound = quantile_upper_bound(badness)
+    return (
+        float(np.median(ranked)),
+        float(ranked[low - 1]) if low is not None else np.nan,
+        float(ranked[high - 1]) if high is not None else np.nan,
+        float(np.percentile(ranked, 99.0)),
+        bound if bound is not None and np.isfinite(bound) else np.nan,
+    )

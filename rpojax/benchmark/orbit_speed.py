@@ -1,0 +1,117 @@
+"""Speed of bare orbits: vehicles under J2, step by step, as many at once as a core's fast memory holds."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import numpy as np
+from jaxtyping import Array, Float
+
+from rpojax.benchmark import stopwatch
+from rpojax.benchmark.stopwatch import Program
+from rpojax.core.constants import MU_EARTH, RADIUS_EARTH, ZONALS_EARTH
+
+Vectors = Float[Array, "3 n"]
+
+VEHICLES = 1024
+"""Per device."""
+STEPS = 10_000
+STEP_S = 0.2
+
+_POLE = np.array([[1.0], [1.0], [3.0]])
+
+
+@dataclass(frozen=True)
+class OrbitSpeed:
+    """Bare orbits.
+
+    Attributes:
+        vehicles: at once, on all devices together
+        devices: devices that share them
+        steps: of each vehicle in a pass
+        step_s: length of a step, four force evaluations [s]
+        compile_s: tracing and compiling [s]
+        run_s: fastest pass [s]
+        cpu_s: what it took of the processor [s]
+        vehicle_steps_per_s: steps of all vehicles per second
+    """
+
+    vehicles: int
+    devices: int
+    steps: int
+    step_s: float
+    compile_s: float
+    run_s: float
+    cpu_s: float
+    vehicle_steps_per_s: float
+
+
+def pull(r_N: Vectors) -> Vectors:
+    """Gravity [m/s^2] with J2 at the positions [m] of many vehicles, the vehicles in the last axis.
+
+    The same as `orbital_mechanics.gravity` at degree 2 without its differences. One reciprocal root for a vehicle is
+    all that XLA stores; written with a sum over the components it stores as much again, in another order.
+    """
+    square = r_N[0:1] * r_N[0:1] + r_N[1:2] * r_N[1:2] + r_N[2:3] * r_N[2:3]
+    inverse = jax.lax.rsqrt(square)
+    inverse2 = inverse * inverse
+    oblateness = 1.5 * ZONALS_EARTH[0] * RADIUS_EARTH**2 * inverse2
+    sine2 = r_N[2:3] * r_N[2:3] * inverse2
+    return -MU_EARTH * inverse * inverse2 * (1.0 + oblateness * (_POLE - 5.0 * sine2)) * r_N
+
+
+def step(r_N: Vectors, v_N: Vectors, dt: float) -> tuple[Vectors, Vectors]:
+    """Positions and velocities after one classical Runge-Kutta step, written out: rolled up it takes twice as long."""
+    half = 0.5 * dt
+    a1 = pull(r_N)
+    v2 = v_N + half * a1
+    a2 = pull(r_N + half * v_N)
+    v3 = v_N + half * a2
+    a3 = pull(r_N + half * v2)
+    v4 = v_N + dt * a3
+    a4 = pull(r_N + dt * v3)
+    return r_N + dt / 6.0 * (v_N + 2.0 * v2 + 2.0 * v3 + v4), v_N + dt / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+
+
+def start(vehicles: int) -> tuple[np.ndarray, np.ndarray]:
+    """Positions [m] and velocities [m/s] (3, vehicles) all along an inclined circular orbit at 7000 km."""
+    angle = np.linspace(0.0, 2.0 * np.pi, vehicles, endpoint=False)
+    radius, inclination = 7.0e6, np.radians(51.6)
+    speed = np.sqrt(MU_EARTH / radius)
+    across = np.array([0.0, np.cos(inclination), np.sin(inclination)])[:, None]
+    node = np.array([1.0, 0.0, 0.0])[:, None]
+    return (
+        radius * (np.cos(angle) * node + np.sin(angle) * across),
+        speed * (np.cos(angle) * across - np.sin(angle) * node),
+    )
+
+
+def prepare(vehicles: int = VEHICLES, steps: int = STEPS, devices: Sequence[Any] | None = None) -> Program:
+    """Program that carries so many vehicles on each device through so many steps."""
+    used = list(jax.devices() if devices is None else devices)
+
+    def carried(r_N: Vectors, v_N: Vectors) -> tuple[Vectors, Vectors]:
+        def body(at: tuple[Vectors, Vectors], _: None) -> tuple[tuple[Vectors, Vectors], None]:
+            return step(*at, STEP_S), None
+
+        return jax.lax.scan(body, (r_N, v_N), None, length=steps)[0]
+
+    return stopwatch.program(carried, [start(vehicles)] * len(used), used)
+
+
+def measure(vehicles: int = VEHICLES, steps: int = STEPS, devices: Sequence[Any] | None = None) -> OrbitSpeed:
+    """Steps per second of so many vehicles on each device, carried through so many steps."""
+    program = prepare(vehicles, steps, devices)
+    taken = program.fastest()
+    total = vehicles * len(program.inputs)
+    return OrbitSpeed(
+        vehicles=total,
+        devices=len(program.inputs),
+        steps=steps,
+        step_s=STEP_S,
+        compile_s=program.compile_s,
+        run_s=taken.wall_s,
+        cpu_s=taken.cpu_s,
+        vehicle_steps_per_s=total * steps / taken.wall_s,
+    )

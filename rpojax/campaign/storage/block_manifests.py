@@ -1,0 +1,230 @@
+"""What is finished of a campaign: one manifest per block, written last; free of jax, so that it is read at once.
+
+Beside them, `manifest/000007.attempts` has a line for every attempt at a block that is not finished.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from rpojax.campaign.preflight import LARGEST_RUN
+from rpojax.campaign.storage import atomic_files, campaign_json
+from rpojax.errors import ResultError
+
+_LARGEST_BYTES = 1_000_000
+_NAME = re.compile(r"\d{6}")
+_REST = "(without the file, a resume runs the block again)"
+
+
+@dataclass(frozen=True)
+class Manifest:
+    """One finished block.
+
+    Attributes:
+        campaign: `id` of the campaign that it belongs to
+        first: row of its first run
+        count: number of its runs
+        completed: how many of them reached their end
+        failed: how many did not
+        reasons: reason of failure -> number of runs
+        sha256: group of arrays -> digest of the block's values in it
+        began_s: when its computation began, seconds since 1970 [s]
+        wall_s: time from then until its runs had ended, shared with the blocks computed at once with it [s]
+        compile_s: time to compile the programs that computed it [s]
+        attempts: how often it was begun
+        device: what computed it
+        versions: of which packages
+    """
+
+    campaign: str
+    first: int
+    count: int
+    completed: int
+    failed: int
+    reasons: dict[str, int]
+    sha256: dict[str, str]
+    began_s: float
+    wall_s: float
+    compile_s: float
+    attempts: int
+    device: str
+    versions: dict[str, str]
+
+
+def path_of(directory: Path, block: int) -> Path:
+    """Where the manifest of a block is."""
+    return directory / "manifest" / f"{block:06d}.json"
+
+
+def write(directory: Path, block: int, manifest: Manifest) -> None:
+    """Declares a block finished.
+
+    Raises:
+        UnfinishedError: it cannot be written.
+        ResultError: the way there is a link that leads elsewhere.
+    """
+    path = path_of(directory, block)
+    make_folder(directory, path.parent)
+    atomic_files.write_json(path, asdict(manifest))
+    _attempts(directory, block).unlink(missing_ok=True)
+
+
+def make_folder(directory: Path, folder: Path) -> None:
+    """Makes a folder inside of a campaign's.
+
+    Raises:
+        UnfinishedError: it cannot be made.
+        ResultError: the way there is a link that leads elsewhere.
+    """
+    atomic_files.refuse_links(directory, folder)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise atomic_files.unfinished(folder, error) from None
+
+
+def done(directory: Path, blocks: int) -> list[int]:
+    """Blocks with a manifest, in order.
+
+    Raises:
+        ResultError: the folder of manifests is a link that leads elsewhere.
+    """
+    folder = directory / "manifest"
+    atomic_files.refuse_links(directory, folder)
+    numbers = _numbers(folder, ".json")
+    return sorted(number for number in numbers if number < blocks)
+
+
+def _numbers(folder: Path, suffix: str) -> list[int]:
+    try:
+        paths = list(folder.iterdir())
+    except OSError:
+        return []
+    return [int(path.stem) for path in paths if path.suffix == suffix and _NAME.fullmatch(path.stem)]
+
+
+def read(directory: Path, info: Mapping[str, Any], block: int) -> Manifest:
+    """Manifest of a finished block, its form and range checked against `campaign.json`.
+
+    Raises:
+        ResultError: it is no manifest, or that of something else.
+    """
+    path = path_of(directory, block)
+    atomic_files.refuse_links(directory, path)
+    expected = f"the manifest of a finished block {_REST}"
+    content = atomic_files.read_json(path, expected, _LARGEST_BYTES)
+    for field in fields(Manifest):
+        value = content.get(field.name) if isinstance(content, dict) else None
+        if not _acceptable(field.name, value):
+            raise ResultError(f"{path}: found {value!r:.60} for {field.name!r}, expected {expected}")
+    found = Manifest(**{field.name: content[field.name] for field in fields(Manifest)})
+    if found.campaign != info["id"]:
+        raise ResultError(f"{path}: found campaign {found.campaign:.40}, expected {info['id']:.40} {_REST}")
+    whole = (block * info["block_size"], campaign_json.count(info, block))
+    if (found.first, found.count) != whole:
+        text = f"first {found.first}, count {found.count}"
+        raise ResultError(f"{path}: found {text}, expected first {whole[0]}, count {whole[1]} {_REST}")
+    if found.completed + found.failed != found.count or sum(found.reasons.values()) != found.failed:
+        text = f"{found.completed} completed and {found.failed} failed runs"
+        raise ResultError(f"{path}: found {text} of {found.count}, expected all of them once {_REST}")
+    return found
+
+
+def _acceptable(name: str, value: Any) -> bool:
+    match name:
+        case "first" | "count" | "completed" | "failed" | "attempts":
+            return _whole(value)
+        case "began_s" | "wall_s" | "compile_s":
+            return isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < 1e12
+        case "reasons":
+            return isinstance(value, dict) and all(_whole(number) for number in value.values())
+        case "sha256":
+            return isinstance(value, dict) and all(_digest(text) for text in value.values())
+        case "device" | "campaign":
+            return isinstance(value, str)
+        case _:
+            return isinstance(value, dict) and all(isinstance(text, str) for text in value.values())
+
+
+def _whole(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= LARGEST_RUN
+
+
+def _digest(value: Any) -> bool:
+    return isinstance(value, str) and re.fullmatch(r"[0-9a-f]{64}", value) is not None
+
+
+def read_all(directory: Path, info: Mapping[str, Any], blocks: Iterable[int]) -> list[Manifest]:
+    """Manifests of some finished blocks."""
+    return [read(directory, info, block) for block in blocks]
+
+
+def timing(manifests: Sequence[Manifest], duration_s: float) -> dict[str, float]:
+    """How long finished blocks of runs of `duration_s` [s] took; empty without any.
+
+    Time counts once in which several were computed at once, and not at all in which none was. `devices` is the
+    largest number of blocks at once.
+    """
+    if not manifests:
+        return {}
+    changes = sorted(
+        change for entry in manifests for change in ((entry.began_s, 1), (entry.began_s + entry.wall_s, -1))
+    )
+    run_s, since, active, most = 0.0, 0.0, 0, 0
+    for moment, step in changes:
+        if active:
+            run_s += moment - since
+        since, active = moment, active + step
+        most = max(most, active)
+    runs = sum(entry.count for entry in manifests)
+    return {
+        "compile_s": max(entry.compile_s for entry in manifests),
+        "run_s": run_s,
+        "run_seconds_per_s": runs * duration_s / run_s if run_s > 0.0 else 0.0,
+        "devices": most,
+    }
+
+
+def reasons(manifests: Iterable[Manifest]) -> dict[str, int]:
+    """Reason of failure -> number of runs, of all blocks."""
+    total: Counter[str] = Counter()
+    for entry in manifests:
+        total.update(entry.reasons)
+    return dict(sorted(total.items()))
+
+
+def _attempts(directory: Path, block: int) -> Path:
+    return path_of(directory, block).with_suffix(".attempts")
+
+
+def begin(directory: Path, block: int) -> None:
+    """Notes an attempt at a block."""
+    path = _attempts(directory, block)
+    make_folder(directory, path.parent)
+    atomic_files.refuse_links(directory, path)
+    try:
+        # A line so short is appended whole, whoever else appends.
+        with path.open("ab") as stream:
+            stream.write(f"{atomic_files.machine()}\n".encode())
+    except OSError as error:
+        raise atomic_files.unfinished(path, error) from None
+
+
+def attempts(directory: Path, block: int) -> int:
+    """How often an unfinished block was begun."""
+    path = _attempts(directory, block)
+    atomic_files.refuse_links(directory, path)
+    try:
+        return path.read_bytes().count(b"\n")
+    except OSError:
+        return 0
+
+
+def begun(directory: Path, blocks: int) -> dict[int, int]:
+    """Unfinished block that was begun -> how often."""
+    finished = set(done(directory, blocks))
+    numbers = [number for number in _numbers(directory / "manifest", ".attempts") if number < blocks]
+    return {number: attempts(directory, number) for number in sorted(set(numbers) - finished)}

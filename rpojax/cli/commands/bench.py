@@ -1,0 +1,154 @@
+"""The verb `rpojax bench`: how fast this machine is, measured so that anyone can measure it again."""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import arg
+
+from rpojax.cli import console
+from rpojax.cli.arguments import AsJson, Overrides, Source, Status, load, print_json
+from rpojax.errors import RpojaxError
+from rpojax.runtime.jax_environment import LOOP_FLAG, prepare_jax, prepare_loop
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+PARTS = {
+    "loop": "the closed loop",
+    "kernels": "bare orbits and the orbit filter",
+    "vision": "pictures and the detector",
+}
+"""What can be chosen, and what it measures."""
+
+
+def bench(
+    scenario: Source = "inspection",
+    *,
+    overrides: Overrides = (),
+    runs: Annotated[
+        tuple[int, ...],
+        arg(
+            metavar="N",
+            help="Batch sizes of the closed loop.",
+            help_behavior_hint="(default: 1, 64, 512, 2048 and what a campaign takes at once)",
+        ),
+    ] = (),
+    duration_s: Annotated[float, arg(metavar="T", help="Simulated time of a run [s].")] = 800.0,
+    only: Annotated[str, arg(metavar="PARTS", help="Parts to measure.")] = ",".join(PARTS),
+    as_json: AsJson = False,
+) -> int:
+    """Measure the closed loop without metrics and storage, its kernels, and pictures; programs are compiled anew."""
+    parts = _chosen(only)
+    file = load(scenario, (f"duration_s={duration_s}", *overrides))
+    prepare_jax(cache=False)
+    # XLA is told once in a process how to join results; pictures want it otherwise.
+    apart = len(parts) > 1 and "vision" in parts
+    prepare_loop(rendered=parts == ["vision"] or file.camera.model == "rendered")
+    from rpojax.benchmark import closed_loop_speed, suite
+
+    batches = runs or closed_loop_speed.default_batches(file)
+    closed_loop_speed.check(batches)
+    found: dict[str, Any] = {}
+    for part in parts:
+        with console.busy(f"measuring {PARTS[part]}", quiet=as_json):
+            found |= _vision_apart() if apart and part == "vision" else suite.PARTS[part](file, batches)
+    found |= suite.surroundings()
+    if as_json:
+        print_json(found)
+    else:
+        show(found)
+    return Status.DONE
+
+
+def _vision_apart() -> dict[str, Any]:
+    """What a process of its own measures of pictures and the detector."""
+    flags = os.environ["XLA_FLAGS"].replace(LOOP_FLAG, "")
+    words = [sys.executable, "-m", "rpojax", "bench", "--only", "vision", "--json"]
+    done = subprocess.run(words, env={**os.environ, "XLA_FLAGS": flags}, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RpojaxError(f"--only vision: found {done.stderr.strip()[-200:]!r}, expected figures")
+    return {"vision": json.loads(done.stdout)["vision"]}
+
+
+def _chosen(only: str) -> list[str]:
+    """Names of the parts in a list with commas, each once, in the order in which they are measured."""
+    names = [name.strip() for name in only.split(",")]
+    for name in names:
+        if name not in PARTS:
+            raise RpojaxError(f"--only: found {name!r}, expected some of {','.join(PARTS)}")
+    return [part for part in PARTS if part in names]
+
+
+def show(found: Mapping[str, Any]) -> None:
+    """A table for each part that was measured, and where."""
+    from rich.console import Console
+
+    to = Console(highlight=False)
+    if "batches" in found:
+        to.print(_loop(found))
+    if "kernels" in found:
+        to.print(_kernels(found["kernels"]))
+    if "vision" in found:
+        to.print(_vision(found["vision"]))
+    if size := found.get("recommended_block_size"):
+        to.print(f"a block size of {size} is faster here than {found['block_size']}: --block-size {size}")
+    to.print(f"peak memory: {found['peak_memory_mib']:,.0f} MiB")
+    to.print(f"machine: {found['machine']}", soft_wrap=True, markup=False)
+
+
+def _loop(found: Mapping[str, Any]) -> "Table":
+    table = _table(
+        f"closed loop, {found['scenario']}, {found['duration_s']:g} s",
+        ("batch", "devices", "compile (loop) [s]", "cached [s]", "run [s]", "cpu [s]", "run-s/s", "runs of 3000 s/h"),
+    )
+    for entry in found["batches"]:
+        table.add_row(
+            str(entry["batch"]),
+            str(entry["devices"]),
+            f"{entry['compile_s']:.1f} ({entry['loop_compile_s']:.1f})",
+            f"{entry['compile_cached_s']:.1f}",
+            f"{entry['run_s']:.3g}",
+            f"{entry['cpu_s']:.3g}",
+            f"{entry['run_seconds_per_s']:,.0f}",
+            f"{entry['runs_per_hour']:,.0f}",
+        )
+    return table
+
+
+def _kernels(found: Mapping[str, Any]) -> "Table":
+    table = _table("kernels, float64", ("kernel", "batch", "devices", "compile [s]", "run [s]", "cpu [s]", "speed"))
+    orbit, updates = found["orbit"], found["filter"]
+    _row(table, "orbit, J2", orbit, orbit["vehicles"], f"{orbit['vehicle_steps_per_s'] / 1e6:,.1f} M steps/s")
+    for entry in updates["batches"]:
+        _row(table, "orbit filter", entry, entry["batch"], f"{entry['us_per_update']:.2f} us per update")
+    return table
+
+
+def _row(table: "Table", name: str, entry: Mapping[str, Any], batch: int, speed: str) -> None:
+    times = (f"{entry['compile_s']:.1f}", f"{entry['run_s']:.3g}", f"{entry['cpu_s']:.3g}")
+    table.add_row(name, str(batch), str(entry["devices"]), *times, speed)
+
+
+def _vision(found: Mapping[str, Any]) -> "Table":
+    title = f"rendered camera, {found['side_px']} x {found['side_px']} px, target at {found['range_m']:g} m"
+    table = _table(title, ("work", "batch", "devices", "compile [s]", "run [s]", "cpu [s]", "pictures/s"))
+    for name, verb, rate in (("picture", "render", "frames_per_s"), ("detection", "detect", "detections_per_s")):
+        times = {"compile_s": found[f"{verb}_compile_s"], "run_s": found[f"{verb}_s"], "cpu_s": found[f"{verb}_cpu_s"]}
+        _row(table, name, {**found, **times}, found["batch"], f"{found[rate]:,.0f}")
+    return table
+
+
+def _table(title: str, headings: Sequence[str]) -> "Table":
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=Text(title))
+    for number, heading in enumerate(headings):
+        # Cells are short, headings may wrap; as plain text, since to rich a unit in brackets is markup.
+        side = "left" if number == 0 and heading in ("kernel", "work") else "right"
+        table.add_column(Text(heading), justify=side)
+    return table

@@ -1,0 +1,65 @@
+"""The verb `rpojax export-rrd`: one run as a recording for the rerun viewer."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import arg
+
+from rpojax.cli import console, replay
+from rpojax.cli.arguments import AsJson, Folder, NoCache, Status, print_json
+from rpojax.cli.output_paths import claim
+from rpojax.errors import RpojaxError
+from rpojax.runtime.jax_environment import prepare_jax
+
+if TYPE_CHECKING:
+    from rpojax.interop.rerun_viewer.viewer_values import Shown
+    from rpojax.interop.run_replay import Flight, Shot
+
+
+def export_rrd(
+    directory: Folder,
+    *,
+    run_id: Annotated[int, arg(metavar="I", help="Run to show.")],
+    out: Annotated[Path, arg(metavar="FILE", help="Recording to write (.rrd).")],
+    every: Annotated[int, arg(metavar="N", help="Ticks from one picture of a rendered camera to the next.")] = 1,
+    force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
+    as_json: AsJson = False,
+    no_cache: NoCache = False,
+) -> int:
+    """One run for the rerun viewer: both craft, the camera and plots; the run is flown again, alone."""
+    claim(out, force, (".rrd",))
+    if every < 1:
+        raise RpojaxError(f"--every: found {every}, expected at least 1")
+    prepare_jax(cache=not no_cache)
+    from rpojax.campaign.storage.campaign_folder import Campaign
+    from rpojax.interop.rerun_viewer import rerun_recording, viewer_values
+
+    rerun_recording.check()
+    found = Campaign(directory)
+    flight, agreement = replay.fly_again(found, run_id, viewer_values.observe, as_json)
+    with console.counting("taking pictures", quiet=as_json) as watch:
+        written = rerun_recording.write(flight, out, _shots(flight, every, watch))
+    if as_json:
+        told = {"ticks": written.ticks, "pictures": written.pictures, "size_bytes": written.size_bytes}
+        print_json({"file": str(out), "run_id": run_id, **told, "agreement": replay.content(agreement)})
+    else:
+        print(out)
+        print(replay.sentence(flight, agreement))
+    return Status.DONE
+
+
+def _shots(flight: "Flight[Shown]", every: int, watch: Callable[..., None]) -> "Iterator[Shot] | None":
+    """Pictures of a rendered camera, None of the others, which take none."""
+    if flight.file.camera.model != "rendered":
+        return None
+    from rpojax.interop import run_replay
+
+    ticks = range(0, flight.ticks, every)
+
+    def counted() -> "Iterator[Shot]":
+        for count, shot in enumerate(run_replay.pictures(flight, ticks)):
+            yield shot
+            watch(count + 1, len(ticks))
+
+    return counted()

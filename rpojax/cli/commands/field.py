@@ -1,0 +1,278 @@
+"""The verbs of `rpojax field`."""
+
+import json
+import math
+import sys
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+from tyro.conf import Positional, arg
+
+from rpojax.cli.console import counting
+from rpojax.cli.output_paths import claim, resumable
+from rpojax.errors import RpojaxError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from rpojax.training.radiance_field.evaluate_field import Pictures
+    from rpojax.training.synthetic_data.ray_tracing import Views
+    from rpojax.training.synthetic_data.target_mesh import TargetMesh
+    from rpojax.vision.radiance_field.target_field import Field
+
+Mesh = Annotated[str, arg(metavar="MESH", help="Mesh file (glb, obj, ply, stl), or 'target' for the packaged one.")]
+Units = Annotated[str | None, arg(metavar="UNIT", help="Units of the mesh: m, cm, mm, in, ft.")]
+Center = Annotated[bool, arg(help="Move the middle of the mesh to the origin.")]
+Seed = Annotated[int, arg(metavar="S", help="Seed of views and training.")]
+AsJson = Annotated[bool, arg(name="json", help="JSON on stdout and no progress.")]
+Given = Annotated[Positional[Path | None], arg(metavar="FIELD", help="Field; that of the packaged target by default.")]
+
+_LEAST_ALPHA = 0.02
+_SHEET_LIMIT, _FILM_LIMIT = 64, 1000
+
+app = tyro.extras.SubcommandApp()
+
+
+@app.command
+def train(
+    mesh: Positional[Mesh],
+    *,
+    out: Annotated[Path, arg(metavar="FIELD", help="File to write, such as target.field.safetensors.")],
+    units: Units = None,
+    center: Center = False,
+    views: Annotated[int, arg(metavar="N", help="Ray-traced views.")] = 300,
+    steps: Annotated[int, arg(metavar="N", help="Training steps at most.")] = 2000,
+    minutes: Annotated[float | None, arg(metavar="T", help="End training after so long.")] = None,
+    seed: Seed = 0,
+    kind: Annotated[str, arg(metavar="KIND", help="'grid', or 'point' for the slow reference network.")] = "grid",
+    force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
+    as_json: AsJson = False,
+) -> int:
+    """Ray-trace views of a mesh and train a field on them; a call that was interrupted goes on where it was."""
+    if kind not in ("grid", "point"):
+        raise RpojaxError(f"--kind: found {kind!r}, expected 'grid' or 'point'")
+    if views < 16 or steps < 50:
+        raise RpojaxError(f"--views, --steps: found {views}, {steps}, expected at least 16 views and 50 steps")
+    _check_seed(seed)
+    if minutes is not None and not minutes > 0.0:
+        raise RpojaxError(f"--minutes: found {minutes}, expected more than 0")
+    claim(out, force)
+    from rpojax.training.radiance_field import train_field
+    from rpojax.training.synthetic_data import ray_tracing, target_mesh
+    from rpojax.vision.weight_files import save_field
+
+    target = target_mesh.load(mesh, units, center)
+    work = out.with_name(out.name + ".work")
+    shell = ray_tracing.Shell(views, range_scale=(0.9, 1.15), seed=seed)
+    recipe = train_field.Recipe(steps=steps, seed=seed, kind=kind, limit_s=None if minutes is None else 60.0 * minutes)
+    preview = work / "contact_sheet.png"
+    with resumable(work):
+        with counting("ray tracing", quiet=as_json) as watch:
+            traced = ray_tracing.render(target, shell, work, watch, partial(_preview, preview, as_json))
+        with counting("training", quiet=as_json) as watch:
+            field, history = train_field.train(
+                target,
+                traced,
+                recipe,
+                work / "checkpoint",
+                lambda step: watch(step.done, step.total, f"{step.psnr_db:.1f} dB"),
+            )
+    # A card names no folder of one machine.
+    placed = (f" --units {units}" if units else "") + (" --center" if center else "")
+    command = f"rpojax field train {Path(mesh).name} --out {out.name}{placed}"
+    command += f" --kind {kind} --views {views} --steps {steps} --seed {seed}"
+    card = train_field.card(target, traced, recipe, history, command)
+    save_field(field, out, card)
+    hull = target_mesh.outline(target)
+    files = {"field": str(out), "bytes": out.stat().st_size, "first_views": str(preview)}
+    scenario = {"hull_m": hull.tolist(), "target_size_m": round(target_mesh.apparent_size(hull), 3)}
+    _tell({**files, **card, **scenario}, as_json)
+    return 0
+
+
+@app.command
+def evaluate(
+    field: Given = None,
+    *,
+    mesh: Annotated[str | None, arg(metavar="MESH", help="Mesh that FIELD was trained on.")] = None,
+    units: Units = None,
+    center: Center = False,
+    views: Annotated[int, arg(metavar="N", help="Fresh ray-traced views, each with a Sun of its own.")] = 64,
+    samples: Annotated[int, arg(metavar="N", help="Samples per pixel of the ray tracer.")] = 256,
+    range_m: Annotated[float | None, arg(metavar="R", help="Range [m]; default: the target fills 60 % of it.")] = None,
+    fov_deg: Annotated[float, arg(metavar="A", help="Field of view [deg].")] = 26.0,
+    seed: Seed = 0,
+    sheet: Annotated[Path | None, arg(metavar="PNG", help="Write ray traces, renderings and differences.")] = None,
+    force: Annotated[bool, arg(help="Replace the sheet if it is there.")] = False,
+    as_json: AsJson = False,
+) -> int:
+    """Compare a field's pictures with fresh ray traces of its mesh."""
+    if views < 1 or samples < 1:
+        raise RpojaxError(f"--views, --samples: found {views}, {samples}, expected at least 1")
+    _check_seed(seed)
+    if not 0.0 < fov_deg < 170.0:
+        raise RpojaxError(f"--fov-deg: found {fov_deg}, expected more than 0 and less than 170")
+    if sheet:
+        claim(sheet, force, (".png",))
+    from rpojax.training.radiance_field import evaluate_field
+
+    target, network = _both(mesh, units, center, field)
+    traced = _fresh(target, network, views, samples, seed, range_m, fov_deg, as_json)
+    with counting("rendering", quiet=as_json) as watch:
+        shown = evaluate_field.pictures(network, traced, watch)
+    if sheet:
+        _compare(sheet, shown, traced)
+    _tell(evaluate_field.figures(shown, traced), as_json)
+    return 0
+
+
+@app.command
+def render(
+    field: Given = None,
+    *,
+    out: Annotated[Path, arg(metavar="FILE", help="Picture (.png) or turntable (.mp4) to write.")],
+    frames: Annotated[int, arg(metavar="N", help="Views: one is a still, more a contact sheet or a turntable.")] = 1,
+    size_px: Annotated[int, arg(metavar="P", help="Width and height of a view.")] = 256,
+    sun: Annotated[tuple[float, float, float], arg(metavar="X Y Z", help="Direction of the Sun in target axes.")] = (
+        1.0,
+        0.6,
+        0.8,
+    ),
+    elevation_deg: Annotated[float, arg(metavar="A", help="Height of the camera above the x-y plane.")] = 25.0,
+    azimuth_deg: Annotated[float, arg(metavar="A", help="Direction of the first view, from x towards y.")] = 60.0,
+    force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
+    as_json: AsJson = False,
+) -> int:
+    """Pictures of a field: a still, a contact sheet, or a turntable."""
+    claim(out, force, (".png", ".mp4"))
+    still = out.suffix.lower() == ".png"
+    most = _SHEET_LIMIT if still else _FILM_LIMIT
+    if not 1 <= frames <= most or not 8 <= size_px <= 2048:
+        raise RpojaxError(f"--frames, --size-px: found {frames}, {size_px}, expected 1 to {most} and 8 to 2048")
+    if not 0.0 < math.hypot(*sun) < math.inf:
+        raise RpojaxError(f"--sun: found {sun}, expected a direction")
+    if not -89.0 <= elevation_deg <= 89.0 or not math.isfinite(azimuth_deg):
+        found = f"{elevation_deg}, {azimuth_deg}"
+        raise RpojaxError(f"--elevation-deg, --azimuth-deg: found {found}, expected -89 to 89 and a finite angle")
+    import numpy as np
+
+    from rpojax.report.atomic_output import write_atomically
+    from rpojax.vision.imaging import contact_sheets
+    from rpojax.vision.imaging.turntable import azimuths, turntable
+    from rpojax.vision.weight_files import load_field
+
+    network, _ = load_field(field)
+    around = azimuths(frames, azimuth_deg)
+    with counting("rendering", quiet=as_json) as watch:
+        pictures = _counted(turntable(network, around, size_px, np.array(sun), elevation_deg), frames, watch)
+        if still:
+            captions = [f"azimuth {azimuth:.0f} deg" for azimuth in around] if frames > 1 else []
+            columns = min(8, math.ceil(math.sqrt(frames)))
+            content = contact_sheets.sheet_png(np.stack(list(pictures)), columns, captions)
+        else:
+            content = contact_sheets.film_mp4(pictures, size_px)
+    write_atomically(out, content)
+    _tell({"file": str(out), "frames": frames, "bytes": len(content)}, as_json)
+    return 0
+
+
+def _both(mesh: str | None, units: str | None, center: bool, field: Path | None) -> "tuple[TargetMesh, Field]":
+    from rpojax.training.synthetic_data import target_mesh
+    from rpojax.vision.weight_files import load_field
+
+    network, card = load_field(field)
+    trained_on = card.get("target")
+    if mesh is None and trained_on != target_mesh.PACKAGED:
+        raise RpojaxError(f"--mesh: missing, expected the mesh that {field} was trained on, {trained_on!r}")
+    target = target_mesh.load(mesh or target_mesh.PACKAGED, units, center)
+    _check_same(target, network)
+    return target, network
+
+
+def _check_same(mesh: "TargetMesh", field: "Field") -> None:
+    """Raises where a mesh is not where a field is: another one, or other units."""
+    import numpy as np
+
+    from rpojax.vision.radiance_field.target_field import bounding_ball
+
+    low, high = mesh.bounds
+    middle, radius = (np.asarray(value) for value in bounding_ball(field))
+    size = 0.5 * float(np.linalg.norm(high - low))
+    if not 0.8 < radius / size < 1.3 or np.linalg.norm(middle - 0.5 * (low + high)) > 0.1 * size:
+        found = f"{mesh.name} with a span of {float((high - low).max()):.3g} m"
+        raise RpojaxError(f"--mesh, --units, --center: found {found}, expected the mesh of the field in its place")
+
+
+def _fresh(
+    mesh: "TargetMesh",
+    field: "Field",
+    views: int,
+    samples: int,
+    seed: int,
+    range_m: float | None,
+    fov_deg: float,
+    quiet: bool,
+) -> "Views":
+    from rpojax.training.synthetic_data import ray_tracing
+    from rpojax.vision.radiance_field.target_field import bounding_ball
+
+    radius = ray_tracing.center_and_radius(mesh.bounds)[1]
+    least = 1.02 * max(radius, float(bounding_ball(field)[1]))
+    distance = ray_tracing.nominal_range(radius, fov_deg) if range_m is None else range_m
+    if not distance > least:
+        how = "--fov-deg" if range_m is None else "--range-m"
+        raise RpojaxError(f"{how}: found a range of {distance:.3g} m, expected the camera outside of {least:.3g} m")
+    # Training draws from the seed itself; these views are others.
+    shell = ray_tracing.Shell(views, samples=samples, seed=1_000_003 + seed, range_m=range_m, field_of_view_deg=fov_deg)
+    with counting("ray tracing", quiet=quiet) as watch:
+        traced = ray_tracing.render(mesh, shell, None, watch)
+    if not (traced.alpha > _LEAST_ALPHA).any():
+        raise RpojaxError(
+            "--range-m, --fov-deg: found views in which the target covers no pixel, expected a nearer one"
+        )
+    return traced
+
+
+def _check_seed(seed: int) -> None:
+    if not 0 <= seed < 2**31:
+        raise RpojaxError(f"--seed: found {seed}, expected 0 to 2147483647")
+
+
+def _preview(path: Path, quiet: bool, rgb: "np.ndarray", alpha: "np.ndarray") -> None:
+    from rpojax.report.atomic_output import write_atomically
+    from rpojax.vision.imaging import contact_sheets
+
+    write_atomically(path, contact_sheets.sheet_png(contact_sheets.before_backdrop(rgb, alpha), columns=8))
+    if not quiet:
+        print(f"rpojax: first views: {path}", file=sys.stderr)
+
+
+def _compare(path: Path, shown: "Pictures", traced: "Views", count: int = 8) -> None:
+    """Writes ray traces, the field's pictures and the differences of their codes as three rows."""
+    import numpy as np
+
+    from rpojax.report.atomic_output import write_atomically
+    from rpojax.training.radiance_field import evaluate_field
+    from rpojax.vision.imaging import contact_sheets
+
+    error = np.abs(evaluate_field.codes(shown.rgb[:count]) - evaluate_field.codes(traced.rgb[:count]))
+    rows = [contact_sheets.before_backdrop(p.rgb[:count], p.alpha[:count]) for p in (traced, shown)]
+    captions = [f"{name} {i}" for name in ("ray trace", "field", "difference") for i in range(len(error))]
+    write_atomically(path, contact_sheets.sheet_png(np.concatenate([*rows, error]), len(error), captions))
+
+
+def _counted(pictures: "Iterator[np.ndarray]", total: int, watch: Callable[..., None]) -> "Iterator[np.ndarray]":
+    for done, picture in enumerate(pictures, start=1):
+        watch(done, total)
+        yield picture
+
+
+def _tell(content: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(content, indent=2, allow_nan=False))
+        return
+    for name, value in content.items():
+        print(f"{name}: {value:.4g}" if isinstance(value, float) else f"{name}: {value}")

@@ -1,0 +1,129 @@
+"""The verb `rpojax worst-case`: the most likely combination of dispersions that breaks a requirement."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import arg
+
+from rpojax.cli.arguments import AsJson, NoCache, Out, Overrides, Seed, Source, Status, load, print_json
+from rpojax.cli.console import busy
+from rpojax.cli.output_paths import claim_folder
+from rpojax.errors import OutputError
+from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
+
+if TYPE_CHECKING:
+    from rpojax.analysis.reliability.worst_case import Worst
+
+_SCENARIO, _RECORD, _FLIGHT = "worst_case.toml", "worst_case.json", "flight"
+
+
+def worst_case(
+    scenario: Source,
+    *,
+    out: Out,
+    requirement: Annotated[
+        str | None, arg(metavar="METRIC", help="Metric of a requirement of the scenario; or give --metric.")
+    ] = None,
+    metric: Annotated[str | None, arg(metavar="METRIC", help="Another metric, with --limit and --bound.")] = None,
+    limit: Annotated[float | None, arg(metavar="X", help="Limit of --metric, in its unit.")] = None,
+    bound: Annotated[str, arg(metavar="SIDE", help="'at most' or 'at least'.")] = "at most",
+    starts: Annotated[int, arg(metavar="N", help="Searches at a time, each with the noise of another run.")] = 4,
+    budget: Annotated[float, arg(metavar="N", help="What the search may cost, in flights.")] = 400.0,
+    seed: Seed = 0,
+    overrides: Overrides = (),
+    force: Annotated[bool, arg(help="Replace the files if they are there.")] = False,
+    as_json: AsJson = False,
+    no_cache: NoCache = False,
+) -> int:
+    """The most likely combination of dispersions that breaks a requirement, as a scenario to fly."""
+    file = load(scenario, overrides)
+    _claim(out, force)
+    prepare_jax(cache=not no_cache)
+    prepare_loop(rendered=file.camera.model == "rendered")
+    from rpojax.analysis.gradients.evaluation_log import Effort
+    from rpojax.analysis.reliability import metric_limit, worst_case_record
+    from rpojax.analysis.reliability import worst_case as analysis
+    from rpojax.dispersions import standard_normal
+    from rpojax.report.atomic_output import write_atomically, write_json
+    from rpojax.report.json_values import plain
+
+    chosen = metric_limit.bound_of(file, requirement, metric, limit, bound)
+    space = standard_normal.make(file)
+    effort = Effort(starts=starts, screened=max(16, starts), budget=budget)
+    analysis.check_effort(effort)
+    with busy("compiling flights and their gradient (minutes; seconds the next time), then searching", quiet=as_json):
+        worst = analysis.search(space, chosen, effort, seed)
+    with busy("flying what was found", quiet=as_json):
+        flown = analysis.fly(worst, out / _FLIGHT, force)
+    content = plain(worst_case_record.content(worst, flown))
+    write_atomically(out / _SCENARIO, _scenario_text(worst, content).encode())
+    write_json(out / _RECORD, content)
+    if as_json:
+        print_json({"directory": str(out), **content})
+    else:
+        _show(content, out)
+    return Status.DONE
+
+
+def _claim(out: Path, force: bool) -> None:
+    """Refuses a folder that cannot be written to or holds the results of another search."""
+    claim_folder(out)
+    for name in (_SCENARIO, _RECORD, _FLIGHT):
+        if (out / name).exists() and not force:
+            raise OutputError(f"{out / name}: exists already; --force replaces it")
+
+
+def _scenario_text(worst: "Worst", content: dict[str, Any]) -> str:
+    """The scenario with the point's values, and how to fly it, as TOML."""
+    import tomli_w
+
+    what = "breaks" if content["found"] else "comes closest to breaking"
+    head = (
+        f"# Run {content['run_id']} of seed {content['seed']} {what} {content['metric']} {content['bound']} "
+        f"{content['limit']:g} {content['unit']}, {content['distance_sigmas']:.2f} sigmas from the median run.\n"
+        f"# rpojax run {_SCENARIO} --seed {content['seed']} --run-id {content['run_id']} --out DIR\n\n"
+    )
+    return head + tomli_w.dumps(worst.flyable.model_dump(mode="json"))
+
+
+def _show(content: dict[str, Any], out: Path) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from rpojax.report.labels import number
+
+    console = Console(highlight=False)
+    rule = f"{content['metric']} {content['bound']} {content['limit']:g} {content['unit']}"
+    distance, run = f"{content['distance_sigmas']:.2f} sigmas", f"run {content['run_id']} of seed {content['seed']}"
+    if content["found"]:
+        told = f"{rule}: broken {distance} from the median in {run}, first-order probability "
+        console.print(told + f"{content['probability_first_order']:.2g} with that run's noise", soft_wrap=True)
+    else:
+        told = f"{rule}: no violation found; closest is {number(content['value'])} {content['unit']} at {distance} in "
+        console.print(told + run, soft_wrap=True)
+    table = Table()
+    for heading in ("dispersion", "sigmas", "value", "nominal"):
+        table.add_column(heading, justify="left" if heading == "dispersion" else "right")
+    for entry in content["dispersions"]:
+        sigmas = ", ".join(f"{value:+.2f}" for value in entry["sigmas"].values())
+        cells = [_numbers(list(entry[side].values())) for side in ("values", "nominal")]
+        table.add_row(entry["name"], sigmas, *cells)
+    console.print(table)
+    cost = content["cost"]
+    console.print(
+        f"cost: {cost['run_equivalents']:g} run-equivalents ({cost['flights']} flights, {cost['gradients']} gradients "
+        f"at {cost['gradient_flights']}: {cost['gradient_s']:.3g} s against {cost['flight_s']:.3g} s a run in batches "
+        f"of {cost['batch']}), compilation {cost['compile_s']:.0f} s",
+        soft_wrap=True,
+    )
+    flown = f"flown: {number(content['value_flown'])} {content['unit']}, the search had {number(content['value'])}"
+    if content["found"]:
+        flown += "; confirmed" if content["confirmed"] else "; NOT confirmed: the flight keeps the limit"
+    console.print(flown, soft_wrap=True)
+    console.print(f"{out / _SCENARIO}, {out / _RECORD}, {out / _FLIGHT}", soft_wrap=True, markup=False)
+
+
+def _numbers(values: list[Any]) -> str:
+    import numpy as np
+
+    return ", ".join(f"{value:.5g}" for value in np.concatenate([np.ravel(each) for each in values]))

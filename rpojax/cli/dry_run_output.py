@@ -1,0 +1,82 @@
+"""What `rpojax campaign --dry-run` does: the plan of a campaign instead of the campaign."""
+
+import datetime
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rpojax.cli.console import busy
+from rpojax.cli.output_paths import claim
+from rpojax.errors import RpojaxError
+
+if TYPE_CHECKING:
+    from rpojax.campaign.dry_run import Plan
+    from rpojax.campaign.history_retention import Retention
+    from rpojax.scenario.schema import ScenarioFile
+
+
+def check(dry_run: bool, table: Path | None, speed: float | None, out: Path | None, force: bool) -> None:
+    """Refuses options that do not go together, before any work is done.
+
+    Raises:
+        RpojaxError: naming the option.
+    """
+    if not dry_run:
+        for option, value in (("--plan", table), ("--speed", speed)):
+            if value is not None:
+                raise RpojaxError(f"{option}: found {str(value)!r}, expected it with --dry-run only")
+        if out is None:
+            raise RpojaxError("--out: found nothing, expected a folder to make (or --dry-run)")
+    if table is not None:
+        claim(table, force, (".csv",))
+
+
+def show(
+    file: "ScenarioFile",
+    runs: int,
+    seed: int,
+    block_size: int | None,
+    histories: "Retention",
+    out: Path | None,
+    force: bool,
+    table: Path | None,
+    speed: float | None,
+    as_json: bool,
+) -> None:
+    """Prints what a campaign would draw and take, and writes its table if that is asked for.
+
+    Raises:
+        RpojaxError: the campaign would be refused, or the table cannot be written.
+    """
+    from rpojax.campaign import dry_run as plans
+    from rpojax.campaign import preflight
+    from rpojax.report.atomic_output import write_atomically
+
+    if out is not None:
+        preflight.check_folder(out, force)
+    histories.check(0, runs)
+    with busy("drawing", quiet=as_json):
+        plan = plans.make(file, runs, seed, block_size=block_size, histories=histories.at_most(0, runs), speed=speed)
+    if table is not None:
+        write_atomically(table, plans.csv_text(plan).encode())
+    if as_json:
+        print(json.dumps(plans.as_json(plan), indent=2, allow_nan=False))
+    else:
+        print("\n".join(_lines(plan, table)))
+
+
+def _lines(plan: "Plan", table: Path | None) -> list[str]:
+    found = plan.estimate
+    lines = [
+        f"{plan.file.name}: {len(plan.run_ids)} runs of {plan.file.duration_s:g} s, seed {plan.seed}, "
+        f"{plan.file.design.kind} draws of {len(plan.values)} keys",
+        f"memory: up to {found.memory_bytes / 1e6:,.0f} MB",
+        f"disk: up to {found.disk_bytes / 1e6:,.0f} MB",
+    ]
+    if found.time_s is None:
+        lines.append(f"time: unknown, speed {found.speed_source}; give --speed")
+    else:
+        time = datetime.timedelta(seconds=round(found.time_s))
+        speed = f"{found.run_seconds_per_s:,.0f} run-s/s, {found.speed_source}"
+        lines.append(f"time: about {time} beside compilation and report ({speed})")
+    return lines + ([] if table is None else [f"plan: {table}"])

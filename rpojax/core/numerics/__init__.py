@@ -1,0 +1,1 @@
+"""Numerical methods: exact differences, double-single numbers, Runge-Kutta, gradient-safe primitives."""

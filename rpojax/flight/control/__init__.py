@@ -1,0 +1,1 @@
+"""Control laws: the formation LQR, and attitude feedback with wheel torque allocation."""

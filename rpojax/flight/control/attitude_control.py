@@ -1,0 +1,71 @@
+"""Attitude control: quaternion-error feedback with rate damping and feed-forward, allocated to three wheels."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rpojax.core import quaternion
+from rpojax.core.frames import apply, apply_transposed
+from rpojax.core.pytree import pytree
+from rpojax.core.quaternion import cross, rotate
+from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
+from rpojax.flight.vehicle_model import Onboard
+
+Vector = Float[Array, "3"]
+
+
+@pytree
+class AttitudeControl:
+    """Gains.
+
+    Attributes:
+        bandwidth: () natural frequency of the closed loop [rad/s]
+        damping: () damping ratio [-]
+    """
+
+    bandwidth: Array
+    damping: Array
+
+
+@pytree
+class AttitudeCommand:
+    """Where the body should be, now.
+
+    Attributes:
+        q_CN: (4,) commanded attitude
+        omega_CN_C: (3,) commanded rate [rad/s]
+        acceleration_C: (3,) commanded angular acceleration [rad/s^2]
+    """
+
+    q_CN: Array
+    omega_CN_C: Array
+    acceleration_C: Array
+
+
+def wheel_torque(
+    control: AttitudeControl,
+    onboard: Onboard,
+    allocation: Float[Array, "3 3"],
+    estimate: AttitudeEstimate,
+    command: AttitudeCommand,
+    wheel_speed: Vector,
+) -> Vector:
+    """Motor torque command of each wheel [N m], within the torque limit with its direction kept.
+
+    `allocation` (3, 3) is the inverse of the matrix whose columns are the wheel axes; `wheel_speed` [rad/s] comes from
+    the tachometers.
+    """
+    q_BC = quaternion.multiply(estimate.q_BN, quaternion.conjugate(command.q_CN))
+    # Twice the vector part: the rotation vector for small errors, and bounded for large ones.
+    turn_error = -2.0 * jnp.where(q_BC[0] < 0.0, -q_BC[1:], q_BC[1:])
+    omega = estimate.omega_BN_B
+    rate_error = omega - rotate(q_BC, command.omega_CN_C)
+    acceleration = (
+        rotate(q_BC, command.acceleration_C)
+        - control.bandwidth**2 * turn_error
+        - 2.0 * control.damping * control.bandwidth * rate_error
+    )
+    momentum = apply(onboard.inertia, omega) + apply_transposed(onboard.wheel_axes, onboard.wheel_inertia * wheel_speed)
+    torque_B = apply(onboard.inertia, acceleration) + cross(omega, momentum)
+    command_u = -apply(allocation, torque_B)
+    excess = jnp.max(jnp.abs(command_u) / onboard.wheel_torque_limit, axis=0)
+    return command_u / jnp.maximum(excess, 1.0)

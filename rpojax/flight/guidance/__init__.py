@@ -1,0 +1,1 @@
+"""Guidance: burn timing, pointing at the target, slews, search."""

@@ -1,0 +1,86 @@
+"""Commanded attitudes as functions of time: an end attitude that moves, and the remainder of a slew to it."""
+
+import math
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core import quaternion
+from rpojax.core.numerics import safe
+from rpojax.core.numerics.trigonometric_series import cos_sinc
+from rpojax.core.pytree import pytree
+from rpojax.core.quaternion import rotate
+from rpojax.flight.control.attitude_control import AttitudeCommand
+from rpojax.flight.guidance.pointing_modes import Pointing
+
+Vector = Float[Array, "3"]
+Scalar = Float[Array, ""]
+Flag = Bool[Array, ""]
+
+
+@pytree
+class Reference:
+    """Commanded attitude as a function of time: a moving end attitude and a remainder of a slew that dies out.
+
+    Attributes:
+        q_EN: (4,) end attitude at the epoch of the reference
+        omega_EN_E: (3,) its rate [rad/s]
+        remainder: (3,) rotation vector of the whole slew, command from end [rad]
+        slew_age: () since the slew began, at the epoch [s]
+        slew_time: () its duration [s]
+    """
+
+    q_EN: Array
+    omega_EN_E: Array
+    remainder: Array
+    slew_age: Array
+    slew_time: Array
+
+
+def slew_duration(pointing: Pointing, angle: Scalar) -> Scalar:
+    """Time [s] of a rest-to-rest slew over `angle` [rad] with the cycloidal profile of `evaluate`."""
+    time = safe.sqrt(2.0 * math.pi * angle / pointing.slew_acceleration)
+    return jnp.maximum(time, pointing.slew_minimum_time)
+
+
+def evaluate(reference: Reference, age: Scalar) -> AttitudeCommand:
+    """Command `age` [s] after the epoch of the reference."""
+    q_EN = quaternion.propagate(reference.q_EN, reference.omega_EN_E, age)
+    fraction = jnp.clip((reference.slew_age + age) / reference.slew_time, 0.0, 1.0)
+    # The cycloid sin(2 pi f) with its argument shifted by pi, into the range of the series.
+    phase = 2.0 * math.pi * (fraction - 0.5)
+    cosine, sinc = cos_sinc(phase * phase)
+    sine = phase * sinc
+    done = fraction + sine / (2.0 * math.pi)
+    moving = fraction < 1.0
+    rate = jnp.where(moving, (1.0 + cosine) / reference.slew_time, 0.0)
+    acceleration = jnp.where(moving, -2.0 * math.pi * sine / reference.slew_time**2, 0.0)
+    q_CE = quaternion.exp((1.0 - done) * reference.remainder)
+    return AttitudeCommand(
+        q_CN=quaternion.multiply(q_CE, q_EN),
+        omega_CN_C=rate * reference.remainder + rotate(q_CE, reference.omega_EN_E),
+        acceleration_C=acceleration * reference.remainder,
+    )
+
+
+def retarget(
+    pointing: Pointing, before: Reference, q_end: Array, omega_end: Vector, changed: Flag, dt: float
+) -> Reference:
+    """Reference with a new end attitude; a change of task or a jump of the end starts a new slew from the command."""
+    step = jnp.asarray(dt, dtype=jnp.float64)
+    q_end_expected = quaternion.propagate(before.q_EN, before.omega_EN_E, dt)
+    jump = safe.norm(quaternion.log(quaternion.multiply(q_end, quaternion.conjugate(q_end_expected))))
+    restart = changed | (jump > _JUMP)
+    command = evaluate(before, step)
+    remainder = quaternion.log(quaternion.multiply(command.q_CN, quaternion.conjugate(q_end)))
+    return Reference(
+        q_EN=q_end,
+        omega_EN_E=omega_end,
+        remainder=jnp.where(restart, remainder, before.remainder),
+        slew_age=jnp.where(restart, 0.0, before.slew_age + dt),
+        slew_time=jnp.where(restart, slew_duration(pointing, safe.norm(remainder)), before.slew_time),
+    )
+
+
+_JUMP = math.radians(5.0)
+"""A larger step of the end attitude within one tick is flown as a slew [rad]."""

@@ -1,0 +1,1 @@
+"""Navigation: orbit and attitude Kalman filters, outlier gate, thrust estimator."""

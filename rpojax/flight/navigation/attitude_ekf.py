@@ -1,0 +1,121 @@
+"""Attitude and gyro bias from star tracker and gyro: a multiplicative extended Kalman filter.
+
+The error `a` is a small rotation in body axes, `q_true = exp(a) q_estimate`; the second half of the error state is the
+gyro bias. Lefferts, Markley, Shuster, "Kalman Filtering for Spacecraft Attitude Estimation", 1982.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core import kalman_update, quaternion
+from rpojax.core.kalman_update import Rows
+from rpojax.core.pytree import pytree, replace
+
+Vector = Float[Array, "3"]
+
+
+@pytree
+class AttitudeFilter:
+    """Tuning.
+
+    Attributes:
+        star_tracker_noise: (3,) 1 sigma [rad]
+        angle_random_walk: () of the gyro [rad/s^0.5]
+        bias_walk: () of the gyro [rad/s per s^0.5]
+        initial_bias_sigma: () [rad/s]
+    """
+
+    star_tracker_noise: Array
+    angle_random_walk: Array
+    bias_walk: Array
+    initial_bias_sigma: Array
+
+
+@pytree
+class AttitudeEstimate:
+    """Attitude as known on board.
+
+    Attributes:
+        q_BN: (4,)
+        omega_BN_B: (3,) gyro rate less bias [rad/s]
+        bias_B: (3,) gyro bias [rad/s]
+        gyro_B: (3,) last gyro sample [rad/s]
+        covariance: (6, 6) of attitude error [rad] and bias [rad/s]
+    """
+
+    q_BN: Array
+    omega_BN_B: Array
+    bias_B: Array
+    gyro_B: Array
+    covariance: Array
+
+
+def initial(tuning: AttitudeFilter, q_BN: Float[Array, "4"], gyro_B: Vector) -> AttitudeEstimate:
+    """Estimate from one star tracker and one gyro sample [rad/s]."""
+    variance = jnp.concatenate([tuning.star_tracker_noise**2, jnp.full(3, tuning.initial_bias_sigma**2)])
+    return AttitudeEstimate(
+        q_BN=q_BN,
+        omega_BN_B=gyro_B,
+        bias_B=jnp.zeros_like(gyro_B),
+        gyro_B=gyro_B,
+        covariance=jnp.diag(variance),
+    )
+
+
+def integrate_gyro(estimate: AttitudeEstimate, gyro_B: Vector, dt: float) -> AttitudeEstimate:
+    """Carries the attitude over the `dt` [s] between two gyro samples with their mean."""
+    mean_rate = 0.5 * (estimate.gyro_B + gyro_B) - estimate.bias_B
+    return replace(
+        estimate,
+        q_BN=quaternion.propagate(estimate.q_BN, mean_rate, dt),
+        omega_BN_B=gyro_B - estimate.bias_B,
+        gyro_B=gyro_B,
+    )
+
+
+def predict_covariance(
+    tuning: AttitudeFilter, estimate: AttitudeEstimate, q_before: Float[Array, "4"], dt: float
+) -> AttitudeEstimate:
+    """Covariance after the `dt` [s] in which the attitude went from `q_before` to its present value."""
+    turn = quaternion.to_matrix(quaternion.multiply(estimate.q_BN, quaternion.conjugate(q_before)))
+    P = estimate.covariance
+    bias = P[3:, 3:]
+    cross = _product(turn, P[:3, 3:]) + dt * bias
+    angle = _product(_product(turn, P[:3, :3]), turn.T)
+    half = dt * _product(turn, P[:3, 3:])
+    identity = jnp.eye(3, dtype=P.dtype)
+    angle = angle + half + half.T + dt * dt * bias + tuning.angle_random_walk**2 * dt * identity
+    bias = bias + tuning.bias_walk**2 * dt * identity
+    top = jnp.concatenate([angle, cross], axis=1)
+    bottom = jnp.concatenate([cross.T, bias], axis=1)
+    return replace(estimate, covariance=jnp.concatenate([top, bottom], axis=0))
+
+
+def update(
+    tuning: AttitudeFilter,
+    estimate: AttitudeEstimate,
+    star_tracker_q_BN: Float[Array, "4"],
+    present: Bool[Array, ""],
+) -> AttitudeEstimate:
+    """Estimate after a star tracker measurement; without one the gyro carries on alone."""
+    residual = quaternion.log(quaternion.multiply(star_tracker_q_BN, quaternion.conjugate(estimate.q_BN)))
+    rows = Rows(
+        residual=residual,
+        jacobian=jnp.eye(3, 6, dtype=residual.dtype),
+        variance=tuning.star_tracker_noise**2,
+        weight=jnp.full(3, jnp.where(present, 1.0, 0.0)),
+    )
+    result = kalman_update.update(estimate.covariance, rows)
+    bias = estimate.bias_B + result.deviation[3:]
+    q_BN = quaternion.multiply(quaternion.exp(result.deviation[:3]), estimate.q_BN)
+    return replace(
+        estimate,
+        q_BN=quaternion.normalize(q_BN),
+        bias_B=bias,
+        omega_BN_B=estimate.gyro_B - bias,
+        covariance=result.covariance,
+    )
+
+
+def _product(a: Float[Array, "3 3"], b: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+    return jnp.sum(a[:, :, None] * b[None, :, :], axis=1)

@@ -1,0 +1,137 @@
+"""Orbit filter: servicer and target together, from GPS and bounding boxes.
+
+The state is the servicer's orbit and the target relative to it, so no two 7000 km vectors are ever subtracted. GPS
+touches the first half, the box the second. The two halves are carried as two covariances: gravity does not couple
+them (a metre of servicer error changes the relative acceleration by 1e-13 m/s^2), and the execution error of a burn,
+which enters both, is a tenth of a millimetre per second against the servicer's several. The target's own covariance is
+the sum of the two.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rpojax.core.numerics import runge_kutta
+from rpojax.core.orbits import encke_reference
+from rpojax.core.orbits.orbital_mechanics import EARTH
+from rpojax.core.pytree import pytree
+from rpojax.flight.navigation import orbit_covariance, relative_orbit_ekf, servicer_orbit_ekf
+from rpojax.flight.navigation.filter_tuning import BoxMeasurement, GpsMeasurement, Navigation
+from rpojax.flight.navigation.outlier_gate import BoxTrack
+from rpojax.flight.navigation.relative_orbit_ekf import Expected, RelativeEstimate
+from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
+
+Vector = Float[Array, "3"]
+Scalar = Float[Array, ""]
+
+
+@pytree
+class OrbitEstimate:
+    """Both halves."""
+
+    servicer: ServicerEstimate
+    relative: RelativeEstimate
+
+
+@pytree
+class Innovation:
+    """Diagnostics of an update: rows are GPS x, y, z, bearing x, y and log-size.
+
+    Attributes:
+        innovation: (6,)
+        variance: (6,) its variance as the filter sees it
+        weight: (6,) 1 for the rows that were used, 0 for the others
+        log_likelihood: () of the rows used
+        accepted: () bool, the box was used
+        rejected: () bool, there was a box and it was not used
+        expected: where the box was expected
+    """
+
+    innovation: Array
+    variance: Array
+    weight: Array
+    log_likelihood: Array
+    accepted: Array
+    rejected: Array
+    expected: Expected
+
+
+def initial(tuning: Navigation, r_SN_N: Vector, v_SN_N: Vector, r_TS_N: Vector, v_TS_N: Vector) -> OrbitEstimate:
+    """Estimate at hand-over from given means [m, m/s]."""
+    return OrbitEstimate(
+        servicer=servicer_orbit_ekf.initial(tuning, r_SN_N, v_SN_N),
+        relative=relative_orbit_ekf.initial(tuning, r_TS_N, v_TS_N),
+    )
+
+
+def predict(
+    tuning: Navigation,
+    zonal_degree: int,
+    estimate: OrbitEstimate,
+    delta_v_N: Vector,
+    burn_delta_v: Scalar,
+    doubt: Scalar,
+    pull_N: Vector,
+    dt: float,
+) -> OrbitEstimate:
+    """Estimate `dt` [s] later, with the known velocity change [m/s] spread over the step.
+
+    `burn_delta_v` [m/s] is the size of the whole burn that `delta_v_N` is a part of, `doubt` a factor on the filter's
+    idea of how well burns are executed, `pull_N` [m/s^2] the pull of the Sun and the Moon on the servicer.
+    """
+    acceleration = delta_v_N / dt
+
+    servicer, relative = estimate.servicer, estimate.relative
+    own = encke_reference.begin(EARTH, zonal_degree, servicer.r_SN_N, servicer.v_SN_N, servicer.residue)
+
+    def derivative(y: tuple[Vector, ...], time: Scalar | None) -> tuple[Vector, ...]:
+        r, v, d, d_dot = y
+        pull = own.gravity(time, r, d)
+        return (
+            v,
+            pull.value + pull_N + acceleration,
+            d_dot,
+            pull.change - acceleration,
+        )
+
+    mean = (*own.start, relative.r_TS_N, relative.v_TS_N)
+    times = own.times(runge_kutta.NODES["rk4"], dt)
+    change_r, change_v, change_d, change_d_dot = runge_kutta.change("rk4", derivative, mean, times, dt)
+    r, v, residue = own.end(dt, change_r, change_v)
+    d, d_dot = relative.r_TS_N + change_d, relative.v_TS_N + change_d_dot
+    burn = orbit_covariance.burn(
+        delta_v_N, burn_delta_v, doubt * tuning.burn_magnitude_sigma, tuning.burn_direction_sigma
+    )
+    return OrbitEstimate(
+        servicer=servicer_orbit_ekf.predict(tuning, servicer, r, v, residue, burn, dt),
+        relative=relative_orbit_ekf.predict(tuning, relative, d, d_dot, servicer.r_SN_N, burn, dt),
+    )
+
+
+def update(
+    tuning: Navigation,
+    gated: bool,
+    focal_px: Scalar,
+    estimate: OrbitEstimate,
+    track: BoxTrack,
+    gps: GpsMeasurement,
+    q_KN: Float[Array, "4"],
+    box: BoxMeasurement,
+) -> tuple[OrbitEstimate, BoxTrack, Innovation]:
+    """Estimate after GPS, if there is any, and after the box, if it passes the gate.
+
+    `q_KN` is the camera's attitude as known on board.
+    """
+    servicer, gps_result = servicer_orbit_ekf.update(tuning, estimate.servicer, gps)
+    relative, track, box_result, used, expected = relative_orbit_ekf.update(
+        tuning, gated, focal_px, estimate.relative, track, q_KN, box
+    )
+    innovation = Innovation(
+        innovation=jnp.concatenate([gps_result.innovation, box_result.innovation]),
+        variance=jnp.concatenate([gps_result.innovation_variance, box_result.innovation_variance]),
+        weight=jnp.concatenate([gps_result.weight, box_result.weight]),
+        log_likelihood=gps_result.log_likelihood + box_result.log_likelihood,
+        accepted=used,
+        rejected=box.present & ~used,
+        expected=expected,
+    )
+    return OrbitEstimate(servicer=servicer, relative=relative), track, innovation

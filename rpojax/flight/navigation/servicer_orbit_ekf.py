@@ -1,0 +1,109 @@
+"""The servicer half of the orbit filter: its own orbit from GPS, with GPS's slowly varying error as a state.
+
+State (9): position and velocity of the servicer in N, GPS error (3).
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rpojax.core import kalman_update
+from rpojax.core.kalman_update import Rows, Update
+from rpojax.core.numerics import double_single
+from rpojax.core.numerics.double_single import Residue
+from rpojax.core.orbits import orbital_mechanics
+from rpojax.core.pytree import pytree, replace
+from rpojax.flight.navigation import orbit_covariance
+from rpojax.flight.navigation.filter_tuning import GpsMeasurement, Navigation
+
+Vector = Float[Array, "3"]
+Matrix = Float[Array, "3 3"]
+
+
+@pytree
+class ServicerEstimate:
+    """Mean and covariance of the servicer half.
+
+    Attributes:
+        r_SN_N: (3,) servicer position [m]
+        v_SN_N: (3,) servicer velocity [m/s]
+        gps_error_N: (3,) [m]
+        covariance: (9, 9) in this order
+        residue: (2, 3) what position [m] and velocity [m/s] lack in single precision; else None
+    """
+
+    r_SN_N: Array
+    v_SN_N: Array
+    gps_error_N: Array
+    covariance: Array
+    residue: Array | None = None
+
+
+def initial_sigma(tuning: Navigation) -> Float[Array, "9"]:
+    """1-sigma of every state at hand-over."""
+    return jnp.concatenate(
+        [
+            jnp.full(3, tuning.initial_position_sigma),
+            jnp.full(3, tuning.initial_velocity_sigma),
+            jnp.full(3, tuning.gps_error_sigma),
+        ]
+    )
+
+
+def initial(tuning: Navigation, r_SN_N: Vector, v_SN_N: Vector) -> ServicerEstimate:
+    """Estimate at hand-over from given means [m, m/s]."""
+    return ServicerEstimate(
+        r_SN_N=r_SN_N,
+        v_SN_N=v_SN_N,
+        gps_error_N=jnp.zeros_like(r_SN_N),
+        covariance=jnp.diag(initial_sigma(tuning) ** 2),
+    )
+
+
+def predict(
+    tuning: Navigation,
+    estimate: ServicerEstimate,
+    r_SN_N: Vector,
+    v_SN_N: Vector,
+    residue: Residue,
+    burn_covariance: Matrix,
+    dt: float,
+) -> ServicerEstimate:
+    """Estimate `dt` [s] later with its mean already propagated to `r_SN_N` [m], `v_SN_N` [m/s] and their `residue`."""
+    decay = jnp.exp(-dt / tuning.gps_error_time_constant)
+    growth = tuning.gps_error_sigma**2 * (1.0 - decay**2)
+    velocity = burn_covariance + tuning.acceleration_noise**2 * dt * jnp.eye(3, dtype=decay.dtype)
+    gradient = orbital_mechanics.gravity_gradient(estimate.r_SN_N)
+    added = velocity, jnp.full(3, growth)
+    return replace(
+        estimate,
+        r_SN_N=r_SN_N,
+        v_SN_N=v_SN_N,
+        residue=residue,
+        gps_error_N=decay * estimate.gps_error_N,
+        covariance=orbit_covariance.propagate(estimate.covariance, gradient, jnp.full(3, decay), *added, dt),
+    )
+
+
+def update(tuning: Navigation, estimate: ServicerEstimate, gps: GpsMeasurement) -> tuple[ServicerEstimate, Update]:
+    """Estimate after a GPS position; nothing changes when there is none."""
+    missing = None if estimate.residue is None else estimate.residue[0]
+    apart = double_single.apart(gps.position_N, gps.residue_N, estimate.r_SN_N, missing)
+    identity = jnp.eye(3, dtype=apart.dtype)
+    rows = Rows(
+        residual=apart - estimate.gps_error_N,
+        jacobian=jnp.concatenate([identity, jnp.zeros((3, 3), dtype=apart.dtype), identity], axis=1),
+        variance=jnp.full(3, tuning.gps_noise**2),
+        weight=jnp.full(3, jnp.where(gps.present, 1.0, 0.0)),
+    )
+    P = estimate.covariance
+    result = kalman_update.update(P, rows, crossed=P[:3] + P[6:])
+    x = result.deviation
+    r_SN_N, v_SN_N, residue = double_single.moved(estimate.r_SN_N, estimate.v_SN_N, estimate.residue, x[:3], x[3:6])
+    corrected = ServicerEstimate(
+        r_SN_N=r_SN_N,
+        v_SN_N=v_SN_N,
+        residue=residue,
+        gps_error_N=estimate.gps_error_N + x[6:],
+        covariance=result.covariance,
+    )
+    return corrected, result

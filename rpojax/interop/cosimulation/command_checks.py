@@ -1,0 +1,170 @@
+"""Commands from outside, checked before they count: nothing that a node says may break a run.
+
+Each check gives what the command says, or the reason why it is ignored.
+"""
+
+import enum
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rpojax.core.constants import RADIUS_EARTH
+from rpojax.interop.ros2.frame_names import ECI, HILL, SERVICER
+from rpojax.interop.ros2.message_builders import NANO, VALVE, WHEELS
+
+
+class Reason(enum.StrEnum):
+    """Why a message is ignored."""
+
+    UNREADABLE = "unreadable"
+    WRONG_TYPE = "wrong type"
+    STALE = "stale stamp"
+    EARLY = "stamp ahead"
+    WRONG_LENGTH = "wrong length"
+    WRONG_NAMES = "wrong names"
+    WRONG_FRAME = "wrong frame"
+    NOT_FINITE = "not finite"
+    BEYOND_LIMIT = "beyond limit"
+    TOO_SHORT = "on-time too short"
+    IN_THE_PAST = "ignition in the past"
+    NO_ROTATION = "no unit quaternion"
+    NO_COVARIANCE = "no covariance"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What is still taken for a command.
+
+    Attributes:
+        torque: (3,) of the wheels [N m]
+        minimum_on_time_s: of the thruster
+        longest_on_time_s: of the thruster
+    """
+
+    torque: np.ndarray
+    minimum_on_time_s: float
+    longest_on_time_s: float
+
+
+@dataclass(frozen=True)
+class Window:
+    """When the valve is open, counted from the start of the run [ns]; a burn without length is none."""
+
+    ignition: int = 0
+    cutoff: int = 0
+
+
+ABSURD = 10.0
+"""A torque command so many times beyond the limit is no command; below, the drive gives what it can."""
+
+_SAME_NS = 1000
+_UNIT_TOLERANCE = 1e-3
+_FARTHEST_M = 1e5
+"""From the target; the linear motion that formation control counts on ends long before."""
+_NEAREST_M = 0.1
+_HIGHEST_M = 1e9
+_LARGEST_VARIANCE = 1e18
+
+
+def stamp(message: Any) -> int:
+    """Time of a message [ns]."""
+    at = message.header.stamp
+    return int(at.sec) * NANO + int(at.nanosec)
+
+
+def wheel_torque(message: Any, limits: Limits) -> np.ndarray | Reason:
+    """Torques [N m] (3,) of a `sensor_msgs/JointState` that names the three wheels in any order, or none at all."""
+    names, torque = list(message.name), np.asarray(message.effort, dtype=np.float64)
+    if torque.shape != (3,) or len(names) not in (0, 3):
+        return Reason.WRONG_LENGTH
+    if names and set(names) != set(WHEELS):
+        return Reason.WRONG_NAMES
+    if not np.isfinite(torque).all():
+        return Reason.NOT_FINITE
+    if (np.abs(torque) > ABSURD * limits.torque).any():
+        return Reason.BEYOND_LIMIT
+    return torque[[names.index(wheel) for wheel in WHEELS]] if names else torque
+
+
+def burn_window(message: Any, limits: Limits, now: int, before: Window) -> Window | Reason:
+    """Opening of the valve that a `trajectory_msgs/JointTrajectory` asks for `now` [ns], after the one `before`.
+
+    Without points there is none. A valve that is to be open already is that of the burn before, told again.
+    """
+    points = list(message.points)
+    if len(points) not in (0, 2) or len(message.joint_names) > 1:
+        return Reason.WRONG_LENGTH
+    if list(message.joint_names) not in ([], [VALVE]):
+        return Reason.WRONG_NAMES
+    if not all(np.isfinite(np.asarray(point.effort, dtype=np.float64)).all() for point in points):
+        return Reason.NOT_FINITE
+    if not points:
+        return Window()
+    told = [stamp(message) + _nanoseconds(point.time_from_start) for point in points]
+    # Who works out the times anew every second may be off by a rounding.
+    ignition, cutoff = (
+        known if abs(time - known) < _SAME_NS else time
+        for time, known in zip(told, (before.ignition, before.cutoff), strict=True)
+    )
+    if (cutoff - ignition) < limits.minimum_on_time_s * NANO:
+        return Reason.TOO_SHORT
+    if (cutoff - ignition) > limits.longest_on_time_s * NANO:
+        return Reason.BEYOND_LIMIT
+    if ignition < now and ignition != before.ignition:
+        return Reason.IN_THE_PAST
+    return Window(ignition, cutoff)
+
+
+def orientation(message: Any) -> np.ndarray | Reason:
+    """Orientation (x, y, z, w) of a `geometry_msgs/QuaternionStamped` in `eci`."""
+    if message.header.frame_id not in ("", ECI):
+        return Reason.WRONG_FRAME
+    return _unit(message.quaternion)
+
+
+def servicer_odometry(message: Any) -> Any | Reason:
+    """The `nav_msgs/Odometry` itself, if it can be the servicer's in `eci`."""
+    return _odometry(message, ECI, (RADIUS_EARTH, _HIGHEST_M))
+
+
+def relative_odometry(message: Any) -> Any | Reason:
+    """The `nav_msgs/Odometry` itself, if it can be the servicer's from the target."""
+    return _odometry(message, HILL, (_NEAREST_M, _FARTHEST_M))
+
+
+def _odometry(message: Any, frame: str, distances: tuple[float, float]) -> Any | Reason:
+    if message.header.frame_id != frame or message.child_frame_id != SERVICER:
+        return Reason.WRONG_FRAME
+    place, velocity = message.pose.pose.position, message.twist.twist.linear
+    position = np.array([place.x, place.y, place.z])
+    doubts = (np.asarray(message.pose.covariance), np.asarray(message.twist.covariance))
+    if not np.isfinite([*position, velocity.x, velocity.y, velocity.z, *doubts[0], *doubts[1]]).all():
+        return Reason.NOT_FINITE
+    low, high = distances
+    if np.abs(position).max() > high or not low <= np.linalg.norm(position) <= high:
+        return Reason.BEYOND_LIMIT
+    if isinstance(turn := _unit(message.pose.pose.orientation), Reason):
+        return turn
+    if not all(_is_covariance(doubt.reshape(6, 6)[:3, :3]) for doubt in doubts):
+        return Reason.NO_COVARIANCE
+    return message
+
+
+def _is_covariance(P: np.ndarray) -> bool:
+    """Whether a matrix is symmetric and positive definite, so that the filter can go on from it."""
+    if np.abs(P).max() > _LARGEST_VARIANCE or not np.allclose(P, P.T, rtol=1e-6, atol=0.0):
+        return False
+    return bool(np.linalg.eigvalsh(P).min() > 0.0)
+
+
+def _unit(turn: Any) -> np.ndarray | Reason:
+    xyzw = np.array([turn.x, turn.y, turn.z, turn.w])
+    if not np.isfinite(xyzw).all():
+        return Reason.NOT_FINITE
+    size = float(np.linalg.norm(np.clip(xyzw, -2.0, 2.0)))
+    return xyzw / size if abs(size - 1.0) < _UNIT_TOLERANCE else Reason.NO_ROTATION
+
+
+def _nanoseconds(span: Any) -> int:
+    return int(span.sec) * NANO + int(span.nanosec)

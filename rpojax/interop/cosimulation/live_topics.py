@@ -1,0 +1,94 @@
+"""The live loop's own topics, beside those of `topics`, and the messages on them."""
+
+from typing import Any
+
+import numpy as np
+
+from rpojax.interop.ros2.frame_names import ECI, SERVICER
+from rpojax.interop.ros2.message_builders import duration, header, quaternion, vector
+from rpojax.interop.ros2.message_types import message_class
+from rpojax.interop.ros2.topics import Rate, Source, Topic
+
+ATTITUDE_ESTIMATE = Topic(
+    "/servicer/estimate/attitude",
+    "sensor_msgs/msg/Imu",
+    SERVICER,
+    "",
+    Source.FLIGHT,
+    Rate.TICK,
+    "orientation in `eci` and rate less gyro bias, with covariance; at every plant step where attitude is external",
+)
+ATTITUDE_REFERENCE = Topic(
+    "/servicer/guidance/attitude",
+    "trajectory_msgs/msg/MultiDOFJointTrajectory",
+    ECI,
+    "",
+    Source.FLIGHT,
+    Rate.TICK,
+    "orientation, rate and angular acceleration that guidance wants, one point for every plant step of the tick",
+)
+ATTITUDE_TARGET = Topic(
+    "/servicer/attitude/target",
+    "geometry_msgs/msg/QuaternionStamped",
+    ECI,
+    "",
+    Source.FLIGHT,
+    Rate.TICK,
+    "orientation of the servicer in `eci` during the burn of the thruster command with the same stamp",
+)
+
+OWN = (ATTITUDE_ESTIMATE, ATTITUDE_REFERENCE, ATTITUDE_TARGET)
+
+
+def attitude_estimate(
+    nanos: int, orientation: np.ndarray, rate: np.ndarray, covariance: np.ndarray, rate_covariance: np.ndarray
+) -> Any:
+    """`sensor_msgs/Imu` of an estimated orientation (x, y, z, w) and rate [rad/s], without acceleration."""
+    return message_class("sensor_msgs/msg/Imu")(
+        header=header(nanos, SERVICER),
+        orientation=quaternion(orientation),
+        orientation_covariance=np.ascontiguousarray(covariance).reshape(9),
+        angular_velocity=vector(rate),
+        angular_velocity_covariance=np.ascontiguousarray(rate_covariance).reshape(9),
+        linear_acceleration=vector(np.zeros(3)),
+        linear_acceleration_covariance=np.array([-1.0, *[0.0] * 8]),
+    )
+
+
+def attitude_reference(
+    nanos: int, step_nanos: int, orientations: np.ndarray, rates: np.ndarray, accelerations: np.ndarray
+) -> Any:
+    """`trajectory_msgs/MultiDOFJointTrajectory`, a point every `step_nanos` [ns] from the stamp on.
+
+    Orientations (n, 4) are x, y, z, w of the commanded body in `eci`, rates (n, 3) [rad/s] and accelerations (n, 3)
+    [rad/s^2] along its axes.
+    """
+    point, twist = message_class("trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"), _angular
+    made = message_class("geometry_msgs/msg/Transform")
+    still = vector(np.zeros(3))
+    return message_class("trajectory_msgs/msg/MultiDOFJointTrajectory")(
+        header=header(nanos, ECI),
+        joint_names=[SERVICER],
+        points=[
+            point(
+                transforms=[made(translation=still, rotation=quaternion(orientation))],
+                velocities=[twist(rate)],
+                accelerations=[twist(acceleration)],
+                time_from_start=duration(index * step_nanos),
+            )
+            for index, (orientation, rate, acceleration) in enumerate(
+                zip(orientations, rates, accelerations, strict=True)
+            )
+        ],
+    )
+
+
+def _angular(values: np.ndarray) -> Any:
+    return message_class("geometry_msgs/msg/Twist")(linear=vector(np.zeros(3)), angular=vector(values))
+
+
+def attitude_target(nanos: int, orientation: np.ndarray) -> Any:
+    """`geometry_msgs/QuaternionStamped` of an orientation (x, y, z, w) in `eci`."""
+    return message_class("geometry_msgs/msg/QuaternionStamped")(
+        header=header(nanos, ECI), quaternion=quaternion(orientation)
+    )

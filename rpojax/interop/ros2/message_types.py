@@ -1,0 +1,84 @@
+"""ROS 2 message types: the one source of their classes, bytes and hashes, for bags and for the wire.
+
+The types are those of Jazzy, the release that is supported longest; every type in use here has the same fields, and so
+the same bytes and hash, in Humble and in all releases since. The layout of `vision_msgs` is that of its version 4.
+"""
+
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from rpojax.errors import RpojaxError
+from rpojax.optional import need
+
+if TYPE_CHECKING:
+    from rosbags.typesys.store import Typestore
+
+_VISION = {
+    "Point2D": "float64 x\nfloat64 y",
+    "Pose2D": "vision_msgs/Point2D position\nfloat64 theta",
+    "BoundingBox2D": "vision_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y",
+    "ObjectHypothesis": "string class_id\nfloat64 score",
+    "ObjectHypothesisWithPose": "vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose",
+    "Detection2D": "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\n"
+    "vision_msgs/BoundingBox2D bbox\nstring id",
+    "Detection2DArray": "std_msgs/Header header\nvision_msgs/Detection2D[] detections",
+}
+"""Definitions of the types of `vision_msgs` 4 that a detection is made of; no store of types has them."""
+
+
+@cache
+def typestore() -> "Typestore":
+    """All known message types.
+
+    Raises:
+        RpojaxError: rosbags is not installed.
+    """
+    typesys = need("rosbags.typesys", "ros")
+    store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
+    for name, text in _VISION.items():
+        store.register(typesys.get_types_from_msg(text, f"vision_msgs/msg/{name}"))
+    return store
+
+
+@cache
+def message_class(name: str) -> Any:
+    """Class of a message, such as that of `nav_msgs/msg/Odometry`; its `__msgtype__` is the name.
+
+    Raises:
+        RpojaxError: there is no such type.
+    """
+    types = typestore().types
+    if name not in types:
+        raise RpojaxError(f"message type: found {name!r}, expected one such as 'nav_msgs/msg/Odometry'")
+    return types[name]
+
+
+def serialize(message: Any) -> bytes:
+    """A message as little-endian CDR, its four bytes of header first, as bags and DDS carry it."""
+    return bytes(typestore().serialize_cdr(message, message.__msgtype__, little_endian=True))
+
+
+def deserialize(data: bytes | memoryview, name: str) -> Any:
+    """Message of the type `name` from its CDR bytes.
+
+    Raises:
+        RpojaxError: the bytes are no such message.
+    """
+    message_class(name)
+    failure = need("rosbags.serde", "ros").SerdeError
+    try:
+        return typestore().deserialize_cdr(data, name)
+    except failure as error:
+        raise RpojaxError(f"{name}: found {len(data)} bytes that are not one ({error}), expected CDR") from None
+
+
+def type_hash(name: str) -> str:
+    """REP-2016 hash of a type, such as `RIHS01_3cc9...`, by which nodes know that they mean the same fields."""
+    message_class(name)
+    return typestore().hash_rihs01(name)
+
+
+def definition(name: str) -> str:
+    """Text of a type and of all that it is made of, as bags carry it (`ros2msg`)."""
+    message_class(name)
+    return typestore().generate_msgdef(name, ros_version=2)[0]

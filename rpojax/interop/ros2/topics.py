@@ -1,0 +1,261 @@
+"""The table of topics: what a run says of itself in ROS 2, in bags and on the wire."""
+
+import enum
+from dataclasses import dataclass
+
+from rpojax.interop.ros2.frame_names import CAMERA, ECI, HILL, SERVICER, TARGET
+
+
+class Source(enum.StrEnum):
+    """Who says it."""
+
+    TRUTH = "truth"
+    SENSOR = "sensor"
+    FLIGHT = "flight software"
+
+
+class Rate(enum.StrEnum):
+    """When there is a message."""
+
+    ONCE = "once, at the start"
+    TICK = "every tick"
+    PRESENT = "every tick with a measurement"
+    PICTURE = "every picture"
+
+
+@dataclass(frozen=True)
+class Qos:
+    """Quality of service of a publisher.
+
+    Attributes:
+        depth: so many last messages are kept
+        latched: who comes late gets them too (transient local); else volatile
+    """
+
+    depth: int
+    latched: bool = False
+
+
+# All are reliable: such a publisher serves subscribers of either kind, the sensor-data profile of rviz included.
+STREAM = Qos(depth=10)
+LATCHED = Qos(depth=1, latched=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Topic:
+    """One topic, compared by its identity.
+
+    Attributes:
+        name: absolute
+        type: message type
+        frame: `header.frame_id`, "" where there is none or several
+        child: `child_frame_id`, "" where there is none or several
+        source: who says it
+        rate: when there is a message
+        holds: what it says
+        qos: of its publisher
+    """
+
+    name: str
+    type: str
+    frame: str
+    child: str
+    source: Source
+    rate: Rate
+    holds: str
+    qos: Qos = STREAM
+
+
+CLOCK = Topic(
+    "/clock", "rosgraph_msgs/msg/Clock", "", "", Source.TRUTH, Rate.TICK, "simulation time, for `use_sim_time`"
+)
+TF = Topic(
+    "/tf", "tf2_msgs/msg/TFMessage", "", "", Source.TRUTH, Rate.TICK, "Hill frame in `eci`; servicer and target in it"
+)
+TF_STATIC = Topic(
+    "/tf_static",
+    "tf2_msgs/msg/TFMessage",
+    SERVICER,
+    CAMERA,
+    Source.FLIGHT,
+    Rate.ONCE,
+    "mounting of the camera as flight software knows it",
+    LATCHED,
+)
+SERVICER_TRUTH = Topic(
+    "/servicer/truth/odometry",
+    "nav_msgs/msg/Odometry",
+    ECI,
+    SERVICER,
+    Source.TRUTH,
+    Rate.TICK,
+    "the servicer's orbit and attitude",
+)
+RELATIVE_TRUTH = Topic(
+    "/servicer/truth/relative_odometry",
+    "nav_msgs/msg/Odometry",
+    HILL,
+    SERVICER,
+    Source.TRUTH,
+    Rate.TICK,
+    "the servicer from the target, its velocity as seen in the turning Hill frame",
+)
+TARGET_TRUTH = Topic(
+    "/target/truth/odometry",
+    "nav_msgs/msg/Odometry",
+    ECI,
+    TARGET,
+    Source.TRUTH,
+    Rate.TICK,
+    "the target's orbit and tumble",
+)
+SERVICER_ESTIMATE = Topic(
+    "/servicer/estimate/odometry",
+    "nav_msgs/msg/Odometry",
+    ECI,
+    SERVICER,
+    Source.FLIGHT,
+    Rate.TICK,
+    "orbit and attitude after the tick's measurements, with covariance",
+)
+RELATIVE_ESTIMATE = Topic(
+    "/servicer/estimate/relative_odometry",
+    "nav_msgs/msg/Odometry",
+    HILL,
+    SERVICER,
+    Source.FLIGHT,
+    Rate.TICK,
+    "the servicer from the target after the tick's measurements, with covariance",
+)
+TARGET_ESTIMATE = Topic(
+    "/target/estimate/odometry",
+    "nav_msgs/msg/Odometry",
+    ECI,
+    HILL,
+    Source.FLIGHT,
+    Rate.TICK,
+    "the target's orbit as its Hill frame, with covariance; nobody estimates its attitude",
+)
+GPS = Topic(
+    "/servicer/gps/position",
+    "geometry_msgs/msg/PointStamped",
+    ECI,
+    "",
+    Source.SENSOR,
+    Rate.PRESENT,
+    "measured position of the servicer [m]",
+)
+STAR_TRACKER = Topic(
+    "/servicer/star_tracker/attitude",
+    "geometry_msgs/msg/QuaternionStamped",
+    ECI,
+    "",
+    Source.SENSOR,
+    Rate.PRESENT,
+    "measured orientation of the servicer in `eci`",
+)
+IMU = Topic(
+    "/servicer/imu",
+    "sensor_msgs/msg/Imu",
+    SERVICER,
+    "",
+    Source.SENSOR,
+    Rate.TICK,
+    "last gyro sample [rad/s]; no orientation and no acceleration, as their covariances of -1 say",
+)
+WHEELS = Topic(
+    "/servicer/wheels/state",
+    "sensor_msgs/msg/JointState",
+    "",
+    "",
+    Source.TRUTH,
+    Rate.TICK,
+    "speeds [rad/s] and torques of the motors [N m]",
+)
+WHEEL_COMMAND = Topic(
+    "/servicer/wheels/command",
+    "sensor_msgs/msg/JointState",
+    "",
+    "",
+    Source.FLIGHT,
+    Rate.TICK,
+    "torque commands at the start of the tick [N m], as effort",
+)
+THRUSTER_COMMAND = Topic(
+    "/servicer/thruster/command",
+    "trajectory_msgs/msg/JointTrajectory",
+    SERVICER,
+    "",
+    Source.FLIGHT,
+    Rate.TICK,
+    "opening and closing of the valve: two points from the stamp on, force [N] as effort; none without a burn ahead",
+)
+CAMERA_INFO = Topic(
+    "/servicer/camera/camera_info",
+    "sensor_msgs/msg/CameraInfo",
+    CAMERA,
+    "",
+    Source.FLIGHT,
+    Rate.TICK,
+    "calibration of the tick's picture: of a large frame, the window that the detector gets",
+)
+IMAGE = Topic(
+    "/servicer/camera/image_raw",
+    "sensor_msgs/msg/Image",
+    CAMERA,
+    "",
+    Source.SENSOR,
+    Rate.PICTURE,
+    "the picture, rgb8",
+)
+COMPRESSED_IMAGE = Topic(
+    "/servicer/camera/image_raw/compressed",
+    "sensor_msgs/msg/CompressedImage",
+    CAMERA,
+    "",
+    Source.SENSOR,
+    Rate.PICTURE,
+    "the picture, png",
+)
+DETECTIONS = Topic(
+    "/servicer/camera/detections",
+    "vision_msgs/msg/Detection2DArray",
+    CAMERA,
+    "",
+    Source.SENSOR,
+    Rate.TICK,
+    "the detector's box in pixels of `camera_info`, or none",
+)
+DIAGNOSTICS = Topic(
+    "/diagnostics",
+    "diagnostic_msgs/msg/DiagnosticArray",
+    "",
+    "",
+    Source.FLIGHT,
+    Rate.TICK,
+    "guidance mode, what became of the box; true velocity change and mass",
+)
+
+TABLE = (
+    CLOCK,
+    TF,
+    TF_STATIC,
+    SERVICER_TRUTH,
+    RELATIVE_TRUTH,
+    TARGET_TRUTH,
+    SERVICER_ESTIMATE,
+    RELATIVE_ESTIMATE,
+    TARGET_ESTIMATE,
+    GPS,
+    STAR_TRACKER,
+    IMU,
+    WHEELS,
+    WHEEL_COMMAND,
+    THRUSTER_COMMAND,
+    CAMERA_INFO,
+    IMAGE,
+    COMPRESSED_IMAGE,
+    DETECTIONS,
+    DIAGNOSTICS,
+)
+"""Every topic, in the order in which the messages of a tick are sent."""

@@ -1,0 +1,1 @@
+"""The report page: template, records that fill it, report.json."""

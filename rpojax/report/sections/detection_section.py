@@ -1,0 +1,134 @@
+"""How the detector did, or what stands for it: boxes by range, from the kept histories of a campaign."""
+
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from rpojax.flight.guidance.pointing_modes import Mode
+from rpojax.report.labels import number
+
+History = Mapping[str, np.ndarray]
+Frames = dict[str, np.ndarray]
+
+_CHANNELS = (
+    *("range_m", "mode", "observable", "box_present", "box_accepted", "box_outlier", "box_truncated"),
+    *("box_px", "box_score", "outline_px"),
+)
+_STEPS_M = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 50.0, 70.0, 100.0, 150.0, 200.0, 300.0, 500.0, 1000.0)
+_FEWEST = 20
+"""Frames in a range below which it is not worth a line, and boxes below which edges are not."""
+_AWAY = (Mode.TURN, Mode.BURN, Mode.TURN_BACK)
+_EDGES = ("left", "top", "right", "bottom")
+_SCORES = (5.0, 50.0, 95.0)
+
+
+def by_range(histories: Iterable[History]) -> list[dict[str, Any]]:
+    """Boxes of histories in all and by range, as content of report.json; empty without histories.
+
+    One that was stored before there were scores and true outlines is left out.
+    """
+    frames = _frames([history for history in histories if all(name in history for name in _CHANNELS)])
+    if not frames:
+        return []
+    lines = [{"range_m": None, **_line(frames)}]
+    bounds = (*_STEPS_M, np.inf)
+    for low, high in pairwise(bounds):
+        inside = (frames["range_m"] >= low) & (frames["range_m"] < high)
+        if inside.sum() >= _FEWEST:
+            part = {name: values[inside] for name, values in frames.items()}
+            lines.append({"range_m": [low, high if np.isfinite(high) else None], **_line(part)})
+    # One range is all of them.
+    return lines if len(lines) > 2 else lines[:1]
+
+
+def rows(lines: list[dict[str, Any]]) -> dict[str, list[list[str]]]:
+    """Cells of two tables of the page: `boxes`, and `edges` where enough whole true boxes tell something."""
+    shares = ("boxes_per_frame", "accepted", "false_per_frame", "false_per_away_frame", "cut")
+    boxes = [
+        [_range(line), str(line["frames"]), str(line["away_frames"]), str(line["boxes"])]
+        + [_percent(line[name]) for name in shares]
+        + [number(line["score"][key], 3) if line["score"] else number(None) for key in ("p5", "p50", "p95")]
+        for line in lines
+    ]
+    edges = [
+        [_range(line), str(line["edges"]["boxes"]), number(line["edges"]["side_px"], 3)]
+        + [f"{line['edges'][edge]['bias_px']:+z.2f} ± {line['edges'][edge]['sigma_px']:.2f}" for edge in _EDGES]
+        + [_percent(line["edges"]["overlap"])]
+        for line in lines
+        if line["edges"]
+    ]
+    return {"boxes": boxes, "edges": edges}
+
+
+def _frames(histories: list[History]) -> Frames:
+    """Channels of all frames before the end or the failure of their run."""
+    if not histories:
+        return {}
+    alive = np.concatenate([np.isfinite(history["range_m"]) for history in histories])
+    return {name: np.concatenate([history[name] for history in histories])[alive] for name in _CHANNELS}
+
+
+def _line(frames: Frames) -> dict[str, Any]:
+    present, outlier, light = frames["box_present"], frames["box_outlier"], frames["observable"]
+    away = np.isin(frames["mode"], _AWAY)
+    looking = light & ~away
+    scores = frames["box_score"][present]
+    return {
+        "frames": int(looking.sum()),
+        "away_frames": int((light & away).sum()),
+        "boxes": int(present.sum()),
+        "boxes_per_frame": _share(present, looking),
+        "accepted": _share(frames["box_accepted"], present),
+        "false_per_frame": _share(outlier, looking),
+        "false_per_away_frame": _share(outlier, light & away),
+        "cut": _share(frames["box_truncated"], present),
+        "score": {f"p{q:.0f}": float(np.percentile(scores, q)) for q in _SCORES} if len(scores) else None,
+        "edges": _edges(frames, present & ~outlier & ~frames["box_truncated"]),
+    }
+
+
+def _edges(frames: Frames, chosen: np.ndarray) -> dict[str, Any] | None:
+    """Error of each edge [px] of the chosen boxes, to the right and down, and their mean overlap with the truth."""
+    box, true = (_corners(frames[name][chosen].astype(float)) for name in ("box_px", "outline_px"))
+    if len(box) < _FEWEST:
+        return None
+    error = box - true
+    sides = true[:, 2:] - true[:, :2]
+    return {
+        "boxes": len(box),
+        "side_px": float(np.median(np.sqrt(sides.prod(axis=1)))),
+        "overlap": float(_overlap(box, true).mean()),
+        **{
+            edge: {"bias_px": float(error[:, column].mean()), "sigma_px": float(error[:, column].std())}
+            for column, edge in enumerate(_EDGES)
+        },
+    }
+
+
+def _corners(boxes: np.ndarray) -> np.ndarray:
+    return np.concatenate([boxes[:, :2], boxes[:, :2] + boxes[:, 2:]], axis=1)
+
+
+def _overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Intersection over union (n,) of boxes (n, 4)."""
+    low, high = np.maximum(a[:, :2], b[:, :2]), np.minimum(a[:, 2:], b[:, 2:])
+    both = np.maximum(high - low, 0.0).prod(axis=1)
+    either = sum((box[:, 2:] - box[:, :2]).prod(axis=1) for box in (a, b)) - both
+    return both / np.maximum(either, 1e-9)
+
+
+def _share(part: np.ndarray, whole: np.ndarray) -> float | None:
+    return float((part & whole).sum() / whole.sum()) if whole.any() else None
+
+
+def _range(line: Mapping[str, Any]) -> str:
+    if line["range_m"] is None:
+        return "all"
+    low, high = line["range_m"]
+    return f"{low:.0f}\N{EN DASH}{high:.0f} m" if high is not None else f"beyond {low:.0f} m"
+
+
+def _percent(share: float | None) -> str:
+    return number(None) if share is None else f"{100.0 * share:.3g} %"

@@ -1,0 +1,61 @@
+"""Runs by the kind of fault that struck their equipment."""
+
+from typing import Any
+
+import numpy as np
+
+from rpojax.physics.equipment_faults import KINDS
+from rpojax.report.campaign_protocol import Results
+from rpojax.report.labels import metric, number
+
+COLUMNS = (
+    ("formation_error_rms_m", 50.0),
+    ("formation_error_rms_m", 95.0),
+    ("min_range_m", 0.0),
+    ("sigma3_coverage", 50.0),
+    ("longest_unseen_s", 50.0),
+)
+"""Metric and percentile of each column of the table."""
+
+
+def by_kind(campaign: Results) -> list[dict[str, Any]]:
+    """One record for each kind of fault: runs, failed ones, percentiles of metrics. Empty if equipment cannot fail."""
+    kinds = _kinds(campaign)
+    return [_record(campaign, code, kinds == code) for code in sorted(set(kinds.tolist()))]
+
+
+def counts(campaign: Results) -> list[dict[str, Any]]:
+    """Kind, runs and failed runs, for report.json."""
+    return [{key: row[key] for key in ("kind", "runs", "failed")} for row in by_kind(campaign)]
+
+
+def headings() -> list[str]:
+    """Headings of the table's columns after the counts."""
+    shares = {0.0: "least", 50.0: "median", 95.0: "p95"}
+    shown = [(metric(name), shares[share]) for name, share in COLUMNS]
+    return [f"{one.title}, {share}{f' [{one.unit}]' if one.unit else ''}" for one, share in shown]
+
+
+def _kinds(campaign: Results) -> np.ndarray:
+    """Code of the fault of each run; none at all if equipment cannot fail."""
+    scenario = campaign.info.get("scenario", {})
+    if not scenario.get("effects", {}).get("faults"):
+        return np.zeros(0, dtype=int)
+    drawn = campaign.drawn.get("fault.kind")
+    if drawn is None:
+        return np.full(campaign.run_ids.size, KINDS.index(scenario["fault"]["kind"]))
+    return np.round(drawn).astype(int)
+
+
+def _record(campaign: Results, code: int, chosen: np.ndarray) -> dict[str, Any]:
+    values = []
+    for name, share in COLUMNS:
+        column = campaign.metrics[name][chosen]
+        defined = column[np.isfinite(column)]
+        values.append(float(np.percentile(defined, share)) if defined.size else None)
+    return {
+        "kind": KINDS[code],
+        "runs": int(chosen.sum()),
+        "failed": int((~campaign.completed[chosen]).sum()),
+        "cells": ["-" if value is None else number(value) for value in values],
+    }

@@ -1,0 +1,112 @@
+"""How close the spacecraft came, and how long nothing was seen."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from rpojax.analysis.statistics.binomial_intervals import proportion_interval
+from rpojax.report.campaign_protocol import Results
+from rpojax.report.labels import metric, number, with_unit
+from rpojax.report.sections.design_caveat import independent
+from rpojax.scenario.metric_catalogue import worst_rows
+from rpojax.simulation.closed_loop import FAILURES
+
+_KEEP_OUT = FAILURES[2]
+
+
+def content(campaign: Results) -> dict[str, Any]:
+    """Part of report.json: least ranges, entries of the keep-out sphere, and the longest times without a look.
+
+    The least range counts failed runs too, up to their failure, as far as their traces say; of a run that entered the
+    keep-out sphere it is at most the sphere's radius, which `at_most` then marks as a bound. Shares have exact 95 %
+    intervals, None where runs are not independent.
+    """
+    entered = np.asarray(campaign.failure_reason == _KEEP_OUT)
+    keep_out = campaign.info.get("scenario", {}).get("limits", {}).get("keep_out_m")
+    return {
+        "keep_out_m": keep_out,
+        "least_range": _least_range(campaign, keep_out, entered),
+        "entries": {
+            **_share(campaign, entered, np.ones(len(entered), dtype=bool)),
+            "run_ids": campaign.run_ids[entered].tolist(),
+        },
+        "least_passive_range": _extreme(campaign, "passive_range_m"),
+        "passive_below_keep_out": _passive(campaign, keep_out, entered),
+        "longest_look_away": _extreme(campaign, "look_away_peak_s"),
+        "longest_unseen": _extreme(campaign, "longest_unseen_s"),
+    }
+
+
+def rows(found: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Quantity, value and remark of each line."""
+    keep_out = found["keep_out_m"]
+    sphere = "" if keep_out is None else f" of {number(keep_out)} m"
+    drift = f"Runs whose free drift would enter the keep-out sphere{sphere}"
+    lines = [
+        ("Least range of any run", *_extreme_texts(found["least_range"], "m")),
+        (f"Runs that entered the keep-out sphere{sphere}", *_share_texts(found["entries"])),
+        ("Least range of free drift, had thrust stopped", *_extreme_texts(found["least_passive_range"], "m")),
+        (drift, *_share_texts(found["passive_below_keep_out"])),
+        ("Longest look-away in a burn period", *_extreme_texts(found["longest_look_away"], "s")),
+        (metric("longest_unseen_s").title, *_extreme_texts(found["longest_unseen"], "s")),
+    ]
+    return [(quantity, value, remark) for quantity, value, remark in lines if value]
+
+
+def _least_range(campaign: Results, keep_out: float | None, entered: np.ndarray) -> dict[str, Any] | None:
+    ranges = np.asarray(campaign.metrics.get("min_range_m", np.full(len(campaign.completed), np.nan)), dtype=np.float64)
+    traced = campaign.traces.get("range_m")
+    if traced is not None and traced.size:
+        ranges = np.fmin(ranges, np.fmin.reduce(traced, axis=1))
+    # Traces are coarse: the last instant that they hold may be well before the entry.
+    radius = np.inf if keep_out is None else keep_out
+    bounded = entered & np.isfinite(radius) & ~(ranges <= radius)
+    ranges = np.where(bounded, radius, ranges).astype(np.float64)
+    rows = worst_rows("min_range_m", ranges)
+    if not len(rows):
+        return None
+    row = rows[0]
+    return {"value": float(ranges[row]), "run_id": int(campaign.run_ids[row]), "at_most": bool(bounded[row])}
+
+
+def _extreme(campaign: Results, name: str) -> dict[str, Any] | None:
+    values = campaign.metrics.get(name)
+    if values is None or not len(rows := worst_rows(name, values)):
+        return None
+    return {"value": float(values[rows[0]]), "run_id": int(campaign.run_ids[rows[0]])}
+
+
+def _passive(campaign: Results, keep_out: float | None, entered: np.ndarray) -> dict[str, Any] | None:
+    """Share of the runs with a known free drift, or an entry in earnest, that come below the sphere's radius."""
+    values = campaign.metrics.get("passive_range_m")
+    if values is None or keep_out is None:
+        return None
+    return _share(campaign, entered | (values < keep_out), entered | np.isfinite(values))
+
+
+def _share(campaign: Results, events: np.ndarray, known: np.ndarray) -> dict[str, Any]:
+    count, total = int(np.sum(events & known)), int(np.sum(known))
+    interval = proportion_interval(count, total) if total and independent(campaign) else None
+    return {
+        "count": count,
+        "runs": total,
+        "share": count / total if total else None,
+        "interval_95": None if interval is None else list(interval),
+    }
+
+
+def _extreme_texts(found: Mapping[str, Any] | None, unit: str) -> tuple[str, str]:
+    if found is None:
+        return "", ""
+    bound = "at most " if found.get("at_most") else ""
+    return bound + with_unit(number(found["value"]), unit), f"run {found['run_id']}"
+
+
+def _share_texts(found: Mapping[str, Any] | None) -> tuple[str, str]:
+    if found is None or not found["runs"]:
+        return "", ""
+    value, interval = f"{found['count']} of {found['runs']}", found["interval_95"]
+    if interval is None:
+        return value, "runs are not independent: no interval"
+    return value, f"95 % interval of the probability: {100 * interval[0]:.2g} to {100 * interval[1]:.2g} %"

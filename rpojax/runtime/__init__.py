@@ -1,0 +1,1 @@
+"""Floor 1: everything process-wide: JAX environment, compiler options, caches, devices."""

@@ -1,0 +1,1 @@
+"""Floor 4: the language of scenario files: schema, units, checks, and the parameters they become."""

@@ -1,0 +1,122 @@
+"""Forms that values of a scenario take: numbers in ranges, vectors, matrices of a body, dates; and a strict section."""
+
+import difflib
+import math
+from datetime import UTC, date, datetime
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+
+from rpojax.scenario.metric_catalogue import UNITS
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+Probability = Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+Angle = Annotated[float, Field(gt=0.0, lt=180.0, allow_inf_nan=False)]
+Vector = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+PositiveVector = Annotated[list[Positive], Field(min_length=3, max_length=3)]
+NonNegativeVector = Annotated[list[NonNegative], Field(min_length=3, max_length=3)]
+PositivePair = Annotated[list[Positive], Field(min_length=2, max_length=2)]
+
+
+_SHORTEST = 1e-6
+"""A direction or quaternion shorter than this is taken for a zero: its unit vector would be noise."""
+
+
+def _nonzero(value: list[float]) -> list[float]:
+    if math.hypot(*value) < _SHORTEST:
+        raise ValueError(f"expected a vector that is not zero, at least {_SHORTEST:g} long")
+    return value
+
+
+def _inertia(value: list[list[float]]) -> list[list[float]]:
+    matrix = np.array(value)
+    if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0):
+        raise ValueError("expected a symmetric matrix")
+    principal = np.linalg.eigvalsh(matrix)
+    if principal[0] <= 0.0:
+        raise ValueError("expected a positive definite matrix")
+    if principal[2] > (principal[0] + principal[1]) * (1.0 + 1e-9):
+        raise ValueError("expected principal moments of a real body: the largest at most the sum of the others")
+    return value
+
+
+def _invertible(value: list[list[float]]) -> list[list[float]]:
+    rows = np.array(value)
+    if not np.allclose(np.linalg.norm(rows, axis=1), 1.0, atol=1e-6):
+        raise ValueError("expected unit vectors, one a row")
+    if abs(np.linalg.det(rows)) < 1e-3:
+        raise ValueError("expected three axes that span space")
+    return value
+
+
+def _covariance(value: list[list[float]]) -> list[list[float]]:
+    if any(len(row) != len(value) for row in value):
+        raise ValueError("expected as many columns as rows")
+    matrix = np.array(value)
+    sigma = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    # Of unit variances, so that metres beside millimetres per second do not hide a fault.
+    scale = np.outer(*(2 * [np.where(sigma > 0.0, sigma, 1.0)]))
+    correlation = matrix / scale
+    if not np.allclose(correlation, correlation.T, rtol=0.0, atol=1e-9):
+        raise ValueError("expected a symmetric matrix")
+    if np.any(np.diag(matrix) < 0.0) or np.linalg.eigvalsh(correlation)[0] < -1e-9:
+        raise ValueError("expected a positive semidefinite matrix")
+    return value
+
+
+def _as_text(value: Any) -> Any:
+    """TOML has dates of its own; unquoted they arrive as such."""
+    return value.isoformat() if isinstance(value, date) else value
+
+
+def _epoch(value: str) -> str:
+    try:
+        seconds = epoch_seconds(value)
+    except (ValueError, OverflowError):
+        raise ValueError("expected a date and time such as '2026-03-20T14:46:00'") from None
+    if abs(seconds) > _EPHEMERIS_SPAN_S:
+        raise ValueError("expected a date from 1950 to 2050, for which Sun and Moon are known well")
+    return value
+
+
+_EPHEMERIS_SPAN_S = 50.0 * 365.25 * 86400.0
+
+
+def epoch_seconds(utc: str) -> float:
+    """Seconds of terrestrial time from 2000-01-01 12:00 to a date and time in UTC."""
+    moment = datetime.fromisoformat(utc)
+    if moment.tzinfo is not None:
+        moment = moment.astimezone(UTC).replace(tzinfo=None)
+    return (moment - datetime(2000, 1, 1, 12)).total_seconds() + _TERRESTRIAL_LESS_UTC_S
+
+
+_TERRESTRIAL_LESS_UTC_S = 69.184
+"""Since 2017; the Sun moves by three millionths of a radian in that time."""
+
+
+def _metric(value: str) -> str:
+    if value not in UNITS:
+        close = difflib.get_close_matches(value, UNITS, n=1)
+        hint = f" (did you mean {close[0]!r}?)" if close else ", such as 'formation_error_rms_m'"
+        raise ValueError(f"expected the name of a metric{hint}")
+    return value
+
+
+Metric = Annotated[str, AfterValidator(_metric), Field(json_schema_extra={"enum": list(UNITS)})]
+Epoch = Annotated[str, BeforeValidator(_as_text), AfterValidator(_epoch)]
+Direction = Annotated[Vector, AfterValidator(_nonzero)]
+Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4), AfterValidator(_nonzero)]
+Rows3 = Annotated[list[Vector], Field(min_length=3, max_length=3)]
+Inertia = Annotated[Rows3, AfterValidator(_inertia)]
+Axes = Annotated[Rows3, AfterValidator(_invertible)]
+Covariance = Annotated[list[list[Finite]], Field(min_length=1, max_length=64), AfterValidator(_covariance)]
+Hull = Annotated[list[Vector], Field(min_length=4, max_length=64)]
+
+
+class Section(BaseModel):
+    """Base of all sections: unknown keys are refused, types are not converted."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)

@@ -1,0 +1,190 @@
+"""The pytree of every number that may be dispersed or differentiated, and where a scenario key lives in it."""
+
+import functools
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from rpojax.core.orbits.orbital_mechanics import EARTH, Elements
+from rpojax.core.pytree import pytree, replace
+from rpojax.errors import ScenarioError
+from rpojax.flight.computer import FlightParams
+from rpojax.flight.control.attitude_control import AttitudeControl
+from rpojax.flight.control.formation_lqr import Formation
+from rpojax.flight.guidance.pointing_modes import Pointing
+from rpojax.flight.navigation.attitude_ekf import AttitudeFilter
+from rpojax.flight.navigation.filter_tuning import Navigation
+from rpojax.flight.vehicle_model import Onboard
+from rpojax.physics import equipment_faults
+from rpojax.physics.actuators import Thruster, Wheels
+from rpojax.physics.environment import Atmosphere, Sunlight, Surface
+from rpojax.physics.equipment_faults import Fault
+from rpojax.physics.plant import PlantParams, Target
+from rpojax.physics.rigid_body import Body
+from rpojax.scenario import key_units, network_files
+from rpojax.sensors.geometric_camera import BoxCamera
+from rpojax.sensors.gps import Gps
+from rpojax.sensors.gyro import Gyro
+from rpojax.sensors.rendered_camera import Imaging, Networks
+from rpojax.sensors.star_tracker import StarTracker
+from rpojax.sensors.statistical_camera import CameraStatistics
+from rpojax.vision import pinhole
+
+
+@pytree
+class Initial:
+    """Where the servicer starts.
+
+    Attributes:
+        relative_position: (3,) rho_H [m]
+        relative_velocity: (3,) rho_dot_H [m/s]
+    """
+
+    relative_position: Array
+    relative_velocity: Array
+
+
+@pytree
+class Limits:
+    """What ends a run.
+
+    Attributes:
+        keep_out: () radius of the sphere around the target that the servicer must not enter [m]
+    """
+
+    keep_out: Array
+
+
+@pytree
+class Params:
+    """Every number of a run, SI and radians."""
+
+    orbit: Elements
+    initial: Initial
+    plant: PlantParams
+    gps: Gps
+    star_tracker: StarTracker
+    gyro: Gyro
+    camera: BoxCamera
+    imaging: Imaging
+    networks: Networks | None
+    statistics: CameraStatistics | None
+    flight: FlightParams
+    limits: Limits
+
+
+_SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
+    "orbit": (("orbit",), Elements),
+    "initial": (("initial",), Initial),
+    "servicer": (("plant", "servicer"), Body),
+    "target": (("plant", "target"), Target),
+    "thruster": (("plant", "thruster"), Thruster),
+    "wheels": (("plant", "wheels"), Wheels),
+    "servicer_surface": (("plant", "servicer_surface"), Surface),
+    "target_surface": (("plant", "target_surface"), Surface),
+    "atmosphere": (("plant", "atmosphere"), Atmosphere),
+    "sunlight": (("plant", "sunlight"), Sunlight),
+    "fault": (("plant", "fault"), Fault),
+    "gps": (("gps",), Gps),
+    "star_tracker": (("star_tracker",), StarTracker),
+    "gyro": (("gyro",), Gyro),
+    "camera": (("camera",), BoxCamera),
+    "imaging": (("imaging",), Imaging),
+    "navigation": (("flight", "navigation"), Navigation),
+    "attitude_filter": (("flight", "attitude_filter"), AttitudeFilter),
+    "formation": (("flight", "formation"), Formation),
+    "pointing": (("flight", "pointing"), Pointing),
+    "attitude_control": (("flight", "attitude_control"), AttitudeControl),
+    "limits": (("limits",), Limits),
+}
+"""Section of a scenario file -> where its record lives in `Params`, and its class."""
+
+
+def build(tables: Mapping[str, Any], width_px: int, height_px: int) -> Params:
+    """Params from the sections of a scenario in the user's units; flight software is told the nominal vehicle."""
+    records = {section: _record(cls, tables[section]) for section, (_, cls) in _SECTIONS.items()}
+    plant = PlantParams(
+        gravity=jax.tree.map(lambda value: jnp.asarray(value, dtype=jnp.float64), EARTH),
+        **{path[1]: records[name] for name, (path, _) in _SECTIONS.items() if path[0] == "plant"},
+    )
+    if tables["camera"]["model"] != "geometric":
+        records["navigation"] = _for_pictures(records["navigation"], records["imaging"])
+    flight = FlightParams(
+        onboard=_onboard(plant, records["camera"], width_px, height_px),
+        **{
+            name: records[name]
+            for name in ("navigation", "attitude_filter", "formation", "pointing", "attitude_control")
+        },
+    )
+    rest = ("orbit", "initial", "gps", "star_tracker", "gyro", "camera", "imaging", "limits")
+    return Params(
+        plant=plant,
+        flight=flight,
+        networks=network_files.load(tables),
+        statistics=network_files.load_statistics(tables),
+        **{name: records[name] for name in rest},
+    )
+
+
+def _record(cls: type, table: Mapping[str, Any]) -> Any:
+    """One section as its dataclass; keys that are no fields are static settings and are left out."""
+    names = {field.name for field in fields(cls)}
+    values = {}
+    for key, value in table.items():
+        name, factor = key_units.split(key)
+        if name in names:
+            values[name] = jnp.asarray(equipment_faults.code(value), dtype=jnp.float64) * factor
+    return cls(**values)
+
+
+def _for_pictures(navigation: Navigation, imaging: Imaging) -> Navigation:
+    """The filter's tuning for boxes from pictures: their middles stray, too, as attitude and light change."""
+    return replace(navigation, center_sigma=jnp.hypot(navigation.center_sigma, imaging.center_sigma))
+
+
+def _onboard(plant: PlantParams, camera: BoxCamera, width_px: int, height_px: int) -> Onboard:
+    direction = plant.thruster.direction
+    return Onboard(
+        mass=plant.servicer.mass,
+        inertia=plant.servicer.inertia,
+        thrust=plant.thruster.force,
+        minimum_on_time=plant.thruster.minimum_on_time,
+        thrust_direction=direction / jnp.linalg.norm(direction),
+        wheel_axes=plant.wheels.axes,
+        wheel_inertia=plant.wheels.inertia,
+        wheel_torque_limit=plant.wheels.torque_limit,
+        camera_mounting=camera.mounting,
+        focal_px=pinhole.lens(camera.field_of_view, width_px, height_px).focal_px,
+        phase_limit=camera.phase_limit,
+        sun_exclusion=camera.sun_exclusion,
+    )
+
+
+def locate(key: str) -> tuple[tuple[str, ...], float]:
+    """Attribute path in `Params` of a scenario key such as `servicer.mass_kg`, and the factor from its unit to SI.
+
+    Raises:
+        ScenarioError: the key names no number of a scenario.
+    """
+    section, _, name = key.partition(".")
+    leaf, factor = key_units.split(name)
+    if section in _SECTIONS:
+        path, cls = _SECTIONS[section]
+        if leaf in {field.name for field in fields(cls)}:
+            return (*path, leaf), factor
+    raise ScenarioError("key", key, "the key of a number in the scenario, such as 'servicer.mass_kg'")
+
+
+def get(record: Any, path: tuple[str, ...]) -> Any:
+    """Leaf of a record of records at an attribute path."""
+    return functools.reduce(getattr, path, record)
+
+
+def put(record: Any, path: tuple[str, ...], value: Any) -> Any:
+    """Copy of a record of records with one leaf replaced."""
+    head, *rest = path
+    return replace(record, **{head: put(getattr(record, head), tuple(rest), value) if rest else value})

@@ -1,0 +1,309 @@
+"""The sections of a scenario: orbit, spacecraft, sensors and flight software, one strict model each."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from rpojax.physics.plant_options import FaultKind
+from rpojax.scenario.field_types import (
+    Angle,
+    Axes,
+    Direction,
+    Finite,
+    Hull,
+    Inertia,
+    NonNegative,
+    NonNegativeVector,
+    Positive,
+    PositivePair,
+    PositiveVector,
+    Probability,
+    Quaternion,
+    Section,
+    Vector,
+)
+
+
+class Rates(Section):
+    """How often things happen."""
+
+    plant_hz: Annotated[float, Field(gt=0.0, le=1000.0, allow_inf_nan=False)]
+    camera_hz: Positive
+    formation_period_s: Positive
+
+
+class OrbitSection(Section):
+    """Orbit of the target at the start."""
+
+    semi_major_axis_m: Annotated[float, Field(gt=6.5e6, lt=1e8, allow_inf_nan=False)]
+    eccentricity: Annotated[float, Field(ge=0.0, lt=0.9, allow_inf_nan=False)]
+    inclination_deg: Annotated[float, Field(ge=0.0, le=180.0, allow_inf_nan=False)]
+    raan_deg: Finite
+    argument_of_perigee_deg: Finite
+    true_anomaly_deg: Finite
+
+
+class InitialSection(Section):
+    """Servicer from target at the start, Hill frame."""
+
+    relative_position_m: Vector
+    relative_velocity_m_s: Vector
+
+
+ZonalDegree = Literal[0, 2, 3, 4, 5, 6]
+
+
+class EffectsSection(Section):
+    """What the plant takes into account; what is off costs nothing."""
+
+    integrator: Literal["rk4", "rk8"]
+    zonal_degree: ZonalDegree
+    sun_gravity: bool
+    moon_gravity: bool
+    drag: bool
+    solar_pressure: bool
+    gravity_gradient: bool
+    wheel_friction: bool
+    wheel_torque_steps: bool
+    thruster_ramps: bool
+    center_of_mass_shift: bool
+    faults: bool
+
+
+class AtmosphereSection(Section):
+    """Air that thins out exponentially."""
+
+    density_kg_m3: NonNegative
+    altitude_m: Finite
+    scale_height_m: Positive
+    rotation_rad_s: Finite
+
+
+class SunlightSection(Section):
+    """Strength of sunlight."""
+
+    flux_w_m2: NonNegative
+
+
+class SurfaceSection(Section):
+    """What air and light push on."""
+
+    area_m2: NonNegative
+    drag_coefficient: NonNegative
+    pressure_coefficient: NonNegative
+    center_of_pressure_m: Vector
+
+
+class FaultSection(Section):
+    """A fault of the servicer's equipment."""
+
+    kind: FaultKind
+    start_s: NonNegative
+    duration_s: NonNegative
+    severity: Probability
+    wheel: Literal[0, 1, 2]
+
+
+class ServicerSection(Section):
+    """Mass properties of the servicer."""
+
+    mass_kg: Positive
+    inertia_kg_m2: Inertia
+
+
+class TargetSection(Section):
+    """The target as it is."""
+
+    mass_kg: Positive
+    inertia_kg_m2: Inertia
+    hull_m: Hull
+    tumble_rate_deg_s: Finite
+    tumble_axis: Direction
+    attitude: Quaternion
+
+
+class ThrusterSection(Section):
+    """The servicer's one thruster."""
+
+    force_n: Positive
+    force_scale: Positive
+    specific_impulse_s: Positive
+    minimum_on_time_s: NonNegative
+    rise_time_s: NonNegative
+    fall_time_s: NonNegative
+    position_m: Vector
+    direction: Direction
+    misalignment_deg: Vector
+    tank_position_m: Vector
+    magnitude_noise: NonNegative
+    direction_noise_deg: NonNegative
+
+
+class WheelsSection(Section):
+    """The servicer's three reaction wheels."""
+
+    axes: Axes
+    inertia_kg_m2: PositiveVector
+    torque_limit_n_m: PositiveVector
+    speed_limit_rad_s: PositiveVector
+    initial_speed_rad_s: Vector
+    viscous_friction_n_m_s: NonNegativeVector
+    coulomb_friction_n_m: NonNegativeVector
+    stiction_speed_rad_s: Positive
+    torque_step_n_m: Positive
+
+
+class CameraSection(Section):
+    """Camera and bounding-box detector."""
+
+    model: Literal["geometric", "statistical", "rendered"]
+    width_px: Annotated[int, Field(ge=16, le=4096)]
+    height_px: Annotated[int, Field(ge=16, le=4096)]
+    field_of_view_deg: Angle
+    mounting: Quaternion
+    misalignment_deg: Vector
+    edge_noise_px: NonNegative
+    miss_probability: Probability
+    minimum_size_px: NonNegative
+    outlier_probability: Probability
+    outlier_size_min_px: Positive
+    outlier_size_max_px: Positive
+    phase_limit_deg: Annotated[float, Field(gt=0.0, le=180.0, allow_inf_nan=False)]
+    sun_exclusion_deg: Annotated[float, Field(ge=0.0, lt=180.0, allow_inf_nan=False)]
+
+
+class ImagingSection(Section):
+    """Pictures and the detector that looks at them; counts for the rendered and the statistical camera."""
+
+    field: str
+    detector: str
+    statistics: str
+    exposure: Positive
+    full_well: Positive
+    read_noise: NonNegative
+    blur_px: Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)]
+    score_threshold: Probability
+    center_sigma_m: NonNegative
+    sky_seed: Annotated[int, Field(ge=0)]
+
+
+class GpsSection(Section):
+    """GPS receiver."""
+
+    noise_m: NonNegative
+    bias_sigma_m: NonNegative
+    bias_time_constant_s: Positive
+
+
+class StarTrackerSection(Section):
+    """Star tracker."""
+
+    noise_deg: NonNegativeVector
+    misalignment_deg: Vector
+    boresight: Direction
+    sun_exclusion_deg: Annotated[float, Field(ge=0.0, lt=180.0, allow_inf_nan=False)]
+
+
+class GyroSection(Section):
+    """Rate gyro."""
+
+    angle_random_walk_deg_sqrt_s: NonNegative
+    initial_bias_sigma_deg_s: NonNegative
+    bias_walk_deg_s_sqrt_s: NonNegative
+
+
+class NavigationSection(Section):
+    """Orbit filter and gate."""
+
+    gating: Literal["covariance", "none"]
+    zonal_degree: ZonalDegree
+    luni_solar: bool
+    gps_noise_m: Positive
+    gps_error_sigma_m: Positive
+    gps_error_time_constant_s: Positive
+    edge_noise_px: Positive
+    center_sigma_m: NonNegative
+    center_time_constant_s: Positive
+    target_size_m: Positive
+    scale_sigma: PositivePair
+    scale_time_constant_s: PositivePair
+    bearing_bias_sigma_deg: Positive
+    attitude_sigma_deg: NonNegative
+    acceleration_noise_m_s2_sqrt_hz: NonNegative
+    relative_acceleration_noise_m_s2_sqrt_hz: NonNegative
+    burn_magnitude_sigma: NonNegative
+    burn_direction_sigma_deg: NonNegative
+    gate_sigma: Positive
+    confirm_tolerance_px: Positive
+    confirm_above: Positive
+    confirm_frames: Positive
+    rejections_before_recovery: Positive
+    recovery_position_sigma: NonNegative
+    recovery_velocity_sigma_m_s: NonNegative
+    initial_position_sigma_m: Positive
+    initial_velocity_sigma_m_s: Positive
+    initial_relative_position_sigma_m: Positive
+    initial_relative_velocity_sigma_m_s: Positive
+
+
+class AttitudeFilterSection(Section):
+    """Attitude estimator."""
+
+    star_tracker_noise_deg: PositiveVector
+    angle_random_walk_deg_sqrt_s: Positive
+    bias_walk_deg_s_sqrt_s: NonNegative
+    initial_bias_sigma_deg_s: Positive
+
+
+class FormationSection(Section):
+    """LQR and its limits."""
+
+    desired_position_m: Vector
+    position_weight: NonNegativeVector
+    velocity_weight: NonNegativeVector
+    delta_v_weight: PositiveVector
+    lead_s: NonNegative
+    dead_band_mm_s: NonNegative
+    range_uncertainty_limit: Positive
+    thruster_retry_s: NonNegative
+
+
+class PointingSection(Section):
+    """Slews and search."""
+
+    slew_acceleration_mrad_s2: Positive
+    slew_minimum_time_s: Positive
+    settle_time_s: NonNegative
+    look_away_limit_s: Positive
+    search_after_s: Positive
+    acquisition_wait_s: Positive
+    search_pitch_deg: Positive
+    search_acceleration_mrad_s2: Positive
+    search_sigmas: Positive
+    search_radius_max_deg: Angle
+    burn_attitude_limit_deg: Angle
+
+
+class AttitudeControlSection(Section):
+    """Attitude controller."""
+
+    bandwidth_rad_s: Positive
+    damping: Positive
+
+
+class LimitsSection(Section):
+    """What ends a run."""
+
+    keep_out_m: NonNegative
+
+
+class TuningSection(Section):
+    """What `rpojax tune` makes as small as it can: a weighted sum, of which nothing else depends."""
+
+    innovations: NonNegative = 1.0
+    estimate: NonNegative = 3.0
+    consistency: NonNegative = 1.0
+    navigation: NonNegative = 1.0
+    formation: NonNegative = 0.5
+    delta_v: NonNegative = 0.15
+    pointing: NonNegative = 0.05

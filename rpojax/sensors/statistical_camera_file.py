@@ -1,0 +1,60 @@
+"""Fitted cameras in files: safetensors, checked before use, with what they were fitted for."""
+
+import itertools
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+
+from rpojax.sensors.statistical_camera import FEATURES, OUTPUTS, CameraStatistics
+from rpojax.vision.weight_files import WeightsError, nothing_left, read_card, read_tensors, take, write_tensors
+
+WIDTHS = (FEATURES, 32, 32, OUTPUTS)
+"""Of the network between features and outcome."""
+_KIND = "rpojax camera 3"
+_SHAPES = {
+    "mean": (FEATURES,),
+    "spread": (FEATURES,),
+    "wide_share": (),
+    "mixing": (4, 4),
+    "lasting_share": (),
+    "lasting_angle": (),
+    "false_log_side": (2,),
+    "false_score": (2,),
+}
+_POSITIVE = ("spread", "lasting_angle")
+
+
+def save_statistics(statistics: CameraStatistics, path: Path, card: Mapping[str, object]) -> None:
+    """Writes a fitted camera with its card; the file is either whole or as it was before."""
+    tensors = {name: np.asarray(getattr(statistics, name)) for name in _SHAPES}
+    for index, (weight, bias) in enumerate(statistics.layers):
+        tensors[f"layers.{index}.weight"], tensors[f"layers.{index}.bias"] = np.asarray(weight), np.asarray(bias)
+    write_tensors(path, tensors, {"kind": _KIND, "card": json.dumps(dict(card))})
+
+
+def load_statistics(path: Path) -> tuple[CameraStatistics, dict[str, object]]:
+    """A fitted camera and its card; raises `WeightsError` for a damaged or foreign file."""
+    tensors, metadata = read_tensors(path)
+    if metadata.get("kind") != _KIND:
+        found = metadata.get("kind", "")
+        raise WeightsError(f"{path}: found kind {found!r}, expected what `rpojax calibrate-camera-model` wrote")
+    card = read_card(path, metadata)
+
+    def tensor(name: str, *shape: int) -> jnp.ndarray:
+        return jnp.asarray(take(path, tensors, name, shape, np.float32))
+
+    statistics = CameraStatistics(
+        **{name: tensor(name, *shape) for name, shape in _SHAPES.items()},
+        layers=tuple(
+            (tensor(f"layers.{i}.weight", fan_in, fan_out), tensor(f"layers.{i}.bias", fan_out))
+            for i, (fan_in, fan_out) in enumerate(itertools.pairwise(WIDTHS))
+        ),
+    )
+    nothing_left(path, tensors)
+    for name in _POSITIVE:
+        if not np.all(np.asarray(getattr(statistics, name)) > 0.0):
+            raise WeightsError(f"{path}: {name}: found a number that is not positive, expected positive numbers")
+    return statistics, card

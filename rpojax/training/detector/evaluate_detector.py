@@ -1,0 +1,122 @@
+"""How well a detector does on a data set: the figures of `rpojax detector evaluate`."""
+
+import dataclasses
+import itertools
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rpojax.training.detector.average_precision import average_precision, overlaps
+from rpojax.training.synthetic_data.detection_dataset import Dataset
+from rpojax.training.synthetic_data.ray_tracing import batches
+from rpojax.vision.detector.two_stage_detector import THRESHOLD, Detections, detect
+
+LEAST_SIDE_PX = 16.0
+"""Long side from which a box counts in the headline."""
+SIZES_PX = (0.0, 8.0, 16.0, 24.0, 40.0, 64.0, 1e9)
+COUNT = 8
+_BATCH = 50
+
+
+@dataclasses.dataclass(frozen=True)
+class Found:
+    """What a detector found in pictures: for each boxes (k, 4) left, top, right, bottom [px] and scores (k,)."""
+
+    boxes: list[np.ndarray]
+    scores: list[np.ndarray]
+
+
+def find(params: Any, images: np.ndarray, detector: Callable[[Any, jax.Array, int], Detections] = detect) -> Found:
+    """Detections in pictures (n, p, p, 3) of 8 bit sRGB codes, by the whole detector or another one of its kind."""
+    boxes, scores = [], []
+    for chosen in batches(len(images), _BATCH):
+        part = images[chosen]
+        # Always the same number of pictures, so that the program is compiled once.
+        full = np.concatenate([part, np.zeros((_BATCH - len(part), *part.shape[1:]), np.uint8)])
+        result = _run(detector, params, jnp.asarray(full.astype(np.float32) / 255.0))
+        for index in range(len(part)):
+            score = np.asarray(result.score[index], np.float64)
+            seen = score > 1e-3
+            scores.append(score[seen])
+            boxes.append(np.asarray(result.box_px[index], np.float64)[seen])
+    return Found(boxes, scores)
+
+
+@partial(jax.jit, static_argnums=0)
+def _run(detector: Callable[[Any, jax.Array, int], Detections], params: Any, images: jax.Array) -> Detections:
+    return detector(params, images, COUNT)
+
+
+def long_side(boxes: np.ndarray) -> np.ndarray:
+    """Longer side (n,) [px] of boxes (n, 4)."""
+    return np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0.0) if len(boxes) else np.zeros(0)
+
+
+def figures(found: Found, data: Dataset, least_px: float = LEAST_SIDE_PX, most_px: float = 1e9) -> dict[str, Any]:
+    """Figures over the true boxes whose long side lies in a range [px].
+
+    A box outside of the range is ignored: finding it is neither right nor wrong. `median_iou` and `recall` count
+    misses as 0; `false_alarms_per_empty_frame` are boxes over the threshold where there is nothing.
+    """
+    ignored = [_outside(boxes, least_px, most_px) for boxes in data.boxes]
+    unasked = [_outside(boxes, least_px, most_px) for boxes in found.boxes]
+    precision = average_precision(found.boxes, found.scores, data.boxes, ignored, unasked)
+    best = []
+    for boxes, scores, real, skip in zip(found.boxes, found.scores, data.boxes, ignored, strict=True):
+        overlap = overlaps(boxes[scores >= THRESHOLD], real.astype(np.float64))
+        best += list(np.max(overlap, axis=0, initial=0.0)[~skip])
+    empty = [int((s >= THRESHOLD).sum()) for s, real in zip(found.scores, data.boxes, strict=True) if len(real) == 0]
+    return {
+        "boxes": len(best),
+        "map50": _number(precision[0]),
+        "map50_95": _number(precision.mean()),
+        "median_iou": _number(np.median(best)) if best else None,
+        "recall": _number(np.mean(np.array(best) >= 0.5)) if best else None,
+        "empty_frames": len(empty),
+        "false_alarms_per_empty_frame": _number(np.mean(empty)) if empty else None,
+    }
+
+
+def report(found: Found, data: Dataset) -> dict[str, Any]:
+    """The headline, and the same figures by apparent size, by background, and for the packaged target and others."""
+    by_size = {}
+    for low, high in itertools.pairwise(SIZES_PX):
+        name = f"{low:g} to {high:g} px" if high < 1e9 else f"from {low:g} px"
+        by_size[name] = _rows(figures(found, data, low, high))
+    return {
+        "images": len(data),
+        "threshold": THRESHOLD,
+        "least_side_px": LEAST_SIDE_PX,
+        **figures(found, data),
+        "by_size": by_size,
+        "by_background": _by(data.backgrounds, found, data),
+        "by_craft": {name: _rows(values) for name, values in _by(data.craft, found, data).items()},
+    }
+
+
+def _by(names: tuple[str, ...], found: Found, data: Dataset) -> dict[str, dict[str, Any]]:
+    """Figures of the pictures of each name."""
+    parts = {}
+    for name in sorted(set(names)):
+        chosen = np.array([i for i, other in enumerate(names) if other == name])
+        part = Found([found.boxes[i] for i in chosen], [found.scores[i] for i in chosen])
+        parts[name] = figures(part, data.part(chosen))
+    return parts
+
+
+def _rows(values: dict[str, Any]) -> dict[str, Any]:
+    """Without what does not depend on the size of boxes."""
+    return {name: value for name, value in values.items() if "empty" not in name}
+
+
+def _outside(boxes: np.ndarray, least_px: float, most_px: float) -> np.ndarray:
+    side = long_side(boxes)
+    return (side < least_px) | (side >= most_px)
+
+
+def _number(value: Any) -> float | None:
+    return round(float(value), 4) if np.isfinite(value) else None

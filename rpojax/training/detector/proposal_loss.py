@@ -1,0 +1,72 @@
+"""Training of the detector's first look: focal loss on heat, GIoU and distance loss on edges."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from rpojax.training.detector.giou_loss import giou
+from rpojax.vision.detector.proposal_network import NETWORK, STRIDE, to_maps
+
+_SPREAD = 0.12
+_LEAST_SPREAD_PX = 2.0
+_NEAR = 0.3
+
+
+def loss(
+    params: dict[str, Any], fixed: Any, key: jax.Array, images: jax.Array, boxes: jax.Array, weight: jax.Array
+) -> jax.Array:
+    """Loss of the network's parameters; see `descent.Loss`."""
+    del fixed, key
+    return maps_loss(NETWORK.apply({"params": params}, images), boxes, weight)  # pyright: ignore[reportArgumentType]
+
+
+def maps_loss(raw: jax.Array, boxes: jax.Array, weight: jax.Array) -> jax.Array:
+    """Loss of the network's channels (n, y, x, 5) for boxes (n, m, 4) [px] with weights (n, m) as in `Batch`."""
+    maps = to_maps(raw)
+    heat, edges = jax.vmap(_picture_loss)(maps.heat, maps.edges, raw[..., 1:], boxes, weight)
+    count = jnp.maximum(jnp.sum(jnp.where(weight > 0.0, 1.0, 0.0).astype(jnp.float32)), 1.0)
+    return (jnp.sum(heat) + 2.0 * jnp.sum(edges)) / count
+
+
+def _picture_loss(
+    heat: jax.Array, edges: jax.Array, raw: jax.Array, boxes: jax.Array, weight: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    rows, columns = heat.shape
+    x = ((jnp.arange(columns, dtype=jnp.float32) + 0.5) * STRIDE)[None, :]
+    y = ((jnp.arange(rows, dtype=jnp.float32) + 0.5) * STRIDE)[None, :]
+    left, top, right, bottom = (boxes[:, i, None] for i in range(4))
+    # One axis at a time (m, cells): a bell, the cell that holds the middle, and the cells that the box covers.
+    bells, middles, covers = [], [], []
+    for place, low, high in ((x, left, right), (y, top, bottom)):
+        off = place - 0.5 * (low + high)
+        spread = jnp.maximum(_SPREAD * (high - low), _LEAST_SPREAD_PX)
+        bells.append(jnp.exp(-0.5 * (off / spread) ** 2))
+        middles.append((off >= -0.5 * STRIDE) & (off < 0.5 * STRIDE))
+        covers.append((place > low - STRIDE) & (place < high + STRIDE))
+    learnt, unsure = (weight > 0.0)[:, None, None], (weight < 0.0)[:, None, None]
+    near = jnp.where(learnt, bells[1][:, :, None] * bells[0][:, None, :], 0.0)
+    inside = middles[1][:, :, None] & middles[0][:, None, :] & learnt
+    positive = jnp.any(inside, axis=0)
+    skipped = jnp.any(covers[1][:, :, None] & covers[0][:, None, :] & unsure, axis=0) & ~positive
+    target = jnp.max(near, axis=0)
+    heat_loss = jnp.where(skipped, 0.0, _focal(heat, target, positive))
+    # Each cell learns the edges of the one box whose middle it is nearest to.
+    near = jnp.where(inside, 1.0, near)
+    owner = jax.nn.one_hot(jnp.argmax(near, axis=0), boxes.shape[0], axis=0, dtype=jnp.float32)
+    pull = owner * jnp.where(near >= _NEAR, near, 0.0)
+    pull = jnp.sum(pull / jnp.maximum(jnp.sum(pull, axis=(1, 2), keepdims=True), 1e-6), axis=0)
+    wanted = jnp.einsum("myx,mc->yxc", owner, boxes)
+    middle = jnp.stack(jnp.broadcast_arrays(x, y.T, x, y.T), axis=-1)
+    sign = jnp.array([-1.0, -1.0, 1.0, 1.0], jnp.float32)[None, None, :]
+    distance = jnp.mean(jnp.abs(raw - jnp.arcsinh(sign * (wanted - middle) / STRIDE)), axis=-1)
+    edge_loss = (1.0 - giou(edges, wanted)) + distance
+    return jnp.sum(heat_loss), jnp.sum(pull * edge_loss)
+
+
+def _focal(logit: jax.Array, target: jax.Array, positive: jax.Array) -> jax.Array:
+    """Focal loss of heat: full weight on middles, less on wrong heat the nearer it is to one."""
+    p = jax.nn.sigmoid(logit)
+    right = -((1.0 - p) ** 2) * jax.nn.log_sigmoid(logit)
+    wrong = -((1.0 - target) ** 4) * p * p * jax.nn.log_sigmoid(-logit)
+    return jnp.where(positive, right, wrong)

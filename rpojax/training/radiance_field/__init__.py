@@ -1,0 +1,1 @@
+"""Training and evaluation of a radiance field on ray-traced views."""

@@ -1,0 +1,1 @@
+"""Synthetic data: meshes, ray-traced views, composites with boxes."""

@@ -1,0 +1,212 @@
+"""Composites of sprites and backdrops with the boxes of the spacecraft in them.
+
+A box is that of the visible silhouette: of the pixels that the spacecraft covers by at least a tenth and that differ
+from the empty background by at least five of 255 code values and twice the camera's noise. So a craft in shadow before
+a bright limb has its whole box, and a part in shadow that is as black as the space behind it is outside of the box,
+because nothing in the picture says where it ends. An edge lies within its pixel where the covered share ends.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from rpojax.training.synthetic_data.backdrops import KINDS, Globe, backdrop
+from rpojax.training.synthetic_data.ray_tracing import encode
+from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
+from rpojax.training.synthetic_data.target_mesh import PACKAGED
+
+Rng = np.random.Generator
+
+SIZE_PX = 128
+EMPTY_SHARE = 0.2
+_TWO_SHARE = 0.06
+_TARGET_SHARE = 0.25
+_CUT_SHARE = 0.1
+_VISIBLE = 5.0 / 255.0
+_NOISES = 2.0
+_COVERED = 0.1
+_LEAST_PX = 4.0
+_SHARES = {"black": 0.2, "stars": 0.12, "earth": 0.22, "limb": 0.21, "night": 0.1, "glint": 0.1, "moon": 0.05}
+_SHARES_TARGET = {"black": 0.55, "stars": 0.15, "earth": 0.1, "limb": 0.08, "night": 0.05, "glint": 0.04, "moon": 0.03}
+
+
+@dataclasses.dataclass(frozen=True)
+class Composite:
+    """A picture (p, p, 3) of 8 bit sRGB codes, boxes (n, 4) left, top, right, bottom [px], and how it was made."""
+
+    image: np.ndarray
+    boxes: np.ndarray
+    background: str
+    craft: tuple[str, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Sensor:
+    """Electrons at white, and read noise [electrons, 1 sigma]."""
+
+    full_well_e: float
+    read_noise_e: float
+
+    def noise(self, image: np.ndarray) -> np.ndarray:
+        """1 sigma of every value of a linear picture."""
+        electrons = np.maximum(image, 0.0) * self.full_well_e
+        return np.sqrt(electrons + self.read_noise_e**2) / self.full_well_e
+
+
+def composite(rng: Rng, sprites: list[Sprite], earth: Globe, size_px: int = SIZE_PX) -> Composite:
+    """A picture with none, one or two spacecraft, as a camera would have taken it."""
+    targets = [sprite for sprite in sprites if sprite.craft == PACKAGED]
+    others = [sprite for sprite in sprites if sprite.craft != PACKAGED]
+    of_target = bool(targets) and (not others or rng.random() < _TARGET_SHARE)
+    shares = _SHARES_TARGET if of_target else _SHARES
+    kind = str(rng.choice(KINDS, p=[shares[name] for name in KINDS]))
+    number = 0 if rng.random() < EMPTY_SHARE else 2 if rng.random() < _TWO_SHARE else 1
+    background = backdrop(rng, kind, earth, size_px) * np.float32(np.exp(rng.uniform(np.log(0.4), np.log(1.6))))
+    sensor = Sensor(float(np.exp(rng.uniform(np.log(4e3), np.log(5e4)))), float(rng.uniform(2.0, 20.0)))
+    for _ in range(30):
+        chosen = [_pick(rng, targets if of_target else others) for _ in range(number)]
+        layers = [_layer(rng, sprite, size_px, kind, of_target) for sprite in chosen]
+        image, boxes = _merge(background, layers, sensor)
+        if len(boxes) == number and not _touching(boxes):
+            break
+    else:
+        image, boxes, chosen = background, np.zeros((0, 4)), []
+    image = _clutter(rng, image)
+    taken = expose(rng, image, sensor)
+    return Composite(taken, boxes, kind, tuple(sprite.craft for sprite in chosen))
+
+
+def _pick(rng: Rng, sprites: list[Sprite]) -> Sprite:
+    return sprites[int(rng.integers(len(sprites)))]
+
+
+def _layer(rng: Rng, sprite: Sprite, size_px: int, kind: str, flight: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Light (p, p, 3) and cover (p, p) of a sprite at a random size and place, under a random light."""
+    side = _side(rng, size_px, flight)
+    sun, shine = _light(rng, kind, flight)
+    tint = np.array([1.0, 1.0, 1.0]) if flight else 1.0 + rng.normal(scale=0.08, size=3)
+    color = (sun * sprite.sun + shine * sprite.shine) * tint.astype(np.float32)
+    pixels = np.concatenate([np.minimum(color, 4.0), sprite.alpha[..., None]], axis=2).astype(np.float32)
+    scale = side / max(sprite.alpha.shape)
+    height, width = (scale * n for n in sprite.alpha.shape)
+    slack_x, slack_y = size_px - width, size_px - height
+    corner = [rng.uniform(min(0.0, s), max(0.0, s)) for s in (slack_x, slack_y)]
+    if rng.random() < _CUT_SHARE:
+        corner = [rng.uniform(-0.5 * extent, size_px - 0.5 * extent) for extent in (width, height)]
+    placed = _place(pixels, scale, corner, size_px)
+    return placed[..., :3], np.clip(placed[..., 3], 0.0, 1.0)
+
+
+def _side(rng: Rng, size_px: int, flight: bool) -> float:
+    """Long side [px] of a spacecraft; most are 10 to 60 of 128 px, in the flight camera 13 to 45."""
+    if flight and rng.random() < 0.75:
+        return float(np.exp(rng.uniform(np.log(0.1), np.log(0.36)))) * size_px
+    if rng.random() < 0.55:
+        return float(np.exp(rng.uniform(np.log(0.08), np.log(0.5)))) * size_px
+    return float(np.exp(rng.uniform(np.log(0.06), np.log(1.15)))) * size_px
+
+
+def _light(rng: Rng, kind: str, flight: bool) -> tuple[float, float]:
+    """Strength of the Sun and of light from all sides: bright, dim, or hardly any before a bright background."""
+    if flight:
+        return float(np.exp(rng.normal(scale=0.25))), float(rng.choice([0.0, 0.0, rng.uniform(0.0, 0.1)]))
+    bright = kind in ("earth", "limb", "glint", "moon")
+    if bright and rng.random() < 0.2:
+        return float(rng.choice([0.0, rng.uniform(0.0, 0.05)])), float(rng.uniform(0.0, 0.03))
+    sun = float(np.exp(rng.uniform(np.log(0.4), np.log(2.5))))
+    return sun, sun * float(np.exp(rng.uniform(np.log(0.01), np.log(0.5 if bright else 0.25))))
+
+
+def _place(pixels: np.ndarray, scale: float, corner: list[float], size_px: int) -> np.ndarray:
+    """Premultiplied pixels (h, w, c) shrunk or enlarged, with their upper left corner [px] within a canvas."""
+    import cv2
+
+    fine = 2
+    # First by areas to near the final size, so that the exact shift that follows drops no pixel.
+    rough = [max(1, int(np.ceil(n * min(1.0, scale * fine)))) for n in pixels.shape[:2]]
+    small = cv2.resize(pixels, rough[::-1], interpolation=cv2.INTER_AREA)
+    ratio = [fine * scale * n / r for n, r in zip(pixels.shape[:2], rough, strict=True)]
+    shift = [fine * c + 0.5 * r - 0.5 for c, r in zip(corner, ratio[::-1], strict=True)]
+    matrix = np.array([[ratio[1], 0.0, shift[0]], [0.0, ratio[0], shift[1]]])
+    canvas = cv2.warpAffine(np.asarray(small), matrix, (fine * size_px, fine * size_px), flags=cv2.INTER_LINEAR)
+    return np.asarray(cv2.resize(canvas, (size_px, size_px), interpolation=cv2.INTER_AREA))
+
+
+def _merge(
+    background: np.ndarray, layers: list[tuple[np.ndarray, np.ndarray]], sensor: Sensor
+) -> tuple[np.ndarray, np.ndarray]:
+    """The picture with all layers, later ones in front, and the boxes of those that are visible."""
+    image, covers = background, []
+    for color, cover in layers:
+        image = color + image * (1.0 - cover[..., None])
+        covers = [other * (1.0 - cover) for other in covers] + [cover]
+    boxes = [box for cover in covers if (box := visible_box(image, background, cover, sensor)) is not None]
+    return image, np.array(boxes).reshape(-1, 4)
+
+
+def visible_box(
+    image: np.ndarray, background: np.ndarray, cover: np.ndarray, sensor: Sensor | None = None
+) -> np.ndarray | None:
+    """Left, top, right, bottom [px] of the visible part of a silhouette, or None where hardly anything is visible.
+
+    `image` and `background` (p, p, 3) are linear, `cover` (p, p) is the covered share; without a sensor there is no
+    noise. See the module's docstring.
+    """
+    difference = np.abs(encode(image) - encode(background)).max(axis=2)
+    seen = difference >= _VISIBLE
+    if sensor is not None:
+        seen &= (np.abs(image - background) >= _NOISES * sensor.noise(background)).any(axis=2)
+    visible = np.where(seen & (cover >= _COVERED), cover, 0.0)
+    if visible.sum() < max(_LEAST_PX, 0.2 * cover.sum()):
+        return None
+    edges = []
+    for axis in (0, 1):
+        profile = visible.max(axis=axis)
+        found = np.nonzero(profile)[0]
+        first, last = int(found[0]), int(found[-1])
+        edges.append((first + 1.0 - profile[first], last + profile[last]))
+    (left, right), (top, bottom) = edges
+    return np.array([left, top, right, bottom]) if min(right - left, bottom - top) >= 1.5 else None
+
+
+def _touching(boxes: np.ndarray) -> bool:
+    """Whether any box lies over another one."""
+    for i, a in enumerate(boxes):
+        for b in boxes[i + 1 :]:
+            if (np.minimum(a[2:], b[2:]) > np.maximum(a[:2], b[:2])).all():
+                return True
+    return False
+
+
+def _clutter(rng: Rng, image: np.ndarray) -> np.ndarray:
+    """What a camera sees that is not there: hot pixels, tracks of particles, ghosts of the Sun."""
+    import cv2
+
+    size = image.shape[0]
+    image = np.ascontiguousarray(image, np.float32)
+    if rng.random() < 0.12:
+        for _ in range(int(rng.integers(1, 8))):
+            row, column = rng.integers(0, size, 2)
+            image[row, column] += np.float32(rng.uniform(0.05, 1.0)) * rng.uniform(0.2, 1.0, 3).astype(np.float32)
+    if rng.random() < 0.06:
+        start = rng.integers(0, size, 2)
+        end = start + rng.integers(-12, 13, 2)
+        track = np.zeros((size, size), np.float32)
+        cv2.line(track, tuple(map(int, start)), tuple(map(int, end)), float(rng.uniform(0.1, 1.0)), 1, cv2.LINE_AA)
+        image = image + track[..., None]
+    if rng.random() < 0.08:
+        y, x = np.mgrid[:size, :size].astype(np.float32)
+        for _ in range(int(rng.integers(1, 4))):
+            middle, radius = rng.uniform(0.0, size, 2), rng.uniform(3.0, 40.0)
+            disc = 1.0 / (1.0 + np.exp((np.hypot(x - middle[0], y - middle[1]) - radius) / rng.uniform(0.5, 6.0)))
+            image = image + np.float32(rng.uniform(0.005, 0.15)) * disc[..., None] * rng.uniform(0.3, 1.0, 3)
+    return image.astype(np.float32)
+
+
+def expose(rng: Rng, image: np.ndarray, sensor: Sensor) -> np.ndarray:
+    """Codes (p, p, 3) 8 bit of a linear picture after blur, shot and read noise."""
+    import cv2
+
+    blurred = np.maximum(cv2.GaussianBlur(image, (0, 0), float(rng.uniform(0.2, 0.9))), 0.0)
+    noisy = blurred + sensor.noise(blurred) * rng.normal(size=image.shape)
+    return np.round(255.0 * encode(noisy)).astype(np.uint8)

@@ -1,0 +1,222 @@
+"""Pictures at the detector's size with the boxes of spacecraft in them, and folders of such in COCO's format."""
+
+import dataclasses
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rpojax.errors import OutputError, RpojaxError
+from rpojax.training.synthetic_data.backdrops import Globe
+from rpojax.training.synthetic_data.composites import SIZE_PX, composite
+from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
+from rpojax.training.synthetic_data.target_mesh import PACKAGED
+
+CATEGORY = "spacecraft"
+ANNOTATIONS = "annotations.json"
+
+
+class DatasetError(RpojaxError):
+    """A folder holds no data set that can be used."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Dataset:
+    """Pictures at the detector's size with their boxes.
+
+    Attributes:
+        images: (n, p, p, 3) 8 bit sRGB codes
+        boxes: for every picture (m, 4) left, top, right, bottom [px] in it
+        backgrounds: what is behind, as the data set names it, or 'unknown'
+        craft: 'target' for pictures of the packaged target, else 'other'
+    """
+
+    images: np.ndarray
+    boxes: tuple[np.ndarray, ...]
+    backgrounds: tuple[str, ...]
+    craft: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.images)
+
+    def part(self, chosen: np.ndarray) -> "Dataset":
+        """Only the pictures of some numbers."""
+        return Dataset(
+            self.images[chosen],
+            tuple(self.boxes[i] for i in chosen),
+            tuple(self.backgrounds[i] for i in chosen),
+            tuple(self.craft[i] for i in chosen) if self.craft else (),
+        )
+
+
+def write(
+    folder: Path,
+    count: int,
+    seed: int,
+    sprites: list[Sprite],
+    earth: Globe,
+    made: str = "",
+    on_progress: Callable[[int, int], None] = lambda done, total: None,
+) -> None:
+    """Writes `count` composites as PNG images with `annotations.json`; the annotations come last.
+
+    Without them a folder is no data set, so pictures never stand beside the boxes of others. `made` tells what the set
+    was made of, for `is_made`.
+    """
+    import cv2
+
+    (folder / "images").mkdir(parents=True, exist_ok=True)
+    (folder / ANNOTATIONS).unlink(missing_ok=True)
+    images: list[dict[str, Any]] = []
+    annotations: list[dict[str, Any]] = []
+    for index in range(count):
+        one = composite(np.random.default_rng([seed, index]), sprites, earth)
+        name = f"images/{index:06d}.png"
+        if not cv2.imwrite(str(folder / name), one.image[..., ::-1]):
+            raise OutputError(f"{folder / name}: cannot be written, expected a writable place")
+        height, width = one.image.shape[:2]
+        images.append(
+            {"id": index + 1, "file_name": name, "width": width, "height": height, "background": one.background}
+        )
+        for box, craft in zip(one.boxes, one.craft, strict=True):
+            annotations.append(_annotation(len(annotations) + 1, index + 1, box, craft))
+        on_progress(index + 1, count)
+    content = {
+        "info": {"description": f"ray-traced spacecraft, seed {seed}", "made": made},
+        "categories": [{"id": 1, "name": CATEGORY}],
+        "images": images,
+        "annotations": annotations,
+    }
+    partial = folder / f"{ANNOTATIONS}.part"
+    partial.write_text(json.dumps(content, indent=1))
+    partial.replace(folder / ANNOTATIONS)
+
+
+def is_made(folder: Path, made: str) -> bool:
+    """Whether a folder holds the whole of a data set that `write` was told the same of."""
+    try:
+        return bool(json.loads((folder / ANNOTATIONS).read_text(encoding="utf-8"))["info"]["made"] == made)
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def _annotation(number: int, image: int, box: np.ndarray, craft: str) -> dict[str, Any]:
+    left, top, right, bottom = (round(float(edge), 3) for edge in box)
+    sides = [round(right - left, 3), round(bottom - top, 3)]
+    return {
+        "id": number,
+        "image_id": image,
+        "category_id": 1,
+        "bbox": [left, top, *sides],
+        "area": round(sides[0] * sides[1], 3),
+        "iscrowd": 0,
+        "craft": craft,
+    }
+
+
+def summary(folder: Path) -> dict[str, int]:
+    """Numbers of pictures, of those without a spacecraft, and of boxes."""
+    _, boxes = _parse(folder / ANNOTATIONS)
+    return {
+        "images": len(boxes),
+        "empty": sum(len(found) == 0 for found in boxes),
+        "boxes": sum(len(found) for found in boxes),
+    }
+
+
+def read(folder: Path, size_px: int = SIZE_PX, limit: int | None = None) -> Dataset:
+    """The data set of a folder with COCO's `annotations.json`; pictures are shrunk and padded to squares.
+
+    `limit` reads only so many of the first.
+
+    Raises `DatasetError` where the folder, its annotations or a picture cannot be used.
+    """
+    path = folder / ANNOTATIONS
+    images, boxes = _parse(path)
+    images, boxes = images[:limit], boxes[:limit]
+    pictures, scaled = [], []
+    for entry, found in zip(images, boxes, strict=True):
+        picture, scale = _picture(folder / entry["file_name"], (entry["width"], entry["height"]), size_px)
+        pictures.append(picture)
+        scaled.append((found * scale).astype(np.float32))
+    backgrounds = tuple(str(entry.get("background", "unknown")) for entry in images)
+    craft = tuple("target" if entry.get("craft") == PACKAGED else "other" for entry in images)
+    return Dataset(np.stack(pictures), tuple(scaled), backgrounds, craft)
+
+
+def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray]]:
+    """Entries of the images of an annotations file, and their boxes (n, 4)."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "no JSON"
+        raise DatasetError(f"{path}: cannot be read ({reason}), expected annotations in COCO's format") from None
+    try:
+        images = [
+            {
+                **entry,
+                "file_name": str(entry["file_name"]),
+                "width": int(entry["width"]),
+                "height": int(entry["height"]),
+            }
+            for entry in content["images"]
+        ]
+        by_image: dict[Any, list[list[float]]] = {entry["id"]: [] for entry in images}
+        by_number = {entry["id"]: entry for entry in images}
+        kinds = {note.get("category_id") for note in content["annotations"]}
+        if len(kinds) > 1:
+            raise ValueError(f"categories {sorted(map(str, kinds))}, of which one is meant to be a spacecraft")
+        for note in content["annotations"]:
+            if note.get("iscrowd"):
+                raise ValueError(f"a crowd in image {note['image_id']}, where each spacecraft has its box")
+            left, top, width, height = map(float, note["bbox"])
+            if not (width > 0.0 and height > 0.0) or not np.isfinite([left, top, width, height]).all():
+                raise ValueError(f"bbox {note['bbox']}")
+            by_image[note["image_id"]].append([left, top, left + width, top + height])
+            by_number[note["image_id"]]["craft"] = note.get("craft")
+    except (KeyError, TypeError, ValueError) as error:
+        raise DatasetError(f"{path}: found a fault at {error}, expected images and annotations as in COCO") from None
+    if not images:
+        raise DatasetError(f"{path}: found no images, expected at least one")
+    return images, [np.array(by_image[entry["id"]]).reshape(-1, 4) for entry in images]
+
+
+def _picture(path: Path, declared: tuple[int, int], size_px: int) -> tuple[np.ndarray, float]:
+    """Codes (p, p, 3) of a picture, and the factor by which its boxes shrink."""
+    import cv2
+
+    found = cv2.imread(str(path), cv2.IMREAD_COLOR) if path.is_file() else None
+    if found is None:
+        raise DatasetError(f"{path}: cannot be read, expected a picture that the annotations name")
+    height, width = found.shape[:2]
+    if (width, height) != declared:
+        raise DatasetError(f"{path}: found {width} x {height} px, expected {declared[0]} x {declared[1]}")
+    scale = size_px / max(width, height)
+    if scale != 1.0:
+        sides = max(1, round(width * scale)), max(1, round(height * scale))
+        found = cv2.resize(found, sides, interpolation=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR)
+    square = np.zeros((size_px, size_px, 3), np.uint8)
+    square[: found.shape[0], : found.shape[1]] = found[..., ::-1]
+    return square, scale
+
+
+def drawn(images: np.ndarray, boxes: "tuple[np.ndarray, ...] | list[np.ndarray]", columns: int = 12) -> np.ndarray:
+    """Pictures (n, p, p, 3) of 8 bit codes side by side with their boxes, three times enlarged (BGR)."""
+    import cv2
+
+    factor, size = 3, images.shape[1]
+    rows = -(-len(images) // columns)
+    sheet = np.zeros((rows * size * factor, min(columns, len(images)) * size * factor, 3), np.uint8)
+    for index, (image, found) in enumerate(zip(images, boxes, strict=True)):
+        large = np.repeat(np.repeat(image[..., ::-1], factor, axis=0), factor, axis=1)
+        for box in found:
+            left, top, right, bottom = (round(factor * float(edge)) for edge in box[:4])
+            cv2.rectangle(large := np.ascontiguousarray(large), (left, top), (right, bottom), (0, 255, 0), 1)
+        row, column = divmod(index, columns)
+        place = np.s_[
+            row * size * factor : (row + 1) * size * factor, column * size * factor : (column + 1) * size * factor
+        ]
+        sheet[place] = large
+    return sheet

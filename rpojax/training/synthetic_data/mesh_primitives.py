@@ -1,0 +1,160 @@
+"""Solids of a procedural spacecraft: each is vertices (n, 3) [m] and triangles (m, 3), and moves as one."""
+
+import dataclasses
+
+import numpy as np
+
+from rpojax.training.synthetic_data.target_mesh import Material, Part, TargetMesh
+
+
+@dataclasses.dataclass(frozen=True)
+class Solid:
+    """Triangles of one material: vertices (n, 3) [m], faces (m, 3)."""
+
+    material: Material
+    vertices: np.ndarray
+    faces: np.ndarray
+
+    def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Solid":
+        """The same solid elsewhere."""
+        return dataclasses.replace(self, vertices=self.vertices + np.array([x, y, z]))
+
+    def turned(self, axis: str, angle_deg: float) -> "Solid":
+        """The same solid turned about an axis through the origin."""
+        return dataclasses.replace(self, vertices=self.vertices @ rotation(axis, angle_deg).T)
+
+
+Craft = list[Solid]
+
+
+def rotation(axis: str, angle_deg: float) -> np.ndarray:
+    """Matrix (3, 3) of a right-handed turn about 'x', 'y' or 'z'."""
+    first, second = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
+    cosine, sine = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
+    matrix = np.eye(3)
+    matrix[first, first], matrix[first, second] = cosine, -sine
+    matrix[second, first], matrix[second, second] = sine, cosine
+    return matrix
+
+
+def moved(craft: Craft, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Craft:
+    """All solids moved alike."""
+    return [solid.moved(x, y, z) for solid in craft]
+
+
+def turned(craft: Craft, axis: str, angle_deg: float) -> Craft:
+    """All solids turned alike about an axis through the origin."""
+    return [solid.turned(axis, angle_deg) for solid in craft]
+
+
+def box(material: Material, x: float, y: float, z: float) -> Solid:
+    """A box around the origin."""
+    corners = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
+    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = np.array([triangle for a, b, c, d in quads for triangle in ((a, b, c), (a, c, d))])
+    return Solid(material, corners * [x, y, z], faces)
+
+
+def crinkled_box(rng: np.random.Generator, material: Material, x: float, y: float, z: float) -> Solid:
+    """A box whose faces are dented as foil is: each face a grid of points moved at random."""
+    pieces = []
+    dent = 0.012 * max(x, y, z)
+    for axis, (u, v, w) in {"x": (y, z, x), "y": (z, x, y), "z": (x, y, z)}.items():
+        for sign in (-1.0, 1.0):
+            sheet = _sheet(rng, material, u, v, dent).moved(z=0.5 * w)
+            pieces.append(_to_axis(sheet if sign > 0.0 else sheet.turned("x", 180.0), axis))
+    return joined(pieces)
+
+
+def _sheet(rng: np.random.Generator, material: Material, x: float, y: float, dent: float) -> Solid:
+    count = 7
+    steps = np.linspace(-0.5, 0.5, count)
+    across, down = np.meshgrid(steps, steps, indexing="ij")
+    inner = (np.abs(across) < 0.49) & (np.abs(down) < 0.49)
+    height = np.where(inner, dent * rng.normal(size=across.shape), 0.0)
+    vertices = np.stack([across * x, down * y, height], axis=-1).reshape(-1, 3)
+    return Solid(material, vertices, _grid_faces(count, count))
+
+
+def _to_axis(solid: Solid, axis: str) -> Solid:
+    """A solid along z, cyclically laid along another axis."""
+    order = {"z": [0, 1, 2], "x": [2, 0, 1], "y": [1, 2, 0]}[axis]
+    return dataclasses.replace(solid, vertices=solid.vertices[:, order])
+
+
+def _grid_faces(rows: int, columns: int) -> np.ndarray:
+    """Triangles (m, 3) between the points of a grid, numbered row by row."""
+    first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)[None, :]).reshape(-1)
+    a, b, c, d = first, first + columns, first + columns + 1, first + 1
+    return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+
+
+def revolved(material: Material, profile: list[tuple[float, float]], sections: int = 28) -> Solid:
+    """The surface that a profile of (radius, height along z) sweeps."""
+    angle = np.linspace(0.0, 2.0 * np.pi, sections + 1)
+    radius, height = np.array(profile).T
+    shape = (len(profile), sections + 1)
+    vertices = np.stack(
+        [
+            radius[:, None] * np.cos(angle)[None, :],
+            radius[:, None] * np.sin(angle)[None, :],
+            np.broadcast_to(height[:, None], shape),
+        ],
+        axis=-1,
+    )
+    return Solid(material, vertices.reshape(-1, 3), _grid_faces(*shape))
+
+
+def tube(material: Material, radius: float, length: float, end: float | None = None, sections: int = 28) -> Solid:
+    """A closed cylinder, cone or prism along z around the origin; `end` is the radius at its +z side."""
+    other = radius if end is None else end
+    half = 0.5 * length
+    return revolved(material, [(0.0, -half), (radius, -half), (other, half), (0.0, half)], sections)
+
+
+def crinkled_tube(rng: np.random.Generator, material: Material, radius: float, length: float) -> Solid:
+    """A closed cylinder along z, dented as foil is."""
+    rows = 14
+    heights = np.linspace(-0.5 * length, 0.5 * length, rows)
+    solid = revolved(material, [(0.0, heights[0]), *((radius, h) for h in heights), (0.0, heights[-1])])
+    dents = 0.015 * radius * rng.normal(size=solid.vertices.shape)
+    return dataclasses.replace(solid, vertices=solid.vertices + dents)
+
+
+def dish(material: Material, radius: float, depth: float) -> Solid:
+    """An open paraboloid with its apex at the origin and its rim at +z."""
+    share = np.linspace(0.0, 1.0, 7)
+    return revolved(material, [(radius * s, depth * s * s) for s in share])
+
+
+def slab(material: Material, outline: list[tuple[float, float]], thickness: float) -> Solid:
+    """A flat convex plate of an outline in x and y, around z = 0."""
+    count = len(outline)
+    points = np.array(outline)
+    layers = [np.column_stack([points, np.full(count, side * 0.5 * thickness)]) for side in (-1.0, 1.0)]
+    fan = [(0, i, i + 1) for i in range(1, count - 1)]
+    upper = [(count, count + i, count + i + 1) for i in range(1, count - 1)]
+    rim = [
+        triangle
+        for i in range(count)
+        for j in [(i + 1) % count]
+        for triangle in ((i, j, count + j), (i, count + j, count + i))
+    ]
+    return Solid(material, np.concatenate(layers), np.array(fan + upper + rim))
+
+
+def joined(solids: list[Solid]) -> Solid:
+    """One solid of the first one's material."""
+    offsets = np.cumsum([0, *(len(solid.vertices) for solid in solids[:-1])])
+    faces = [solid.faces + offset for solid, offset in zip(solids, offsets, strict=True)]
+    return Solid(solids[0].material, np.concatenate([solid.vertices for solid in solids]), np.concatenate(faces))
+
+
+def as_mesh(name: str, craft: Craft) -> TargetMesh:
+    """A target with one part for each material, its middle at the origin."""
+    parts = []
+    for material in dict.fromkeys(solid.material for solid in craft):
+        whole = joined([solid for solid in craft if solid.material == material])
+        parts.append(Part(whole.vertices, whole.faces, material))
+    middle = TargetMesh(name, tuple(parts)).bounds.mean(axis=0)
+    return TargetMesh(name, tuple(dataclasses.replace(part, vertices=part.vertices - middle) for part in parts))

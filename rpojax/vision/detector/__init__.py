@@ -1,0 +1,1 @@
+"""The detector: proposal network, refinement network, non-maximum suppression."""

@@ -1,0 +1,1 @@
+"""From radiance to pictures: background, exposure, image files, contact sheets."""

@@ -1,0 +1,1 @@
+"""The radiance field of a target and its volume rendering."""

@@ -1,0 +1,103 @@
+"""From a field to a camera's frame: rays in a square around the target, averaged to pixels, before a background."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from rpojax.core.pytree import pytree
+from rpojax.vision.pinhole import Lens
+from rpojax.vision.radiance_field.ray_budget import Sampling, project_region, region_directions
+from rpojax.vision.radiance_field.target_field import Field, render_rays, touches
+
+Vector = Float[Array, "3"]
+Matrix = Float[Array, "3 3"]
+Scalar = Float[Array, ""]
+Image = Float[Array, "h w 3"]
+
+
+@pytree
+class Frame:
+    """A target in a frame.
+
+    Attributes:
+        color: (h, w, 3) linear radiance on black, 1 = white level
+        alpha: (h, w) share of the pixel that the target covers
+        depth: (h, w) distance [m] times that share
+    """
+
+    color: Array
+    alpha: Array
+    depth: Array
+
+
+def encode(linear: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+    """sRGB code values of linear radiance, clipped to 0..1 (IEC 61966-2-1)."""
+    clipped = jnp.clip(linear, 0.0, 1.0)
+    root = 1.055 * jnp.maximum(clipped, 0.0031308) ** (1.0 / 2.4) - 0.055
+    return jnp.where(clipped <= 0.0031308, 12.92 * clipped, root)
+
+
+def pixel_directions(size_px: int, field_of_view_deg: float) -> np.ndarray:
+    """Unit vectors (p, p, 3) in camera axes through the middles of a square frame's pixels."""
+    place = (np.arange(size_px) + 0.5) / size_px * 2.0 - 1.0
+    x, y = np.meshgrid(place, place)
+    tangent = np.tan(np.radians(0.5 * field_of_view_deg))
+    directions = np.stack([x * tangent, y * tangent, np.ones_like(x)], axis=2)
+    return (directions / np.linalg.norm(directions, axis=2, keepdims=True)).astype(np.float32)
+
+
+def render_frame(
+    field: Field,
+    lens: Lens,
+    width_px: int,
+    height_px: int,
+    rays: Sampling,
+    r_KT_T: Vector,
+    R_KT: Matrix,
+    sun_T: Vector,
+    sunlight: Scalar,
+) -> Frame:
+    """The target in a frame, from the camera's position [m] and axes, the direction of the Sun, all in T, and sunlight.
+
+    `sunlight` is 0 in eclipse and 1 outside; arrays are float32. Differentiable in pose and Sun.
+    """
+    corner, side, visible = project_region(field, lens, r_KT_T, R_KT)
+    direction = region_directions(lens, rays.side, corner, side, R_KT)
+    cells = _follow(field, rays, r_KT_T, direction, sun_T)
+    cells = cells * jnp.stack([sunlight, sunlight, sunlight, *[jnp.ones_like(sunlight)] * 2])[None, :]
+    cells = jnp.where(visible, cells, 0.0).reshape(rays.side, rays.side, 5)
+    across = _overlaps(corner[0], side, rays.side, width_px)
+    down = _overlaps(corner[1], side, rays.side, height_px)
+    frame = jnp.einsum("hr,rsc,ws->hwc", down, cells, across)
+    return Frame(color=frame[..., :3], alpha=frame[..., 3], depth=frame[..., 4])
+
+
+def _follow(field: Field, rays: Sampling, origin: Array, directions: Array, sun: Array) -> Array:
+    """Colour, alpha and depth (n, 5) of all rays of the square; only those that come near matter are followed."""
+
+    def follow(directions: Array) -> Array:
+        origins, suns = (jnp.broadcast_to(v[None, :], directions.shape) for v in (origin, sun))
+        found = render_rays(field, origins, directions, suns)
+        return jnp.concatenate([found.color, found.alpha[:, None], found.depth[:, None]], axis=1)
+
+    if rays.rays >= len(directions):
+        return follow(directions)
+    near = touches(field, jnp.broadcast_to(origin[None, :], directions.shape), directions)
+    (chosen,) = jnp.nonzero(near, size=rays.rays, fill_value=len(directions))
+    found = follow(directions.at[chosen].get(mode="clip"))
+    return jnp.zeros((len(directions), 5), jnp.float32).at[chosen].set(found, mode="drop")
+
+
+def _overlaps(corner: Array, side: Array, cells: int, pixels: int) -> Array:
+    """(pixels, cells) share of each pixel that each cell of a row of `cells` covers."""
+    width = side / cells
+    start = corner + width * jnp.arange(cells, dtype=jnp.float32)
+    pixel = jnp.arange(pixels, dtype=jnp.float32)
+    first = jnp.maximum(pixel[:, None], start[None, :])
+    last = jnp.minimum(pixel[:, None] + 1.0, (start + width)[None, :])
+    return jnp.maximum(last - first, 0.0)
+
+
+def compose(frame: Frame, background: Image) -> Image:
+    """Linear picture of a target before a background."""
+    return frame.color + background * (1.0 - frame.alpha[:, :, None])

@@ -1,0 +1,139 @@
+"""Derivatives of the whole tick against differences of it, and the bookkeeping of the vector."""
+
+from collections.abc import Callable
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.analysis.linear_covariance import noise_inputs, tumbling_target_outlines
+from rpojax.analysis.linear_covariance.deviation_vector import PENDING, layout
+from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS, Loop
+from rpojax.core.pytree import replace
+from rpojax.flight.computer import Stages
+from rpojax.scenario import params, scenario_file
+from rpojax.scenario.params import Params
+from rpojax.scenario.scenario_file import Scenario
+from rpojax.simulation import closed_loop
+from rpojax.simulation.closed_loop import State
+from rpojax.simulation.noise import StartNoise
+
+CONSTANTS = (("plant", "thruster", "force_scale"), ("camera", "misalignment"), ("star_tracker", "misalignment"))
+STEP = 5e-5
+"""Of a central difference, in units of `scales`."""
+
+quick = partial(
+    jax.jit,
+    compiler_options={"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True},
+)
+"""Compiles with less effort what runs a few times."""
+
+RADIUS = 7e6
+"""Of the orbit [m]."""
+
+Nominal = tuple[Scenario, Params, State]
+
+
+@pytest.fixture(scope="module")
+def nominal() -> Nominal:
+    """The packaged scenario a little beside its mean, as it starts; box edges in pixels."""
+    file = scenario_file.load("inspection", ["initial.relative_position_m=[1.0, -50.0, 2.0]"])
+    static = scenario_file.static(file)
+    base = params.build(file.model_dump(), static.width_px, static.height_px)
+    base = replace(base, camera=replace(base.camera, edge_noise=jnp.ones(())))
+    zero = StartNoise(
+        biases=jnp.zeros(6), box_edges=None, handover=jnp.zeros(12), star_tracker=jnp.zeros(3), gyro=jnp.zeros(3)
+    )
+    start = jax.jit(lambda key: closed_loop.init(static, base, key, zero))
+    return static, base, start(closed_loop.run_key(0, 0))
+
+
+@pytest.fixture(scope="module")
+def loop(nominal: Nominal) -> Loop:
+    static, base, state = nominal
+    return Loop(static, base, layout(state, base, CONSTANTS), Stages())
+
+
+def scales(loop: Loop) -> np.ndarray:
+    """Changes of the vector that mean about as much as each other."""
+    found = np.ones(loop.layout.size + loop.inputs.size)
+    for name, part in loop.layout.slices.items():
+        quaternion = name.split(".")[-1].startswith("q_")
+        small = quaternion or any(word in name for word in ("omega", "bias_B", "gyro_B", "misalignment", "remainder"))
+        found[part] = 1e-3 if small else 0.1 if "r_" in name.split(".")[-1] else 1e-2
+    return found
+
+
+@pytest.fixture(scope="module")
+def tick(nominal: Nominal, loop: Loop) -> tuple[Callable[[jax.Array], jax.Array], np.ndarray]:
+    """The tick as a function of one vector, and the point of the nominal run."""
+    _, base, state = nominal
+    own = tumbling_target_outlines.outline(loop.scenario, base, state.truth.q_TN, state.truth)
+    larger = own + jnp.array([-2.0, -1.0, 3.0, 1.0])
+    drawn = noise_inputs.still(loop.scenario.substeps, larger - own, jnp.ones((), dtype=bool))
+    step = loop.step(state, drawn, tumbling_target_outlines.frame(own, larger))
+    return step, np.asarray(loop.point(state))
+
+
+def test_unpacking_what_was_packed_changes_nothing(nominal: Nominal, loop: Loop) -> None:
+    _, base, state = nominal
+    again = loop.layout.unpack(loop.layout.pack(state, base), state, base)
+    for found, expected in zip(jax.tree.leaves(again), jax.tree.leaves((state, base)), strict=True):
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_quaternions_of_either_sign_are_told_to_be_the_same(nominal: Nominal, loop: Loop) -> None:
+    _, base, state = nominal
+    turned = replace(state, truth=replace(state.truth, q_BN=-state.truth.q_BN))
+    signs = loop.layout.signs(*(np.asarray(loop.layout.pack(each, base)) for each in (state, turned)))
+    assert np.flatnonzero(signs < 0.0).tolist() == list(range(*loop.layout.slices["truth.q_BN"].indices(99)))
+
+
+def test_a_pending_burn_changes_truth_and_estimate_alike(loop: Loop) -> None:
+    vector = np.zeros(loop.layout.size)
+    vector[loop.layout.slices[PENDING]] = [1.0, 2.0, 3.0, 4.0]
+    after = loop.layout.burn_jump() @ vector
+    assert not np.any(after[loop.layout.slices[PENDING]])
+    for name, sign in (("truth.v_ST_N", 1.0), ("flight.orbit.servicer.v_SN_N", 1.0)):
+        np.testing.assert_array_equal(after[loop.layout.slices[name]], sign * np.array([1.0, 2.0, 3.0]))
+    np.testing.assert_array_equal(after[loop.layout.slices["flight.orbit.relative.v_TS_N"]], [-1.0, -2.0, -3.0])
+    assert after[loop.layout.slices["truth.delta_v"]] == 4.0
+    assert np.count_nonzero(after) == 10
+
+
+@pytest.mark.slow
+def test_a_tick_of_the_function_is_a_tick_of_the_loop(
+    nominal: Nominal, loop: Loop, tick: tuple[Callable[[jax.Array], jax.Array], np.ndarray]
+) -> None:
+    static, base, state = nominal
+    step, point = tick
+    found = np.asarray(quick(step)(jnp.asarray(point)))
+    shift = jnp.array([-2.0, -1.0, 3.0, 1.0])
+    drawn = noise_inputs.still(static.substeps, shift, jnp.ones((), dtype=bool))
+    after, _ = quick(lambda state: closed_loop.tick(Stages(), static, base, state, drawn))(state)
+    for path in loop.layout.states:
+        expected = np.ravel(params.get(after, path))
+        part = found[loop.layout.slices[".".join(path)]]
+        np.testing.assert_allclose(part, expected, rtol=1e-12, atol=1e-12 * (1.0 + np.abs(expected).max()))
+
+
+def test_directional_derivatives_of_the_tick_are_its_central_differences(
+    loop: Loop, tick: tuple[Callable[[jax.Array], jax.Array], np.ndarray]
+) -> None:
+    step, point = tick
+    value = quick(step)
+    slope = quick(lambda at, along: jax.jvp(step, (at,), (along,))[1])
+    scale, size = scales(loop), loop.layout.size
+    rng = np.random.default_rng(0)
+    for _ in range(6):
+        along = jnp.asarray(scale * rng.normal(size=len(scale)))
+        found = np.asarray(slope(jnp.asarray(point), along))
+        ahead, behind = (np.asarray(value(jnp.asarray(point) + sign * STEP * along)) for sign in (1.0, -1.0))
+        difference = (ahead - behind) / (2.0 * STEP)
+        # What positions in N are rounded to, over the step; the error of the servicer's is a difference of two.
+        noise = 4e-16 * np.abs(np.asarray(value(jnp.asarray(point)))) / STEP
+        noise[size:][OUTPUTS["servicer_error_H"]] = 4e-16 * RADIUS / STEP
+        units = np.concatenate([scale[:size], np.full(len(found) - size, 0.1)])
+        np.testing.assert_array_less(np.abs(found - difference), 2e-5 * units + 4.0 * noise)

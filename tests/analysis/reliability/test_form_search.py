@@ -1,0 +1,186 @@
+"""The search for a design point on functions whose nearest point beyond the limit is known."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from rpojax.analysis.gradients import evaluation_log
+from rpojax.analysis.gradients.evaluation_log import Effort
+from rpojax.analysis.reliability import form_search
+
+COUNT = 26
+AXIS = np.arange(1.0, COUNT + 1.0) / np.linalg.norm(np.arange(1.0, COUNT + 1.0))
+AMPLE = Effort(starts=2, screened=16, budget=1000.0)
+
+
+@dataclass
+class Known:
+    """A margin with its gradient, both functions of one point; counts what it is asked for."""
+
+    margin: Callable[[np.ndarray], float]
+    slope: Callable[[np.ndarray], np.ndarray]
+    gradient_cost: float = 8.0
+    batch: int = 1
+    asked: float = 0.0
+
+    def margins(self, points: np.ndarray, lanes: np.ndarray) -> np.ndarray:
+        assert len(points) == len(lanes)
+        self.asked += len(points)
+        return np.array([self.margin(point) for point in points])
+
+    def gradients(self, points: np.ndarray, lanes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        margins = self.margins(points, lanes)
+        self.asked += (self.gradient_cost - 1.0) * len(points)
+        return margins, np.array([self.slope(point) for point in points])
+
+
+def plane(distance: float) -> Known:
+    return Known(lambda z: float(2.0 * (distance - AXIS @ z)), lambda z: -2.0 * AXIS)
+
+
+def bowl(distance: float, curvature: float) -> Known:
+    """Limit surface that bends away from the origin for a positive curvature, towards it for a negative one."""
+
+    def slope(z: np.ndarray) -> np.ndarray:
+        return 2.0 * curvature * (z - (AXIS @ z) * AXIS) - AXIS
+
+    def margin(z: np.ndarray) -> float:
+        across = z - (AXIS @ z) * AXIS
+        return float(distance - AXIS @ z + curvature * (across @ across))
+
+    return Known(margin, slope)
+
+
+@pytest.mark.parametrize("distance", [0.5, 3.0, 5.5])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_foot_of_a_plane_is_found(distance: float, seed: int) -> None:
+    found = form_search.search(plane(distance), COUNT, AMPLE, seed)
+    assert found.nearest is not None
+    assert found.first is not None
+    assert found.alignment is not None
+    assert (1.0 - 1e-9) * distance <= found.nearest.distance < 1.02 * distance
+    assert found.alignment == pytest.approx(1.0, abs=1e-3)
+    assert found.first.spent <= 16 + 4 * 8 + 2 * (8 + 5)
+
+
+@pytest.mark.parametrize("curvature", [-0.1, 0.05, 0.2])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_nearest_point_of_a_curved_limit_is_found(curvature: float, seed: int) -> None:
+    found = form_search.search(bowl(3.0, curvature), COUNT, AMPLE, seed)
+    assert found.nearest is not None
+    # A surface bent by more than 1 / (2 distance) towards the origin is nearest off its axis.
+    nearest = 3.0 if 2.0 * -curvature * 3.0 <= 1.0 else np.sqrt(3.0 / 0.1 - 1.0 / (4.0 * 0.1**2))
+    assert (1.0 - 1e-9) * nearest <= found.nearest.distance < 1.05 * nearest
+
+
+def test_a_limit_out_of_reach_is_not_found_but_approached() -> None:
+    found = form_search.search(plane(8.0), COUNT, AMPLE, 0)
+    assert found.nearest is None
+    assert found.first is None
+    assert found.alignment is None
+    assert found.closest.distance == pytest.approx(6.0)
+    assert found.closest.margin == pytest.approx(2.0 * (8.0 - 6.0))
+
+
+def test_a_limit_that_is_broken_at_the_origin_takes_no_search() -> None:
+    found = form_search.search(plane(-1.0), COUNT, AMPLE, 0)
+    assert found.nearest is not None
+    assert found.nearest.distance == 0.0
+    assert (found.spent, found.gradients) == (16.0, 0)
+
+
+def test_lost_runs_and_missing_derivatives_do_not_end_the_search() -> None:
+    """Beyond the limit nothing is told but that it is broken, and before it every third derivative is not a number."""
+    calls = iter(range(10**6))
+
+    def slope(z: np.ndarray) -> np.ndarray:
+        return np.full(COUNT, np.nan) if next(calls) % 3 == 1 else -AXIS
+
+    lost = Known(lambda z: float(3.0 - AXIS @ z) if AXIS @ z < 3.0 else -np.inf, slope)
+    found = form_search.search(lost, COUNT, AMPLE, 0)
+    assert found.nearest is not None
+    assert found.nearest.margin == -np.inf
+    assert 3.0 - 1e-9 <= found.nearest.distance < 4.5
+
+
+@pytest.mark.parametrize(("batch", "budget"), [(1, 60.0), (4, 100.0), (4, 200.0)])
+def test_the_budget_is_kept_and_everything_is_counted(batch: int, budget: float) -> None:
+    limit = plane(5.0)
+    limit.batch = batch
+    found = form_search.search(limit, COUNT, Effort(starts=2, budget=budget), 1)
+    assert found.spent <= budget
+    assert limit.asked == found.margins + 8.0 * found.gradients
+    assert found.spent >= limit.asked
+    assert found.spent == limit.asked or batch > 1
+
+
+def test_every_start_is_on_a_lane_of_its_own() -> None:
+    screened: set[int] = set()
+    limit = bowl(8.0, 0.05)
+    margins, gradients = limit.margins, limit.gradients
+
+    def tried(points: np.ndarray, lanes: np.ndarray) -> np.ndarray:
+        screened.update(lanes.tolist())
+        return margins(points, lanes)
+
+    def climbed(points: np.ndarray, lanes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        assert len(set(lanes.tolist())) == len(lanes)
+        return gradients(points, lanes)
+
+    limit.margins, limit.gradients = tried, climbed  # type: ignore[method-assign]
+    found = form_search.search(limit, COUNT, AMPLE, 0)
+    assert found.gradients > 4
+    assert screened == set(range(len(screened)))
+    assert len(screened) > 2 * 16
+
+
+def rough(scatter: float) -> Known:
+    """A plane at 4 sigmas whose every point is off by chance, and whose derivatives are nothing but chance."""
+
+    def chance(z: np.ndarray) -> np.random.Generator:
+        return np.random.default_rng(np.abs(z * 1e6).astype(np.int64).tolist())
+
+    return Known(
+        lambda z: float(4.0 - AXIS @ z + scatter * chance(z).normal()),
+        lambda z: 5.0 * chance(z).normal(size=COUNT),
+        gradient_cost=18.0,
+    )
+
+
+def test_shots_meet_a_rare_violation_that_derivatives_do_not_lead_to() -> None:
+    spent = []
+    for seed in range(20):
+        found = form_search.search(rough(0.8), COUNT, Effort(budget=400.0), seed)
+        assert found.first is not None
+        spent.append(found.first.spent)
+    # One point in a thousand is beyond the limit: sqrt(1 + 0.8^2) sigmas are 1.28, and 4 are 3.1 of them.
+    assert np.mean(spent) < 60.0
+
+
+def ripples() -> Known:
+    """A plane at 4 sigmas under ripples in three numbers, whose slopes are four times as steep and lead nowhere."""
+
+    def slope(z: np.ndarray) -> np.ndarray:
+        return -AXIS + np.where(np.arange(COUNT) < 3, 4.0 * np.cos(40.0 * z), 0.0)
+
+    return Known(lambda z: float(4.0 - AXIS @ z + 0.1 * np.sin(40.0 * z[:3]).sum()), slope)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_gradients_agree_on_leads_through_ripples(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    effort = Effort(starts=4, screened=16, budget=400.0)
+    monkeypatch.setattr(form_search, "_VOLLEYS", 0)
+    found = form_search.search(ripples(), COUNT, effort, seed)
+    assert found.nearest is not None
+    monkeypatch.setattr(evaluation_log.Book, "trend", lambda book: None)
+    alone = form_search.search(ripples(), COUNT, effort, seed)
+    assert alone.nearest is None or found.nearest.distance < alone.nearest.distance
+
+
+def test_a_mean_is_drawn_in_by_what_its_scatter_explains() -> None:
+    slopes = np.array([[1.0, 3.0, -2.0], [1.0, -3.0, -2.0], [1.0, 3.0, -2.2], [1.0, -3.0, -1.8]])
+    np.testing.assert_allclose(evaluation_log.shrunk_mean(slopes), [1.0, 0.0, -2.0], rtol=0.01)
+    half = np.array([[0.0], [2.0]])
+    np.testing.assert_allclose(evaluation_log.shrunk_mean(half), [0.5])

@@ -1,0 +1,246 @@
+"""The search for a violation on flights whose figures are known, and once on real ones."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rpojax
+from rpojax.analysis.gradients import run_derivatives
+from rpojax.analysis.gradients.evaluation_log import Effort
+from rpojax.analysis.gradients.run_derivatives import Flights
+from rpojax.analysis.reliability import metric_limit, worst_case, worst_case_record
+from rpojax.analysis.reliability.metric_limit import Bound
+from rpojax.analysis.reliability.worst_case import Costs, FlownLimit, Worst
+from rpojax.campaign import single_run
+from rpojax.cli import main
+from rpojax.dispersions import dispersed_values, standard_normal
+from rpojax.errors import RpojaxError
+from rpojax.report.json_values import plain
+from rpojax.scenario import scenario_file
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation import closed_loop, metrics
+
+NAMES = ("delta_v_m_s", "min_range_m")
+COSTS = Costs(batch=2, flight_s=0.1, gradient_s=0.71)
+
+
+@pytest.fixture(scope="module")
+def mission() -> ScenarioFile:
+    """The nominal mission with all its dispersions."""
+    return scenario_file.load("inspection")
+
+
+class Straight(Flights):
+    """Flights whose figures are linear in the numbers: 10 + 2 z0 and 30 - 3 z1; runs with z0 beyond 5 are lost."""
+
+    slopes = np.array([[2.0, 0.0], [0.0, -3.0]])
+    lost_beyond = 5.0
+
+    def __init__(self, count: int) -> None:
+        self.names, self.count, self.compile_s = NAMES, count, 0.0
+
+    @property
+    def capacity(self) -> int:
+        return 2
+
+    def values(self, numbers: np.ndarray, keys: np.ndarray) -> run_derivatives.Found:
+        assert keys.shape == (len(numbers), 2)
+        figures = np.array([10.0, 30.0]) + numbers[:, :2] @ self.slopes.T
+        lost, events = numbers[:, 0] > self.lost_beyond, np.zeros(len(numbers))
+        return run_derivatives.Found(figures=figures, jacobian=None, gradient=None, failed=lost, events=events)
+
+    def reverse(
+        self, numbers: np.ndarray, keys: np.ndarray, weights: np.ndarray | None = None
+    ) -> run_derivatives.Found:
+        assert weights is not None
+        found = self.values(numbers, keys)
+        gradient = np.zeros_like(numbers)
+        gradient[:, :2] = weights @ self.slopes
+        return replace(found, gradient=gradient)
+
+
+def searched(file: ScenarioFile, bound: Bound, budget: float = 400.0) -> Worst:
+    space = standard_normal.make(file)
+    effort = Effort(starts=2, screened=16, budget=budget)
+    return worst_case.search(space, bound, effort, seed=3, flights=Straight(space.count), costs=COSTS)
+
+
+@pytest.mark.parametrize(
+    ("bound", "distance", "beyond"),
+    [(Bound("delta_v_m_s", "at most", 16.0), 3.0, 16.0), (Bound("min_range_m", "at least", 22.5), 2.5, 22.5)],
+)
+def test_the_nearest_violation_is_found_on_either_side(
+    mission: ScenarioFile, bound: Bound, distance: float, beyond: float
+) -> None:
+    worst = searched(mission, bound)
+    assert worst.found.nearest is not None
+    assert worst.shown.distance == pytest.approx(distance, rel=0.02)
+    content = plain(worst_case_record.content(worst, flown=bound.value(worst.shown.margin)))
+    assert bound.broken(content["value"])
+    assert content["value"] == pytest.approx(beyond, rel=0.02)
+    assert content["confirmed"]
+    assert content["probability_first_order"] == pytest.approx(0.5 * math.erfc(distance / math.sqrt(2.0)), rel=0.3)
+    assert content["cost"]["run_equivalents"] >= content["cost"]["flights"] + 8 * content["cost"]["gradients"]
+    [first, *rest] = content["dispersions"]
+    key = "initial.relative_position_m"
+    row = f"{key}[{0 if bound.metric == 'delta_v_m_s' else 1}]"
+    assert first["name"] == key
+    assert abs(first["sigmas"][row]) == pytest.approx(distance, rel=0.05)
+    assert [each["distance_sigmas"] for each in rest] == sorted((e["distance_sigmas"] for e in rest), reverse=True)
+    index = int(row[-2])
+    moved = first["values"][key][index] - first["nominal"][key][index]
+    assert moved == pytest.approx(2.0 * first["sigmas"][row])
+
+
+def test_what_is_found_can_be_flown(mission: ScenarioFile) -> None:
+    worst = searched(mission, Bound("delta_v_m_s", "at most", 16.0))
+    again = scenario_file.validate(worst.flyable.model_dump(mode="json"))
+    _, base = single_run.nominal(again)
+    drawn = dispersed_values.draw(again, closed_loop.run_key(worst.seed, worst.shown.lane), {})
+    chosen = dispersed_values.apply(base, drawn)
+    expected = worst.values["initial.relative_position_m"]
+    np.testing.assert_allclose(chosen.initial.relative_position, expected, rtol=1e-12)
+    np.testing.assert_allclose(chosen.plant.servicer.mass, worst.values["servicer.mass_kg"], rtol=1e-12)
+    assert float(chosen.flight.onboard.mass) == mission.servicer.mass_kg
+
+
+def test_a_lost_run_is_a_violation(mission: ScenarioFile) -> None:
+    worst = searched(mission, Bound("delta_v_m_s", "at most", 21.0))
+    assert worst.shown.margin == -math.inf
+    assert worst.shown.distance == pytest.approx(5.0, rel=0.06)
+    content = plain(worst_case_record.content(worst, flown=math.nan))
+    assert content["confirmed"]
+    assert (content["value"], content["value_flown"]) == (None, None)
+
+
+def test_a_limit_out_of_reach_is_said_to_be(mission: ScenarioFile) -> None:
+    worst = searched(mission, Bound("min_range_m", "at least", 9.0))
+    content = plain(worst_case_record.content(worst, flown=12.0))
+    assert not content["found"]
+    assert not content["confirmed"]
+    assert content["probability_first_order"] is None
+    assert content["distance_sigmas"] == pytest.approx(6.0)
+    assert content["value"] == pytest.approx(30.0 - 3.0 * 6.0, rel=1e-3)
+
+
+def test_a_flight_that_keeps_the_limit_is_no_confirmation(mission: ScenarioFile) -> None:
+    worst = searched(mission, Bound("delta_v_m_s", "at most", 16.0))
+    assert not worst_case_record.content(worst, flown=15.9)["confirmed"]
+
+
+def test_margins_turn_back_into_values() -> None:
+    for bound in (Bound("delta_v_m_s", "at most", 2.0), Bound("min_range_m", "at least", 2.0)):
+        for value in (1.5, 2.0, 2.5):
+            margin = float(bound.margins(np.array([value]))[0])
+            assert bound.value(margin) == pytest.approx(value)
+            assert (margin <= 0.0) == bound.broken(value)
+
+
+def test_a_gradient_costs_whole_flights() -> None:
+    assert FlownLimit(Straight(3), Bound("min_range_m", "at least", 1.0), COSTS, 0).gradient_cost == 8.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((None, None, None), "--requirement, --metric: found neither, expected one of the two"),
+        (("min_range_m", "min_range_m", 1.0), "--requirement, --metric: found both, expected one of the two"),
+        (("min_range_m", None, 1.0), "--limit: found 1.0, expected it with --metric only"),
+        (("delta_v_m_s", None, None), "--requirement: found 'delta_v_m_s', expected one of the scenario's: form"),
+        (("look_away_peak_s", None, None), "--requirement: found 'look_away_peak_s', expected a metric with a deriv"),
+        ((None, "minimum_range", 1.0), "--metric: found 'minimum_range', expected a metric: formation_error_rms_m, "),
+        ((None, "detection_rate", 1.0), "--metric: found 'detection_rate', expected a metric with a derivative: "),
+        ((None, "min_range_m", None), "--limit: found None, expected a number, with --metric"),
+        ((None, "min_range_m", math.nan), "--limit: found nan, expected a number, with --metric"),
+    ],
+)
+def test_words_that_name_no_bound_are_refused(mission: ScenarioFile, arguments: Any, message: str) -> None:
+    with pytest.raises(RpojaxError) as error:
+        metric_limit.bound_of(mission, *arguments, bound="at most")
+    assert str(error.value).startswith(message)
+
+
+def test_a_side_that_is_none_is_refused(mission: ScenarioFile) -> None:
+    with pytest.raises(RpojaxError, match=r"^--bound: found 'below', expected 'at most' or 'at least'$"):
+        metric_limit.bound_of(mission, None, "min_range_m", 3.0, "below")
+
+
+@pytest.mark.parametrize(
+    ("effort", "message"),
+    [
+        (Effort(starts=0), "--starts: found 0, expected 1 to 64"),
+        (Effort(starts=65), "--starts: found 65, expected 1 to 64"),
+        (Effort(budget=15.0), "--budget: found 15, expected at least the 16 first flights"),
+        (Effort(budget=math.nan), "--budget: found nan, expected at least the 16 first flights"),
+    ],
+)
+def test_efforts_that_find_nothing_are_refused(effort: Effort, message: str) -> None:
+    with pytest.raises(RpojaxError) as error:
+        worst_case.check_effort(effort)
+    assert str(error.value) == message
+
+
+def test_the_verb_keeps_what_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "worst_case.json").write_text("{}")
+    words = ["worst-case", "inspection", "--requirement", "min_range_m", "--out", str(tmp_path)]
+    assert main.main(words) == main.Status.BAD_INPUT
+    assert "worst_case.json: exists already; --force replaces it" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("limit", "flown", "words"),
+    [
+        (16.0, 16.2, ["broken 3.", "first-order probability 0.00", "confirmed", "8: 0.71 s against 0.1 s a run"]),
+        (16.0, 15.0, ["NOT confirmed: the flight keeps the limit"]),
+        (99.0, 21.9, ["no violation found; closest is 22 m/s at 6.00 sigmas", "flown: 21.90 m/s"]),
+    ],
+)
+def test_the_verb_writes_a_scenario_that_is_the_point(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    limit: float,
+    flown: float,
+    words: list[str],
+) -> None:
+    monkeypatch.setattr(worst_case, "flights_of", lambda space, metrics, starts: Straight(space.count))
+    monkeypatch.setattr(worst_case, "measure", lambda flights: COSTS)
+    monkeypatch.setattr(worst_case, "fly", lambda worst, directory, force: flown)
+    out = tmp_path / "out"
+    given = ["--metric", "delta_v_m_s", "--limit", str(limit), "--bound", "at most", "--out", str(out), "--seed", "5"]
+    # The fake loses runs beyond 5 sigmas of one number, which counts as a violation.
+    monkeypatch.setattr(Straight, "lost_beyond", math.inf)
+    assert main.main(["worst-case", "inspection", *given]) == main.Status.DONE
+    shown = " ".join(capsys.readouterr().out.split())
+    assert [word for word in words if word not in shown] == []
+    content = json.loads((out / "worst_case.json").read_text())
+    file = scenario_file.load(out / "worst_case.toml")
+    text = (out / "worst_case.toml").read_text()
+    assert f"--seed 5 --run-id {content['run_id']}" in text.splitlines()[1]
+    drawn = dispersed_values.draw(file, closed_loop.run_key(5, content["run_id"]), {})
+    for entry in content["dispersions"]:
+        for key, value in entry["values"].items():
+            np.testing.assert_allclose(drawn[key], value, rtol=1e-12)
+    assert main.main(["worst-case", "inspection", *given]) == main.Status.BAD_INPUT
+
+
+@pytest.mark.slow
+def test_a_real_search_is_confirmed_by_a_flight(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["worst-case", "inspection", "--metric", "formation_error_rms_m", "--limit", "23", "--starts", "2"]
+    settings = ["--set", "duration_s=60", "--out", str(tmp_path / "out"), "--json", "--no-cache"]
+    assert main.main([*words, *settings]) == main.Status.DONE
+    content = json.loads(capsys.readouterr().out)
+    assert content["confirmed"]
+    assert content["value"] > 23.0
+    assert content["value_flown"] == pytest.approx(content["value"], rel=1e-4)
+    assert content["distance_sigmas"] < 6.0
+    assert content["alignment"] > 0.95
+    file = rpojax.load(tmp_path / "out" / "worst_case.toml")
+    records = single_run.simulate(file, content["seed"], content["run_id"])
+    history = {name: values[None] for name, values in records.items() if name not in ("time_s", "rho_desired_H")}
+    assert metrics.evaluate(file, history)["formation_error_rms_m"][0] > 23.0

@@ -1,0 +1,118 @@
+"""Bounds of quantiles against worked numbers, scipy and drawn samples."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from rpojax.analysis.statistics.order_statistics import (
+    consumer_risk_reached,
+    failures_allowed,
+    percentiles_over_runs,
+    quantile_ranks,
+    quantile_upper_bound,
+    rank_coverage,
+    runs_for_bound,
+    runs_for_tolerance_interval,
+    upper_bound_rank,
+)
+
+WILKS = [
+    (0.95, 0.95, 59),
+    (0.99, 0.95, 299),
+    (0.99, 0.90, 230),
+    (0.9973, 0.90, 852),
+    (0.9973, 0.95, 1109),
+    (0.99865, 0.90, 1705),
+]
+
+
+@pytest.mark.parametrize(("quantile", "confidence", "runs"), WILKS)
+def test_the_largest_of_wilks_number_of_runs_is_the_bound_and_of_one_less_is_not(
+    quantile: float, confidence: float, runs: int
+) -> None:
+    assert runs_for_bound(quantile, confidence) == runs
+    assert upper_bound_rank(runs, quantile, confidence) == runs
+    assert upper_bound_rank(runs - 1, quantile, confidence) is None
+
+
+@pytest.mark.parametrize(("rank", "runs"), [(2, 93), (3, 124)])
+def test_second_and_third_largest_take_over_at_wilks_numbers(rank: int, runs: int) -> None:
+    assert runs_for_bound(0.95, 0.95, rank) == runs
+    assert upper_bound_rank(runs, 0.95, 0.95) == runs - rank + 1
+    assert upper_bound_rank(runs - 1, 0.95, 0.95) == runs - 1 - (rank - 1) + 1
+
+
+@pytest.mark.parametrize(("share", "confidence", "runs"), [(0.95, 0.95, 93), (0.99, 0.95, 473), (0.9973, 0.90, 1440)])
+def test_runs_whose_extremes_enclose_a_share_of_all(share: float, confidence: float, runs: int) -> None:
+    assert runs_for_tolerance_interval(share, confidence) == runs
+
+    def confidence_of(n: int) -> float:
+        return 1.0 - share**n - n * (1.0 - share) * share ** (n - 1)
+
+    assert confidence_of(runs) >= confidence > confidence_of(runs - 1)
+
+
+@pytest.mark.parametrize(
+    ("runs", "allowed"), [(0, None), (851, None), (852, 0), (1000, 0), (2000, 2), (3000, 4), (5000, 8), (10000, 19)]
+)
+def test_failures_allowed_of_three_sigma_at_a_tenth_of_risk(runs: int, allowed: int | None) -> None:
+    assert failures_allowed(runs, 0.9973, 0.1) == allowed
+
+
+@pytest.mark.parametrize(("runs", "rank"), [(2000, 1998), (10000, 9981)])
+def test_the_run_that_must_keep_the_limit_is_the_upper_bound_of_the_quantile(runs: int, rank: int) -> None:
+    allowed = failures_allowed(runs, 0.9973, 0.1)
+    assert allowed is not None
+    assert runs - allowed == rank == upper_bound_rank(runs, 0.9973, 0.9)
+
+
+def test_a_risk_that_is_met_exactly_is_met() -> None:
+    # Two runs without violation of a fair coin: a quarter.
+    assert failures_allowed(2, 0.5, 0.25) == 0
+    assert failures_allowed(2, 0.5, 0.2499) is None
+
+
+def test_consumer_risk_against_a_worked_number() -> None:
+    assert consumer_risk_reached(3, 1000, 0.99) == pytest.approx(0.010073, abs=5e-7)
+    assert consumer_risk_reached(0, 0, 0.99) == 1.0
+
+
+def test_ranks_that_enclose_a_99th_percentile_and_how_often_they_do() -> None:
+    assert quantile_ranks(1000, 0.99) == (983, 997)
+    assert rank_coverage(1000, 0.99, 983, 997) == pytest.approx(0.97609, abs=5e-6)
+    assert quantile_ranks(100, 0.99) == (97, None)
+    assert quantile_ranks(3, 0.5) == (None, None)
+
+
+def test_rank_is_the_smallest_that_reaches_the_confidence() -> None:
+    rank = upper_bound_rank(1000, 0.99, 0.95)
+    assert rank is not None
+    assert stats.binom.cdf(rank - 1, 1000, 0.99) >= 0.95 > stats.binom.cdf(rank - 2, 1000, 0.99)
+
+
+def test_bound_is_an_order_statistic_and_none_with_too_few_runs() -> None:
+    values = np.random.default_rng(0).permutation(np.arange(1.0, 300.0))
+    assert quantile_upper_bound(values) == 299.0
+    assert quantile_upper_bound(values[:298]) is None
+    assert quantile_upper_bound(np.array([])) is None
+
+
+def test_bound_covers_the_true_quantile_as_often_as_it_says() -> None:
+    samples = np.random.default_rng(1).exponential(size=(2000, 473))
+    bounds = np.array([quantile_upper_bound(row) for row in samples])
+    rank = upper_bound_rank(473, 0.99, 0.95)
+    assert rank is not None
+    expected = stats.binom.cdf(rank - 1, 473, 0.99)
+    assert np.mean(bounds >= -np.log(0.01)) == pytest.approx(expected, abs=0.015)
+
+
+def test_percentiles_agree_with_numpy_column_by_column_and_leave_out_nan() -> None:
+    values = np.random.default_rng(3).normal(size=(31, 4))
+    values[:7, 1] = np.nan
+    values[:, 2] = np.nan
+    values[1:, 3] = np.nan
+    found = percentiles_over_runs(values, (0.0, 5.0, 50.0, 99.0, 100.0))
+    for column in (0, 1, 3):
+        finite = values[np.isfinite(values[:, column]), column]
+        np.testing.assert_allclose(found[:, column], np.percentile(finite, [0, 5, 50, 99, 100]))
+    assert np.isnan(found[:, 2]).all()

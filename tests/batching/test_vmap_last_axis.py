@@ -1,0 +1,190 @@
+"""Batching along the last axis gives what `jax.vmap` gives, and keeps the items in the last axis on the way."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.batching import vmap_last_axis
+
+ITEMS = 7
+X = np.random.default_rng(1).normal(size=(3, ITEMS))
+M = np.random.default_rng(2).normal(size=(3, 3, ITEMS))
+S = np.random.default_rng(3).normal(size=ITEMS)
+MARKER = np.int64(4)
+
+
+def scanned(x: Any, m: Any, s: Any, marker: Any) -> Any:
+    """A carry that differs between items only after the second round, beside one that never does."""
+
+    def body(carry: Any, row: Any) -> Any:
+        own, later, common = carry
+        return (own + row @ jnp.ones(3), later + own, common + 1.0), (jnp.sum(row), common)
+
+    zero = jnp.zeros(())
+    return jax.lax.scan(body, (zero, zero, zero), m)
+
+
+def branched(x: Any, m: Any, s: Any, marker: Any) -> Any:
+    """One branch on what all items share, one on what they do not."""
+    shared = jax.lax.cond(marker > 3, lambda: (x * 2.0, jnp.zeros(())), lambda: (jnp.ones(3), s))
+    own = jax.lax.cond(s > 0.0, lambda: m[0], lambda: x)
+    which = jax.lax.switch(
+        (s > 0.0).astype(jnp.int32) + (s > 1.0).astype(jnp.int32), [lambda: s, lambda: x[0], lambda: x[1]]
+    )
+    return shared, own, which
+
+
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "elementwise": lambda x, m, s, marker: (
+        jnp.sin(x) * s + 2.0,
+        jnp.where(s > 0.0, x, -x),
+        jnp.where(marker > 3, x, s),
+    ),
+    "reductions": lambda x, m, s, marker: (jnp.sum(m, axis=1), jnp.max(x), jnp.argmin(x), jnp.all(x > s), jnp.prod(x)),
+    "slices": lambda x, m, s, marker: (m[1:, 0], x[::2], x[marker - 2], jax.lax.dynamic_slice(m, (marker, 0), (2, 1))),
+    "chosen": lambda x, m, s, marker: (
+        x[np.array([2, 0, 0, 1])],
+        m[np.array([0, 2, 2])],
+        m[:, np.array([1, 1])],
+        m[np.array([0, 2]), np.array([1, 0])],
+        jnp.arange(3.0)[np.array([2, 2])] * s,
+        jnp.take_along_axis(m, np.array([[0, 2], [1, 1], [2, 0]]), axis=1),
+        x[jnp.stack([jnp.argmax(x), jnp.argmin(x)])],
+    ),
+    "own places": lambda x, m, s, marker: (m[jnp.argmax(x)], jax.lax.dynamic_slice(x, (jnp.argmin(x),), (1,))),
+    "shapes": lambda x, m, s, marker: (m.T, m.reshape(9), x[:, None] * m, jnp.pad(x, 1), jnp.diag(x), jnp.flip(x)),
+    "joins": lambda x, m, s, marker: (
+        jnp.stack([x[0], s, marker.astype(jnp.float64)]),
+        jnp.concatenate([x, jnp.ones(2), s[None]]),
+    ),
+    "products": lambda x, m, s, marker: (m @ x, jnp.linalg.inv(m), jnp.cross(x, m[0])),
+    "common": lambda x, m, s, marker: (jnp.arange(3) * marker, x),
+    "sorted": lambda x, m, s, marker: (jnp.sort(x), jnp.cumsum(x)),
+    "repeated": lambda x, m, s, marker: jax.lax.while_loop(
+        lambda c: c[0] < 3.0, lambda c: (c[0] + 1.0, c[1] * s), (s, x)
+    ),
+    "given derivative": lambda x, m, s, marker: (jax.nn.relu(x), jax.grad(lambda y: jnp.sum(jnp.sqrt(y * y)))(x)),
+    "scan": scanned,
+    "branches": branched,
+}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_results_are_those_of_vmap(name: str) -> None:
+    axes = (-1, -1, -1, None)
+    expected = jax.vmap(FUNCTIONS[name], in_axes=axes, out_axes=-1)(X, M, S, MARKER)
+    found = jax.jit(vmap_last_axis.batch(FUNCTIONS[name], axes, -1))(X, M, S, MARKER)
+    assert jax.tree.structure(found) == jax.tree.structure(expected)
+    for ours, theirs in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+        assert ours.shape == theirs.shape
+        assert ours.dtype == theirs.dtype
+        np.testing.assert_allclose(ours, theirs, rtol=1e-13, atol=1e-14)
+
+
+def test_what_items_have_in_common_stays_without_an_axis() -> None:
+    def function(record: dict[str, Any], count: Any) -> Any:
+        return {"own": record["a"] * record["b"][0], "common": count + 1, "none": None}
+
+    batched = vmap_last_axis.batch(function, ({"a": -1, "b": None}, None), {"own": -1, "common": None, "none": None})
+    found = batched({"a": X, "b": jnp.ones(2)}, MARKER)
+    assert found["own"].shape == (3, ITEMS)
+    assert int(found["common"]) == MARKER + 1
+    assert found["none"] is None
+
+
+def test_a_result_that_differs_cannot_be_in_common() -> None:
+    with pytest.raises(ValueError, match="out_axes"):
+        vmap_last_axis.batch(lambda x: x * 2.0, (-1,), None)(X)
+
+
+def test_stacked_components_stay_apart_in_memory() -> None:
+    """No transposition is left of a function that takes vectors apart and puts them together again."""
+
+    def function(x: Any, m: Any) -> Any:
+        y = jnp.stack([x[1] * x[2], x[2] - x[0], x[0]])
+        return jnp.concatenate([jnp.sum(m * y[None, :], axis=1), m[np.array([2, 0, 0]), 1], y])
+
+    text = jax.jit(vmap_last_axis.batch(function, (-1, -1), -1)).lower(X, M).as_text()
+    assert "transpose" not in text
+
+
+def test_the_same_is_worked_out_once() -> None:
+    """Also across functions and the cases of a choice, but not within a loop, which has results of its own."""
+    again = jax.jit(lambda x: jnp.sin(x * 2.0) * 3.0)
+
+    def function(x: Any, m: Any, s: Any) -> Any:
+        def body(carry: Any, row: Any) -> Any:
+            return carry + row * jnp.sin(s * 2.0), None
+
+        chosen = jax.lax.cond(s > 0.0, lambda: jnp.sin(x * 2.0), lambda: -jnp.sin(x * 2.0))
+        return (
+            again(x) + again(x) + chosen,
+            jax.lax.scan(body, jnp.sin(s * 2.0), m[0])[0] + jnp.sin(s * 2.0),
+            s[None] * 7.0,
+        )
+
+    every = vmap_last_axis.batch(function, (-1, -1, -1), -1)
+    traced = str(jax.make_jaxpr(every)(X, M, S))
+    assert traced.count(" sin ") == 3  # of x, of s, and of s in the loop
+    for found, expected in zip(every(X, M, S), jax.vmap(function, -1, -1)(X, M, S), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-14)
+
+
+def test_what_items_have_in_common_is_spread_once() -> None:
+    every = vmap_last_axis.batch(lambda x: (x[0] * 2.0 + 2.0, x * 2.0, x - 2.0), (-1,), -1)
+    traced = str(jax.make_jaxpr(every)(X))
+    assert traced.count("broadcast_in_dim") == 2  # as a number and as three
+
+
+def alike(x: Any, m: Any) -> Any:
+    """Operations that differ in one thing alone: sign of zero, type of zero, place, width."""
+    signs = x / 0.0, x / -0.0
+    kinds = x > 0.0, jnp.round(x).astype(int) > 0, jnp.zeros(3) + x, jnp.zeros(3, dtype=int) + jnp.round(x).astype(int)
+    widths = [jax.lax.bitcast_convert_type(x, kind) for kind in (jnp.uint64, jnp.uint32)]
+    return signs, kinds, (x[0:2], x[1:3], m[0], m[:, 0]), widths
+
+
+def test_operations_that_look_alike_are_kept_apart() -> None:
+    every = vmap_last_axis.batch(alike, (-1, -1), -1)
+    expected = jax.vmap(alike, (-1, -1), -1)(jnp.abs(X), M)
+    for found, wanted in zip(jax.tree.leaves(every(jnp.abs(X), M)), jax.tree.leaves(expected), strict=True):
+        np.testing.assert_array_equal(found, wanted)
+
+
+def test_an_array_of_many_is_not_the_same_array_in_common() -> None:
+    square = jnp.asarray(X[:, :3])
+    many, common = vmap_last_axis.batch(lambda a, b: (jnp.sin(a), jnp.sin(b)), (-1, None), (-1, None))(square, square)
+    np.testing.assert_array_equal(many, common)
+    summed, _ = vmap_last_axis.batch(lambda a, b: (jnp.sin(a)[0], jnp.sin(b)), (-1, None), (-1, None))(square, square)
+    np.testing.assert_array_equal(summed, jnp.sin(square)[0])
+
+
+def test_scopes_are_kept() -> None:
+    def function(x: Any) -> Any:
+        with jax.named_scope("sense"):
+            return jnp.sin(x)
+
+    text = jax.jit(vmap_last_axis.batch(function, (-1,), -1)).lower(X).as_text(debug_info=True)
+    assert "sense/sin" in text
+
+
+@jax.custom_jvp
+def steep(x: Any) -> Any:
+    """A function whose derivative is a matter of agreement."""
+    return x * 0.0
+
+
+@steep.defjvp
+def _steep_jvp(primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
+    return steep(primals[0]), 5.0 * tangents[0]
+
+
+def test_functions_keep_derivatives_of_their_own() -> None:
+    every = vmap_last_axis.batch(lambda x: steep(x) + jax.lax.stop_gradient(x), in_axes=-1, out_axes=-1)
+    np.testing.assert_array_equal(every(X), X)
+    np.testing.assert_array_equal(jax.grad(lambda x: jnp.sum(every(x)))(X), np.full_like(X, 5.0))
+    np.testing.assert_array_equal(jax.jvp(every, (X,), (X,))[1], 5.0 * X)

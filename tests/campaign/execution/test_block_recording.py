@@ -1,0 +1,54 @@
+"""Channels of runs that are shared out among devices are recorded as if there were one device."""
+
+import numpy as np
+import pytest
+
+from rpojax.campaign.execution.batch_engine import Segment
+from rpojax.campaign.execution.block_recording import Recorder
+from rpojax.scenario import scenario_file
+
+TICKS, RUNS, OF_FIRST = 5, 6, 4
+WHOLE = {
+    "range_m": np.arange(TICKS * RUNS, dtype=np.float32).reshape(TICKS, RUNS),
+    "rho_H": np.arange(TICKS * 3 * RUNS, dtype=np.float32).reshape(TICKS, 3, RUNS),
+    "box_px": -np.arange(TICKS * 4 * RUNS, dtype=np.float32).reshape(TICKS, 4, RUNS),
+}
+"""Channels (ticks, ..., runs); the last is recorded of no run but those that are kept."""
+
+
+def segments() -> list[Segment]:
+    """The channels in stretches of three ticks and two, of two devices with four runs and two."""
+    ends = np.zeros(RUNS), np.full(RUNS, np.inf)
+
+    def share(ticks: slice, runs: slice) -> dict[str, np.ndarray]:
+        return {name: values[ticks, ..., runs] for name, values in WHOLE.items()}
+
+    return [
+        Segment(ticks.start, [share(ticks, slice(0, OF_FIRST)), share(ticks, slice(OF_FIRST, RUNS))], *ends)
+        for ticks in (slice(0, 3), slice(3, 5))
+    ]
+
+
+@pytest.mark.parametrize("rows", [[1, 3, 5], [5, 0], [4], []])
+def test_records_of_two_devices_are_those_of_one(rows: list[int]) -> None:
+    recorder = Recorder(TICKS, rows, lambda _: True)
+    for segment in segments():
+        recorder.add(segment)
+    assert set(recorder.records) == {"range_m", "rho_H"}
+    for name, values in recorder.records.items():
+        np.testing.assert_array_equal(values, WHOLE[name])
+    file = scenario_file.load("inspection")
+    for row in rows:
+        history = recorder.history(row, file, 0, np.inf)
+        for name, values in WHOLE.items():
+            np.testing.assert_array_equal(history[name], values[..., row])
+
+
+def test_channels_of_a_segment_are_those_of_all_devices_runs_before_components() -> None:
+    first = segments()[0].channels
+    assert {name: values.shape for name, values in first.items()} == {
+        "range_m": (3, RUNS),
+        "rho_H": (3, RUNS, 3),
+        "box_px": (3, RUNS, 4),
+    }
+    np.testing.assert_array_equal(first["rho_H"][2, 5], WHOLE["rho_H"][2, :, 5])

@@ -1,0 +1,51 @@
+"""A campaign as an xarray dataset, and its groups read by xarray alone."""
+
+import sys
+
+import numpy as np
+import pytest
+from campaign_folders import effort, new_campaign, results
+
+import rpojax
+from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.errors import RpojaxError
+from rpojax.scenario.schema import ScenarioFile
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory, mission: ScenarioFile) -> Campaign:
+    """Five runs from number 10, of which the block in the middle is missing."""
+    made = new_campaign(tmp_path_factory.mktemp("dataset") / "runs", mission, 7, 5, 10, 2)
+    for block in (0, 2):
+        made.write_block(block, results(block), effort())
+    return made
+
+
+def test_variables_are_labelled_and_have_units(written: Campaign) -> None:
+    found = rpojax.open_campaign(written.directory)
+    assert found["run"].values.tolist() == [10, 11, 14]
+    assert found["min_range_m"].dims == ("run",)
+    assert found["min_range_m"].attrs["units"] == "m"
+    assert found["trace.range_m"].dims == ("run", "time")
+    assert found["time"].values.tolist() == [0.0, 10.0, 20.0]
+    assert found["drawn.target.tumble_axis"].dims == ("run", "axis1_3")
+    assert found.sel(run=14)["min_range_m"].item() == 4.0
+    assert found["failure_reason"].values.tolist() == ["", "entered the keep-out sphere", ""]
+    assert found["completed"].values.tolist() == [True, False, True]
+    for key in ("scenario_hash", "seed", "runs", "block_size"):
+        assert found.attrs[key] == written.asked[key]
+
+
+def test_xarray_reads_the_groups_by_itself(written: Campaign) -> None:
+    import xarray
+
+    found = xarray.open_zarr(str(written.directory / "results.zarr"), group="traces", consolidated=False)
+    assert found["range_m"].dims == ("run", "time")
+    assert found["range_m"].attrs["units"] == "m"
+    np.testing.assert_array_equal(found["range_m"].values[[0, 1, 4]], written.traces["range_m"])
+
+
+def test_without_xarray_it_says_what_to_install(written: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "xarray", None)
+    with pytest.raises(RpojaxError, match=r"found no xarray, expected .*rpojax\[xarray\]"):
+        rpojax.open_campaign(written.directory)

@@ -1,0 +1,110 @@
+"""Rules of which histories are kept."""
+
+import numpy as np
+import pytest
+
+from rpojax.campaign import history_retention
+from rpojax.campaign.history_retention import Retention
+from rpojax.errors import RpojaxError
+
+IDS = np.arange(10, 16)
+COMPLETED = np.array([True, True, False, True, True, True])
+METRICS = {
+    "min_range_m": np.array([5.0, 3.0, np.nan, 4.0, 3.0, 9.0]),
+    "formation_error_rms_m": np.array([0.1, 0.5, np.nan, 0.4, np.nan, 0.2]),
+}
+
+
+@pytest.mark.parametrize(
+    ("rule", "kept"),
+    [
+        ("none", set()),
+        ("0", set()),
+        ("all", {10, 11, 12, 13, 14, 15}),
+        ("2", {10, 11}),
+        ("99", {10, 11, 12, 13, 14, 15}),
+        ("11,15", {11, 15}),
+        ("11,", {11}),
+        ("every:3", {10, 13}),
+        ("1+every:5+12,", {10, 12, 15}),
+        ("failures+worst:2:min_range_m", set()),
+    ],
+)
+def test_runs_that_are_kept_whatever_becomes_of_them(rule: str, kept: set[int]) -> None:
+    assert Retention(rule).known(10, 6) == kept
+
+
+@pytest.mark.parametrize(
+    ("rule", "kept"),
+    [
+        ("all", set()),
+        ("failures", {12}),
+        ("worst:1:min_range_m", {11}),  # low is bad; of equals the first
+        ("worst:2:min_range_m", {11, 14}),
+        ("worst:2:formation_error_rms_m", {11, 13}),  # high is bad
+        ("worst:9:formation_error_rms_m", {10, 11, 13, 15}),  # undefined is neither
+        ("2+failures+worst:1:formation_error_rms_m", {11, 12}),
+    ],
+)
+def test_runs_that_are_kept_for_what_became_of_them(rule: str, kept: set[int]) -> None:
+    found = Retention(rule)
+    assert found.later(IDS, COMPLETED, METRICS) == kept
+    assert found.looks_at_results == (rule != "all")
+
+
+@pytest.mark.parametrize(
+    "rule",
+    [
+        "",
+        "some",
+        "-1",
+        "1.5",
+        "every:0",
+        "every:",
+        "worst:2",
+        "worst:0:min_range_m",
+        "2++3",
+        "1,x",
+        "../1",
+        "all:3",
+    ],
+)
+def test_a_rule_that_makes_no_sense_is_refused_with_the_forms_there_are(rule: str) -> None:
+    with pytest.raises(RpojaxError, match=r"--histories: found .*expected none, all, N .*worst:K:METRIC"):
+        Retention(rule)
+
+
+def test_a_metric_or_channel_that_is_none_is_refused_with_one_that_is_like_it() -> None:
+    with pytest.raises(RpojaxError, match=r"found metric 'min_rang_m', expected .*did you mean 'min_range_m'"):
+        Retention("worst:2:min_rang_m")
+    with pytest.raises(RpojaxError, match=r"--history-channels: found 'rho_h', expected .*'rho_H'"):
+        history_retention.check_channels(["range_m", "rho_h"], ["range_m", "rho_H"])
+    with pytest.raises(RpojaxError, match="--history-every: found 0"):
+        Retention("all", None, 0)
+
+
+def test_runs_outside_of_the_campaign_are_refused() -> None:
+    Retention("10,15+99").check(10, 6)
+    with pytest.raises(RpojaxError, match="--histories: found run 16"):
+        Retention("10,16").check(10, 6)
+
+
+def test_channels_and_samples_are_thinned_but_for_what_figures_always_need() -> None:
+    history = {
+        "time_s": np.arange(7.0),
+        "rho_desired_H": np.zeros(3),
+        "rho_H": np.arange(21.0).reshape(7, 3),
+        "nees": np.arange(7.0),
+    }
+    kept = Retention("all", ("rho_H",), 3).of(history, 7)
+    assert kept.keys() == {"time_s", "rho_desired_H", "rho_H"}
+    assert kept["time_s"].tolist() == [0.0, 3.0, 6.0]
+    assert kept["rho_H"][:, 0].tolist() == [0.0, 9.0, 18.0]
+    assert kept["rho_desired_H"].shape == (3,)
+
+
+def test_a_rule_is_read_back_as_it_was_recorded() -> None:
+    for rule in (Retention("1+failures", ("range_m",), 5), Retention.of_runs([3, 1]), Retention.of_runs([])):
+        assert Retention.read(rule.recorded()) == rule
+    assert Retention.of_runs([3, 1]).known(0, 9) == {1, 3}
+    assert Retention.of_runs([3]).known(0, 9) == {3}

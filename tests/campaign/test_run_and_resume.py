@@ -1,0 +1,242 @@
+"""A campaign from start to finish, interrupted, resumed, and with runs that fail."""
+
+import hashlib
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+from rpojax.campaign import run_and_resume, stage_provenance
+from rpojax.campaign.run_and_resume import Progress, resume_campaign, run_campaign
+from rpojax.campaign.storage import atomic_files
+from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.errors import OutputError, ResultError, RpojaxError
+from rpojax.flight.computer import Stages
+from rpojax.flight.control import formation_lqr
+from rpojax.scenario import metric_catalogue, scenario_file
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation import trace_channels
+
+ONE_DEVICE = jax.devices()[:1]
+LAST_DIGITS = 1e-13
+
+Read = Callable[[Path], dict[str, np.ndarray]]
+
+
+def contents(directory: Path) -> dict[str, bytes]:
+    """Every file of a folder."""
+    return {str(path): path.read_bytes() for path in sorted(directory.rglob("*")) if path.is_file()}
+
+
+def test_every_run_has_every_metric_trace_and_dispersed_value(three_runs: Campaign, mission: ScenarioFile) -> None:
+    assert three_runs.missing() == []
+    assert three_runs.run_ids.tolist() == [0, 1, 2]
+    assert three_runs.completed.all()
+    assert np.isnan(three_runs.failed_at_s).all()
+    assert set(three_runs.metrics) == set(metric_catalogue.UNITS)
+    assert all(values.shape == (3,) for values in three_runs.metrics.values())
+    assert set(three_runs.traces) == set(trace_channels.TRACES)
+    assert all(values.shape == (3, 40) for values in three_runs.traces.values())
+    np.testing.assert_array_equal(three_runs.trace_time_s, np.arange(0.0, 400.0, 10.0))
+    assert set(three_runs.drawn) == {dispersion.key for dispersion in mission.dispersions}
+    assert len(set(three_runs.metrics["min_range_m"])) == 3
+
+
+def test_the_values_that_runs_used_are_the_values_drawn(three_runs: Campaign) -> None:
+    drawn, used = three_runs.drawn, three_runs.used
+    assert drawn.keys() == used.keys()
+    for key in drawn:
+        np.testing.assert_allclose(used[key], drawn[key], rtol=LAST_DIGITS, err_msg=key)
+
+
+def test_histories_are_those_asked_for_and_agree_with_metrics_and_traces(three_runs: Campaign) -> None:
+    assert three_runs.history_ids == [0, 2]
+    history = three_runs.history(2)
+    np.testing.assert_array_equal(history["time_s"], np.arange(400.0))
+    assert three_runs.metrics["min_range_m"][2] == history["range_m"].min()
+    np.testing.assert_array_equal(three_runs.traces["range_m"][2], history["range_m"][::10])
+    start = three_runs.drawn["initial.relative_position_m"][2]
+    np.testing.assert_allclose(history["rho_H"][0], start, rtol=1e-6)
+    with pytest.raises(ResultError, match=r"run 1.*\[0, 2\]"):
+        three_runs.history(1)
+
+
+def test_one_run_alone_is_the_run_of_the_campaign(three_runs: Campaign, mission: ScenarioFile, tmp_path: Path) -> None:
+    alone = run_campaign(mission, 1, tmp_path / "run", first_run=2, block_size=1, devices=ONE_DEVICE)
+    assert alone.run_ids.tolist() == [2]
+    assert alone.history_ids == [2]
+    for name, values in three_runs.metrics.items():
+        np.testing.assert_array_equal(alone.metrics[name], values[2:], err_msg=name)
+
+
+def crash_when_writing(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Lets the campaign die just before the file `name` is written."""
+    write = atomic_files.write_json
+
+    def die(path: Path, content: Any) -> None:
+        if path.name == name:
+            raise MemoryError
+        write(path, content)
+
+    monkeypatch.setattr(atomic_files, "write_json", die)
+
+
+def test_a_crash_before_the_manifest_loses_one_block_and_resuming_gives_what_an_uninterrupted_campaign_gives(
+    three_runs: Campaign, mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arrays: Read
+) -> None:
+    out = tmp_path / "runs"
+    with monkeypatch.context() as patch:
+        crash_when_writing(patch, "000001.json")
+        with pytest.raises(MemoryError):
+            run_campaign(mission, 3, out, block_size=1, histories=[0, 2], devices=ONE_DEVICE)
+    broken = Campaign(out)
+    assert broken.missing() == [1, 2]
+    assert broken.run_ids.tolist() == [0]
+    assert broken.metrics["min_range_m"].shape == (1,)
+    kept = (out / "manifest" / "000000.json").read_bytes()
+
+    told: list[Progress] = []
+    whole = resume_campaign(out, on_progress=told.append)
+    assert whole.missing() == []
+    assert told[-1].total == told[-1].done == 2
+    assert (out / "manifest" / "000000.json").read_bytes() == kept
+    expected, found = arrays(three_runs.directory), arrays(out)
+    assert expected.keys() == found.keys()
+    for name, values in expected.items():
+        np.testing.assert_array_equal(found[name], values, err_msg=name)
+
+
+def test_resuming_a_finished_campaign_changes_nothing(three_runs: Campaign) -> None:
+    before = contents(three_runs.directory)
+    resume_campaign(three_runs.directory)
+    assert contents(three_runs.directory) == before
+
+
+def test_resuming_what_is_no_campaign_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ResultError, match="expected a campaign folder"):
+        resume_campaign(tmp_path)
+
+
+def cautious(gain: jax.Array, deviation: jax.Array) -> jax.Array:
+    """A law of one's own."""
+    return 0.5 * formation_lqr.lqr(gain, deviation)
+
+
+def test_a_campaign_goes_on_only_with_the_stages_it_began_with(
+    mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stages = Stages(formation_law=cautious)
+    flown: list[Stages] = []
+    monkeypatch.setattr(run_and_resume, "complete", lambda _, local, *__: flown.append(local.engine.stages))
+    begun = run_campaign(mission, 2, tmp_path / "own", block_size=1, devices=ONE_DEVICE, stages=stages)
+    source = hashlib.sha256(inspect.getsource(cautious).encode()).hexdigest()
+    assert begun.info["stages"] == {"formation_law": {"function": f"{__name__}.cautious", "source_sha256": source}}
+    for others in (None, Stages(formation_law=lambda gain, deviation: cautious(gain, deviation))):
+        with pytest.raises(
+            RpojaxError, match=r"^stages: found .* for formation_law, expected .*cautious.*stages="
+        ) as no:
+            resume_campaign(begun.directory, stages=others)
+        assert "\n" not in str(no.value)
+    resume_campaign(begun.directory, stages=stages)
+    assert flown == [stages, stages]
+
+    plain = run_campaign(mission, 2, tmp_path / "plain", block_size=1, devices=ONE_DEVICE)
+    assert plain.info["stages"] == {}
+    with pytest.raises(RpojaxError, match="expected the default"):
+        resume_campaign(plain.directory, stages=stages)
+
+
+def test_stages_of_any_kind_have_a_name_and_a_source_where_there_is_one() -> None:
+    class Law:
+        def __call__(self, gain: jax.Array, deviation: jax.Array) -> jax.Array:
+            return -deviation[3:]
+
+    described = stage_provenance.describe(Stages(formation_law=Law(), wheel_torque=eval("lambda *_: 0.0")))
+    assert set(described) == {"formation_law", "wheel_torque"}
+    assert str(described["formation_law"]["function"]).endswith("<locals>.Law")
+    assert described["formation_law"]["source_sha256"]
+    assert described["wheel_torque"]["source_sha256"] is None
+
+
+def test_progress_begins_with_compiling_and_only_grows(mission: ScenarioFile, tmp_path: Path) -> None:
+    told: list[Progress] = []
+    run_campaign(mission, 2, tmp_path / "runs", block_size=1, devices=ONE_DEVICE, on_progress=told.append)
+    assert [entry.compiled for entry in told[:2]] == [False, True]
+    assert [entry.done for entry in told] == [0.0, 0.0, 0.5, 1.0, 1.5, 2.0]
+    assert {entry.total for entry in told} == {2}
+    assert {entry.failed for entry in told} == {0}
+
+
+def test_a_campaign_uses_no_more_devices_than_it_has_blocks() -> None:
+    assert run_and_resume._enough(["a", "b", "c"], 2) == ["a", "b"]
+    assert run_and_resume._enough(["a"], 5) == ["a"]
+
+
+def test_unacceptable_requests_leave_nothing_behind(mission: ScenarioFile, tmp_path: Path) -> None:
+    with pytest.raises(RpojaxError, match="--runs: found 0"):
+        run_campaign(mission, 0, tmp_path / "runs")
+    with pytest.raises(RpojaxError, match="--histories: found run 3"):
+        run_campaign(mission, 3, tmp_path / "runs", histories=[3])
+    with pytest.raises(OutputError, match="expected a folder that can be written to"):
+        run_campaign(mission, 3, Path("/dev/null/runs"))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture(scope="module")
+def dangerous(mission: ScenarioFile) -> ScenarioFile:
+    """The mission with runs that drift into the target, and runs whose tumble is beyond all numbers."""
+    replaced = {
+        "initial.relative_velocity_m_s": {"kind": "choice", "values": [[0.0, 0.0, 0.0], [0.0, 0.5, 0.0]]},
+        "target.tumble_rate_deg_s": {"kind": "choice", "values": [1.0, 1.0, 1e300]},
+    }
+    tables = mission.model_dump()
+    for entry in tables["dispersions"]:
+        if entry["key"] in replaced:
+            key = entry["key"]
+            entry.clear()
+            entry.update({"key": key, **replaced[key]})
+    return scenario_file.validate(tables)
+
+
+@pytest.fixture(scope="module")
+def survivors(dangerous: ScenarioFile, tmp_path_factory: pytest.TempPathFactory) -> Campaign:
+    """Eight dangerous runs in eight blocks."""
+    out = tmp_path_factory.mktemp("dangerous") / "runs"
+    return run_campaign(dangerous, 8, out, seed=1, block_size=1, devices=ONE_DEVICE)
+
+
+def test_failed_runs_are_flagged_with_reason_while_the_others_go_on(survivors: Campaign) -> None:
+    wild = survivors.drawn["target.tumble_rate_deg_s"] > 1.0
+    approaching = survivors.drawn["initial.relative_velocity_m_s"][:, 1] == 0.5
+    expected = np.where(wild, "non-finite state", np.where(approaching, "entered the keep-out sphere", ""))
+    assert set(expected) == {"", "non-finite state", "entered the keep-out sphere"}
+    np.testing.assert_array_equal(survivors.failure_reason, expected)
+    np.testing.assert_array_equal(survivors.completed, expected == "")
+    assert survivors.missing() == []
+
+
+def test_the_time_of_failure_is_when_the_limit_was_broken(survivors: Campaign) -> None:
+    inside = survivors.failure_reason == "entered the keep-out sphere"
+    for run in np.flatnonzero(inside):
+        history, failed_at = survivors.history(int(run)), survivors.failed_at_s[run]
+        assert 60.0 < failed_at < 120.0  # 40 m at half a metre per second
+        ended = history["time_s"] > failed_at
+        assert np.isnan(history["range_m"][ended]).all()
+        assert 10.0 < history["range_m"][~ended].min() < 11.0
+    assert np.isnan(survivors.failed_at_s[survivors.completed]).all()
+
+
+def test_figures_of_failed_runs_are_undefined_and_their_traces_end(survivors: Campaign) -> None:
+    failed = ~survivors.completed
+    for name, values in survivors.metrics.items():
+        assert np.isnan(values[failed]).all(), name
+    for name in ("formation_error_rms_m", "min_range_m", "delta_v_m_s"):
+        assert np.isfinite(survivors.metrics[name][~failed]).all(), name
+    ended = survivors.trace_time_s > np.where(failed, survivors.failed_at_s, np.inf)[:, None]
+    for name, values in survivors.traces.items():
+        assert np.isnan(values[ended]).all(), name
+        assert np.isfinite(values[~failed]).all(), name

@@ -1,0 +1,95 @@
+"""`rpojax compare`: what changed between two campaigns, and which campaigns it refuses."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from campaign_folders import effort, new_campaign
+
+from rpojax.cli import main
+from rpojax.cli.commands.compare import changes
+from rpojax.scenario import scenario_file
+from rpojax.scenario.metric_catalogue import UNITS
+
+RUNS = 40
+RNG = np.random.default_rng(0)
+DRAWN = RNG.normal(30.0, 0.3, RUNS)
+BEFORE = RNG.lognormal(-1.0, 0.4, RUNS)
+
+
+def written(
+    directory: Path, error: np.ndarray, failed: tuple[int, ...] = (), seed: int = 0, drawn: np.ndarray = DRAWN
+) -> Path:
+    """A finished campaign of one block whose metrics are all `error`."""
+    file = scenario_file.load("inspection", [f"navigation.gate_sigma={3.0 + len(failed)}"])
+    result = new_campaign(directory, file, seed, RUNS, 0, RUNS)
+    failure = np.isin(np.arange(RUNS), failed).astype(np.int8)
+    arrays = {f"metrics/{name}": np.where(failure > 0, np.nan, error) for name in UNITS}
+    arrays |= {
+        "status/failure": failure,
+        "status/failed_at_s": np.where(failure > 0, 10.0, np.nan),
+        "drawn/servicer.mass_kg": drawn,
+        "used/servicer.mass_kg": drawn,
+    }
+    result.write_block(0, arrays, effort())
+    return directory
+
+
+def compared(capsys: pytest.CaptureFixture[str], *words: object) -> dict[str, object]:
+    assert main.main(["compare", *map(str, words), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_better_campaign_is_seen_to_be_better_run_by_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first = written(tmp_path / "a", BEFORE)
+    second = written(tmp_path / "b", 0.5 * BEFORE, failed=(3, 7))
+    found = compared(capsys, first, second)
+    assert found["changed"] == [{"key": "navigation.gate_sigma", "first": 3.0, "second": 5.0}]
+    assert found["pairs"] == RUNS
+    assert found["failures"] == {
+        "event": "failed",
+        "both": 0,
+        "only_first": 0,
+        "only_second": 2,
+        "neither": RUNS - 2,
+        "p_value": 0.5,
+    }
+    metrics = found["metrics"]
+    assert isinstance(metrics, list)
+    formation = next(each for each in metrics if each["metric"] == "formation_error_rms_m")
+    assert formation["pairs"] == RUNS - 2
+    assert formation["ratio"]["value"] == pytest.approx(0.5)
+    assert formation["ratio"]["interval_95"] == pytest.approx([0.5, 0.5])
+    assert main.main(["compare", str(first), str(second)]) == 0
+    shown = capsys.readouterr().out
+    assert "navigation.gate_sigma: 3.0 -> 5.0" in shown
+    assert "40 pairs of runs" in shown
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"seed": 1}, ["found seed 1", "expected 0"]),
+        ({"drawn": DRAWN + 1.0}, ["other values drawn for 'servicer.mass_kg'"]),
+    ],
+)
+def test_runs_that_are_not_the_same_cases_are_not_compared(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], change: dict[str, object], words: list[str]
+) -> None:
+    first = written(tmp_path / "a", BEFORE)
+    second = written(tmp_path / "b", BEFORE, **change)  # pyright: ignore[reportArgumentType]
+    assert main.main(["compare", str(first), str(second)]) == 2
+    line = capsys.readouterr().err
+    assert line.count("\n") == 1
+    assert all(word in line for word in words)
+
+
+def test_changes_are_found_at_any_depth_and_on_either_side() -> None:
+    one = {"a": {"b": 1, "c": [1, 2]}, "d": 4}
+    other = {"a": {"b": 1, "c": [1, 3]}, "e": 5}
+    assert changes(one, other) == [
+        {"key": "a.c", "first": [1, 2], "second": [1, 3]},
+        {"key": "d", "first": 4, "second": None},
+        {"key": "e", "first": None, "second": 5},
+    ]

@@ -1,0 +1,121 @@
+"""`rpojax tune`: what it writes and says, with a made-up walk, and what it refuses in one line."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rpojax
+from rpojax.analysis.gradients import tuning, tuning_validation
+from rpojax.analysis.gradients.tuning import Settings, Step, Tuned
+from rpojax.analysis.statistics.campaign_comparison import Runs
+from rpojax.cli import main
+from rpojax.scenario.metric_catalogue import UNITS
+from rpojax.scenario.schema import ScenarioFile
+
+RNG = np.random.default_rng(0)
+
+
+def call(*words: object) -> int:
+    """Exit status of a command line."""
+    return main.main(["tune", *map(str, words)])
+
+
+@pytest.fixture
+def nothing_flies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """An empty folder to work in; a tuning doubles one number, and that halves all metrics."""
+
+    def tune(file: ScenarioFile, settings: Settings, *_: Any) -> Tuned:
+        tuning.check(file, settings)
+        steps = tuple(Step(objective, {}, 1.0, 0, 0, 2.0) for objective in (3.0, 1.0))
+        return Tuned(np.zeros(1), {"navigation.edge_noise_px": 2.0}, steps, "reverse", 9.0, 1000)
+
+    def fly(file: ScenarioFile, seed: int, runs: int, watch: Any) -> Runs:
+        assert seed == 8
+        base = RNG.lognormal(0.0, 0.1, runs) / file.navigation.edge_noise_px
+        return Runs(np.arange(runs), np.ones(runs, dtype=bool), dict.fromkeys(UNITS, base))
+
+    monkeypatch.setattr(tuning, "tune", tune)
+    monkeypatch.setattr(tuning_validation, "fly", fly)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_tuning_writes_a_scenario_and_its_story(nothing_flies: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("inspection", "--seed", 7, "--judge", 50, "--out", "new/tuned.toml", "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert sorted(path.name for path in (nothing_flies / "new").iterdir()) == ["tuned.json", "tuned.toml"]
+    assert json.loads((nothing_flies / "new" / "tuned.json").read_text()) == told
+    assert told["changes"] == {"navigation.edge_noise_px": {"from": 1.0, "to": 2.0}}
+    assert (told["tuning_s"], told["compile_s"]) == (4.0, 9.0)
+    change = told["judged"]["means"]["formation_error_rms_m"]
+    assert change["ratio_95"][0] <= change["ratio"] <= change["ratio_95"][1]
+    assert change["ratio"] == pytest.approx(0.5, abs=0.1)
+    made = rpojax.load("new/tuned.toml")
+    assert made == rpojax.load("inspection", ["navigation.edge_noise_px=2.0"])
+
+
+def test_a_tuning_says_what_it_changed(nothing_flies: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert call("inspection", "--seed", 7, "--judge", 50, "--out", "tuned.toml") == 0
+    text = capsys.readouterr().out
+    assert "navigation.edge_noise_px: 1.0 -> 2.0" in text
+    assert "objective 3.0000 -> 1.0000" in text
+    assert "50 unseen runs, seed 8" in text
+    assert "Beyond chance" not in text
+
+
+def test_a_tuning_that_changes_nothing_says_so() -> None:
+    from rpojax.cli.commands.tune import _verdict
+
+    same = {"ratio_95": (0.98, 1.03)}
+    assert "about as good as it gets" in _verdict({"formation_error_rms_m": same})
+    worse = _verdict({"formation_error_rms_m": {"ratio_95": (1.1, 1.2)}, "delta_v_m_s": same})
+    assert worse == "Beyond chance, worse than the start: formation_error_rms_m."
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--parameters", "navigaton"], "--parameters: found 'navigaton', expected one of navigation, gate,"),
+        (["--steps", "0"], "--steps: found 0, expected at least 1"),
+        (["--runs", "0"], "--runs: found 0, expected at least 1"),
+        (["--judge", "1"], "--judge: found 1, expected 0 or at least 2"),
+        (["--rate", "nan"], "--rate: found nan"),
+        (["--horizon", "inf"], "--horizon: found inf"),
+        (["--set", "navigation.edge_noise_px=nan"], "navigation.edge_noise_px: found nan, expected"),
+        (["--set", "camera.model=rendered"], "camera.model: found 'rendered', expected 'geometric' or 'statistical'"),
+        (["--resume"], "tuned.progress.json: found no tuning to resume, expected one"),
+    ],
+)
+def test_bad_input_is_one_line_and_writes_nothing(
+    words: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert call("inspection", *words, "--out", "tuned.toml") == 2
+    error = capsys.readouterr().err.strip()
+    assert message in error
+    assert "\n" not in error
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_objective_without_weights_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    weights = [f"tuning.{name}=0" for name in type(rpojax.load("inspection").tuning).model_fields]
+    assert call("inspection", "--set", *weights, "--out", "tuned.toml") == 2
+    assert "tuning: found 'no weight above zero'" in capsys.readouterr().err
+
+
+def test_nothing_that_is_there_is_lost(nothing_flies: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("tuned.toml").write_text("mine")
+    assert call("inspection", "--out", "tuned.toml") == 2
+    assert Path("tuned.toml").read_text() == "mine"
+    Path("tuned.toml").unlink()
+    Path("tuned.progress.json").write_text("a walk")
+    assert call("inspection", "--out", "tuned.toml") == 2
+    assert "a tuning is under way; --resume goes on with it, --force begins anew" in capsys.readouterr().err
+    assert call("inspection", "--out", "tuned.toml", "--force", "--steps", 0) == 2
+    assert Path("tuned.progress.json").read_text() == "a walk"

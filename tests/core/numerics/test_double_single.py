@@ -1,0 +1,75 @@
+"""Sums in two parts: against exact arithmetic, for numbers of all sizes and signs."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rpojax.core.numerics import double_single
+from rpojax.core.numerics.double_single import TwoPart
+from rpojax.simulation import single_precision
+
+add = jax.jit(double_single.add)
+LARGE = st.floats(-1e7, 1e7, width=32)
+SMALL = st.floats(-1e4, 1e4, width=32)
+
+
+def exact(*parts: np.ndarray) -> np.ndarray:
+    """Sum in double precision, which holds all of two singles of these sizes."""
+    return np.sum([part.astype(np.float64) for part in parts], axis=0)
+
+
+@given(st.lists(LARGE, min_size=3, max_size=3), st.lists(SMALL, min_size=3, max_size=3))
+def test_nothing_is_lost_of_a_sum_whichever_part_is_larger(total: list[float], part: list[float]) -> None:
+    one, two, none = np.array(total, np.float32), np.array(part, np.float32), np.zeros(3, np.float32)
+    for first, second in ((one, two), (two, one)):
+        after, residue = (np.asarray(each) for each in add(first, none, second))
+        assert after.dtype == residue.dtype == np.float32
+        np.testing.assert_allclose(exact(after, residue), exact(first, second), rtol=1e-13, atol=1e-13)
+        np.testing.assert_array_equal(after, exact(first, second).astype(np.float32))
+
+
+@given(st.lists(LARGE, min_size=3, max_size=3), st.lists(SMALL, min_size=3, max_size=3))
+def test_a_product_has_the_digits_of_two_singles(first: list[float], second: list[float]) -> None:
+    one, two = np.array(first, np.float32), np.array(second, np.float32)
+    kept = np.abs(one.astype(np.float64) * two) > 1e-20  # below, halves of what is kept fall out of single precision
+    found = jax.jit(double_single.product)(one, two)
+    both = exact(np.asarray(found.value), np.asarray(found.rest))
+    np.testing.assert_allclose(both[kept], (one.astype(np.float64) * two)[kept], rtol=2.0**-44)
+
+
+@given(st.floats(1e-3, 1e15), st.floats(-1e7, 1e7))
+def test_numbers_in_two_parts_multiply_and_have_roots(square: float, other: float) -> None:
+    @jax.jit
+    def both(a: TwoPart, b: TwoPart) -> tuple[TwoPart, TwoPart]:
+        return a * b, double_single.inverse_root(a)
+
+    with single_precision.single():
+        a, b = double_single.constant(square), double_single.constant(other)
+        times, root = ([np.asarray(part) for part in (each.value, each.rest)] for each in both(a, b))
+    np.testing.assert_allclose(exact(*times), square * other, rtol=2.0**-43, atol=1e-20)
+    np.testing.assert_allclose(exact(*root), square**-0.5, rtol=2.0**-43)
+
+
+def test_a_million_steps_far_below_the_last_digit_add_up() -> None:
+    start, part = np.full(3, 7e6, np.float32), np.array([1e-3, -1e-3, 0.3], np.float32)
+
+    def step(carry: tuple[jax.Array, jax.Array], _: None) -> tuple[tuple[jax.Array, jax.Array], None]:
+        return double_single.add(*carry, jnp.asarray(part)), None
+
+    begin = (jnp.asarray(start), jnp.zeros(3, jnp.float32))
+    (total, residue), _ = jax.jit(lambda: jax.lax.scan(step, begin, None, length=1_000_000))()
+    way = exact(np.asarray(total), np.asarray(residue)) - start.astype(np.float64)
+    # A residue is at most half of the last digit, a quarter of a metre, and has a last digit of its own.
+    np.testing.assert_allclose(way, 1e6 * part.astype(np.float64), atol=1e6 * 0.5**26, rtol=0.0)
+    assert np.all(np.asarray(start + part)[:2] == start[:2])
+
+
+def test_what_two_positions_lack_enters_their_difference() -> None:
+    r = np.array([7e6, 1.0, -2.0], np.float32)
+    found = double_single.apart(
+        jnp.asarray(r), jnp.full(3, 0.125, jnp.float32), jnp.asarray(r), jnp.full(3, 0.25, jnp.float32)
+    )
+    np.testing.assert_array_equal(found, np.full(3, -0.125))
+    np.testing.assert_array_equal(double_single.apart(jnp.asarray(r), None, jnp.zeros(3, jnp.float32), None), r)

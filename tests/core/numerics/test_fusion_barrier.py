@@ -1,0 +1,25 @@
+"""The stage border changes nothing but when things are computed."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rpojax.core.numerics.fusion_barrier import materialise
+
+
+def test_a_stage_border_passes_values_and_derivatives_through() -> None:
+    def kernel(x: jax.Array, marker: jax.Array) -> jax.Array:
+        stored = materialise({"a": x**2, "b": (3.0 * x,)}, marker)
+        return jnp.sum(stored["a"] + stored["b"][0])
+
+    x = np.array([1.0, -2.0])
+    for marker in (0, 7):
+        value, slope = jax.jit(jax.value_and_grad(kernel))(x, np.int32(marker))
+        np.testing.assert_allclose(value, 5.0 - 3.0, rtol=1e-15)
+        np.testing.assert_allclose(slope, 2.0 * x + 3.0, rtol=1e-15)
+
+
+def test_a_stage_border_passes_a_whole_batch_through() -> None:
+    batch = np.arange(6.0).reshape(3, 2)
+    found = jax.jit(jax.vmap(lambda x: materialise(x, jnp.zeros((), dtype=jnp.int32))))(batch)
+    np.testing.assert_array_equal(found, batch)

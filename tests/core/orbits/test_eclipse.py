@@ -1,0 +1,187 @@
+"""The Earth's shadow against areas by quadrature, its borders, and when a camera can see a target."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from reference import RADIUS
+from scipy.integrate import quad
+from scipy.optimize import brentq
+
+from rpojax.core.orbits import eclipse
+from rpojax.simulation import single_precision
+
+SUN_DISTANCE, SUN_RADIUS = 1.496e11, 6.957e8
+SUN = np.array([SUN_DISTANCE, 0.0, 0.0])
+ORBITS = {"low orbit": 7.0e6, "geostationary": 4.2164e7, "the Moon's distance": 3.84e8, "beyond the umbra": 2.0e9}
+
+illumination = jax.jit(eclipse.illumination)
+gradient = jax.jit(jax.grad(eclipse.illumination))
+is_lit = jax.jit(eclipse.is_lit)
+is_observable = jax.jit(eclipse.is_observable)
+
+
+def place(distance: float, angle: float) -> np.ndarray:
+    """Position at an angle [rad] off the axis of the shadow, behind the Earth."""
+    return distance * np.array([-np.cos(angle), np.sin(angle), 0.0])
+
+
+def discs(r: np.ndarray) -> tuple[float, float, float]:
+    """Apparent radii of Sun and Earth and the angle between them [rad]."""
+    to_sun = SUN - r
+    across = np.linalg.norm(np.cross(to_sun, -r))
+    sun, earth = np.arcsin(SUN_RADIUS / np.linalg.norm(to_sun)), np.arcsin(RADIUS / np.linalg.norm(r))
+    return sun, earth, np.arctan2(across, -to_sun @ r)
+
+
+def border(distance: float, inner: bool) -> float:
+    """Angle off the axis at which the discs touch, from outside or from inside."""
+
+    def gap(angle: float) -> float:
+        sun, earth, separation = discs(place(distance, angle))
+        return separation - (abs(earth - sun) if inner else earth + sun)
+
+    return brentq(gap, 0.0, np.pi / 2, xtol=1e-15)
+
+
+def free_share(r: np.ndarray) -> float:
+    """Share of the Sun's disc that is free: rings about its centre, each with its arc outside of the Earth."""
+    a, b, c = discs(r)
+    touch = abs(c - b) / a
+    if touch >= 1.0:
+        return 1.0 if c > b else 0.0
+    full_rings = touch**2 if c < b else 0.0
+
+    def ring(s: float) -> float:
+        radius = touch + (1.0 - touch) * s * s  # the arc grows with the root of the distance from the first ring
+        cosine = (radius * radius * a + (c - b) * (c + b) / a) / (2.0 * radius * c)
+        arc = 2.0 * np.arccos(np.clip(cosine, -1.0, 1.0))
+        return arc * radius * 2.0 * (1.0 - touch) * s
+
+    return 1.0 - full_rings - quad(ring, 0.0, 1.0, epsabs=1e-13, epsrel=1e-13)[0] / np.pi
+
+
+@pytest.mark.parametrize(
+    ("position", "share"),
+    [
+        ([7.0e6, 0.0, 0.0], 1.0),
+        ([0.0, 7.0e6, 0.0], 1.0),
+        ([-1.0, 0.0, -7.0e6], 1.0),
+        ([-7.0e6, 0.0, 0.0], 0.0),
+        ([-4.0e6, 0.0, RADIUS - 40.0e3], 0.0),
+        ([-4.0e6, 0.0, RADIUS + 40.0e3], 1.0),
+        ([-1.3e9, 0.0, 0.0], 0.0),
+    ],
+    ids=["noon", "terminator", "just past it", "midnight", "in the umbra", "off the penumbra", "the umbra's far end"],
+)
+def test_the_light_is_exactly_none_in_the_umbra_and_exactly_full_outside_of_the_shadow(
+    position: list[float], share: float
+) -> None:
+    assert float(illumination(np.array(position), SUN)) == share
+    assert bool(is_lit(np.array(position), SUN)) is (share > 0.5)
+
+
+@pytest.mark.parametrize("distance", ORBITS.values(), ids=ORBITS)
+def test_the_light_in_the_penumbra_is_the_share_of_the_suns_disc_beside_the_earths(distance: float) -> None:
+    inner, outer = border(distance, inner=True), border(distance, inner=False)
+    for way in (1e-6, 1e-3, 0.02, 0.3, 0.5, 0.7, 0.98, 1.0 - 1e-3, 1.0 - 1e-6):
+        r = place(distance, inner + way * (outer - inner))
+        # The published formula takes arc cosines next to 1: half of the digits, times (Earth's disc / Sun's disc)^2.
+        rounding = 5e-9 if 1e-4 < way < 1.0 - 1e-4 else 3e-7
+        np.testing.assert_allclose(illumination(r, SUN), free_share(r), atol=rounding)
+        assert 0.0 <= illumination(r, SUN) <= 1.0
+
+
+def test_the_light_has_the_symmetry_of_a_cone_about_the_suns_direction() -> None:
+    r = place(7.0e6, 0.5 * (border(7.0e6, inner=True) + border(7.0e6, inner=False)))
+    expected = float(illumination(r, SUN))
+    assert 0.1 < expected < 0.9
+    for angle in (1.0, 2.5, 4.0):
+        turned = np.array([r[0], np.cos(angle) * r[1], np.sin(angle) * r[1]])
+        np.testing.assert_allclose(illumination(turned, SUN), expected, atol=1e-10)
+
+
+def test_far_behind_the_earth_a_ring_of_the_sun_remains() -> None:
+    sun, earth, _ = discs(place(2.0e9, 0.0))
+    assert earth < sun
+    for angle in (0.0, 1e-9, 1e-4):  # the Earth's disc wanders over the Sun's, and covers as much
+        np.testing.assert_allclose(illumination(place(2.0e9, angle), SUN), 1.0 - (earth / sun) ** 2, atol=1e-6)
+    np.testing.assert_allclose(illumination(place(2.0e9, 0.0), SUN), 1.0 - (earth / sun) ** 2, atol=1e-12)
+
+
+@pytest.mark.parametrize("inner", [True, False], ids=["inner border", "outer border"])
+@pytest.mark.parametrize("distance", ORBITS.values(), ids=ORBITS)
+def test_light_and_its_gradient_are_continuous_across_the_borders_of_the_penumbra(distance: float, inner: bool) -> None:
+    edges = border(distance, inner=True), border(distance, inner=False)
+    width = edges[1] - edges[0]
+    edge, inwards = (edges[0], width) if inner else (edges[1], -width)
+    outside = float(illumination(place(distance, edge - 1e-6 * inwards), SUN))
+    tangent = np.array([np.sin(edge), np.cos(edge), 0.0])
+
+    def steepness(way: float) -> float:
+        """Slope of the light along the circle, over its mean in the penumbra, at a share of the penumbra's width."""
+        slope = np.asarray(gradient(place(distance, edge + way * inwards), SUN))
+        return float(slope @ tangent) * distance * width
+
+    steps = np.array([1e-3, 1e-5, 1e-7])
+    jumps = [float(illumination(place(distance, edge + way * inwards), SUN)) - outside for way in (1e-3, 1e-4)]
+    background = steepness(-1e-6)  # in the ring the light varies a little with distance
+    slopes = np.array([steepness(way) for way in steps]) - background
+    # A tenth of the way in gives a 32nd of the light, a hundredth a tenth of the slope: powers 3/2 and 1/2.
+    np.testing.assert_allclose(np.abs(jumps[0] / jumps[1]), 10.0**1.5, rtol=0.02)
+    np.testing.assert_allclose(slopes[:-1] / slopes[1:], 10.0, rtol=0.02)
+    assert 0.01 < slopes[0] < 0.1
+    assert np.all(np.isfinite(gradient(place(distance, edge), SUN)))
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.5, 2.0, np.pi], ids=["midnight", "umbra", "day", "noon"])
+def test_the_gradient_of_the_light_is_zero_in_the_umbra_and_outside_of_the_shadow(angle: float) -> None:
+    # In the penumbra it is a few 1e-5 per metre; roundings of the Sun's disc over itself are left.
+    np.testing.assert_allclose(gradient(place(7.0e6, angle), SUN), np.zeros(3), atol=1e-24)
+
+
+@pytest.mark.parametrize(("distance", "tolerance"), [(7.0e6, 1e-10), (4.2164e7, 1e-9), (3.84e8, 1e-6)])
+def test_more_than_half_of_the_disc_counts_as_light(distance: float, tolerance: float) -> None:
+    inner, outer = border(distance, inner=True), border(distance, inner=False)
+    half = brentq(lambda angle: free_share(place(distance, angle)) - 0.5, inner, outer, xtol=1e-14)
+    assert not bool(is_lit(place(distance, half - tolerance), SUN))
+    assert bool(is_lit(place(distance, half + tolerance), SUN))
+
+
+DAY, NIGHT = np.array([7.0e6, 0.0, 0.0]), np.array([-7.0e6, 0.0, 0.0])
+
+
+def observable(r_TN_N: np.ndarray, r_ST_N: np.ndarray, phase_limit: float, sun_exclusion: float) -> bool:
+    return bool(is_observable(r_TN_N, r_ST_N, SUN, jnp.deg2rad(phase_limit), jnp.deg2rad(sun_exclusion)))
+
+
+@pytest.mark.parametrize(
+    ("r_TN_N", "phase_deg", "seen"),
+    [(DAY, 90.0, True), (DAY, 0.0, True), (DAY, 149.0, True), (DAY, 151.0, False), (NIGHT, 90.0, False)],
+    ids=["from the side", "Sun behind the camera", "thick enough a crescent", "too thin a crescent", "eclipse"],
+)
+def test_a_target_can_be_seen_where_it_is_lit_and_its_phase_is_small(
+    r_TN_N: np.ndarray, phase_deg: float, seen: bool
+) -> None:
+    phase = np.deg2rad(phase_deg)
+    r_ST_N = 40.0 * np.array([np.cos(phase), 0.6 * np.sin(phase), 0.8 * np.sin(phase)])
+    assert observable(r_TN_N, r_ST_N, 150.0, 20.0) is seen
+
+
+@pytest.mark.parametrize(("off_sun_deg", "seen"), [(29.0, False), (31.0, True)])
+def test_a_camera_is_blind_when_it_looks_near_the_sun(off_sun_deg: float, seen: bool) -> None:
+    angle = np.deg2rad(off_sun_deg)
+    r_ST_N = -40.0 * np.array([np.cos(angle), np.sin(angle), 0.0])
+    assert observable(DAY, r_ST_N, 180.0, 30.0) is seen  # every phase will do, so that only the exclusion counts
+
+
+def test_single_precision_has_the_penumbra_to_a_ten_thousandth() -> None:
+    angles = np.arcsin(6378137.0 / 7.0e6) + np.linspace(-0.008, 0.008, 401)
+    places = 7.0e6 * np.stack([-np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
+    shares = jax.jit(jax.vmap(lambda r_N: eclipse.illumination(r_N, jnp.asarray(SUN, r_N.dtype))))
+    double = np.asarray(shares(jnp.asarray(places)))
+    with single_precision.single():
+        found = np.asarray(shares(jnp.asarray(places, jnp.float32)))
+    assert found.dtype == np.float32
+    assert ((double > 0.01) & (double < 0.99)).sum() > 50
+    np.testing.assert_allclose(found, double, atol=1e-4)

@@ -1,0 +1,94 @@
+"""Orbits about a parabola in single precision: against the same orbits in double precision."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.core.numerics import runge_kutta
+from rpojax.core.orbits import encke_reference
+from rpojax.core.orbits.orbital_mechanics import EARTH, Field
+from rpojax.simulation import single_precision
+
+DEGREE = 2
+
+
+def starts() -> tuple[np.ndarray, np.ndarray]:
+    """Positions [m] and velocities [m/s] of eight low orbits in all directions."""
+    rng = np.random.default_rng(3)
+    r = rng.normal(size=(8, 3))
+    r *= rng.uniform(6.7e6, 7.4e6, (8, 1)) / np.linalg.norm(r, axis=1, keepdims=True)
+    v = np.cross(r, rng.normal(size=(8, 3)))
+    return r, v * np.sqrt(EARTH.mu / np.linalg.norm(r, axis=1, keepdims=True)) / np.linalg.norm(
+        v, axis=1, keepdims=True
+    )
+
+
+ROUNDED = Field(mu=float(np.float32(EARTH.mu)), radius=EARTH.radius, zonals=EARTH.zonals)
+"""Gravity with `mu` as single precision has it."""
+
+
+def step(r: jax.Array, v: jax.Array, residue: jax.Array | None, dt: float) -> tuple[jax.Array, ...]:
+    """Position, velocity and what they lack `dt` [s] later."""
+    own = encke_reference.begin(ROUNDED, DEGREE, r, v, residue)
+
+    def derivative(y: tuple[jax.Array, jax.Array], time: jax.Array | None) -> tuple[jax.Array, jax.Array]:
+        return y[1], own.gravity(time, y[0], jnp.zeros(3)).value
+
+    change = runge_kutta.change("rk4", derivative, own.start, own.times(runge_kutta.NODES["rk4"], dt), dt)
+    return own.end(dt, *change)
+
+
+def fly(r: np.ndarray, v: np.ndarray, dt: float, single: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Position [m] and velocity [m/s] after 500 s in steps of `dt` [s]."""
+
+    def whole(r: jax.Array, v: jax.Array, residue: jax.Array | None) -> tuple[jax.Array, ...]:
+        return jax.lax.scan(lambda y, _: (step(*y, dt), None), (r, v, residue), None, length=round(500 / dt))[0]
+
+    if not single:
+        after = jax.jit(jax.vmap(lambda r, v: whole(r, v, None)))(r, v)
+        return np.asarray(after[0]), np.asarray(after[1])
+    near = r.astype(np.float32), v.astype(np.float32)
+    residue = np.stack([r - near[0], v - near[1]], axis=1).astype(np.float32)
+    with single_precision.single():
+        found = [np.asarray(each, dtype=np.float64) for each in jax.jit(jax.vmap(whole))(*near, residue)]
+    return found[0] + found[2][:, 0], found[1] + found[2][:, 1]
+
+
+@pytest.fixture(scope="module")
+def gone() -> dict[tuple[float, bool], tuple[np.ndarray, np.ndarray]]:
+    """Ends by step [s] and by whether they are in single precision."""
+    r, v = starts()
+    return {(dt, single): fly(r, v, dt, single) for dt in (0.2, 1.0) for single in (False, True)}
+
+
+def test_steps_of_a_plant_and_of_a_filter_come_apart_by_far_less_than_a_filter_knows(
+    gone: dict[tuple[float, bool], tuple[np.ndarray, np.ndarray]],
+) -> None:
+    for number, bound in enumerate((5e-4, 1e-6)):  # [m], [m/s]
+        double, single = (gone[1.0, kind][number] - gone[0.2, kind][number] for kind in (False, True))
+        assert np.max(np.abs(single - double)) < bound
+
+
+def test_orbits_are_those_of_double_precision(
+    gone: dict[tuple[float, bool], tuple[np.ndarray, np.ndarray]],
+) -> None:
+    for dt in (0.2, 1.0):
+        for number, bound in enumerate((1e-3, 4e-6)):  # [m], [m/s]
+            assert np.max(np.abs(gone[dt, True][number] - gone[dt, False][number])) < bound
+
+
+def test_where_a_craft_is_in_the_middle_of_a_step() -> None:
+    r, v = (each[0] for each in starts())
+    near = r.astype(np.float32), v.astype(np.float32)
+    with single_precision.single():
+        single = encke_reference.begin(EARTH, DEGREE, *map(jnp.asarray, near), jnp.zeros((2, 3), jnp.float32))
+        half = jnp.float32(0.5)
+        place, speed = single.at(half, *single.start)
+        other = single.gravity(half, single.start[0], jnp.asarray([3.0, -40.0, 5.0], dtype=jnp.float32))
+    double = encke_reference.begin(EARTH, DEGREE, jnp.asarray(r), jnp.asarray(v), None)
+    begin, then = (double.gravity(None, jnp.asarray(at), jnp.array([3.0, -40.0, 5.0])) for at in (r, r + 0.5 * v))
+    np.testing.assert_allclose(place, r + 0.5 * v + 0.125 * np.asarray(begin.value), atol=0.6)
+    np.testing.assert_allclose(speed, v + 0.5 * np.asarray(begin.value), atol=2e-3)
+    np.testing.assert_allclose(other.value, then.value - begin.value, atol=3e-6)
+    np.testing.assert_allclose(other.change, then.change, rtol=1e-5, atol=1e-11)

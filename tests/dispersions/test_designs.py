@@ -1,0 +1,182 @@
+"""What designs give to runs: strata, balance, rows and combinations, the same whoever asks."""
+
+import itertools
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rpojax.campaign.execution.batch_engine import Engine
+from rpojax.dispersions import designs
+from rpojax.dispersions.designs import Population
+from rpojax.errors import ResultError, RpojaxError
+from rpojax.scenario import dispersion_keys, scenario_file
+from rpojax.scenario.schema import ScenarioFile
+
+
+def with_design(mission: ScenarioFile, **settings: Any) -> ScenarioFile:
+    """`mission` with a design, checked."""
+    return scenario_file.validate(mission.model_dump() | {"design": settings})
+
+
+@pytest.fixture(scope="module")
+def hypercube(mission: ScenarioFile) -> ScenarioFile:
+    """`mission` as a Latin hypercube."""
+    return with_design(mission, kind="latin_hypercube")
+
+
+def test_only_runs_that_draw_for_themselves_are_independent(mission: ScenarioFile) -> None:
+    values = {"gps.noise_m": [1.0, 2.0]}
+    for kind in ("latin_hypercube", "sobol"):
+        assert not designs.independent(with_design(mission, kind=kind))
+    for kind in ("table", "grid"):
+        assert not designs.independent(with_design(mission, kind=kind, values=values))
+    assert designs.independent(mission)
+    assert designs.make(mission, 0, Population(0, 10)).given == {}
+
+
+def test_every_stratum_of_every_coordinate_of_a_latin_hypercube_holds_one_run(hypercube: ScenarioFile) -> None:
+    runs = 97
+    given = designs.make(hypercube, 1, Population(0, runs)).given
+    assert set(given) == {dispersion_keys.name(entry) for entry in hypercube.dispersions}
+    for entry in hypercube.dispersions:
+        values = given[dispersion_keys.name(entry)]
+        assert values.shape == (runs, dispersion_keys.coordinates(hypercube, entry))
+        strata = np.sort(np.floor(values * runs), axis=0)
+        np.testing.assert_array_equal(strata, np.broadcast_to(np.arange(runs)[:, None], values.shape))
+    both = np.concatenate(list(given.values()), axis=1)
+    correlation = np.corrcoef(both.T) - np.eye(both.shape[1])
+    assert np.abs(correlation).max() < 5.0 / np.sqrt(runs)
+
+
+def test_a_sobol_design_has_the_balance_of_a_net(mission: ScenarioFile) -> None:
+    """Each half of each coordinate, and each quarter of the first two, hold equally many of 64 runs."""
+    given = designs.make(with_design(mission, kind="sobol"), 1, Population(0, 64)).given
+    points = np.concatenate([given[dispersion_keys.name(entry)] for entry in mission.dispersions], axis=1)
+    assert points.shape[1] == sum(dispersion_keys.coordinates(mission, entry) for entry in mission.dispersions)
+    for parts in (2, 4, 8, 16, 32, 64):
+        counts = [np.bincount(np.floor(column * parts).astype(int), minlength=parts) for column in points.T]
+        assert np.all(np.array(counts) == 64 // parts)
+    cells = np.floor(points[:, :2] * 8).astype(int)
+    assert len({tuple(cell) for cell in cells.tolist()}) == 64
+
+
+def test_more_runs_of_a_sobol_design_leave_the_earlier_ones_as_they_were(mission: ScenarioFile) -> None:
+    file = with_design(mission, kind="sobol")
+    whole = designs.make(file, 1, Population(0, 50)).given
+    for population in (Population(0, 20), Population(13, 7), Population(49, 1)):
+        part = designs.make(file, 1, population).given
+        rows = slice(population.first_run, population.first_run + population.runs)
+        for name, values in part.items():
+            np.testing.assert_array_equal(values, whole[name][rows])
+
+
+def test_adding_a_dispersion_leaves_the_others_of_a_latin_hypercube_as_they_were(hypercube: ScenarioFile) -> None:
+    tables = hypercube.model_dump()
+    fewer = scenario_file.validate(tables | {"dispersions": tables["dispersions"][::2]})
+    whole = designs.make(hypercube, 1, Population(0, 9)).given
+    for name, values in designs.make(fewer, 1, Population(0, 9)).given.items():
+        np.testing.assert_array_equal(values, whole[name])
+
+
+@pytest.mark.parametrize("kind", ["latin_hypercube", "sobol"])
+def test_another_seed_is_another_design_and_the_same_is_the_same(mission: ScenarioFile, kind: str) -> None:
+    file = with_design(mission, kind=kind)
+    one, same, other = (designs.make(file, seed, Population(0, 9)).given for seed in (1, 1, 2))
+    for name, values in one.items():
+        np.testing.assert_array_equal(values, same[name])
+        assert not np.any(values == other[name])
+        assert np.all((values > 0.0) & (values < 1.0))
+
+
+def test_a_table_gives_each_run_its_row_and_no_more_runs_than_rows(mission: ScenarioFile) -> None:
+    columns = {"gps.noise_m": [1.0, 2.0, 3.0], "fault.kind": ["none", "gps_outage", "none"]}
+    file = with_design(mission, kind="table", values=columns)
+    made = designs.make(file, 0, Population(0, 3))
+    assert made.of_runs(np.array([2, 0])) == {
+        "gps.noise_m": pytest.approx([3.0, 1.0]),
+        "fault.kind": pytest.approx([0, 0]),
+    }
+    assert made.given["fault.kind"][1] == 5.0  # the fifth kind after none
+    later = designs.make(file, 0, Population(1, 2))
+    np.testing.assert_array_equal(later.of_runs(np.array([2]))["gps.noise_m"], [3.0])
+    np.testing.assert_array_equal(later.of_runs(np.array([5]))["gps.noise_m"], [3.0])  # padding
+    with pytest.raises(RpojaxError, match=r"^--runs: found run 3, expected runs up to 2: the table"):
+        designs.make(file, 0, Population(0, 4))
+    with pytest.raises(RpojaxError, match="table"):
+        designs.make(file, 0, Population(3, 1))
+
+
+def test_a_grid_has_every_combination_once_with_the_last_key_as_last_digit(mission: ScenarioFile) -> None:
+    places = [[0.0, -30.0, 0.0], [0.0, 40.0, 0.0], [20.0, 0.0, 0.0]]
+    values = {"gps.noise_m": [1.0, 2.0], "formation.desired_position_m": places, "fault.kind": ["none", "gps_outage"]}
+    file = with_design(mission, kind="grid", values=values)
+    given = designs.make(file, 0, Population(0, 12)).given
+    found = [
+        (noise, place, ("none", "gps_outage")[int(code > 0)])
+        for noise, place, code in zip(*(given[key].tolist() for key in values), strict=True)
+    ]
+    assert found == list(itertools.product(*values.values()))
+    part = designs.make(file, 0, Population(5, 3)).given
+    np.testing.assert_array_equal(part["gps.noise_m"], given["gps.noise_m"][5:8])
+    with pytest.raises(RpojaxError, match=r"found run 12, expected runs up to 11: the grid"):
+        designs.make(file, 0, Population(0, 13))
+
+
+def test_the_order_of_a_grids_keys_is_part_of_the_scenarios_hash(mission: ScenarioFile) -> None:
+    values = {"gps.noise_m": [1.0, 2.0], "servicer.mass_kg": [29.0, 31.0]}
+    tables = mission.model_dump()
+    free = tables | {"dispersions": []}
+    there, back = (
+        scenario_file.validate(free | {"design": {"kind": "grid", "values": dict(items)}})
+        for items in (values.items(), reversed(values.items()))
+    )
+    assert scenario_file.digest(there) != scenario_file.digest(back)
+    tables.pop("design")
+    assert scenario_file.digest(scenario_file.validate(tables)) == scenario_file.digest(mission)
+    assert scenario_file.digest(with_design(mission, kind="sobol")) != scenario_file.digest(mission)
+
+
+def test_a_design_too_large_for_memory_is_refused_before_it_is_made(hypercube: ScenarioFile) -> None:
+    with pytest.raises(RpojaxError, match=r"^--runs: found 2000000000, expected at most \d+ for this design"):
+        designs.make(hypercube, 0, Population(0, 2_000_000_000))
+
+
+def test_a_design_is_made_again_from_what_campaign_json_says(hypercube: ScenarioFile) -> None:
+    made = designs.make(hypercube, 3, Population(10, 20))
+    info = json.loads(json.dumps({"seed": 3, "first_run": 14, "runs": 1, "design": made.record()}))
+    again = designs.of_campaign(hypercube, info)
+    assert again.population == Population(10, 20)
+    for name, values in made.given.items():
+        np.testing.assert_array_equal(again.given[name], values)
+    with pytest.raises(ResultError, match=r"campaign.json: found another design"):
+        designs.of_campaign(hypercube, info | {"seed": 4})
+    older = {"seed": 3, "first_run": 10, "runs": 20}
+    np.testing.assert_array_equal(
+        designs.of_campaign(hypercube, older).given["servicer.mass_kg"], made.given["servicer.mass_kg"]
+    )
+
+
+@pytest.mark.parametrize(
+    "recorded",
+    [
+        None,
+        3,
+        [],
+        {},
+        {"first_run": 0},
+        {"first_run": -1, "runs": 5},
+        {"first_run": True, "runs": 5},
+        {"first_run": 2, "runs": 5},
+    ],
+    ids=str,
+)
+def test_a_campaign_json_that_says_no_design_is_refused(recorded: Any) -> None:
+    with pytest.raises(ResultError, match=r"^campaign.json: found .*expected"):
+        designs.population_of({"first_run": 0, "runs": 1, "design": recorded})
+
+
+def test_an_engine_without_the_design_of_its_scenario_is_refused(hypercube: ScenarioFile) -> None:
+    with pytest.raises(RpojaxError, match=r"^design: found none"):
+        Engine(hypercube, 1)

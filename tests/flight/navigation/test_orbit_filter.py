@@ -1,0 +1,318 @@
+"""Both halves of the orbit filter together: propagation of mean and covariance, and what an update consists of."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scene
+from reference import IDENTITY, gravity, matrix, random_covariance
+from scipy.integrate import solve_ivp
+from scipy.stats import norm
+
+from rpojax.core.pytree import replace
+from rpojax.flight.computer import FlightParams
+from rpojax.flight.navigation import orbit_filter, outlier_gate
+from rpojax.flight.navigation.filter_tuning import GpsMeasurement, Navigation
+from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.physics import equipment_faults, plant
+from rpojax.physics.environment import Sky
+from rpojax.physics.plant_options import Effects
+from rpojax.scenario.params import Params
+
+SERVICER_SIGMA = np.repeat([2.0, 0.02, 1.2], 3)
+RELATIVE_SIGMA = np.concatenate([np.full(3, 0.05), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4], [5e-3, 5e-3]])
+
+# Kick and drift differ from the exact transition by (n dt)^2 = 1e-6; the gradient leaves J2 out, 1e-3 of n^2 dt.
+FIRST_ORDER = 5e-6
+
+HEALTHY = equipment_faults.healthy()
+
+initial = jax.jit(orbit_filter.initial)
+initial_truth = jax.jit(plant.initial_truth)
+step = jax.jit(plant.step, static_argnums=(0, 7))
+predict = jax.jit(orbit_filter.predict, static_argnums=(1, 7))
+update = jax.jit(orbit_filter.update, static_argnums=1)
+
+
+def coast(
+    tuning: Navigation,
+    estimate: OrbitEstimate,
+    delta_v_N: np.ndarray | None = None,
+    burn_delta_v: float = 0.0,
+    doubt: float = 1.0,
+    zonal_degree: int = 2,
+    pull_N: np.ndarray | None = None,
+) -> OrbitEstimate:
+    """Estimate a second later, without thrust and without the Sun and the Moon unless told."""
+    delta_v_N, pull_N = (np.zeros(3) if vector is None else vector for vector in (delta_v_N, pull_N))
+    return predict(tuning, zonal_degree, estimate, delta_v_N, np.float64(burn_delta_v), np.float64(doubt), pull_N, 1.0)
+
+
+def fix(position_N: np.ndarray, present: bool = True) -> GpsMeasurement:
+    return GpsMeasurement(position_N=jnp.asarray(position_N), present=jnp.asarray(present))
+
+
+@pytest.fixture(scope="module")
+def flight(params: Params) -> FlightParams:
+    return params.flight
+
+
+@pytest.fixture(scope="module")
+def estimate(flight: FlightParams) -> OrbitEstimate:
+    """An estimate with correlated covariances and slow errors that are not zero."""
+    rng = np.random.default_rng(1)
+    known = scene.estimate(flight, v_TS_N=np.array([0.05, -0.03, 0.02]))
+    servicer = replace(
+        known.servicer, gps_error_N=rng.normal(size=3), covariance=random_covariance(rng, SERVICER_SIGMA)
+    )
+    relative = replace(
+        known.relative,
+        scale=0.1 * rng.normal(size=2),
+        bearing_bias=5e-4 * rng.normal(size=2),
+        center=5e-3 * rng.normal(size=2),
+        covariance=random_covariance(rng, RELATIVE_SIGMA),
+    )
+    return OrbitEstimate(servicer=servicer, relative=relative)
+
+
+def means(estimate: OrbitEstimate) -> tuple[jax.Array, jax.Array]:
+    s, r = estimate.servicer, estimate.relative
+    return (
+        jnp.concatenate([s.r_SN_N, s.v_SN_N, s.gps_error_N]),
+        jnp.concatenate([r.r_TS_N, r.v_TS_N, r.scale, r.bearing_bias, r.center]),
+    )
+
+
+@jax.jit
+def transitions(tuning: Navigation, estimate: OrbitEstimate) -> tuple[jax.Array, jax.Array]:
+    """Dense derivative over one second of each half's mean to itself."""
+
+    def after(servicer: jax.Array, relative: jax.Array) -> tuple[jax.Array, jax.Array]:
+        moved = OrbitEstimate(
+            servicer=replace(estimate.servicer, r_SN_N=servicer[:3], v_SN_N=servicer[3:6], gps_error_N=servicer[6:]),
+            relative=replace(
+                estimate.relative,
+                r_TS_N=relative[:3],
+                v_TS_N=relative[3:6],
+                scale=relative[6:8],
+                bearing_bias=relative[8:10],
+                center=relative[10:],
+            ),
+        )
+        return means(
+            orbit_filter.predict(tuning, 2, moved, jnp.zeros(3), jnp.zeros(()), jnp.ones(()), jnp.zeros(3), 1.0)
+        )
+
+    (servicer, _), (_, relative) = jax.jacfwd(after, argnums=(0, 1))(*means(estimate))
+    return servicer, relative
+
+
+def test_the_mean_follows_both_orbits_through_a_burn(flight: FlightParams, estimate: OrbitEstimate) -> None:
+    delta_v = np.array([1e-3, -2e-4, 5e-4])  # per second
+    found = estimate
+    for _ in range(10):
+        found = coast(flight.navigation, found, delta_v, 0.02)
+
+    def slope(_: float, y: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        return np.concatenate([y[3:], gravity(y[:3]) + acceleration])
+
+    s, r = estimate.servicer, estimate.relative
+    orbits = []
+    for start, acceleration in (
+        (np.concatenate([s.r_SN_N, s.v_SN_N]), delta_v),
+        (np.concatenate([s.r_SN_N + r.r_TS_N, s.v_SN_N + r.v_TS_N]), np.zeros(3)),
+    ):
+        solution = solve_ivp(slope, (0.0, 10.0), start, "DOP853", rtol=1e-13, atol=1e-9, args=(acceleration,))
+        orbits.append(solution.y[:, -1])
+    servicer, target = orbits
+    np.testing.assert_allclose(found.servicer.r_SN_N, servicer[:3], atol=1e-7)
+    np.testing.assert_allclose(found.servicer.v_SN_N, servicer[3:], atol=1e-9)
+    # The reference is a difference of 7000 km vectors: 1e-9 m of rounding each step.
+    np.testing.assert_allclose(found.relative.r_TS_N, (target - servicer)[:3], atol=1e-7)
+    np.testing.assert_allclose(found.relative.v_TS_N, (target - servicer)[3:], atol=1e-9)
+
+
+def test_slow_errors_decay_with_their_time_constants(flight: FlightParams, estimate: OrbitEstimate) -> None:
+    found = coast(flight.navigation, estimate)
+    np.testing.assert_allclose(found.servicer.gps_error_N, estimate.servicer.gps_error_N * np.exp(-1.0 / 700.0))
+    np.testing.assert_allclose(found.relative.scale, estimate.relative.scale * np.exp([-1.0 / 600.0, -1.0 / 30.0]))
+    np.testing.assert_array_equal(found.relative.bearing_bias, estimate.relative.bearing_bias)
+    np.testing.assert_allclose(found.relative.center, estimate.relative.center * np.exp(-1.0 / 60.0))
+
+
+@pytest.mark.parametrize("half", ["servicer", "relative"])
+def test_the_covariance_follows_the_derivative_of_the_mean_and_its_noise(
+    flight: FlightParams, estimate: OrbitEstimate, half: str
+) -> None:
+    found = np.asarray(getattr(coast(flight.navigation, estimate), half).covariance)
+    F = np.asarray(transitions(flight.navigation, estimate)[0 if half == "servicer" else 1])
+    P = np.asarray(getattr(estimate, half).covariance)
+    if half == "servicer":
+        noise = np.concatenate([np.zeros(3), np.full(3, 1e-6**2), np.full(3, 1.2**2 * (1 - np.exp(-2.0 / 700.0)))])
+    else:
+        scale = np.array([0.065, 0.14]) ** 2 * (1 - np.exp([-2.0 / 600.0, -2.0 / 30.0]))
+        center = np.full(2, 0.005**2 * (1 - np.exp(-2.0 / 60.0)))
+        noise = np.concatenate([np.zeros(3), np.full(3, 3e-7**2), scale, np.zeros(2), center])
+    expected = F @ P @ F.T + np.diag(noise)
+    units = np.sqrt(np.outer(np.diag(P), np.diag(P)))
+    np.testing.assert_allclose(found / units, expected / units, atol=FIRST_ORDER)
+    assert np.max(np.abs(found - P) / units) > 100 * FIRST_ORDER  # so that it did change
+
+
+def test_acceleration_noise_makes_the_velocity_variance_grow_linearly(
+    flight: FlightParams, estimate: OrbitEstimate
+) -> None:
+    loud = replace(
+        flight.navigation, acceleration_noise=jnp.float64(0.01), relative_acceleration_noise=jnp.float64(0.003)
+    )
+    quiet = replace(loud, acceleration_noise=jnp.zeros(()), relative_acceleration_noise=jnp.zeros(()))
+    noisy, calm = (coast(tuning, estimate) for tuning in (loud, quiet))
+    servicer = np.asarray(noisy.servicer.covariance - calm.servicer.covariance)
+    relative = np.asarray(noisy.relative.covariance - calm.relative.covariance)
+    np.testing.assert_allclose(np.diag(servicer), [0.0] * 3 + [1e-4] * 3 + [0.0] * 3, atol=1e-12)
+    np.testing.assert_allclose(np.diag(relative), [0.0] * 3 + [9e-6] * 3 + [0.0] * 6, atol=1e-12)
+
+
+def test_a_burn_makes_both_halves_less_certain_by_its_execution_error(
+    flight: FlightParams, estimate: OrbitEstimate
+) -> None:
+    along, size = np.array([0.6, 0.0, 0.8]), 0.02
+    shares = np.array([0.1, 0.3, 0.3, 0.2, 0.1])
+    added = {"servicer": np.zeros((3, 3)), "relative": np.zeros((3, 3))}
+    for share in shares:
+        burning = coast(flight.navigation, estimate, share * size * along, size)
+        coasting = coast(flight.navigation, estimate, np.zeros(3), size)
+        for half in added:
+            change = getattr(burning, half).covariance - getattr(coasting, half).covariance
+            added[half] += np.asarray(change)[3:6, 3:6]
+    projection = np.outer(along, along)
+    expected = size**2 * (0.015**2 * projection + np.deg2rad(0.3) ** 2 * (np.eye(3) - projection))
+    for half, found in added.items():
+        # The difference of two velocity variances of (2 cm/s)^2 keeps nine digits of one of (0.3 mm/s)^2.
+        np.testing.assert_allclose(found, expected, atol=1e-8 * size**2, err_msg=half)
+
+
+@pytest.mark.parametrize("luni_solar", [True, False])
+def test_with_all_that_it_knows_the_filter_stays_with_the_truth_to_millimetres(
+    params: Params, luni_solar: bool
+) -> None:
+    effects = Effects(zonal_degree=6, sun_gravity=True, moon_gravity=True)
+    sky = Sky(sun_N=jnp.array([1.2e11, 0.8e11, 0.3e11]), moon_N=jnp.array([-2.5e8, 2.6e8, 1.0e8]))
+    truth = initial_truth(params.plant, params.orbit, jnp.array([5.0, -50.0, 3.0]), jnp.zeros(3), jnp.asarray(IDENTITY))
+    tuning = params.flight.navigation
+    found = initial(tuning, truth.r_TN_N + truth.r_ST_N, truth.v_TN_N + truth.v_ST_N, -truth.r_ST_N, -truth.v_ST_N)
+    for _ in range(100):
+        position = found.servicer.r_SN_N
+        truth = step(effects, params.plant, truth, np.zeros(3), (), sky, HEALTHY, 1.0)
+        pull = luni_solar_pull(position, sky) if luni_solar else np.zeros(3)
+        found = coast(tuning, found, zonal_degree=6, pull_N=pull)
+    servicer = np.asarray(found.servicer.r_SN_N) - np.asarray(truth.r_TN_N + truth.r_ST_N)
+    relative = np.asarray(found.relative.r_TS_N) + np.asarray(truth.r_ST_N)
+    # The pull of Sun and Moon is 1e-6 m/s^2; after 100 s it makes 5 mm of the orbit and nothing of the difference.
+    assert (np.linalg.norm(servicer) < 1e-5) is np.bool_(luni_solar)
+    assert np.linalg.norm(servicer) < 0.01
+    assert np.linalg.norm(relative) < 1e-6
+
+
+def luni_solar_pull(r_N: jax.Array, sky: Sky) -> np.ndarray:
+    """Pull [m/s^2] of Sun and Moon on a craft less that on the Earth, by Battin's formula."""
+    r = np.asarray(r_N)
+    total = np.zeros(3)
+    for mu, body in ((1.32712440018e20, np.asarray(sky.sun_N)), (4.9028e12, np.asarray(sky.moon_N))):
+        q = r @ (r - 2.0 * body) / (body @ body)
+        f = q * (3.0 + 3.0 * q + q * q) / (1.0 + (1.0 + q) ** 1.5)
+        total -= mu / np.linalg.norm(r - body) ** 3 * (r + f * body)
+    return total
+
+
+def test_zonals_beyond_the_second_move_the_servicer_by_decimetres_in_100_s(
+    flight: FlightParams, estimate: OrbitEstimate
+) -> None:
+    full = plain = estimate
+    for _ in range(100):
+        full, plain = coast(flight.navigation, full, zonal_degree=6), coast(flight.navigation, plain)
+    apart = np.linalg.norm(full.servicer.r_SN_N - plain.servicer.r_SN_N)
+    assert 0.01 < apart < 0.5  # 2e-5 m/s^2 over 100 s
+
+
+def test_doubt_about_a_burn_widens_its_magnitude_and_not_its_direction(
+    flight: FlightParams, estimate: OrbitEstimate
+) -> None:
+    along, size = np.array([0.6, 0.0, 0.8]), 0.02
+    sure, doubtful = (coast(flight.navigation, estimate, size * along, size, doubt) for doubt in (1.0, 3.0))
+    for half in ("servicer", "relative"):
+        change = np.asarray(getattr(doubtful, half).covariance - getattr(sure, half).covariance)[3:6, 3:6]
+        expected = size**2 * (3.0**2 - 1.0) * 0.015**2 * np.outer(along, along)
+        np.testing.assert_allclose(change, expected, atol=1e-8 * size**2, err_msg=half)
+
+
+def test_without_gps_the_servicers_mean_is_only_propagated_and_its_covariance_grows(
+    flight: FlightParams, estimate: OrbitEstimate
+) -> None:
+    """A minute without a fix, whatever the receiver's output says, against a minute with one."""
+    q_KN = scene.camera_attitude(flight, estimate)
+    absent = scene.box(flight, matrix(q_KN), scene.AHEAD, present=False)
+
+    def minute(present: bool) -> list[OrbitEstimate]:
+        known, history = estimate, [estimate]
+        for _ in range(60):
+            gps = fix(known.servicer.r_SN_N + (0.0 if present else 1e5), present)
+            known = coast(flight.navigation, known)
+            known, _, _ = update(
+                flight.navigation, True, flight.onboard.focal_px, known, outlier_gate.initial_track(), gps, q_KN, absent
+            )
+            history.append(known)
+        return history
+
+    blind, sighted = minute(False), minute(True)
+    alone = estimate
+    for _ in range(60):
+        alone = coast(flight.navigation, alone)
+    jax.tree.map(np.testing.assert_array_equal, blind[-1].servicer, alone.servicer)
+    sigmas = [float(np.sqrt(np.trace(known.servicer.covariance[:3, :3]))) for known in blind]
+    assert np.all(np.diff(sigmas[5:]) > 0.0)  # the hand-over's correlations may shrink it at first
+    assert np.trace(sighted[-1].servicer.covariance[:3, :3]) < 0.5 * sigmas[-1] ** 2
+
+
+def test_a_missing_box_leaves_the_relative_half_and_updates_the_servicer_by_gps(
+    flight: FlightParams, estimate: OrbitEstimate
+) -> None:
+    q_KN = scene.camera_attitude(flight, estimate)
+    absent = scene.box(flight, matrix(q_KN), scene.AHEAD, present=False)
+    present = scene.box(flight, matrix(q_KN), scene.AHEAD)
+    gps = fix(scene.R_SN_N + np.array([3.0, -2.0, 1.0]))
+
+    def after(box: orbit_filter.BoxMeasurement) -> tuple[OrbitEstimate, orbit_filter.Innovation]:
+        found, _, innovation = update(
+            flight.navigation, True, flight.onboard.focal_px, estimate, outlier_gate.initial_track(), gps, q_KN, box
+        )
+        return found, innovation
+
+    without, none = after(absent)
+    jax.tree.map(np.testing.assert_array_equal, without.relative, estimate.relative)
+    assert np.max(np.abs(np.asarray(without.servicer.r_SN_N) - scene.R_SN_N)) > 0.1
+    assert not none.accepted
+    assert not none.rejected
+    with_box, some = after(present)
+    jax.tree.map(np.testing.assert_array_equal, with_box.servicer, without.servicer)
+    assert some.accepted
+    assert np.trace(with_box.relative.covariance) < np.trace(estimate.relative.covariance)
+
+
+def test_the_log_likelihood_is_that_of_the_rows_that_were_used(flight: FlightParams, estimate: OrbitEstimate) -> None:
+    q_KN = scene.camera_attitude(flight, estimate)
+    for present in (True, False):
+        _, _, innovation = update(
+            flight.navigation,
+            True,
+            flight.onboard.focal_px,
+            estimate,
+            outlier_gate.initial_track(),
+            fix(scene.R_SN_N + 1.0),
+            q_KN,
+            scene.box(flight, matrix(q_KN), scene.AHEAD, present=present),
+        )
+        used = slice(0, 6 if present else 3)
+        sigma = np.sqrt(np.asarray(innovation.variance))[used]
+        expected = norm.logpdf(np.asarray(innovation.innovation)[used], scale=sigma).sum()
+        np.testing.assert_allclose(innovation.log_likelihood, expected, rtol=1e-9)

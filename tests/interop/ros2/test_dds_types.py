@@ -1,0 +1,101 @@
+"""Message types on the wire: the classes of cyclonedds give the bytes of the bags, for every type that there is."""
+
+import itertools
+from collections.abc import Iterator
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+import pytest
+from experiment_files import load
+
+from rpojax.errors import RpojaxError
+from rpojax.interop.ros2 import dds_types, message_builders, message_types, topics
+
+TYPES = sorted(message_types.typestore().types)
+BASES = {"string": "words", "bool": True}
+
+
+def both(name: str, numbers: Iterator[int]) -> tuple[Any, Any]:
+    """A message with a number of its own in every field, for rosbags and for cyclonedds."""
+    fields = message_types.typestore().fielddefs[name][1]
+    pairs = {field: value(kind, numbers) for field, kind in fields}
+    return (
+        message_types.message_class(name)(**{field: pair[0] for field, pair in pairs.items()}),
+        dds_types.struct(name)(**{field: pair[1] for field, pair in pairs.items()}),
+    )
+
+
+def value(descriptor: Any, numbers: Iterator[int]) -> tuple[Any, Any]:
+    """One field for both; sequences have two elements."""
+    kinds = import_module("rosbags.interfaces").Nodetype
+    kind, what = descriptor
+    if kind == kinds.NAME:
+        return both(what, numbers)
+    if kind == kinds.BASE:
+        base = BASES.get(what[0], next(numbers) % 100)
+        return (base, base)
+    element, size = what
+    count = size if kind == kinds.ARRAY else min(2, size or 2)
+    pairs = [value(element, numbers) for _ in range(count)]
+    first, second = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+    if element[0] == kinds.BASE and element[1][0] != "string":
+        dtype = {"bool": np.bool_, "byte": np.uint8, "octet": np.uint8, "char": np.uint8}.get(element[1][0])
+        return np.array(first, dtype=dtype or element[1][0]), bytes(second) if is_byte(element) else second
+    return first, second
+
+
+def is_byte(element: Any) -> bool:
+    return element[1][0] in ("uint8", "byte", "octet", "char")
+
+
+@pytest.mark.parametrize("package", sorted({name.partition("/")[0] for name in TYPES}))
+def test_every_type_of_a_package_has_the_same_bytes_on_the_wire_and_in_a_bag(package: str) -> None:
+    for name in (name for name in TYPES if name.startswith(f"{package}/")):
+        message, sample = both(name, itertools.count(1))
+        data = message_types.serialize(message)
+        assert sample.serialize() == data, name
+        assert dds_types.struct(name).deserialize(data).serialize() == data, name
+
+
+def test_all_types_are_looked_at() -> None:
+    assert len(TYPES) == 169
+
+
+def test_a_type_has_the_name_that_nodes_of_ros_2_give_it() -> None:
+    assert dds_types.dds_name("nav_msgs/msg/Odometry") == "nav_msgs::msg::dds_::Odometry_"
+    for made in (dds_types.struct, dds_types.wire_class):
+        assert made("nav_msgs/msg/Odometry").__idl_typename__ == "nav_msgs.msg.dds_.Odometry_"
+
+
+def test_a_sample_carries_a_message_there_and_back() -> None:
+    message = message_builders.wheel_command(1_200_000_000, np.array([0.1, -0.2, 0.3]))
+    made = dds_types.wire_class("sensor_msgs/msg/JointState")
+    data = made(message).serialize()
+    assert data == message_types.serialize(message)
+    # DDS fills up to whole words.
+    again = made.deserialize(data + bytes(-len(data) % 4)).message
+    assert again.header == message.header
+    assert made.deserialize(data).stamp == 1_200_000_000
+    assert made.deserialize(b"\0\0\0\0" + b"\xff\xff\xff\xff\x00\x00\x00\x07").stamp == 7 - 10**9
+    assert made.deserialize(data[:11]).stamp is None
+    np.testing.assert_array_equal(again.effort, message.effort)
+
+
+@pytest.mark.parametrize(
+    "data", [b"", bytes(4), b"\0\1\0\0" + b"\xff" * 60, b"\0\1\0\0" + bytes(8) + b"\2\0\0\0\xff\0"]
+)
+def test_bytes_that_are_no_message_make_an_empty_sample(data: bytes) -> None:
+    assert dds_types.wire_class("sensor_msgs/msg/JointState").deserialize(data).message is None
+
+
+def test_an_unknown_type_is_refused_in_one_line() -> None:
+    with pytest.raises(RpojaxError, match=r"^message type: found 'nav_msgs/msg/Odometer', expected [^\n]*$"):
+        dds_types.struct("nav_msgs/msg/Odometer")
+
+
+def test_the_file_that_nodes_may_copy_knows_the_types_of_all_topics() -> None:
+    wire = load("ros2_interop/ros_wire.py")
+    for name in {topic.type for topic in topics.TABLE}:
+        assert wire.struct(name).__idl_typename__ == dds_types.dds_name(name).replace("::", ".")
+        assert wire.STORE.hash_rihs01(name) == message_types.type_hash(name)

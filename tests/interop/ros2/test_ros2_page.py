@@ -1,0 +1,62 @@
+"""The page on ROS 2 says what the code says."""
+
+import inspect
+import re
+from pathlib import Path
+
+from rpojax.cli.commands import export_bag
+from rpojax.interop.ros2 import bag_writing
+from rpojax.interop.ros2.bag_writing import Images
+from rpojax.interop.ros2.frame_names import FRAMES
+from rpojax.interop.ros2.topics import LATCHED, STREAM, TABLE
+
+PAGE = (Path(__file__).parents[3] / "docs" / "ros2.md").read_text(encoding="utf-8")
+
+
+def rows(heading: str) -> list[list[str]]:
+    """Cells of the table under a heading, its head and rule left out."""
+    text = PAGE.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
+    lines = [line for line in text.splitlines() if line.startswith("|")][2:]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+def test_the_page_has_every_topic_with_type_frames_source_rate_and_meaning() -> None:
+    expected = [
+        [
+            f"`{topic.name}`",
+            f"`{topic.type.replace('/msg/', '/')}`",
+            ", ".join(f"`{frame}`" for frame in (topic.frame, topic.child) if frame),
+            topic.source.value,
+            topic.rate.value,
+            topic.holds,
+        ]
+        for topic in TABLE
+    ]
+    assert rows("Topics") == expected
+
+
+def test_the_page_has_every_frame_and_topics_have_no_other() -> None:
+    assert [cells[0].strip("`") for cells in rows("Frames")] == list(FRAMES)
+    assert {frame for topic in TABLE for frame in (topic.frame, topic.child) if frame} <= set(FRAMES)
+
+
+def test_names_of_topics_are_distinct_and_absolute() -> None:
+    names = [topic.name for topic in TABLE]
+    assert len(set(names)) == len(names)
+    assert all(re.fullmatch(r"(/[a-z][a-z0-9_]*)+", name) for name in names)
+
+
+def test_the_page_says_the_quality_of_service() -> None:
+    assert f"reliable, volatile, keep last {STREAM.depth};" in PAGE
+    assert f"transient local (latched), keep last {LATCHED.depth}." in PAGE
+    assert {topic.name for topic in TABLE if topic.qos.latched} == {"/tf_static"}
+    assert f"`metadata.yaml` is of version {bag_writing.METADATA_VERSION}:" in PAGE
+
+
+def test_the_options_on_the_page_are_those_of_the_verb() -> None:
+    commands = [line for line in PAGE.splitlines() if line.startswith("rpojax export-bag")]
+    used = set(re.findall(r"--([a-z][a-z-]*)", "\n".join(commands)))
+    known = {name.replace("_", "-") for name in inspect.signature(export_bag.export_bag).parameters}
+    assert used <= known | {"format"}
+    for kind in Images:
+        assert f"`--images {kind.value}`" in PAGE

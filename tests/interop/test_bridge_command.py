@@ -1,0 +1,163 @@
+"""The verb `rpojax bridge`: refusals in one line, and a run flown by the example node in another process."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rpojax.cli import main
+from rpojax.interop.cosimulation.live_settings import COMMANDS, Settings, Stage
+from rpojax.interop.ros2 import topics
+from rpojax.interop.ros2.dds_participant import Participant
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "ros2_live.md").read_text(encoding="utf-8")
+NODES = ROOT / "experiments" / "ros2_interop"
+NODE, NAVIGATION = NODES / "example_node.py", NODES / "navigation_node.py"
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        (
+            ["--external", "guidance"],
+            "--external: found 'guidance', expected attitude, formation, navigation, all or none",
+        ),
+        (["--timeout-s", "0"], "--timeout-s: found 0, expected more than 0 and less than 1e+06"),
+        (["--real-time", "-1"], "--real-time: found -1, expected more than 0 and at most 10000"),
+        (["--run-id", "-1"], "--run-id: found -1, expected a whole number from 0 to 2147483646"),
+        (["--domain-id", "1000"], "--domain-id: found 1000, expected 0 to 232"),
+    ],
+)
+def test_bad_input_is_one_line(words: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.main(["bridge", "inspection", *words]) == 2
+    assert capsys.readouterr().err == f"rpojax: error: {line}\n"
+
+
+def test_the_page_has_every_topic_of_commands_and_the_defaults() -> None:
+    rows = [line.strip("|").split("|") for line in PAGE.splitlines() if line.startswith("| `")]
+    told = [tuple(cell.strip(" `") for cell in row[:3]) for row in rows if len(row) == 4 and "/servicer/" in row[1]]
+    expected = [
+        (stage.value, topic.name, topic.type.replace("/msg/", "/")) for stage in Stage for topic in COMMANDS[stage]
+    ]
+    assert told == expected
+    settings = Settings()
+    for option, value in (
+        ("timeout", settings.timeout_s),
+        ("patience", settings.patience_s),
+        ("wait", settings.wait_s),
+    ):
+        assert f"`--{option}-s` ({value:g} s)" in PAGE
+
+
+def start(*words: str) -> "subprocess.Popen[str]":
+    return subprocess.Popen([sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def bridge(domain: int, duration_s: int, *words: str, external: str = "formation,attitude") -> "subprocess.Popen[str]":
+    """A simulator that waits for its node."""
+    options = ["--external", external, "--domain-id", str(domain), "--wait-s", "600", "--json", *words]
+    process = start("-m", "rpojax", "bridge", "inspection", "--set", f"duration_s={duration_s}", *options)
+    until(process, "waiting")
+    return process
+
+
+def until(simulator: "subprocess.Popen[str]", word: str) -> None:
+    """Reads what the simulator tells up to a line with this word."""
+    assert simulator.stderr is not None
+    assert any(word in line for line in simulator.stderr)
+
+
+def kill(node: "subprocess.Popen[str]", simulator: "subprocess.Popen[str]") -> None:
+    """Kills a node when it has flown for a second."""
+    until(simulator, "flying")
+    time.sleep(1.0)
+    node.kill()
+    node.communicate()
+
+
+def end(process: "subprocess.Popen[str]") -> dict[str, Any]:
+    return json.loads(process.communicate(timeout=1200)[0])
+
+
+@pytest.fixture(autouse=True)
+def loopback(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]))
+
+
+@pytest.mark.slow
+def test_the_example_node_flies_a_run_and_no_message_is_lost() -> None:
+    simulator = bridge(151, 280, "--timeout-s", "60")
+    node = start(str(NODE), "--domain-id", "151")
+    found = end(simulator)
+    assert simulator.returncode == 0
+    assert found["completed"]
+    assert (found["late"], found["ignored"], found["unsent"]) == ({}, {}, 0)
+    assert found["received"]["/servicer/wheels/command"] == found["steps"] == 1400
+    assert found["received"]["/servicer/thruster/command"] == found["ticks"] == 280
+    assert found["metrics"]["delta_v_m_s"] > 0.01
+    assert found["metrics"]["pointing_error_p95_deg"] < 1.0  # half a minute of it before the target is well known
+    received = json.loads(node.communicate(timeout=60)[0])["received"]
+    assert {topic: found["sent"][topic] for topic in received} == received
+
+
+@pytest.mark.slow
+def test_a_node_that_is_killed_is_missed_and_another_takes_its_place() -> None:
+    simulator = bridge(152, 1500, "--timeout-s", "0.5", "--patience-s", "300")
+    kill(start(str(NODE), "--domain-id", "152"), simulator)
+    time.sleep(3.0)
+    second = start(str(NODE), "--domain-id", "152")
+    found = end(simulator)
+    assert found["completed"]
+    assert found["late"]
+    assert json.loads(second.communicate(timeout=60)[0])["received"]["/servicer/estimate/attitude"] > 0
+
+
+@pytest.mark.slow
+def test_a_run_stops_where_a_late_command_is_to_stop_it() -> None:
+    simulator = bridge(153, 1500, "--timeout-s", "2", "--on-late", "stop")
+    kill(start(str(NODE), "--domain-id", "153"), simulator)
+    found = end(simulator)
+    assert simulator.returncode == 4
+    assert not found["completed"]
+    assert "found no command" in found["stopped"]
+    assert found["metrics"] is None
+
+
+@pytest.mark.slow
+def test_a_node_that_navigates_is_believed() -> None:
+    simulator = bridge(154, 280, "--timeout-s", "60", external="navigation")
+    node = start(str(NAVIGATION), "--domain-id", "154")
+    found = end(simulator)
+    assert (found["completed"], found["late"], found["ignored"]) == (True, {}, {})
+    assert set(found["received"].values()) == {280}
+    # 0.1 m along each axis is what the node's estimates are off by, and what they say they are.
+    assert found["metrics"]["nav_relative_position_error_rms_m"] == pytest.approx(np.sqrt(3.0) * 0.1, rel=0.15)
+    assert found["metrics"]["nav_servicer_position_error_rms_m"] == pytest.approx(np.sqrt(3.0), rel=0.15)
+    assert found["metrics"]["nees_relative_mean"] == pytest.approx(6.0, rel=0.15)
+    assert json.loads(node.communicate(timeout=60)[0])["last_s"] == 279.0
+
+
+@pytest.mark.slow
+def test_in_real_time_the_run_keeps_the_pace_and_says_its_pictures() -> None:
+    rendered = ("--set", "camera.model=rendered")
+    simulator = bridge(155, 40, *rendered, "--real-time", "1", "--timeout-s", "30", external="attitude")
+    pictures = Participant(155).subscriber(topics.IMAGE)
+    node = start(str(NODE), "--stages", "attitude", "--domain-id", "155")
+    found = end(simulator)
+    assert found["completed"]
+    assert found["ignored"] == {}
+    assert found["wall_s"] > 39.9
+    assert len(pictures.take()) == found["sent"]["/servicer/camera/image_raw"] == found["ticks"] == 40
+    assert topics.GPS.name not in found["sent"]  # nobody listens to it
+    # On a busy machine a step may be over before its answer has come.
+    assert 0 < found["received"]["/servicer/wheels/command"] <= found["steps"] == 200
+    assert sum(found["late"].values()) < found["steps"]
+    node.communicate(timeout=60)

@@ -1,0 +1,77 @@
+"""What works while a fault of some kind lasts."""
+
+from dataclasses import fields
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.physics import equipment_faults
+from rpojax.physics.equipment_faults import KINDS, Fault, Health
+
+START, DURATION = 100.0, 50.0
+
+health = jax.jit(equipment_faults.health)
+
+EFFECT = {
+    "none": {},
+    "wheel_stuck": {"wheel_stuck": [False, True, False]},
+    "wheel_friction": {"wheel_friction": [0.0, 0.3, 0.0]},
+    "thruster_off": {"thrust": 0.0},
+    "thruster_weak": {"thrust": 0.7},
+    "gps_outage": {"gps": False},
+    "star_tracker_blind": {"star_tracker": False},
+    "camera_blackout": {"camera": False},
+}
+"""What a fault of each kind changes, at a severity of 0.3 and on the wheel in the middle."""
+
+
+def fault(kind: float, wheel: float = 1.0) -> Fault:
+    return Fault(
+        kind=jnp.float64(kind),
+        start=jnp.float64(START),
+        duration=jnp.float64(DURATION),
+        severity=jnp.float64(0.3),
+        wheel=jnp.float64(wheel),
+    )
+
+
+def assert_health(found: Health, changed: dict[str, object]) -> None:
+    for field in fields(Health):
+        expected = changed.get(field.name, getattr(equipment_faults.healthy(), field.name))
+        np.testing.assert_array_equal(getattr(found, field.name), expected, err_msg=field.name)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_fault_strikes_the_equipment_of_its_kind_and_nothing_else(kind: str) -> None:
+    assert_health(health(fault(KINDS.index(kind)), jnp.float64(120.0)), EFFECT[kind])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("time", "active"), [(0.0, False), (99.9, False), (100.0, True), (149.9, True), (150.0, False), (1e6, False)]
+)
+def test_a_fault_lasts_from_its_start_to_just_before_its_end(kind: str, time: float, active: bool) -> None:
+    assert_health(health(fault(KINDS.index(kind)), jnp.float64(time)), EFFECT[kind] if active else {})
+
+
+@pytest.mark.parametrize("wheel", [0, 1, 2])
+@pytest.mark.parametrize("kind", ["wheel_stuck", "wheel_friction"])
+def test_a_wheel_fault_strikes_the_wheel_of_its_number(kind: str, wheel: int) -> None:
+    found = getattr(health(fault(KINDS.index(kind), wheel), jnp.float64(120.0)), kind)
+    assert [bool(x) for x in found] == [k == wheel for k in range(3)]
+
+
+def test_the_code_of_a_kind_is_its_place_and_numbers_are_codes_already() -> None:
+    assert [equipment_faults.code(kind) for kind in KINDS] == list(range(len(KINDS)))
+    assert equipment_faults.code(3.0) == 3.0
+
+
+def test_thrust_and_friction_follow_the_severity_and_no_other_number_has_a_slope() -> None:
+    for kind, name, slope in (("thruster_weak", "thrust", -1.0), ("wheel_friction", "wheel_friction", 1.0)):
+        found = jax.grad(lambda f, name=name: jnp.sum(getattr(equipment_faults.health(f, jnp.float64(120.0)), name)))(
+            fault(KINDS.index(kind))
+        )
+        assert float(found.severity) == slope
+        assert [float(getattr(found, other)) for other in ("kind", "start", "duration", "wheel")] == [0.0] * 4

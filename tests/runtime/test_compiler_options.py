@@ -1,0 +1,35 @@
+"""Options of the compiler, of which another version may not know all."""
+
+import jax
+import pytest
+
+from rpojax.runtime import compiler_options
+
+
+class OtherXla:
+    """A program whose compiler does not know one of the options."""
+
+    def __init__(self, says: str) -> None:
+        self.says = says
+        self.asked: list[dict[str, object] | None] = []
+
+    def compile(self, compiler_options: dict[str, object] | None) -> str:
+        self.asked.append(dict(compiler_options) if compiler_options else None)
+        if compiler_options and "xla_cpu_use_fusion_emitters" in compiler_options:
+            raise jax.errors.JaxRuntimeError(self.says)
+        return "program"
+
+
+def test_what_xla_does_not_know_of_the_options_is_left_out_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XLA_FLAGS", "--xla_cpu_parallel_codegen_split_count=8")
+    other = OtherXla("INVALID_ARGUMENT: No such compile option: 'xla_cpu_use_fusion_emitters'")
+    assert compiler_options.compiled(other, compiler_options.PREPARATION) == "program"
+    assert other.asked[-1] == {"xla_backend_optimization_level": 0}
+
+
+def test_other_errors_of_the_compiler_are_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XLA_FLAGS", "")
+    other = OtherXla("RESOURCE_EXHAUSTED: out of memory")
+    with pytest.raises(jax.errors.JaxRuntimeError, match="out of memory"):
+        compiler_options.compiled(other, compiler_options.PREPARATION)
+    assert len(other.asked) == 1

@@ -1,0 +1,184 @@
+"""Traced functions are kept, found again by what they mean, and made anew where the file is of no use."""
+
+import gc
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+from jaxtyping import Array
+
+from rpojax.campaign.execution.batch_engine import Engine
+from rpojax.dispersions.dispersed_values import Values
+from rpojax.flight.computer import Stages
+from rpojax.flight.control import formation_lqr
+from rpojax.runtime import trace_cache
+from rpojax.runtime.trace_cache import Trace
+from rpojax.scenario.params import Params
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.state import State
+
+ARGUMENTS = (np.arange(3.0), {"a": np.ones(2)})
+
+
+class Counted:
+    """A function that knows how often it has been traced."""
+
+    def __init__(self) -> None:
+        self.times = 0
+
+    def __call__(self, x: Any, others: dict[str, Any]) -> dict[str, Any]:
+        self.times += 1
+        return {"sum": x.sum() + others["a"].sum(), "same": others}
+
+
+def traced(function: Counted, arguments: Any = ARGUMENTS, meaning: str | None = "sum") -> Trace:
+    """As a new process would: JAX remembers what it has traced by the function's identity."""
+    return trace_cache.traced(lambda x, others: function(x, others), arguments, meaning)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv(trace_cache.FOLDER, str(tmp_path / "traces"))
+    return tmp_path / "traces"
+
+
+def test_a_kept_trace_is_not_made_again_and_computes_the_same(folder: Path) -> None:
+    function = Counted()
+    first = traced(function)
+    second = traced(function)
+    assert function.times == 1
+    assert len(list(folder.iterdir())) == 1
+    assert first.call(*ARGUMENTS)["sum"] == second.call(*ARGUMENTS)["sum"] == 5.0
+    assert second.results["same"]["a"].shape == (2,)
+
+
+@pytest.mark.parametrize("collecting", [True, False])
+@pytest.mark.parametrize("meaning", ["sum", None])
+def test_garbage_is_collected_again_once_a_function_is_traced_or_has_failed(
+    folder: Path, meaning: str | None, collecting: bool
+) -> None:
+    meanwhile = []
+
+    def failing(x: Any) -> Any:
+        meanwhile.append(gc.isenabled())
+        raise RuntimeError("no function")
+
+    def working(x: Any) -> Any:
+        meanwhile.append(gc.isenabled())
+        return x + 1.0
+
+    before = gc.isenabled()
+    try:
+        (gc.enable if collecting else gc.disable)()
+        trace_cache.traced(working, (np.ones(2),), meaning)
+        assert gc.isenabled() is collecting
+        with pytest.raises(RuntimeError, match="no function"):
+            trace_cache.traced(failing, (np.ones(3),), meaning)
+        assert gc.isenabled() is collecting
+    finally:
+        (gc.enable if before else gc.disable)()
+    assert meanwhile == [False, False]
+
+
+@pytest.mark.parametrize("change", ["meaning", "shape", "type", "structure", "code", "numbers"])
+def test_what_changes_a_trace_makes_it_anew(
+    folder: Path, change: str, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
+) -> None:
+    function = Counted()
+    traced(function)
+    meaning = "other" if change == "meaning" else "sum"
+    x, others = ARGUMENTS
+    if change == "shape":
+        x = np.arange(4.0)
+    if change == "type":
+        x = x.astype(np.float32)
+        others = {"a": others["a"].astype(np.float32)}
+    if change == "structure":
+        others = {**others, "b": np.ones(1)}
+    if change == "code":
+        monkeypatch.setattr(trace_cache, "_SOURCE", "other code")
+        monkeypatch.setattr(trace_cache, "_source_digest", lambda: "other code")
+    if change == "numbers":
+        partitionable = jax.config.jax_threefry_partitionable  # pyright: ignore[reportAttributeAccessIssue]
+        request.addfinalizer(lambda: jax.config.update("jax_threefry_partitionable", partitionable))
+        jax.config.update("jax_threefry_partitionable", not partitionable)
+    traced(function, (x, others), meaning)
+    assert function.times == 2
+    assert len(list(folder.iterdir())) == 2
+
+
+@pytest.mark.parametrize("damage", ["cut", "turned", "empty"])
+def test_a_damaged_trace_is_made_anew(folder: Path, damage: str) -> None:
+    function = Counted()
+    traced(function)
+    (path,) = folder.iterdir()
+    whole = path.read_bytes()
+    path.write_bytes({"cut": whole[:-9], "turned": whole[:200] + b"?" + whole[201:], "empty": b""}[damage])
+    assert traced(function).call(*ARGUMENTS)["sum"] == 5.0
+    traced(function)
+    assert function.times == 2
+
+
+def test_code_that_has_changed_since_it_was_loaded_leaves_no_trace(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(trace_cache, "_source_digest", lambda: "edited meanwhile")
+    assert traced(Counted()).call(*ARGUMENTS)["sum"] == 5.0
+    assert not folder.exists()
+
+
+def test_a_trace_that_cannot_be_put_in_its_place_leaves_nothing_behind(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    traced(Counted())
+    (path,) = folder.iterdir()
+    path.unlink()
+    path.mkdir()
+    assert traced(Counted()).call(*ARGUMENTS)["sum"] == 5.0
+    assert list(folder.iterdir()) == [path]
+
+
+def test_a_function_that_prints_can_be_flown_but_not_kept(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    def talkative(x: Any, others: dict[str, Any]) -> Any:
+        jax.debug.print("heard")
+        return x
+
+    trace = trace_cache.traced(talkative, ARGUMENTS)
+    np.testing.assert_array_equal(jax.jit(trace.call)(*ARGUMENTS), ARGUMENTS[0])
+    jax.effects_barrier()
+    assert "heard" in capfd.readouterr().out
+    assert not folder.exists()
+
+
+def test_nothing_is_kept_without_a_folder_or_without_a_meaning(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    traced(Counted(), meaning=None)
+    monkeypatch.delenv(trace_cache.FOLDER)
+    assert traced(Counted()).call(*ARGUMENTS)["sum"] == 5.0
+    assert not folder.exists()
+
+
+def test_a_folder_that_cannot_be_written_to_does_no_harm(folder: Path) -> None:
+    folder.write_text("a file where a folder should be")
+    assert traced(Counted()).call(*ARGUMENTS)["sum"] == 5.0
+
+
+def test_a_loop_is_found_again_unless_a_stage_is_the_users_own(
+    folder: Path, inspection_file: ScenarioFile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    times = []
+
+    def advance(self: Engine, nominal: Params, values: Values, state: State) -> tuple[State, dict[str, Array]]:
+        times.append(1)
+        return state, {"failed_at": state.failed_at[None]}
+
+    monkeypatch.setattr(Engine, "_advance", advance)
+    retuned = inspection_file.model_copy(update={"orbit": inspection_file.orbit.model_copy(update={"raan_deg": 78.0})})
+    assert Engine(inspection_file, size=1).channels() == ["failed_at"]
+    assert Engine(retuned, size=1).channels() == ["failed_at"]
+    assert len(times) == 1, "numbers that runs are given are not part of the program"
+    own = Stages(formation_law=lambda *given: formation_lqr.lqr(*given))
+    Engine(inspection_file, size=1, stages=own).channels()
+    assert len(times) == 2
+    assert len(list(folder.iterdir())) == 3, "two preparations and the loop of the packaged stages"

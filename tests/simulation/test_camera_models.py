@@ -1,0 +1,116 @@
+"""The camera models of the loop: pictures whose boxes are of the target, and files that fit the scenario."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from rpojax.errors import ScenarioError
+from rpojax.flight.computer import Stages
+from rpojax.scenario import network_files, params, scenario_file
+from rpojax.sensors import statistical_camera_file
+from rpojax.sensors.statistical_camera import CameraStatistics
+from rpojax.simulation import closed_loop, telemetry
+from rpojax.simulation.telemetry import Channels
+from rpojax.vision import weight_files
+
+SMALL = ["camera.width_px=64", "camera.height_px=64", "camera.field_of_view_deg=5.0", "dispersions=[]"]
+POINTED = "navigation.initial_relative_position_sigma_m=0.2"
+TICKS = 12
+
+
+def flown(overrides: Sequence[str]) -> Channels:
+    """Channels of the first ticks of a run."""
+    file = scenario_file.load("inspection", overrides)
+    static = scenario_file.static(file)
+    numbers = params.build(file.model_dump(), static.width_px, static.height_px)
+    state = closed_loop.init(static, numbers, closed_loop.run_key(0, 0))
+
+    @jax.jit
+    def run(numbers: params.Params, state: closed_loop.State) -> Channels:
+        def one(state: closed_loop.State, _: None) -> tuple[closed_loop.State, Channels]:
+            after, seen = closed_loop.tick(Stages(), static, numbers, state)
+            return after, telemetry.observe(static, numbers, seen)
+
+        return jax.lax.scan(one, state, None, length=TICKS)[1]
+
+    return jax.tree.map(np.asarray, run(numbers, state))
+
+
+@pytest.fixture(scope="module")
+def rendered() -> Channels:
+    """A run whose camera takes pictures, the Sun at its back."""
+    return flown([*SMALL, POINTED, "camera.model=rendered", "initial.relative_position_m=[0.0, -30.0, 0.0]"])
+
+
+def test_boxes_found_in_pictures_are_of_the_target(rendered: Channels) -> None:
+    assert rendered["observable"].all()
+    present = rendered["box_present"]
+    assert present.mean() > 0.8
+    assert not rendered["box_outlier"].any()
+    # 1.6 m at 30 m through 733 px of focal length are 39 px at most, and the box of a tumbling target half of that.
+    sides = rendered["box_px"][present][:, 2:]
+    assert 8.0 < np.median(np.sqrt(np.prod(sides, axis=1))) < 40.0
+
+
+def test_flight_software_flies_by_boxes_from_pictures(rendered: Channels) -> None:
+    assert rendered["box_accepted"].mean() > 0.6
+    assert np.linalg.norm(rendered["relative_error_H"], axis=1).max() < 10.0
+
+
+def test_the_fitted_camera_must_fit_the_scenario() -> None:
+    with pytest.raises(ScenarioError, match="calibrate-camera-model") as error:
+        tables = scenario_file.load(
+            "inspection", ["camera.model=statistical", "camera.field_of_view_deg=20.0"]
+        ).model_dump()
+        network_files.load_statistics(tables)
+    assert "camera.field_of_view_deg" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("key", ["field", "detector"])
+def test_a_trained_file_that_is_not_there_is_named(key: str) -> None:
+    file = scenario_file.load("inspection", ["camera.model=rendered", f"imaging.{key}=/nowhere/x.safetensors"])
+    with pytest.raises(ScenarioError, match=f"imaging.{key}"):
+        network_files.load(file.model_dump())
+
+
+def test_other_trained_files_make_another_scenario(tmp_path: Path) -> None:
+    copy = tmp_path / "other.safetensors"
+    copy.write_bytes(weight_files.packaged_field().read_bytes() + b" ")
+    one = scenario_file.load("inspection", ["camera.model=rendered"])
+    other = scenario_file.load("inspection", ["camera.model=rendered", f"imaging.field={copy}"])
+    assert scenario_file.digest(one) != scenario_file.digest(other)
+
+
+def test_paths_of_trained_files_start_from_the_scenarios_folder(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text('extends = "inspection"\n[imaging]\nfield = "my.field.safetensors"\n')
+    file = scenario_file.load(tmp_path / "mine.toml")
+    assert Path(file.imaging.field) == (tmp_path / "my.field.safetensors").resolve()
+
+
+def test_the_packaged_fitted_camera_fits_the_packaged_scenario() -> None:
+    file = scenario_file.load("inspection", ["camera.model=statistical"])
+    found = network_files.load_statistics(file.model_dump())
+    assert isinstance(found, CameraStatistics)
+    _, card = statistical_camera_file.load_statistics(network_files.file_of(file.model_dump(), "statistics"))
+    assert card["made_with"] == {
+        "imaging.field": network_files.digest(weight_files.packaged_field()),
+        "imaging.detector": network_files.digest(network_files.file_of(file.model_dump(), "detector")),
+    }
+
+
+def test_a_fitted_camera_is_refused_with_another_detector_or_beyond_its_views(tmp_path: Path) -> None:
+    other = tmp_path / "other.safetensors"
+    other.write_bytes(b"another detector")
+    for change, words in (
+        (f"imaging.detector='{other}'", "imaging.detector"),
+        ("formation.desired_position_m=[0.0, -300.0, 0.0]", "range of start and station"),
+        ("camera.phase_limit_deg=170.0", "camera.phase_limit_deg"),
+    ):
+        tables = scenario_file.load("inspection", ["camera.model=statistical", change]).model_dump()
+        with pytest.raises(ScenarioError, match="calibrate-camera-model") as error:
+            network_files.load_statistics(tables)
+        assert words in str(error.value)

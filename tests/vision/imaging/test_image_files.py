@@ -1,0 +1,134 @@
+"""Pictures of every common kind come in as codes, upright; anything else is refused with one line."""
+
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from rpojax.vision.imaging.image_files import PIXEL_LIMIT, PictureError, read
+
+GREY = np.arange(20 * 30, dtype=np.uint8).reshape(20, 30)
+
+
+def test_grey_palette_alpha_and_16_bit_are_the_same_codes(tmp_path: Path) -> None:
+    expected = np.repeat(GREY[..., None] / 255.0, 3, axis=2)
+    opaque = np.dstack([GREY, GREY, GREY, np.full_like(GREY, 255)])
+    pictures = {
+        "grey": Image.fromarray(GREY),
+        "color": Image.fromarray(np.dstack([GREY] * 3)),
+        "palette": Image.fromarray(GREY).convert("P"),
+        "alpha": Image.fromarray(opaque),
+        "grey_alpha": Image.fromarray(opaque).convert("LA"),
+        "deep": Image.fromarray(GREY.astype(np.uint16) * 257),
+    }
+    for name, picture in pictures.items():
+        path = tmp_path / f"{name}.png"
+        picture.save(path)
+        codes = read(path)
+        assert codes.dtype == np.float32
+        np.testing.assert_allclose(codes, expected, atol=1e-4, err_msg=name)
+
+
+def test_what_is_transparent_is_black(tmp_path: Path) -> None:
+    pixels = np.full((8, 8, 4), 200, np.uint8)
+    pixels[:, :4, 3] = 0
+    pixels[:, 4:, 3] = 255
+    Image.fromarray(pixels).save(tmp_path / "a.png")
+    codes = read(tmp_path / "a.png")
+    assert codes[:, :4].max() == 0.0
+    np.testing.assert_allclose(codes[:, 4:], 200 / 255, atol=1e-6)
+
+
+def test_a_jpeg_is_upright_as_its_exif_says(tmp_path: Path) -> None:
+    pixels = np.zeros((16, 40, 3), np.uint8)
+    pixels[:, :8] = 255
+    exif = Image.Exif()
+    exif[0x0112] = 6  # to be turned by 90 degrees clockwise
+    Image.fromarray(pixels).save(tmp_path / "a.jpg", exif=exif, quality=95)
+    codes = read(tmp_path / "a.jpg")
+    assert codes.shape == (40, 16, 3)
+    assert codes[:6].min() > 0.9
+    assert codes[12:].max() < 0.1
+
+
+def animated(path: Path) -> None:
+    frames = [Image.fromarray(GREY), Image.fromarray(255 - GREY)]
+    frames[0].save(path, "PNG", save_all=True, append_images=frames[1:])
+
+
+def gif(path: Path) -> None:
+    Image.fromarray(GREY).save(path, "GIF")
+
+
+def truncated(path: Path) -> None:
+    Image.fromarray(np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)).save(path, "PNG")
+    path.write_bytes(path.read_bytes()[:4000])
+
+
+def bomb(path: Path) -> None:
+    """A PNG that says it has 12000 x 12000 pixels, and holds next to nothing."""
+
+    def chunk(name: bytes, content: bytes) -> bytes:
+        return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
+
+    header = struct.pack(">IIBBBBB", 12000, 12000, 8, 2, 0, 0, 0)
+    packed = zlib.compress(bytes(1000))
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", packed) + chunk(b"IEND", b""))
+
+
+def huge_bomb(path: Path) -> None:
+    bomb(path)
+    content = bytearray(path.read_bytes())
+    content[16:24] = struct.pack(">II", 60000, 60000)
+    content[29:33] = struct.pack(">I", zlib.crc32(bytes(content[12:29])))
+    path.write_bytes(bytes(content))
+
+
+def empty(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def text(path: Path) -> None:
+    path.write_text("a text")
+
+
+def folder(path: Path) -> None:
+    path.mkdir()
+
+
+def nothing(path: Path) -> None:
+    assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    ("make", "found"),
+    [
+        (animated, "2 frames"),
+        (gif, "GIF"),
+        (truncated, "cannot be read"),
+        (bomb, "12000 x 12000"),
+        (huge_bomb, "pixels"),
+        (empty, "an empty file"),
+        (text, "something else"),
+        (folder, "cannot be read"),
+        (nothing, "cannot be read"),
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_what_is_no_single_picture_is_an_error_of_one_line(
+    tmp_path: Path, make: Callable[[Path], None], found: str
+) -> None:
+    path = tmp_path / "picture.png"
+    make(path)
+    with pytest.raises(PictureError, match=found) as error:
+        read(path)
+    assert "expected" in str(error.value)
+    assert len(str(error.value).splitlines()) == 1
+
+
+def test_the_limit_is_above_a_large_camera_and_below_100_megapixels() -> None:
+    assert 8256 * 5504 < PIXEL_LIMIT < 100_000_000

@@ -1,0 +1,83 @@
+"""Rays through a ball of known size: where they end, what they miss, and how they differentiate."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.vision.radiance_field.initial_grid import new_grid
+from rpojax.vision.radiance_field.nerf_field import new_point
+from rpojax.vision.radiance_field.target_field import Field, density, render_rays
+
+RADIUS = 0.5
+
+
+@pytest.fixture(scope="module")
+def ball() -> Field:
+    """A fresh field round a ball of 1 m diameter."""
+    points = np.random.default_rng(0).normal(size=(60_000, 3))
+    normals = points / np.linalg.norm(points, axis=1, keepdims=True)
+    return new_grid(RADIUS * normals, normals, jax.random.key(0), 8000)
+
+
+def towards(offset: np.ndarray) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Rays along +z that pass the middle at offsets (n, 2), and a Sun behind the camera."""
+    count = len(offset)
+    origins = np.concatenate([offset, np.full((count, 1), -3.0)], axis=1)
+    directions = np.tile([0.0, 0.0, 1.0], (count, 1))
+    suns = np.tile([0.0, 0.6, -0.8], (count, 1))
+    return jnp.asarray(origins, jnp.float32), jnp.asarray(directions, jnp.float32), jnp.asarray(suns, jnp.float32)
+
+
+def test_rays_end_on_the_ball_with_its_normal(ball: Field) -> None:
+    offset = np.random.default_rng(1).uniform(-0.28, 0.28, (200, 2))
+    found = render_rays(ball, *towards(offset))
+    height = np.sqrt(RADIUS**2 - np.sum(offset**2, axis=1))
+    # The grid is 2 to 3 cm fine, and a fresh field is as much thicker than the surface.
+    np.testing.assert_allclose(found.alpha, 1.0, atol=0.02)
+    np.testing.assert_allclose(found.depth / found.alpha, 3.0 - height, atol=0.05)
+    expected = np.concatenate([offset, -height[:, None]], axis=1) / RADIUS
+    assert np.sum(np.asarray(found.normal) * expected, axis=1).min() > 0.99
+
+
+def test_rays_that_pass_beside_the_ball_bring_nothing_back(ball: Field) -> None:
+    angle = np.linspace(0.0, 6.0, 20)
+    beside = (RADIUS + 0.15) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    found = render_rays(ball, *towards(beside))
+    np.testing.assert_allclose(found.alpha, 0.0, atol=1e-3)
+    np.testing.assert_allclose(found.color, 0.0, atol=1e-3)
+
+
+def test_density_is_high_on_the_surface_and_zero_away_from_it(ball: Field) -> None:
+    points = jnp.array([[RADIUS, 0.0, 0.0], [0.0, -RADIUS, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.7]], jnp.float32)
+    found = np.asarray(density(ball, points))
+    assert found[:2].min() > 50.0
+    assert found[2:].max() < 0.1
+
+
+@pytest.mark.parametrize("kind", ["grid", "point"])
+def test_colour_and_silhouette_have_finite_gradients_in_pose_and_sun(ball: Field, kind: str) -> None:
+    field = ball if kind == "grid" else new_point(-np.ones(3) * 0.5, np.ones(3) * 0.5, jax.random.key(0))
+    offset = np.stack([np.linspace(0.3, 0.7, 21), np.zeros(21)], axis=1)
+    origins, directions, suns = towards(offset)
+
+    def brightness(origins: jax.Array, directions: jax.Array, suns: jax.Array) -> jax.Array:
+        rays = render_rays(field, origins, directions, suns)
+        return jnp.sum(rays.color) + jnp.sum(rays.alpha)
+
+    slopes = jax.grad(brightness, argnums=(0, 1, 2))(origins, directions, suns)
+    assert all(np.isfinite(np.asarray(slope)).all() for slope in slopes)
+    assert all(np.abs(np.asarray(slope)).max() > 1e-4 for slope in slopes)
+    if kind == "grid":
+        # The ball is on the side of smaller x: going there uncovers less of the ray.
+        edge = jax.grad(lambda o: jnp.sum(render_rays(field, o, directions, suns).alpha))(origins)
+        assert float(jnp.sum(edge[:, 0])) < -1.0
+
+
+def test_a_batch_is_its_rays_one_by_one(ball: Field) -> None:
+    origins, directions, suns = towards(np.random.default_rng(2).uniform(-0.5, 0.5, (6, 2)))
+    together = render_rays(ball, origins, directions, suns)
+    for index in range(6):
+        alone = render_rays(ball, origins[index : index + 1], directions[index : index + 1], suns[index : index + 1])
+        np.testing.assert_allclose(alone.color[0], together.color[index], atol=1e-5)
+        np.testing.assert_allclose(alone.alpha[0], together.alpha[index], atol=1e-5)
