@@ -17,35 +17,35 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from benchmarks import comparison
-from benchmarks.comparison import Pass
+from benchmarks import speed_comparison
+from benchmarks.speed_comparison import TimedPass
 from rpojax.cli import output_paths
-from rpojax.cli.arguments import Status
+from rpojax.cli.exit_status import Status
 from rpojax.errors import RpojaxError
-from rpojax.runtime.jax_environment import available_cores, prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import available_cores, prepare_jax, set_loop_fusion_flag
 from rpojax.version import __version__
 
 if TYPE_CHECKING:
-    from benchmarks.basilisk_peer import Peer
-    from rpojax.campaign.execution.batch_engine import Engine
+    from benchmarks.basilisk_peer import BasiliskWorkers
+    from rpojax.campaign.execution.batch_engine import BatchEngine
     from rpojax.scenario.schema import ScenarioFile
 
 ROUNDS = 6
 """Turns of each simulator; the faster one counts."""
 
-ORBITS = 3
+CHECK_ORBITS = 3
 """Flown by Basilisk before anything is timed, to show that its mission is one."""
 
-DISTINCT = 16
+DISTINCT_RUNS = 16
 """Dispersed runs that each of Basilisk's processes knows; it begins again with the first after the last."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit status: 0, 1 where Basilisk does not fly the mission, 2 for a bad option or a missing package."""
     try:
-        given = options(argv)
+        given = parse_options(argv)
         peer_version = basilisk_version()
-        keep_to(given.cores)
+        restrict_to_cores(given.cores)
         return compare(given, peer_version)
     except RpojaxError as error:
         print(f"against_basilisk: {error}", file=sys.stderr)
@@ -55,7 +55,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return Status.INTERRUPTED
 
 
-def options(argv: Sequence[str] | None = None) -> argparse.Namespace:
+def parse_options(argv: Sequence[str] | None = None) -> argparse.Namespace:
     """Command line, checked.
 
     Raises:
@@ -70,7 +70,7 @@ def options(argv: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to a new file")
     given = parser.parse_args(argv)
     given.batches = sorted({128 * given.cores, 256 * given.cores}) if given.batches is None else given.batches
-    comparison.check_options(given.cores, cores, given.runs, given.duration_s, given.batches)
+    speed_comparison.check_options(given.cores, cores, given.runs, given.duration_s, given.batches)
     if given.json is not None:
         if given.json.exists():
             raise RpojaxError(f"--json: found {given.json}, expected a file that does not exist yet")
@@ -78,7 +78,7 @@ def options(argv: Sequence[str] | None = None) -> argparse.Namespace:
     return given
 
 
-def keep_to(cores: int) -> None:
+def restrict_to_cores(cores: int) -> None:
     """Keeps this process, and those that it starts, to some of its cores; to be called before jax is imported.
 
     Raises:
@@ -108,7 +108,7 @@ def compare(given: argparse.Namespace, peer_version: str) -> int:
     """Flies both in turn, prints the table and writes the JSON."""
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
     prepare_jax(cache=False)
-    prepare_loop(rendered=False)
+    set_loop_fusion_flag(rendered=False)
     begin = time.perf_counter()
     from rpojax.benchmark import closed_loop_speed, suite
 
@@ -117,68 +117,70 @@ def compare(given: argparse.Namespace, peer_version: str) -> int:
     from rpojax.scenario import scenario_file
 
     file = scenario_file.load("inspection", [f"duration_s={given.duration_s}"])
-    tell("drawing the runs")
-    inputs = basilisk_inputs.draw(file, given.cores * min(given.runs, DISTINCT))
-    with basilisk_peer.started(inputs, given.cores) as peer:
-        tell(f"Basilisk flies {ORBITS} orbits on each core")
-        proofs = peer.prove(ORBITS * orbit_s(file), ORBITS)
-        if faults := [fault for proof in proofs if (fault := proof.fault())]:
+    print_progress("drawing the runs")
+    inputs = basilisk_inputs.dispersed_inputs(file, given.cores * min(given.runs, DISTINCT_RUNS))
+    with basilisk_peer.started_workers(inputs, given.cores) as peer:
+        print_progress(f"Basilisk flies {CHECK_ORBITS} orbits on each core")
+        proofs = peer.check_mission(CHECK_ORBITS * orbit_period_s(file), CHECK_ORBITS)
+        if faults := [fault for proof in proofs if (fault := proof.failure())]:
             print(f"against_basilisk: Basilisk does not fly the mission: {faults[0]}", file=sys.stderr)
             return 1
-        tell(f"rpojax compiles for {', '.join(map(str, given.batches))} runs at once")
-        engines = [closed_loop_speed.prepare(file, batch) for batch in given.batches]
-        passes = list(in_turn(peer, engines, given))
-    ours = comparison.best(passes, "rpojax")
+        print_progress(f"rpojax compiles for {', '.join(map(str, given.batches))} runs at once")
+        engines = [closed_loop_speed.compile_engine(file, batch) for batch in given.batches]
+        passes = list(alternating_passes(peer, engines, given))
+    ours = speed_comparison.fastest_pass(passes, "rpojax")
     used = next(engine for engine in engines if engine.capacity == ours.at_once)
-    content = comparison.as_json(
+    content = speed_comparison.as_json(
         passes,
         proofs=proofs,
         starts={"Basilisk": peer.import_s, "rpojax": import_s, "compile": used.compile_s},
-        where=whereabouts(given, suite.machine(), peer_version),
+        where=provenance(given, suite.processor_description(), peer_version),
     )
-    print("\n".join(comparison.report(content)))
+    print("\n".join(speed_comparison.report_lines(content)))
     if given.json is not None:
         given.json.parent.mkdir(parents=True, exist_ok=True)
         given.json.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     return 0
 
 
-def orbit_s(file: "ScenarioFile") -> float:
+def orbit_period_s(file: "ScenarioFile") -> float:
     """Period of the target's orbit, in whole ticks [s]."""
     from rpojax.core.constants import MU_EARTH
 
     return float(round(2.0 * math.pi * math.sqrt(file.orbit.semi_major_axis_m**3 / MU_EARTH)))
 
 
-def in_turn(peer: "Peer", engines: Sequence["Engine"], given: argparse.Namespace) -> Iterator[Pass]:
+def alternating_passes(
+    peer: "BasiliskWorkers", engines: Sequence["BatchEngine"], given: argparse.Namespace
+) -> Iterator[TimedPass]:
     """Passes of Basilisk and of every batch of rpojax, again and again; the first ones of rpojax do not count."""
     for engine in engines:
         rpojax_pass(engine)
     for _ in range(ROUNDS):
-        flown = [peer.fly(given.runs, given.duration_s)]
+        flown = [peer.run_pass(given.runs, given.duration_s)]
         flown += [rpojax_pass(engine) for engine in engines]
         for one in flown:
-            tell(
+            print_progress(
                 f"{one.simulator}, {one.at_once} at once: {one.flight_rate:,.0f} run-seconds per second, "
                 f"{one.cpu_rate:,.0f} per second of processor time"
             )
         yield from flown
 
 
-def rpojax_pass(engine: "Engine") -> Pass:
+def rpojax_pass(engine: "BatchEngine") -> TimedPass:
     """A full batch through the mission, with its channels brought to numpy."""
     from rpojax.benchmark import closed_loop_speed
 
     cpu, begin = time.process_time(), time.perf_counter()
-    block = closed_loop_speed.block(engine)
+    block = closed_loop_speed.prepare_runs(engine)
     ready = time.perf_counter()
-    segments = list(engine.run(block))
+    segments = list(engine.simulate(block))
     end, cpu_s = time.perf_counter(), time.process_time() - cpu
     simulated = engine.capacity * engine.file.duration_s
     wanted = np.array(engine.file.formation.desired_position_m, dtype=np.float32)
     errors = np.linalg.norm(segments[-1].channels["rho_H"][-1] - wanted, axis=-1)
     pointing = np.concatenate([segment.channels["pointing_error_deg"] for segment in segments])
-    return Pass(
+    return TimedPass(
         simulator="rpojax",
         at_once=engine.capacity,
         runs=engine.capacity,
@@ -192,7 +194,7 @@ def rpojax_pass(engine: "Engine") -> Pass:
     )
 
 
-def whereabouts(given: argparse.Namespace, machine: str, peer_version: str) -> dict[str, Any]:
+def provenance(given: argparse.Namespace, machine: str, peer_version: str) -> dict[str, Any]:
     """What was used."""
     return {
         "machine": machine,
@@ -208,7 +210,7 @@ def whereabouts(given: argparse.Namespace, machine: str, peer_version: str) -> d
     }
 
 
-def tell(text: str) -> None:
+def print_progress(text: str) -> None:
     """Progress, on stderr."""
     print(f"against_basilisk: {text}", file=sys.stderr, flush=True)
 

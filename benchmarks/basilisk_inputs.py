@@ -17,14 +17,14 @@ SEED = 0
 """Of the campaign whose runs both simulators fly."""
 
 
-def draw(file: ScenarioFile, runs: int) -> list[dict[str, Any]]:
+def dispersed_inputs(file: ScenarioFile, runs: int) -> list[dict[str, Any]]:
     """Inputs of the first runs of a campaign, in lists for JSON."""
-    static, nominal = single_run.nominal(file)
+    static, nominal = single_run.nominal_parameters(file)
 
     @jax.jit
     def one(run_id: Array) -> tuple[PlantParams, Truth, Array]:
         key = closed_loop.run_key(SEED, run_id)
-        chosen = dispersed_values.apply(nominal, dispersed_values.draw(file, key, {}))
+        chosen = dispersed_values.apply_to_params(nominal, dispersed_values.draw(file, key, {}))
         thruster = chosen.plant.thruster
         push = quaternion.rotate(quaternion.exp(thruster.misalignment), quaternion.normalize(thruster.direction))
         return chosen.plant, closed_loop.init(static, chosen, key).truth, push
@@ -33,18 +33,21 @@ def draw(file: ScenarioFile, runs: int) -> list[dict[str, Any]]:
         "F_told": nominal.plant.thruster.force,
         "m_told": nominal.plant.servicer.mass,
         "wanted": np.array(file.formation.desired_position_m),
-        "wanted_elements": wanted_elements(file),
+        "wanted_elements": desired_elements(file),
     }
     drawn = (jax.tree.map(np.asarray, one(np.int32(run_id))) for run_id in range(runs))
-    return [_lists({**told, **_plant(plant), **_start(truth), "thr_dir": push[None]}) for plant, truth, push in drawn]
+    return [
+        _to_lists({**told, **_plant_inputs(plant), **_initial_state(truth), "thr_dir": push[None]})
+        for plant, truth, push in drawn
+    ]
 
 
-def wanted_elements(file: ScenarioFile) -> np.ndarray:
+def desired_elements(file: ScenarioFile) -> np.ndarray:
     """(6,) differences of a/a, e, i, node, perigee and mean anomaly that hold the wanted place behind or ahead."""
     return np.array([0.0, 0.0, 0.0, 0.0, 0.0, file.formation.desired_position_m[1] / file.orbit.semi_major_axis_m])
 
 
-def _plant(plant: PlantParams) -> dict[str, Any]:
+def _plant_inputs(plant: PlantParams) -> dict[str, Any]:
     thruster = plant.thruster
     return {
         "mu": plant.gravity.mu,
@@ -64,25 +67,25 @@ def _plant(plant: PlantParams) -> dict[str, Any]:
     }
 
 
-def _start(truth: Truth) -> dict[str, Any]:
+def _initial_state(truth: Truth) -> dict[str, Any]:
     return {
         "r0_target": truth.r_TN_N,
         "v0_target": truth.v_TN_N,
         "r0_chaser": truth.r_TN_N + truth.r_ST_N,
         "v0_chaser": truth.v_TN_N + truth.v_ST_N,
-        "sigma0": rodrigues(np.asarray(truth.q_BN)),
+        "sigma0": modified_rodrigues_parameters(np.asarray(truth.q_BN)),
         "omega0": truth.omega_BN_B,
-        "sigma0_target": rodrigues(np.asarray(truth.q_TN)),
+        "sigma0_target": modified_rodrigues_parameters(np.asarray(truth.q_TN)),
         "omega0_target": truth.omega_TN_T,
         "Omega0": truth.wheel_speed,
     }
 
 
-def rodrigues(q_BN: np.ndarray) -> np.ndarray:
+def modified_rodrigues_parameters(q_BN: np.ndarray) -> np.ndarray:
     """(3,) modified Rodrigues parameters of Basilisk for a unit quaternion (4,) of the package."""
     vector = -q_BN[1:] if q_BN[0] >= 0.0 else q_BN[1:]
     return vector / (1.0 + abs(q_BN[0]))
 
 
-def _lists(values: dict[str, Any]) -> dict[str, Any]:
+def _to_lists(values: dict[str, Any]) -> dict[str, Any]:
     return {key: np.asarray(value).tolist() for key, value in values.items()}

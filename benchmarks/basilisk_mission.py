@@ -20,8 +20,8 @@ from Basilisk.fswAlgorithms import (  # pyright: ignore[reportMissingImports]
 from Basilisk.simulation import simpleNav, thrusterDynamicEffector  # pyright: ignore[reportMissingImports]
 from Basilisk.utilities import fswSetupThrusters  # pyright: ignore[reportMissingImports]
 
-from experiments.validation.make_references import with_hill
-from experiments.validation.peer import Arrays, Numbers, Peer, Run
+from experiments.validation.basilisk_simulation import Arrays, BasiliskSimulation, Numbers, SimulationCase
+from experiments.validation.make_references import add_hill_position
 
 STEP_S, TICK_S = 0.2, 1.0
 """Of dynamics and attitude control; of guidance, orbit control and record, all as in `inspection`."""
@@ -35,11 +35,11 @@ STIFFNESS, DAMPING = 0.08, 0.5
 POSITION_M, VELOCITY_M_S, ANGLE_RAD, RATE_RAD_S = 0.05, 5e-4, 5e-5, 2e-5
 """Bounds of the navigation's wandering errors: no larger than what filters leave, since there is none here."""
 
-_SECOND = 1_000_000_000
+_NANOSECONDS = 1_000_000_000
 
 
 @dataclass(frozen=True)
-class Flight:
+class SimulatedMission:
     """What one run was.
 
     Attributes:
@@ -59,18 +59,18 @@ class Flight:
     burn_s: float
 
 
-class Mission(Peer):
+class Mission(BasiliskSimulation):
     """One run; `inputs` are those of a reference file and the keys of the target and the thruster."""
 
     def __init__(self, inputs: Arrays, duration_s: float, seed: int) -> None:
-        super().__init__(Run(inputs, True, duration_s, STEP_S, TICK_S, "rk4"))
+        super().__init__(SimulationCase(inputs, True, duration_s, STEP_S, TICK_S, "rk4"))
         self.seed = seed
         self.target, self.chaser = self.craft.values()
         self._set_target()
         process = self.sim.procList[0]
-        process.addTask(self.sim.CreateNewTask("guidance", round(TICK_S * _SECOND)), -2)
-        process.addTask(self.sim.CreateNewTask("control", round(STEP_S * _SECOND)), -3)
-        process.addTask(self.sim.CreateNewTask("record", round(TICK_S * _SECOND)), -4)
+        process.addTask(self.sim.CreateNewTask("guidance", round(TICK_S * _NANOSECONDS)), -2)
+        process.addTask(self.sim.CreateNewTask("control", round(STEP_S * _NANOSECONDS)), -3)
+        process.addTask(self.sim.CreateNewTask("record", round(TICK_S * _NANOSECONDS)), -4)
         self._add_guidance()
         self._add_control()
         self._add_thruster()
@@ -78,7 +78,7 @@ class Mission(Peer):
 
     def record(self) -> Arrays:
         """Flies from the start to the end without a stop and returns what was recorded once a tick."""
-        self.sim.ConfigureStopTime(round(self.run.duration_s * _SECOND))
+        self.sim.ConfigureStopTime(round(self.run.duration_s * _NANOSECONDS))
         self.sim.ExecuteSimulation()
         target, chaser = self.recorders["target"], self.recorders["chaser"]
         return {
@@ -94,7 +94,7 @@ class Mission(Peer):
     def _schedule(self, task: str, model: Any, name: str) -> None:
         model.ModelTag = name
         self.sim.AddModelToTask(task, model)
-        self.kept.append(model)
+        self.keep_alive.append(model)
 
     def _set_target(self) -> None:
         hub, inputs = self.target.hub, self.inputs
@@ -109,7 +109,7 @@ class Mission(Peer):
         bounds = np.repeat([POSITION_M, VELOCITY_M_S, 0.25 * ANGLE_RAD, RATE_RAD_S, 0.0, 0.0], 3)
         sensed.walkBounds = bounds[:, None].tolist()
         sensed.PMatrix = np.diag(0.1 * bounds).tolist()
-        sensed.RNGSeed = 1 + (self.seed * 8 + len(self.kept)) % 0x7FFFFFFF
+        sensed.RNGSeed = 1 + (self.seed * 8 + len(self.keep_alive)) % 0x7FFFFFFF
         self._schedule(task, sensed, name)
         return sensed
 
@@ -139,7 +139,7 @@ class Mission(Peer):
         return self.chaser, self.target
 
     def _keep(self, message: Any) -> Any:
-        self.kept.append(message)
+        self.keep_alive.append(message)
         return message
 
     def _thruster_as_told(self) -> Any:
@@ -188,7 +188,7 @@ class Mission(Peer):
         self.chaser.addDynamicEffector(effector)
         self._add(effector, "thruster", 80)
         self.thruster = effector
-        self.kept.append(config)
+        self.keep_alive.append(config)
 
     def _add_record(self) -> None:
         heard = {
@@ -197,12 +197,12 @@ class Mission(Peer):
             "error": self.error.attGuidOutMsg,
             "thruster": self.thruster.thrusterOutMsgs[0],
         }
-        self.recorders = {name: message.recorder(round(TICK_S * _SECOND)) for name, message in heard.items()}
+        self.recorders = {name: message.recorder(round(TICK_S * _NANOSECONDS)) for name, message in heard.items()}
         for recorder in self.recorders.values():
             self.sim.AddModelToTask("record", recorder)
 
 
-def fly(inputs: Arrays, duration_s: float, seed: int) -> Flight:
+def simulate_mission(inputs: Arrays, duration_s: float, seed: int) -> SimulatedMission:
     """Builds one run, flies it, brings its record to numpy and looks at it."""
     cpu, begin = time.process_time(), time.perf_counter()
     mission = Mission(inputs, duration_s, seed)
@@ -210,11 +210,11 @@ def fly(inputs: Arrays, duration_s: float, seed: int) -> Flight:
     ready = time.perf_counter()
     record = mission.record()
     end, cpu_s = time.perf_counter(), time.process_time() - cpu
-    return Flight(
+    return SimulatedMission(
         setup_s=ready - begin,
         flight_s=end - ready,
         cpu_s=cpu_s,
-        formation_error_m=np.linalg.norm(with_hill(record)["rho"] - inputs["wanted"], axis=1),
+        formation_error_m=np.linalg.norm(add_hill_position(record)["rho"] - inputs["wanted"], axis=1),
         pointing_error_deg=np.rad2deg(4.0 * np.arctan(np.linalg.norm(record["sigma_error"], axis=1))),
         burn_s=float(np.sum(record["thrust"])) * TICK_S,
     )

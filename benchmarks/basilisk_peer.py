@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.comparison import Pass, Proof
+from benchmarks.speed_comparison import MissionCheck, TimedPass
 from rpojax.errors import RpojaxError
 
 _ROOT = Path(__file__).parents[1]
 
 
 @dataclass(frozen=True)
-class Peer:
+class BasiliskWorkers:
     """Basilisk, ready to fly.
 
     Attributes:
@@ -29,19 +29,19 @@ class Peer:
     workers: list["subprocess.Popen[str]"]
     import_s: float
 
-    def prove(self, duration_s: float, orbits: int) -> list[Proof]:
+    def check_mission(self, duration_s: float, orbits: int) -> list[MissionCheck]:
         """A run on each core over some orbits, of `duration_s` together; also warms the processes up."""
-        flown = self._order(1, duration_s)
+        flown = self._request(1, duration_s)
         return [
-            Proof(orbits, run["formation_error_last_peak_m"], run["pointing_error_last_deg"], run["burn_s"])
+            MissionCheck(orbits, run["formation_error_last_peak_m"], run["pointing_error_last_deg"], run["burn_s"])
             for (run,) in flown
         ]
 
-    def fly(self, runs: int, duration_s: float) -> Pass:
+    def run_pass(self, runs: int, duration_s: float) -> TimedPass:
         """Some runs one after the other on each core."""
-        flown = self._order(runs, duration_s)
+        flown = self._request(runs, duration_s)
         every = [run for one in flown for run in one]
-        return Pass(
+        return TimedPass(
             simulator="Basilisk",
             at_once=len(flown),
             runs=len(every),
@@ -54,22 +54,22 @@ class Peer:
             pointing_error_deg=float(np.median([run["pointing_error_deg"] for run in every])),
         )
 
-    def _order(self, runs: int, duration_s: float) -> list[list[dict[str, Any]]]:
+    def _request(self, runs: int, duration_s: float) -> list[list[dict[str, Any]]]:
         for worker in self.workers:
-            _say(worker, {"runs": runs, "duration_s": duration_s})
-        return [_answer(worker) for worker in self.workers]
+            _send(worker, {"runs": runs, "duration_s": duration_s})
+        return [_receive(worker) for worker in self.workers]
 
 
 @contextmanager
-def started(inputs: Sequence[dict[str, Any]], cores: int) -> Iterator[Peer]:
+def started_workers(inputs: Sequence[dict[str, Any]], cores: int) -> Iterator[BasiliskWorkers]:
     """Processes that have imported Basilisk and have their share of the runs; they end with the context."""
     command = [sys.executable, "-m", "benchmarks.basilisk_worker"]
     workers: list[subprocess.Popen[str]] = []
     try:
         for core in range(cores):
             workers.append(_start(command))
-            _say(workers[-1], list(inputs[core::cores]))
-        yield Peer(workers, max(_answer(worker)["import_s"] for worker in workers))
+            _send(workers[-1], list(inputs[core::cores]))
+        yield BasiliskWorkers(workers, max(_receive(worker)["import_s"] for worker in workers))
     finally:
         for worker in workers:
             worker.kill()
@@ -82,21 +82,21 @@ def _start(command: list[str]) -> "subprocess.Popen[str]":
     return subprocess.Popen(command, cwd=_ROOT, stdin=pipe, stdout=pipe, text=True, start_new_session=True)
 
 
-def _say(worker: "subprocess.Popen[str]", content: Any) -> None:
+def _send(worker: "subprocess.Popen[str]", content: Any) -> None:
     assert worker.stdin is not None
     try:
         print(json.dumps(content), file=worker.stdin, flush=True)
     except BrokenPipeError:
-        raise _ended(worker) from None
+        raise _unexpected_end(worker) from None
 
 
-def _answer(worker: "subprocess.Popen[str]") -> Any:
+def _receive(worker: "subprocess.Popen[str]") -> Any:
     assert worker.stdout is not None
     line = worker.stdout.readline()
     if not line:
-        raise _ended(worker)
+        raise _unexpected_end(worker)
     return json.loads(line)
 
 
-def _ended(worker: "subprocess.Popen[str]") -> RpojaxError:
+def _unexpected_end(worker: "subprocess.Popen[str]") -> RpojaxError:
     return RpojaxError(f"Basilisk: found a process that ended with exit status {worker.wait()}, expected its answer")

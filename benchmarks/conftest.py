@@ -1,6 +1,6 @@
 """Settings that jax reads once: a host device per core, and nothing compiled taken from disk."""
 
-from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
 prepare_jax(cache=False)
-prepare_loop(rendered=False)
+set_loop_fusion_flag(rendered=False)

@@ -9,19 +9,19 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
 prepare_jax(cache=False)
-prepare_loop(rendered=False)
+set_loop_fusion_flag(rendered=False)
 
 import jax  # noqa: E402  (after the settings that it reads once)
 
 import rpojax  # noqa: E402
 from rpojax.benchmark import closed_loop_speed, operation_count  # noqa: E402
-from rpojax.campaign.execution.batch_engine import Engine  # noqa: E402
+from rpojax.campaign.execution.batch_engine import BatchEngine  # noqa: E402
 from rpojax.errors import RpojaxError  # noqa: E402
 
-FUNCTIONS = "functions"
+FUNCTION_LOOPS = "functions"
 """Loops of which XLA makes a function: plant steps, for the most part."""
 
 
@@ -34,29 +34,29 @@ def events(folder: Path) -> Iterator[tuple[str, int]]:
                     yield event.name, round(event.duration_ns)
 
 
-def profile(engine: Engine) -> list[tuple[str, int, int]]:
+def profile(engine: BatchEngine) -> list[tuple[str, int, int]]:
     """Scope, instructions started and time [ns] of each part of one pass of a batch; other parts of the host left out.
 
     A loop's or a branch's own time is that of what it holds, so only that is counted. Of a short loop XLA makes a
     function that it calls, and tells nothing of what is in it.
     """
-    closed_loop_speed.flown(engine)
+    closed_loop_speed.time_pass(engine)
     text = closed_loop_speed.loop_program(engine).as_text()
     found = operation_count.instructions(text)
-    scope_of = {each.name: each.scope for each in found if not each.holds_others}
-    scope_of |= {each.name: FUNCTIONS for each in found if each.kind == "call"}
-    ready = closed_loop_speed.block(engine)
+    scope_of = {each.name: each.scope for each in found if not each.contains_instructions}
+    scope_of |= {each.name: FUNCTION_LOOPS for each in found if each.opcode == "call"}
+    ready = closed_loop_speed.prepare_runs(engine)
     time_ns, started = Counter[str](), Counter[str]()
     with tempfile.TemporaryDirectory() as folder:
         with jax.profiler.trace(folder):
-            closed_loop_speed.carry(engine, ready)
+            closed_loop_speed.simulate_runs(engine, ready)
         for name, duration in events(Path(folder)):
             if scope := scope_of.get(name):
                 time_ns[scope] += duration
                 started[scope] += 1
     if not time_ns:
         raise RpojaxError("profile: found no instruction of the loop, expected those that its text names")
-    scopes = (*operation_count.SCOPES, FUNCTIONS, operation_count.COPIES, operation_count.OTHER)
+    scopes = (*operation_count.SCOPES, FUNCTION_LOOPS, operation_count.COPIES, operation_count.OTHER)
     return [(scope, started[scope], time_ns[scope]) for scope in scopes]
 
 
@@ -67,7 +67,7 @@ def main() -> None:
     parser.add_argument("--scenario", default="inspection")
     parser.add_argument("--set", dest="overrides", action="append", default=["duration_s=200"])
     options = parser.parse_args()
-    engine = closed_loop_speed.prepare(
+    engine = closed_loop_speed.compile_engine(
         rpojax.load(options.scenario, options.overrides), options.batch, jax.devices()[:1]
     )
     rows = profile(engine)

@@ -7,13 +7,13 @@ from rpojax.benchmark import filter_speed, orbit_speed
 from rpojax.scenario import scenario_file
 
 
-@pytest.mark.parametrize("vehicles", [256, orbit_speed.VEHICLES, 4096])
+@pytest.mark.parametrize("vehicles", [256, orbit_speed.DEFAULT_VEHICLES, 4096])
 def test_orbits(benchmark: BenchmarkFixture, vehicles: int) -> None:
-    program = orbit_speed.prepare(vehicles)
+    program = orbit_speed.compile_propagation(vehicles)
     benchmark.group = "orbits with J2, by vehicles on a device"
     benchmark.pedantic(program.run, warmup_rounds=1, rounds=6)
     assert benchmark.stats is not None
-    total = vehicles * len(program.inputs) * orbit_speed.STEPS
+    total = vehicles * len(program.inputs) * orbit_speed.DEFAULT_STEPS
     benchmark.extra_info |= {
         "vehicle_steps_per_s": total / benchmark.stats["min"],
         "compile_s": program.compile_s,
@@ -21,13 +21,13 @@ def test_orbits(benchmark: BenchmarkFixture, vehicles: int) -> None:
     }
 
 
-@pytest.mark.parametrize("batch", [1, *filter_speed.BATCHES])
+@pytest.mark.parametrize("batch", [1, *filter_speed.DEFAULT_BATCHES])
 def test_filter(benchmark: BenchmarkFixture, batch: int) -> None:
-    program = filter_speed.prepare(scenario_file.load("inspection"), batch)
+    program = filter_speed.compile_filter(scenario_file.load("inspection"), batch)
     benchmark.group = "orbit filter, by runs on a device"
     benchmark.pedantic(program.run, warmup_rounds=1, rounds=6)
     assert benchmark.stats is not None
-    updates = batch * len(program.inputs) * filter_speed.UPDATES
+    updates = batch * len(program.inputs) * filter_speed.DEFAULT_UPDATES
     benchmark.extra_info |= {
         "us_per_update": 1e6 * benchmark.stats["min"] / updates,
         "compile_s": program.compile_s,

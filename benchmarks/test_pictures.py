@@ -6,13 +6,13 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from rpojax.benchmark import vision_speed
-from rpojax.benchmark.stopwatch import Program
+from rpojax.benchmark.timing import DeviceProgram
 
 
 @cache
-def programs() -> dict[str, Program]:
+def programs() -> dict[str, DeviceProgram]:
     """Both programs, compiled."""
-    return dict(zip(("render", "detect"), vision_speed.prepare(), strict=True))
+    return dict(zip(("render", "detect"), vision_speed.compile_camera_and_detector(), strict=True))
 
 
 @pytest.mark.parametrize("work", ["render", "detect"])

@@ -10,7 +10,7 @@ class MissingExtraError(RpojaxError):
     """A verb needs a package that is not installed."""
 
 
-def need(name: str, extra: str = "raytrace") -> ModuleType:
+def require_package(name: str, extra: str = "raytrace") -> ModuleType:
     """Module of an optional package; raises `MissingExtraError` with the line that installs it."""
     try:
         return importlib.import_module(name)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import zarr
-from one_compilation import shared_programs
+from shared_compilation import shared_programs
 
 from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign

@@ -8,18 +8,18 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import fast_compile_flags
 import jax
 import pytest
-import quick_compilation
 from hypothesis import settings
 from jaxtyping import install_import_hook
-from sharing_out import TogetherScheduling, longest_first
+from worker_scheduling import GroupScheduling, sort_longest_group_first
 
 PACKAGE = Path(__file__).parents[1] / "rpojax"
 CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rpojax" / "jax-tests"
 
 # Most of the time goes into compiling programs that then run for a second; what the user's environment says stays.
-for flag in quick_compilation.FLAGS:
+for flag in fast_compile_flags.FLAGS:
     if flag.partition("=")[0] not in os.environ.get("XLA_FLAGS", ""):
         os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {flag}".strip()
 
@@ -38,7 +38,7 @@ jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 # Every sub-package has its shapes checked; the command line and the errors hold no arrays.
 install_import_hook(
     [f"rpojax.{folder.name}" for folder in sorted(PACKAGE.iterdir()) if (folder / "__init__.py").exists()],
-    "function_checks.checked",
+    "runtime_type_checks.type_checked",
 )
 
 pytest_plugins = ["campaign_fixtures"]
@@ -58,11 +58,11 @@ gc.set_threshold(50_000, 20, 20)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    longest_first(items)
+    sort_longest_group_first(items)
 
 
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> TogetherScheduling:
-    return TogetherScheduling(config, log)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> GroupScheduling:
+    return GroupScheduling(config, log)
 
 
 @pytest.fixture(scope="session")
@@ -74,17 +74,17 @@ def inspection_file() -> ScenarioFile:
 @pytest.fixture(scope="session")
 def inspection(inspection_file: ScenarioFile) -> Scenario:
     """Static settings of the nominal scenario."""
-    return scenarios.static(inspection_file)
+    return scenarios.static_settings(inspection_file)
 
 
 @pytest.fixture(scope="session")
 def inspection_params(inspection_file: ScenarioFile, inspection: Scenario) -> Params:
     """Params of the nominal scenario, nothing dispersed."""
-    return parameters.build(inspection_file.model_dump(), inspection.width_px, inspection.height_px)
+    return parameters.build_params(inspection_file.model_dump(), inspection.width_px, inspection.height_px)
 
 
 @pytest.fixture(scope="session")
 def params() -> Params:
     """The same with numbers that the tests can count on, whatever becomes of the mission's tuning."""
     file = scenarios.load(Path(__file__).parent / "pinned.toml")
-    return parameters.build(file.model_dump(), file.camera.width_px, file.camera.height_px)
+    return parameters.build_params(file.model_dump(), file.camera.width_px, file.camera.height_px)

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks import against_basilisk, basilisk_inputs, basilisk_peer, comparison
-from benchmarks.comparison import Pass, Proof
-from experiments.validation.reference import quaternion_of
+from benchmarks import against_basilisk, basilisk_inputs, basilisk_peer, speed_comparison
+from benchmarks.speed_comparison import MissionCheck, TimedPass
+from experiments.validation.reference_file import quaternion_from_mrp
 from rpojax.benchmark import closed_loop_speed as closed_loop
 from rpojax.scenario.schema import ScenarioFile
 
@@ -24,13 +24,13 @@ WHERE = {
     "duration_s": 3000.0,
     "versions": {"Basilisk": "2.12.1", "rpojax": "0.1.0", "jax": "0.10.2", "python": "3.11.7"},
 }
-PROOF = Proof(orbits=3, formation_error_m=12.0, pointing_error_deg=0.05, burn_s=48.0)
+PROOF = MissionCheck(orbits=3, formation_error_m=12.0, pointing_error_deg=0.05, burn_s=48.0)
 
 
-def flown(simulator: str, rate: float, at_once: int = 2) -> Pass:
+def flown(simulator: str, rate: float, at_once: int = 2) -> TimedPass:
     """A pass whose set-up takes as long as its flight, on one core."""
     span = 20 * 3000.0
-    return Pass(simulator, at_once, 20, 3000.0, rate, rate / 2.0, 2.0 * span / rate, 0.01, 3.0, 0.05)
+    return TimedPass(simulator, at_once, 20, 3000.0, rate, rate / 2.0, 2.0 * span / rate, 0.01, 3.0, 0.05)
 
 
 PASSES = [flown("Basilisk", 10_000.0), flown("rpojax", 40_000.0, 512), flown("Basilisk", 12_000.0)]
@@ -62,9 +62,9 @@ def test_a_bad_option_is_refused_in_one_line(
 
 def test_by_default_both_batches_fly_on_all_cores(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(against_basilisk, "available_cores", lambda: 4)
-    given = against_basilisk.options([])
+    given = against_basilisk.parse_options([])
     assert (given.cores, given.batches, given.duration_s, given.json) == (4, [512, 1024], 3000.0, None)
-    assert against_basilisk.options(["--cores", "2"]).batches == [256, 512]
+    assert against_basilisk.parse_options(["--cores", "2"]).batches == [256, 512]
 
 
 def test_a_missing_basilisk_is_said_with_the_line_that_installs_it(
@@ -81,21 +81,23 @@ def test_a_missing_basilisk_is_said_with_the_line_that_installs_it(
 
 
 def content() -> dict[str, Any]:
-    return comparison.as_json(PASSES, [PROOF], {"Basilisk": 1.0, "rpojax": 2.0, "compile": 26.0}, WHERE)
+    return speed_comparison.as_json(PASSES, [PROOF], {"Basilisk": 1.0, "rpojax": 2.0, "compile": 26.0}, WHERE)
 
 
-def fly_with(monkeypatch: pytest.MonkeyPatch, proof: Proof, *words: str) -> int:
+def fly_with(monkeypatch: pytest.MonkeyPatch, proof: MissionCheck, *words: str) -> int:
     """Exit status of the command with simulators that only say how fast they were."""
     monkeypatch.setattr(against_basilisk, "ROUNDS", 2)
     rates = {"Basilisk": iter([10_000.0, 12_000.0]), "rpojax": iter([90_000.0, 40_000.0, 39_000.0])}
     peer = SimpleNamespace(
-        import_s=1.0, prove=lambda *_: [PROOF, proof], fly=lambda *_: flown("Basilisk", next(rates["Basilisk"]))
+        import_s=1.0,
+        check_mission=lambda *_: [PROOF, proof],
+        run_pass=lambda *_: flown("Basilisk", next(rates["Basilisk"])),
     )
     monkeypatch.setenv("JAX_PLATFORMS", "cpu")
     monkeypatch.setattr(against_basilisk, "basilisk_version", lambda: "2.12.1")
-    monkeypatch.setattr(basilisk_inputs, "draw", lambda *_: [])
-    monkeypatch.setattr(basilisk_peer, "started", lambda *_: nullcontext(peer))
-    monkeypatch.setattr(closed_loop, "prepare", lambda _, batch: SimpleNamespace(capacity=batch, compile_s=26.0))
+    monkeypatch.setattr(basilisk_inputs, "dispersed_inputs", lambda *_: [])
+    monkeypatch.setattr(basilisk_peer, "started_workers", lambda *_: nullcontext(peer))
+    monkeypatch.setattr(closed_loop, "compile_engine", lambda _, batch: SimpleNamespace(capacity=batch, compile_s=26.0))
     monkeypatch.setattr(
         against_basilisk, "rpojax_pass", lambda engine: flown("rpojax", next(rates["rpojax"]), engine.capacity)
     )
@@ -111,13 +113,13 @@ def test_both_fly_in_turn_and_the_first_pass_of_rpojax_does_not_count(
     assert order == [("Basilisk", 10_000.0), ("rpojax", 40_000.0), ("Basilisk", 12_000.0), ("rpojax", 39_000.0)]
     assert found["starts"]["compile"] == 26.0
     assert found["where"]["versions"]["Basilisk"] == "2.12.1"
-    assert capsys.readouterr().out.splitlines() == comparison.report(found)
+    assert capsys.readouterr().out.splitlines() == speed_comparison.report_lines(found)
 
 
 def test_nothing_is_compared_with_a_mission_that_does_not_fly(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    lost = Proof(orbits=3, formation_error_m=400.0, pointing_error_deg=0.05, burn_s=48.0)
+    lost = MissionCheck(orbits=3, formation_error_m=400.0, pointing_error_deg=0.05, burn_s=48.0)
     assert fly_with(monkeypatch, lost, "--json", str(tmp_path / "speed.json")) == 1
     printed = capsys.readouterr()
     assert printed.out == ""
@@ -139,7 +141,7 @@ def test_the_fastest_pass_of_each_counts_and_the_others_are_kept() -> None:
 
 
 def test_the_report_is_one_table_with_what_is_alike_and_what_is_not() -> None:
-    lines = comparison.report(content())
+    lines = speed_comparison.report_lines(content())
     rows = [line for line in lines if line.startswith("|")]
     assert rows[0] == "| | Basilisk 2.12.1 | rpojax 0.1.0 | ratio |"
     assert {row.count("|") for row in rows} == {5}
@@ -147,23 +149,23 @@ def test_the_report_is_one_table_with_what_is_alike_and_what_is_not() -> None:
     assert "| runs of 3000 s per hour, with set-up | 7 200 | 24 000 | **3.33** |" in rows
     assert "| tracing and compiling, s | 0 | 26.0 | |" in [re.sub(r" +", " ", row) for row in rows]
     assert [line for line in lines if line.startswith("- ")] == [
-        f"- {word}" for word in (*comparison.ALIKE, *comparison.UNLIKE)
+        f"- {word}" for word in (*speed_comparison.COMMON, *speed_comparison.DIFFERENCES)
     ]
 
 
 def test_compiling_is_made_up_for_after_some_runs_or_never() -> None:
     slow, fast = flown("Basilisk", 12_000.0), flown("rpojax", 40_000.0)
-    runs = comparison.break_even(slow, fast, 1.0, 28.0)
+    runs = speed_comparison.break_even(slow, fast, 1.0, 28.0)
     assert runs is not None
 
     def lead(runs: int) -> float:
         return 1.0 + runs * 3000.0 / slow.whole_rate - (28.0 + runs * 3000.0 / fast.whole_rate)
 
     assert lead(runs - 1) < 0.0 <= lead(runs)
-    assert comparison.break_even(slow, fast, 28.0, 1.0) == 0
-    assert comparison.break_even(fast, slow, 1.0, 28.0) is None
-    lines = comparison.report(
-        comparison.as_json([flown("Basilisk", 9e4), PASSES[1]], [PROOF], content()["starts"], WHERE)
+    assert speed_comparison.break_even(slow, fast, 28.0, 1.0) == 0
+    assert speed_comparison.break_even(fast, slow, 1.0, 28.0) is None
+    lines = speed_comparison.report_lines(
+        speed_comparison.as_json([flown("Basilisk", 9e4), PASSES[1]], [PROOF], content()["starts"], WHERE)
     )
     assert any(line.endswith("| | none | |") for line in lines)
 
@@ -172,35 +174,35 @@ def test_compiling_is_made_up_for_after_some_runs_or_never() -> None:
     ("proof", "fault"),
     [
         (PROOF, None),
-        (Proof(3, 400.0, 0.05, 48.0), "formation error: found 400.0 m, expected at most 30 m"),
-        (Proof(3, float("nan"), 0.05, 48.0), "formation error: found nan m, expected at most 30 m"),
-        (Proof(3, 12.0, 2.0, 48.0), "pointing error: found 2.00 deg, expected at most 0.5 deg"),
-        (Proof(3, 12.0, 0.05, 0.0), "burns: found none, expected at least one"),
+        (MissionCheck(3, 400.0, 0.05, 48.0), "formation error: found 400.0 m, expected at most 30 m"),
+        (MissionCheck(3, float("nan"), 0.05, 48.0), "formation error: found nan m, expected at most 30 m"),
+        (MissionCheck(3, 12.0, 2.0, 48.0), "pointing error: found 2.00 deg, expected at most 0.5 deg"),
+        (MissionCheck(3, 12.0, 0.05, 0.0), "burns: found none, expected at least one"),
     ],
 )
-def test_what_does_not_hold_its_place_point_or_burn_is_no_mission(proof: Proof, fault: str | None) -> None:
-    assert proof.fault() == fault
+def test_what_does_not_hold_its_place_point_or_burn_is_no_mission(proof: MissionCheck, fault: str | None) -> None:
+    assert proof.failure() == fault
 
 
 def test_attitudes_are_handed_over_as_basilisk_counts_them() -> None:
     for q in ([0.5, -0.5, 0.5, 0.5], [-0.1, 0.7, 0.1, 0.7], [0.0, 0.6, 0.0, 0.8]):
-        sigma = basilisk_inputs.rodrigues(np.array(q))
+        sigma = basilisk_inputs.modified_rodrigues_parameters(np.array(q))
         assert np.linalg.norm(sigma) <= 1.0
-        back = quaternion_of(sigma) * np.array([1.0, -1.0, -1.0, -1.0])
+        back = quaternion_from_mrp(sigma) * np.array([1.0, -1.0, -1.0, -1.0])
         np.testing.assert_allclose(abs(back @ np.array(q)) / np.linalg.norm(q), 1.0, rtol=1e-12)
 
 
 def test_basilisk_starts_where_the_run_starts_and_points_at_the_target(inspection_file: ScenarioFile) -> None:
     pytest.importorskip("Basilisk")
-    inputs = basilisk_inputs.draw(inspection_file, 2)
-    with basilisk_peer.started(inputs[1:], 1) as peer:  # the first run begins with a turn to a burn
-        one = peer.fly(2, 1.0)
-        (proof,) = peer.prove(60.0, 1)
-        assert peer.fly(1, 20.0).formation_error_m == peer.fly(1, 20.0).formation_error_m
+    inputs = basilisk_inputs.dispersed_inputs(inspection_file, 2)
+    with basilisk_peer.started_workers(inputs[1:], 1) as peer:  # the first run begins with a turn to a burn
+        one = peer.run_pass(2, 1.0)
+        (proof,) = peer.check_mission(60.0, 1)
+        assert peer.run_pass(1, 20.0).formation_error_m == peer.run_pass(1, 20.0).formation_error_m
     first, start = ([np.array(run[f"r0_{name}"]) for name in ("chaser", "target")] for run in inputs)
     assert np.linalg.norm(first[0] - first[1]) != np.linalg.norm(start[0] - start[1])
     assert abs(one.formation_error_m - (np.linalg.norm(start[0] - start[1]) - 30.0)) < 0.5
     assert one.runs == 2
     assert one.flight_rate > one.whole_rate > 0.0
-    assert proof.pointing_error_deg < comparison.SETTLED_DEG
-    assert proof.fault() == "burns: found none, expected at least one"
+    assert proof.pointing_error_deg < speed_comparison.MAX_POINTING_ERROR_DEG
+    assert proof.failure() == "burns: found none, expected at least one"

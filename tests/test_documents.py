@@ -15,11 +15,11 @@ import pytest
 import rpojax
 from rpojax import Stages
 from rpojax.analysis.statistics.order_statistics import runs_for_bound
-from rpojax.campaign.single_run import dispersed
+from rpojax.campaign.single_run import initialise_run
 from rpojax.core.random_streams import Stream
 from rpojax.errors import RpojaxError
 from rpojax.physics import equipment_faults
-from rpojax.report.labels import metric
+from rpojax.report.labels import metric_label
 from rpojax.scenario import key_units, metric_catalogue, scenario_file, schema
 from rpojax.scenario.field_types import Section
 from rpojax.scenario.schema import ScenarioFile
@@ -117,7 +117,7 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("name", scenario_file.packaged())
+@pytest.mark.parametrize("name", scenario_file.packaged_names())
 def test_every_packaged_scenario_is_mentioned(name: str) -> None:
     assert f"`{name}`" in README
     assert f"`{name}`" in SCENARIO_PAGE
@@ -268,7 +268,7 @@ def test_keys_named_anywhere_in_the_pages_exist() -> None:
 
 def test_the_conventions_list_every_unit_suffix() -> None:
     rows = [line.split("|")[1] for line in section(CONVENTIONS_PAGE, "Units").splitlines() if line.startswith("| `")]
-    assert {suffix for row in rows for suffix in quoted(row)} == set(key_units.FACTORS)
+    assert {suffix for row in rows for suffix in quoted(row)} == set(key_units.SI_FACTORS)
 
 
 def test_the_model_page_lists_every_random_stream() -> None:
@@ -283,29 +283,29 @@ def test_the_folder_page_lists_every_metric_with_its_unit() -> None:
 
 @pytest.mark.parametrize("name", metric_catalogue.UNITS)
 def test_the_report_has_a_title_and_a_meaning_for_every_metric(name: str) -> None:
-    assert metric(name).meaning
+    assert metric_label(name).meaning
 
 
 def test_the_folder_page_names_every_trace() -> None:
-    assert set(trace_channels.TRACES) == set(quoted(section(FOLDER_PAGE, "Traces")))
+    assert set(trace_channels.TRACE_UNITS) == set(quoted(section(FOLDER_PAGE, "Traces")))
 
 
 def test_the_folder_page_lists_every_channel_of_a_history() -> None:
-    static, params, state = dispersed(scenario_file.load("inspection"))
+    static, params, state = initialise_run(scenario_file.load("inspection"))
     seen = jax.eval_shape(
-        lambda: telemetry.observe(static, params, closed_loop.tick(Stages(), static, params, state)[1])
+        lambda: telemetry.compute_channels(static, params, closed_loop.tick(Stages(), static, params, state)[1])
     )
     assert names_listed("Channels of a history") == {"time_s", "rho_desired_H", *seen} - {"running"}
 
 
 def test_the_folder_page_lists_the_further_channels_of_a_rendered_camera() -> None:
-    static, params, state = dispersed(scenario_file.load("inspection"))
+    static, params, state = initialise_run(scenario_file.load("inspection"))
 
     def channels(model: str) -> set[str]:
         seen = replace(static, camera_model=model)
 
         def observe() -> telemetry.Channels:
-            return telemetry.observe(seen, params, closed_loop.tick(Stages(), static, params, state)[1])
+            return telemetry.compute_channels(seen, params, closed_loop.tick(Stages(), static, params, state)[1])
 
         return set(jax.eval_shape(observe))
 

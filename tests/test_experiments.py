@@ -5,13 +5,13 @@ from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
-from experiment_files import load
+from experiment_modules import load_experiment
 
 
 @pytest.fixture
 def measure() -> ModuleType:
     """The script of the inspection campaign, freshly loaded."""
-    return load("inspection_campaign/measure.py")
+    return load_experiment("inspection_campaign/measure.py")
 
 
 @pytest.mark.parametrize(("peak_s", "status"), [(100.0, 0), (111.0, 1)])

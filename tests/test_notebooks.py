@@ -7,10 +7,10 @@ import re
 from pathlib import Path
 from typing import Any
 
+import fast_compile_flags
 import jax
 import nbformat
 import pytest
-import quick_compilation
 from nbclient import NotebookClient
 from nbformat import NotebookNode
 from nbformat.v4 import new_code_cell
@@ -92,7 +92,7 @@ def executed(name: str, questions: str, folder: Path, without: str | None = None
         "PYTHONPATH": os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")])),
         "IPYTHONDIR": str(folder / "ipython"),
         "TMPDIR": str(folder),
-        "XLA_FLAGS": " ".join(quick_compilation.FLAGS),
+        "XLA_FLAGS": " ".join(fast_compile_flags.FLAGS),
         # The cache of the test session: a second run has nothing to compile.
         "JAX_COMPILATION_CACHE_DIR": str(jax.config.jax_compilation_cache_dir or folder / "cache"),
         "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",

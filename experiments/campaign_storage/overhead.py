@@ -23,24 +23,26 @@ def main() -> int:
     options = common.options(__doc__, pairs=8, block_size=256, duration_s=1000.0)
     file = rpojax.load("inspection", [f"duration_s={options.duration_s}"])
     runs = options.block_size * (options.pairs + 1)
-    asked = folder_creation.describe(file, 0, runs, 0, options.block_size, Retention("none").recorded())
-    folder_creation.create(options.out / "runs", asked, force=False)
+    asked = folder_creation.new_configuration(file, 0, runs, 0, options.block_size, Retention("none").to_record())
+    folder_creation.create_folder(options.out / "runs", asked, force=False)
     result = Campaign(options.out / "runs")
-    engine = block_runner.engine_of(asked, jax.devices()[:1])
+    engine = block_runner.engine_from_configuration(asked, jax.devices()[:1])
     engine.compile()
     print(f"compiled in {engine.compile_s:.0f} s", flush=True)
 
     def computed(block: int) -> float:
         begin = time.perf_counter()
-        ids = result.block_ids(block)
-        rows = slice(0, engine.size)
-        flown = block_runner.fly(engine, 0, ids, [], ids - ids[0], Retention("none"), lambda share, failed: None)
-        flown.results(rows, engine)
+        ids = result.block_run_ids(block)
+        rows = slice(0, engine.runs_per_device)
+        flown = block_runner.simulate_batch(
+            engine, 0, ids, [], ids - ids[0], Retention("none"), lambda share, failed: None
+        )
+        flown.block_arrays(rows, engine)
         return time.perf_counter() - begin
 
     def stored(block: int) -> float:
         begin = time.perf_counter()
-        block_runner.do_blocks(result, engine, [block], lambda share, failed: None)
+        block_runner.simulate_and_store(result, engine, [block], lambda share, failed: None)
         return time.perf_counter() - begin
 
     computed(0)

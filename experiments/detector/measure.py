@@ -17,14 +17,14 @@ import numpy as np
 from rpojax.training.detector import evaluate_detector
 from rpojax.training.radiance_field import evaluate_field
 from rpojax.training.synthetic_data import backdrops, ray_tracing, target_mesh
-from rpojax.training.synthetic_data.composites import Sensor, expose, visible_box
-from rpojax.training.synthetic_data.detection_dataset import Dataset, read
+from rpojax.training.synthetic_data.composites import ImageSensor, expose_image, visible_box
+from rpojax.training.synthetic_data.detection_dataset import DetectionDataset, read_dataset
 from rpojax.vision.detector import proposal_network
-from rpojax.vision.detector.multiscale_detection import Box, search
-from rpojax.vision.detector.two_stage_detector import Params, detect, load_detector
+from rpojax.vision.detector.multiscale_detection import ScoredBox, detect_multiscale
+from rpojax.vision.detector.two_stage_detector import DetectorParams, detect, load_detector
 from rpojax.vision.imaging import image_files
-from rpojax.vision.imaging.stars_and_earth import background, sky
-from rpojax.vision.pinhole import lens
+from rpojax.vision.imaging.stars_and_earth import background, random_sky
+from rpojax.vision.pinhole import pinhole_intrinsics
 from rpojax.vision.weight_files import load_field
 
 FIELD_OF_VIEW_DEG = 10.0
@@ -36,7 +36,7 @@ _SPEED_BATCH = 16
 
 def main() -> int:
     """Prints the figures of one part as JSON."""
-    parts: dict[str, Callable[[argparse.Namespace, Params], dict[str, Any]]] = {
+    parts: dict[str, Callable[[argparse.Namespace, DetectorParams], dict[str, Any]]] = {
         "validation": _validation,
         "target": _target,
         "speed": _speed,
@@ -58,28 +58,30 @@ def main() -> int:
     return 0
 
 
-def _validation(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
-    data = read(arguments.folder)
-    found = evaluate_detector.find(params, data.images)
+def _validation(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, Any]:
+    data = read_dataset(arguments.folder)
+    found = evaluate_detector.detect_images(params, data.images)
     if arguments.sheet:
-        cv2.imwrite(str(arguments.sheet), _drawn(data, found, 48))
-    return evaluate_detector.report(found, data)
+        cv2.imwrite(str(arguments.sheet), _contact_sheet(data, found, 48))
+    return evaluate_detector.evaluation_report(found, data)
 
 
-def _peer(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
-    data = read(arguments.folder)
+def _peer(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, Any]:
+    data = read_dataset(arguments.folder)
     with np.load(arguments.found) as content:
         about = json.loads(str(content["about"]))
         count = range(len(data))
-        found = evaluate_detector.Found([content[f"boxes_{i}"] for i in count], [content[f"scores_{i}"] for i in count])
-    return {**about, **evaluate_detector.report(found, data)}
+        found = evaluate_detector.ImageDetections(
+            [content[f"boxes_{i}"] for i in count], [content[f"scores_{i}"] for i in count]
+        )
+    return {**about, **evaluate_detector.evaluation_report(found, data)}
 
 
 # The packaged target, as the flight camera sees it.
 
 
-def _target(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
-    shell = ray_tracing.Shell(
+def _target(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, Any]:
+    shell = ray_tracing.ViewSampling(
         arguments.views,
         size_px=SIZE_PX,
         samples=64,
@@ -88,40 +90,42 @@ def _target(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
         field_of_view_deg=FIELD_OF_VIEW_DEG,
         seed=77,
     )
-    views = ray_tracing.render(target_mesh.packaged(), shell)
-    shown = evaluate_field.pictures(load_field()[0], views)
+    views = ray_tracing.ray_trace_views(target_mesh.packaged_target(), shell)
+    shown = evaluate_field.render_views(load_field()[0], views)
     results: dict[str, Any] = {}
     sheet = []
     for name, color, alpha in (("ray traces", views.rgb, views.alpha), ("radiance field", shown.rgb, shown.alpha)):
         for behind in ("black", "sky"):
             for label in ("visible", "silhouette"):
-                data = _scenes(color, alpha, views.alpha, behind, label == "visible")
-                found = evaluate_detector.find(params, data.images)
-                results[f"{name}, {behind}, {label}"] = evaluate_detector.figures(found, data)
+                data = _dataset_before(color, alpha, views.alpha, behind, label == "visible")
+                found = evaluate_detector.detect_images(params, data.images)
+                results[f"{name}, {behind}, {label}"] = evaluate_detector.detection_metrics(found, data)
                 if label == "visible":
-                    sheet.append(_drawn(data, found, 24))
+                    sheet.append(_contact_sheet(data, found, 24))
     if arguments.sheet:
         cv2.imwrite(str(arguments.sheet), np.concatenate(sheet))
     return results
 
 
-def _scenes(color: np.ndarray, alpha: np.ndarray, truth: np.ndarray, behind: str, visible: bool) -> Dataset:
+def _dataset_before(
+    color: np.ndarray, alpha: np.ndarray, truth: np.ndarray, behind: str, visible: bool
+) -> DetectionDataset:
     """Pictures of views moved about the frame, with the boxes of the ray-traced silhouettes."""
     images, boxes = [], []
-    heaven, optics = sky(), lens(jnp.asarray(np.radians(FIELD_OF_VIEW_DEG)), SIZE_PX, SIZE_PX)
+    heaven, optics = random_sky(), pinhole_intrinsics(jnp.asarray(np.radians(FIELD_OF_VIEW_DEG)), SIZE_PX, SIZE_PX)
     for index in range(len(color)):
         rng = np.random.default_rng([5, index])
         shift = tuple(int(n) for n in rng.integers(-40, 41, 2))
         linear, cover, real = (np.roll(v[index], shift, axis=(0, 1)) for v in (color, alpha, truth))
-        back = np.zeros_like(linear) if behind == "black" else _behind(rng, heaven, optics)
+        back = np.zeros_like(linear) if behind == "black" else _random_sky_background(rng, heaven, optics)
         image = linear + back * (1.0 - cover[..., None])
         box = visible_box(image, back, real) if visible else evaluate_field.silhouette_box(real)
-        images.append(expose(rng, image, Sensor(2e4, 10.0)))
+        images.append(expose_image(rng, image, ImageSensor(2e4, 10.0)))
         boxes.append(np.zeros((0, 4)) if box is None else np.array(box).reshape(1, 4))
-    return Dataset(np.stack(images), tuple(boxes), (behind,) * len(images))
+    return DetectionDataset(np.stack(images), tuple(boxes), (behind,) * len(images))
 
 
-def _behind(rng: np.random.Generator, heaven: Any, optics: Any) -> np.ndarray:
+def _random_sky_background(rng: np.random.Generator, heaven: Any, optics: Any) -> np.ndarray:
     axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     position, sun = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
     turned, place, light = (jnp.asarray(v, jnp.float32) for v in (axes * np.linalg.det(axes), 1.078 * position, sun))
@@ -129,19 +133,22 @@ def _behind(rng: np.random.Generator, heaven: Any, optics: Any) -> np.ndarray:
     return np.asarray(background(heaven, optics, SIZE_PX, SIZE_PX, turned, place, light, turn))
 
 
-def _drawn(data: Dataset, found: evaluate_detector.Found, count: int) -> np.ndarray:
-    from rpojax.training.synthetic_data.detection_dataset import drawn
+def _contact_sheet(data: DetectionDataset, found: evaluate_detector.ImageDetections, count: int) -> np.ndarray:
+    from rpojax.training.synthetic_data.detection_dataset import draw_boxes
 
     boxes = [
-        b[s >= evaluate_detector.THRESHOLD] for b, s in zip(found.boxes[:count], found.scores[:count], strict=True)
+        b[s >= evaluate_detector.SCORE_THRESHOLD]
+        for b, s in zip(found.boxes[:count], found.scores[:count], strict=True)
     ]
-    return np.asarray(cv2.resize(drawn(data.images[:count], boxes), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+    return np.asarray(
+        cv2.resize(draw_boxes(data.images[:count], boxes), None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    )
 
 
 # Speed.
 
 
-def _speed(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
+def _speed(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, Any]:
     """Milliseconds a picture in a batch, as one program and as one for each device, as campaigns run."""
     results: dict[str, Any] = {"devices": jax.device_count()}
     images = jnp.asarray(np.random.default_rng(0).random((_SPEED_BATCH, SIZE_PX, SIZE_PX, 3)), jnp.float32)
@@ -180,27 +187,27 @@ def _time_of(call: Callable[[], Any]) -> dict[str, float]:
 # Photographs.
 
 
-def _photographs(arguments: argparse.Namespace, params: Params) -> dict[str, Any]:
+def _photographs(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, Any]:
     """Photographs alone and shrunk before other backgrounds, and backgrounds without anything."""
     known = json.loads((arguments.folder / "boxes.json").read_text())["images"]
-    earth = backdrops.globe(held_out=True)
+    earth = backdrops.load_earth_textures(held_out=True)
     rows, shrunk = [], []
     for name, entry in known.items():
-        image = image_files.read(arguments.folder / name)
-        real = [Box(*(float(edge) for edge in box[:4]), score=1.0) for box in entry["boxes"]]
-        found = search(params, image)
-        rows.append({"file": name, "found": _hits(real, found), "of": len(real), "false": _false(real, found)})
+        image = image_files.read_image(arguments.folder / name)
+        real = [ScoredBox(*(float(edge) for edge in box[:4]), score=1.0) for box in entry["boxes"]]
+        found = detect_multiscale(params, image)
+        rows.append({"file": name, "found": _hits(real, found), "of": len(real), "false": _false_boxes(real, found)})
         for side in SIDES_PX:
             for kind in ("own", "black", "stars", "earth", "limb") if _on_black(image) else ("own",):
-                shrunk += [(side, kind, *_shrunken(params, image, box, side, kind, earth)) for box in real]
-    empty = {kind: _empty(params, kind, earth) for kind in ("earth", "limb", "night", "glint", "stars")}
+                shrunk += [(side, kind, *_detect_shrunk(params, image, box, side, kind, earth)) for box in real]
+    empty = {kind: _boxes_per_empty_frame(params, kind, earth) for kind in ("earth", "limb", "night", "glint", "stars")}
     return {
         "alone": rows,
-        "recall_shrunk": _share([hit for *_, hit, _ in shrunk]),
-        "false_boxes_shrunk": _share([wrong for *_, wrong in shrunk]),
-        "by_side": {str(side): _share([hit for s, _, hit, _ in shrunk if s == side]) for side in SIDES_PX},
+        "recall_shrunk": _mean([hit for *_, hit, _ in shrunk]),
+        "false_boxes_shrunk": _mean([wrong for *_, wrong in shrunk]),
+        "by_side": {str(side): _mean([hit for s, _, hit, _ in shrunk if s == side]) for side in SIDES_PX},
         "by_background": {
-            kind: _share([hit for _, k, hit, _ in shrunk if k == kind])
+            kind: _mean([hit for _, k, hit, _ in shrunk if k == kind])
             for kind in ("own", "black", "stars", "earth", "limb")
         },
         "boxes_per_empty_frame": empty,
@@ -213,20 +220,20 @@ def _on_black(image: np.ndarray) -> bool:
     return float(np.quantile(rim, 0.99)) < 0.08
 
 
-def _hits(real: list[Box], found: list[Box]) -> int:
-    return sum(any(other.overlap(box) >= 0.5 for other in found) for box in real)
+def _hits(real: list[ScoredBox], found: list[ScoredBox]) -> int:
+    return sum(any(other.intersection_over_union(box) >= 0.5 for other in found) for box in real)
 
 
-def _false(real: list[Box], found: list[Box]) -> int:
-    return sum(all(other.overlap(box) < 0.5 for box in real) for other in found)
+def _false_boxes(real: list[ScoredBox], found: list[ScoredBox]) -> int:
+    return sum(all(other.intersection_over_union(box) < 0.5 for box in real) for other in found)
 
 
-def _share(values: list[Any]) -> float:
+def _mean(values: list[Any]) -> float:
     return round(float(np.mean(values)), 3)
 
 
-def _shrunken(
-    params: Params, image: np.ndarray, box: Box, side: int, kind: str, earth: backdrops.Globe
+def _detect_shrunk(
+    params: DetectorParams, image: np.ndarray, box: ScoredBox, side: int, kind: str, earth: backdrops.EarthTextures
 ) -> tuple[bool, int]:
     """Whether a photograph's spacecraft is found at a size in a 128 px frame, and how many boxes are wrong.
 
@@ -245,44 +252,44 @@ def _shrunken(
     mode = cv2.BORDER_REPLICATE if kind == "own" else cv2.BORDER_CONSTANT
     placed = np.asarray(cv2.warpAffine(small, matrix, (SIZE_PX, SIZE_PX), flags=cv2.INTER_LINEAR, borderMode=mode))
     if kind != "own":
-        placed = _before(rng, placed, corner, side, box, scale, kind, earth)
-    real = Box(
+        placed = _before_backdrop(rng, placed, corner, side, box, scale, kind, earth)
+    real = ScoredBox(
         corner[0],
         corner[1],
         corner[0] + ratio[0] * (box.right - box.left),
         corner[1] + ratio[1] * (box.bottom - box.top),
         1.0,
     )
-    found = search(params, placed.astype(np.float32))
-    return bool(_hits([real], found)), _false([real], found)
+    found = detect_multiscale(params, placed.astype(np.float32))
+    return bool(_hits([real], found)), _false_boxes([real], found)
 
 
-def _before(
+def _before_backdrop(
     rng: np.random.Generator,
     placed: np.ndarray,
     corner: list[float],
     side: int,
-    box: Box,
+    box: ScoredBox,
     scale: float,
     kind: str,
-    earth: backdrops.Globe,
+    earth: backdrops.EarthTextures,
 ) -> np.ndarray:
     """The box of a photograph before a backdrop, blended by how much its pixels differ from its own background."""
     y, x = np.mgrid[:SIZE_PX, :SIZE_PX] + 0.5
     inside = (x > corner[0] - 1.0) & (x < corner[0] + scale * (box.right - box.left) + 1.0)
     inside &= (y > corner[1] - 1.0) & (y < corner[1] + scale * (box.bottom - box.top) + 1.0)
     matte = np.clip(placed.max(axis=2) / 0.12, 0.0, 1.0) * inside
-    back = ray_tracing.encode(backdrops.backdrop(rng, kind, earth, SIZE_PX))
+    back = ray_tracing.linear_to_srgb(backdrops.paint_backdrop(rng, kind, earth, SIZE_PX))
     return placed * matte[..., None] + back * (1.0 - matte[..., None])
 
 
-def _empty(params: Params, kind: str, earth: backdrops.Globe) -> float:
+def _boxes_per_empty_frame(params: DetectorParams, kind: str, earth: backdrops.EarthTextures) -> float:
     counts = []
     for index in range(150):
         rng = np.random.default_rng([11, index])
-        image = expose(rng, backdrops.backdrop(rng, kind, earth, SIZE_PX), Sensor(2e4, 8.0))
-        counts.append(len(search(params, image.astype(np.float32) / np.float32(255.0))))
-    return _share(counts)
+        image = expose_image(rng, backdrops.paint_backdrop(rng, kind, earth, SIZE_PX), ImageSensor(2e4, 8.0))
+        counts.append(len(detect_multiscale(params, image.astype(np.float32) / np.float32(255.0))))
+    return _mean(counts)
 
 
 if __name__ == "__main__":

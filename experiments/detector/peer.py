@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.training.detector.augmentation import Batch, batch
-from rpojax.training.synthetic_data.detection_dataset import Dataset, read
+from rpojax.training.detector.augmentation import Batch, augment_batch
+from rpojax.training.synthetic_data.detection_dataset import DetectionDataset, read_dataset
 
 BATCH = 32
 RATE = 2e-3
@@ -39,8 +39,8 @@ def main() -> int:
     torch, model = build(arguments.model)
     torch.set_num_threads(arguments.threads)
     torch.manual_seed(0)
-    model, steps = train(torch, model, read(arguments.folder / "training"), 60.0 * arguments.minutes)
-    unseen = read(arguments.folder / "validation")
+    model, steps = train(torch, model, read_dataset(arguments.folder / "training"), 60.0 * arguments.minutes)
+    unseen = read_dataset(arguments.folder / "validation")
     boxes, scores = find(torch, model, unseen.images)
     timing = speed(torch, model)
     about = {
@@ -73,7 +73,7 @@ def build(name: str) -> tuple[Any, Any]:
     return torch, model
 
 
-def train(torch: Any, model: Any, data: Dataset, limit_s: float) -> tuple[Any, int]:
+def train(torch: Any, model: Any, data: DetectionDataset, limit_s: float) -> tuple[Any, int]:
     """The running mean of the weights after so long, and the steps taken: AdamW with warm-up and half a cosine."""
     optimiser = torch.optim.AdamW(model.parameters(), lr=RATE, weight_decay=5e-4)
     mean = deepcopy(model)
@@ -88,13 +88,13 @@ def train(torch: Any, model: Any, data: Dataset, limit_s: float) -> tuple[Any, i
         for group in optimiser.param_groups:
             group["lr"] = rate
         model.train()
-        loss, _ = model(as_targets(torch, batch(data, np.array(chosen), rng)))
+        loss, _ = model(as_targets(torch, augment_batch(data, np.array(chosen), rng)))
         optimiser.zero_grad()
         (loss.sum() * BATCH).backward()
         torch.nn.utils.clip_grad_norm_(model.parameters(), 10.0)
         optimiser.step()
         step += 1
-        follow(torch, mean, model, min(0.999, step / (step + 10.0)))
+        update_average(torch, mean, model, min(0.999, step / (step + 10.0)))
         if step % 100 == 0:
             print(
                 step, round(time.monotonic() - begin), [round(float(x), 3) for x in loss], file=sys.stderr, flush=True
@@ -102,7 +102,7 @@ def train(torch: Any, model: Any, data: Dataset, limit_s: float) -> tuple[Any, i
     return mean.eval(), step
 
 
-def follow(torch: Any, mean: Any, model: Any, decay: float) -> None:
+def update_average(torch: Any, mean: Any, model: Any, decay: float) -> None:
     """Moves the running mean of weights, and of statistics, towards a model's."""
     with torch.no_grad():
         for slow, fast in zip(mean.state_dict().values(), model.state_dict().values(), strict=True):
@@ -142,13 +142,13 @@ def find(torch: Any, model: Any, images: np.ndarray) -> tuple[list[np.ndarray], 
 
 def suppress(boxes: np.ndarray, scores: np.ndarray) -> list[int]:
     """Numbers of the best boxes that no better one overlaps."""
-    from rpojax.training.detector.average_precision import overlaps
+    from rpojax.training.detector.average_precision import pairwise_iou
 
     kept: list[int] = []
     for index in np.argsort(-scores)[:200]:
         if scores[index] < LEAST_SCORE or len(kept) == MOST:
             break
-        if not kept or overlaps(boxes[[index]], boxes[kept]).max() < SUPPRESSION_IOU:
+        if not kept or pairwise_iou(boxes[[index]], boxes[kept]).max() < SUPPRESSION_IOU:
             kept.append(int(index))
     return kept
 

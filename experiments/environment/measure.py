@@ -28,12 +28,12 @@ class Table:
         self.holds = True
         print("| figure | bar | measured | holds |\n|---|---|---|---|")
 
-    def row(self, what: str, bar: str, value: str, holds: bool) -> None:
+    def add_row(self, what: str, bar: str, value: str, holds: bool) -> None:
         self.holds &= holds
         print(f"| {what} | {bar} | {value} | {'yes' if holds else '**no**'} |", flush=True)
 
 
-def campaign(scenario: str, runs: int, out: Path) -> Campaign:
+def run_or_resume(scenario: str, runs: int, out: Path) -> Campaign:
     """Campaign of a scenario; one that is already there is taken up where it was left."""
     if (out / "campaign.json").exists():
         return rpojax.resume_campaign(out)
@@ -43,18 +43,18 @@ def campaign(scenario: str, runs: int, out: Path) -> Campaign:
 def speed(table: Table) -> None:
     """Closed loop with everything on against J2 alone, in turns in one sitting."""
     engines = {
-        name: closed_loop_speed.prepare(rpojax.load(name, ["duration_s=200"]), BATCH)
+        name: closed_loop_speed.compile_engine(rpojax.load(name, ["duration_s=200"]), BATCH)
         for name in ("inspection", "inspection_full")
     }
     times = {name: [] for name in engines}
     for _ in range(ROUNDS):
         for name, engine in engines.items():
-            times[name].append(closed_loop_speed.flown(engine).wall_s)
+            times[name].append(closed_loop_speed.time_pass(engine).wall_s)
     rates = {name: BATCH * 200.0 / min(values) for name, values in times.items()}
     ratio = float(np.median(np.array(times["inspection"]) / np.array(times["inspection_full"])))
     shown = ", ".join(f"{name} {rate:,.0f}" for name, rate in rates.items())
     compiled = ", ".join(f"{engine.compile_s:.0f} s" for engine in engines.values())
-    table.row(
+    table.add_row(
         "speed with everything on over speed with J2 alone",
         ">= 0.5",
         f"{ratio:.2f} (run-s/s: {shown}; compilation {compiled})",
@@ -75,32 +75,32 @@ def accuracy(table: Table, full: Campaign) -> None:
     }
     for metric, bar in bars.items():
         value = median(full, metric)
-        table.row(f"`inspection_full`: median `{metric}`", f"<= {bar} m", f"{value:.3f} m", value <= bar)
+        table.add_row(f"`inspection_full`: median `{metric}`", f"<= {bar} m", f"{value:.3f} m", value <= bar)
     p99 = float(np.nanpercentile(full.metrics["formation_error_rms_m"], 99))
-    table.row("`inspection_full`: p99 `formation_error_rms_m`", "<= 6 m", f"{p99:.2f} m", p99 <= 6.0)
+    table.add_row("`inspection_full`: p99 `formation_error_rms_m`", "<= 6 m", f"{p99:.2f} m", p99 <= 6.0)
     nees = float(np.nanmean(full.metrics["nees_mean"])) / 12.0
-    table.row("`inspection_full`: mean `nees_mean` over 12", "0.7 to 1.5", f"{nees:.2f}", 0.7 <= nees <= 1.5)
+    table.add_row("`inspection_full`: mean `nees_mean` over 12", "0.7 to 1.5", f"{nees:.2f}", 0.7 <= nees <= 1.5)
     coverage = float(np.nanmean(full.metrics["sigma3_coverage"]))
     shown = f"{100 * coverage:.2f} %"
-    table.row("`inspection_full`: `sigma3_coverage`", "97 to 99.95 %", shown, 0.97 <= coverage <= 0.9995)
+    table.add_row("`inspection_full`: `sigma3_coverage`", "97 to 99.95 %", shown, 0.97 <= coverage <= 0.9995)
     failed = int((~full.completed).sum())
-    table.row("`inspection_full`: failed runs", "0", f"{failed} of {full.completed.size}", failed == 0)
+    table.add_row("`inspection_full`: failed runs", "0", f"{failed} of {full.completed.size}", failed == 0)
 
 
 def eclipse(table: Table, result: Campaign) -> None:
     unseen = (result.metrics["reacquisition_peak_s"] > 200.0) | (result.metrics["longest_unseen_s"] > 2500.0)
     lost = int((unseen | ~result.completed).sum())
-    table.row("`inspection_eclipse`: lost or failed runs", "0", f"{lost} of {result.completed.size}", lost == 0)
+    table.add_row("`inspection_eclipse`: lost or failed runs", "0", f"{lost} of {result.completed.size}", lost == 0)
     coverage = float(np.nanmean(result.metrics["sigma3_coverage"]))
-    table.row("`inspection_eclipse`: `sigma3_coverage`", ">= 97 %", f"{100 * coverage:.2f} %", coverage >= 0.97)
+    table.add_row("`inspection_eclipse`: `sigma3_coverage`", ">= 97 %", f"{100 * coverage:.2f} %", coverage >= 0.97)
     waits = result.metrics["reacquisition_peak_s"]
     longest = float(np.nanmax(waits))
     shown = f"at most {longest:.0f} s, median {np.nanmedian(waits):.0f} s, in all runs"
-    table.row("`inspection_eclipse`: from sunrise to a box", "<= 60 s", shown, longest <= 60.0)
+    table.add_row("`inspection_eclipse`: from sunrise to a box", "<= 60 s", shown, longest <= 60.0)
     for metric in ("formation_error_rms_m", "nav_relative_position_error_rms_m", "nees_mean"):
         values = result.metrics[metric]
         shown = f"median {np.nanmedian(values):.2f}, p99 {np.nanpercentile(values, 99):.2f}"
-        table.row(f"`inspection_eclipse`: `{metric}`", "reported", shown, True)
+        table.add_row(f"`inspection_eclipse`: `{metric}`", "reported", shown, True)
 
 
 def faults(result: Campaign) -> bool:
@@ -132,10 +132,10 @@ def main() -> None:
     options = parser.parse_args()
     table = Table()
     speed(table)
-    full = campaign("inspection_full", options.runs, options.out / "full")
+    full = run_or_resume("inspection_full", options.runs, options.out / "full")
     accuracy(table, full)
-    eclipse(table, campaign("inspection_eclipse", options.runs, options.out / "eclipse"))
-    safe = faults(campaign("inspection_faults", options.runs, options.out / "faults"))
+    eclipse(table, run_or_resume("inspection_eclipse", options.runs, options.out / "eclipse"))
+    safe = faults(run_or_resume("inspection_faults", options.runs, options.out / "faults"))
     sys.exit(0 if table.holds and safe else 1)
 
 

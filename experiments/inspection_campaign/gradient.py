@@ -36,14 +36,14 @@ def main() -> None:
     options = parser.parse_args()
     calm = [] if options.events else ["camera.outlier_probability=0.0", "formation.dead_band_mm_s=0.0"]
     file = rpojax.load("inspection", ["duration_s=600.0", *calm])
-    scenario, chosen, _ = single_run.dispersed(file, seed=0, run_id=options.run_id)
+    scenario, chosen, _ = single_run.initialise_run(file, seed=0, run_id=options.run_id)
     key = closed_loop.run_key(0, options.run_id)
     stages = rpojax.Stages()
 
     def scaled(factors: Array) -> Params:
         changed = chosen
         for factor, path in zip(factors, GAINS.values(), strict=True):
-            changed = params.put(changed, path, params.get(chosen, path) * factor)
+            changed = params.replace_leaf(changed, path, params.get_leaf(chosen, path) * factor)
         return changed
 
     def loss(factors: Array) -> tuple[Array, tuple[Array, Array]]:
@@ -53,7 +53,7 @@ def main() -> None:
         @jax.checkpoint
         def tick(state: State) -> tuple[State, tuple[Array, Array, Array]]:
             after, seen = closed_loop.tick(stages, scenario, gains, state)
-            rho_H, _ = closed_loop.relative_state(seen.truth)
+            rho_H, _ = closed_loop.true_relative_state(seen.truth)
             return after, (jnp.sum((rho_H - desired) ** 2), seen.innovation.accepted, seen.mode)
 
         start = closed_loop.init(scenario, gains, key)

@@ -15,10 +15,10 @@ import numpy as np
 from rpojax.analysis.linear_covariance import linear_covariance, monte_carlo_agreement
 from rpojax.analysis.linear_covariance.linear_covariance import LinearCovariance
 from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS
-from rpojax.analysis.linear_covariance.monte_carlo_agreement import TOLERANCE, Agreement, Sampled
-from rpojax.campaign.execution.batch_engine import Engine
+from rpojax.analysis.linear_covariance.monte_carlo_agreement import TOLERANCE, ChannelAgreement, MonteCarloSample
+from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.scenario import scenario_file
-from rpojax.scenario.dispersion_keys import columns
+from rpojax.scenario.dispersion_keys import component_columns
 from rpojax.scenario.schema import ScenarioFile
 
 MOST_RUN_S = 10.0
@@ -32,7 +32,7 @@ CHECKED = (
 """Dispersions whose effect can be told from sampled runs by regression."""
 
 
-def row(found: Agreement) -> bool:
+def row(found: ChannelAgreement) -> bool:
     """Prints how one component agrees; True if it does within 15 % and sampling at every time."""
     name = f"`{found.channel}` {found.component}".strip()
     cells = (
@@ -46,11 +46,11 @@ def row(found: Agreement) -> bool:
     return found.disagrees == 0.0
 
 
-def effects(file: ScenarioFile, linear: LinearCovariance, sampled: Sampled) -> None:
+def effects(file: ScenarioFile, linear: LinearCovariance, sampled: MonteCarloSample) -> None:
     """Prints what constant errors do to the along-track estimate: linear, and by regression on the drawn values."""
-    engine = Engine(file)
-    blocks = range(0, sampled.runs, engine.size)
-    drawn = [columns(engine.draw(0, first + np.arange(engine.size))) for first in blocks]
+    engine = BatchEngine(file)
+    blocks = range(0, sampled.runs, engine.runs_per_device)
+    drawn = [component_columns(engine.draw_values(0, first + np.arange(engine.runs_per_device))) for first in blocks]
     values = {name: np.concatenate([each[name] for each in drawn])[: sampled.runs] for name in drawn[0]}
     used = {name: value for name, value in values.items() if name.split("[")[0] in CHECKED and value.std() > 0.0}
     inputs = np.stack([(value - value.mean()) / value.std() for value in used.values()], axis=1)
@@ -72,16 +72,16 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=2000)
     arguments = parser.parse_args()
     file = scenario_file.load("inspection", ["camera.outlier_probability=0.0"])
-    linear = linear_covariance.analyse(file)
+    linear = linear_covariance.analyse_scenario(file)
     print(
         f"worked out in {linear.run_s:.1f} s ({linear.run_cpu_s:.1f} s of processor time), "
         f"compiled in {linear.compile_s:.1f} s"
     )
-    sampled = monte_carlo_agreement.fly(file, arguments.runs, 0)
+    sampled = monte_carlo_agreement.simulate_sample(file, arguments.runs, 0)
     print(f"{sampled.runs} runs flown in {sampled.run_s:.1f} s, {sampled.failed} failed\n")
     print(f"| component | median ratio | least | largest | within {TOLERANCE:.0%} | disagrees |")
     print("|---|---|---|---|---|---|")
-    held = [row(found) for found in monte_carlo_agreement.compare(linear, sampled)]
+    held = [row(found) for found in monte_carlo_agreement.compare_with_sample(linear, sampled)]
     effects(file, linear, sampled)
     return 0 if all(held) and linear.run_s <= MOST_RUN_S else 1
 

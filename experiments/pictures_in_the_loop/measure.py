@@ -56,7 +56,7 @@ def run(
     return out
 
 
-def opened(folder: Path) -> "Campaign":
+def open_campaign(folder: Path) -> "Campaign":
     """A campaign that is there."""
     from rpojax.campaign.storage.campaign_folder import Campaign
 
@@ -73,7 +73,7 @@ def table(folders: list[Path]) -> None:
     """Medians and extremes of campaigns."""
     print("| campaign | runs, failed | metric | median | p5 | p95 |\n|---|---|---|---|---|---|")
     for folder in folders:
-        campaign = opened(folder)
+        campaign = open_campaign(folder)
         failed = int(np.count_nonzero(~campaign.completed))
         for name, title in METRICS.items():
             found = values(campaign, name)
@@ -82,10 +82,10 @@ def table(folders: list[Path]) -> None:
                 f"| {folder.name} | {campaign.info['runs']}, {failed} " if name == "formation_error_rms_m" else "| | "
             )
             print(f"{head}| {title} | {middle:.4g} | {low:.4g} | {high:.4g} |")
-        print(look_away(campaign))
+        print(false_boxes_off_target(campaign))
 
 
-def look_away(campaign: "Campaign") -> str:
+def false_boxes_off_target(campaign: "Campaign") -> str:
     """Boxes while the camera was not on the target, of the runs whose history is kept."""
     from rpojax.flight.guidance.pointing_modes import Mode
 
@@ -105,7 +105,7 @@ def by_run(folders: list[Path], name: str) -> dict[int, float]:
     """A metric by run number, of the runs of several campaigns that did not fail."""
     found: dict[int, float] = {}
     for folder in folders:
-        campaign = opened(folder)
+        campaign = open_campaign(folder)
         values = zip(campaign.run_ids.tolist(), campaign.metrics[name].tolist(), strict=True)
         found |= {run_id: value for run_id, value in values if np.isfinite(value)}
     return found

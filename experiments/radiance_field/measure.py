@@ -28,33 +28,33 @@ import optax
 from rpojax.core import quaternion
 from rpojax.training.radiance_field import evaluate_field, train_field
 from rpojax.training.synthetic_data import ray_tracing, target_mesh
-from rpojax.vision.pinhole import lens
-from rpojax.vision.radiance_field.ray_budget import Sampling, sampling
-from rpojax.vision.radiance_field.render_image import render_frame
-from rpojax.vision.radiance_field.target_field import Field
+from rpojax.vision.pinhole import pinhole_intrinsics
+from rpojax.vision.radiance_field.ray_budget import RaySampling, choose_ray_sampling
+from rpojax.vision.radiance_field.render_image import render_target
+from rpojax.vision.radiance_field.target_field import RadianceField
 from rpojax.vision.weight_files import load_field
 
 HERE = Path(__file__).parent
 OUT = Path("out/radiance_field")
 BARS = {"psnr_db": 32.0, "psnr_target_db": 23.5, "ssim": 0.955, "silhouette_iou": 0.98, "box_iou_median": 0.95}
 SEED = 1001
-POSE_RAYS = Sampling(64, 2048)
+POSE_RAYS = RaySampling(64, 2048)
 STEPS = {"grid": 2000, "point": 750}
 """Steps of the two trainings that are compared."""
 
 
 def fresh_views(count: int = 64, samples: int = 256, **changes: Any) -> ray_tracing.Views:
     """Views that no training has seen."""
-    shell = ray_tracing.Shell(count, samples=samples, seed=SEED, **changes)
+    shell = ray_tracing.ViewSampling(count, samples=samples, seed=SEED, **changes)
     name = "_".join(f"{key}{value}" for key, value in changes.items())
-    return ray_tracing.render(target_mesh.packaged(), shell, OUT / f"test_{name}")
+    return ray_tracing.ray_trace_views(target_mesh.packaged_target(), shell, OUT / f"test_{name}")
 
 
-def quality(field: Field) -> None:
+def quality(field: RadianceField) -> None:
     """The figures that the packaged field must reach."""
     views = fresh_views()
-    found = evaluate_field.figures(evaluate_field.pictures(field, views), views)
-    rows = evaluate_field.per_view(evaluate_field.pictures(field, views), views)
+    found = evaluate_field.field_metrics(evaluate_field.render_views(field, views), views)
+    rows = evaluate_field.metrics_per_view(evaluate_field.render_views(field, views), views)
     boxes = np.array([evaluate_field.silhouette_box(alpha) for alpha in views.alpha])
     width = np.max(boxes[:, 2:] - boxes[:, :2], axis=1).mean() / views.alpha.shape[1]
     print(f"target's long side: {width:.0%} of the frame, mean over views")
@@ -64,12 +64,12 @@ def quality(field: Field) -> None:
         print(f"| `{name}` | {bar:g} | {found[name]:.4g} | {rows[other].mean():.4g} |")
 
 
-def ranges(field: Field) -> None:
+def ranges(field: RadianceField) -> None:
     """Boxes in the 10 deg, 128 px camera by range."""
     print("| range [m] | target [px] | box IoU, median | p5 | PSNR [dB] | silhouette IoU |\n|---|---|---|---|---|---|")
     for range_m in (10.0, 20.0, 30.0, 35.0, 50.0, 80.0):
         views = fresh_views(40, 128, range_m=range_m, field_of_view_deg=10.0)
-        rows = evaluate_field.per_view(evaluate_field.pictures(field, views), views)
+        rows = evaluate_field.metrics_per_view(evaluate_field.render_views(field, views), views)
         boxes = np.array([evaluate_field.silhouette_box(alpha) for alpha in views.alpha])
         long_px = np.max(boxes[:, 2:] - boxes[:, :2], axis=1).mean()
         iou = rows["box_iou"]
@@ -79,11 +79,11 @@ def ranges(field: Field) -> None:
         )
 
 
-def phase(field: Field) -> None:
+def phase(field: RadianceField) -> None:
     """Error by phase angle."""
     views = fresh_views()
-    rows = evaluate_field.per_view(evaluate_field.pictures(field, views), views)
-    middle = target_mesh.packaged().bounds.mean(axis=0)
+    rows = evaluate_field.metrics_per_view(evaluate_field.render_views(field, views), views)
+    middle = target_mesh.packaged_target().bounds.mean(axis=0)
     away = views.position - middle
     away /= np.linalg.norm(away, axis=1, keepdims=True)
     angle = np.degrees(np.arccos(np.clip(np.sum(away * views.sun, axis=1), -1.0, 1.0)))
@@ -95,16 +95,20 @@ def phase(field: Field) -> None:
             print(f"| {low} to {high} | {chosen.sum()} | {values[0]:.1f} | {values[1]:.1f} | {values[2]:.3f} |")
 
 
-def frame_time(field: Field, region: int = 64, batch: int = 8) -> float:
+def frame_time(field: RadianceField, region: int = 64, batch: int = 8) -> float:
     """Milliseconds for a frame of `region` x `region` rays within a batch: shortest of several calls."""
-    optics = lens(jnp.asarray(np.radians(10.0)), 128, 128)
-    rotations, positions, suns = ray_tracing.draw(target_mesh.packaged(), ray_tracing.Shell(batch, range_m=30.0))
+    optics = pinhole_intrinsics(jnp.asarray(np.radians(10.0)), 128, 128)
+    rotations, positions, suns = ray_tracing.sample_views(
+        target_mesh.packaged_target(), ray_tracing.ViewSampling(batch, range_m=30.0)
+    )
     lit = jnp.ones((), jnp.float32)
-    share = sampling(field, float(optics.focal_px), 30.0)
-    rays = Sampling(region, math.ceil(region * region * share.rays / share.side**2))
+    share = choose_ray_sampling(field, float(optics.focal_px), 30.0)
+    rays = RaySampling(region, math.ceil(region * region * share.ray_count / share.side**2))
 
-    def one(field: Field, position: jax.Array, rotation: jax.Array, sun: jax.Array) -> tuple[jax.Array, jax.Array]:
-        frame = render_frame(field, optics, 128, 128, rays, position, rotation, sun, lit)
+    def one(
+        field: RadianceField, position: jax.Array, rotation: jax.Array, sun: jax.Array
+    ) -> tuple[jax.Array, jax.Array]:
+        frame = render_target(field, optics, 128, 128, rays, position, rotation, sun, lit)
         return frame.color, frame.alpha
 
     run = jax.jit(jax.vmap(one, in_axes=(None, 0, 0, 0)))
@@ -123,7 +127,7 @@ def shortest(call: Callable[[], Any], times: int = 7) -> float:
     return min(spent)
 
 
-def speed(field: Field) -> None:
+def speed(field: RadianceField) -> None:
     """Time of a frame."""
     print("| region [rays] | batch | ms a frame |\n|---|---|---|")
     for region in (32, 64, 96):
@@ -132,18 +136,20 @@ def speed(field: Field) -> None:
         print(f"| 64 x 64 | 256 | {frame_time(field, 64, 256):.3f} |")
 
 
-def compare(field: Field) -> None:
+def compare(field: RadianceField) -> None:
     """Both fields, trained on the same views in this run: error against training time and against render time."""
     del field
-    mesh = target_mesh.packaged()
-    views = ray_tracing.render(mesh, ray_tracing.Shell(300, range_scale=(0.9, 1.15)), OUT / "train")
+    mesh = target_mesh.packaged_target()
+    views = ray_tracing.ray_trace_views(mesh, ray_tracing.ViewSampling(300, range_scale=(0.9, 1.15)), OUT / "train")
     judged = fresh_views()
     final = []
     print("| field | steps | training [s] | of processors [s] | PSNR near the target, views held out [dB] |")
     print("|---|---|---|---|---|")
     for kind, steps in STEPS.items():
-        trained, _ = train_field.train(mesh, views, train_field.Recipe(steps=steps, kind=kind), on_step=line(kind))
-        found = evaluate_field.figures(evaluate_field.pictures(trained, judged), judged)
+        trained, _ = train_field.train(
+            mesh, views, train_field.FieldTrainingOptions(steps=steps, kind=kind), on_progress=progress_printer(kind)
+        )
+        found = evaluate_field.field_metrics(evaluate_field.render_views(trained, judged), judged)
         final.append(
             f"| {kind} | {frame_time(trained, 64):.1f} | {found['psnr_db']:.1f} | {found['psnr_target_db']:.1f} "
             f"| {found['ssim']:.3f} | {found['silhouette_iou']:.3f} |"
@@ -161,10 +167,10 @@ def meshes(commands: list[str]) -> None:
     for words in map(shlex.split, commands):
         path = OUT / f"{Path(words[0]).stem}{Path(words[0]).suffix}.field"
         begin, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
-        made = call("train", *words, "--out", str(path), "--force")
+        made = run_field_command("train", *words, "--out", str(path), "--force")
         wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
         spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-        found = call("evaluate", str(path), "--mesh", *words, "--views", "64", "--seed", "7")
+        found = run_field_command("evaluate", str(path), "--mesh", *words, "--views", "64", "--seed", "7")
         name, load = " ".join([Path(words[0]).name, *words[1:]]), os.getloadavg()[0]
         print(
             f"| {name} | {made['faces']} | {wall:.0f} | {spent:.0f} | {load:.0f} | {found['psnr_db']:.1f} "
@@ -173,24 +179,24 @@ def meshes(commands: list[str]) -> None:
         )
 
 
-def call(*words: str) -> dict[str, Any]:
+def run_field_command(*words: str) -> dict[str, Any]:
     """What a verb of `rpojax field` prints as JSON."""
     done = subprocess.run([sys.executable, "-m", "rpojax", "field", *words, "--json"], check=True, capture_output=True)
     return json.loads(done.stdout)
 
 
-def line(kind: str) -> train_field.OnStep:
+def progress_printer(kind: str) -> train_field.OnFieldProgress:
     """What prints a row for every check of a training that begins now."""
     start = time.process_time()
 
-    def show(step: train_field.Step) -> None:
+    def show(step: train_field.FieldTrainingProgress) -> None:
         spent = time.process_time() - start
         print(f"| {kind} | {step.done} | {step.elapsed_s:.0f} | {spent:.0f} | {step.psnr_db:.1f} |", flush=True)
 
     return show
 
 
-def recovery(field: Field) -> None:
+def recovery(field: RadianceField) -> None:
     """A pose 3 deg and 3 % of range wrong, mended by the gradient of a silhouette loss; a picture of both."""
     print(
         "| view | measured by | turn wrong, start and end [deg] | range wrong, start and end [%] |\n|---|---|---|---|"
@@ -198,16 +204,16 @@ def recovery(field: Field) -> None:
     shown = []
     for seed in range(4):
         for name, wanted in (("field", None), ("ray trace", traced_silhouette(seed))):
-            found = recover(field, seed, wanted)
+            found = recover_pose(field, seed, wanted)
             turn, scale = found.turn_deg, found.range_percent
             print(f"| {seed} | {name} | {turn[0]:.2f}, {turn[1]:.2f} | {scale[0]:.2f}, {scale[1]:.2f} |", flush=True)
             if wanted is None:
                 shown.append(found)
-    draw_recovery(HERE / "pose_recovery.png", field, shown)
+    plot_recovery(HERE / "pose_recovery.png", field, shown)
 
 
 @dataclasses.dataclass(frozen=True)
-class Recovered:
+class PoseRecovery:
     """A view, and the errors of its pose (3 of turn [rad], range as a share) at the start and at the end."""
 
     view: tuple[jax.Array, jax.Array, jax.Array]
@@ -224,36 +230,43 @@ class Recovered:
         return [100.0 * float(abs(error[3])) for error in self.errors]
 
 
-def pose_shell(seed: int, **changes: Any) -> ray_tracing.Shell:
+def pose_view_sampling(seed: int, **changes: Any) -> ray_tracing.ViewSampling:
     """The one view whose pose is recovered."""
-    return ray_tracing.Shell(1, seed=77 + seed, size_px=64, **changes)
+    return ray_tracing.ViewSampling(1, seed=77 + seed, size_px=64, **changes)
 
 
 def traced_silhouette(seed: int) -> jax.Array:
     """Ray-traced silhouette (64, 64) of that view."""
-    return jnp.asarray(ray_tracing.render(target_mesh.packaged(), pose_shell(seed, samples=256)).alpha[0])
+    return jnp.asarray(
+        ray_tracing.ray_trace_views(target_mesh.packaged_target(), pose_view_sampling(seed, samples=256)).alpha[0]
+    )
 
 
-def silhouette(field: Field, view: tuple[jax.Array, ...], error: jax.Array, rays: Sampling, size: int) -> jax.Array:
+def silhouette(
+    field: RadianceField, view: tuple[jax.Array, ...], error: jax.Array, rays: RaySampling, size: int
+) -> jax.Array:
     """Alpha (size, size) of a view whose pose is wrong by an error."""
     rotation, position, sun = view
-    optics = lens(jnp.asarray(np.radians(ray_tracing.FIELD_OF_VIEW_DEG)), size, size)
-    R_KT, r = moved(rotation, position, error)
-    return render_frame(field, optics, size, size, rays, r, R_KT, sun, jnp.ones((), jnp.float32)).alpha
+    optics = pinhole_intrinsics(jnp.asarray(np.radians(ray_tracing.FIELD_OF_VIEW_DEG)), size, size)
+    R_KT, r = perturbed_pose(rotation, position, error)
+    return render_target(field, optics, size, size, rays, r, R_KT, sun, jnp.ones((), jnp.float32)).alpha
 
 
 @partial(jax.jit, static_argnums=(4,))
-def slope(field: Field, view: tuple[jax.Array, ...], wanted: jax.Array, error: jax.Array, rays: Sampling) -> jax.Array:
+def silhouette_gradient(
+    field: RadianceField, view: tuple[jax.Array, ...], wanted: jax.Array, error: jax.Array, rays: RaySampling
+) -> jax.Array:
     """Gradient of the silhouette's mean squared error in the pose's error."""
     return jax.grad(lambda e: jnp.mean((silhouette(field, view, e, rays, 64) - wanted) ** 2))(error)
 
 
-def recover(
-    field: Field, seed: int, wanted: jax.Array | None = None, steps: int = 100, rays: Sampling = POSE_RAYS
-) -> Recovered:
+def recover_pose(
+    field: RadianceField, seed: int, wanted: jax.Array | None = None, steps: int = 100, rays: RaySampling = POSE_RAYS
+) -> PoseRecovery:
     """Descends from a pose 3 deg and 3 % wrong to a silhouette (64, 64), that of the field itself by default."""
     rotation, position, sun = (
-        jnp.asarray(values[0], jnp.float32) for values in ray_tracing.draw(target_mesh.packaged(), pose_shell(seed))
+        jnp.asarray(values[0], jnp.float32)
+        for values in ray_tracing.sample_views(target_mesh.packaged_target(), pose_view_sampling(seed))
     )
     view = (rotation, position, sun)
     axis = np.random.default_rng(seed).normal(size=3)
@@ -265,17 +278,17 @@ def recover(
     error, state = wrong, optimiser.init(wrong)
     for step in range(steps):
         with jax.numpy_dtype_promotion("standard"):  # optax raises a number to the power of its count
-            change, state = optimiser.update(slope(field, view, wanted, error, rays), state)
+            change, state = optimiser.update(silhouette_gradient(field, view, wanted, error, rays), state)
         error = error + (0.5 + 0.49 * math.cos(math.pi * step / steps)) * cast(jax.Array, change)
-    return Recovered(view, (wrong, error))
+    return PoseRecovery(view, (wrong, error))
 
 
-def draw_recovery(path: Path, field: Field, found: list[Recovered], size: int = 192) -> None:
+def plot_recovery(path: Path, field: RadianceField, found: list[PoseRecovery], size: int = 192) -> None:
     """Silhouettes over each other before and after, one column a view."""
     from matplotlib import pyplot
     from matplotlib.patches import Patch
 
-    look = jax.jit(lambda view, error: silhouette(field, view, error, Sampling(256, 256 * 128), size))
+    look = jax.jit(lambda view, error: silhouette(field, view, error, RaySampling(256, 256 * 128), size))
     figure, axes = pyplot.subplots(2, len(found), figsize=(2.2 * len(found), 5.2), layout="constrained")
     for column, one in enumerate(found):
         measured = np.asarray(look(one.view, jnp.zeros(4, jnp.float32)))
@@ -304,28 +317,28 @@ def overlay(measured: np.ndarray, assumed: np.ndarray) -> np.ndarray:
     return 1.0 - np.sum([part * (1.0 - color) for part, color in zip(parts, colors, strict=True)], axis=0)
 
 
-def moved(rotation: jax.Array, position: jax.Array, error: jax.Array) -> tuple[jax.Array, jax.Array]:
+def perturbed_pose(rotation: jax.Array, position: jax.Array, error: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Camera axes and position when the target is turned by `error[:3]` [rad] and its range is `error[3]` too long."""
     turn = quaternion.to_matrix(quaternion.exp(error[:3]))
     R_KT = jnp.sum(rotation[:, :, None] * turn[None, :, :], axis=1)
     return R_KT, jnp.sum(turn * position[:, None], axis=0) * (1.0 + error[3])
 
 
-def strips(field: Field) -> None:
+def strips(field: RadianceField) -> None:
     """Ray trace, field and difference side by side, at the nominal range and in the 10 deg camera."""
     views = fresh_views()
     chosen = np.arange(0, 64, 8)
-    views = take(views, chosen)
-    shown = evaluate_field.pictures(field, views)
-    error = np.abs(evaluate_field.codes(shown.rgb) - evaluate_field.codes(views.rgb))
+    views = select_views(views, chosen)
+    shown = evaluate_field.render_views(field, views)
+    error = np.abs(evaluate_field.srgb_codes(shown.rgb) - evaluate_field.srgb_codes(views.rgb))
     save(HERE / "strip.png", sheet(views.rgb, shown.rgb, error), 1)
-    far = take(fresh_views(40, 128, range_m=30.0, field_of_view_deg=10.0), np.arange(0, 40, 5))
-    shown = evaluate_field.pictures(field, far)
-    error = np.abs(evaluate_field.codes(shown.rgb) - evaluate_field.codes(far.rgb))
+    far = select_views(fresh_views(40, 128, range_m=30.0, field_of_view_deg=10.0), np.arange(0, 40, 5))
+    shown = evaluate_field.render_views(field, far)
+    error = np.abs(evaluate_field.srgb_codes(shown.rgb) - evaluate_field.srgb_codes(far.rgb))
     save(HERE / "strip_30m.png", sheet(far.rgb, shown.rgb, error), 1)
 
 
-def take(views: ray_tracing.Views, chosen: np.ndarray) -> ray_tracing.Views:
+def select_views(views: ray_tracing.Views, chosen: np.ndarray) -> ray_tracing.Views:
     """Some of the views."""
     names = ("rotation", "position", "sun", "rgb", "alpha", "depth")
     return dataclasses.replace(views, **{name: getattr(views, name)[chosen] for name in names})
@@ -333,7 +346,7 @@ def take(views: ray_tracing.Views, chosen: np.ndarray) -> ray_tracing.Views:
 
 def sheet(*rows: np.ndarray) -> np.ndarray:
     """Rows of pictures as one (h, w, 3) array of codes."""
-    return np.concatenate([np.concatenate(list(evaluate_field.codes(row)), axis=1) for row in rows], axis=0)
+    return np.concatenate([np.concatenate(list(evaluate_field.srgb_codes(row)), axis=1) for row in rows], axis=0)
 
 
 def save(path: Path, picture: np.ndarray, scale: int) -> None:

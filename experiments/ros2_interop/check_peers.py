@@ -23,8 +23,8 @@ from rpojax.interop.ros2 import message_builders
 from rpojax.interop.ros2.dds_participant import LOOPBACK, Participant
 from rpojax.interop.ros2.frame_names import ECI, SERVICER
 from rpojax.interop.ros2.message_types import message_class, serialize, typestore
-from rpojax.interop.ros2.message_values import Motion, View
-from rpojax.interop.ros2.topics import Rate, Source, Topic
+from rpojax.interop.ros2.message_values import CameraFrame, Odometry
+from rpojax.interop.ros2.topics import Topic, TopicRate, TopicSource
 
 HERE = Path(__file__).parent
 DOMAIN = 57
@@ -104,21 +104,21 @@ def samples(name: str) -> Iterator[Any]:
         q = random.normal(size=4)
         match name:
             case "sensor_msgs/msg/JointState":
-                yield message_builders.wheels(at, a, b)
+                yield message_builders.wheel_state(at, a, b)
             case "sensor_msgs/msg/Imu":
                 yield live_topics.attitude_estimate(at, q, a, np.outer(a, b), np.outer(b, c))
             case "nav_msgs/msg/Odometry":
                 P = random.normal(size=(2, 6, 6))
                 values = {"position": a, "orientation": q, "velocity": b, "rate": c}
                 yield message_builders.odometry(
-                    at, ECI, SERVICER, Motion(**values, pose_covariance=P[0], twist_covariance=P[1])
+                    at, ECI, SERVICER, Odometry(**values, pose_covariance=P[0], twist_covariance=P[1])
                 )
             case "trajectory_msgs/msg/JointTrajectory":
                 yield message_builders.thruster_command(at, at + 60_000_000_000, at + 80_000_000_001, 0.03)
             case "vision_msgs/msg/Detection2DArray":
                 view: dict[str, Any] = {"size_px": np.array([128, 128]), "focal_px": 700.0, "center_px": np.zeros(2)}
                 view |= {"box_center_px": a[:2], "box_size_px": b[:2], "score": c[0], "present": True}
-                yield message_builders.detections(at, View(**view))
+                yield message_builders.detections(at, CameraFrame(**view))
             case "sensor_msgs/msg/Image":
                 yield message_builders.image(at, random.integers(0, 256, (48, 64, 3), dtype=np.uint8))
             case _:
@@ -137,13 +137,13 @@ TYPES = (
 
 def check(name: str, program: Path, count: int) -> tuple[int, int, float, float]:
     """How many came back, how many of them equal, and round trips at the median and the 99th percentile [ms]."""
-    there = Topic("/check/there", name, "", "", Source.TRUTH, Rate.TICK, "")
-    back = Topic("/check/back", name, "", "", Source.TRUTH, Rate.TICK, "")
+    there = Topic("/check/there", name, "", "", TopicSource.TRUTH, TopicRate.TICK, "")
+    back = Topic("/check/back", name, "", "", TopicSource.TRUTH, TopicRate.TICK, "")
     participant = Participant(DOMAIN)
     publisher, subscriber = participant.publisher(there), participant.subscriber(back)
     peer = subprocess.Popen([program, str(DOMAIN), str(count)], env={**os.environ, "CYCLONEDDS_URI": LOOPBACK})
     until = time.monotonic() + 60.0
-    while not (publisher.listeners and subscriber.speakers):
+    while not (publisher.subscriber_count and subscriber.publisher_count):
         if peer.poll() is not None or time.monotonic() > until:
             raise SystemExit(f"{name}: the peer has not come")
         time.sleep(0.05)
@@ -154,7 +154,7 @@ def check(name: str, program: Path, count: int) -> tuple[int, int, float, float]
         publisher.send(message)
         if not subscriber.wait(10.0):
             continue
-        found = subscriber.take()
+        found = subscriber.take_messages()
         trips.append(time.perf_counter() - begin)
         came += len(found)
         equal += sum(each is not None and serialize(each) == serialize(message) for each in found)

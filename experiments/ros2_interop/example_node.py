@@ -44,7 +44,7 @@ class Vehicle:
     camera = Rotation.from_quat([-0.5, -0.5, -0.5, 0.5])
 
 
-class Law:
+class Tuning:
     """Tuning, as in the packaged scenario."""
 
     station = np.array([0.0, -30.0, 0.0])
@@ -52,13 +52,13 @@ class Law:
     lead = 60.0
     delta_v_weight = 3e4
     dead_band = 1e-3
-    doubt = 0.2
-    watched = 3
+    largest_range_uncertainty = 0.2
+    minimum_estimates = 3
     slew_acceleration = 0.016
-    shortest_slew = 6.0
+    shortest_slew_time = 6.0
     settle = 5.0
-    look_away = 110.0
-    jump = np.radians(5.0)
+    longest_look_away = 110.0
+    retarget_jump = np.radians(5.0)
     bandwidth = 0.5
     damping = 0.9
     step = 0.2
@@ -77,7 +77,7 @@ class Estimate:
     v_SN_N: np.ndarray
     rho: np.ndarray
     rho_dot: np.ndarray
-    doubt: float
+    range_uncertainty: float
 
     @classmethod
     def read(cls, orbit: Any, relative: Any) -> "Estimate":
@@ -91,7 +91,7 @@ class Estimate:
             v_SN_N=A_NB.apply(xyz(orbit.twist.twist.linear)),
             rho=rho,
             rho_dot=A_HB.apply(xyz(relative.twist.twist.linear)),
-            doubt=float(np.sqrt(line @ P @ line) / np.linalg.norm(rho)),
+            range_uncertainty=float(np.sqrt(line @ P @ line) / np.linalg.norm(rho)),
         )
 
     @property
@@ -100,7 +100,7 @@ class Estimate:
         a = 1.0 / (2.0 / np.linalg.norm(self.r_SN_N) - self.v_SN_N @ self.v_SN_N / MU)
         return float(np.sqrt(MU / a**3))
 
-    def look(self) -> tuple[Rotation, np.ndarray]:
+    def target_pointing(self) -> tuple[Rotation, np.ndarray]:
         """A_EN with the camera on the target, its x axis towards the orbit normal, and its rate [rad/s] in E."""
         h_N = cross(self.r_SN_N, self.v_SN_N)
         normal = h_N / np.linalg.norm(h_N)
@@ -118,7 +118,7 @@ class Estimate:
         return A_EN, A_EN.apply(cross(line, line_rate) + roll_rate * line)
 
 
-def transition(n: float, t: float) -> np.ndarray:
+def clohessy_wiltshire_transition(n: float, t: float) -> np.ndarray:
     """Clohessy and Wiltshire's transition of (rho, rho_dot) over `t` [s]."""
     a, s, c = n * t, np.sin(n * t), np.cos(n * t)
     return np.array(
@@ -133,52 +133,57 @@ def transition(n: float, t: float) -> np.ndarray:
     )
 
 
-def gain(n: float) -> np.ndarray:
+def lqr_gain(n: float) -> np.ndarray:
     """Of the LQR with one impulse a period: `x' = Phi (x + [0; dv])`."""
-    A = transition(n, Law.period)
-    B, Q, R = A[:, 3:], np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]), Law.delta_v_weight * np.eye(3)
+    A = clohessy_wiltshire_transition(n, Tuning.period)
+    B, Q, R = A[:, 3:], np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]), Tuning.delta_v_weight * np.eye(3)
     P = solve_discrete_are(A, B, Q, R)
     return np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
 
 
 def slew_time(angle: float) -> float:
     """Of a cycloidal slew [s]."""
-    return max(float(np.sqrt(2.0 * np.pi * angle / Law.slew_acceleration)), Law.shortest_slew)
+    return max(float(np.sqrt(2.0 * np.pi * angle / Tuning.slew_acceleration)), Tuning.shortest_slew_time)
 
 
 @dataclass(frozen=True)
 class Burn:
     """Times [ns] from the start of the run, and the attitude A_BN meanwhile."""
 
-    turn: int = 0
+    slew_start: int = 0
     ignition: int = 0
     cutoff: int = 0
     A_BN: Rotation = field(default_factory=Rotation.identity)
 
 
-def decide(K: np.ndarray, at: int, now: Estimate, watched: int) -> Burn:
+def plan_burn(K: np.ndarray, time_ns: int, estimate: Estimate, estimate_count: int) -> Burn:
     """The burn of this period: none inside the dead band, while the range is in doubt, or before the target has been
     `watched` for a few ticks: what was seen once may have been something else."""
-    n = now.mean_motion
-    deviation = transition(n, Law.lead) @ np.concatenate([now.rho, now.rho_dot])
-    deviation[:3] -= Law.station
+    n = estimate.mean_motion
+    deviation = clohessy_wiltshire_transition(n, Tuning.lead) @ np.concatenate([estimate.rho, estimate.rho_dot])
+    deviation[:3] -= Tuning.station
     # Where the burn will be the Hill frame has turned on about the orbit normal.
-    delta_v_N = now.A_NH.apply(Rotation.from_rotvec([0.0, 0.0, n * Law.lead]).apply(-K @ deviation))
+    delta_v_N = estimate.A_NH.apply(Rotation.from_rotvec([0.0, 0.0, n * Tuning.lead]).apply(-K @ deviation))
     size = float(np.linalg.norm(delta_v_N))
-    A_EN, _ = now.look()
+    A_EN, _ = estimate.target_pointing()
     thrust_N = A_EN.inv().apply(Vehicle.thrust_direction)
-    turn_N = between(thrust_N, delta_v_N / size)
+    turn_N = smallest_rotation(thrust_N, delta_v_N / size)
     turning = slew_time(float(np.linalg.norm(turn_N)))
-    longest = Law.look_away - 2.0 * turning - Law.settle - 3.0
+    longest = Tuning.longest_look_away - 2.0 * turning - Tuning.settle - 3.0
     on_time = min(size * Vehicle.mass / Vehicle.thrust, max(longest, 0.0))
-    if size < Law.dead_band or on_time < Vehicle.minimum_on_time or now.doubt > Law.doubt or watched < Law.watched:
+    if (
+        size < Tuning.dead_band
+        or on_time < Vehicle.minimum_on_time
+        or estimate.range_uncertainty > Tuning.largest_range_uncertainty
+        or estimate_count < Tuning.minimum_estimates
+    ):
         return Burn()
-    ignition = at + round((Law.lead - 0.5 * on_time) * NANO)
-    turn = max(ignition - round((Law.settle + turning) * NANO), at)
+    ignition = time_ns + round((Tuning.lead - 0.5 * on_time) * NANO)
+    turn = max(ignition - round((Tuning.settle + turning) * NANO), time_ns)
     return Burn(turn, ignition, ignition + round(on_time * NANO), A_EN * Rotation.from_rotvec(-turn_N))
 
 
-def between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def smallest_rotation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Rotation vector of the smallest turn from unit vector `a` to `b`; for opposite ones, any."""
     axis, cosine = cross(a, b), float(a @ b)
     sine = float(np.linalg.norm(axis))
@@ -190,7 +195,7 @@ def between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 @dataclass
-class Pointing:
+class AttitudeGuidance:
     """The attitude command as a function of time: a moving end and a cycloidal remainder of the slew to it."""
 
     at: int
@@ -217,7 +222,7 @@ class Pointing:
         """Goes on to a new end; a change of task, or a jump of the end, is flown as a slew."""
         expected = Rotation.from_rotvec(-(at - self.at) / NANO * self.omega_E) * self.A_EN
         jump = np.linalg.norm((A_EN * expected.inv()).as_rotvec())
-        if burning != self.burning or jump > Law.jump:
+        if burning != self.burning or jump > Tuning.retarget_jump:
             self.remainder = (self.command(at)[0] * A_EN.inv()).as_rotvec()
             self.slew_at, self.slew_s = at, slew_time(float(np.linalg.norm(self.remainder)))
         self.at, self.A_EN, self.omega_E, self.burning = at, A_EN, omega_E, burning
@@ -232,7 +237,7 @@ def wheel_torque(
     x, y, z, w = A_BC.as_quat()
     error = -2.0 * np.copysign(1.0, w) * np.array([x, y, z])
     rate_error = omega - A_BC.apply(omega_C)
-    alpha = A_BC.apply(alpha_C) - Law.bandwidth**2 * error - 2.0 * Law.damping * Law.bandwidth * rate_error
+    alpha = A_BC.apply(alpha_C) - Tuning.bandwidth**2 * error - 2.0 * Tuning.damping * Tuning.bandwidth * rate_error
     momentum = Vehicle.inertia @ omega + Vehicle.wheel_inertia * wheels
     torque = -(Vehicle.inertia @ alpha + cross(omega, momentum))
     return torque / max(np.max(np.abs(torque)) / Vehicle.wheel_limit, 1.0)
@@ -243,92 +248,98 @@ class Controller:
 
     def __init__(self, node: Node, stages: set[str]) -> None:
         self.node, self.formation, self.attitude = node, "formation" in stages, "attitude" in stages
-        self.seen: dict[str, Any] = {}
+        self.latest: dict[str, Any] = {}
         self.counts = dict.fromkeys(INTERFACE, 0)
         self.decided = self.answered = -1
         self.K: np.ndarray | None = None
         self.burn = Burn()
-        self.pointing: Pointing | None = None
+        self.pointing: AttitudeGuidance | None = None
         for topic, name in INTERFACE.items():
             node.subscribe(topic, name)
         if self.formation:
-            self.say_burn = node.publisher("/servicer/thruster/command", "trajectory_msgs/msg/JointTrajectory")
-            self.say_target = node.publisher("/servicer/attitude/target", "geometry_msgs/msg/QuaternionStamped")
+            self.publish_burn = node.publisher("/servicer/thruster/command", "trajectory_msgs/msg/JointTrajectory")
+            self.publish_attitude_target = node.publisher(
+                "/servicer/attitude/target", "geometry_msgs/msg/QuaternionStamped"
+            )
         if self.attitude:
-            self.say_torque = node.publisher("/servicer/wheels/command", "sensor_msgs/msg/JointState")
+            self.publish_wheel_torque = node.publisher("/servicer/wheels/command", "sensor_msgs/msg/JointState")
 
     def run(self, patience_s: float) -> None:
         """Until the simulator has gone, or has not come."""
-        for topic, message in self.node.listen(patience_s):
+        for topic, message in self.node.messages(patience_s):
             self.counts[topic] += 1
-            self.seen[topic] = message
+            self.latest[topic] = message
             self.answer()
 
     def answer(self) -> None:
         """Says what can be said with what has come so far."""
-        if self.formation and (at := self.common(ORBIT, RELATIVE)) > self.decided:
+        if self.formation and (at := self.common_stamp(ORBIT, RELATIVE)) > self.decided:
             self.decided = at
-            self.fly_formation(at, Estimate.read(self.seen[ORBIT], self.seen[RELATIVE]))
-        if self.attitude and (at := self.common(ATTITUDE, WHEELS)) > self.answered and self.knows_where_to_point(at):
+            self.control_formation(at, Estimate.read(self.latest[ORBIT], self.latest[RELATIVE]))
+        if (
+            self.attitude
+            and (at := self.common_stamp(ATTITUDE, WHEELS)) > self.answered
+            and self.has_attitude_reference(at)
+        ):
             self.answered = at
-            self.fly_attitude(at)
+            self.control_attitude(at)
 
-    def knows_where_to_point(self, at: int) -> bool:
+    def has_attitude_reference(self, at: int) -> bool:
         """By its own plan, or by the simulator's reference of this tick, which may come after the estimate."""
-        if self.pointing is not None or REFERENCE not in self.seen:
+        if self.pointing is not None or REFERENCE not in self.latest:
             return self.pointing is not None
-        return 0 <= self.place(at) < len(self.seen[REFERENCE].points)
+        return 0 <= self.reference_index(at) < len(self.latest[REFERENCE].points)
 
-    def place(self, at: int) -> int:
+    def reference_index(self, at: int) -> int:
         """Number of the plant step in the simulator's reference."""
-        return round((at - stamp(self.seen[REFERENCE])) / NANO / Law.step)
+        return round((at - stamp_ns(self.latest[REFERENCE])) / NANO / Tuning.step)
 
-    def common(self, *topics: str) -> int:
+    def common_stamp(self, *topics: str) -> int:
         """Stamp [ns] that all these topics have come with, or -1."""
-        stamps = {stamp(self.seen[topic]) if topic in self.seen else -1 for topic in topics}
+        stamps = {stamp_ns(self.latest[topic]) if topic in self.latest else -1 for topic in topics}
         return stamps.pop() if len(stamps) == 1 else -1
 
-    def fly_formation(self, at: int, now: Estimate) -> None:
+    def control_formation(self, at: int, now: Estimate) -> None:
         """Once a tick: a burn each period, and where to point."""
         if self.K is None:
-            self.K = gain(now.mean_motion)
-        if at % round(Law.period * NANO) == 0:
-            self.burn = decide(self.K, at, now, self.counts[RELATIVE])
-        A_EN, omega_E = now.look()
-        burning = self.burn.turn <= at < self.burn.cutoff
+            self.K = lqr_gain(now.mean_motion)
+        if at % round(Tuning.period * NANO) == 0:
+            self.burn = plan_burn(self.K, at, now, self.counts[RELATIVE])
+        A_EN, omega_E = now.target_pointing()
+        burning = self.burn.slew_start <= at < self.burn.cutoff
         if burning:
             A_EN, omega_E = self.burn.A_BN, np.zeros(3)
         if self.pointing is None:
             # From wherever the body is: this node may have been started in the middle of a run.
             remainder = (now.A_NB.inv() * A_EN.inv()).as_rotvec()
             slew_s = slew_time(float(np.linalg.norm(remainder)))
-            self.pointing = Pointing(at, A_EN, omega_E, remainder, at, slew_s, burning)
+            self.pointing = AttitudeGuidance(at, A_EN, omega_E, remainder, at, slew_s, burning)
         self.pointing.retarget(at, A_EN, omega_E, burning)
         points = [] if self.burn.cutoff <= at else [(self.burn.ignition, Vehicle.thrust), (self.burn.cutoff, 0.0)]
         if points:
-            self.say_target(
+            self.publish_attitude_target(
                 make(
                     "geometry_msgs/msg/QuaternionStamped",
                     header=header(at, "eci"),
                     quaternion=orientation(self.burn.A_BN.inv()),
                 )
             )
-        self.say_burn(
+        self.publish_burn(
             make(
                 "trajectory_msgs/msg/JointTrajectory",
                 header=header(at, "servicer/base_link"),
                 joint_names=["thruster"],
-                points=[valve(time - at, force) for time, force in points],
+                points=[valve_point(time - at, force) for time, force in points],
             )
         )
 
-    def fly_attitude(self, at: int) -> None:
+    def control_attitude(self, at: int) -> None:
         """At every plant step: torques of the wheels."""
-        estimate, wheels = self.seen[ATTITUDE], self.seen[WHEELS]
-        command = self.pointing.command(at) if self.pointing else self.given_command(at)
+        estimate, wheels = self.latest[ATTITUDE], self.latest[WHEELS]
+        command = self.pointing.command(at) if self.pointing else self.received_reference(at)
         omega = xyz(estimate.angular_velocity)
         torque = wheel_torque(rotation(estimate.orientation).inv(), omega, np.asarray(wheels.velocity), command)
-        self.say_torque(
+        self.publish_wheel_torque(
             make(
                 "sensor_msgs/msg/JointState",
                 header=header(at, ""),
@@ -339,9 +350,9 @@ class Controller:
             )
         )
 
-    def given_command(self, at: int) -> tuple[Rotation, np.ndarray, np.ndarray]:
+    def received_reference(self, at: int) -> tuple[Rotation, np.ndarray, np.ndarray]:
         """The simulator's own reference at this step of its tick."""
-        point = self.seen[REFERENCE].points[self.place(at)]
+        point = self.latest[REFERENCE].points[self.reference_index(at)]
         return (
             rotation(point.transforms[0].rotation).inv(),
             xyz(point.velocities[0].angular),
@@ -363,7 +374,7 @@ def orientation(turn: Rotation) -> Any:
     return make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
 
 
-def stamp(message: Any) -> int:
+def stamp_ns(message: Any) -> int:
     return message.header.stamp.sec * NANO + message.header.stamp.nanosec
 
 
@@ -372,7 +383,7 @@ def header(at: int, frame: str) -> Any:
     return make("std_msgs/msg/Header", stamp=time, frame_id=frame)
 
 
-def valve(after: int, force: float) -> Any:
+def valve_point(after: int, force: float) -> Any:
     return make(
         "trajectory_msgs/msg/JointTrajectoryPoint",
         positions=np.zeros(0),

@@ -21,17 +21,17 @@ from rpojax.campaign.history_retention import Retention
 from rpojax.campaign.storage import folder_creation
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.interop import run_replay
-from rpojax.interop.ros2 import bag_writing, message_values
-from rpojax.interop.ros2.bag_writing import Format, Images
-from rpojax.interop.ros2.message_values import TickValues
-from rpojax.interop.run_replay import Flight
+from rpojax.interop.ros2 import mcap_sqlite3_writer, message_values
+from rpojax.interop.ros2.mcap_sqlite3_writer import BagFormat, ImageStorage
+from rpojax.interop.ros2.message_values import RosTickValues
+from rpojax.interop.run_replay import ReplayedRun
 
 T = TypeVar("T")
 LONGEST_S = 10.0
 
 
 @dataclass(frozen=True)
-class Took:
+class Duration:
     """Time on the wall and of the processor [s]."""
 
     wall_s: float
@@ -41,17 +41,19 @@ class Took:
         return f"{self.wall_s:.1f} s ({self.cpu_s:.1f} s CPU)"
 
 
-def timed(work: Callable[[], T]) -> tuple[T, Took]:
+def timed(work: Callable[[], T]) -> tuple[T, Duration]:
     """Result of `work` and how long it took."""
     wall, cpu = time.perf_counter(), time.process_time()
     result = work()
-    return result, Took(time.perf_counter() - wall, time.process_time() - cpu)
+    return result, Duration(time.perf_counter() - wall, time.process_time() - cpu)
 
 
-def begun(out: Path, duration_s: float) -> Campaign:
+def empty_campaign(out: Path, duration_s: float) -> Campaign:
     """A campaign with a rendered camera of which no run is flown: an export flies its run itself."""
     file = rpojax.load("inspection", ["camera.model=rendered", f"duration_s={duration_s}"])
-    folder_creation.create(out, folder_creation.describe(file, 0, 8, 0, 1, Retention("none").recorded()), force=True)
+    folder_creation.create_folder(
+        out, folder_creation.new_configuration(file, 0, 8, 0, 1, Retention("none").to_record()), force=True
+    )
     return Campaign(out)
 
 
@@ -61,10 +63,14 @@ def digest(bag: Path) -> str:
     return hashlib.sha256("\n".join(sums).encode()).hexdigest()
 
 
-def bag(flight: Flight[TickValues], pictures: list[np.ndarray], out: Path, form: Format, images: Images) -> int:
+def write_bag(
+    flight: ReplayedRun[RosTickValues], pictures: list[np.ndarray], out: Path, form: BagFormat, images: ImageStorage
+) -> int:
     """Writes a bag; returns the number of messages."""
-    told = bag_writing.said(flight, images, pictures)
-    return bag_writing.write(out, form, bag_writing.topics_of(images), told, bag_writing.origin(flight), force=True)
+    told = mcap_sqlite3_writer.run_messages(flight, images, pictures)
+    return mcap_sqlite3_writer.write_bag(
+        out, form, mcap_sqlite3_writer.bag_topics(images), told, mcap_sqlite3_writer.provenance(flight), force=True
+    )
 
 
 def main() -> int:
@@ -74,21 +80,24 @@ def main() -> int:
     parser.add_argument("--run-id", type=int, default=0)
     parser.add_argument("--duration-s", type=float, default=3000.0)
     options = parser.parse_args()
-    found = Campaign(options.campaign) if options.campaign else begun(options.out / "runs", options.duration_s)
+    found = Campaign(options.campaign) if options.campaign else empty_campaign(options.out / "runs", options.duration_s)
 
-    flight, took = timed(lambda: run_replay.fly(found, options.run_id, message_values.observe))
-    print(f"{flight.ticks} ticks flown in {took}, compiling included; {run_replay.compare(flight, found)}", flush=True)
+    flight, took = timed(lambda: run_replay.replay(found, options.run_id, message_values.observe_tick))
+    print(
+        f"{flight.ticks} ticks flown in {took}, compiling included; {run_replay.compare_with_campaign(flight, found)}",
+        flush=True,
+    )
     rendered = flight.file.camera.model == "rendered"
-    pictures, took = timed(lambda: list(bag_writing.pictures(flight)) if rendered else [])
+    pictures, took = timed(lambda: list(mcap_sqlite3_writer.rerendered_images(flight)) if rendered else [])
     print(f"{len(pictures)} pictures taken again in {took}, compiling included", flush=True)
 
     holds = True
     print("| format | images | messages | size [MB] | written in | written again | same bytes |")
     print("|---|---|---|---|---|---|---|")
-    for form in Format:
-        for images in Images if rendered else (Images.NONE,):
+    for form in BagFormat:
+        for images in ImageStorage if rendered else (ImageStorage.NONE,):
             places = [options.out / order / "bag" for order in ("first", "second")]
-            results = [timed(partial(bag, flight, pictures, place, form, images)) for place in places]
+            results = [timed(partial(write_bag, flight, pictures, place, form, images)) for place in places]
             (count, first), (_, second) = results
             size = sum(path.stat().st_size for path in places[0].iterdir())
             alike = digest(places[0]) == digest(places[1])

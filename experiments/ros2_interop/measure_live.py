@@ -19,13 +19,13 @@ from typing import Any
 import numpy as np
 
 HERE = Path(__file__).parent
-STATIONS = "formation,attitude"
+EXTERNAL_STAGES = "formation,attitude"
 
 
 def start_bridge(options: argparse.Namespace, *more: str) -> "subprocess.Popen[str]":
     """The simulator, once it waits for its node."""
     overrides = [word for each in options.overrides for word in ("--set", each)]
-    command = ["-m", "rpojax", "bridge", options.scenario, "--external", STATIONS, "--seed", str(options.seed)]
+    command = ["-m", "rpojax", "bridge", options.scenario, "--external", EXTERNAL_STAGES, "--seed", str(options.seed)]
     waits = ["--wait-s", "600", "--domain-id", str(options.domain_id), "--json"]
     bridge = subprocess.Popen(
         [sys.executable, *command, *overrides, *waits, *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -43,13 +43,13 @@ def start_node(options: argparse.Namespace) -> "subprocess.Popen[str]":
     return subprocess.Popen([*command, "--patience-s", "120"], stdout=subprocess.PIPE, text=True)
 
 
-def finish(bridge: "subprocess.Popen[str]") -> dict[str, Any]:
+def wait_for_summary(bridge: "subprocess.Popen[str]") -> dict[str, Any]:
     """What the simulator says at its end, its exit status with it."""
     output, _ = bridge.communicate()
     return {**json.loads(output), "status": bridge.returncode}
 
 
-def in_process(options: argparse.Namespace) -> dict[str, float]:
+def internal_metrics(options: argparse.Namespace) -> dict[str, float]:
     """Metrics of the same run flown by the packaged flight software."""
     from rpojax.campaign import single_run
     from rpojax.scenario import scenario_file
@@ -62,13 +62,13 @@ def in_process(options: argparse.Namespace) -> dict[str, float]:
     return {name: float(value[0]) for name, value in metrics.evaluate(file, records).items()}
 
 
-def fly(options: argparse.Namespace) -> list[tuple[str, str, bool]]:
+def simulate_with_node(options: argparse.Namespace) -> list[tuple[str, str, bool]]:
     """The example node flies the scenario."""
     bridge = start_bridge(options)
     node = start_node(options)
-    end = finish(bridge)
+    end = wait_for_summary(bridge)
     received = json.loads(node.communicate()[0])["received"]
-    inside = in_process(options)
+    inside = internal_metrics(options)
     lost = sum(end["sent"][topic] - count for topic, count in received.items())
     rows = []
     for name in ("formation_error_rms_m", "nav_relative_position_error_rms_m", "delta_v_m_s", "pointing_error_p95_deg"):
@@ -93,7 +93,7 @@ def restart(options: argparse.Namespace) -> list[tuple[str, str, bool]]:
     first.wait()
     time.sleep(2.0)
     second = start_node(options)
-    end = finish(bridge)
+    end = wait_for_summary(bridge)
     answered = sum(json.loads(second.communicate()[0])["received"].values())
     return [
         ("status and end", f"{end['status']}, {end['ticks']} ticks, {end['stopped'] or 'completed'}", end["completed"]),
@@ -108,11 +108,11 @@ def hostile(options: argparse.Namespace) -> list[tuple[str, str, bool]]:
     command = [sys.executable, __file__, "--case", "flood", "--domain-id", str(options.domain_id)]
     flooder = subprocess.Popen(command)
     node = start_node(options)
-    end = finish(bridge)
+    end = wait_for_summary(bridge)
     flooder.kill()
     flooder.wait()
     node.communicate()
-    inside = in_process(options)["formation_error_rms_m"]
+    inside = internal_metrics(options)["formation_error_rms_m"]
     ratio = end["metrics"]["formation_error_rms_m"] / inside if end["metrics"] else np.nan
     ignored = {f"{topic} {reason}": count for topic, each in end["ignored"].items() for reason, count in each.items()}
     return [
@@ -148,7 +148,7 @@ def flood(options: argparse.Namespace) -> None:
         time.sleep(options.pause_s)
 
 
-CASES = {"fly": fly, "restart": restart, "hostile": hostile}
+CASES = {"fly": simulate_with_node, "restart": restart, "hostile": hostile}
 
 
 def main() -> int:

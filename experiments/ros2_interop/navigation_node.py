@@ -12,7 +12,7 @@ import json
 from typing import Any
 
 import numpy as np
-from example_node import stamp
+from example_node import stamp_ns
 from ros_wire import Node, make
 
 ODOMETRY = "nav_msgs/msg/Odometry"
@@ -26,7 +26,7 @@ TURN_SIGMA = 1e-4
 RATE_SIGMA = 1e-5
 
 
-def blur(truth: Any, sigma: tuple[float, float], random: np.random.Generator) -> Any:
+def add_noise(truth: Any, sigma: tuple[float, float], random: np.random.Generator) -> Any:
     """The odometry with noise, and with its covariance."""
     (position, velocity), pose, twist = sigma, truth.pose.pose, truth.twist.twist
     return make(
@@ -37,7 +37,7 @@ def blur(truth: Any, sigma: tuple[float, float], random: np.random.Generator) ->
             "geometry_msgs/msg/PoseWithCovariance",
             pose=make(
                 "geometry_msgs/msg/Pose",
-                position=shifted("Point", pose.position, position, random),
+                position=noisy_vector("Point", pose.position, position, random),
                 orientation=pose.orientation,
             ),
             covariance=diagonal(position, TURN_SIGMA),
@@ -46,7 +46,7 @@ def blur(truth: Any, sigma: tuple[float, float], random: np.random.Generator) ->
             "geometry_msgs/msg/TwistWithCovariance",
             twist=make(
                 "geometry_msgs/msg/Twist",
-                linear=shifted("Vector3", twist.linear, velocity, random),
+                linear=noisy_vector("Vector3", twist.linear, velocity, random),
                 angular=twist.angular,
             ),
             covariance=diagonal(velocity, RATE_SIGMA),
@@ -54,7 +54,7 @@ def blur(truth: Any, sigma: tuple[float, float], random: np.random.Generator) ->
     )
 
 
-def shifted(kind: str, vector: Any, sigma: float, random: np.random.Generator) -> Any:
+def noisy_vector(kind: str, vector: Any, sigma: float, random: np.random.Generator) -> Any:
     x, y, z = np.array([vector.x, vector.y, vector.z]) + random.normal(0.0, sigma, 3)
     return make(f"geometry_msgs/msg/{kind}", x=float(x), y=float(y), z=float(z))
 
@@ -75,11 +75,11 @@ def main() -> None:
     for topic in PAIRS:
         node.subscribe(topic, ODOMETRY)
     received, last = dict.fromkeys(PAIRS, 0), -1
-    for topic, truth in node.listen(options.patience_s):
+    for topic, truth in node.messages(options.patience_s):
         estimate = PAIRS[topic]
-        say[estimate](blur(truth, SIGMA[estimate], random))
+        say[estimate](add_noise(truth, SIGMA[estimate], random))
         received[topic] += 1
-        last = stamp(truth)
+        last = stamp_ns(truth)
     print(json.dumps({"received": received, "last_s": last / 1e9}))
 
 

@@ -55,7 +55,7 @@ def main() -> None:
 
     def hear(topic: str, message: Any) -> None:
         controller.counts[topic] += 1
-        controller.seen[topic] = message
+        controller.latest[topic] = message
         controller.answer()
 
     adapter.hear = hear

@@ -36,7 +36,7 @@ STORE = get_typestore(Stores.ROS2_JAZZY)
 for short, text in VISION.items():
     STORE.register(get_types_from_msg(text, f"vision_msgs/msg/{short}"))
 RELIABLE = Policy.Reliability.Reliable(100_000_000)
-Any_ = ViewState.Any | InstanceState.Any | SampleState.NotRead
+ANY_STATE = ViewState.Any | InstanceState.Any | SampleState.NotRead
 
 
 def make(name: str, /, **fields: Any) -> Any:
@@ -90,7 +90,7 @@ class Node:
     def subscribe(self, topic: str, name: str) -> None:
         """Listens to a topic of a type."""
         reader = DataReader(self._participant, Topic(self._participant, "rt" + topic, struct(name)), _qos(name, 100))
-        self._waitset.attach(ReadCondition(reader, Any_))
+        self._waitset.attach(ReadCondition(reader, ANY_STATE))
         self._readers[topic] = reader
 
     def publisher(self, topic: str, name: str) -> Any:
@@ -105,7 +105,7 @@ class Node:
         taken = ((topic, sample) for topic, reader in self._readers.items() for sample in reader.take(100))
         return [(topic, sample.message) for topic, sample in taken if getattr(sample, "message", None) is not None]
 
-    def listen(self, patience_s: float) -> Iterator[tuple[str, Any]]:
+    def messages(self, patience_s: float) -> Iterator[tuple[str, Any]]:
         """What comes on all topics, until those who have spoken are gone, or nobody has come for so long [s]."""
         silent, met = 0.0, False
         while silent < patience_s and not (met and silent and all(map(self.is_alone, self._readers))):

@@ -5,7 +5,7 @@ import argparse
 import numpy as np
 
 import rpojax
-from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
 MISSIONS = {
     "inspection": 6000,
@@ -23,7 +23,9 @@ def compare(name: str, duration_s: int, runs: int, seed: int) -> str:
     from rpojax.analysis.gradients import tuning_validation
 
     double, single = (
-        tuning_validation.fly(rpojax.load(name, [f"duration_s={duration_s}", f"precision={kind}"]), seed, runs)
+        tuning_validation.simulate_runs(
+            rpojax.load(name, [f"duration_s={duration_s}", f"precision={kind}"]), seed, runs
+        )
         for kind in ("double", "single")
     )
     means, strays = {}, {}
@@ -51,7 +53,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=5)
     chosen = parser.parse_args()
     prepare_jax(cache=True)
-    prepare_loop(rendered=False)
+    set_loop_fusion_flag(rendered=False)
     print("| scenario | runs that complete | farthest mean | mean NEES | farthest runs |")
     print("|---|---|---|---|---|")
     asked = [text.partition(":") for text in chosen.missions]

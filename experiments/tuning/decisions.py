@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
 PARAMETERS = ("formation", "schedule")
 SETTINGS = ("formation.velocity_weight=[1e3, 1e3, 1e3]", "tuning.formation=1", "tuning.delta_v=1")
@@ -26,32 +26,34 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=5)
     options = parser.parse_args()
     prepare_jax(cache=True)
-    prepare_loop(rendered=False)
+    set_loop_fusion_flag(rendered=False)
     import rpojax
     from rpojax.analysis.gradients import gradient_estimator, tunable_parameters
-    from rpojax.analysis.gradients.run_derivatives import Flights, run_keys
+    from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
     from rpojax.analysis.gradients.tuning_objective import Objective
 
     file = rpojax.load("inspection", [*SETTINGS, *ONLY, f"duration_s={options.horizon}"])
-    chosen, names = tunable_parameters.choose(file, PARAMETERS), Objective(file).names
-    flights = Flights(file, partial(tunable_parameters.inputs, file, chosen), chosen.count, names, options.runs)
+    chosen, names = tunable_parameters.select_parameters(file, PARAMETERS), Objective(file).metric_names
+    flights = RolloutEvaluator(
+        file, partial(tunable_parameters.run_values, file, chosen), chosen.count, names, options.runs
+    )
     keys = run_keys(options.seed, np.arange(options.runs))
 
     def logs(x: np.ndarray) -> np.ndarray:
-        return np.log(flights.values(np.tile(x, (options.runs, 1)), keys).figures)
+        return np.log(flights.evaluate(np.tile(x, (options.runs, 1)), keys).metrics)
 
-    here = logs(chosen.start)
+    here = logs(chosen.initial)
     sides = {
-        (index, span): tuple(logs(chosen.start + sign * span * np.eye(chosen.count)[index]) for sign in (1.0, -1.0))
+        (index, span): tuple(logs(chosen.initial + sign * span * np.eye(chosen.count)[index]) for sign in (1.0, -1.0))
         for index in range(chosen.count)
         for span in SPANS
     }
     for column, figure in enumerate(names):
         weights = np.zeros_like(here)
         weights[:, column] = np.exp(-here[:, column])
-        found = flights.reverse(np.tile(chosen.start, (options.runs, 1)), keys, weights).gradient
+        found = flights.gradient(np.tile(chosen.initial, (options.runs, 1)), keys, weights).gradient
         assert found is not None
-        cut, _, shortened = gradient_estimator.combine(found / options.runs)
+        cut, _, shortened = gradient_estimator.clipped_sum(found / options.runs)
         print(f"\n`{figure}`, {shortened} of {options.runs} gradients cut\n")
         spans = " | ".join(f"differences over {span:g}" for span in SPANS)
         print(f"| number | mean derivative | cut | median | {spans} |\n|---|---|---|---|{'---|' * len(SPANS)}")

@@ -12,10 +12,10 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
 if TYPE_CHECKING:
-    from rpojax.analysis.statistics.campaign_comparison import Runs
+    from rpojax.analysis.statistics.campaign_comparison import RunMetrics
 
 PRICES = (0.05, 0.15, 0.4, 0.8, 1.5, 2.5)
 """Weights of the logarithm of the velocity change beside 1 for that of the formation error."""
@@ -35,7 +35,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     prepare_jax(cache=True)
-    prepare_loop(rendered=False)
+    set_loop_fusion_flag(rendered=False)
     options.out.mkdir(parents=True, exist_ok=True)
     points = tune_all(options)
     found = judge_all(options, points)
@@ -47,7 +47,7 @@ def main() -> None:
 def tune_all(options: argparse.Namespace) -> list[dict]:
     """Tuned scenarios from the lowest price to the highest; those that are there already are kept."""
     import rpojax
-    from rpojax.analysis.gradients import tuning
+    from rpojax.analysis.gradients import gradient_descent
     from rpojax.scenario import scenario_file
 
     file = rpojax.load(options.scenario, [*ONLY, "tuning.formation=1"])
@@ -58,8 +58,10 @@ def tune_all(options: argparse.Namespace) -> list[dict]:
             tables = file.model_dump(mode="json")
             tables["tuning"]["delta_v"] = price
             seed = 1000 * options.seed + number
-            settings = tuning.Settings(PARAMETERS, options.runs, options.steps, seed, options.horizon, rate=0.2)
-            tuned = tuning.tune(scenario_file.validate(tables), settings)
+            settings = gradient_descent.TuningSettings(
+                PARAMETERS, options.runs, options.steps, seed, options.horizon, rate=0.2
+            )
+            tuned = gradient_descent.descend(scenario_file.validate(tables), settings)
             content = {
                 "price": price,
                 "values": tuned.values,
@@ -67,7 +69,7 @@ def tune_all(options: argparse.Namespace) -> list[dict]:
             }
             kept.write_text(json.dumps(content))
         points.append(json.loads(kept.read_text()))
-        file = tuning.tuned_scenario(file, points[-1]["values"])
+        file = gradient_descent.tuned_scenario(file, points[-1]["values"])
         print(f"price {price:g}: objective {points[-1]['steps'][-1]['objective']:.3f}", flush=True)
     return points
 
@@ -75,24 +77,26 @@ def tune_all(options: argparse.Namespace) -> list[dict]:
 def judge_all(options: argparse.Namespace, points: list[dict]) -> dict:
     """Means over unseen full runs, and ratios to the packaged gains with intervals from resampled runs."""
     import rpojax
-    from rpojax.analysis.gradients import tuning, tuning_validation
+    from rpojax.analysis.gradients import gradient_descent, tuning_validation
 
     packaged = rpojax.load(options.scenario)
     seed = 777_000 + options.seed
-    first = tuning_validation.fly(packaged, seed, options.judge)
+    first = tuning_validation.simulate_runs(packaged, seed, options.judge)
     rows = [{"price": None, "values": {}, **ratios(first, first)}]
     for point in points:
-        flown = tuning_validation.fly(tuning.tuned_scenario(packaged, point["values"]), seed, options.judge)
+        flown = tuning_validation.simulate_runs(
+            gradient_descent.tuned_scenario(packaged, point["values"]), seed, options.judge
+        )
         rows.append({"price": point["price"], "values": point["values"], **ratios(first, flown)})
         print(f"judged price {point['price']:g}", flush=True)
     return {"runs": options.judge, "seed": seed, "points": rows}
 
 
-def ratios(first: "Runs", other: "Runs") -> dict:
+def ratios(first: "RunMetrics", other: "RunMetrics") -> dict:
     """Formation error and velocity change of runs, and their ratios to those of the same runs with packaged gains."""
     from rpojax.analysis.gradients import tuning_validation
 
-    means = tuning_validation.means(first, other)
+    means = tuning_validation.compare_means(first, other)
     found: dict = {"failed": int((~other.completed).sum())}
     for name in ("formation_error_rms_m", "delta_v_m_s"):
         found[name] = means[name].second

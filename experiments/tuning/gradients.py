@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
 STEPS = (1e-4, 1e-3, 1e-2, 1e-1)
 """In coordinates: the relative change of a number. Weak dependences need a longer one, for positions are rounded."""
@@ -33,7 +33,7 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     prepare_jax(cache=True)
-    prepare_loop(rendered=False)
+    set_loop_fusion_flag(rendered=False)
     found = {
         name: compare(options.scenario, [f"duration_s={options.horizon}", SPEED_WEIGHTS, *overrides], options)
         for name, overrides in (("off", CALM), ("on", []))
@@ -47,22 +47,22 @@ def compare(source: str, overrides: list[str], options: argparse.Namespace) -> d
     """Largest relative differences by number: forward, reverse, and the share of runs without an event in the step."""
     import rpojax
     from rpojax.analysis.gradients import tunable_parameters
-    from rpojax.analysis.gradients.run_derivatives import Flights, run_keys
+    from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
     from rpojax.analysis.gradients.tuning_objective import Objective
 
     file = rpojax.load(source, [*overrides, "tuning.estimate=1.0"])
     names = options.parameters.split(",") if options.parameters else list(tunable_parameters.GROUPS)
-    chosen, objective = tunable_parameters.choose(file, names), Objective(file)
-    flights = Flights(
-        file, partial(tunable_parameters.inputs, file, chosen), chosen.count, objective.names, options.runs
+    chosen, objective = tunable_parameters.select_parameters(file, names), Objective(file)
+    flights = RolloutEvaluator(
+        file, partial(tunable_parameters.run_values, file, chosen), chosen.count, objective.metric_names, options.runs
     )
     keys = run_keys(options.seed, np.arange(options.runs))
-    x = np.tile(chosen.start, (options.runs, 1))
+    x = np.tile(chosen.initial, (options.runs, 1))
     # One random direction among the figures, each in units of its own spread, stands for all of them.
-    plain = flights.values(x, keys)
+    plain = flights.evaluate(x, keys)
     rng = np.random.default_rng(0)
-    weights = np.tile(rng.standard_normal(len(objective.names)) / plain.figures.std(axis=0), (options.runs, 1))
-    forward, reverse = flights.forward(x, keys), flights.reverse(x, keys, weights)
+    weights = np.tile(rng.standard_normal(len(objective.metric_names)) / plain.metrics.std(axis=0), (options.runs, 1))
+    forward, reverse = flights.jacobian(x, keys), flights.gradient(x, keys, weights)
     assert forward.jacobian is not None and reverse.gradient is not None
     along = np.einsum("rf,rfk->rk", weights, forward.jacobian)
     rows = {}
@@ -72,8 +72,8 @@ def compare(source: str, overrides: list[str], options: argparse.Namespace) -> d
             move = step * np.eye(chosen.count)[index]
             slope, calm = np.zeros(options.runs), np.ones(options.runs, dtype=bool)
             for steps, weight in STENCIL.items():
-                up, down = (flights.values(x + sign * steps * move, keys) for sign in (1.0, -1.0))
-                slope += weight * ((up.figures - down.figures) * weights).sum(axis=1) / step
+                up, down = (flights.evaluate(x + sign * steps * move, keys) for sign in (1.0, -1.0))
+                slope += weight * ((up.metrics - down.metrics) * weights).sum(axis=1) / step
                 calm &= (up.events == plain.events) & (down.events == plain.events)
             differences.append(slope)
             quiet.append(calm)

@@ -69,10 +69,10 @@ def times(value: float | tuple[float, ...], name: str) -> str:
 
 def table(options: argparse.Namespace) -> int:
     """Packaged, wrong and tuned filters on the same unseen runs; status 1 if a bar is missed."""
-    from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
+    from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
     prepare_jax(cache=True)
-    prepare_loop(rendered=False)
+    set_loop_fusion_flag(rendered=False)
     import numpy as np
 
     import rpojax
@@ -88,7 +88,7 @@ def table(options: argparse.Namespace) -> int:
     print(f"| filter | failed | {' | '.join(SHOWN)} | holds |\n|---|---|{'---|' * 5}")
     found, status = {}, 0
     for name, file in cases.items():
-        flown = tuning_validation.fly(file, seed, options.judge)
+        flown = tuning_validation.simulate_runs(file, seed, options.judge)
         means = {metric: float(np.nanmean(flown.metrics[metric])) for metric in SHOWN}
         found[name] = {"failed": int((~flown.completed).sum()), **means}
         close = means[SHOWN[2]] <= ERROR_RATIO * found["packaged"][SHOWN[2]]
@@ -109,15 +109,15 @@ def memory(options: argparse.Namespace) -> int:
     """Two steps of a large tuning; the most memory of the process and of the programs."""
     import resource
 
-    from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
+    from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
     prepare_jax(cache=True)
-    prepare_loop(rendered=False)
+    set_loop_fusion_flag(rendered=False)
     import rpojax
-    from rpojax.analysis.gradients import tuning
+    from rpojax.analysis.gradients import gradient_descent
 
-    settings = tuning.Settings(("navigation",), runs=512, steps=2, horizon_s=3000.0)
-    tuned = tuning.tune(rpojax.load("inspection"), settings)
+    settings = gradient_descent.TuningSettings(("navigation",), runs=512, steps=2, horizon_s=3000.0)
+    tuned = gradient_descent.descend(rpojax.load("inspection"), settings)
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
     step = tuned.steps[-1].run_s
     print(f"512 runs of 3000 s: at most {peak:.2f} GB, programs {tuned.memory_bytes / 1e9:.2f} GB, {step:.0f} s a step")

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.validation.peer import Arrays, Peer, Run
-from experiments.validation.reference import quaternion_of
+from experiments.validation.basilisk_simulation import Arrays, BasiliskSimulation, SimulationCase
+from experiments.validation.reference_file import quaternion_from_mrp
 
 MU, RADIUS = 3.986004418e14, 6378137.0
 ZONALS = (1.08262668e-3, -2.53265649e-6, -1.61962159e-6, -2.27296083e-7, 5.40681239e-7)
@@ -42,19 +42,21 @@ LOW = orbit(6878137.0, 0.002, (97.4, 30.0, 20.0, 10.0))
 HIGH_APOGEE = orbit(24000e3, 0.7, (63.4, 100.0, 270.0, 40.0))
 
 
-def planet(degree: int) -> Arrays:
+def zonal_gravity(degree: int) -> Arrays:
     """Gravity with zonals up to a degree; 0 for a point mass."""
     return {"mu": np.array(MU), "Re": np.array(RADIUS), "J": np.array(ZONALS[: max(degree - 1, 0)])}
 
 
-def body(sigma: tuple[float, float, float], omega: tuple[float, float, float], inertia: Arrays | None = None) -> Arrays:
+def rigid_body(
+    sigma: tuple[float, float, float], omega: tuple[float, float, float], inertia: Arrays | None = None
+) -> Arrays:
     """A rigid body and its initial attitude and rate."""
     start = np.array(sigma)
     return {
         "I": INERTIA if inertia is None else inertia["I"],
         "m": np.array(60.0),
         "sigma0": start,
-        "q0": quaternion_of(start),
+        "q0": quaternion_from_mrp(start),
         "omega0": np.array(omega),
     }
 
@@ -65,7 +67,7 @@ def wheels(axes: np.ndarray) -> Arrays:
     return {"Js": np.array(0.008), "gs": unit, "Omega0": np.array([120.0, -80.0, 30.0])}
 
 
-def torques(period: float, duration: float) -> Arrays:
+def torque_commands(period: float, duration: float) -> Arrays:
     """Torque commands that change every so often: square waves of three amplitudes and lengths."""
     times = np.arange(0.0, duration, period)
     turn = np.stack([np.sign(np.sin(2.0 * np.pi * (times + 0.5 * period) / length)) for length in (90.0, 140.0, 70.0)])
@@ -82,7 +84,7 @@ def thrusters(burns: list[tuple[int, float, float]]) -> Arrays:
     }
 
 
-def chaser() -> Arrays:
+def target_and_chaser() -> Arrays:
     """A target and a chaser 80 m behind it, drifting."""
     r, v = LOW["r0"], LOW["v0"]
     radial, normal = r / np.linalg.norm(r), np.cross(r, v)
@@ -110,7 +112,7 @@ def sunlight() -> Arrays:
     }
 
 
-def air() -> Arrays:
+def exponential_atmosphere() -> Arrays:
     """An exponential atmosphere from the ground up, and a sphere in it."""
     return {
         "Cd": np.array(2.1),
@@ -121,7 +123,7 @@ def air() -> Arrays:
     }
 
 
-def cases() -> Iterator[tuple[str, Run, dict[str, str]]]:
+def cases() -> Iterator[tuple[str, SimulationCase, dict[str, str]]]:
     """Name, run and words of every reference."""
     gradient = {"torque": "gravity gradient of a point mass"}
     long_body = {"I": np.array([[30.0, 0.6, -0.5], [0.6, 120.0, 1.0], [-0.5, 1.0, 110.0]])}
@@ -130,29 +132,40 @@ def cases() -> Iterator[tuple[str, Run, dict[str, str]]]:
     spin, slow = (0.03, -0.02, 0.04), (0.002, -0.003, 0.001)
     burns = [(0, 11.0, 7.0), (1, 15.0, 9.5), (1, 120.0, 2.5), (0, 200.5, 0.5)]
     angles, start = (0.15, -0.1, 0.2), (-0.3, 0.25, 0.2)
-    orbits = {**planet(0), **LOW}
-    yield "a_two_body", Run(orbits, False, DAY, 10.0, 900.0), {}
-    yield "a_two_body_eccentric", Run({**planet(0), **HIGH_APOGEE}, False, DAY, 2.0, 620.0), {}
-    yield "b_j2", Run({**planet(2), **LOW}, False, DAY, 10.0, 900.0), {}
-    yield "b_zonals_6", Run({**planet(6), **LOW}, False, DAY, 10.0, 900.0), {}
-    yield "c_relative", Run({**planet(2), **chaser()}, False, 28400.0, 10.0, 200.0), {}
-    yield "d_tumble", Run(body(angles, spin), False, 3600.0, 0.5, 37.0), {}
-    yield "d_middle_axis", Run(body(angles, (1e-4, 0.06, -1e-4), middle), False, 3600.0, 0.5, 37.0), {}
-    e = {**body(angles, slow), **wheels(TILTED), **torques(4.0, 600.0)}
-    yield "e_wheels", Run(e, False, 600.0, 0.1, 7.0), {}
-    f = {**orbits, **body(angles, (1e-4, 1.1e-3, -2e-4), long_body)}
-    yield "f_gravity_gradient", Run(f, True, 5700.0, 1.0, 60.0), gradient
-    g = {**orbits, **body(angles, slow), **thrusters(burns)}
-    yield "g_burns", Run(g, False, 300.0, 0.1, 4.0), {}
-    yield "h_drag", Run({**planet(2), **LOW, **air()}, False, DAY / 2.0, 0.5, 600.0), {}
-    yield "h_sunlight", Run({**orbits, **sunlight()}, False, 11400.0, 1.0, 30.0), {}
-    i = {**planet(2), **LOW, **body(angles, slow), **wheels(TILTED), **torques(4.0, 600.0), **thrusters(burns)}
-    yield "i_combined", Run(i, True, 600.0, 0.1, 7.0), gradient
-    j = {**body(start, (0.02, 0.01, -0.015)), **wheels(np.eye(3)), **feedback}
-    yield "j_attitude_loop", Run(j, False, 300.0, 0.25, 1.25), {}
+    orbits = {**zonal_gravity(0), **LOW}
+    yield "a_two_body", SimulationCase(orbits, False, DAY, 10.0, 900.0), {}
+    yield "a_two_body_eccentric", SimulationCase({**zonal_gravity(0), **HIGH_APOGEE}, False, DAY, 2.0, 620.0), {}
+    yield "b_j2", SimulationCase({**zonal_gravity(2), **LOW}, False, DAY, 10.0, 900.0), {}
+    yield "b_zonals_6", SimulationCase({**zonal_gravity(6), **LOW}, False, DAY, 10.0, 900.0), {}
+    yield "c_relative", SimulationCase({**zonal_gravity(2), **target_and_chaser()}, False, 28400.0, 10.0, 200.0), {}
+    yield "d_tumble", SimulationCase(rigid_body(angles, spin), False, 3600.0, 0.5, 37.0), {}
+    yield "d_middle_axis", SimulationCase(rigid_body(angles, (1e-4, 0.06, -1e-4), middle), False, 3600.0, 0.5, 37.0), {}
+    e = {**rigid_body(angles, slow), **wheels(TILTED), **torque_commands(4.0, 600.0)}
+    yield "e_wheels", SimulationCase(e, False, 600.0, 0.1, 7.0), {}
+    f = {**orbits, **rigid_body(angles, (1e-4, 1.1e-3, -2e-4), long_body)}
+    yield "f_gravity_gradient", SimulationCase(f, True, 5700.0, 1.0, 60.0), gradient
+    g = {**orbits, **rigid_body(angles, slow), **thrusters(burns)}
+    yield "g_burns", SimulationCase(g, False, 300.0, 0.1, 4.0), {}
+    yield (
+        "h_drag",
+        SimulationCase({**zonal_gravity(2), **LOW, **exponential_atmosphere()}, False, DAY / 2.0, 0.5, 600.0),
+        {},
+    )
+    yield "h_sunlight", SimulationCase({**orbits, **sunlight()}, False, 11400.0, 1.0, 30.0), {}
+    i = {
+        **zonal_gravity(2),
+        **LOW,
+        **rigid_body(angles, slow),
+        **wheels(TILTED),
+        **torque_commands(4.0, 600.0),
+        **thrusters(burns),
+    }
+    yield "i_combined", SimulationCase(i, True, 600.0, 0.1, 7.0), gradient
+    j = {**rigid_body(start, (0.02, 0.01, -0.015)), **wheels(np.eye(3)), **feedback}
+    yield "j_attitude_loop", SimulationCase(j, False, 300.0, 0.25, 1.25), {}
 
 
-def with_hill(arrays: Arrays) -> Arrays:
+def add_hill_position(arrays: Arrays) -> Arrays:
     """Adds the relative position in the target's Hill frame, where there are two craft."""
     if "r_target" not in arrays:
         return arrays
@@ -164,9 +177,9 @@ def with_hill(arrays: Arrays) -> Arrays:
     return {**arrays, "rho": np.einsum("tij,tj->ti", frame, arrays["r_chaser"] - r)}
 
 
-def write(folder: Path, name: str, run: Run, words: dict[str, str]) -> int:
+def write_reference(folder: Path, name: str, run: SimulationCase, words: dict[str, str]) -> int:
     """Flies one case and writes its file; the size in bytes."""
-    histories = with_hill(Peer(run).record())
+    histories = add_hill_position(BasiliskSimulation(run).simulate())
     histories.pop("u_last", None)
     meta = {
         "case": name,
@@ -189,7 +202,7 @@ def main() -> None:
     given.folder.mkdir(parents=True, exist_ok=True)
     for name, run, words in cases():
         if not given.names or name in given.names:
-            print(f"{name}: {write(given.folder, name, run, words)} bytes", flush=True)
+            print(f"{name}: {write_reference(given.folder, name, run, words)} bytes", flush=True)
 
 
 if __name__ == "__main__":

@@ -17,41 +17,41 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from experiments.validation.gradient import has_gravity_gradient
-from experiments.validation.reference import FormatError, Numbers, Reference, read
+from experiments.validation.gravity_gradient_switch import has_gravity_gradient
+from experiments.validation.reference_file import FormatError, Numbers, Reference, read_reference
 from rpojax.core import quaternion
 from rpojax.core.constants import ASTRONOMICAL_UNIT, RADIUS_EARTH, SPEED_OF_LIGHT
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.numerics.runge_kutta import Method
 from rpojax.core.orbits import eclipse
-from rpojax.core.orbits.orbital_mechanics import Field
+from rpojax.core.orbits.orbital_mechanics import GravityField
 from rpojax.core.pytree import pytree
 from rpojax.physics import actuators, plant
-from rpojax.physics.actuators import Burn, BurnError, Thrust, Thruster, Wheels
-from rpojax.physics.environment import Atmosphere, Sky, Sunlight, Surface
+from rpojax.physics.actuators import BurnError, ReactionWheels, StepThrust, Thruster, ValveCommand
+from rpojax.physics.environment import Atmosphere, Sunlight, SunMoonPositions, Surface
 from rpojax.physics.equipment_faults import Fault, healthy
 from rpojax.physics.plant import PlantParams, Target, Truth
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.rigid_body import Body
 
-SAME_TIME = 1e-9
+TIME_TOLERANCE = 1e-9
 """Times nearer than this [s] are one."""
 
-ORBIT_ANGLE = 0.02
+ORBIT_ANGLE_PER_STEP = 0.02
 """Turn of the orbit at perigee in one step [rad]."""
 
-BODY_ANGLE = 0.1
+BODY_ANGLE_PER_STEP = 0.1
 """Turn of the body, and of its momentum in the body, in one step [rad]."""
 
-SHADOW_STEP = 1.0
+MAX_STEP_IN_SUNLIGHT = 1.0
 """Longest step where sunlight pushes [s]: an edge of the penumbra lies somewhere inside a step."""
 
-MOST_STEPS = 5e6
+MAX_STEPS = 5e6
 """A file that needs more steps than these is refused."""
 
 
 @dataclass(frozen=True)
-class Options:
+class ReplayOptions:
     """How to replay.
 
     Attributes:
@@ -70,7 +70,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Result:
+class ReplayResult:
     """Largest differences between the plant and a file; None where the file has none.
 
     Attributes:
@@ -91,7 +91,7 @@ class Result:
 
 
 @pytree
-class Feedback:
+class AttitudeFeedback:
     """Attitude control of a file: torque `K sigma_BN + P omega_BN_B` onto the wheels, towards q_BN = 1.
 
     Attributes:
@@ -104,7 +104,7 @@ class Feedback:
 
 
 @pytree
-class Steps:
+class StepSchedule:
     """Steps of one replay, all of them along the first axis.
 
     Attributes:
@@ -118,41 +118,41 @@ class Steps:
     """
 
     dt: Array
-    row: Array
+    output_row: Array
     torque: Array
-    decide: Array
+    update_feedback: Array
     thruster: Array
     ignition: Array
     cutoff: Array
 
 
-def replay(reference: Reference, options: Options | None = None) -> Result:
+def replay(reference: Reference, options: ReplayOptions | None = None) -> ReplayResult:
     """Flies a reference and compares; raises `FormatError` if the file lacks something or cannot be flown."""
-    chosen = options or Options()
-    truth, longest = fly(reference, chosen)
+    chosen = options or ReplayOptions()
+    truth, longest = propagate(reference, chosen)
     errors = _errors(reference, truth)
     if any(value is not None and not np.isfinite(value) for value in errors.values()):
         raise FormatError(f"{reference.case}: the replay did not stay finite")
-    acting = _names(reference, _effects(reference, chosen), "K" in reference and not chosen.logged_commands)
-    return Result(reference.case, **errors, integrator=chosen.integrator, step_s=longest, effects=acting)
+    acting = _active_effects(reference, _effects(reference, chosen), "K" in reference and not chosen.logged_commands)
+    return ReplayResult(reference.case, **errors, integrator=chosen.integrator, step_s=longest, effects=acting)
 
 
-def fly(reference: Reference, chosen: Options) -> tuple[Truth, float]:
+def propagate(reference: Reference, chosen: ReplayOptions) -> tuple[Truth, float]:
     """Truth at the samples of a reference, time first, and the longest step [s] that it took."""
     effects = _effects(reference, chosen)
     params = _params(reference)
     feedback = None if chosen.logged_commands else _feedback(reference)
-    steps, rows_of_samples = _steps(reference, effects, chosen, feedback is not None)
-    start = _initial(reference, params)
+    steps, rows_of_samples = _step_schedule(reference, effects, chosen, feedback is not None)
+    start = _initial_truth(reference, params)
     rows = int(rows_of_samples[-1]) + 1
-    kept = _fly(effects, rows, params, _thrusters(reference), _sky(reference), feedback, start, steps)
+    kept = _propagate(effects, rows, params, _thrusters(reference), _sky(reference), feedback, start, steps)
     return jax.tree.map(lambda history: history[rows_of_samples], kept), float(jnp.max(steps.dt))
 
 
 # What the file describes, in the plant's terms.
 
 
-def _effects(reference: Reference, chosen: Options) -> Effects:
+def _effects(reference: Reference, chosen: ReplayOptions) -> Effects:
     zonals = reference["J"].size if "J" in reference else 0
     return Effects(
         integrator=chosen.integrator,
@@ -163,7 +163,7 @@ def _effects(reference: Reference, chosen: Options) -> Effects:
     )
 
 
-def _names(reference: Reference, effects: Effects, feedback: bool) -> list[str]:
+def _active_effects(reference: Reference, effects: Effects, feedback: bool) -> list[str]:
     """What acts in a replay."""
     acting = {
         "gravity": "r" in reference or "r_target" in reference,
@@ -210,26 +210,26 @@ def _inertia(reference: Reference) -> Numbers:
     return reference["I"] if "q" in reference else np.eye(3)
 
 
-def _gravity(reference: Reference) -> Field:
+def _gravity(reference: Reference) -> GravityField:
     moving = "r" in reference or "r_target" in reference
     zonals = reference["J"] if "J" in reference and reference["J"].size else np.zeros(1)
-    return Field(
+    return GravityField(
         mu=jnp.asarray(reference.number("mu") if moving else 0.0),
         radius=jnp.asarray(reference.number("Re", RADIUS_EARTH)),
         zonals=jnp.asarray(zonals),
     )
 
 
-def _wheels(reference: Reference) -> Wheels:
+def _wheels(reference: Reference) -> ReactionWheels:
     """The file's wheels, or three without axes, which do nothing."""
     present = any(key in reference for key in ("gs", "u_cmd", "K"))
     axes = reference["gs"] if present else np.zeros((3, 3))
     count = axes.shape[0]
     none, unlimited = jnp.zeros(count), jnp.full(count, jnp.inf)
-    return Wheels(
+    return ReactionWheels(
         axes=jnp.asarray(axes),
-        inertia=jnp.asarray(_each(reference, "Js", count)) if present else jnp.ones(count),
-        torque_limit=jnp.asarray(_each(reference, "u_max", count)) if "u_max" in reference else unlimited,
+        inertia=jnp.asarray(_per_item(reference, "Js", count)) if present else jnp.ones(count),
+        torque_limit=jnp.asarray(_per_item(reference, "u_max", count)) if "u_max" in reference else unlimited,
         speed_limit=unlimited,
         initial_speed=jnp.asarray(reference["Omega0"]) if present else none,
         viscous_friction=none,
@@ -239,7 +239,7 @@ def _wheels(reference: Reference) -> Wheels:
     )
 
 
-def _each(reference: Reference, key: str, count: int) -> Numbers:
+def _per_item(reference: Reference, key: str, count: int) -> Numbers:
     value = reference[key]
     if value.size not in (1, count):
         raise FormatError(f"{reference.case}: key {key!r} has {value.size} numbers, expected 1 or {count}")
@@ -271,7 +271,7 @@ def _thrusters(reference: Reference) -> Thruster:
         return jax.vmap(_thruster)(jnp.zeros(1), jnp.zeros((1, 3)), jnp.ones((1, 3)))
     reference.number("m")
     directions = reference["thr_dir"]
-    force = _each(reference, "F_max", directions.shape[0]) * np.linalg.norm(directions, axis=1)
+    force = _per_item(reference, "F_max", directions.shape[0]) * np.linalg.norm(directions, axis=1)
     return jax.vmap(_thruster)(jnp.asarray(force), jnp.asarray(reference["thr_loc"]), jnp.asarray(directions))
 
 
@@ -311,19 +311,19 @@ def _sunlight(reference: Reference) -> Sunlight:
     )
 
 
-def _sky(reference: Reference) -> Sky:
+def _sky(reference: Reference) -> SunMoonPositions:
     needed = "Cr" in reference or "illumination" in reference
     sun = reference["r_sun"] if needed else np.array([ASTRONOMICAL_UNIT, 0.0, 0.0])
-    return Sky(sun_N=jnp.asarray(sun), moon_N=jnp.array([0.0, 3.8e8, 0.0]))
+    return SunMoonPositions(sun_N=jnp.asarray(sun), moon_N=jnp.array([0.0, 3.8e8, 0.0]))
 
 
-def _feedback(reference: Reference) -> Feedback | None:
+def _feedback(reference: Reference) -> AttitudeFeedback | None:
     if "K" not in reference:
         return None
-    return Feedback(stiffness=jnp.asarray(reference.number("K")), damping=jnp.asarray(reference.number("P")))
+    return AttitudeFeedback(stiffness=jnp.asarray(reference.number("K")), damping=jnp.asarray(reference.number("P")))
 
 
-def _initial(reference: Reference, params: PlantParams) -> Truth:
+def _initial_truth(reference: Reference, params: PlantParams) -> Truth:
     """A lone craft flies as the servicer, with the target at the same place and attitude."""
     if "r_target" in reference:
         r, v = reference.initial("r0_target", "r_target"), reference.initial("v0_target", "v_target")
@@ -356,26 +356,28 @@ def _initial(reference: Reference, params: PlantParams) -> Truth:
 # Steps: they end at every sample, command and edge of a burn, and are short enough for the motion.
 
 
-def _steps(reference: Reference, effects: Effects, options: Options, closed_loop: bool) -> tuple[Steps, Numbers]:
+def _step_schedule(
+    reference: Reference, effects: Effects, options: ReplayOptions, closed_loop: bool
+) -> tuple[StepSchedule, Numbers]:
     """The steps, and for each sample the row of what they keep that belongs to it."""
     samples = reference["t"]
     decisions = _decision_times(reference) if closed_loop else np.zeros(0)
     commands = reference["t_cmd"] if "u_cmd" in reference and not closed_loop else np.zeros(0)
     burns = reference["burns"] if "burns" in reference else np.zeros((0, 3))
     edges = np.zeros(0) if options.whole_steps else np.concatenate([burns[:, 1], burns[:, 1] + burns[:, 2]])
-    knots = _distinct(np.concatenate([[0.0], samples, decisions, commands, edges]), float(samples[-1]))
-    times = _subdivided(reference.case, knots, options.step_s or _longest_step(reference, effects))
+    knots = _distinct_times(np.concatenate([[0.0], samples, decisions, commands, edges]), float(samples[-1]))
+    times = _subdivide(reference.case, knots, options.step_s or _longest_step(reference, effects))
     begin, dt = times[:-1], np.diff(times)
-    thruster, ignition, cutoff = _burn_slots(burns, begin, dt)
+    thruster, ignition, cutoff = _burns_by_step(burns, begin, dt)
     # Two samples at one time share a row; a sample at the start is row 0 before any step.
-    ends, rows_of_samples = np.unique(np.searchsorted(times, samples - SAME_TIME), return_inverse=True)
+    ends, rows_of_samples = np.unique(np.searchsorted(times, samples - TIME_TOLERANCE), return_inverse=True)
     row = np.full(dt.size + 1, ends.size)
     row[ends] = np.arange(ends.size)
-    steps = Steps(
+    steps = StepSchedule(
         dt=jnp.asarray(dt),
-        row=jnp.asarray(row[1:]),
-        torque=jnp.asarray(_held_torque(reference, commands, begin)),
-        decide=jnp.asarray(_nearest_distance(decisions, begin) < SAME_TIME),
+        output_row=jnp.asarray(row[1:]),
+        torque=jnp.asarray(_torque_in_effect(reference, commands, begin)),
+        update_feedback=jnp.asarray(_nearest_distance(decisions, begin) < TIME_TOLERANCE),
         thruster=jnp.asarray(thruster),
         ignition=jnp.asarray(ignition),
         cutoff=jnp.asarray(cutoff),
@@ -389,17 +391,17 @@ def _decision_times(reference: Reference) -> Numbers:
     return np.arange(int(reference["t"][-1] / period) + 1) * period
 
 
-def _distinct(times: Numbers, end: float) -> Numbers:
+def _distinct_times(times: Numbers, end: float) -> Numbers:
     ordered = np.sort(times[times <= end])
-    return ordered[np.concatenate([[True], np.diff(ordered) > SAME_TIME])]
+    return ordered[np.concatenate([[True], np.diff(ordered) > TIME_TOLERANCE])]
 
 
 def _refuse_too_many(case: str, steps: float) -> None:
-    if not steps <= MOST_STEPS:
-        raise FormatError(f"{case}: found {steps:.3g} steps to fly, expected {MOST_STEPS:.0g} at most")
+    if not steps <= MAX_STEPS:
+        raise FormatError(f"{case}: found {steps:.3g} steps to fly, expected {MAX_STEPS:.0g} at most")
 
 
-def _subdivided(case: str, knots: Numbers, longest: float) -> Numbers:
+def _subdivide(case: str, knots: Numbers, longest: float) -> Numbers:
     """Knots with each interval divided evenly into as many parts as the longest step asks for."""
     _refuse_too_many(case, float(np.sum(np.maximum(1.0, np.ceil(np.diff(knots) / longest - 1e-9)))))
     parts = [
@@ -414,11 +416,11 @@ def _longest_step(reference: Reference, effects: Effects) -> float:
     for name in ("", "_target"):
         if f"r{name}" in reference:
             r, v = reference.initial(f"r0{name}", f"r{name}"), reference.initial(f"v0{name}", f"v{name}")
-            limits.append(ORBIT_ANGLE / _perigee_rate(reference.number("mu"), r, v))
+            limits.append(ORBIT_ANGLE_PER_STEP / _perigee_rate(reference.number("mu"), r, v))
     if "q" in reference:
-        limits.append(BODY_ANGLE / max(_body_rate(reference), 1e-6))
+        limits.append(BODY_ANGLE_PER_STEP / max(_body_rate(reference), 1e-6))
     if effects.solar_pressure:
-        limits.append(SHADOW_STEP)
+        limits.append(MAX_STEP_IN_SUNLIGHT)
     return min(limits)
 
 
@@ -439,7 +441,7 @@ def _body_rate(reference: Reference) -> float:
     stored = 0.0
     if "gs" in reference:
         count = reference["gs"].shape[0]
-        history = _each(reference, "Js", count) * reference["Omega0"][None, :]
+        history = _per_item(reference, "Js", count) * reference["Omega0"][None, :]
         if "u_cmd" in reference:
             spans = np.diff(np.append(reference["t_cmd"], max(reference["t"][-1], reference["t_cmd"][-1])))
             history = np.concatenate([history, history + np.cumsum(reference["u_cmd"] * spans[:, None], axis=0)])
@@ -452,18 +454,18 @@ def _angular_impulse(reference: Reference) -> float:
     if "burns" not in reference:
         return 0.0
     directions = reference["thr_dir"]
-    force = _each(reference, "F_max", directions.shape[0])[:, None] * directions
+    force = _per_item(reference, "F_max", directions.shape[0])[:, None] * directions
     torque = np.linalg.norm(np.cross(reference["thr_loc"], force), axis=1)
     burns = reference["burns"]
     return float(np.sum(torque[burns[:, 0].astype(int)] * burns[:, 2]))
 
 
-def _held_torque(reference: Reference, commands: Numbers, begin: Numbers) -> Numbers:
+def _torque_in_effect(reference: Reference, commands: Numbers, begin: Numbers) -> Numbers:
     """The command that holds in each step, none before the first."""
     count = reference["gs"].shape[0] if "gs" in reference else 3
     if commands.size == 0:
         return np.zeros((begin.size, count))
-    rows = np.searchsorted(commands, begin + SAME_TIME, side="right") - 1
+    rows = np.searchsorted(commands, begin + TIME_TOLERANCE, side="right") - 1
     return np.where(rows[:, None] >= 0, reference["u_cmd"][np.maximum(rows, 0)], 0.0)
 
 
@@ -474,14 +476,14 @@ def _nearest_distance(times: Numbers, points: Numbers) -> Numbers:
     return np.minimum(points - padded[after - 1], padded[after] - points)
 
 
-def _burn_slots(burns: Numbers, begin: Numbers, dt: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+def _burns_by_step(burns: Numbers, begin: Numbers, dt: Numbers) -> tuple[Numbers, Numbers, Numbers]:
     """Thruster, ignition and cutoff of the burns that touch each step, as many as ever touch one."""
     end = begin + dt
     used = np.zeros(begin.size, dtype=np.int64)
     touched = []
     for which, start, on_time in burns[burns[:, 2] > 0.0]:
-        first = int(np.searchsorted(end, start + SAME_TIME, side="right"))
-        rows = np.arange(first, max(first, int(np.searchsorted(begin, start + on_time - SAME_TIME))))
+        first = int(np.searchsorted(end, start + TIME_TOLERANCE, side="right"))
+        rows = np.arange(first, max(first, int(np.searchsorted(begin, start + on_time - TIME_TOLERANCE))))
         touched.append((rows, used[rows].copy(), int(which), start, start + on_time))
         used[rows] += 1
     shape = (begin.size, int(np.max(used)))
@@ -496,38 +498,42 @@ def _burn_slots(burns: Numbers, begin: Numbers, dt: Numbers) -> tuple[Numbers, N
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def _fly(
+def _propagate(
     effects: Effects,
-    rows: int,
+    output_rows: int,
     params: PlantParams,
     thrusters: Thruster,
-    sky: Sky,
-    feedback: Feedback | None,
+    sky: SunMoonPositions,
+    feedback: AttitudeFeedback | None,
     start: Truth,
-    steps: Steps,
+    steps: StepSchedule,
 ) -> Truth:
     """Truth at the rows that are kept; the first is the start unless a step writes it."""
 
-    def body(carry: tuple[Truth, Array, Truth], step: Steps) -> tuple[tuple[Truth, Array, Truth], None]:
+    def body(carry: tuple[Truth, Array, Truth], step: StepSchedule) -> tuple[tuple[Truth, Array, Truth], None]:
         truth, torque, kept = carry
-        torque = step.torque if feedback is None else jnp.where(step.decide, _wanted(feedback, params, truth), torque)
+        torque = (
+            step.torque
+            if feedback is None
+            else jnp.where(step.update_feedback, _feedback_torque(feedback, params, truth), torque)
+        )
         thrusts = tuple(_thrust(effects, thrusters, step, slot) for slot in range(step.thruster.shape[0]))
         truth = plant.step(effects, params, truth, torque, thrusts, sky, healthy(), step.dt)
-        kept = jax.tree.map(lambda history, now: history.at[step.row].set(now, mode="drop"), kept, truth)
+        kept = jax.tree.map(lambda history, now: history.at[step.output_row].set(now, mode="drop"), kept, truth)
         return (truth, torque, kept), None
 
-    kept = jax.tree.map(lambda value: jnp.broadcast_to(value, (rows, *value.shape)), start)
+    kept = jax.tree.map(lambda value: jnp.broadcast_to(value, (output_rows, *value.shape)), start)
     return jax.lax.scan(body, (start, jnp.zeros_like(params.wheels.initial_speed), kept), steps)[0][2]
 
 
-def _thrust(effects: Effects, thrusters: Thruster, step: Steps, slot: int) -> Thrust:
+def _thrust(effects: Effects, thrusters: Thruster, step: StepSchedule, slot: int) -> StepThrust:
     thruster = jax.tree.map(lambda all_of_them: all_of_them[step.thruster[slot]], thrusters)
     exact = BurnError(magnitude=jnp.zeros(()), direction=jnp.zeros(3))
-    burn = Burn(ignition=step.ignition[slot], cutoff=step.cutoff[slot], error=exact)
-    return actuators.thrust(thruster, burn, effects.integrator, False, step.dt)
+    burn = ValveCommand(ignition=step.ignition[slot], cutoff=step.cutoff[slot], burn_error=exact)
+    return actuators.thrust_over_step(thruster, burn, effects.integrator, False, step.dt)
 
 
-def _wanted(feedback: Feedback, params: PlantParams, truth: Truth) -> Float[Array, " wheels"]:
+def _feedback_torque(feedback: AttitudeFeedback, params: PlantParams, truth: Truth) -> Float[Array, " wheels"]:
     """Wheel torques `-gs . Lr` with `Lr = -K sigma_BN - P omega_BN_B`, sigma the shorter way round."""
     q = quaternion.conjugate(truth.q_BN)
     q = jnp.where(q[0] < 0.0, -q, q)
@@ -544,19 +550,19 @@ def _errors(reference: Reference, truth: Truth) -> dict[str, float | None]:
     position = {"r": r_SN_N, "r_target": truth.r_TN_N, "r_chaser": r_SN_N}
     velocity = {"v": v_SN_N, "v_target": truth.v_TN_N, "v_chaser": v_SN_N}
     return {
-        "position_error_m": _largest(reference, position),
-        "velocity_error_m_s": _largest(reference, velocity),
-        "attitude_error_rad": _largest_or_none(attitude_errors(reference, truth)),
-        "rate_error_rad_s": _largest(reference, {"omega": truth.omega_BN_B}),
-        "relative_position_error_m": _largest_or_none(relative_errors(reference, truth)),
-        "illumination_error": _largest_or_none(illumination_errors(reference)),
-        "wheel_speed_error_rad_s": _largest(reference, {"Omega": truth.wheel_speed}),
+        "position_error_m": _largest_distance(reference, position),
+        "velocity_error_m_s": _largest_distance(reference, velocity),
+        "attitude_error_rad": _maximum_or_none(attitude_errors(reference, truth)),
+        "rate_error_rad_s": _largest_distance(reference, {"omega": truth.omega_BN_B}),
+        "relative_position_error_m": _maximum_or_none(relative_errors(reference, truth)),
+        "illumination_error": _maximum_or_none(illumination_errors(reference)),
+        "wheel_speed_error_rad_s": _largest_distance(reference, {"Omega": truth.wheel_speed}),
     }
 
 
-def _largest(reference: Reference, flown: dict[str, Array]) -> float | None:
+def _largest_distance(reference: Reference, propagated: dict[str, Array]) -> float | None:
     """Largest distance between any of the histories that the file has and what was flown."""
-    found = [float(np.max(_distances(ours, reference[key]))) for key, ours in flown.items() if key in reference]
+    found = [float(np.max(_distances(ours, reference[key]))) for key, ours in propagated.items() if key in reference]
     return max(found) if found else None
 
 
@@ -564,7 +570,7 @@ def _distances(ours: Array | Numbers, theirs: Numbers) -> Numbers:
     return np.linalg.norm(np.asarray(ours) - theirs, axis=1)
 
 
-def _largest_or_none(values: Numbers | None) -> float | None:
+def _maximum_or_none(values: Numbers | None) -> float | None:
     return None if values is None else float(np.max(values))
 
 
@@ -619,12 +625,12 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _as_row(result: Result) -> str:
+def _table_row(result: ReplayResult) -> str:
     cells = [f"{value:.2e}" if isinstance(value, float) else "-" for value in list(asdict(result).values())[1:8]]
     return f"| {result.case} | {' | '.join(cells)} | {result.integrator}, {result.step_s:.4g} s |"
 
 
-_HEAD = (
+_TABLE_HEADER = (
     "| case | position m | velocity m/s | attitude rad | rate rad/s | relative m | illumination "
     "| wheels rad/s | step |\n|---|---|---|---|---|---|---|---|---|"
 )
@@ -636,23 +642,23 @@ def main(arguments: list[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     if given.step is not None and not given.step > 0.0:
         parser.error(f"--step: found {given.step}, expected more than 0")
-    options = Options(given.integrator, given.step, given.commands, given.whole_steps, given.gravity_gradient)
+    options = ReplayOptions(given.integrator, given.step, given.commands, given.whole_steps, given.gravity_gradient)
     if not given.json:
-        print(_HEAD)
-    refused = [path for path in given.files if not _replayed(path, options, given.json)]
+        print(_TABLE_HEADER)
+    refused = [path for path in given.files if not _replay_file(path, options, given.json)]
     return 2 if refused else 0
 
 
-def _replayed(path: Path, options: Options, as_json: bool) -> bool:
+def _replay_file(path: Path, options: ReplayOptions, as_json: bool) -> bool:
     """True if a file could be replayed."""
     try:
-        result = replay(read(path), options)
+        result = replay(read_reference(path), options)
     except (ValueError, ArithmeticError, RuntimeError, MemoryError) as error:
         message = " ".join(str(error).split()) or type(error).__name__
         known = isinstance(error, FormatError) and str(path) in message
         print(f"error: {message}" if known else f"error: {path}: {message}", file=sys.stderr, flush=True)
         return False
-    print(json.dumps(asdict(result)) if as_json else _as_row(result), flush=True)
+    print(json.dumps(asdict(result)) if as_json else _table_row(result), flush=True)
     return True
 
 

@@ -16,10 +16,10 @@ import numpy as np
 
 import rpojax
 from experiments.validation import replay
-from experiments.validation.make_references import with_hill
-from experiments.validation.peer import Arrays, Integrator, Peer, Run
-from experiments.validation.reference import Numbers, Reference, checked
-from experiments.validation.replay import Options
+from experiments.validation.basilisk_simulation import Arrays, BasiliskSimulation, Integrator, SimulationCase
+from experiments.validation.make_references import add_hill_position
+from experiments.validation.reference_file import Numbers, Reference, validate
+from experiments.validation.replay import ReplayOptions
 from rpojax.campaign import single_run
 from rpojax.core.numerics.runge_kutta import Method
 from rpojax.flight.control import attitude_control
@@ -31,25 +31,25 @@ from rpojax.simulation.closed_loop import State, Telemetry
 WORDS = "gravity gradient of a point mass"
 
 
-def mission(duration_s: float, seed: int) -> tuple[Run, int]:
+def mission_commands(duration_s: float, seed: int) -> tuple[SimulationCase, int]:
     """Plant, initial state and logged commands of one run of `inspection`, and how many ticks it lasted.
 
     Burns begin and end on steps of the attitude control here, because Basilisk can only switch there.
     """
     file = rpojax.load("inspection", [f"duration_s={duration_s}"])
-    static, params, state = single_run.dispersed(file, seed)
+    static, params, state = single_run.initialise_run(file, seed)
     torques: list[Numbers] = []
-    telemetry = jax.tree.map(np.asarray, _rollout(static, _recording(torques), params, state))
+    telemetry = jax.tree.map(np.asarray, _rollout(static, _stages_recording(torques), params, state))
     jax.effects_barrier()
     steps = static.ticks * static.substeps
     if len(torques) != steps:
         raise RuntimeError(f"recorded {len(torques)} torque commands, expected {steps}")
-    inputs = _plant(params) | _start(telemetry) | _burns(params, telemetry, static)
-    inputs |= {"t_cmd": np.arange(steps) * static.step_s, "u_cmd": _within(np.stack(torques), params)}
-    return Run(inputs, True, steps * static.step_s, static.step_s, 10.0 * static.tick_s), steps
+    inputs = _plant(params) | _initial_state(telemetry) | _burns(params, telemetry, static)
+    inputs |= {"t_cmd": np.arange(steps) * static.step_s, "u_cmd": _saturated(np.stack(torques), params)}
+    return SimulationCase(inputs, True, steps * static.step_s, static.step_s, 10.0 * static.tick_s), steps
 
 
-def _recording(torques: list[Numbers]) -> rpojax.Stages:
+def _stages_recording(torques: list[Numbers]) -> rpojax.Stages:
     def wheel_torque(*arguments: Any) -> jax.Array:
         torque = attitude_control.wheel_torque(*arguments)
         jax.debug.callback(lambda value: torques.append(np.array(value)), torque, ordered=True)
@@ -80,7 +80,7 @@ def _plant(params: Params) -> Arrays:
     }
 
 
-def _start(telemetry: Telemetry) -> Arrays:
+def _initial_state(telemetry: Telemetry) -> Arrays:
     truth = jax.tree.map(lambda history: history[0], telemetry.truth)
     q = truth.q_BN * np.array([1.0, -1.0, -1.0, -1.0]) * (1.0 if truth.q_BN[0] >= 0.0 else -1.0)
     return {
@@ -105,7 +105,7 @@ def _burns(params: Params, telemetry: Telemetry, static: Scenario) -> Arrays:
     return {"burns": np.array(fired).reshape(-1, 3)}
 
 
-def _within(torques: Numbers, params: Params) -> Numbers:
+def _saturated(torques: Numbers, params: Params) -> Numbers:
     limit = np.asarray(params.plant.wheels.torque_limit)
     return np.clip(torques, -limit, limit)
 
@@ -129,16 +129,16 @@ class Comparison:
     attitude: Numbers
 
 
-def _as_reference(run: Run) -> Reference:
-    flown = with_hill(Peer(run).record())
+def _as_reference(run: SimulationCase) -> Reference:
+    flown = add_hill_position(BasiliskSimulation(run).simulate())
     flown.pop("u_last", None)
     meta = np.array(json.dumps({"case": "inspection", "torque": WORDS}))
-    return checked("inspection", {"meta_json": meta, **run.inputs, **flown})
+    return validate("inspection", {"meta_json": meta, **run.inputs, **flown})
 
 
-def against_package(name: str, truth: Reference, integrator: Method, step_s: float | None) -> Comparison:
+def compare_package(name: str, truth: Reference, integrator: Method, step_s: float | None) -> Comparison:
     """The package's plant, with whole steps of its own."""
-    flown, _ = replay.fly(truth, Options(integrator, step_s))
+    flown, _ = replay.propagate(truth, ReplayOptions(integrator, step_s))
     relative, attitude = replay.relative_errors(truth, flown), replay.attitude_errors(truth, flown)
     assert relative is not None and attitude is not None
     ours = np.asarray(flown.r_TN_N + flown.r_ST_N)
@@ -146,9 +146,9 @@ def against_package(name: str, truth: Reference, integrator: Method, step_s: flo
     return Comparison(name, truth["t"], position, relative, attitude)
 
 
-def against_basilisk(name: str, truth: Reference, run: Run, integrator: Integrator) -> Comparison:
+def compare_basilisk(name: str, truth: Reference, run: SimulationCase, integrator: Integrator) -> Comparison:
     """Basilisk again with another integrator."""
-    other = _as_reference(Run(run.inputs, True, run.duration_s, run.step_s, run.sample_s, integrator))
+    other = _as_reference(SimulationCase(run.inputs, True, run.duration_s, run.step_s, run.sample_s, integrator))
     position = np.linalg.norm(other["r_chaser"] - truth["r_chaser"], axis=1)
     relative = np.linalg.norm(other["rho"] - truth["rho"], axis=1)
     sine = np.linalg.norm(other["q"] - truth["q"] * np.sign(np.sum(other["q"] * truth["q"], axis=1))[:, None], axis=1)
@@ -181,12 +181,12 @@ def main() -> None:
     parser.add_argument("--duration", type=float, default=3000.0, help="[s]")
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
-    run, steps = mission(given.duration, given.seed)
+    run, steps = mission_commands(given.duration, given.seed)
     truth = _as_reference(run)
     comparisons = [
-        against_package("package, rk8, step fitted", truth, "rk8", None),
-        against_package(f"package, rk4, {run.step_s} s", truth, "rk4", run.step_s),
-        against_basilisk(f"Basilisk, RK4, {run.step_s} s", truth, run, "rk4"),
+        compare_package("package, rk8, step fitted", truth, "rk8", None),
+        compare_package(f"package, rk4, {run.step_s} s", truth, "rk4", run.step_s),
+        compare_basilisk(f"Basilisk, RK4, {run.step_s} s", truth, run, "rk4"),
     ]
     burns = run.inputs["burns"]
     turned = 2.0 * np.arccos(np.clip(np.abs(truth["q"] @ truth["q"][0]), 0.0, 1.0))

@@ -16,14 +16,14 @@ os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path.home() / ".cache" / 
 import numpy as np
 
 import rpojax
-from rpojax.analysis.gradients.evaluation_log import Effort
-from rpojax.analysis.gradients.run_derivatives import Flights
+from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
 from rpojax.analysis.reliability import worst_case
-from rpojax.analysis.reliability.metric_limit import Bound
-from rpojax.analysis.reliability.worst_case import Costs, Worst
+from rpojax.analysis.reliability.evaluation_log import SearchSettings
+from rpojax.analysis.reliability.metric_limit import MetricLimit
+from rpojax.analysis.reliability.worst_case import EvaluationCosts, WorstCase
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.dispersions import standard_normal
-from rpojax.dispersions.standard_normal import NormalSpace
+from rpojax.dispersions import standard_normal_space
+from rpojax.dispersions.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.metric_catalogue import LOW_IS_BAD, UNITS
 
 METRICS = ("nav_relative_position_error_rms_m", "formation_error_rms_m", "min_range_m", "delta_v_m_s")
@@ -43,19 +43,19 @@ def main() -> None:
     given = parser.parse_args()
     file = rpojax.load("inspection", SETTINGS)
     sampled = campaign(given.out / "campaign")
-    space = standard_normal.make(file)
-    flights = worst_case.flights_of(space, given.metric or METRICS, given.starts)
-    costs = worst_case.measure(flights)
+    space = standard_normal_space.make_space(file)
+    flights = worst_case.make_evaluator(space, given.metric or METRICS, given.starts)
+    costs = worst_case.measure_costs(flights)
     print(
-        f"gradient {costs.gradient_s:.3f} s, flight {costs.flight_s:.3f} s a run in batches of {costs.batch}: "
-        f"{costs.gradient_s / costs.flight_s:.1f}, counted as {costs.gradient_flights}; compiled in "
+        f"gradient {costs.gradient_s:.3f} s, flight {costs.run_s:.3f} s a run in batches of {costs.batch_size}: "
+        f"{costs.gradient_s / costs.run_s:.1f}, counted as {costs.gradient_run_equivalents}; compiled in "
         f"{flights.compile_s:.0f} s",
         flush=True,
     )
-    effort = Effort(starts=given.starts, screened=given.screened, budget=given.budget)
+    effort = SearchSettings(starts=given.starts, screening_points=given.screened, budget=given.budget)
     for metric in given.metric or METRICS:
         bound = bound_of(sampled, metric)
-        rate = np.mean([bound.broken(value) for value in sampled.metrics[metric]])
+        rate = np.mean([bound.is_violated(value) for value in sampled.metrics[metric]])
         print(
             f"\n`{metric}` {bound.bound} {bound.limit:.4g} {UNITS[metric]}, {1000 * rate:.2f} of 1000 runs break it\n"
         )
@@ -70,23 +70,23 @@ def campaign(folder: Path) -> Campaign:
     return Campaign(folder)
 
 
-def bound_of(sampled: Campaign, metric: str) -> Bound:
+def bound_of(sampled: Campaign, metric: str) -> MetricLimit:
     """The limit that one sampled run in a thousand is beyond, half-way to the next run."""
     values = np.sort(sampled.metrics[metric])
     beyond = round(RATE * len(values))
     if metric in LOW_IS_BAD:
-        return Bound(metric, "at least", float(values[beyond - 1 : beyond + 1].mean()))
-    return Bound(metric, "at most", float(values[len(values) - beyond - 1 : len(values) - beyond + 1].mean()))
+        return MetricLimit(metric, "at least", float(values[beyond - 1 : beyond + 1].mean()))
+    return MetricLimit(metric, "at most", float(values[len(values) - beyond - 1 : len(values) - beyond + 1].mean()))
 
 
 def table(
     folder: Path,
     seeds: int,
-    space: NormalSpace,
-    bound: Bound,
-    effort: Effort,
-    flights: Flights,
-    costs: Costs,
+    space: StandardNormalSpace,
+    bound: MetricLimit,
+    effort: SearchSettings,
+    flights: RolloutEvaluator,
+    costs: EvaluationCosts,
     sampled: Campaign,
     check: bool,
 ) -> None:
@@ -95,36 +95,37 @@ def table(
     print("|---|---|---|---|---|---|---|---|")
     first, random = [], []
     for seed in range(seeds):
-        worst = worst_case.search(space, bound, effort, seed, flights, costs)
+        worst = worst_case.search_worst_case(space, bound, effort, seed, flights, costs)
         flown = flown_text(worst, folder / str(seed)) if check else "-"
         random.append(to_first(sampled, bound, seed * len(sampled.run_ids) // seeds))
-        found = worst.found
-        if found.first is None or found.nearest is None:
-            missed = f"{worst.bound.value(found.closest.margin):.4g} at {found.closest.distance:.2f}"
-            print(f"| {seed} | none | | {found.spent:.0f} | {missed} | | {flown} | {random[-1]} |", flush=True)
+        found = worst.search
+        if found.first_violation is None or found.nearest_violation is None:
+            closest = found.smallest_margin
+            missed = f"{worst.limit.value_at_margin(closest.margin):.4g} at {closest.distance:.2f}"
+            print(f"| {seed} | none | | {found.cost:.0f} | {missed} | | {flown} | {random[-1]} |", flush=True)
             continue
-        first.append(found.first.spent)
+        first.append(found.first_violation.cost)
         alignment = "-" if found.alignment is None else f"{found.alignment:.2f}"
         print(
-            f"| {seed} | {found.first.spent:.0f} | {found.first.distance:.2f} | {found.spent:.0f} | "
-            f"{found.nearest.distance:.2f} | {alignment} | {flown} | {random[-1]} |",
+            f"| {seed} | {found.first_violation.cost:.0f} | {found.first_violation.distance:.2f} | {found.cost:.0f} | "
+            f"{found.nearest_violation.distance:.2f} | {alignment} | {flown} | {random[-1]} |",
             flush=True,
         )
     mean = f"{np.mean(first):.0f}" if first else "-"
     print(f"| mean of {len(first)} | **{mean}** | | | | | | {np.mean(random):.0f} |", flush=True)
 
 
-def flown_text(worst: Worst, folder: Path) -> str:
+def flown_text(worst: WorstCase, folder: Path) -> str:
     """The metric that `rpojax run` has at the point, and whether it breaks the limit."""
-    flown = worst_case.fly(worst, folder, force=True)
-    broken = not np.isfinite(flown) or worst.bound.broken(flown)
+    flown = worst_case.simulate_worst_case(worst, folder, force=True)
+    broken = not np.isfinite(flown) or worst.limit.is_violated(flown)
     return f"{flown:.4g}, {'broken' if broken else 'kept'}"
 
 
-def to_first(sampled: Campaign, bound: Bound, start: int) -> int:
+def to_first(sampled: Campaign, bound: MetricLimit, start: int) -> int:
     """Sampled runs from one of them on until one is beyond the bound."""
     values = np.roll(sampled.metrics[bound.metric], -start)
-    return int(np.argmax([bound.broken(value) for value in values])) + 1
+    return int(np.argmax([bound.is_violated(value) for value in values])) + 1
 
 
 if __name__ == "__main__":

@@ -18,9 +18,9 @@ import numpy as np
 import rpojax
 from rpojax.analysis.reliability import derivative_sensitivity as sensitivity
 from rpojax.analysis.reliability import worst_case
-from rpojax.analysis.reliability.derivative_sensitivity import Agreement, Sensitivity
+from rpojax.analysis.reliability.derivative_sensitivity import MetricSensitivity, RankingAgreement
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.dispersions import standard_normal
+from rpojax.dispersions import standard_normal_space
 from rpojax.scenario import dispersion_keys
 
 METRICS = ("nav_relative_position_error_rms_m", "formation_error_rms_m", "min_range_m", "delta_v_m_s")
@@ -34,21 +34,23 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=15)
     given = parser.parse_args()
     sampled = Campaign(given.out / "campaign")
-    space = standard_normal.make(rpojax.load("inspection", SETTINGS))
-    flights = worst_case.flights_of(space, METRICS, BATCH)
+    space = standard_normal_space.make_space(rpojax.load("inspection", SETTINGS))
+    flights = worst_case.make_evaluator(space, METRICS, BATCH)
     begin = time.process_time()
-    found = sensitivity.analyse(space, METRICS, given.runs, 0, flights)
+    found = sensitivity.derivative_sensitivities(space, METRICS, given.runs, 0, flights)
     print(f"processor time {time.process_time() - begin:.0f} s with compilation, which took {flights.compile_s:.0f} s")
     columns = {
-        name: column for name, column in dispersion_keys.columns(sampled.drawn).items() if np.isfinite(column).all()
+        name: column
+        for name, column in dispersion_keys.component_columns(sampled.drawn).items()
+        if np.isfinite(column).all()
     }
     for one in found:
-        beside = sensitivity.compare(one, space, columns, sampled.metrics[one.metric])
+        beside = sensitivity.compare_with_sampling(one, space, columns, sampled.metrics[one.metric])
         assert beside is not None
         show(one, beside)
 
 
-def show(one: Sensitivity, beside: Agreement) -> None:
+def show(one: MetricSensitivity, beside: RankingAgreement) -> None:
     """Table of one metric."""
     print(
         f"\n`{one.metric}`: {one.sigma:.3g} {one.unit} by derivatives of {len(one.values)} runs, standard deviation of "

@@ -1,4 +1,4 @@
-"""What an operation on one item becomes for many of them along the last axis; the others are left to `jax.vmap`."""
+"""Batching rules of JAX primitives for a batch in the last axis; primitives without a rule go through `jax.vmap`."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -8,137 +8,137 @@ import numpy as np
 from jax import lax
 
 
-class Value(NamedTuple):
-    """An array, and whether its last axis is that of the items; else they have it in common."""
+class BatchedValue(NamedTuple):
+    """An array, and whether its last axis is the batch axis; if not, all elements of the batch share it."""
 
     array: Any
-    many: bool
+    is_batched: bool
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Of one item."""
-        return jnp.shape(self.array)[: -1 if self.many else None]
+        """Shape of one element of the batch."""
+        return jnp.shape(self.array)[: -1 if self.is_batched else None]
 
     @property
     def identity(self) -> Any:
-        """Alike only for the same numbers of the same type, as long as both values exist."""
+        """Key that is equal only for the same numbers of the same type, while both arrays are alive."""
         array = self.array
-        own = (str(array.dtype), array.shape, array.tobytes()) if isinstance(array, np.ndarray) else id(array)
-        return own, self.many
+        key = (str(array.dtype), array.shape, array.tobytes()) if isinstance(array, np.ndarray) else id(array)
+        return key, self.is_batched
 
 
-class Items:
-    """The items of a batch, and what they have in common, once it has been given to each of them.
+class Batch:
+    """A batch of fixed size, with the shared arrays that have been broadcast over it so far.
 
     Attributes:
-        size: how many there are
+        size: number of elements
     """
 
     def __init__(self, size: int) -> None:
         self.size = size
-        self._spread: dict[Any, tuple[Value, Any]] = {}
+        self._broadcasts: dict[Any, tuple[BatchedValue, Any]] = {}
 
-    def spread(self, value: Value, shape: tuple[int, ...] = ()) -> Any:
-        """The array with an axis of items; a scalar, and only that, with `shape` before it."""
-        own = value.shape
-        if value.many and (own or not shape):
+    def broadcast(self, value: BatchedValue, shape: tuple[int, ...] = ()) -> Any:
+        """The array with a batch axis; a scalar also gets the leading axes `shape`. Each array is broadcast once."""
+        element_shape = value.shape
+        if value.is_batched and (element_shape or not shape):
             return value.array
-        key = value.identity, own or shape
-        if key not in self._spread:
-            wanted = (*(own or shape), self.size)
-            places = (len(shape),) if value.many else range(len(own))
-            self._spread[key] = value, lax.broadcast_in_dim(value.array, wanted, places)
-        return self._spread[key][1]
+        key = value.identity, element_shape or shape
+        if key not in self._broadcasts:
+            target_shape = (*(element_shape or shape), self.size)
+            axes = (len(shape),) if value.is_batched else range(len(element_shape))
+            self._broadcasts[key] = value, lax.broadcast_in_dim(value.array, target_shape, axes)
+        return self._broadcasts[key][1]
 
 
-Rule = Callable[[Any, list[Value], Items], Any]
-"""From the operation, its arguments and the items to its result, None where it does not know."""
+Rule = Callable[[Any, list[BatchedValue], Batch], Any]
+"""From an equation, its operands and the batch to the batched result; None where the rule does not apply."""
 
 
-def _elementwise(equation: Any, given: list[Value], items: Items) -> Any:
-    # An operation may take a scalar beside an array.
-    shape = max((value.shape for value in given), key=len)
-    return equation.primitive.bind(*(items.spread(value, shape) for value in given), **equation.params)
+def _elementwise(equation: Any, operands: list[BatchedValue], batch: Batch) -> Any:
+    # Some primitives take a scalar beside an array, such as `clamp`.
+    shape = max((value.shape for value in operands), key=len)
+    return equation.primitive.bind(*(batch.broadcast(value, shape) for value in operands), **equation.params)
 
 
-def _bitcast(equation: Any, given: list[Value], items: Items) -> Any:
-    # Numbers of another width get an axis of their own, after that of the items.
-    same = given[0].array.dtype.itemsize == np.dtype(equation.params["new_dtype"]).itemsize
-    return _elementwise(equation, given, items) if same else None
+def _bitcast(equation: Any, operands: list[BatchedValue], batch: Batch) -> Any:
+    # A bitcast to another width appends an axis, which would come after the batch axis.
+    same_width = operands[0].array.dtype.itemsize == np.dtype(equation.params["new_dtype"]).itemsize
+    return _elementwise(equation, operands, batch) if same_width else None
 
 
-def _select(equation: Any, given: list[Value], items: Items) -> Any:
-    which, *cases = given
-    if not which.many and jnp.ndim(which.array) == 0:
-        return lax.select_n(which.array, *map(items.spread, cases))
-    return _elementwise(equation, given, items)
+def _select(equation: Any, operands: list[BatchedValue], batch: Batch) -> Any:
+    index, *cases = operands
+    if not index.is_batched and jnp.ndim(index.array) == 0:
+        return lax.select_n(index.array, *map(batch.broadcast, cases))
+    return _elementwise(equation, operands, batch)
 
 
-def _slice(equation: Any, given: list[Value], items: Items) -> Any:
+def _slice(equation: Any, operands: list[BatchedValue], batch: Batch) -> Any:
     params = equation.params
     strides = None if params["strides"] is None else (*params["strides"], 1)
-    return lax.slice(given[0].array, (*params["start_indices"], 0), (*params["limit_indices"], items.size), strides)
+    return lax.slice(operands[0].array, (*params["start_indices"], 0), (*params["limit_indices"], batch.size), strides)
 
 
-def _dynamic_slice(equation: Any, given: list[Value], items: Items) -> Any:
-    array, *starts = given
-    if not array.many or any(start.many for start in starts):
+def _dynamic_slice(equation: Any, operands: list[BatchedValue], batch: Batch) -> Any:
+    array, *starts = operands
+    if not array.is_batched or any(start.is_batched for start in starts):
         return None
-    first = jnp.zeros((), dtype=jnp.result_type(starts[0].array))
+    batch_start = jnp.zeros((), dtype=jnp.result_type(starts[0].array))
     return lax.dynamic_slice(
-        array.array, (*(start.array for start in starts), first), (*equation.params["slice_sizes"], items.size)
+        array.array, (*(start.array for start in starts), batch_start), (*equation.params["slice_sizes"], batch.size)
     )
 
 
-def _gather(equation: Any, given: list[Value], items: Items) -> Any:
-    array, places = given
-    if not array.many or places.many:
+def _gather(equation: Any, operands: list[BatchedValue], batch: Batch) -> Any:
+    array, indices = operands
+    if not array.is_batched or indices.is_batched:
         return None
     params, numbers = dict(equation.params), equation.params["dimension_numbers"]
     params["dimension_numbers"] = numbers._replace(
         offset_dims=(*numbers.offset_dims, len(equation.outvars[0].aval.shape))
     )
-    params["slice_sizes"] = (*params["slice_sizes"], items.size)
-    return equation.primitive.bind(array.array, places.array, **params)
+    params["slice_sizes"] = (*params["slice_sizes"], batch.size)
+    return equation.primitive.bind(array.array, indices.array, **params)
 
 
-def _squeeze(equation: Any, given: list[Value], _: Items) -> Any:
-    return lax.squeeze(given[0].array, equation.params["dimensions"])
+def _squeeze(equation: Any, operands: list[BatchedValue], _: Batch) -> Any:
+    return lax.squeeze(operands[0].array, equation.params["dimensions"])
 
 
-def _expand(equation: Any, given: list[Value], items: Items) -> Any:
-    shape = (*equation.params["shape"], items.size)
-    places = (*equation.params["broadcast_dimensions"], len(shape) - 1)
-    return lax.broadcast_in_dim(given[0].array, shape, places)
+def _broadcast_in_dim(equation: Any, operands: list[BatchedValue], batch: Batch) -> Any:
+    shape = (*equation.params["shape"], batch.size)
+    axes = (*equation.params["broadcast_dimensions"], len(shape) - 1)
+    return lax.broadcast_in_dim(operands[0].array, shape, axes)
 
 
-def _concatenate(equation: Any, given: list[Value], items: Items) -> Any:
-    return lax.concatenate(list(map(items.spread, given)), equation.params["dimension"])
+def _concatenate(equation: Any, operands: list[BatchedValue], batch: Batch) -> Any:
+    return lax.concatenate(list(map(batch.broadcast, operands)), equation.params["dimension"])
 
 
-def _stack(equation: Any, given: list[Value], items: Items) -> Any:
-    return jnp.stack(list(map(items.spread, given)), axis=equation.params["axis"])
+def _stack(equation: Any, operands: list[BatchedValue], batch: Batch) -> Any:
+    return jnp.stack(list(map(batch.broadcast, operands)), axis=equation.params["axis"])
 
 
-def _pad(equation: Any, given: list[Value], items: Items) -> Any:
-    array, filling = given
-    if filling.many:
+def _pad(equation: Any, operands: list[BatchedValue], batch: Batch) -> Any:
+    array, fill_value = operands
+    if fill_value.is_batched:
         return None
-    return lax.pad(items.spread(array), filling.array, (*equation.params["padding_config"], (0, 0, 0)))
+    return lax.pad(batch.broadcast(array), fill_value.array, (*equation.params["padding_config"], (0, 0, 0)))
 
 
-def _transpose(equation: Any, given: list[Value], _: Items) -> Any:
-    order = equation.params["permutation"]
-    return lax.transpose(given[0].array, (*order, len(order)))
+def _transpose(equation: Any, operands: list[BatchedValue], _: Batch) -> Any:
+    permutation = equation.params["permutation"]
+    return lax.transpose(operands[0].array, (*permutation, len(permutation)))
 
 
-def _reshape(equation: Any, given: list[Value], items: Items) -> Any:
-    return lax.reshape(given[0].array, (*equation.params["new_sizes"], items.size))
+def _reshape(equation: Any, operands: list[BatchedValue], batch: Batch) -> Any:
+    return lax.reshape(operands[0].array, (*equation.params["new_sizes"], batch.size))
 
 
-def _as_it_is(equation: Any, given: list[Value], _: Items) -> Any:
-    """Reductions and the like over axes that are counted from the front."""
-    return equation.primitive.bind(given[0].array, **equation.params)
+def _reduce(equation: Any, operands: list[BatchedValue], _: Batch) -> Any:
+    """Reductions over axes counted from the front, which the trailing batch axis leaves as they are."""
+    return equation.primitive.bind(operands[0].array, **equation.params)
 
 
 _ELEMENTWISE = (
@@ -152,9 +152,9 @@ _REDUCTIONS = "argmax argmin reduce_and reduce_max reduce_min reduce_or reduce_p
 
 RULES: dict[str, Rule] = {
     **dict.fromkeys(_ELEMENTWISE.split(), _elementwise),
-    **dict.fromkeys(_REDUCTIONS.split(), _as_it_is),
+    **dict.fromkeys(_REDUCTIONS.split(), _reduce),
     "bitcast_convert_type": _bitcast,
-    "broadcast_in_dim": _expand,
+    "broadcast_in_dim": _broadcast_in_dim,
     "concatenate": _concatenate,
     "dynamic_slice": _dynamic_slice,
     "gather": _gather,
@@ -166,4 +166,4 @@ RULES: dict[str, Rule] = {
     "stack": _stack,
     "transpose": _transpose,
 }
-"""Rules by name of the operation."""
+"""Batching rules by name of the primitive."""

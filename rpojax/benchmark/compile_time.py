@@ -9,7 +9,7 @@ from pathlib import Path
 import jax
 from jax.experimental.compilation_cache import compilation_cache
 
-from rpojax.campaign.execution.batch_engine import Engine
+from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.runtime import trace_cache
 
 _SETTINGS = (
@@ -20,38 +20,38 @@ _SETTINGS = (
 
 
 @contextmanager
-def cache_of_its_own() -> Iterator[Path]:
+def temporary_cache() -> Iterator[Path]:
     """Compiled programs are kept in a new folder, as the command line keeps them in the user's, and then thrown away.
 
     What the process has compiled so far is forgotten when it begins.
     """
-    before, kept = [getattr(jax.config, name) for name in _SETTINGS], os.environ.get(trace_cache.FOLDER)
+    before, kept = [getattr(jax.config, name) for name in _SETTINGS], os.environ.get(trace_cache.FOLDER_VARIABLE)
     with tempfile.TemporaryDirectory(prefix="rpojax-bench-") as folder:
         try:
-            _use(folder, 0.0, -1)
-            os.environ[trace_cache.FOLDER] = str(Path(folder) / "traces")
+            _configure_cache(folder, 0.0, -1)
+            os.environ[trace_cache.FOLDER_VARIABLE] = str(Path(folder) / "traces")
             jax.clear_caches()
             yield Path(folder)
         finally:
-            _use(*before)
-            os.environ.pop(trace_cache.FOLDER, None)
+            _configure_cache(*before)
+            os.environ.pop(trace_cache.FOLDER_VARIABLE, None)
             if kept is not None:
-                os.environ[trace_cache.FOLDER] = kept
+                os.environ[trace_cache.FOLDER_VARIABLE] = kept
 
 
-def _use(*values: object) -> None:
+def _configure_cache(*values: object) -> None:
     for name, value in zip(_SETTINGS, values, strict=True):
         jax.config.update(name, value)
     # The cache is opened once, at the first compilation, and would stay where it was.
     compilation_cache.reset_cache()
 
 
-def prepare_twice(prepare: Callable[[], Engine]) -> tuple[Engine, float]:
+def compile_cold_and_cached(prepare: Callable[[], BatchEngine]) -> tuple[BatchEngine, float]:
     """A compiled engine, compiled anew, and how long the next process takes to get the same one from the cache [s].
 
     Tracing is part of both times. Forgetting what the process has compiled stands for a new process.
     """
-    with cache_of_its_own():
+    with temporary_cache():
         engine = prepare()
         jax.clear_caches()
         return engine, prepare().compile_s

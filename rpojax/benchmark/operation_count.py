@@ -17,11 +17,11 @@ COPIES = "copies"
 
 _COMPUTATION = re.compile(r"(?:ENTRY )?%?([\w.\-]+) \(.*\{\s*$")
 _INSTRUCTION = re.compile(r"\s+(?:ROOT )?%?([\w.\-]+) = .*?[\s)}\]]([a-z][\w\-]*)\(")
-_CALLED = re.compile(r"(?:calls|to_apply)=%?([\w.\-]+)")
+_CALLED_COMPUTATION = re.compile(r"(?:calls|to_apply)=%?([\w.\-]+)")
 _OP_NAME = re.compile(r'op_name="([^"]*)"')
 _SCOPE = re.compile(rf"(?:^|[/(])({'|'.join(SCOPES)})(?=[/)]|$)")
-_FREE = {"parameter", "constant", "tuple", "get-tuple-element", "bitcast"}
-_CARRY_OUT = {"while", "conditional", "call"}
+_WORKLESS_OPCODES = {"parameter", "constant", "tuple", "get-tuple-element", "bitcast"}
+_CONTROL_FLOW_OPCODES = {"while", "conditional", "call"}
 
 
 @dataclass(frozen=True)
@@ -35,34 +35,34 @@ class Instruction:
     """
 
     name: str
-    kind: str
+    opcode: str
     scope: str
 
     @property
-    def holds_others(self) -> bool:
+    def contains_instructions(self) -> bool:
         """Whether its time is that of other instructions: a loop, a branch, a call."""
-        return self.kind in _CARRY_OUT
+        return self.opcode in _CONTROL_FLOW_OPCODES
 
 
 def instructions(text: str) -> list[Instruction]:
     """Instructions of a program's optimised text."""
-    inner = _inner_computations(text)
+    inner = _fused_computations(text)
     found, inside = [], False
     for line in text.splitlines():
         if begun := _COMPUTATION.match(line):
             inside = begun[1] in inner
-        elif not inside and (made := _INSTRUCTION.match(line)) and made[2] not in _FREE:
-            found.append(Instruction(name=made[1], kind=made[2], scope=_scope(made[2], line)))
+        elif not inside and (made := _INSTRUCTION.match(line)) and made[2] not in _WORKLESS_OPCODES:
+            found.append(Instruction(name=made[1], opcode=made[2], scope=_scope(made[2], line)))
     return found
 
 
-def _inner_computations(text: str) -> set[str]:
+def _fused_computations(text: str) -> set[str]:
     """Names of the computations that are parts of an instruction: of a fusion, a reduction, a sort."""
     names = set()
     for line in text.splitlines():
         made = _INSTRUCTION.match(line)
-        if made and made[2] not in _CARRY_OUT:
-            names |= set(_CALLED.findall(line))
+        if made and made[2] not in _CONTROL_FLOW_OPCODES:
+            names |= set(_CALLED_COMPUTATION.findall(line))
     return names
 
 

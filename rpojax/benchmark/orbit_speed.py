@@ -8,15 +8,15 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from rpojax.benchmark import stopwatch
-from rpojax.benchmark.stopwatch import Program
+from rpojax.benchmark import timing
+from rpojax.benchmark.timing import DeviceProgram
 from rpojax.core.constants import MU_EARTH, RADIUS_EARTH, ZONALS_EARTH
 
 Vectors = Float[Array, "3 n"]
 
-VEHICLES = 1024
+DEFAULT_VEHICLES = 1024
 """Per device."""
-STEPS = 10_000
+DEFAULT_STEPS = 10_000
 STEP_S = 0.2
 
 _POLE = np.array([[1.0], [1.0], [3.0]])
@@ -47,7 +47,7 @@ class OrbitSpeed:
     vehicle_steps_per_s: float
 
 
-def pull(r_N: Vectors) -> Vectors:
+def j2_gravity(r_N: Vectors) -> Vectors:
     """Gravity [m/s^2] with J2 at the positions [m] of many vehicles, the vehicles in the last axis.
 
     The same as `orbital_mechanics.gravity` at degree 2 without its differences. One reciprocal root for a vehicle is
@@ -61,20 +61,20 @@ def pull(r_N: Vectors) -> Vectors:
     return -MU_EARTH * inverse * inverse2 * (1.0 + oblateness * (_POLE - 5.0 * sine2)) * r_N
 
 
-def step(r_N: Vectors, v_N: Vectors, dt: float) -> tuple[Vectors, Vectors]:
+def rk4_step(r_N: Vectors, v_N: Vectors, dt: float) -> tuple[Vectors, Vectors]:
     """Positions and velocities after one classical Runge-Kutta step, written out: rolled up it takes twice as long."""
     half = 0.5 * dt
-    a1 = pull(r_N)
+    a1 = j2_gravity(r_N)
     v2 = v_N + half * a1
-    a2 = pull(r_N + half * v_N)
+    a2 = j2_gravity(r_N + half * v_N)
     v3 = v_N + half * a2
-    a3 = pull(r_N + half * v2)
+    a3 = j2_gravity(r_N + half * v2)
     v4 = v_N + dt * a3
-    a4 = pull(r_N + dt * v3)
+    a4 = j2_gravity(r_N + dt * v3)
     return r_N + dt / 6.0 * (v_N + 2.0 * v2 + 2.0 * v3 + v4), v_N + dt / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
 
 
-def start(vehicles: int) -> tuple[np.ndarray, np.ndarray]:
+def initial_orbits(vehicles: int) -> tuple[np.ndarray, np.ndarray]:
     """Positions [m] and velocities [m/s] (3, vehicles) all along an inclined circular orbit at 7000 km."""
     angle = np.linspace(0.0, 2.0 * np.pi, vehicles, endpoint=False)
     radius, inclination = 7.0e6, np.radians(51.6)
@@ -87,23 +87,27 @@ def start(vehicles: int) -> tuple[np.ndarray, np.ndarray]:
     )
 
 
-def prepare(vehicles: int = VEHICLES, steps: int = STEPS, devices: Sequence[Any] | None = None) -> Program:
+def compile_propagation(
+    vehicles: int = DEFAULT_VEHICLES, steps: int = DEFAULT_STEPS, devices: Sequence[Any] | None = None
+) -> DeviceProgram:
     """Program that carries so many vehicles on each device through so many steps."""
     used = list(jax.devices() if devices is None else devices)
 
     def carried(r_N: Vectors, v_N: Vectors) -> tuple[Vectors, Vectors]:
         def body(at: tuple[Vectors, Vectors], _: None) -> tuple[tuple[Vectors, Vectors], None]:
-            return step(*at, STEP_S), None
+            return rk4_step(*at, STEP_S), None
 
         return jax.lax.scan(body, (r_N, v_N), None, length=steps)[0]
 
-    return stopwatch.program(carried, [start(vehicles)] * len(used), used)
+    return timing.compile_for_devices(carried, [initial_orbits(vehicles)] * len(used), used)
 
 
-def measure(vehicles: int = VEHICLES, steps: int = STEPS, devices: Sequence[Any] | None = None) -> OrbitSpeed:
+def measure(
+    vehicles: int = DEFAULT_VEHICLES, steps: int = DEFAULT_STEPS, devices: Sequence[Any] | None = None
+) -> OrbitSpeed:
     """Steps per second of so many vehicles on each device, carried through so many steps."""
-    program = prepare(vehicles, steps, devices)
-    taken = program.fastest()
+    program = compile_propagation(vehicles, steps, devices)
+    taken = program.fastest_pass()
     total = vehicles * len(program.inputs)
     return OrbitSpeed(
         vehicles=total,

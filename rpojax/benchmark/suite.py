@@ -32,11 +32,11 @@ PARTS: Mapping[str, Callable[[ScenarioFile, Sequence[int]], dict[str, Any]]] = {
 """Name of a part -> what measures it, given a scenario and the batch sizes of the closed loop."""
 
 
-def surroundings() -> dict[str, Any]:
+def platform_info() -> dict[str, Any]:
     """Where figures were measured, and the most memory that the process has had so far [MiB]."""
     return {
         "peak_memory_mib": _peak_memory_mib(),
-        "machine": machine(),
+        "machine": processor_description(),
         "backend": jax.default_backend(),
         "versions": {"rpojax": __version__, "jax": jax.__version__, "python": platform.python_version()},
     }
@@ -47,7 +47,7 @@ def _peak_memory_mib() -> float:
     return peak / (2**20 if sys.platform == "darwin" else 2**10)
 
 
-def machine() -> str:
+def processor_description() -> str:
     """Name of the device, or of the processor and its number of cores."""
     kind = jax.devices()[0].device_kind
     return f"{_processor()}, {os.cpu_count()} cores" if kind == "cpu" else kind

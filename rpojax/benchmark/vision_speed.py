@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.benchmark import stopwatch
-from rpojax.benchmark.stopwatch import Program
+from rpojax.benchmark import timing
+from rpojax.benchmark.timing import DeviceProgram
 from rpojax.campaign import single_run
 from rpojax.campaign.execution import batch_engine
 from rpojax.core import random_streams
@@ -60,7 +60,9 @@ class VisionSpeed:
     detections_per_s: float
 
 
-def prepare(size: int | None = None, devices: Sequence[Any] | None = None) -> tuple[Program, Program]:
+def compile_camera_and_detector(
+    size: int | None = None, devices: Sequence[Any] | None = None
+) -> tuple[DeviceProgram, DeviceProgram]:
     """Program that takes `size` pictures on each device, and one that looks at them for boxes.
 
     By default they are as many as a campaign's block has.
@@ -68,36 +70,36 @@ def prepare(size: int | None = None, devices: Sequence[Any] | None = None) -> tu
     used = list(jax.devices() if devices is None else devices)
     place = f"[0.0, -{_RANGE_M}, 0.0]"
     file = scenario_file.load("inspection", ["camera.model=rendered", f"initial.relative_position_m={place}"])
-    size = size or batch_engine.block_size(file)
-    static, params, state = single_run.dispersed(file)
+    size = size or batch_engine.default_block_size(file)
+    static, params, state = single_run.initialise_run(file)
     networks = params.networks
     assert networks is not None
     # One turn of the target for each picture, for matter fills some views more than others.
     turns = np.random.default_rng(0).standard_normal((len(used), size, 4))
     turns /= np.linalg.norm(turns, axis=2, keepdims=True)
     keys = jax.vmap(random_streams.fold_in, in_axes=(None, 0))(random_streams.master_key(0), jnp.arange(size))
-    take = jax.vmap(lambda *own: _picture(static, *own), in_axes=(None, None, 0, 0))
-    render = stopwatch.program(take, [(params, state, share, keys) for share in turns], used)
+    take = jax.vmap(lambda *own: _render(static, *own), in_axes=(None, None, 0, 0))
+    render = timing.compile_for_devices(take, [(params, state, share, keys) for share in turns], used)
     shown = [(networks.detector, pictures) for pictures in render.run()]
-    return render, stopwatch.program(jax.vmap(_detect, in_axes=(None, 0)), shown, used)
+    return render, timing.compile_for_devices(jax.vmap(_detect, in_axes=(None, 0)), shown, used)
 
 
-def _picture(static: Scenario, params: Params, state: State, q_TN: Array, key: Array) -> Array:
+def _render(static: Scenario, params: Params, state: State, q_TN: Array, key: Array) -> Array:
     truth = replace(state.truth, q_TN=q_TN)
     sky = closed_loop.sky_at(static, state.tick.astype(jnp.float64) * static.tick_s)
-    view = camera_models.look_at(static, params, state.flight)
-    return camera_models.take_picture(static, params, view, truth, sky, key, state.tick)
+    view = camera_models.detector_window(static, params, state.flight)
+    return camera_models.render_picture(static, params, view, truth, sky, key, state.tick)
 
 
-def _detect(weights: two_stage_detector.Params, picture: Array) -> two_stage_detector.Detections:
+def _detect(weights: two_stage_detector.DetectorParams, picture: Array) -> two_stage_detector.Detections:
     """Boxes in one picture, as every run looks for them."""
-    return two_stage_detector.detect(weights, picture[None], rendered_camera.CANDIDATES)
+    return two_stage_detector.detect(weights, picture[None], rendered_camera.REFINED_PROPOSALS)
 
 
 def measure(size: int | None = None, devices: Sequence[Any] | None = None) -> VisionSpeed:
     """Pictures per second, `size` on each device, by default as many as a campaign's block has."""
-    render, look = prepare(size, devices)
-    rendered, looked = render.fastest(), look.fastest()
+    render, look = compile_camera_and_detector(size, devices)
+    rendered, looked = render.fastest_pass(), look.fastest_pass()
     pictures = look.inputs[0][1]
     total = pictures.shape[0] * len(look.inputs)
     return VisionSpeed(

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from rpojax.errors import RpojaxError
-from rpojax.scenario.metric_catalogue import UNITS, worst_rows
+from rpojax.scenario.metric_catalogue import UNITS, worst_first
 
-FORMS = "none, all, N (the first N), I,J,... (run numbers), every:N, failures, worst:K:METRIC, or several joined by '+'"
+RULE_FORMS = (
+    "none, all, N (the first N), I,J,... (run numbers), every:N, failures, worst:K:METRIC, or several joined by '+'"
+)
 
 
 @dataclass(frozen=True)
@@ -23,22 +25,22 @@ class Retention:
 
     def __post_init__(self) -> None:
         for term in self._terms():
-            _parse(term)
+            _parse_term(term)
         if self.every < 1:
             raise RpojaxError(f"--history-every: found {self.every}, expected at least 1")
 
     @classmethod
-    def of_runs(cls, run_ids: Sequence[int]) -> "Retention":
+    def from_run_ids(cls, run_ids: Sequence[int]) -> "Retention":
         """Rule that names runs by their numbers."""
         return cls(",".join(map(str, sorted(set(run_ids)))) + "," if len(run_ids) else "none")
 
     @classmethod
-    def read(cls, recorded: Mapping[str, Any]) -> "Retention":
+    def from_record(cls, recorded: Mapping[str, Any]) -> "Retention":
         """Rule as `campaign.json` records it."""
         channels = recorded["channels"]
         return cls(recorded["rule"], None if channels is None else tuple(channels), recorded["every"])
 
-    def recorded(self) -> dict[str, Any]:
+    def to_record(self) -> dict[str, Any]:
         """Entry of `campaign.json`."""
         channels = None if self.channels is None else list(self.channels)
         return {"rule": self.rule, "channels": channels, "every": self.every}
@@ -46,21 +48,21 @@ class Retention:
     def _terms(self) -> list[str]:
         return [term.strip() for term in self.rule.split("+")]
 
-    def check(self, first: int, runs: int) -> None:
+    def check_run_ids(self, first: int, runs: int) -> None:
         """Refuses numbers of runs that the campaign does not have.
 
         Raises:
             RpojaxError: naming the run.
         """
-        for kind, numbers, _ in map(_parse, self._terms()):
+        for kind, numbers, _ in map(_parse_term, self._terms()):
             for number in numbers if kind == "runs" else ():
                 if not first <= number < first + runs:
                     raise RpojaxError(f"--histories: found run {number}, expected runs of this campaign")
 
-    def known(self, first: int, runs: int) -> set[int]:
+    def unconditional_run_ids(self, first: int, runs: int) -> set[int]:
         """Numbers of the runs that are kept whatever becomes of them."""
         kept: set[int] = set()
-        for kind, numbers, _ in map(_parse, self._terms()):
+        for kind, numbers, _ in map(_parse_term, self._terms()):
             match kind:
                 case "all":
                     kept.update(range(first, first + runs))
@@ -73,36 +75,38 @@ class Retention:
         return kept
 
     @property
-    def looks_at_results(self) -> bool:
+    def depends_on_results(self) -> bool:
         """Whether runs are kept for what became of them."""
-        return any(kind in ("failures", "worst") for kind, _, _ in map(_parse, self._terms()))
+        return any(kind in ("failures", "worst") for kind, _, _ in map(_parse_term, self._terms()))
 
-    def later(self, run_ids: np.ndarray, completed: np.ndarray, metrics: Mapping[str, np.ndarray]) -> set[int]:
+    def selected_by_result(
+        self, run_ids: np.ndarray, completed: np.ndarray, metrics: Mapping[str, np.ndarray]
+    ) -> set[int]:
         """Numbers of the runs that are kept for what became of them: arguments are by row, metrics nan if undefined."""
         kept: set[int] = set()
-        for kind, numbers, metric in map(_parse, self._terms()):
+        for kind, numbers, metric in map(_parse_term, self._terms()):
             if kind == "failures":
                 kept.update(run_ids[~completed].tolist())
             elif kind == "worst":
-                kept.update(run_ids[worst_rows(metric, metrics[metric])[: numbers[0]]].tolist())
+                kept.update(run_ids[worst_first(metric, metrics[metric])[: numbers[0]]].tolist())
         return kept
 
-    def at_most_later(self, runs: int) -> int:
+    def max_selected_by_result(self, runs: int) -> int:
         """Number of the runs that `later` may add, failures left out."""
-        terms = map(_parse, self._terms())
+        terms = map(_parse_term, self._terms())
         return min(runs, sum(numbers[0] for kind, numbers, _ in terms if kind == "worst"))
 
-    def at_most(self, first: int, runs: int) -> int:
+    def max_histories(self, first: int, runs: int) -> int:
         """Number of the runs that may be kept, failures left out."""
-        return min(runs, len(self.known(first, runs)) + self.at_most_later(runs))
+        return min(runs, len(self.unconditional_run_ids(first, runs)) + self.max_selected_by_result(runs))
 
-    def of(self, history: Mapping[str, np.ndarray], ticks: int) -> dict[str, np.ndarray]:
+    def thin(self, history: Mapping[str, np.ndarray], ticks: int) -> dict[str, np.ndarray]:
         """The part of a full history, `ticks` long, that is kept: `time_s` and `rho_desired_H` always."""
-        chosen = {name: values for name, values in history.items() if self.wants(name)}
+        chosen = {name: values for name, values in history.items() if self.keeps_channel(name)}
         timed = {name for name, values in chosen.items() if name != "rho_desired_H" and len(values) == ticks}
         return {name: values[:: self.every] if name in timed else values for name, values in chosen.items()}
 
-    def wants(self, channel: str) -> bool:
+    def keeps_channel(self, channel: str) -> bool:
         """Whether a channel is kept."""
         return self.channels is None or channel in ("time_s", "rho_desired_H", *self.channels)
 
@@ -120,7 +124,7 @@ def check_channels(channels: Sequence[str] | None, known: Sequence[str]) -> None
             raise RpojaxError(f"--history-channels: found {name!r}, expected channels of a history{hint}")
 
 
-def _parse(term: str) -> tuple[str, list[int], str]:
+def _parse_term(term: str) -> tuple[str, list[int], str]:
     """Kind of a term, its numbers and its metric.
 
     Raises:
@@ -130,20 +134,20 @@ def _parse(term: str) -> tuple[str, list[int], str]:
     if term in ("none", "all", "failures"):
         return term, [], ""
     if kind == "every" and len(rest) == 1:
-        return kind, [_number(rest[0], term, 1)], ""
+        return kind, [_parse_number(rest[0], term, 1)], ""
     if kind == "worst" and len(rest) == 2:
         if rest[1] not in UNITS:
             close = difflib.get_close_matches(rest[1], UNITS, n=1)
             hint = f" (did you mean {close[0]!r}?)" if close else ""
             raise RpojaxError(f"--histories: found metric {rest[1]!r}, expected one of a campaign{hint}")
-        return kind, [_number(rest[0], term, 1)], rest[1]
+        return kind, [_parse_number(rest[0], term, 1)], rest[1]
     if "," in term:
-        return "runs", [_number(part, term, 0) for part in term.split(",") if part.strip()], ""
-    return "first", [_number(term, term, 0)], ""
+        return "runs", [_parse_number(part, term, 0) for part in term.split(",") if part.strip()], ""
+    return "first", [_parse_number(term, term, 0)], ""
 
 
-def _number(text: str, term: str, least: int) -> int:
+def _parse_number(text: str, term: str, least: int) -> int:
     digits = text.strip()
     if not (digits.isascii() and digits.isdecimal() and len(digits) <= 10 and int(digits) >= least):
-        raise RpojaxError(f"--histories: found {term!r}, expected {FORMS}")
+        raise RpojaxError(f"--histories: found {term!r}, expected {RULE_FORMS}")
     return int(digits)

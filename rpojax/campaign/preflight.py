@@ -9,17 +9,17 @@ from rpojax.errors import OutputError, RpojaxError
 from rpojax.scenario import dispersion_keys
 from rpojax.scenario.schema import ScenarioFile
 
-LARGEST_SEED = 2**63 - 1
-LARGEST_RUN = 2**31 - 1
+MAX_SEED = 2**63 - 1
+MAX_RUN_ID = 2**31 - 1
 """Random keys are made from these numbers."""
-MOST_BLOCKS = 999_999
+MAX_BLOCKS = 999_999
 """Manifests are numbered with six digits."""
 
-RECORD_BYTES = 128
+RECORD_BYTES_PER_TICK = 128
 """Memory per run and tick for the channels that metrics need [B]."""
-EVALUATION_BYTES = 120
+EVALUATION_BYTES_PER_TICK = 120
 """Memory per run and tick while the metrics of one block are worked out [B]."""
-HISTORY_BYTES = 304
+HISTORY_BYTES_PER_TICK = 304
 """Memory and disk per tick of a full history [B]."""
 _RUN_BYTES = 2048
 _TRACE_BYTES_PER_S = 4
@@ -33,11 +33,11 @@ def check_numbers(runs: int, first_run: int, seed: int, block_size: int | None) 
     Raises:
         RpojaxError: naming the option, what was found and what was expected.
     """
-    _check_range("--runs", runs, 1, LARGEST_RUN)
-    _check_range("--run-id", first_run, 0, LARGEST_RUN - runs)
-    _check_range("--seed", seed, 0, LARGEST_SEED)
+    _check_range("--runs", runs, 1, MAX_RUN_ID)
+    _check_range("--run-id", first_run, 0, MAX_RUN_ID - runs)
+    _check_range("--seed", seed, 0, MAX_SEED)
     if block_size is not None:
-        _check_range("--block-size", block_size, 1, LARGEST_RUN)
+        _check_range("--block-size", block_size, 1, MAX_RUN_ID)
 
 
 def _check_range(option: str, found: int, low: int, high: int) -> None:
@@ -70,47 +70,51 @@ def is_campaign(directory: Path) -> bool:
     return isinstance(info, dict) and "scenario_hash" in info
 
 
-def check_size(file: ScenarioFile, runs: int, block_size: int, devices: int, histories: int, directory: Path) -> None:
+def check_resources(
+    file: ScenarioFile, runs: int, block_size: int, devices: int, history_count: int, directory: Path
+) -> None:
     """Refuses a campaign whose records do not fit into memory, or whose results do not fit onto the disk.
 
     Raises:
         RpojaxError: saying how much is needed, how much there is and what to lower.
     """
-    ticks, at_once = _ticks(file), block_size * devices
-    memory = memory_bytes(file, runs, block_size, devices, histories)
+    ticks, at_once = _tick_count(file), block_size * devices
+    memory = memory_bytes(file, runs, block_size, devices, history_count)
     if memory > (available := _available_memory()):
         raise RpojaxError(
-            f"memory: found {_size(available)} available, expected {_size(memory)} for {at_once} runs of {ticks} ticks "
-            "at once; lower --block-size, duration_s or --histories"
+            f"memory: found {_format_bytes(available)} available, expected {_format_bytes(memory)} for "
+            f"{at_once} runs of {ticks} ticks at once; lower --block-size, duration_s or --histories"
         )
-    disk = disk_bytes(file, runs, histories)
+    disk = disk_bytes(file, runs, history_count)
     if disk > (free := shutil.disk_usage(_existing_parent(directory)).free):
         raise RpojaxError(
-            f"disk: found {_size(free)} free, expected {_size(disk)} for {runs} runs of {file.duration_s:g} s and "
-            f"{histories} full histories; lower --runs, duration_s or --histories"
+            f"disk: found {_format_bytes(free)} free, expected {_format_bytes(disk)} for {runs} runs of "
+            f"{file.duration_s:g} s and {history_count} full histories; lower --runs, duration_s or --histories"
         )
 
-    if (blocks := -(-runs // block_size)) > MOST_BLOCKS:
-        raise RpojaxError(f"--block-size: found {blocks} blocks, expected at most {MOST_BLOCKS}")
+    if (blocks := -(-runs // block_size)) > MAX_BLOCKS:
+        raise RpojaxError(f"--block-size: found {blocks} blocks, expected at most {MAX_BLOCKS}")
 
 
-def memory_bytes(file: ScenarioFile, runs: int, block_size: int, devices: int, histories: int) -> int:
+def memory_bytes(file: ScenarioFile, runs: int, block_size: int, devices: int, history_count: int) -> int:
     """Memory that a campaign takes at most, by a rough count [B]."""
-    ticks = _ticks(file)
+    ticks = _tick_count(file)
     # While runs are flown those before them are still there, being stored.
     at_once = min(runs, 2 * block_size * devices)
-    records = ticks * (max(at_once, block_size * devices) * RECORD_BYTES + block_size * EVALUATION_BYTES)
-    recorded = min(histories, at_once) * ticks * HISTORY_BYTES
+    records = ticks * (
+        max(at_once, block_size * devices) * RECORD_BYTES_PER_TICK + block_size * EVALUATION_BYTES_PER_TICK
+    )
+    recorded = min(history_count, at_once) * ticks * HISTORY_BYTES_PER_TICK
     return _RESERVE_BYTES + records + recorded + dispersion_keys.design_bytes(file, runs)
 
 
-def disk_bytes(file: ScenarioFile, runs: int, histories: int) -> int:
+def disk_bytes(file: ScenarioFile, runs: int, history_count: int) -> int:
     """Disk that a campaign takes at most, by a rough count [B]."""
-    kept = histories * _ticks(file) * HISTORY_BYTES
+    kept = history_count * _tick_count(file) * HISTORY_BYTES_PER_TICK
     return _REPORT_BYTES + runs * (_RUN_BYTES + round(file.duration_s) * _TRACE_BYTES_PER_S) + kept
 
 
-def _ticks(file: ScenarioFile) -> int:
+def _tick_count(file: ScenarioFile) -> int:
     return round(file.duration_s * file.rates.camera_hz)
 
 
@@ -127,5 +131,5 @@ def _available_memory() -> float:
         return float("inf")
 
 
-def _size(count: float | int) -> str:
+def _format_bytes(count: float | int) -> str:
     return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.0f} MB"

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float, UInt8
 from rpojax.campaign import run_and_resume, single_run
 from rpojax.core.pytree import replace
 from rpojax.dispersions import designs
-from rpojax.dispersions.designs import Population
+from rpojax.dispersions.designs import RunRange
 from rpojax.errors import ResultError, RpojaxError
 from rpojax.physics.plant import Truth
 from rpojax.scenario import scenario_file
@@ -30,27 +30,30 @@ from rpojax.simulation import camera_models, closed_loop, noise
 
 History = Mapping[str, np.ndarray]
 
-_POSE = ("r_TN_N", "r_ST_N", "q_TN", "q_BN")
-_NEEDED = (*_POSE, "window_px")
+_POSE_CHANNELS = ("r_TN_N", "r_ST_N", "q_TN", "q_BN")
+_REQUIRED_CHANNELS = (*_POSE_CHANNELS, "window_px")
 
 
-def scenario_of(info: Mapping[str, Any]) -> ScenarioFile:
+def rendered_scenario(configuration: Mapping[str, Any]) -> ScenarioFile:
     """Scenario of a campaign's `info`, if pictures of its runs can be taken again.
 
     Raises:
         RpojaxError: its camera takes no pictures, or the trained files are not those of the campaign.
     """
-    model = info["scenario"]["camera"]["model"]
+    model = configuration["scenario"]["camera"]["model"]
     if model != "rendered":
         raise RpojaxError(f"camera.model: found {model!r}, which takes no pictures, expected 'rendered'")
-    file = scenario_file.validate(info["scenario"])
-    if scenario_file.digest(file) != info["scenario_hash"]:
+    file = scenario_file.validate(configuration["scenario"])
+    if scenario_file.digest(file) != configuration["scenario_hash"]:
         raise RpojaxError("imaging: found other trained files, expected those that the campaign was run with")
     return file
 
 
-def fly_again(
-    file: ScenarioFile, info: Mapping[str, Any], run_id: int, on_progress: run_and_resume.Report | None = None
+def replay_run(
+    file: ScenarioFile,
+    configuration: Mapping[str, Any],
+    run_id: int,
+    on_progress: run_and_resume.ProgressCallback | None = None,
 ) -> History:
     """Full history of a run that kept none, flown once more, alone.
 
@@ -60,7 +63,7 @@ def fly_again(
     Raises:
         RpojaxError: parts of the flight software were replaced.
     """
-    if stages := info["stages"]:
+    if stages := configuration["stages"]:
         raise RpojaxError(f"run {run_id}: found replaced stages {sorted(stages)}, expected a run with a kept history")
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "run"
@@ -68,35 +71,35 @@ def fly_again(
             file,
             1,
             out,
-            info["seed"],
+            configuration["seed"],
             first_run=run_id,
             block_size=1,
-            population=designs.population_of(info),
+            population=designs.recorded_run_range(configuration),
             on_progress=on_progress,
         )
         return flown.history(run_id)
 
 
-def can_show(history: History, file: ScenarioFile) -> bool:
+def is_renderable(history: History, file: ScenarioFile) -> bool:
     """Whether a history has all that pictures need: some channels, and every tick."""
     time_s = history["time_s"]
     step_s = float(time_s[1] - time_s[0]) if len(time_s) > 1 else 1.0 / file.rates.camera_hz
-    return "range_m" in history and set(_NEEDED) <= set(history) and step_s < 1.5 / file.rates.camera_hz
+    return "range_m" in history and set(_REQUIRED_CHANNELS) <= set(history) and step_s < 1.5 / file.rates.camera_hz
 
 
-def last_tick(history: History) -> int:
+def valid_tick_count(history: History) -> int:
     """Number of ticks before a history ends or its run failed."""
     alive = np.isfinite(history["range_m"])
     return len(alive) if alive.all() else int(alive.argmin())
 
 
-def pictures(
+def render_images(
     file: ScenarioFile,
     seed: int,
     run_id: int,
     history: History,
     ticks: Sequence[int],
-    population: Population | None = None,
+    population: RunRange | None = None,
 ) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
     """Picture (p, p, 3), uint8 sRGB codes, and channels of each of some ticks of a run; one at a time is in memory.
 
@@ -105,24 +108,26 @@ def pictures(
     Raises:
         ResultError: the history does not say what its pictures showed.
     """
-    if not can_show(history, file) and not (missing := [name for name in _NEEDED if name not in history]):
+    if not is_renderable(history, file) and not (
+        missing := [name for name in _REQUIRED_CHANNELS if name not in history]
+    ):
         raise ResultError(f"run {run_id}: found a history without some ticks, expected one with all of them")
-    if missing := [name for name in _NEEDED if name not in history]:
+    if missing := [name for name in _REQUIRED_CHANNELS if name not in history]:
         raise ResultError(f"run {run_id}: found no channel {missing[0]!r}, expected the history of a rendered camera")
-    static, chosen, state = single_run.dispersed(file, seed, run_id, population)
+    static, chosen, state = single_run.initialise_run(file, seed, run_id, population)
     whole = len(history["time_s"])
     of_ticks = {name: values for name, values in history.items() if values.ndim and len(values) == whole}
     for tick in ticks:
         seen = {name: np.asarray(values[tick]) for name, values in of_ticks.items()}
-        truth = replace(state.truth, **{name: np.asarray(seen[name], dtype=np.float64) for name in _POSE})
-        yield np.asarray(_take(static, chosen, truth, seen["window_px"], state.keys, np.int32(tick))), seen
+        truth = replace(state.truth, **{name: np.asarray(seen[name], dtype=np.float64) for name in _POSE_CHANNELS})
+        yield np.asarray(_render(static, chosen, truth, seen["window_px"], state.keys, np.int32(tick))), seen
 
 
 @partial(jax.jit, static_argnums=0)
-def _take(
+def _render(
     static: Scenario, chosen: Params, truth: Truth, window_px: Float[Array, "3"], keys: Array, tick: Array
 ) -> UInt8[Array, "p p 3"]:
     sky = closed_loop.sky_at(static, tick.astype(jnp.float64) * static.tick_s)
-    view = camera_models.window_of(static, chosen, window_px)
-    picture = camera_models.take_picture(static, chosen, view, truth, sky, noise.camera_key(keys, tick), tick)
+    view = camera_models.recorded_window(static, chosen, window_px)
+    picture = camera_models.render_picture(static, chosen, view, truth, sky, noise.camera_key(keys, tick), tick)
     return jnp.round(255.0 * picture).astype(jnp.uint8)

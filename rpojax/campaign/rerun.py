@@ -18,7 +18,7 @@ from rpojax.flight.computer import Stages
 
 
 @dataclass(frozen=True)
-class Rerun:
+class RerunResult:
     """What came of it.
 
     Attributes:
@@ -27,64 +27,64 @@ class Rerun:
         different: metric -> (recorded, now), where they are not the same to the last bit
     """
 
-    result: Campaign
-    recorded: bool
-    different: dict[str, tuple[float, float]]
+    campaign: Campaign
+    was_recorded: bool
+    differences: dict[str, tuple[float, float]]
 
 
-def check_run(found: Campaign, run_id: int) -> None:
+def check_run_id(campaign: Campaign, run_id: int) -> None:
     """Refuses a run that a campaign does not have.
 
     Raises:
         RpojaxError: naming the runs that it has.
     """
-    first, runs = found.asked["first_run"], found.asked["runs"]
+    first, runs = campaign.configuration["first_run"], campaign.configuration["runs"]
     if not first <= run_id < first + runs:
         raise RpojaxError(f"--run-id: found {run_id}, expected a run of this campaign, {first} to {first + runs - 1}")
 
 
 def rerun(
-    found: Campaign,
+    campaign: Campaign,
     run_id: int,
     out: Path,
     *,
     force: bool = False,
     stages: Stages | None = None,
     on_progress: Callable[[run_and_resume.Progress], None] | None = None,
-) -> Rerun:
+) -> RerunResult:
     """Flies a run again, in a block of the size that the campaign had, and compares its metrics with those recorded.
 
     Raises:
         RpojaxError: there is no such run, the scenario or the stages are not those of the campaign, or the new folder
             cannot be used.
     """
-    check_run(found, run_id)
-    _check_apart(found.directory, out)
-    engine = block_runner.engine_of(found.asked, jax.devices()[:1], stages)
+    check_run_id(campaign, run_id)
+    _check_separate_folder(campaign.directory, out)
+    engine = block_runner.engine_from_configuration(campaign.configuration, jax.devices()[:1], stages)
     asked = {
-        **found.asked,
+        **campaign.configuration,
         "runs": 1,
         "first_run": run_id,
-        "histories": Retention("all").recorded(),
+        "histories": Retention("all").to_record(),
         "report": True,
-        "rerun_of": {key: found.asked[key] for key in ("first_run", "runs")},
-        **folder_creation.made_here(1),
+        "rerun_of": {key: campaign.configuration[key] for key in ("first_run", "runs")},
+        **folder_creation.provenance(1),
     }
-    folder_creation.create(out, asked, force)
+    folder_creation.create_folder(out, asked, force)
     result = Campaign(out)
-    run_and_resume.complete(result, executors.Local(result, engine), on_progress)
-    rows = np.flatnonzero(found.run_ids == run_id)
-    recorded = {name: float(values[rows[0]]) for name, values in found.metrics.items()} if len(rows) else {}
-    return Rerun(result, len(rows) > 0, _different(recorded, result.metrics))
+    run_and_resume.simulate_missing_blocks(result, executors.LocalExecutor(result, engine), on_progress)
+    rows = np.flatnonzero(campaign.run_ids == run_id)
+    recorded = {name: float(values[rows[0]]) for name, values in campaign.metrics.items()} if len(rows) else {}
+    return RerunResult(result, len(rows) > 0, _metric_differences(recorded, result.metrics))
 
 
-def _check_apart(source: Path, out: Path) -> None:
+def _check_separate_folder(source: Path, out: Path) -> None:
     """Refuses to make the new folder where the campaign itself is."""
     place, origin = Path(os.path.realpath(out)), Path(os.path.realpath(source))
     if place == origin or place in origin.parents:
         raise OutputError(f"--out: found {str(out)!r}, where the campaign itself is, expected another folder")
 
 
-def _different(recorded: Mapping[str, float], now: Mapping[str, np.ndarray]) -> dict[str, tuple[float, float]]:
+def _metric_differences(recorded: Mapping[str, float], now: Mapping[str, np.ndarray]) -> dict[str, tuple[float, float]]:
     pairs = {name: (value, float(now[name][0])) for name, value in recorded.items() if name in now}
     return {name: pair for name, pair in pairs.items() if not np.array_equal(*pair, equal_nan=True)}

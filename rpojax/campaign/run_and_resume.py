@@ -10,40 +10,24 @@ import jax
 
 from rpojax.campaign import history_retention, preflight, stage_provenance
 from rpojax.campaign.execution import batch_engine, block_runner, executors
-from rpojax.campaign.execution.batch_engine import Engine
+from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.execution.executors import Executor
 from rpojax.campaign.history_retention import Retention
 from rpojax.campaign.storage import atomic_files, campaign_json, folder_creation
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.dispersions import designs
-from rpojax.dispersions.designs import Population
+from rpojax.dispersions.designs import RunRange
 from rpojax.errors import RpojaxError
 from rpojax.flight.computer import Stages
+from rpojax.runtime.progress import Progress
 from rpojax.scenario.schema import ScenarioFile
 
-HISTORIES = 8
+DEFAULT_HISTORIES = 8
 """Full histories kept by default: those of the first runs."""
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Where a campaign is.
-
-    Attributes:
-        done: run-equivalents finished in this session, fractions of runs under way included
-        total: runs to do in this session
-        failed: runs failed so far in this session
-        compiled: the programs are compiled
-    """
-
-    done: float
-    total: int
-    failed: int
-    compiled: bool
-
-
-Report = Callable[[Progress], None]
-MakeExecutor = Callable[[Campaign], Executor]
+ProgressCallback = Callable[[Progress], None]
+ExecutorFactory = Callable[[Campaign], Executor]
 
 
 @dataclass(frozen=True)
@@ -65,12 +49,12 @@ class Shard:
             raise RpojaxError(f"--shard: found {text!r}, expected i/n with i from 1 to n, such as 2/8")
         return cls(int(found[1]), int(found[2]))
 
-    def of(self, blocks: Sequence[int]) -> list[int]:
+    def select(self, blocks: Sequence[int]) -> list[int]:
         """Those blocks that belong to this part."""
         return [block for block in blocks if block % self.count == self.number - 1]
 
 
-WHOLE = Shard(1, 1)
+ALL_BLOCKS = Shard(1, 1)
 
 
 def run_campaign(
@@ -85,10 +69,10 @@ def run_campaign(
     force: bool = False,
     devices: Sequence[Any] | None = None,
     stages: Stages | None = None,
-    population: Population | None = None,
-    on_progress: Report | None = None,
+    population: RunRange | None = None,
+    on_progress: ProgressCallback | None = None,
     shard: Shard | None = None,
-    executor: MakeExecutor | None = None,
+    executor: ExecutorFactory | None = None,
     report: bool = False,
 ) -> Campaign:
     """Runs numbers `first_run` to `first_run + runs - 1` of a scenario into a new folder.
@@ -106,35 +90,39 @@ def run_campaign(
     if shard is None:
         preflight.check_folder(Path(out), force)
     kept = _retention(histories, first_run, runs)
-    kept.check(first_run, runs)
-    size = block_size or batch_engine.block_size(file)
-    used = _enough(devices, -(-runs // size))
-    expected = -(-kept.at_most(first_run, runs) // kept.every)
-    preflight.check_size(file, runs, size, len(used), expected, Path(out))
-    described = stage_provenance.describe(stages or Stages())
-    given = designs.make(file, seed, population or Population(first_run, runs))
-    asked = folder_creation.describe(
-        file, seed, runs, first_run, size, kept.recorded(), described, given.record(), report
+    kept.check_run_ids(first_run, runs)
+    size = block_size or batch_engine.default_block_size(file)
+    used = _devices_for_blocks(devices, -(-runs // size))
+    expected = -(-kept.max_histories(first_run, runs) // kept.every)
+    preflight.check_resources(file, runs, size, len(used), expected, Path(out))
+    described = stage_provenance.replaced_stages(stages or Stages())
+    given = designs.make_design(file, seed, population or RunRange(first_run, runs))
+    asked = folder_creation.new_configuration(
+        file, seed, runs, first_run, size, kept.to_record(), described, given.record(), report
     )
-    machine = Engine(file, size, used, stages, given)
+    machine = BatchEngine(file, size, used, stages, given)
     if kept.channels is not None:
-        history_retention.check_channels(kept.channels, machine.channels())
+        history_retention.check_channels(kept.channels, machine.channel_names())
     if shard is None:
-        folder_creation.create(Path(out), asked, force)
+        folder_creation.create_folder(Path(out), asked, force)
     else:
-        folder_creation.join(Path(out), asked)
+        folder_creation.join_folder(Path(out), asked)
     result = Campaign(out)
-    complete(result, executor(result) if executor else executors.Local(result, machine), on_progress, shard, stages)
+    simulate_missing_blocks(
+        result, executor(result) if executor else executors.LocalExecutor(result, machine), on_progress, shard, stages
+    )
     return result
 
 
 def _retention(histories: Sequence[int] | Retention | None, first_run: int, runs: int) -> Retention:
     if isinstance(histories, Retention):
         return histories
-    return Retention.of_runs(range(first_run, first_run + min(runs, HISTORIES)) if histories is None else histories)
+    return Retention.from_run_ids(
+        range(first_run, first_run + min(runs, DEFAULT_HISTORIES)) if histories is None else histories
+    )
 
 
-def _enough(devices: Sequence[Any] | None, blocks: int) -> list[Any]:
+def _devices_for_blocks(devices: Sequence[Any] | None, blocks: int) -> list[Any]:
     """As many of the devices as have a block to work on."""
     return list(jax.devices() if devices is None else devices)[:blocks]
 
@@ -143,9 +131,9 @@ def resume_campaign(
     directory: Path | str,
     *,
     stages: Stages | None = None,
-    on_progress: Report | None = None,
+    on_progress: ProgressCallback | None = None,
     shard: Shard | None = None,
-    executor: MakeExecutor | None = None,
+    executor: ExecutorFactory | None = None,
 ) -> Campaign:
     """Runs whatever of a campaign is missing, with the stages it began with; a finished one is left as it is.
 
@@ -154,28 +142,30 @@ def resume_campaign(
         UnfinishedError: the results cannot be written.
     """
     result = Campaign(directory)
-    atomic_files.sweep(result.directory)
-    if blocks := (shard or WHOLE).of(result.missing()):
-        stage_provenance.check_same(result.asked["stages"], stages or Stages())
+    atomic_files.remove_stale_files(result.directory)
+    if blocks := (shard or ALL_BLOCKS).select(result.missing_blocks()):
+        stage_provenance.check_same_stages(result.configuration["stages"], stages or Stages())
         if executor is None:
-            machine = block_runner.engine_of(result.asked, _enough(None, len(blocks)), stages)
-            complete(result, executors.Local(result, machine), on_progress, shard, stages)
+            machine = block_runner.engine_from_configuration(
+                result.configuration, _devices_for_blocks(None, len(blocks)), stages
+            )
+            simulate_missing_blocks(result, executors.LocalExecutor(result, machine), on_progress, shard, stages)
         else:
-            complete(result, executor(result), on_progress, shard, stages)
-    elif not result.missing():
-        _second_pass(result, on_progress or (lambda _: None), stages)
+            simulate_missing_blocks(result, executor(result), on_progress, shard, stages)
+    elif not result.missing_blocks():
+        _simulate_selected_histories(result, on_progress or (lambda _: None), stages)
     return result
 
 
-def is_complete(result: Campaign) -> bool:
+def is_complete(campaign: Campaign) -> bool:
     """Whether nothing of a campaign is missing, neither blocks nor histories of chosen runs."""
-    return not result.missing() and not block_runner.later_histories(result)
+    return not campaign.missing_blocks() and not block_runner.pending_histories(campaign)
 
 
-def complete(
-    result: Campaign,
+def simulate_missing_blocks(
+    campaign: Campaign,
     executor: Executor,
-    on_progress: Report | None = None,
+    on_progress: ProgressCallback | None = None,
     shard: Shard | None = None,
     stages: Stages | None = None,
 ) -> None:
@@ -183,30 +173,34 @@ def complete(
 
     Blocks that the executor gives up are noted in `result.given_up`, and the others go on.
     """
-    blocks = (shard or WHOLE).of(result.missing())
+    blocks = (shard or ALL_BLOCKS).select(campaign.missing_blocks())
     tell = on_progress or (lambda _: None)
-    total = sum(campaign_json.count(result.asked, block) for block in blocks)
+    total = sum(campaign_json.runs_in_block(campaign.configuration, block) for block in blocks)
 
     def during(done: float, failed: int, compiled: bool) -> None:
         tell(Progress(done=done, total=total, failed=failed, compiled=compiled))
 
     if blocks:
-        result.given_up.update(executor.do(blocks, during))
-    if not result.missing():
-        _second_pass(result, tell, stages, executor.engine if isinstance(executor, executors.Local) else None)
+        campaign.failed_blocks.update(executor.run_blocks(blocks, during))
+    if not campaign.missing_blocks():
+        _simulate_selected_histories(
+            campaign, tell, stages, executor.engine if isinstance(executor, executors.LocalExecutor) else None
+        )
 
 
-def _second_pass(result: Campaign, tell: Report, stages: Stages | None, machine: Engine | None = None) -> None:
+def _simulate_selected_histories(
+    result: Campaign, tell: ProgressCallback, stages: Stages | None, machine: BatchEngine | None = None
+) -> None:
     """Keeps the histories that depend on results, with the engine of the first pass where there is one."""
-    chosen = block_runner.later_histories(result)
+    chosen = block_runner.pending_histories(result)
     if not chosen:
         return
     if machine is None:
         tell(Progress(done=0.0, total=len(chosen), failed=0, compiled=False))
-        used = _enough(None, -(-len(chosen) // result.asked["block_size"]))
-        machine = block_runner.engine_of(result.asked, used, stages)
+        used = _devices_for_blocks(None, -(-len(chosen) // result.configuration["block_size"]))
+        machine = block_runner.engine_from_configuration(result.configuration, used, stages)
 
     def during(done: float) -> None:
         tell(Progress(done=done, total=len(chosen), failed=0, compiled=True))
 
-    block_runner.do_histories(result, machine, chosen, during)
+    block_runner.simulate_histories(result, machine, chosen, during)

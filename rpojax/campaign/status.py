@@ -13,8 +13,8 @@ def status(directory: Path) -> dict[str, Any]:
         ResultError: the folder is no campaign, or a manifest of it cannot be read.
     """
     asked = campaign_json.read(directory)
-    blocks = campaign_json.blocks(asked)
-    done = block_manifests.done(directory, blocks)
+    blocks = campaign_json.block_count(asked)
+    done = block_manifests.finished_blocks(directory, blocks)
     entries = block_manifests.read_all(directory, asked, done)
     page = directory / "report.html"
     ended = sum(entry.count for entry in entries)
@@ -28,10 +28,10 @@ def status(directory: Path) -> dict[str, Any]:
             "failed": sum(entry.failed for entry in entries),
             "missing": asked["runs"] - ended,
         },
-        "reasons": block_manifests.reasons(entries),
+        "reasons": block_manifests.count_failure_reasons(entries),
         "begun": [
             {"block": block, "attempts": attempts}
-            for block, attempts in block_manifests.begun(directory, blocks).items()
+            for block, attempts in block_manifests.attempts_at_unfinished_blocks(directory, blocks).items()
         ],
         "timing": block_manifests.timing(entries, _duration_s(asked)),
         "report": str(page) if page.is_file() else None,

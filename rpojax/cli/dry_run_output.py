@@ -5,9 +5,9 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rpojax.cli.console import busy
 from rpojax.cli.output_paths import claim
 from rpojax.errors import RpojaxError
+from rpojax.runtime.progress import busy
 
 if TYPE_CHECKING:
     from rpojax.campaign.dry_run import Plan
@@ -54,9 +54,11 @@ def show(
 
     if out is not None:
         preflight.check_folder(out, force)
-    histories.check(0, runs)
+    histories.check_run_ids(0, runs)
     with busy("drawing", quiet=as_json):
-        plan = plans.make(file, runs, seed, block_size=block_size, histories=histories.at_most(0, runs), speed=speed)
+        plan = plans.plan_campaign(
+            file, runs, seed, block_size=block_size, history_count=histories.max_histories(0, runs), speed=speed
+        )
     if table is not None:
         write_atomically(table, plans.csv_text(plan).encode())
     if as_json:

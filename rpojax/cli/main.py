@@ -13,179 +13,66 @@ each core unless XLA_FLAGS says how many.
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Callable, Sequence
 
 import tyro
-from tyro.conf import FlagCreatePairsOff, arg
+from tyro.conf import FlagCreatePairsOff
 
-from rpojax.cli import console
-from rpojax.cli.arguments import (
-    AsJson,
-    Folder,
-    NoCache,
-    Overrides,
-    Source,
-    Status,
-    abandon_worker,
-    fly,
-    load,
-    print_json,
-)
-from rpojax.cli.commands import bench as bench_command
-from rpojax.cli.commands import bridge as bridge_command
-from rpojax.cli.commands import calibrate_camera_model as calibrate_camera_model_command
-from rpojax.cli.commands import campaign as campaign_command
-from rpojax.cli.commands import compare as compare_command
-from rpojax.cli.commands import detector as detector_command
-from rpojax.cli.commands import export_bag as export_bag_command
-from rpojax.cli.commands import export_rrd as export_rrd_command
-from rpojax.cli.commands import field as field_command
-from rpojax.cli.commands import lincov as lincov_command
-from rpojax.cli.commands import sensitivity as sensitivity_command
-from rpojax.cli.commands import tune as tune_command
-from rpojax.cli.commands import worst_case as worst_case_command
-from rpojax.errors import OutputError, RpojaxError, UnfinishedError
-from rpojax.runtime.jax_environment import prepare_jax
+from rpojax.cli.commands import detector, field
+from rpojax.cli.commands.bench import bench
+from rpojax.cli.commands.bridge import bridge
+from rpojax.cli.commands.calibrate_camera_model import calibrate_camera_model
+from rpojax.cli.commands.campaign import campaign
+from rpojax.cli.commands.compare import compare
+from rpojax.cli.commands.detect import detect
+from rpojax.cli.commands.export_bag import export_bag
+from rpojax.cli.commands.export_rrd import export_rrd
+from rpojax.cli.commands.film import film
+from rpojax.cli.commands.lincov import lincov
+from rpojax.cli.commands.report import report
+from rpojax.cli.commands.rerun import rerun
+from rpojax.cli.commands.resume import resume
+from rpojax.cli.commands.run import run
+from rpojax.cli.commands.schema import schema
+from rpojax.cli.commands.sensitivity import sensitivity
+from rpojax.cli.commands.status import status
+from rpojax.cli.commands.tune import tune
+from rpojax.cli.commands.validate import validate
+from rpojax.cli.commands.worst_case import worst_case
+from rpojax.cli.exit_status import Status
+from rpojax.cli.interruptible_work import abandon_worker
+from rpojax.errors import RpojaxError, UnfinishedError
 from rpojax.version import __version__
 
-if TYPE_CHECKING:
-    import numpy as np
-
-    from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.report.figures.camera_film import Shot
-    from rpojax.scenario.schema import ScenarioFile
-
+COMMANDS: tuple[Callable[..., int], ...] = (
+    run,
+    campaign,
+    resume,
+    status,
+    rerun,
+    compare,
+    lincov,
+    report,
+    tune,
+    sensitivity,
+    worst_case,
+    export_bag,
+    export_rrd,
+    bridge,
+    bench,
+    film,
+    validate,
+    schema,
+)
+"""Commands in the order of `--help`, before those of the radiance field and the detector."""
 
 app = tyro.extras.SubcommandApp()
-
-
-run = app.command(campaign_command.run)
-campaign = app.command(campaign_command.campaign)
-resume = app.command(campaign_command.resume)
-status = app.command(campaign_command.status)
-rerun = app.command(campaign_command.rerun)
-compare = app.command(compare_command.compare)
-lincov = app.command(lincov_command.lincov)
-report = app.command(campaign_command.report)
-tune = app.command(tune_command.tune)
-sensitivity = app.command(sensitivity_command.sensitivity)
-worst_case = app.command(name="worst-case")(worst_case_command.worst_case)
-export_bag = app.command(name="export-bag")(export_bag_command.export_bag)
-export_rrd = app.command(name="export-rrd")(export_rrd_command.export_rrd)
-bridge = app.command(bridge_command.bridge)
-bench = app.command(bench_command.bench)
-
-
-@app.command
-def film(
-    directory: Folder,
-    *,
-    out: Annotated[Path, arg(metavar="FILE", help="Film (.mp4) or sheet of twelve stills (.png).")],
-    run_id: Annotated[
-        int | None, arg(metavar="I", help="Run to show.", help_behavior_hint="(default: the first with a kept history)")
-    ] = None,
-    every: Annotated[int, arg(metavar="N", help="Ticks from one picture of a film to the next.")] = 10,
-    codec: Annotated[str, arg(metavar="KIND", help="Of a film: vp9, or h264 (extra viz).")] = "vp9",
-    force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
-    no_cache: NoCache = False,
-) -> int:
-    """What the rendered camera of a run saw, with the detector's boxes; a run without a kept history is flown again."""
-    suffix = out.suffix.lower()
-    if suffix not in (".png", ".mp4"):
-        raise OutputError(f"{out}: found suffix {out.suffix!r}, expected .png or .mp4")
-    if out.exists() and not force:
-        raise OutputError(f"{out}: exists already; --force replaces it")
-    if every < 1:
-        raise RpojaxError(f"--every: found {every}, expected at least 1")
-    prepare_jax(cache=not no_cache)
-    from rpojax.campaign import rerender
-    from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.dispersions.designs import population_of
-    from rpojax.report.atomic_output import write_atomically
-    from rpojax.report.figures import camera_film as drawing
-
-    drawing.check_codec(codec)
-    found = Campaign(directory)
-    file = rerender.scenario_of(found.info)
-    run, history = _history_of(found, file, run_id)
-    end = rerender.last_tick(history)
-    ticks = drawing.stills(history, end) if suffix == ".png" else list(range(0, end, every))
-    with console.counting("taking pictures", quiet=False) as watch:
-        pictures = rerender.pictures(file, found.info["seed"], run, history, ticks, population_of(found.info))
-        shots = _counted(pictures, len(ticks), watch)
-        if suffix == ".png":
-            write_atomically(out, drawing.png(drawing.strip(shots)))
-        else:
-            drawing.write_film(shots, out, codec)
-    print(out)
-    return Status.DONE
-
-
-def _history_of(found: "Campaign", file: "ScenarioFile", run_id: int | None) -> "tuple[int, Mapping[str, np.ndarray]]":
-    """Number and full history of a run, flown again where none is kept."""
-    from rpojax.campaign import rerender
-    from rpojax.campaign.rerun import check_run
-
-    kept = found.history_ids
-    run = run_id if run_id is not None else (kept or [found.asked["first_run"]])[0]
-    check_run(found, run)
-    if run in kept and rerender.can_show(history := found.history(run), file):
-        return run, history
-    flown: list[Mapping[str, np.ndarray]] = []
-
-    def work(watch: console.Watch) -> "Campaign":
-        flown.append(rerender.fly_again(file, found.info, run, watch))
-        return found
-
-    fly(work, file.duration_s, as_json=False)
-    return run, flown[0]
-
-
-def _counted(shots: "Iterable[Shot]", total: int, watch: Callable[..., None]) -> "Iterator[Shot]":
-    for count, shot in enumerate(shots):
-        yield shot
-        watch(count + 1, total)
-
-
-@app.command
-def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = False) -> int:
-    """Check a scenario without running it."""
-    from rpojax.scenario import dispersion_keys
-    from rpojax.scenario import scenario_file as scenarios
-
-    file = load(scenario, overrides)
-    content = {
-        "name": file.name,
-        "description": file.description,
-        "duration_s": file.duration_s,
-        "scenario_hash": scenarios.digest(file),
-        "dispersions": dispersion_keys.keys(file),
-        "design": file.design.kind,
-    }
-    if as_json:
-        print_json(content)
-    else:
-        print(f"{file.name}: valid; {file.duration_s:g} s, {len(file.dispersions)} dispersions")
-    return Status.DONE
-
-
-@app.command
-def schema() -> int:
-    """JSON schema of a scenario, for editors and other tools."""
-    from rpojax.scenario.schema import ScenarioFile
-
-    print_json(ScenarioFile.model_json_schema())
-    return Status.DONE
-
-
-field = field_command.app.cli
-app.command(field_command.app, name="field", help="Train, judge and show radiance fields of targets.")
-detector = detector_command.app.cli
-app.command(detector_command.app, name="detector", help="Make data for the detector, train it and judge it.")
-detect = app.command(detector_command.detect)
-calibrate_camera_model = app.command(name="calibrate-camera-model")(calibrate_camera_model_command.calibrate)
+for command in COMMANDS:
+    app.command(name=command.__name__.replace("_", "-"))(command)
+app.command(field.app, name="field", help="Train, evaluate and show radiance fields of targets.")
+app.command(detector.app, name="detector", help="Make data for the detector, train it and evaluate it.")
+for command in (detect, calibrate_camera_model):
+    app.command(name=command.__name__.replace("_", "-"))(command)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -195,7 +82,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"rpojax {__version__}")
         return Status.DONE
     try:
-        words = _spread(arguments)
+        words = _repeat_set_flag(arguments)
         status = app.cli(prog="rpojax", description=__doc__, args=words, config=(FlagCreatePairsOff,))
         sys.stdout.flush()
         return status
@@ -215,7 +102,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return Status.INTERRUPTED
 
 
-def _spread(arguments: Sequence[str]) -> list[str]:
+def _repeat_set_flag(arguments: Sequence[str]) -> list[str]:
     """`--set A=1 B=2` as `--set A=1 --set B=2`, so that a positional argument may follow."""
     words: list[str] = []
     inside = False

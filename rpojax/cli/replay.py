@@ -3,34 +3,36 @@
 import dataclasses
 from typing import TYPE_CHECKING, Any
 
-from rpojax.cli.arguments import fly
+from rpojax.cli.interruptible_work import with_progress
+from rpojax.runtime.progress import ProgressCallback
 
 if TYPE_CHECKING:
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.cli import console
-    from rpojax.interop.run_replay import Agreement, Flight, Observe
+    from rpojax.interop.run_replay import ReplayAgreement, ReplayedRun, TickObserver
 
 
-def fly_again(found: "Campaign", run_id: int, observe: "Observe", as_json: bool) -> "tuple[Flight, Agreement | None]":
+def replay_run(
+    found: "Campaign", run_id: int, observe: "TickObserver", as_json: bool
+) -> "tuple[ReplayedRun, ReplayAgreement | None]":
     """A run of a campaign flown again, and how it compares with what the campaign recorded of it."""
     from rpojax.interop import run_replay
 
-    flights: list[Flight] = []
+    flights: list[ReplayedRun] = []
 
-    def work(watch: "console.Watch") -> "Campaign":
-        flights.append(run_replay.fly(found, run_id, observe, on_progress=watch))
+    def work(watch: ProgressCallback) -> "Campaign":
+        flights.append(run_replay.replay(found, run_id, observe, on_progress=watch))
         return found
 
-    fly(work, found.file.duration_s, as_json)
-    return flights[0], run_replay.compare(flights[0], found)
+    with_progress(work, found.file.duration_s, as_json)
+    return flights[0], run_replay.compare_with_campaign(flights[0], found)
 
 
-def content(agreement: "Agreement | None") -> dict[str, Any] | None:
+def content(agreement: "ReplayAgreement | None") -> dict[str, Any] | None:
     """The comparison for other programs."""
     return None if agreement is None else dataclasses.asdict(agreement)
 
 
-def sentence(flight: "Flight", agreement: "Agreement | None") -> str:
+def sentence(flight: "ReplayedRun", agreement: "ReplayAgreement | None") -> str:
     """The comparison for people."""
     how = "flown again in double precision" if flight.file.precision == "single" else "flown again"
     if agreement is None:

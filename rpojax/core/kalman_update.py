@@ -7,7 +7,7 @@ from rpojax.core.pytree import pytree
 
 
 @pytree
-class Rows:
+class MeasurementRows:
     """Linearised measurements of one epoch, `m` rows with independent noise.
 
     Attributes:
@@ -24,7 +24,7 @@ class Rows:
 
 
 @pytree
-class Update:
+class KalmanUpdate:
     """Result of an update.
 
     Attributes:
@@ -46,11 +46,11 @@ class Update:
 
 def update(
     covariance: Float[Array, "n n"],
-    rows: Rows,
-    crossed: Float[Array, "m n"] | None = None,
-    gained: Float[Array, " n"] | None = None,
-    added: Float[Array, " n"] | None = None,
-) -> Update:
+    rows: MeasurementRows,
+    HP: Float[Array, "m n"] | None = None,
+    process_variance: Float[Array, " n"] | None = None,
+    inflation_variance: Float[Array, " n"] | None = None,
+) -> KalmanUpdate:
     """Processes the rows in order; the result equals the joint update (Bierman, Factorization Methods, 1977).
 
     `crossed` is the product of Jacobian and `covariance`, where the caller knows a shorter way to it; `gained` are
@@ -59,27 +59,30 @@ def update(
     """
     size = rows.jacobian.shape[1]
     none = jnp.zeros(size, dtype=covariance.dtype)
-    gained, added = none if gained is None else gained, none if added is None else added
+    process_variance, inflation_variance = (
+        none if process_variance is None else process_variance,
+        none if inflation_variance is None else inflation_variance,
+    )
     deviation, log_likelihood = jnp.zeros_like(rows.jacobian[0]), jnp.zeros_like(rows.residual[0])
-    taken: list[tuple[Array, Array]] = []
+    processed: list[tuple[Array, Array]] = []
     innovations, variances = [], []
     for index in range(rows.residual.shape[0]):
         h, weight = rows.jacobian[index], rows.weight[index]
-        Ph = (jnp.sum(covariance * h[None, :], axis=1) if crossed is None else crossed[index]) + gained * h
-        for factor, before in taken:
+        Ph = (jnp.sum(covariance * h[None, :], axis=1) if HP is None else HP[index]) + process_variance * h
+        for factor, before in processed:
             Ph = Ph - factor * jnp.sum(before * h, axis=0) * before
         s = jnp.sum(Ph * h, axis=0) + rows.variance[index]
         innovation = rows.residual[index] - jnp.sum(h * deviation, axis=0)
         deviation = deviation + weight / s * innovation * Ph
         log_likelihood = log_likelihood - 0.5 * weight * (jnp.log(2.0 * jnp.pi * s) + innovation * innovation / s)
         # The factor of Joseph's form for a weighted gain: 1 / s for a row that is used, and with that form's slope.
-        taken.append(((2.0 - weight) * weight / s, Ph))
+        processed.append(((2.0 - weight) * weight / s, Ph))
         innovations.append(innovation)
         variances.append(s)
-    covariance = covariance + jnp.eye(size, dtype=covariance.dtype) * (gained + added)[:, None]
-    for factor, Ph in taken:
+    covariance = covariance + jnp.eye(size, dtype=covariance.dtype) * (process_variance + inflation_variance)[:, None]
+    for factor, Ph in processed:
         covariance = covariance - factor * (Ph[:, None] * Ph[None, :])
-    return Update(
+    return KalmanUpdate(
         deviation=deviation,
         covariance=covariance,
         innovation=jnp.stack(innovations),

@@ -98,7 +98,7 @@ def log(q: Quaternion) -> Vector:
     return scale * u
 
 
-def between(a: Vector, b: Vector) -> Vector:
+def rotation_vector_between(a: Vector, b: Vector) -> Vector:
     """Rotation vector [rad] of the smallest turn that takes unit vector `a` to unit vector `b`.
 
     Opposite vectors have no unique answer; the axis is then the one nearest to the coordinate axis most normal to `a`.

@@ -37,46 +37,46 @@ def fold_in(key: Key, number: int | Array) -> Key:
     return jnp.stack(_threefry(key, zero, jnp.asarray(number).astype(jnp.uint32)))
 
 
-def rows(keys: Keys, which: Sequence[int] | np.ndarray) -> UInt32[Array, "m 2"]:
+def select_keys(keys: Keys, indices: Sequence[int] | np.ndarray) -> UInt32[Array, "m 2"]:
     """Some of several keys, in any order and as often as wanted."""
-    return keys.at[np.asarray(which, dtype=np.int32)].get(mode="promise_in_bounds")
+    return keys.at[np.asarray(indices, dtype=np.int32)].get(mode="promise_in_bounds")
 
 
-def fold_in_each(keys: Keys, numbers: UInt32[Array, " n"]) -> Keys:
+def fold_in_per_key(keys: Keys, numbers: UInt32[Array, " n"]) -> Keys:
     """Keys derived from each of several by a number of its own, as `fold_in` derives one."""
     return jnp.stack(_threefry(keys.T, jnp.zeros_like(numbers), numbers), axis=1)
 
 
 def normal(key: Key, count: int) -> Float[Array, " {count}"]:
     """Standard normal numbers, drawn in float32 (plenty for noise, at half the cost) and returned in float64."""
-    return normal_each(key[None], [count])
+    return normal_per_key(key[None], [count])
 
 
 def uniform(key: Key, count: int) -> Float[Array, " {count}"]:
     """Numbers uniform in [0, 1), drawn in float32 and returned in float64."""
-    return _unit(key[None], [count]).astype(jnp.float64)
+    return _uniform_per_key(key[None], [count]).astype(jnp.float64)
 
 
-def normal_each(keys: Keys, counts: Sequence[int]) -> Float[Array, " total"]:
+def normal_per_key(keys: Keys, counts: Sequence[int]) -> Float[Array, " total"]:
     """The numbers that `normal` draws from each of several keys, one key's after the other's, in one go."""
-    u = jnp.maximum(_LEAST, _unit(keys, counts) * (1.0 - _LEAST) + _LEAST)
+    u = jnp.maximum(_SMALLEST_UNIFORM, _uniform_per_key(keys, counts) * (1.0 - _SMALLEST_UNIFORM) + _SMALLEST_UNIFORM)
     return (np.float32(np.sqrt(2.0)) * jax.lax.erf_inv(u)).astype(jnp.float64)
 
 
-_LEAST = np.nextafter(np.float32(-1.0), np.float32(0.0))
+_SMALLEST_UNIFORM = np.nextafter(np.float32(-1.0), np.float32(0.0))
 """Least number whose inverse error function is finite."""
 
-_TURNS = ((13, 15, 26, 6), (17, 29, 16, 24))
+_ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
 
 
-def _unit(keys: Keys, counts: Sequence[int]) -> Float[Array, " total"]:
+def _uniform_per_key(keys: Keys, counts: Sequence[int]) -> Float[Array, " total"]:
     """Numbers uniform in [0, 1) of the leading 23 of 32 random bits."""
     if len(counts) != keys.shape[0]:
         raise ValueError(f"counts: found {len(counts)}, expected one for each of {keys.shape[0]} keys")
     counter = jnp.asarray(np.concatenate([np.arange(count, dtype=np.uint32) for count in counts]))
     # One key goes with all of its numbers as it is, without being repeated.
-    own = keys.T if len(counts) == 1 else rows(keys, np.repeat(np.arange(len(counts)), counts)).T
-    first, second = _threefry(own, jnp.zeros_like(counter), counter)
+    key_columns = keys.T if len(counts) == 1 else select_keys(keys, np.repeat(np.arange(len(counts)), counts)).T
+    first, second = _threefry(key_columns, jnp.zeros_like(counter), counter)
     mantissa = ((first ^ second) >> np.uint32(9)) | np.uint32(0x3F800000)
     return jax.lax.bitcast_convert_type(mantissa, jnp.float32) - np.float32(1.0)
 
@@ -90,7 +90,7 @@ def _threefry(key: UInt32[Array, "2 ..."], x: Array, y: Array) -> tuple[Array, A
     schedule = (key[0], key[1], key[0] ^ key[1] ^ np.uint32(0x1BD11BDA))
     x, y = x + schedule[0], y + schedule[1]
     for group in range(5):
-        for turn in _TURNS[group % 2]:
+        for turn in _ROTATIONS[group % 2]:
             x = x + y
             y = ((y << np.uint32(turn)) | (y >> np.uint32(32 - turn))) ^ x
         x, y = x + schedule[(group + 1) % 3], y + schedule[(group + 2) % 3] + np.uint32(group + 1)

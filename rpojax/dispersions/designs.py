@@ -20,14 +20,14 @@ from rpojax.scenario.schema import ScenarioFile
 _LATIN_HYPERCUBE, _SOBOL = 1, 2
 """Set the random numbers of one design apart from those of another."""
 _SOBOL_BITS = 32
-LARGEST_BYTES = 4_000_000_000
+MAX_BYTES = 4_000_000_000
 """Memory that a design may take [B]."""
-SMALLEST = 2.0**-53
+UNIT_MARGIN = 2.0**-53
 """Coordinates keep this distance from 0 and 1, where inverse distributions are infinite."""
 
 
 @dataclass(frozen=True)
-class Population:
+class RunRange:
     """The runs that a design is made for.
 
     Attributes:
@@ -49,128 +49,131 @@ class Design:
             hypercube, Sobol: by name of the dispersion); empty where every run draws for itself
     """
 
-    population: Population
-    given: dict[str, np.ndarray]
+    run_range: RunRange
+    assigned: dict[str, np.ndarray]
 
-    def of_runs(self, ids: np.ndarray) -> dict[str, np.ndarray]:
+    def for_runs(self, ids: np.ndarray) -> dict[str, np.ndarray]:
         """Rows of the given runs; numbers past the end, which pad a block, get the last row."""
-        rows = np.clip(ids - self.population.first_run, 0, self.population.runs - 1)
-        return {name: values[rows] for name, values in self.given.items()}
+        rows = np.clip(ids - self.run_range.first_run, 0, self.run_range.runs - 1)
+        return {name: values[rows] for name, values in self.assigned.items()}
 
     def record(self) -> dict[str, Any]:
         """What `campaign.json` says of it: the population, and the SHA-256 of what is given."""
         digest = hashlib.sha256()
-        for name, values in sorted(self.given.items()):
+        for name, values in sorted(self.assigned.items()):
             digest.update(name.encode() + b"\0" + np.ascontiguousarray(values, dtype="<f8").tobytes())
-        return {**asdict(self.population), "sha256": digest.hexdigest()}
+        return {**asdict(self.run_range), "sha256": digest.hexdigest()}
 
 
-def independent(file: ScenarioFile) -> bool:
+def has_independent_runs(file: ScenarioFile) -> bool:
     """Whether the runs of a campaign are independent draws, as exact intervals and order statistics need them."""
     return file.design.kind == "independent"
 
 
-def make(file: ScenarioFile, seed: int, population: Population) -> Design:
+def make_design(file: ScenarioFile, seed: int, run_range: RunRange) -> Design:
     """Design of a checked scenario for some runs.
 
     Raises:
         RpojaxError: a table or grid has fewer runs.
     """
-    check(file, population)
+    check_size(file, run_range)
     match file.design:
         case schema.LatinHypercubeDesign():
-            return Design(population, _latin_hypercube(file, seed, population))
+            return Design(run_range, _latin_hypercube(file, seed, run_range))
         case schema.SobolDesign():
-            return Design(population, _sobol(file, seed, population))
+            return Design(run_range, _sobol(file, seed, run_range))
         case schema.TableDesign():
-            rows = population.first_run + np.arange(population.runs)
-            return Design(population, {key: _numbers(values)[rows] for key, values in file.design.values.items()})
+            rows = run_range.first_run + np.arange(run_range.runs)
+            return Design(run_range, {key: _as_numbers(values)[rows] for key, values in file.design.values.items()})
         case schema.GridDesign():
-            return Design(population, _grid(file.design, population))
+            return Design(run_range, _grid(file.design, run_range))
         case schema.IndependentDesign():
-            return Design(population, {})
+            return Design(run_range, {})
 
 
-def check(file: ScenarioFile, population: Population) -> None:
+def check_size(file: ScenarioFile, run_range: RunRange) -> None:
     """Refuses more runs than a table has rows, or a grid points, and designs that take too much memory.
 
     Raises:
         RpojaxError: saying how many runs there can be.
     """
-    if dispersion_keys.design_bytes(file, population.runs) > LARGEST_BYTES:
-        most = LARGEST_BYTES // dispersion_keys.design_bytes(file, 1)
-        raise RpojaxError(f"--runs: found {population.runs}, expected at most {most} for this design")
+    if dispersion_keys.design_bytes(file, run_range.runs) > MAX_BYTES:
+        most = MAX_BYTES // dispersion_keys.design_bytes(file, 1)
+        raise RpojaxError(f"--runs: found {run_range.runs}, expected at most {most} for this design")
     sizes = [len(values) for values in getattr(file.design, "values", {}).values()]
     if not sizes:
         return
     table = isinstance(file.design, schema.TableDesign)
     size = sizes[0] if table else int(np.prod(sizes, dtype=object))
-    if population.first_run + population.runs > size:
-        last = population.first_run + population.runs - 1
+    if run_range.first_run + run_range.runs > size:
+        last = run_range.first_run + run_range.runs - 1
         what = "the table of the design has rows" if table else "the grid of the design has points"
         raise RpojaxError(f"--runs: found run {last}, expected runs up to {size - 1}: {what} for no more")
 
 
-def _latin_hypercube(file: ScenarioFile, seed: int, population: Population) -> dict[str, np.ndarray]:
+def _latin_hypercube(file: ScenarioFile, seed: int, run_range: RunRange) -> dict[str, np.ndarray]:
     """Of every coordinate one value in each of `runs` equal parts of 0 to 1, in random order.
 
     Each dispersion has its own stream, so adding one leaves the others as they were (McKay, Beckman and Conover, 1979).
     """
     given = {}
     for entry in file.dispersions:
-        if count := dispersion_keys.coordinates(file, entry):
-            name = dispersion_keys.name(entry)
-            entropy = [_LATIN_HYPERCUBE, seed, zlib.crc32(name.encode()), population.first_run, population.runs]
+        if count := dispersion_keys.coordinate_count(file, entry):
+            name = dispersion_keys.dispersion_name(entry)
+            entropy = [_LATIN_HYPERCUBE, seed, zlib.crc32(name.encode()), run_range.first_run, run_range.runs]
             rng = np.random.default_rng(entropy)
-            shape = (population.runs, count)
+            shape = (run_range.runs, count)
             strata = rng.random(shape).argsort(axis=0)
-            given[name] = _inside((strata + rng.random(shape)) / population.runs)
+            given[name] = _inside_unit_interval((strata + rng.random(shape)) / run_range.runs)
     return given
 
 
-def _sobol(file: ScenarioFile, seed: int, population: Population) -> dict[str, np.ndarray]:
+def _sobol(file: ScenarioFile, seed: int, run_range: RunRange) -> dict[str, np.ndarray]:
     """Points of a scrambled Sobol sequence, run `i` at point `i`: more runs leave the earlier ones as they were.
 
     Coordinates are taken in the order of the dispersions; adding one gives all others another scrambling.
     """
     from scipy.stats import qmc
 
-    counts = {dispersion_keys.name(entry): dispersion_keys.coordinates(file, entry) for entry in file.dispersions}
+    counts = {
+        dispersion_keys.dispersion_name(entry): dispersion_keys.coordinate_count(file, entry)
+        for entry in file.dispersions
+    }
     total = sum(counts.values())
     if total == 0:
         return {}
     sequence = qmc.Sobol(total, bits=_SOBOL_BITS, rng=np.random.default_rng([_SOBOL, seed]))
-    if population.first_run:
-        sequence.fast_forward(population.first_run)
+    if run_range.first_run:
+        sequence.fast_forward(run_range.first_run)
     # One point first: a sequence that begins with another number than a power of two warns of what the user chose.
-    points = np.concatenate([sequence.random(1), sequence.random(population.runs - 1)])
+    points = np.concatenate([sequence.random(1), sequence.random(run_range.runs - 1)])
     # Points lie at the lower ends of their cells; the middle is inside.
-    points = _inside(points + 0.5 * 2.0**-_SOBOL_BITS)
+    points = _inside_unit_interval(points + 0.5 * 2.0**-_SOBOL_BITS)
     ends = np.cumsum(list(counts.values()))
     parts = zip(counts, counts.values(), ends, strict=True)
     return {name: points[:, end - count : end] for name, count, end in parts if count}
 
 
-def _inside(coordinates: np.ndarray) -> np.ndarray:
-    return np.clip(coordinates, SMALLEST, 1.0 - SMALLEST)
+def _inside_unit_interval(coordinates: np.ndarray) -> np.ndarray:
+    return np.clip(coordinates, UNIT_MARGIN, 1.0 - UNIT_MARGIN)
 
 
-def _grid(grid: schema.GridDesign, population: Population) -> dict[str, np.ndarray]:
+def _grid(grid: schema.GridDesign, run_range: RunRange) -> dict[str, np.ndarray]:
     """Values of some runs: a run's number, in mixed radix with the last key as last digit, says which ones."""
-    rest = population.first_run + np.arange(population.runs)
+    rest = run_range.first_run + np.arange(run_range.runs)
     given = {}
     for key, values in reversed(grid.values.items()):
         rest, digit = np.divmod(rest, len(values))
-        given[key] = _numbers(values)[digit]
+        given[key] = _as_numbers(values)[digit]
     return given
 
 
-def _numbers(values: list[Any]) -> np.ndarray:
+def _as_numbers(values: list[Any]) -> np.ndarray:
     """Values as numbers; kinds of fault by their codes."""
-    return np.array([equipment_faults.code(value) for value in values], dtype=np.float64)
+    return np.array([equipment_faults.kind_code(value) for value in values], dtype=np.float64)
 
 
-def population_of(info: Mapping[str, Any]) -> Population:
+def recorded_run_range(info: Mapping[str, Any]) -> RunRange:
     """Runs for which the design of a campaign was made, by the content of its `campaign.json`.
 
     Raises:
@@ -184,16 +187,16 @@ def population_of(info: Mapping[str, Any]) -> Population:
     if info["first_run"] < first or info["first_run"] + info["runs"] > first + runs:
         held = f"runs {info['first_run']} to {info['first_run'] + info['runs'] - 1}"
         raise ResultError(f"campaign.json: found {held}, expected runs of its design, {first} to {first + runs - 1}")
-    return Population(first, runs)
+    return RunRange(first, runs)
 
 
-def of_campaign(file: ScenarioFile, info: Mapping[str, Any]) -> Design:
+def recreate_design(file: ScenarioFile, info: Mapping[str, Any]) -> Design:
     """Design of a campaign that was begun, by the content of its `campaign.json`.
 
     Raises:
         ResultError: the design is not what it was when the campaign began.
     """
-    found = make(file, info["seed"], population_of(info))
+    found = make_design(file, info["seed"], recorded_run_range(info))
     recorded = info.get("design", {}).get("sha256")
     if recorded is not None and recorded != found.record()["sha256"]:
         raise ResultError(

@@ -10,18 +10,18 @@ from jaxtyping import Array
 
 from rpojax.core import quaternion, random_streams
 from rpojax.core.random_streams import Stream
-from rpojax.dispersions.random_source import Drawn, Placed, Source
+from rpojax.dispersions.random_source import CoordinateSource, KeySource, RandomSource
 from rpojax.physics import equipment_faults
 from rpojax.scenario import dispersion_keys, schema
 from rpojax.scenario import params as parameters
-from rpojax.scenario.dispersion_keys import Place
+from rpojax.scenario.dispersion_keys import ParameterKey
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 
 Values = dict[str, Array]
 
 
-def draw(file: ScenarioFile, run_key: Array, given: Mapping[str, Array]) -> Values:
+def draw(file: ScenarioFile, run_key: Array, assigned: Mapping[str, Array]) -> Values:
     """Values of all dispersed keys of one run, in the user's units.
 
     What is drawn depends on the run and on the key's name, so adding a dispersion leaves the others as they were.
@@ -29,62 +29,62 @@ def draw(file: ScenarioFile, run_key: Array, given: Mapping[str, Array]) -> Valu
     """
     stream = random_streams.fold_in(run_key, Stream.DISPERSION)
     values: Values = {}
-    for text in dispersion_keys.tabled(file):
-        _put(file, values, dispersion_keys.place(text), given[text])
-    entries = dispersion_keys.in_order(file)
-    names = [dispersion_keys.name(entry) for entry in entries]
+    for text in dispersion_keys.design_keys(file):
+        _set_value(file, values, dispersion_keys.parse_key(text), assigned[text])
+    entries = dispersion_keys.evaluation_order(file)
+    names = [dispersion_keys.dispersion_name(entry) for entry in entries]
     for entry, name, key in zip(entries, names, _keys(stream, names), strict=True):
-        source = Placed(given[name]) if name in given else Drawn(key)
+        source = CoordinateSource(assigned[name]) if name in assigned else KeySource(key)
         match entry:
             case schema.Derived():
-                _put(file, values, dispersion_keys.place(entry.key), _derived(file, values, entry))
+                _set_value(file, values, dispersion_keys.parse_key(entry.key), _derived(file, values, entry))
             case schema.CorrelatedNormal():
-                places = dispersion_keys.components(file, entry.keys)
-                for place, error in zip(places, _errors(entry, source), strict=True):
-                    _put(file, values, place, _nominal(file, place) + error)
+                places = dispersion_keys.expand_vectors(file, entry.keys)
+                for place, error in zip(places, _correlated_errors(entry, source), strict=True):
+                    _set_value(file, values, place, _nominal(file, place) + error)
             case _:
-                place = dispersion_keys.place(entry.key)
-                _put(file, values, place, _draw_one(entry, _nominal(file, place), source))
+                place = dispersion_keys.parse_key(entry.key)
+                _set_value(file, values, place, _draw_single_key(entry, _nominal(file, place), source))
     return values
 
 
 def _keys(stream: Array, names: Sequence[str]) -> Array:
     """(n, 2) random keys of dispersions by their names."""
     numbers = np.array([zlib.crc32(name.encode()) & 0x7FFFFFFF for name in names], dtype=np.uint32)
-    return random_streams.fold_in_each(jnp.broadcast_to(stream, (len(names), 2)), jnp.asarray(numbers))
+    return random_streams.fold_in_per_key(jnp.broadcast_to(stream, (len(names), 2)), jnp.asarray(numbers))
 
 
-def _nominal(file: ScenarioFile, place: Place) -> Array:
-    return jnp.asarray(dispersion_keys.nominal(file, place), dtype=jnp.float64)
+def _nominal(file: ScenarioFile, place: ParameterKey) -> Array:
+    return jnp.asarray(dispersion_keys.nominal_value(file, place), dtype=jnp.float64)
 
 
-def _put(file: ScenarioFile, values: Values, place: Place, value: Array) -> None:
+def _set_value(file: ScenarioFile, values: Values, place: ParameterKey, value: Array) -> None:
     """Enters a value; components that nothing gives stay nominal."""
     if place.index is None:
         values[place.key] = value
     else:
-        whole = values.get(place.key, _nominal(file, Place(place.key, None)))
+        whole = values.get(place.key, _nominal(file, ParameterKey(place.key, None)))
         values[place.key] = whole.at[place.index].set(value)
 
 
 def _derived(file: ScenarioFile, values: Values, entry: schema.Derived) -> Array:
-    shape = np.shape(dispersion_keys.nominal(file, dispersion_keys.place(entry.key)))
+    shape = np.shape(dispersion_keys.nominal_value(file, dispersion_keys.parse_key(entry.key)))
     total = jnp.broadcast_to(jnp.asarray(entry.offset, dtype=jnp.float64), shape)
     for term in entry.terms:
-        place = dispersion_keys.place(term.key)
-        value = values.get(place.key, _nominal(file, Place(place.key, None)))
+        place = dispersion_keys.parse_key(term.key)
+        value = values.get(place.key, _nominal(file, ParameterKey(place.key, None)))
         total = total + jnp.broadcast_to(term.factor * (value if place.index is None else value[place.index]), shape)
     return total
 
 
-def _errors(entry: schema.CorrelatedNormal, source: Source) -> Array:
+def _correlated_errors(entry: schema.CorrelatedNormal, source: RandomSource) -> Array:
     """(n,) normal errors with the covariance of the entry; the first takes no coordinate but its own."""
-    factor = lower_factor(np.array(entry.covariance))
+    factor = cholesky_factor(np.array(entry.covariance))
     normals = source.normals((len(factor),))
     return jnp.sum(jnp.asarray(factor) * normals[None, :], axis=1)
 
 
-def lower_factor(covariance: np.ndarray) -> np.ndarray:
+def cholesky_factor(covariance: np.ndarray) -> np.ndarray:
     """Lower triangular (n, n) whose product with its transpose is a positive semidefinite matrix (Cholesky).
 
     What rounding leaves of a variance that the earlier ones explain in full counts as zero.
@@ -98,21 +98,21 @@ def lower_factor(covariance: np.ndarray) -> np.ndarray:
     return factor
 
 
-def _draw_one(dispersion: schema.Dispersion, nominal: Array, source: Source) -> Array:
+def _draw_single_key(dispersion: schema.Dispersion, nominal: Array, source: RandomSource) -> Array:
     match dispersion:
         case schema.Normal():
             return nominal + jnp.asarray(dispersion.sigma, dtype=jnp.float64) * source.normals(nominal.shape)
         case schema.TruncatedNormal():
             low, high = ndtr(-dispersion.limit_sigmas), ndtr(dispersion.limit_sigmas)
-            cut = ndtri(low + (high - low) * source.shares(nominal.shape))
+            cut = ndtri(low + (high - low) * source.uniforms(nominal.shape))
             return nominal + jnp.asarray(dispersion.sigma, dtype=jnp.float64) * cut
         case schema.Uniform():
-            return dispersion.low + (dispersion.high - dispersion.low) * source.shares(nominal.shape)
+            return dispersion.low + (dispersion.high - dispersion.low) * source.uniforms(nominal.shape)
         case schema.LogNormal():
             return nominal * jnp.exp(jnp.asarray(dispersion.sigma, dtype=jnp.float64) * source.normals(nominal.shape))
         case schema.Choice():
-            choices = jnp.asarray([equipment_faults.code(value) for value in dispersion.values], dtype=jnp.float64)
-            return choices[source.pick(len(dispersion.values))]
+            choices = jnp.asarray([equipment_faults.kind_code(value) for value in dispersion.values], dtype=jnp.float64)
+            return choices[source.integer(len(dispersion.values))]
         case schema.RandomDirection():
             return source.direction()
         case schema.RandomAttitude():
@@ -124,11 +124,11 @@ def _draw_one(dispersion: schema.Dispersion, nominal: Array, source: Source) -> 
             raise AssertionError(f"{dispersion.kind} is not drawn alone")
 
 
-def apply(params: Params, values: Values) -> Params:
+def apply_to_params(params: Params, values: Values) -> Params:
     """Params of one run: the nominal ones with the drawn values put in."""
     for key, value in values.items():
-        path, factor = parameters.locate(key)
-        params = parameters.put(params, path, value * factor)
+        path, factor = parameters.leaf_path_and_factor(key)
+        params = parameters.replace_leaf(params, path, value * factor)
     return params
 
 
@@ -136,6 +136,6 @@ def read_back(params: Params, keys: list[str]) -> Values:
     """The values that `params` really holds for the given keys, in the user's units."""
     values: Values = {}
     for key in keys:
-        path, factor = parameters.locate(key)
-        values[key] = parameters.get(params, path) / factor
+        path, factor = parameters.leaf_path_and_factor(key)
+        values[key] = parameters.get_leaf(params, path) / factor
     return values

@@ -13,25 +13,25 @@ from rpojax.core.random_streams import Key
 
 
 @dataclass(frozen=True)
-class Drawn:
+class KeySource:
     """Numbers drawn with a random key."""
 
     key: Key
 
-    def _typed(self) -> Array:
+    def _typed_key(self) -> Array:
         return jax.random.wrap_key_data(self.key, impl="threefry2x32")
 
     def normals(self, shape: tuple[int, ...]) -> Array:
         """Standard normal numbers."""
-        return jax.random.normal(self._typed(), shape, dtype=jnp.float64)
+        return jax.random.normal(self._typed_key(), shape, dtype=jnp.float64)
 
-    def shares(self, shape: tuple[int, ...]) -> Array:
+    def uniforms(self, shape: tuple[int, ...]) -> Array:
         """Numbers uniform from 0 to 1."""
-        return jnp.asarray(jax.random.uniform(self._typed(), shape, dtype=jnp.float64))
+        return jnp.asarray(jax.random.uniform(self._typed_key(), shape, dtype=jnp.float64))
 
-    def pick(self, count: int) -> Array:
+    def integer(self, count: int) -> Array:
         """One of the whole numbers below `count`, all equally likely."""
-        return jax.random.randint(self._typed(), (), 0, count)
+        return jax.random.randint(self._typed_key(), (), 0, count)
 
     def direction(self) -> Float[Array, "3"]:
         """Unit vector, uniform over the sphere."""
@@ -43,41 +43,41 @@ class Drawn:
 
 
 @dataclass(frozen=True)
-class Placed:
+class CoordinateSource:
     """Numbers at a place in the unit cube, mapped by inverse distributions.
 
     Attributes:
         unit: (n,) coordinates inside of 0 to 1, as many as `dispersed.coordinates` says
     """
 
-    unit: Float[Array, " n"]
+    coordinates: Float[Array, " n"]
 
     def normals(self, shape: tuple[int, ...]) -> Array:
         """Standard normal numbers."""
-        return ndtri(self.unit).reshape(shape)
+        return ndtri(self.coordinates).reshape(shape)
 
-    def shares(self, shape: tuple[int, ...]) -> Array:
+    def uniforms(self, shape: tuple[int, ...]) -> Array:
         """Numbers uniform from 0 to 1."""
-        return self.unit.reshape(shape)
+        return self.coordinates.reshape(shape)
 
-    def pick(self, count: int) -> Array:
+    def integer(self, count: int) -> Array:
         """One of the whole numbers below `count`, all equally likely."""
-        return jnp.minimum(jnp.floor(self.unit[0] * count).astype(jnp.int32), count - 1)
+        return jnp.minimum(jnp.floor(self.coordinates[0] * count).astype(jnp.int32), count - 1)
 
     def direction(self) -> Float[Array, "3"]:
         """Unit vector, uniform over the sphere: its z component and its azimuth are."""
-        z, azimuth = 2.0 * self.unit[0] - 1.0, 2.0 * math.pi * self.unit[1]
+        z, azimuth = 2.0 * self.coordinates[0] - 1.0, 2.0 * math.pi * self.coordinates[1]
         across = jnp.sqrt((1.0 - z) * (1.0 + z))
         return jnp.stack([across * jnp.cos(azimuth), across * jnp.sin(azimuth), z])
 
     def attitude(self) -> Float[Array, "4"]:
         """Unit quaternion, uniform over all attitudes (Shoemake, "Uniform random rotations", Graphics Gems III)."""
-        first, second = 2.0 * math.pi * self.unit[1], 2.0 * math.pi * self.unit[2]
-        short, long = jnp.sqrt(1.0 - self.unit[0]), jnp.sqrt(self.unit[0])
+        first, second = 2.0 * math.pi * self.coordinates[1], 2.0 * math.pi * self.coordinates[2]
+        short, long = jnp.sqrt(1.0 - self.coordinates[0]), jnp.sqrt(self.coordinates[0])
         return jnp.stack(
             [short * jnp.sin(first), short * jnp.cos(first), long * jnp.sin(second), long * jnp.cos(second)]
         )
 
 
-Source = Drawn | Placed
+RandomSource = KeySource | CoordinateSource
 """Numbers for one dispersion of one run; only one of its methods is called, once."""

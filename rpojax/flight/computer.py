@@ -9,24 +9,24 @@ from jaxtyping import Array, Bool, Float
 from rpojax.core import quaternion
 from rpojax.core.frames import apply
 from rpojax.core.numerics import safe
-from rpojax.core.numerics.fusion_barrier import materialise
+from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.orbits.orbital_mechanics import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.flight.control import attitude_control, formation_lqr
-from rpojax.flight.control.attitude_control import AttitudeControl
-from rpojax.flight.control.formation_lqr import Formation, FormationLaw, Station
-from rpojax.flight.guidance import attitude_guidance, burn_timing, slew_profile, target_pointing
+from rpojax.flight.control.attitude_control import AttitudeControlTuning
+from rpojax.flight.control.formation_lqr import FormationLaw, FormationTuning, StationKeeping
+from rpojax.flight.guidance import attitude_guidance, burn_planning, slew_profile, target_pointing
 from rpojax.flight.guidance.attitude_guidance import PointingState
-from rpojax.flight.guidance.burn_timing import BurnPlan
-from rpojax.flight.guidance.pointing_modes import Pointing
-from rpojax.flight.guidance.target_pointing import Sight
+from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.guidance.pointing_modes import PointingTuning
+from rpojax.flight.guidance.target_pointing import TargetPointing
 from rpojax.flight.navigation import attitude_ekf, orbit_filter, outlier_gate, thrust_estimator
-from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilter
-from rpojax.flight.navigation.filter_tuning import BoxMeasurement, GpsMeasurement, Navigation
+from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
+from rpojax.flight.navigation.filter_tuning import BoxMeasurement, GpsMeasurement, OrbitFilterTuning
 from rpojax.flight.navigation.orbit_filter import Innovation, OrbitEstimate
-from rpojax.flight.navigation.outlier_gate import BoxTrack
-from rpojax.flight.navigation.thrust_estimator import ThrustGauge
-from rpojax.flight.vehicle_model import Onboard
+from rpojax.flight.navigation.outlier_gate import GateState
+from rpojax.flight.navigation.thrust_estimator import ThrustEstimate
+from rpojax.flight.vehicle_model import VehicleModel
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -36,12 +36,12 @@ Scalar = Float[Array, ""]
 class FlightParams:
     """Everything that is tuned on board, and the vehicle data base."""
 
-    onboard: Onboard
-    navigation: Navigation
-    attitude_filter: AttitudeFilter
-    formation: Formation
-    pointing: Pointing
-    attitude_control: AttitudeControl
+    vehicle: VehicleModel
+    navigation: OrbitFilterTuning
+    attitude_filter: AttitudeFilterTuning
+    formation: FormationTuning
+    pointing: PointingTuning
+    attitude_control: AttitudeControlTuning
 
 
 @pytree
@@ -63,16 +63,16 @@ class FlightMemory:
     """
 
     orbit: OrbitEstimate
-    track: BoxTrack
+    gate: GateState
     attitude: AttitudeEstimate
     attitude_variance: Array
     plan: BurnPlan
-    thrust: ThrustGauge
+    thrust_estimate: ThrustEstimate
     thruster_failed_at: Array
     pointing: PointingState
     gain: Array
-    station: Station
-    allocation: Array
+    station_keeping: StationKeeping
+    wheel_allocation: Array
 
 
 @pytree
@@ -93,12 +93,12 @@ class Measurements:
 
 
 OrbitUpdate = Callable[
-    [Navigation, bool, Array, OrbitEstimate, BoxTrack, GpsMeasurement, Array, BoxMeasurement],
-    tuple[OrbitEstimate, BoxTrack, Innovation],
+    [OrbitFilterTuning, bool, Array, OrbitEstimate, GateState, GpsMeasurement, Array, BoxMeasurement],
+    tuple[OrbitEstimate, GateState, Innovation],
 ]
-OrbitPrediction = Callable[[Navigation, int, OrbitEstimate, Array, Array, Array, Array, float], OrbitEstimate]
+OrbitPrediction = Callable[[OrbitFilterTuning, int, OrbitEstimate, Array, Array, Array, Array, float], OrbitEstimate]
 WheelControl = Callable[
-    [AttitudeControl, Onboard, Array, AttitudeEstimate, attitude_control.AttitudeCommand, Array], Array
+    [AttitudeControlTuning, VehicleModel, Array, AttitudeEstimate, attitude_control.AttitudeCommand, Array], Array
 ]
 
 
@@ -115,11 +115,11 @@ class Stages:
 
     orbit_update: OrbitUpdate = orbit_filter.update
     orbit_predict: OrbitPrediction = orbit_filter.predict
-    formation_law: FormationLaw = formation_lqr.lqr
+    formation_law: FormationLaw = formation_lqr.lqr_feedback
     wheel_torque: WheelControl = attitude_control.wheel_torque
 
 
-def start(
+def initial(
     params: FlightParams, period: float, orbit: OrbitEstimate, star_tracker_q_BN: Array, gyro_B: Vector
 ) -> FlightMemory:
     """Memory at the start of a run, from the hand-over's orbit estimate and the first attitude samples.
@@ -132,16 +132,16 @@ def start(
     attitude = attitude_ekf.initial(params.attitude_filter, star_tracker_q_BN, gyro_B)
     return FlightMemory(
         orbit=orbit,
-        track=outlier_gate.initial_track(),
+        gate=outlier_gate.initial(),
         attitude=attitude,
-        attitude_variance=_attitude_variance(params.onboard, attitude),
-        plan=burn_timing.no_burn(),
-        thrust=thrust_estimator.initial(),
+        attitude_variance=_attitude_variance(params.vehicle, attitude),
+        plan=burn_planning.no_burn(),
+        thrust_estimate=thrust_estimator.initial(),
         thruster_failed_at=jnp.full((), -jnp.inf, dtype=jnp.float64),
-        pointing=attitude_guidance.initial_pointing(params.onboard, orbit),
+        pointing=attitude_guidance.initial_pointing(params.vehicle, orbit),
         gain=formation_lqr.lqr_gain(params.formation, n, period),
-        station=formation_lqr.keep_station(params.formation, n, period),
-        allocation=jnp.linalg.inv(params.onboard.wheel_axes.T),
+        station_keeping=formation_lqr.solve_station_keeping(params.formation, n, period),
+        wheel_allocation=jnp.linalg.inv(params.vehicle.wheel_axes.T),
     )
 
 
@@ -152,7 +152,7 @@ def navigate(
 
     A box of a target that lies in the dark is not one.
     """
-    visible = target_pointing.can_see(params.onboard, memory.orbit, sun_N, target_pointing.LIGHT_TOLERANCE)
+    visible = target_pointing.is_visible(params.vehicle, memory.orbit, sun_N, target_pointing.VISIBILITY_TOLERANCE)
     box = measurements.box
     attitude = attitude_ekf.update(
         params.attitude_filter,
@@ -160,49 +160,51 @@ def navigate(
         measurements.star_tracker_q_BN,
         measurements.star_tracker_present,
     )
-    variance = _attitude_variance(params.onboard, attitude)
-    q_KB = quaternion.normalize(params.onboard.camera_mounting)
-    orbit, track, innovation = stages.orbit_update(
+    variance = _attitude_variance(params.vehicle, attitude)
+    q_KB = quaternion.normalize(params.vehicle.camera_mounting)
+    orbit, gate, innovation = stages.orbit_update(
         params.navigation,
         gated,
-        params.onboard.focal_px,
+        params.vehicle.focal_px,
         memory.orbit,
-        memory.track,
+        memory.gate,
         measurements.gps,
         quaternion.multiply(q_KB, attitude.q_BN),
         replace(
             box,
             present=box.present & visible,
             # It goes back as well as it came: once the stars are seen again the learnt drift is wrong.
-            attitude_drift=jnp.abs(variance - memory.attitude_variance),
+            attitude_variance_change=jnp.abs(variance - memory.attitude_variance),
         ),
     )
-    after = replace(memory, attitude=attitude, attitude_variance=variance, orbit=orbit, track=track)
+    after = replace(memory, attitude=attitude, attitude_variance=variance, orbit=orbit, gate=gate)
     return after, innovation
 
 
-def _attitude_variance(onboard: Onboard, estimate: AttitudeEstimate) -> Scalar:
+def _attitude_variance(vehicle: VehicleModel, estimate: AttitudeEstimate) -> Scalar:
     """Variance of the camera's attitude [rad^2], mean of the two axes across its boresight."""
-    q_BK = quaternion.conjugate(quaternion.normalize(onboard.camera_mounting))
+    q_BK = quaternion.conjugate(quaternion.normalize(vehicle.camera_mounting))
     boresight = quaternion.rotate(q_BK, jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64))
     P = estimate.covariance[:3, :3]
     return 0.5 * (P[0, 0] + P[1, 1] + P[2, 2] - jnp.sum(boresight * apply(P, boresight), axis=0))
 
 
-def plan_burn(stages: Stages, params: FlightParams, memory: FlightMemory, sight: Sight, time: Scalar) -> FlightMemory:
+def plan_burn(
+    stages: Stages, params: FlightParams, memory: FlightMemory, pointing: TargetPointing, time: Scalar
+) -> FlightMemory:
     """Memory with a newly decided burn: none while the target is lost or dark, or the thruster has just failed."""
     lost = attitude_guidance.is_lost(params.pointing, memory.pointing)
     works = time >= memory.thruster_failed_at + params.formation.thruster_retry
-    plan = burn_timing.plan_burn(
+    plan = burn_planning.plan_burn(
         stages.formation_law,
         params.formation,
         params.pointing,
-        params.onboard,
+        params.vehicle,
         memory.gain,
-        memory.station,
+        memory.station_keeping,
         memory.orbit,
-        sight.q_BN,
-        sight.visible & works & ~lost,
+        pointing.q_BN,
+        pointing.visible & works & ~lost,
         time,
     )
     return replace(memory, plan=plan)
@@ -217,10 +219,10 @@ def guide(
     dt: float,
 ) -> tuple[FlightMemory, Array]:
     """Memory with the attitude reference for the next `dt` [s], and the mode; the Sun is at `sun_N` [m]."""
-    plan = burn_timing.inhibit(params.pointing, memory.plan, memory.attitude.q_BN, time, dt)
-    visible = target_pointing.can_see(params.onboard, memory.orbit, sun_N)
+    plan = burn_planning.inhibit(params.pointing, memory.plan, memory.attitude.q_BN, time, dt)
+    visible = target_pointing.is_visible(params.vehicle, memory.orbit, sun_N)
     pointing, mode = attitude_guidance.guide(
-        params.pointing, params.onboard, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt
+        params.pointing, params.vehicle, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt
     )
     return replace(memory, plan=plan, pointing=pointing), mode
 
@@ -229,13 +231,13 @@ def control_attitude(
     stages: Stages, params: FlightParams, memory: FlightMemory, wheel_speed: Vector, age: Scalar
 ) -> Vector:
     """Wheel torque commands [N m] `age` [s] after the last guidance tick."""
-    command = materialise(slew_profile.evaluate(memory.pointing.reference, age), age)
+    command = fusion_barrier(slew_profile.evaluate(memory.pointing.reference, age), age)
     return stages.wheel_torque(
-        params.attitude_control, params.onboard, memory.allocation, memory.attitude, command, wheel_speed
+        params.attitude_control, params.vehicle, memory.wheel_allocation, memory.attitude, command, wheel_speed
     )
 
 
-def delta_v_within(
+def expected_delta_v(
     params: FlightParams, memory: FlightMemory, ignition: Scalar, cutoff: Scalar, dt: float | Scalar
 ) -> Vector:
     """Velocity change in N [m/s] that flight software expects over the next `dt` [s].
@@ -245,8 +247,8 @@ def delta_v_within(
     on = jnp.clip(dt, ignition, cutoff) - jnp.clip(0.0, ignition, cutoff)
     # A tie is split between two steps. That of an empty burn must not count: the step before the decision has no part.
     on = jnp.where(cutoff > ignition, on, 0.0)
-    direction_N = quaternion.rotate(quaternion.conjugate(memory.attitude.q_BN), params.onboard.thrust_direction)
-    return on * params.onboard.thrust / params.onboard.mass * direction_N
+    direction_N = quaternion.rotate(quaternion.conjugate(memory.attitude.q_BN), params.vehicle.thrust_direction)
+    return on * params.vehicle.thrust / params.vehicle.mass * direction_N
 
 
 def predict(
@@ -257,7 +259,7 @@ def predict(
     q_BN_before: Float[Array, "4"],
     delta_v_N: Vector,
     thrust_ratio: Scalar,
-    pull_N: Vector,
+    third_body_acceleration_N: Vector,
     end: Scalar,
     dt: float,
 ) -> FlightMemory:
@@ -267,26 +269,30 @@ def predict(
     the thruster as failed.
     """
     burning = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0
-    gauge = select(burning, thrust_estimator.update(memory.thrust, thrust_ratio), memory.thrust)
+    thrust_estimate = select(
+        burning, thrust_estimator.update(memory.thrust_estimate, thrust_ratio), memory.thrust_estimate
+    )
     return replace(
         memory,
-        thrust=gauge,
-        thruster_failed_at=jnp.where(burning & (gauge.ratio < _NO_THRUST), end, memory.thruster_failed_at),
+        thrust_estimate=thrust_estimate,
+        thruster_failed_at=jnp.where(
+            burning & (thrust_estimate.ratio < _FAILED_THRUST_RATIO), end, memory.thruster_failed_at
+        ),
         orbit=stages.orbit_predict(
             params.navigation,
             zonal_degree,
             memory.orbit,
-            gauge.ratio * delta_v_N,
-            gauge.ratio * safe.norm(memory.plan.delta_v_N),
-            thrust_estimator.doubt(gauge),
-            pull_N,
+            thrust_estimate.ratio * delta_v_N,
+            thrust_estimate.ratio * safe.norm(memory.plan.delta_v_N),
+            thrust_estimator.sigma_inflation(thrust_estimate),
+            third_body_acceleration_N,
             dt,
         ),
         attitude=attitude_ekf.predict_covariance(params.attitude_filter, memory.attitude, q_BN_before, dt),
     )
 
 
-_NO_THRUST = 0.3
+_FAILED_THRUST_RATIO = 0.3
 """Below this ratio of thrust to its nominal value the thruster counts as failed."""
 
 
@@ -296,10 +302,10 @@ __all__ = [
     "Measurements",
     "Stages",
     "control_attitude",
-    "delta_v_within",
+    "expected_delta_v",
     "guide",
+    "initial",
     "navigate",
     "plan_burn",
     "predict",
-    "start",
 ]

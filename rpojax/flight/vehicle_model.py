@@ -6,7 +6,7 @@ from rpojax.core.pytree import pytree
 
 
 @pytree
-class Onboard:
+class VehicleModel:
     """Vehicle data base.
 
     Attributes:

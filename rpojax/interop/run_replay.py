@@ -18,7 +18,7 @@ from jaxtyping import Array
 
 from rpojax.campaign import rerender, run_and_resume, single_run
 from rpojax.campaign.execution import block_runner
-from rpojax.campaign.rerun import check_run
+from rpojax.campaign.rerun import check_run_id
 from rpojax.campaign.storage.campaign_folder import Campaign, trace_stride
 from rpojax.core.numerics import safe
 from rpojax.dispersions import designs
@@ -30,18 +30,18 @@ from rpojax.simulation import closed_loop
 from rpojax.simulation.closed_loop import State, Telemetry
 
 Values = TypeVar("Values")
-Observe = Callable[[Stages, Scenario, Params, Telemetry], Any]
+TickObserver = Callable[[Stages, Scenario, Params, Telemetry], Any]
 """What is kept of a tick: arrays in a structure. A function of a module, as programs are kept by it."""
-Seen = tuple[Any, dict[str, Array], Array]
-Shot = tuple[np.ndarray, Mapping[str, np.ndarray]]
+_TickRecord = tuple[Any, dict[str, Array], Array]
+PosedPicture = tuple[np.ndarray, Mapping[str, np.ndarray]]
 """A picture (p, p, 3), uint8 sRGB codes, and the poses that it was taken with."""
 
-_SEGMENT_TICKS = 200
+_TICKS_PER_SEGMENT = 200
 """About so many ticks are flown between two reports of progress."""
 
 
 @dataclass(frozen=True)
-class Flight(Generic[Values]):
+class ReplayedRun(Generic[Values]):
     """One run, up to its end or its failure.
 
     Attributes:
@@ -58,8 +58,8 @@ class Flight(Generic[Values]):
     file: ScenarioFile
     seed: int
     run_id: int
-    population: designs.Population
-    chosen: Params
+    population: designs.RunRange
+    params: Params
     failed_at_s: float
     values: Values
     poses: dict[str, np.ndarray]
@@ -74,13 +74,13 @@ class Flight(Generic[Values]):
         """Number of ticks."""
         return len(self.time_s)
 
-    def tick(self, number: int) -> Values:
+    def tick(self, index: int) -> Values:
         """Values of one tick."""
-        return jax.tree.map(lambda values: values[number], self.values)
+        return jax.tree.map(lambda values: values[index], self.values)
 
 
 @dataclass(frozen=True)
-class Agreement:
+class ReplayAgreement:
     """How a flight compares with the samples of the range that a campaign keeps of every run.
 
     Attributes:
@@ -94,77 +94,79 @@ class Agreement:
     same_end: bool
 
 
-def fly(
-    found: Campaign,
+def replay(
+    campaign: Campaign,
     run_id: int,
-    observe: Observe,
+    observe_tick: TickObserver,
     stages: Stages | None = None,
-    on_progress: run_and_resume.Report | None = None,
-) -> Flight:
+    on_progress: run_and_resume.ProgressCallback | None = None,
+) -> ReplayedRun:
     """Flies a run of a campaign again.
 
     Raises:
         RpojaxError: there is no such run, or scenario, trained files or stages are not those of the campaign.
     """
-    check_run(found, run_id)
-    file = block_runner.engine_of(found.asked, jax.devices()[:1], stages).file
+    check_run_id(campaign, run_id)
+    file = block_runner.engine_from_configuration(campaign.configuration, jax.devices()[:1], stages).file
     # A run alone is flown in double precision; how far that is from the campaign is found out in any case.
-    double = file.model_copy(update={"precision": "double"})
-    population = designs.population_of(found.asked)
-    static, chosen, state = single_run.dispersed(double, found.asked["seed"], run_id, population)
-    count = -(-static.ticks // _SEGMENT_TICKS)
-    segment = -(-static.ticks // count)
-    parts = []
-    for number in range(count):
+    in_double = file.model_copy(update={"precision": "double"})
+    population = designs.recorded_run_range(campaign.configuration)
+    scenario, params, state = single_run.initialise_run(in_double, campaign.configuration["seed"], run_id, population)
+    segments = -(-scenario.ticks // _TICKS_PER_SEGMENT)
+    segment_ticks = -(-scenario.ticks // segments)
+    records = []
+    for number in range(segments):
         if on_progress:
-            on_progress(run_and_resume.Progress(number / count, 1, 0, compiled=number > 0))
-        state, seen = _advance(static, stages or Stages(), observe, segment, chosen, state)
-        parts.append(jax.tree.map(np.asarray, seen))
+            on_progress(run_and_resume.Progress(number / segments, 1, 0, compiled=number > 0))
+        state, record = _simulate_segment(scenario, stages or Stages(), observe_tick, segment_ticks, params, state)
+        records.append(jax.tree.map(np.asarray, record))
     # The last segment may go beyond the end of the scenario.
     failed_at = float(state.failed_at) if float(state.failed_at) < file.duration_s else np.nan
-    *seen, running = jax.tree.map(lambda *each: np.concatenate(each)[: static.ticks], *parts)
-    values, poses = jax.tree.map(lambda each: each[: int(running.sum())], seen)
-    return Flight(file, found.asked["seed"], run_id, population, chosen, failed_at, values, poses)
+    *record, running = jax.tree.map(lambda *each: np.concatenate(each)[: scenario.ticks], *records)
+    values, poses = jax.tree.map(lambda each: each[: int(running.sum())], record)
+    return ReplayedRun(file, campaign.configuration["seed"], run_id, population, params, failed_at, values, poses)
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2, 3))
-def _advance(
-    static: Scenario, stages: Stages, observe: Observe, ticks: int, chosen: Params, state: State
-) -> tuple[State, Seen]:
-    def body(carry: State, _: None) -> tuple[State, Seen]:
-        after, seen = closed_loop.tick(stages, static, chosen, carry)
-        return after, (observe(stages, static, chosen, seen), _poses(static, seen), seen.running)
+def _simulate_segment(
+    scenario: Scenario, stages: Stages, observe_tick: TickObserver, ticks: int, params: Params, state: State
+) -> tuple[State, _TickRecord]:
+    def body(carry: State, _: None) -> tuple[State, _TickRecord]:
+        after, seen = closed_loop.tick(stages, scenario, params, carry)
+        return after, (observe_tick(stages, scenario, params, seen), _recorded_poses(scenario, seen), seen.running)
 
     return jax.lax.scan(body, state, None, length=ticks)
 
 
-def _poses(static: Scenario, seen: Telemetry) -> dict[str, Array]:
-    truth = seen.truth
+def _recorded_poses(scenario: Scenario, telemetry: Telemetry) -> dict[str, Array]:
+    truth = telemetry.truth
     return {
-        "time_s": seen.tick.astype(jnp.float64) * static.tick_s,
+        "time_s": telemetry.tick.astype(jnp.float64) * scenario.tick_s,
         "range_m": safe.norm(truth.r_ST_N),
         "r_TN_N": truth.r_TN_N,
         "r_ST_N": truth.r_ST_N,
         "q_TN": truth.q_TN,
         "q_BN": truth.q_BN,
-        "window_px": seen.frame.window.astype(jnp.float32),
+        "window_px": telemetry.frame.window.astype(jnp.float32),
     }
 
 
-def pictures(flight: Flight, ticks: Sequence[int]) -> Iterator[Shot]:
+def rerendered_pictures(run: ReplayedRun, ticks: Sequence[int]) -> Iterator[PosedPicture]:
     """Pictures (p, p, 3), uint8 sRGB codes, with the poses, that a rendered camera took in some ticks, taken again."""
-    return rerender.pictures(flight.file, flight.seed, flight.run_id, flight.poses, ticks, flight.population)
+    return rerender.render_images(run.file, run.seed, run.run_id, run.poses, ticks, run.population)
 
 
-def compare(flight: Flight, found: Campaign) -> Agreement | None:
+def compare_with_campaign(run: ReplayedRun, campaign: Campaign) -> ReplayAgreement | None:
     """How far a flight is from what the campaign recorded of the run; None where it has not recorded it yet."""
-    rows = np.flatnonzero(found.run_ids == flight.run_id)
+    rows = np.flatnonzero(campaign.run_ids == run.run_id)
     if not len(rows):
         return None
-    recorded = found.traces["range_m"][rows[0]]
-    flown = flight.poses["range_m"][:: trace_stride(flight.file)]
-    both = min(int(np.isfinite(recorded).sum()), len(flown))
+    recorded = campaign.traces["range_m"][rows[0]]
+    replayed = run.poses["range_m"][:: trace_stride(run.file)]
+    samples = min(int(np.isfinite(recorded).sum()), len(replayed))
     # The trace is kept in single precision, so that of the flight is rounded likewise.
-    off = np.abs(recorded[:both].astype(np.float64) - flown[:both].astype(np.float32).astype(np.float64))
-    same_end = np.array_equal(found.failed_at_s[rows[0]], flight.failed_at_s, equal_nan=True)
-    return Agreement(both, float(off.max(initial=0.0)), same_end)
+    difference = np.abs(
+        recorded[:samples].astype(np.float64) - replayed[:samples].astype(np.float32).astype(np.float64)
+    )
+    same_end = np.array_equal(campaign.failed_at_s[rows[0]], run.failed_at_s, equal_nan=True)
+    return ReplayAgreement(samples, float(difference.max(initial=0.0)), same_end)

@@ -15,7 +15,7 @@ Scalar = Float[Array, ""]
 
 
 @pytree
-class Wheels:
+class ReactionWheels:
     """Three reaction wheels.
 
     Attributes:
@@ -41,13 +41,13 @@ class Wheels:
     torque_step: Array
 
 
-def quantised(wheels: Wheels, command: Vector) -> Vector:
+def quantise_torque(wheels: ReactionWheels, command: Vector) -> Vector:
     """Torque command [N m] rounded to the drive's steps; the derivative is that of the command itself."""
     rounded = wheels.torque_step * jnp.round(command / wheels.torque_step)
     return command + jax.lax.stop_gradient(rounded - command)
 
 
-def friction(wheels: Wheels, speed: Vector) -> Vector:
+def bearing_friction(wheels: ReactionWheels, speed: Vector) -> Vector:
     """Torque of the bearings on each wheel [N m] at its speed relative to the body [rad/s].
 
     The Coulomb part follows the hyperbolic tangent of the speed, so that it has a derivative when the wheel reverses.
@@ -55,7 +55,7 @@ def friction(wheels: Wheels, speed: Vector) -> Vector:
     return -wheels.viscous_friction * speed - wheels.coulomb_friction * jnp.tanh(speed / wheels.stiction_speed)
 
 
-def limited_torque(wheels: Wheels, command: Vector, speed: Vector, dt: float | Scalar) -> Vector:
+def limit_torque(wheels: ReactionWheels, command: Vector, speed: Vector, dt: float | Scalar) -> Vector:
     """Motor torque on each wheel [N m] over the next `dt` [s]: the command within the torque and speed limits."""
     torque = jnp.clip(command, -wheels.torque_limit, wheels.torque_limit)
     up = wheels.inertia * (wheels.speed_limit - speed) / dt
@@ -115,7 +115,7 @@ def draw_burn_error(thruster: Thruster, normals: Float[Array, "4"]) -> BurnError
 
 
 @pytree
-class Burn:
+class ValveCommand:
     """When the valve is open.
 
     Attributes:
@@ -126,11 +126,11 @@ class Burn:
 
     ignition: Array
     cutoff: Array
-    error: BurnError
+    burn_error: BurnError
 
 
 @pytree
-class Thrust:
+class StepThrust:
     """A thruster over one step.
 
     Attributes:
@@ -142,34 +142,36 @@ class Thrust:
 
     force_B: Array
     position_B: Array
-    flow: Array
-    opening: Array
+    mass_flow: Array
+    node_factors: Array
 
 
-def thrust(thruster: Thruster, burn: Burn, method: Method, ramps: bool, dt: float | Scalar) -> Thrust:
+def thrust_over_step(
+    thruster: Thruster, command: ValveCommand, method: Method, ramps: bool, dt: float | Scalar
+) -> StepThrust:
     """What the thruster does in a step of `dt` [s]; with `ramps` the force rises and falls, else it is on or off.
 
     Commands shorter than the minimum on-time give nothing.
     """
-    turn = quaternion.exp(thruster.misalignment + burn.error.direction)
-    magnitude = thruster.force * thruster.force_scale * (1.0 + burn.error.magnitude)
+    turn = quaternion.exp(thruster.misalignment + command.burn_error.direction)
+    magnitude = thruster.force * thruster.force_scale * (1.0 + command.burn_error.magnitude)
     # A hair of tolerance: the two times are differences from a step that moves along, and round differently in each.
-    valid = burn.cutoff - burn.ignition >= thruster.minimum_on_time - 1e-9
-    return Thrust(
+    valid = command.cutoff - command.ignition >= thruster.minimum_on_time - 1e-9
+    return StepThrust(
         force_B=magnitude * quaternion.rotate(turn, quaternion.normalize(thruster.direction)),
         position_B=thruster.position,
-        flow=jnp.abs(magnitude) / (thruster.specific_impulse * STANDARD_GRAVITY),
-        opening=jnp.where(valid, _openings(thruster, burn, method, ramps, dt), 0.0),
+        mass_flow=jnp.abs(magnitude) / (thruster.specific_impulse * STANDARD_GRAVITY),
+        node_factors=jnp.where(valid, _node_factors(thruster, command, method, ramps, dt), 0.0),
     )
 
 
-def center_of_mass_shift(thruster: Thruster, mass_used: Scalar, mass: Scalar) -> Vector:
+def center_of_mass_shift(thruster: Thruster, propellant_used: Scalar, mass: Scalar) -> Vector:
     """Way of the centre of mass [m] in B once `mass_used` [kg] of propellant has left and `mass` [kg] remains."""
-    return -mass_used / mass * thruster.tank_position
+    return -propellant_used / mass * thruster.tank_position
 
 
-def _openings(
-    thruster: Thruster, burn: Burn, method: Method, ramps: bool, dt: float | Scalar
+def _node_factors(
+    thruster: Thruster, command: ValveCommand, method: Method, ramps: bool, dt: float | Scalar
 ) -> Float[Array, " nodes"]:
     """Factors at the integrator's nodes that make its quadrature exact for the true profile.
 
@@ -182,20 +184,20 @@ def _openings(
     lagrange = np.linalg.inv(nodes[:, None] ** powers[None, :]).T
     weights = lagrange @ (1.0 / (powers + 1.0))
     table = jnp.asarray(lagrange / weights[:, None])
-    ignition, cutoff = burn.ignition / dt, jnp.maximum(burn.cutoff, burn.ignition) / dt
+    ignition, cutoff = command.ignition / dt, jnp.maximum(command.cutoff, command.ignition) / dt
     if ramps:
-        rise = jnp.maximum(thruster.rise_time / dt, _INSTANT)
+        rise = jnp.maximum(thruster.rise_time / dt, _SHORTEST_RAMP)
         peak = jnp.minimum((cutoff - ignition) / rise, 1.0)
         # A short burn is cut before the force is up, and falls from where it got to.
-        up = _ramp_moments(ignition, jnp.maximum(peak * rise, _INSTANT), nodes.size)
-        down = _ramp_moments(cutoff, jnp.maximum(thruster.fall_time / dt, _INSTANT), nodes.size)
+        up = _ramp_moments(ignition, jnp.maximum(peak * rise, _SHORTEST_RAMP), nodes.size)
+        down = _ramp_moments(cutoff, jnp.maximum(thruster.fall_time / dt, _SHORTEST_RAMP), nodes.size)
         moments = peak * (up - down)
     else:
         moments = _step_moments(ignition, nodes.size) - _step_moments(cutoff, nodes.size)
     return jnp.sum(table * moments[None, :], axis=1)
 
 
-_INSTANT = 1e-9
+_SHORTEST_RAMP = 1e-9
 """Shortest ramp, as a share of a step."""
 
 

@@ -15,7 +15,7 @@ Scalar = Float[Array, ""]
 
 
 @pytree
-class Sky:
+class SunMoonPositions:
     """Bodies beyond the Earth, at the present time.
 
     Attributes:
@@ -78,29 +78,31 @@ class Surface:
     center_of_pressure: Array
 
 
-def drag(air: Atmosphere, surface: Surface, earth_radius: Scalar | float, r_N: Vector, v_N: Vector) -> Vector:
+def drag(atmosphere: Atmosphere, surface: Surface, earth_radius: Scalar | float, r_N: Vector, v_N: Vector) -> Vector:
     """Force of the air [N] in N on a surface at an inertial position [m] and velocity [m/s].
 
     Vallado, Fundamentals of Astrodynamics and Applications, section 8.6.2.
     """
-    height = jnp.sqrt(jnp.sum(r_N * r_N, axis=0)) - earth_radius - air.altitude
-    density = air.density * jnp.exp(-height / air.scale_height)
-    wind = air.rotation * jnp.stack([-r_N[1], r_N[0], jnp.zeros_like(r_N[2])])
+    height = jnp.sqrt(jnp.sum(r_N * r_N, axis=0)) - earth_radius - atmosphere.altitude
+    density = atmosphere.density * jnp.exp(-height / atmosphere.scale_height)
+    wind = atmosphere.rotation * jnp.stack([-r_N[1], r_N[0], jnp.zeros_like(r_N[2])])
     flow = v_N - wind
     return -0.5 * density * surface.drag_coefficient * surface.area * norm(flow) * flow
 
 
-def light_share(light: Sunlight, r_N: Vector, r_sun_N: Vector) -> Scalar:
+def sunlit_fraction(sunlight: Sunlight, r_N: Vector, r_sun_N: Vector) -> Scalar:
     """Share of sunlight [-] that the Earth leaves at an inertial position [m]."""
-    return illumination(r_N, r_sun_N, light.shadow_radius, light.sun_radius)
+    return illumination(r_N, r_sun_N, sunlight.shadow_radius, sunlight.sun_radius)
 
 
-def light_pressure(light: Sunlight, surface: Surface, r_N: Vector, r_sun_N: Vector, share: Scalar) -> Vector:
+def solar_radiation_pressure(
+    sunlight: Sunlight, surface: Surface, r_N: Vector, r_sun_N: Vector, sunlit_fraction: Scalar
+) -> Vector:
     """Force of sunlight [N] in N on a surface at an inertial position [m], of which the Earth leaves a share [-]."""
     from_sun = r_N - r_sun_N
     square = jnp.sum(from_sun * from_sun, axis=0)
-    pressure = light.flux / SPEED_OF_LIGHT * light.astronomical_unit**2 / square
-    return share * pressure * surface.pressure_coefficient * surface.area / jnp.sqrt(square) * from_sun
+    pressure = sunlight.flux / SPEED_OF_LIGHT * sunlight.astronomical_unit**2 / square
+    return sunlit_fraction * pressure * surface.pressure_coefficient * surface.area / jnp.sqrt(square) * from_sun
 
 
 def gravity_gradient_torque(r_B: Vector, inertia: Float[Array, "3 3"], mu: Scalar | float = MU_EARTH) -> Vector:

@@ -14,12 +14,12 @@ KINDS: tuple[str, ...] = get_args(FaultKind)
 """Kinds of fault; a fault's code is its place here."""
 
 
-def code(kind: object) -> Any:
+def kind_code(kind: object) -> Any:
     """Code of a kind of fault; anything but a name is returned as it is."""
     return KINDS.index(kind) if isinstance(kind, str) else kind
 
 
-SEIZING_TIME = 2.0
+SEIZURE_TIME_CONSTANT = 2.0
 """A stuck wheel stops with this time constant [s]."""
 
 
@@ -55,7 +55,7 @@ class Health:
         camera: () bool, works
     """
 
-    thrust: Array
+    thrust_fraction: Array
     wheel_friction: Array
     wheel_stuck: Array
     gps: Array
@@ -67,7 +67,7 @@ def healthy() -> Health:
     """Everything works."""
     yes = jnp.ones((), dtype=bool)
     return Health(
-        thrust=jnp.ones((), dtype=jnp.float64),
+        thrust_fraction=jnp.ones((), dtype=jnp.float64),
         wheel_friction=jnp.zeros(3, dtype=jnp.float64),
         wheel_stuck=jnp.zeros(3, dtype=bool),
         gps=yes,
@@ -76,19 +76,19 @@ def healthy() -> Health:
     )
 
 
-def health(fault: Fault, time: Scalar) -> Health:
+def health_at(fault: Fault, time: Scalar) -> Health:
     """What works at `time` [s] from the start of the run."""
     active = (time >= fault.start) & (time < fault.start + fault.duration)
 
     def is_kind(name: str) -> Bool[Array, ""]:
         return active & (jnp.round(fault.kind) == KINDS.index(name))
 
-    struck = jnp.arange(3, dtype=fault.wheel.dtype) == jnp.round(fault.wheel)
+    affected_wheel = jnp.arange(3, dtype=fault.wheel.dtype) == jnp.round(fault.wheel)
     lost_thrust = jnp.where(is_kind("thruster_off"), 1.0, jnp.where(is_kind("thruster_weak"), fault.severity, 0.0))
     return Health(
-        thrust=1.0 - lost_thrust,
-        wheel_friction=jnp.where(struck & is_kind("wheel_friction"), fault.severity, 0.0),
-        wheel_stuck=struck & is_kind("wheel_stuck"),
+        thrust_fraction=1.0 - lost_thrust,
+        wheel_friction=jnp.where(affected_wheel & is_kind("wheel_friction"), fault.severity, 0.0),
+        wheel_stuck=affected_wheel & is_kind("wheel_stuck"),
         gps=~is_kind("gps_outage"),
         star_tracker=~is_kind("star_tracker_blind"),
         camera=~is_kind("camera_blackout"),

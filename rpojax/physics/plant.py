@@ -13,14 +13,14 @@ from rpojax.core.numerics import double_single, runge_kutta
 from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.numerics.safe import norm
 from rpojax.core.orbits import encke_reference, orbital_mechanics
-from rpojax.core.orbits.encke_reference import Course
-from rpojax.core.orbits.orbital_mechanics import Field
+from rpojax.core.orbits.encke_reference import EnckeReference
+from rpojax.core.orbits.orbital_mechanics import GravityField
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.quaternion import conjugate, cross, rotate
 from rpojax.physics import actuators, environment, rigid_body
-from rpojax.physics.actuators import Thrust, Thruster, Wheels
-from rpojax.physics.environment import Atmosphere, Sky, Sunlight, Surface
-from rpojax.physics.equipment_faults import SEIZING_TIME, Fault, Health
+from rpojax.physics.actuators import ReactionWheels, StepThrust, Thruster
+from rpojax.physics.environment import Atmosphere, Sunlight, SunMoonPositions, Surface
+from rpojax.physics.equipment_faults import SEIZURE_TIME_CONSTANT, Fault, Health
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.rigid_body import Body
 
@@ -59,8 +59,8 @@ class PlantParams:
     target: Target
     target_surface: Surface
     thruster: Thruster
-    wheels: Wheels
-    gravity: Field
+    wheels: ReactionWheels
+    gravity: GravityField
     atmosphere: Atmosphere
     sunlight: Sunlight
     fault: Fault
@@ -82,8 +82,8 @@ class Truth:
         omega_TN_T: (3,) target rate [rad/s]
         mass: () servicer mass [kg]
         delta_v: () velocity change that the thruster has applied so far, summed in magnitude [m/s]
-        residue: (2, 3) what the target's position [m] and velocity [m/s] lack in single precision; else None
-        mass_residue: () the same of the mass [kg]
+        orbit_low: (2, 3) what the target's position [m] and velocity [m/s] lack in single precision; else None
+        mass_low: () the same of the mass [kg]
     """
 
     r_TN_N: Array
@@ -97,12 +97,12 @@ class Truth:
     omega_TN_T: Array
     mass: Array
     delta_v: Array
-    residue: Array | None = None
-    mass_residue: Array | None = None
+    orbit_low: Array | None = None
+    mass_low: Array | None = None
 
 
 def initial_truth(
-    params: PlantParams, orbit: orbital_mechanics.Elements, rho_H: Vector, rho_dot_H: Vector, q_BN: Array
+    params: PlantParams, orbit: orbital_mechanics.KeplerianElements, rho_H: Vector, rho_dot_H: Vector, q_BN: Array
 ) -> Truth:
     """Truth at the start: target on its orbit, servicer at `rho_H` [m], `rho_dot_H` [m/s], not turning in H."""
     r_TN_N, v_TN_N = orbital_mechanics.state_from_elements(orbit)
@@ -129,8 +129,8 @@ def step(
     params: PlantParams,
     truth: Truth,
     wheel_command: Vector,
-    thrusts: tuple[Thrust, ...],
-    sky: Sky,
+    thrusts: tuple[StepThrust, ...],
+    sky: SunMoonPositions,
     health: Health,
     dt: float | Scalar,
 ) -> Truth:
@@ -138,21 +138,23 @@ def step(
 
     The sky and the health of the equipment are taken as they are at the start of the step.
     """
-    driving_torque = motor_torque(effects, params.wheels, truth, wheel_command, health, dt)
-    inverse_hub = rigid_body.inverse_without_wheels(params.servicer.inertia, params.wheels.axes, params.wheels.inertia)
-    inverse_target = rigid_body.inverse(params.target.inertia)
-    light_shares = _light_shares(effects, params, truth, sky, dt)
-    orbit = encke_reference.begin(params.gravity, effects.zonal_degree, truth.r_TN_N, truth.v_TN_N, truth.residue)
+    motor = motor_torque(effects, params.wheels, truth, wheel_command, health, dt)
+    inverse_hub = rigid_body.inverse_hub_inertia(params.servicer.inertia, params.wheels.axes, params.wheels.inertia)
+    inverse_target = rigid_body.inverse_3x3(params.target.inertia)
+    sunlit_fractions = _sunlit_fractions(effects, params, truth, sky, dt)
+    orbit = encke_reference.reference_orbit(
+        params.gravity, effects.zonal_degree, truth.r_TN_N, truth.v_TN_N, truth.orbit_low
+    )
 
     def derivative(counted: Truth, inputs: tuple[tuple[Scalar, ...], Scalar | None]) -> Truth:
         openings, time = inputs
-        r_TN_N, v_TN_N = orbit.at(time, counted.r_TN_N, counted.v_TN_N)
+        r_TN_N, v_TN_N = orbit.full_state(time, counted.r_TN_N, counted.v_TN_N)
         y = replace(counted, r_TN_N=r_TN_N, v_TN_N=v_TN_N)
         force_B, torque_B, flow = _propulsion(effects, params, y, thrusts, openings)
-        pull = orbit.gravity(time, counted.r_TN_N, y.r_ST_N) + _distant_pulls(effects, y, sky)
-        surface = _surface_forces(effects, params, y, sky, light_shares)
+        pull = orbit.gravity(time, counted.r_TN_N, y.r_ST_N) + _third_body_accelerations(effects, y, sky)
+        surface = _surface_forces(effects, params, y, sky, sunlit_fractions)
         pull_B, torque_T = _gravity_gradient_torques(effects, params, y)
-        wheel_torque = driving_torque + _bearing_torque(effects, params.wheels, y.wheel_speed, health, dt)
+        wheel_torque = motor + _bearing_torque(effects, params.wheels, y.wheel_speed, health, dt)
         omega_dot, wheel_acceleration = rigid_body.accelerations_with_wheels(
             params.servicer.inertia,
             inverse_hub,
@@ -181,60 +183,62 @@ def step(
             delta_v=sum(opening * norm(each.force_B) for opening, each in zip(openings, thrusts, strict=True)) / y.mass,
         )
 
-    openings = tuple(health.thrust * thrust.opening for thrust in thrusts)
-    r_TN_N, v_TN_N = orbit.start
-    counted = replace(_bare(truth), r_TN_N=r_TN_N, v_TN_N=v_TN_N)
-    times = orbit.times(runge_kutta.NODES[effects.integrator], dt)
-    change = runge_kutta.change(effects.integrator, derivative, counted, (openings, times), dt)
-    return _changed(orbit, truth, change, dt)
+    openings = tuple(health.thrust_fraction * thrust.node_factors for thrust in thrusts)
+    r_TN_N, v_TN_N = orbit.integration_start
+    counted = replace(_without_low_parts(truth), r_TN_N=r_TN_N, v_TN_N=v_TN_N)
+    times = orbit.node_times(runge_kutta.NODES[effects.integrator], dt)
+    change = runge_kutta.increment(effects.integrator, derivative, counted, (openings, times), dt)
+    return _apply_change(orbit, truth, change, dt)
 
 
-def _changed(orbit: Course, truth: Truth, change: Truth, dt: float | Scalar) -> Truth:
+def _apply_change(orbit: EnckeReference, truth: Truth, change: Truth, dt: float | Scalar) -> Truth:
     """Truth with the change of a step of `dt` [s] added; attitudes are normalised."""
-    after = jax.tree.map(lambda y, more: y + more, _bare(truth), change)
-    r_TN_N, v_TN_N, residue = orbit.end(dt, change.r_TN_N, change.v_TN_N)
-    mass, mass_residue = after.mass, None
-    if truth.mass_residue is not None:
-        mass, mass_residue = double_single.add(truth.mass, truth.mass_residue, change.mass)
+    changed = jax.tree.map(lambda y, more: y + more, _without_low_parts(truth), change)
+    r_TN_N, v_TN_N, orbit_low = orbit.final_state(dt, change.r_TN_N, change.v_TN_N)
+    mass, mass_low = changed.mass, None
+    if truth.mass_low is not None:
+        mass, mass_low = double_single.add(truth.mass, truth.mass_low, change.mass)
     return replace(
-        after,
+        changed,
         r_TN_N=r_TN_N,
         v_TN_N=v_TN_N,
-        residue=residue,
+        orbit_low=orbit_low,
         mass=mass,
-        mass_residue=mass_residue,
-        q_BN=quaternion.normalize(after.q_BN),
-        q_TN=quaternion.normalize(after.q_TN),
+        mass_low=mass_low,
+        q_BN=quaternion.normalize(changed.q_BN),
+        q_TN=quaternion.normalize(changed.q_TN),
     )
 
 
-def _bare(truth: Truth) -> Truth:
-    return replace(truth, residue=None, mass_residue=None)
+def _without_low_parts(truth: Truth) -> Truth:
+    return replace(truth, orbit_low=None, mass_low=None)
 
 
 def motor_torque(
-    effects: Effects, wheels: Wheels, truth: Truth, command: Vector, health: Health, dt: float | Scalar
+    effects: Effects, wheels: ReactionWheels, truth: Truth, command: Vector, health: Health, dt: float | Scalar
 ) -> Vector:
     """Torque [N m] that the wheel drives really give for a command [N m] over the next `dt` [s]."""
-    given = actuators.quantised(wheels, command) if effects.wheel_torque_steps else command
-    torque = actuators.limited_torque(wheels, given, truth.wheel_speed, dt)
+    given = actuators.quantise_torque(wheels, command) if effects.wheel_torque_steps else command
+    torque = actuators.limit_torque(wheels, given, truth.wheel_speed, dt)
     return jnp.where(health.wheel_stuck, 0.0, torque) if effects.faults else torque
 
 
-def _bearing_torque(effects: Effects, wheels: Wheels, speed: Vector, health: Health, dt: float | Scalar) -> Vector:
+def _bearing_torque(
+    effects: Effects, wheels: ReactionWheels, speed: Vector, health: Health, dt: float | Scalar
+) -> Vector:
     """Torque [N m] of friction on the wheels, faults included."""
-    torque = actuators.friction(wheels, speed) if effects.wheel_friction else jnp.zeros_like(speed)
+    torque = actuators.bearing_friction(wheels, speed) if effects.wheel_friction else jnp.zeros_like(speed)
     if not effects.faults:
         return torque
     rubbing = health.wheel_friction * wheels.torque_limit
     # Below the speed that the torque takes away in a step it must fade, else the wheel would chatter about zero.
     fading_speed = jnp.maximum(wheels.stiction_speed, rubbing / wheels.inertia * dt)
-    seizing = wheels.inertia * speed / SEIZING_TIME
+    seizing = wheels.inertia * speed / SEIZURE_TIME_CONSTANT
     return torque - rubbing * jnp.tanh(speed / fading_speed) - jnp.where(health.wheel_stuck, seizing, 0.0)
 
 
 def _propulsion(
-    effects: Effects, params: PlantParams, y: Truth, thrusts: tuple[Thrust, ...], openings: tuple[Scalar, ...]
+    effects: Effects, params: PlantParams, y: Truth, thrusts: tuple[StepThrust, ...], openings: tuple[Scalar, ...]
 ) -> tuple[Vector, Vector, Scalar]:
     """Force [N] and torque about the centre of mass [N m] in B, and flow of propellant [kg/s]."""
     force = torque = jnp.zeros_like(y.omega_BN_B)
@@ -243,7 +247,7 @@ def _propulsion(
     for each, opening in zip(thrusts, openings, strict=True):
         own = opening * each.force_B
         force, torque = force + own, torque + cross(each.position_B - shift, own)
-        flow = flow + opening * each.flow
+        flow = flow + opening * each.mass_flow
     return force, torque, flow
 
 
@@ -254,15 +258,15 @@ def _center_of_mass_shift(effects: Effects, params: PlantParams, y: Truth) -> Ve
     return actuators.center_of_mass_shift(params.thruster, params.servicer.mass - y.mass, y.mass)
 
 
-def _distant_pulls(effects: Effects, y: Truth, sky: Sky) -> Difference:
+def _third_body_accelerations(effects: Effects, y: Truth, sky: SunMoonPositions) -> Difference:
     """Pull [m/s^2] of the Sun and the Moon in N on the target, and on the servicer less that on the target."""
     r = Difference(value=y.r_TN_N, change=y.r_ST_N)
-    pull = Difference(value=jnp.zeros_like(y.r_TN_N), change=jnp.zeros_like(y.r_ST_N))
+    acceleration = Difference(value=jnp.zeros_like(y.r_TN_N), change=jnp.zeros_like(y.r_ST_N))
     if effects.sun_gravity:
-        pull = pull + orbital_mechanics.distant_pull(MU_SUN, sky.sun_N, r)
+        acceleration = acceleration + orbital_mechanics.third_body_acceleration(MU_SUN, sky.sun_N, r)
     if effects.moon_gravity:
-        pull = pull + orbital_mechanics.distant_pull(MU_MOON, sky.moon_N, r)
-    return pull
+        acceleration = acceleration + orbital_mechanics.third_body_acceleration(MU_MOON, sky.moon_N, r)
+    return acceleration
 
 
 @dataclass(frozen=True)
@@ -275,8 +279,8 @@ class _SurfaceForces:
     servicer_torque_B: Array
 
 
-def _light_shares(
-    effects: Effects, params: PlantParams, truth: Truth, sky: Sky, dt: float | Scalar
+def _sunlit_fractions(
+    effects: Effects, params: PlantParams, truth: Truth, sky: SunMoonPositions, dt: float | Scalar
 ) -> tuple[Scalar, Scalar]:
     """Shares of sunlight [-] on the target and on the servicer in the middle of a step, which hold for all of it.
 
@@ -286,26 +290,26 @@ def _light_shares(
         none = jnp.zeros_like(truth.mass)
         return none, none
     r_N, way_N = truth.r_TN_N + 0.5 * dt * truth.v_TN_N, truth.r_ST_N + 0.5 * dt * truth.v_ST_N
-    target, servicer = (environment.light_share(params.sunlight, at_N, sky.sun_N) for at_N in (r_N, r_N + way_N))
+    target, servicer = (environment.sunlit_fraction(params.sunlight, at_N, sky.sun_N) for at_N in (r_N, r_N + way_N))
     return target, servicer
 
 
 def _surface_forces(
-    effects: Effects, params: PlantParams, y: Truth, sky: Sky, light_shares: tuple[Scalar, Scalar]
+    effects: Effects, params: PlantParams, y: Truth, sky: SunMoonPositions, sunlit_fractions: tuple[Scalar, Scalar]
 ) -> _SurfaceForces:
     def force(surface: Surface, share: Scalar, r_N: Vector, v_N: Vector) -> Vector:
         total = jnp.zeros_like(r_N)
         if effects.drag:
             total = total + environment.drag(params.atmosphere, surface, params.gravity.radius, r_N, v_N)
         if effects.solar_pressure:
-            total = total + environment.light_pressure(params.sunlight, surface, r_N, sky.sun_N, share)
+            total = total + environment.solar_radiation_pressure(params.sunlight, surface, r_N, sky.sun_N, share)
         return total
 
     none = jnp.zeros_like(y.r_TN_N)
     if not (effects.drag or effects.solar_pressure):
         return _SurfaceForces(none, none, none, none)
-    on_target = force(params.target_surface, light_shares[0], y.r_TN_N, y.v_TN_N)
-    on_servicer = force(params.servicer_surface, light_shares[1], y.r_TN_N + y.r_ST_N, y.v_TN_N + y.v_ST_N)
+    on_target = force(params.target_surface, sunlit_fractions[0], y.r_TN_N, y.v_TN_N)
+    on_servicer = force(params.servicer_surface, sunlit_fractions[1], y.r_TN_N + y.r_ST_N, y.v_TN_N + y.v_ST_N)
     lever_B = params.servicer_surface.center_of_pressure - _center_of_mass_shift(effects, params, y)
     return _SurfaceForces(
         target_acceleration_N=on_target / params.target.mass,

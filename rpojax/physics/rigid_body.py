@@ -24,7 +24,7 @@ class Body:
     inertia: Array
 
 
-def inverse(matrix: Matrix) -> Matrix:
+def inverse_3x3(matrix: Matrix) -> Matrix:
     """Inverse of a 3x3 matrix by cofactors (batched LAPACK is slow on matrices this small)."""
     a, b, c = matrix[0], matrix[1], matrix[2]
     cofactors = jnp.stack([cross(b, c), cross(c, a), cross(a, b)], axis=1)
@@ -36,9 +36,11 @@ def angular_acceleration(inertia: Matrix, inverse_inertia: Matrix, omega_B: Vect
     return apply(inverse_inertia, torque_B - cross(omega_B, apply(inertia, omega_B)))
 
 
-def inverse_without_wheels(inertia: Matrix, wheel_axes: Matrix, wheel_inertia: Vector) -> Matrix:
+def inverse_hub_inertia(inertia: Matrix, wheel_axes: Matrix, wheel_inertia: Vector) -> Matrix:
     """Inverse [1/(kg m^2)] of the inertia less the part of the wheels that spins freely."""
-    return inverse(inertia - jnp.sum(wheel_inertia[:, None, None] * wheel_axes[:, :, None] * wheel_axes[:, None, :], 0))
+    return inverse_3x3(
+        inertia - jnp.sum(wheel_inertia[:, None, None] * wheel_axes[:, :, None] * wheel_axes[:, None, :], 0)
+    )
 
 
 def wheel_momentum(wheel_axes: Matrix, wheel_inertia: Vector, wheel_speed: Vector) -> Vector:
@@ -59,7 +61,7 @@ def accelerations_with_wheels(
     """`omega_dot` and wheel accelerations [rad/s^2] of a body with balanced wheels.
 
     `motor_torque` (3,) acts on the wheels, its reaction on the body; `wheel_speed` is relative to the body;
-    `inverse_hub` comes from `inverse_without_wheels`. Schaub and Junkins, section 4.5, with momentum exchange.
+    `inverse_hub` comes from `inverse_hub_inertia`. Schaub and Junkins, section 4.5, with momentum exchange.
     """
     momentum = apply(inertia, omega_B) + wheel_momentum(wheel_axes, wheel_inertia, wheel_speed)
     reaction = apply_transposed(wheel_axes, motor_torque)

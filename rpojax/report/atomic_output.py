@@ -16,7 +16,7 @@ def write_atomically(path: Path, content: bytes) -> Path:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        atomic_files.put(path, content, sync=True)
+        atomic_files.write_or_raise(path, content, sync=True)
     except OSError as error:
         raise OutputError(f"{path}: found {error.strerror or error}, expected a file that can be written") from None
     return path

@@ -8,7 +8,7 @@ from rpojax.scenario.metric_catalogue import LOW_IS_BAD, UNITS
 
 
 @dataclass(frozen=True)
-class Metric:
+class MetricLabel:
     """Title, meaning and unit of one metric, and whether a low value is the bad one."""
 
     title: str
@@ -17,13 +17,13 @@ class Metric:
     low_is_bad: bool = False
 
     @property
-    def tail(self) -> tuple[str, str, str, str]:
+    def tail_statistics(self) -> tuple[str, str, str, str]:
         """Names in report.json of what one run in 20, in 100 is beyond, its bound, and the worst, on the bad side."""
         return ("p5", "p1", "p1_lower_95", "min") if self.low_is_bad else ("p95", "p99", "p99_upper_95", "max")
 
 
 @dataclass(frozen=True)
-class Channel:
+class ChannelLabel:
     """Title and unit of one trace over time, and how to draw it."""
 
     name: str
@@ -33,25 +33,26 @@ class Channel:
     low_is_bad: bool = False
 
 
-_LAST = "over the last 1000 s or third of the run"
-_SETTLED = "from 1000 s (or a third of a shorter run) to the end"
+_FINAL_PHASE = "over the last 1000 s or third of the run"
+_SETTLED_PHASE = "from 1000 s (or a third of a shorter run) to the end"
 
-_TEXTS: dict[str, tuple[str, str]] = {
+_TITLES_AND_MEANINGS: dict[str, tuple[str, str]] = {
     "formation_error_rms_m": (
         "Formation error",
-        f"RMS distance of the true relative position from the desired one, {_LAST}; estimation error is part of it.",
+        f"RMS distance of the true relative position from the desired one, {_FINAL_PHASE}; "
+        "estimation error is part of it.",
     ),
     "nav_relative_position_error_rms_m": (
         "Relative navigation error",
-        f"RMS 3-D error of the estimated position of the servicer from the target, {_SETTLED}.",
+        f"RMS 3-D error of the estimated position of the servicer from the target, {_SETTLED_PHASE}.",
     ),
     "nav_servicer_position_error_rms_m": (
         "Servicer navigation error",
-        f"RMS 3-D error of the servicer's estimated absolute position, {_SETTLED}.",
+        f"RMS 3-D error of the servicer's estimated absolute position, {_SETTLED_PHASE}.",
     ),
     "nav_target_position_error_rms_m": (
         "Target navigation error",
-        f"RMS 3-D error of the target's estimated absolute position, {_SETTLED}.",
+        f"RMS 3-D error of the target's estimated absolute position, {_SETTLED_PHASE}.",
     ),
     "nees_mean": (
         "NEES, both spacecraft",
@@ -118,25 +119,25 @@ _TEXTS: dict[str, tuple[str, str]] = {
 }
 """Title and meaning of every metric, in the order in which a reader wants them."""
 
-CHANNELS = (
-    Channel("formation_error_m", "Formation error", "m", logarithmic=True),
-    Channel("nav_relative_error_m", "Relative navigation error and its 3 sigma", "m", logarithmic=True),
-    Channel("range_m", "Range between the spacecraft", "m", low_is_bad=True),
-    Channel("delta_v_m_s", "Delta-v applied", "m/s"),
-    Channel("nees", "NEES of 12 position and velocity components", "", logarithmic=True),
+CHANNEL_LABELS = (
+    ChannelLabel("formation_error_m", "Formation error", "m", logarithmic=True),
+    ChannelLabel("nav_relative_error_m", "Relative navigation error and its 3 sigma", "m", logarithmic=True),
+    ChannelLabel("range_m", "Range between the spacecraft", "m", low_is_bad=True),
+    ChannelLabel("delta_v_m_s", "Delta-v applied", "m/s"),
+    ChannelLabel("nees", "NEES of 12 position and velocity components", "", logarithmic=True),
 )
 
 
-def metric(name: str) -> Metric:
+def metric_label(name: str) -> MetricLabel:
     """How to show the metric `name`; one that has no text here is shown by its own name."""
-    title, meaning = _TEXTS.get(name, (name.replace("_", " "), ""))
+    title, meaning = _TITLES_AND_MEANINGS.get(name, (name.replace("_", " "), ""))
     unit = UNITS.get(name, "-")
-    return Metric(title, meaning, "" if unit == "-" else unit, name in LOW_IS_BAD)
+    return MetricLabel(title, meaning, "" if unit == "-" else unit, name in LOW_IS_BAD)
 
 
-def ordered(names: Iterable[str]) -> list[str]:
+def in_display_order(names: Iterable[str]) -> list[str]:
     """Names of metrics in the order in which a reader wants them: formation, navigation, consistency, ..., boxes."""
-    places = {name: place for place, name in enumerate(_TEXTS)}
+    places = {name: place for place, name in enumerate(_TITLES_AND_MEANINGS)}
     return sorted(names, key=lambda name: (places.get(name, len(places)), name))
 
 
@@ -145,7 +146,7 @@ def with_unit(text: str, unit: str) -> str:
     return f"{text} {unit}" if unit else text
 
 
-def number(value: float | None, digits: int = 4) -> str:
+def format_number(value: float | None, digits: int = 4) -> str:
     """`value` with `digits` significant digits, whole numbers without decimals, and a dash for None or NaN."""
     if value is None or not math.isfinite(value):
         return "\N{EN DASH}"
@@ -157,6 +158,6 @@ def number(value: float | None, digits: int = 4) -> str:
     return f"{value:.{max(0, digits - 1 - magnitude)}f}"
 
 
-def chance(p: float | None) -> str:
+def format_p_value(p: float | None) -> str:
     """A p-value with two significant digits, and a dash for None."""
-    return number(None) if p is None else f"{p:.2g}"
+    return format_number(None) if p is None else f"{p:.2g}"

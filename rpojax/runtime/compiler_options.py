@@ -6,7 +6,7 @@ from typing import Any
 
 import jax
 
-PREPARATION: Mapping[str, Any] = {
+PREPARATION_OPTIONS: Mapping[str, Any] = {
     "xla_backend_optimization_level": 0,
     "xla_cpu_use_fusion_emitters": False,
     "xla_cpu_parallel_codegen_split_count": 1,
@@ -14,7 +14,7 @@ PREPARATION: Mapping[str, Any] = {
 """It works once for hundreds of ticks of the loop, so that it is compiled quickly rather than well, and on one core
 beside the tracing of the loop."""
 
-LOOP: Mapping[str, Any] = {
+LOOP_OPTIONS: Mapping[str, Any] = {
     "xla_cpu_experimental_ynn_fusion_type": "",
     "xla_disable_hlo_passes": "reshape-mover",
 }
@@ -22,11 +22,11 @@ LOOP: Mapping[str, Any] = {
 in a round of all the other passes."""
 
 
-def compiled(lowered: Any, on_cpu: Mapping[str, Any]) -> Any:
+def compile_with_options(lowered: Any, cpu_options: Mapping[str, Any]) -> Any:
     """A program compiled with options where JAX computes on a CPU: what XLA knows and the user's flags leave open."""
     flags = os.environ.get("XLA_FLAGS", "")
-    usual = on_cpu if jax.default_backend() == "cpu" else {}
-    options = {name: value for name, value in usual.items() if f"--{name}" not in flags}
+    wanted = cpu_options if jax.default_backend() == "cpu" else {}
+    options = {name: value for name, value in wanted.items() if f"--{name}" not in flags}
     while True:
         try:
             return lowered.compile(compiler_options=options or None)

@@ -6,8 +6,10 @@ from pathlib import Path
 
 _DEVICE_FLAG = "--xla_force_host_platform_device_count"
 
-_EXTRA_FLAG = "--xla_backend_extra_options"
-LOOP_FLAG = f"{_EXTRA_FLAG}=xla_cpu_use_multi_output_fusion=true,xla_cpu_small_while_loop_byte_threshold=2000000"
+_BACKEND_OPTIONS_FLAG = "--xla_backend_extra_options"
+LOOP_FUSION_FLAG = (
+    f"{_BACKEND_OPTIONS_FLAG}=xla_cpu_use_multi_output_fusion=true,xla_cpu_small_while_loop_byte_threshold=2000000"
+)
 
 
 def prepare_jax(cache: bool) -> None:
@@ -28,15 +30,15 @@ def prepare_jax(cache: bool) -> None:
         os.environ.setdefault("RPOJAX_TRACES", str(folder.with_name("traces")))
 
 
-def prepare_loop(rendered: bool) -> None:
+def set_loop_fusion_flag(rendered: bool) -> None:
     """Has XLA work out once what several results of the closed loop share, which makes it nearly twice as fast.
 
     To be called before anything is computed. Not for rendered cameras: pictures take twice as long with it. XLA leaves
     aside what it does not know of these options; what the user's environment says about them is left as it is.
     """
     flags = os.environ.get("XLA_FLAGS", "")
-    if not rendered and _EXTRA_FLAG not in flags:
-        os.environ["XLA_FLAGS"] = f"{flags} {LOOP_FLAG}".strip()
+    if not rendered and _BACKEND_OPTIONS_FLAG not in flags:
+        os.environ["XLA_FLAGS"] = f"{flags} {LOOP_FUSION_FLAG}".strip()
 
 
 def available_cores() -> int:

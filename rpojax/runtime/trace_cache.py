@@ -17,12 +17,12 @@ from jax.extend import core
 
 import rpojax
 
-FOLDER = "RPOJAX_TRACES"
+FOLDER_VARIABLE = "RPOJAX_TRACES"
 """Environment variable with the folder where traces are kept; without it none is."""
 
-_CHECK = hashlib.sha256().digest_size
+_DIGEST_SIZE = hashlib.sha256().digest_size
 _PACKAGES = ("jax", "jaxlib", "flax", "numpy", "scipy")
-_SETTINGS = (
+_JAX_SETTINGS = (
     *("jax_enable_x64", "jax_default_matmul_precision", "jax_default_prng_impl", "jax_threefry_partitionable"),
     "jax_numpy_dtype_promotion",
 )
@@ -39,19 +39,19 @@ class Trace:
     """
 
     call: Callable[..., Any]
-    results: Any
+    outputs: Any
 
 
-def traced(function: Callable[..., Any], arguments: Sequence[Any], meaning: str | None = None) -> Trace:
+def load_or_trace(function: Callable[..., Any], arguments: Sequence[Any], identity: str | None = None) -> Trace:
     """`function` traced for arguments of these shapes, from an earlier process if that has left it.
 
     `meaning` is all that the trace depends on besides the shapes, this package and JAX; without it nothing is kept,
     and the function may do what cannot be kept, such as print.
     """
-    if meaning is None:
-        return _plain(function, arguments)
-    folder = os.environ.get(FOLDER)
-    path = Path(folder) / f"{_key(arguments, meaning)}.trace" if folder else None
+    if identity is None:
+        return _trace_without_cache(function, arguments)
+    folder = os.environ.get(FOLDER_VARIABLE)
+    path = Path(folder) / f"{_cache_key(arguments, identity)}.trace" if folder else None
     content = _read(path) if path else None
     if content is None:
         with _no_garbage_collection():
@@ -60,12 +60,12 @@ def traced(function: Callable[..., Any], arguments: Sequence[Any], meaning: str 
             content = bytes(made.serialize())
         except ValueError:
             # Records of a module that was loaded anew have no name that could be kept.
-            return _exported(made)
-        if path is not None and _source_digest() == _SOURCE:
+            return _trace_of_export(made)
+        if path is not None and _source_digest() == _LOADED_SOURCE:
             with contextlib.suppress(OSError):
                 _write(path, content)
     # What is kept is what is used, so that the first process computes the same numbers as the next ones.
-    return _exported(export.deserialize(bytearray(content)))
+    return _trace_of_export(export.deserialize(bytearray(content)))
 
 
 @contextlib.contextmanager
@@ -83,7 +83,7 @@ def _no_garbage_collection() -> Iterator[None]:
             gc.enable()
 
 
-def _plain(function: Callable[..., Any], arguments: Sequence[Any]) -> Trace:
+def _trace_without_cache(function: Callable[..., Any], arguments: Sequence[Any]) -> Trace:
     with _no_garbage_collection():
         found, results = jax.make_jaxpr(function, return_shape=True)(*arguments)
     structure = jax.tree.structure(results)
@@ -94,17 +94,17 @@ def _plain(function: Callable[..., Any], arguments: Sequence[Any]) -> Trace:
     return Trace(call, results)
 
 
-def _exported(made: export.Exported) -> Trace:
+def _trace_of_export(made: export.Exported) -> Trace:
     results = [jax.ShapeDtypeStruct(each.shape, each.dtype) for each in made.out_avals]
     return Trace(made.call, jax.tree.unflatten(made.out_tree, results))
 
 
-def _key(arguments: Sequence[Any], meaning: str) -> str:
+def _cache_key(arguments: Sequence[Any], identity: str) -> str:
     leaves, structure = jax.tree.flatten(tuple(arguments))
     shapes = [(each.shape, str(each.dtype)) for each in leaves]
-    versions = (_SOURCE, export.default_export_platform(), *map(version, _PACKAGES))
-    settings = [str(getattr(jax.config, name)) for name in _SETTINGS]
-    return hashlib.sha256(repr((meaning, shapes, str(structure), versions, settings)).encode()).hexdigest()
+    versions = (_LOADED_SOURCE, export.default_export_platform(), *map(version, _PACKAGES))
+    settings = [str(getattr(jax.config, name)) for name in _JAX_SETTINGS]
+    return hashlib.sha256(repr((identity, shapes, str(structure), versions, settings)).encode()).hexdigest()
 
 
 def _source_digest() -> str:
@@ -116,7 +116,7 @@ def _source_digest() -> str:
     return found.hexdigest()
 
 
-_SOURCE = _source_digest()
+_LOADED_SOURCE = _source_digest()
 """The code that this process has loaded: a trace of other code is of no use, and none is kept once it has changed."""
 
 
@@ -126,7 +126,7 @@ def _read(path: Path) -> bytes | None:
         found = path.read_bytes()
     except OSError:
         return None
-    check, content = found[:_CHECK], found[_CHECK:]
+    check, content = found[:_DIGEST_SIZE], found[_DIGEST_SIZE:]
     return content if hashlib.sha256(content).digest() == check else None
 
 

@@ -21,17 +21,17 @@ NonNegativeVector = Annotated[list[NonNegative], Field(min_length=3, max_length=
 PositivePair = Annotated[list[Positive], Field(min_length=2, max_length=2)]
 
 
-_SHORTEST = 1e-6
+_MIN_NORM = 1e-6
 """A direction or quaternion shorter than this is taken for a zero: its unit vector would be noise."""
 
 
-def _nonzero(value: list[float]) -> list[float]:
-    if math.hypot(*value) < _SHORTEST:
-        raise ValueError(f"expected a vector that is not zero, at least {_SHORTEST:g} long")
+def _check_nonzero(value: list[float]) -> list[float]:
+    if math.hypot(*value) < _MIN_NORM:
+        raise ValueError(f"expected a vector that is not zero, at least {_MIN_NORM:g} long")
     return value
 
 
-def _inertia(value: list[list[float]]) -> list[list[float]]:
+def _check_inertia(value: list[list[float]]) -> list[list[float]]:
     matrix = np.array(value)
     if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0.0):
         raise ValueError("expected a symmetric matrix")
@@ -43,7 +43,7 @@ def _inertia(value: list[list[float]]) -> list[list[float]]:
     return value
 
 
-def _invertible(value: list[list[float]]) -> list[list[float]]:
+def _check_axes(value: list[list[float]]) -> list[list[float]]:
     rows = np.array(value)
     if not np.allclose(np.linalg.norm(rows, axis=1), 1.0, atol=1e-6):
         raise ValueError("expected unit vectors, one a row")
@@ -52,7 +52,7 @@ def _invertible(value: list[list[float]]) -> list[list[float]]:
     return value
 
 
-def _covariance(value: list[list[float]]) -> list[list[float]]:
+def _check_covariance(value: list[list[float]]) -> list[list[float]]:
     if any(len(row) != len(value) for row in value):
         raise ValueError("expected as many columns as rows")
     matrix = np.array(value)
@@ -67,12 +67,12 @@ def _covariance(value: list[list[float]]) -> list[list[float]]:
     return value
 
 
-def _as_text(value: Any) -> Any:
+def _date_to_text(value: Any) -> Any:
     """TOML has dates of its own; unquoted they arrive as such."""
     return value.isoformat() if isinstance(value, date) else value
 
 
-def _epoch(value: str) -> str:
+def _check_epoch(value: str) -> str:
     try:
         seconds = epoch_seconds(value)
     except (ValueError, OverflowError):
@@ -97,7 +97,7 @@ _TERRESTRIAL_LESS_UTC_S = 69.184
 """Since 2017; the Sun moves by three millionths of a radian in that time."""
 
 
-def _metric(value: str) -> str:
+def _check_metric_name(value: str) -> str:
     if value not in UNITS:
         close = difflib.get_close_matches(value, UNITS, n=1)
         hint = f" (did you mean {close[0]!r}?)" if close else ", such as 'formation_error_rms_m'"
@@ -105,14 +105,14 @@ def _metric(value: str) -> str:
     return value
 
 
-Metric = Annotated[str, AfterValidator(_metric), Field(json_schema_extra={"enum": list(UNITS)})]
-Epoch = Annotated[str, BeforeValidator(_as_text), AfterValidator(_epoch)]
-Direction = Annotated[Vector, AfterValidator(_nonzero)]
-Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4), AfterValidator(_nonzero)]
-Rows3 = Annotated[list[Vector], Field(min_length=3, max_length=3)]
-Inertia = Annotated[Rows3, AfterValidator(_inertia)]
-Axes = Annotated[Rows3, AfterValidator(_invertible)]
-Covariance = Annotated[list[list[Finite]], Field(min_length=1, max_length=64), AfterValidator(_covariance)]
+MetricName = Annotated[str, AfterValidator(_check_metric_name), Field(json_schema_extra={"enum": list(UNITS)})]
+Epoch = Annotated[str, BeforeValidator(_date_to_text), AfterValidator(_check_epoch)]
+Direction = Annotated[Vector, AfterValidator(_check_nonzero)]
+Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4), AfterValidator(_check_nonzero)]
+Matrix3 = Annotated[list[Vector], Field(min_length=3, max_length=3)]
+Inertia = Annotated[Matrix3, AfterValidator(_check_inertia)]
+Axes = Annotated[Matrix3, AfterValidator(_check_axes)]
+Covariance = Annotated[list[list[Finite]], Field(min_length=1, max_length=64), AfterValidator(_check_covariance)]
 Hull = Annotated[list[Vector], Field(min_length=4, max_length=64)]
 
 

@@ -5,7 +5,7 @@ from typing import Final
 
 _DEGREE = math.pi / 180.0
 
-FACTORS: Final[dict[str, float]] = {
+SI_FACTORS: Final[dict[str, float]] = {
     "_deg_sqrt_s": _DEGREE,
     "_deg_s_sqrt_s": _DEGREE,
     "_mrad_s2": 1e-3,
@@ -30,15 +30,15 @@ FACTORS: Final[dict[str, float]] = {
 """Unit suffix of a scenario key -> factor to SI and radians, longest suffixes first."""
 
 
-def split(key: str) -> tuple[str, float]:
+def split_unit(key: str) -> tuple[str, float]:
     """Name without its unit suffix, and the factor from the user's unit to SI and radians."""
-    for suffix, factor in FACTORS.items():
+    for suffix, factor in SI_FACTORS.items():
         if key.endswith(suffix):
             return key.removesuffix(suffix), factor
     return key, 1.0
 
 
-_SYMBOLS: Final[dict[str, str]] = {
+_UNIT_SYMBOLS: Final[dict[str, str]] = {
     "_deg_sqrt_s": "deg/sqrt(s)",
     "_deg_s_sqrt_s": "deg/s/sqrt(s)",
     "_mrad_s2": "mrad/s2",
@@ -62,6 +62,6 @@ _SYMBOLS: Final[dict[str, str]] = {
 }
 
 
-def symbol(key: str) -> str:
+def unit_symbol(key: str) -> str:
     """Unit that a scenario key's suffix means, such as `kg m2`; 1 for a pure number."""
-    return next((_SYMBOLS[suffix] for suffix in FACTORS if key.endswith(suffix)), "1")
+    return next((_UNIT_SYMBOLS[suffix] for suffix in SI_FACTORS if key.endswith(suffix)), "1")

@@ -40,7 +40,7 @@ LOW_IS_BAD: Final = frozenset(
 """Metrics whose low values are the bad ones."""
 
 
-def late_and_last(ticks: int, tick_s: float) -> tuple[int, int]:
+def window_starts(ticks: int, tick_s: float) -> tuple[int, int]:
     """First tick of the late part of a run, and of its last one: from 1000 s on, and 1000 s before the end.
 
     Of a run shorter than 3000 s it is a third instead.
@@ -49,7 +49,7 @@ def late_and_last(ticks: int, tick_s: float) -> tuple[int, int]:
     return min(third, ticks - 1), ticks - third
 
 
-def worst_rows(name: str, values: np.ndarray) -> np.ndarray:
+def worst_first(name: str, values: np.ndarray) -> np.ndarray:
     """Rows in which a metric's `values` (runs,) are defined, the worst first; of equals, the first ones."""
     defined = np.flatnonzero(np.isfinite(values))
     goodness = values[defined] if name in LOW_IS_BAD else -values[defined]

@@ -9,24 +9,24 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from rpojax.core.orbits.orbital_mechanics import EARTH, Elements
+from rpojax.core.orbits.orbital_mechanics import EARTH_GRAVITY, KeplerianElements
 from rpojax.core.pytree import pytree, replace
 from rpojax.errors import ScenarioError
 from rpojax.flight.computer import FlightParams
-from rpojax.flight.control.attitude_control import AttitudeControl
-from rpojax.flight.control.formation_lqr import Formation
-from rpojax.flight.guidance.pointing_modes import Pointing
-from rpojax.flight.navigation.attitude_ekf import AttitudeFilter
-from rpojax.flight.navigation.filter_tuning import Navigation
-from rpojax.flight.vehicle_model import Onboard
+from rpojax.flight.control.attitude_control import AttitudeControlTuning
+from rpojax.flight.control.formation_lqr import FormationTuning
+from rpojax.flight.guidance.pointing_modes import PointingTuning
+from rpojax.flight.navigation.attitude_ekf import AttitudeFilterTuning
+from rpojax.flight.navigation.filter_tuning import OrbitFilterTuning
+from rpojax.flight.vehicle_model import VehicleModel
 from rpojax.physics import equipment_faults
-from rpojax.physics.actuators import Thruster, Wheels
+from rpojax.physics.actuators import ReactionWheels, Thruster
 from rpojax.physics.environment import Atmosphere, Sunlight, Surface
 from rpojax.physics.equipment_faults import Fault
 from rpojax.physics.plant import PlantParams, Target
 from rpojax.physics.rigid_body import Body
-from rpojax.scenario import key_units, network_files
-from rpojax.sensors.geometric_camera import BoxCamera
+from rpojax.scenario import key_units, trained_files
+from rpojax.sensors.geometric_camera import Camera
 from rpojax.sensors.gps import Gps
 from rpojax.sensors.gyro import Gyro
 from rpojax.sensors.rendered_camera import Imaging, Networks
@@ -36,7 +36,7 @@ from rpojax.vision import pinhole
 
 
 @pytree
-class Initial:
+class InitialRelativeState:
     """Where the servicer starts.
 
     Attributes:
@@ -63,13 +63,13 @@ class Limits:
 class Params:
     """Every number of a run, SI and radians."""
 
-    orbit: Elements
-    initial: Initial
+    orbit: KeplerianElements
+    initial: InitialRelativeState
     plant: PlantParams
     gps: Gps
     star_tracker: StarTracker
     gyro: Gyro
-    camera: BoxCamera
+    camera: Camera
     imaging: Imaging
     networks: Networks | None
     statistics: CameraStatistics | None
@@ -78,12 +78,12 @@ class Params:
 
 
 _SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
-    "orbit": (("orbit",), Elements),
-    "initial": (("initial",), Initial),
+    "orbit": (("orbit",), KeplerianElements),
+    "initial": (("initial",), InitialRelativeState),
     "servicer": (("plant", "servicer"), Body),
     "target": (("plant", "target"), Target),
     "thruster": (("plant", "thruster"), Thruster),
-    "wheels": (("plant", "wheels"), Wheels),
+    "wheels": (("plant", "wheels"), ReactionWheels),
     "servicer_surface": (("plant", "servicer_surface"), Surface),
     "target_surface": (("plant", "target_surface"), Surface),
     "atmosphere": (("plant", "atmosphere"), Atmosphere),
@@ -92,29 +92,29 @@ _SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
     "gps": (("gps",), Gps),
     "star_tracker": (("star_tracker",), StarTracker),
     "gyro": (("gyro",), Gyro),
-    "camera": (("camera",), BoxCamera),
+    "camera": (("camera",), Camera),
     "imaging": (("imaging",), Imaging),
-    "navigation": (("flight", "navigation"), Navigation),
-    "attitude_filter": (("flight", "attitude_filter"), AttitudeFilter),
-    "formation": (("flight", "formation"), Formation),
-    "pointing": (("flight", "pointing"), Pointing),
-    "attitude_control": (("flight", "attitude_control"), AttitudeControl),
+    "navigation": (("flight", "navigation"), OrbitFilterTuning),
+    "attitude_filter": (("flight", "attitude_filter"), AttitudeFilterTuning),
+    "formation": (("flight", "formation"), FormationTuning),
+    "pointing": (("flight", "pointing"), PointingTuning),
+    "attitude_control": (("flight", "attitude_control"), AttitudeControlTuning),
     "limits": (("limits",), Limits),
 }
 """Section of a scenario file -> where its record lives in `Params`, and its class."""
 
 
-def build(tables: Mapping[str, Any], width_px: int, height_px: int) -> Params:
+def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Params:
     """Params from the sections of a scenario in the user's units; flight software is told the nominal vehicle."""
     records = {section: _record(cls, tables[section]) for section, (_, cls) in _SECTIONS.items()}
     plant = PlantParams(
-        gravity=jax.tree.map(lambda value: jnp.asarray(value, dtype=jnp.float64), EARTH),
+        gravity=jax.tree.map(lambda value: jnp.asarray(value, dtype=jnp.float64), EARTH_GRAVITY),
         **{path[1]: records[name] for name, (path, _) in _SECTIONS.items() if path[0] == "plant"},
     )
     if tables["camera"]["model"] != "geometric":
-        records["navigation"] = _for_pictures(records["navigation"], records["imaging"])
+        records["navigation"] = _with_detector_center_error(records["navigation"], records["imaging"])
     flight = FlightParams(
-        onboard=_onboard(plant, records["camera"], width_px, height_px),
+        vehicle=_nominal_vehicle(plant, records["camera"], width_px, height_px),
         **{
             name: records[name]
             for name in ("navigation", "attitude_filter", "formation", "pointing", "attitude_control")
@@ -124,8 +124,8 @@ def build(tables: Mapping[str, Any], width_px: int, height_px: int) -> Params:
     return Params(
         plant=plant,
         flight=flight,
-        networks=network_files.load(tables),
-        statistics=network_files.load_statistics(tables),
+        networks=trained_files.networks_for_model(tables),
+        statistics=trained_files.statistics_for_model(tables),
         **{name: records[name] for name in rest},
     )
 
@@ -135,20 +135,20 @@ def _record(cls: type, table: Mapping[str, Any]) -> Any:
     names = {field.name for field in fields(cls)}
     values = {}
     for key, value in table.items():
-        name, factor = key_units.split(key)
+        name, factor = key_units.split_unit(key)
         if name in names:
-            values[name] = jnp.asarray(equipment_faults.code(value), dtype=jnp.float64) * factor
+            values[name] = jnp.asarray(equipment_faults.kind_code(value), dtype=jnp.float64) * factor
     return cls(**values)
 
 
-def _for_pictures(navigation: Navigation, imaging: Imaging) -> Navigation:
+def _with_detector_center_error(navigation: OrbitFilterTuning, imaging: Imaging) -> OrbitFilterTuning:
     """The filter's tuning for boxes from pictures: their middles stray, too, as attitude and light change."""
     return replace(navigation, center_sigma=jnp.hypot(navigation.center_sigma, imaging.center_sigma))
 
 
-def _onboard(plant: PlantParams, camera: BoxCamera, width_px: int, height_px: int) -> Onboard:
+def _nominal_vehicle(plant: PlantParams, camera: Camera, width_px: int, height_px: int) -> VehicleModel:
     direction = plant.thruster.direction
-    return Onboard(
+    return VehicleModel(
         mass=plant.servicer.mass,
         inertia=plant.servicer.inertia,
         thrust=plant.thruster.force,
@@ -158,20 +158,20 @@ def _onboard(plant: PlantParams, camera: BoxCamera, width_px: int, height_px: in
         wheel_inertia=plant.wheels.inertia,
         wheel_torque_limit=plant.wheels.torque_limit,
         camera_mounting=camera.mounting,
-        focal_px=pinhole.lens(camera.field_of_view, width_px, height_px).focal_px,
+        focal_px=pinhole.pinhole_intrinsics(camera.field_of_view, width_px, height_px).focal_px,
         phase_limit=camera.phase_limit,
         sun_exclusion=camera.sun_exclusion,
     )
 
 
-def locate(key: str) -> tuple[tuple[str, ...], float]:
+def leaf_path_and_factor(key: str) -> tuple[tuple[str, ...], float]:
     """Attribute path in `Params` of a scenario key such as `servicer.mass_kg`, and the factor from its unit to SI.
 
     Raises:
         ScenarioError: the key names no number of a scenario.
     """
     section, _, name = key.partition(".")
-    leaf, factor = key_units.split(name)
+    leaf, factor = key_units.split_unit(name)
     if section in _SECTIONS:
         path, cls = _SECTIONS[section]
         if leaf in {field.name for field in fields(cls)}:
@@ -179,12 +179,12 @@ def locate(key: str) -> tuple[tuple[str, ...], float]:
     raise ScenarioError("key", key, "the key of a number in the scenario, such as 'servicer.mass_kg'")
 
 
-def get(record: Any, path: tuple[str, ...]) -> Any:
+def get_leaf(record: Any, path: tuple[str, ...]) -> Any:
     """Leaf of a record of records at an attribute path."""
     return functools.reduce(getattr, path, record)
 
 
-def put(record: Any, path: tuple[str, ...], value: Any) -> Any:
+def replace_leaf(record: Any, path: tuple[str, ...], value: Any) -> Any:
     """Copy of a record of records with one leaf replaced."""
     head, *rest = path
-    return replace(record, **{head: put(getattr(record, head), tuple(rest), value) if rest else value})
+    return replace(record, **{head: replace_leaf(getattr(record, head), tuple(rest), value) if rest else value})

@@ -14,13 +14,13 @@ from pydantic import ValidationError
 
 from rpojax.errors import ScenarioError, UnknownKeyError
 from rpojax.physics.plant_options import Effects
-from rpojax.scenario import case_table, network_files
-from rpojax.scenario.cross_section_checks import check_together
+from rpojax.scenario import case_table_csv, trained_files
+from rpojax.scenario.consistency_checks import check_consistency
 from rpojax.scenario.field_types import epoch_seconds
 from rpojax.scenario.schema import ScenarioFile
 
 if TYPE_CHECKING:
-    from rpojax.vision.radiance_field.ray_budget import Sampling
+    from rpojax.vision.radiance_field.ray_budget import RaySampling
 
 
 @dataclass(frozen=True)
@@ -50,12 +50,12 @@ class Scenario:
     width_px: int
     height_px: int
     camera_model: str
-    gated: bool
+    box_gating: bool
     navigation_zonal_degree: int
     navigation_luni_solar: bool
     epoch_s: float
     effects: Effects
-    rays: "Sampling | None"
+    ray_sampling: "RaySampling | None"
 
     @property
     def step_s(self) -> float:
@@ -68,7 +68,7 @@ class Scenario:
         return self.tick_s * self.formation_ticks
 
 
-def packaged() -> list[str]:
+def packaged_names() -> list[str]:
     """Names of the scenarios that come with the package."""
     folder = resources.files("rpojax.scenario") / "packaged"
     return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
@@ -83,10 +83,10 @@ def load(source: str | Path, overrides: Sequence[str] = ()) -> ScenarioFile:
     Raises:
         ScenarioError: the source is unknown or a key is not acceptable.
     """
-    tables = _read(source)
+    tables = _read_tables(source)
     for override in overrides:
-        _override(tables, override)
-    _read_table(tables)
+        _apply_override(tables, override)
+    _load_case_table(tables)
     return validate(tables)
 
 
@@ -99,18 +99,18 @@ def validate(tables: Mapping[str, Any]) -> ScenarioFile:
     try:
         file = ScenarioFile.model_validate(tables)
     except ValidationError as error:
-        raise _first_fault(error) from None
-    check_together(file)
+        raise _first_error(error) from None
+    check_consistency(file)
     return file
 
 
-def static(file: ScenarioFile, single: bool = False) -> Scenario:
+def static_settings(file: ScenarioFile, allow_single: bool = False) -> Scenario:
     """Static settings of a checked scenario; `single` says that the caller flies it in single precision if it asks so.
 
     Raises:
         ScenarioError: the scenario asks for single precision and the caller has none.
     """
-    if file.precision == "single" and not single:
+    if file.precision == "single" and not allow_single:
         raise ScenarioError("precision", file.precision, "'double', as only run, campaign and bench know 'single'")
     rates = file.rates
     return Scenario(
@@ -121,12 +121,12 @@ def static(file: ScenarioFile, single: bool = False) -> Scenario:
         width_px=file.camera.width_px,
         height_px=file.camera.height_px,
         camera_model=file.camera.model,
-        gated=file.navigation.gating == "covariance",
+        box_gating=file.navigation.gating == "covariance",
         navigation_zonal_degree=file.navigation.zonal_degree,
         navigation_luni_solar=file.navigation.luni_solar,
         epoch_s=epoch_seconds(file.epoch_utc),
         effects=Effects(**file.effects.model_dump()),
-        rays=network_files.sampling(file.model_dump()),
+        ray_sampling=trained_files.sampling_for_model(file.model_dump()),
     )
 
 
@@ -144,41 +144,41 @@ def digest(file: ScenarioFile) -> str:
     if file.precision == "double":
         # As before there was another: campaigns of then go on.
         del content["precision"]
-    if trained := network_files.digests(content):
+    if trained := trained_files.required_digests(content):
         content["trained"] = trained
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def _read(source: str | Path, depth: int = 0) -> dict[str, Any]:
+def _read_tables(source: str | Path, depth: int = 0) -> dict[str, Any]:
     if depth > 8:
         raise ScenarioError("extends", str(source), "a chain of scenarios that ends")
-    text, folder = _text(source)
+    text, folder = _read_text(source)
     try:
         tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ScenarioError(str(source), str(error), "a valid TOML file") from None
-    _anchor(tables, folder)
+    _resolve_paths(tables, folder)
     base = tables.pop("extends", None)
     if base is None:
         return tables
     if not isinstance(base, str):
         raise ScenarioError("extends", base, "the name of a packaged scenario or the path of a TOML file")
-    return _merge(_read(base if base in packaged() else folder / base, depth + 1), tables)
+    return _merge(_read_tables(base if base in packaged_names() else folder / base, depth + 1), tables)
 
 
-def _anchor(tables: dict[str, Any], folder: Path) -> None:
+def _resolve_paths(tables: dict[str, Any], folder: Path) -> None:
     """Paths of trained files and tables start from the scenario's folder."""
     imaging = tables.get("imaging")
-    for key in network_files.FILES:
+    for key in trained_files.PACKAGED_FILES:
         name = imaging.get(key) if isinstance(imaging, dict) else None
-        if isinstance(name, str) and name != network_files.PACKAGED and isinstance(imaging, dict):
+        if isinstance(name, str) and name != trained_files.PACKAGED and isinstance(imaging, dict):
             imaging[key] = str((folder / name).resolve())
     design = tables.get("design")
     if isinstance(design, dict) and isinstance(design.get("file"), str) and design["file"]:
         design["file"] = str(folder.absolute() / design["file"])
 
 
-def _read_table(tables: dict[str, Any]) -> None:
+def _load_case_table(tables: dict[str, Any]) -> None:
     """Puts the values of a design's table in place of its file, so that the scenario holds all that a run needs."""
     design = tables.get("design")
     if not isinstance(design, dict) or design.get("kind") != "table" or not isinstance(design.get("file"), str):
@@ -186,19 +186,19 @@ def _read_table(tables: dict[str, Any]) -> None:
     if design["file"] and design.get("values"):
         raise ScenarioError("design.file", design["file"], "no file beside values")
     if design["file"]:
-        tables["design"] = {**design, "file": "", "values": case_table.read(Path(design["file"]))}
+        tables["design"] = {**design, "file": "", "values": case_table_csv.read_columns(Path(design["file"]))}
 
 
-def _text(source: str | Path) -> tuple[str, Path]:
+def _read_text(source: str | Path) -> tuple[str, Path]:
     """Text of a scenario and the folder that relative paths in it start from."""
-    if str(source) in packaged():
+    if str(source) in packaged_names():
         return (resources.files("rpojax.scenario") / "packaged" / f"{source}.toml").read_text(), Path()
     path = Path(source)
     try:
         # With or without the mark that some Windows editors put first.
         return path.read_text(encoding="utf-8-sig"), path.parent
     except (OSError, UnicodeDecodeError):
-        expected = f"a packaged scenario ({', '.join(packaged())}) or a readable TOML file"
+        expected = f"a packaged scenario ({', '.join(packaged_names())}) or a readable TOML file"
         raise ScenarioError("scenario", str(source), expected) from None
 
 
@@ -226,7 +226,7 @@ def _merge_dispersions(base: list[Any], changes: list[Any]) -> list[Any]:
     return [entry for entry in base if name(entry) not in changed] + changes
 
 
-def _override(tables: dict[str, Any], override: str) -> None:
+def _apply_override(tables: dict[str, Any], override: str) -> None:
     """Applies one `KEY=VALUE`; the value is read as TOML, a bare word counts as text."""
     key, equals, text = override.partition("=")
     key, text = key.strip(), text.strip()
@@ -241,25 +241,25 @@ def _override(tables: dict[str, Any], override: str) -> None:
     for name in path:
         node = node.get(name) if isinstance(node, dict) else None
     if not isinstance(node, dict) or leaf not in node:
-        raise ScenarioError("--set", key, f"a key of the scenario{_hint(node, leaf)}")
+        raise ScenarioError("--set", key, f"a key of the scenario{_suggestion(node, leaf)}")
     node[leaf] = value
 
 
-def _hint(node: Any, leaf: str) -> str:
+def _suggestion(node: Any, leaf: str) -> str:
     close = difflib.get_close_matches(leaf, list(node), n=1) if isinstance(node, dict) else []
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
-def _first_fault(error: ValidationError) -> ScenarioError:
+def _first_error(error: ValidationError) -> ScenarioError:
     """One line about the first fault that pydantic found."""
     faults = error.errors()
-    first = _path(faults[0]["loc"])
+    first = _key_path(faults[0]["loc"])
     # Where a value may be a number or a list, pydantic reports both; the fault that goes deepest is the apt one.
-    related = [fault for fault in faults if _path(fault["loc"])[: len(first)] == first]
-    fault = max(related, key=lambda fault: len(_path(fault["loc"])))
-    key = ".".join(_path(fault["loc"]))
+    related = [fault for fault in faults if _key_path(fault["loc"])[: len(first)] == first]
+    fault = max(related, key=lambda fault: len(_key_path(fault["loc"])))
+    key = ".".join(_key_path(fault["loc"]))
     if fault["type"] == "extra_forbidden":
-        return UnknownKeyError(key, _known_keys(fault["loc"]))
+        return UnknownKeyError(key, _similar_key(fault["loc"]))
     if fault["type"] == "missing":
         return ScenarioError(key, "nothing", "a value for this key")
     if fault["type"] in ("model_type", "model_attributes_type"):
@@ -268,14 +268,14 @@ def _first_fault(error: ValidationError) -> ScenarioError:
     return ScenarioError(key, fault["input"], message)
 
 
-def _path(location: tuple[int | str, ...]) -> list[str]:
+def _key_path(location: tuple[int | str, ...]) -> list[str]:
     """Key's path as a user wrote it: without the names that pydantic gives to the branches of a union."""
     branch = {"dispersions": 2, "design": 1}.get(str(location[0])) if location else None
     parts = [part for index, part in enumerate(location) if index != branch]
     return [str(part) for part in parts if not str(part).startswith(("constrained-", "list["))]
 
 
-def _known_keys(location: tuple[int | str, ...]) -> str:
+def _similar_key(location: tuple[int | str, ...]) -> str:
     fields, unknown = ScenarioFile.model_fields, str(location[-1])
     if len(location) > 1 and location[0] in fields:
         form = fields[str(location[0])].annotation

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import Field, model_validator
 
 from rpojax.physics.plant_options import FaultKind
-from rpojax.scenario.field_types import Covariance, Epoch, Finite, Metric, NonNegative, Positive, Section
+from rpojax.scenario.field_types import Covariance, Epoch, Finite, MetricName, NonNegative, Positive, Section
 from rpojax.scenario.sections import (
     AtmosphereSection,
     AttitudeControlSection,
@@ -22,7 +22,7 @@ from rpojax.scenario.sections import (
     NavigationSection,
     OrbitSection,
     PointingSection,
-    Rates,
+    RatesSection,
     ServicerSection,
     StarTrackerSection,
     SunlightSection,
@@ -146,7 +146,7 @@ Dispersion = Annotated[
 class RequirementSection(Section):
     """A bound that a metric must keep in at least a share of all runs that could be made."""
 
-    metric: Metric
+    metric: MetricName
     bound: Literal["at most", "at least"]
     limit: Finite
     probability: Annotated[float, Field(gt=0.0, lt=1.0, allow_inf_nan=False)]
@@ -203,7 +203,7 @@ class ScenarioFile(Section):
     precision: Literal["double", "single"] = "double"
     epoch_utc: Epoch
     effects: EffectsSection
-    rates: Rates
+    rates: RatesSection
     orbit: OrbitSection
     initial: InitialSection
     atmosphere: AtmosphereSection
@@ -232,13 +232,13 @@ class ScenarioFile(Section):
     design: Design = IndependentDesign(kind="independent")
 
 
-def nominal(file: ScenarioFile, key: str) -> Any:
+def nominal_value(file: ScenarioFile, key: str) -> Any:
     """Value of a key such as `servicer.mass_kg` as numbers, or None if the key names no dispersable number."""
     section_name, _, name = key.partition(".")
     section = getattr(file, section_name, None) if section_name in ScenarioFile.model_fields else None
     if (
         not isinstance(section, Section)
-        or isinstance(section, Rates | EffectsSection | TuningSection)
+        or isinstance(section, RatesSection | EffectsSection | TuningSection)
         or name not in type(section).model_fields
     ):
         return None

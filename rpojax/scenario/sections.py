@@ -24,7 +24,7 @@ from rpojax.scenario.field_types import (
 )
 
 
-class Rates(Section):
+class RatesSection(Section):
     """How often things happen."""
 
     plant_hz: Annotated[float, Field(gt=0.0, le=1000.0, allow_inf_nan=False)]

@@ -4,10 +4,10 @@ from jaxtyping import Array, Float
 
 Scalar = Float[Array, ""]
 
-NOISE = 0.03
+NOISE_SIGMA = 0.03
 """Error of the ratio, 1 sigma [-]."""
 
 
 def measure(thrust_ratio: Scalar, normal: Scalar) -> Scalar:
     """Measured ratio of the thrust to its nominal value while the valve is open [-]."""
-    return thrust_ratio * (1.0 + NOISE * normal)
+    return thrust_ratio * (1.0 + NOISE_SIGMA * normal)

@@ -7,18 +7,18 @@ from rpojax.core import quaternion
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
 from rpojax.vision import bounding_box, pinhole
-from rpojax.vision.bounding_box import Box
+from rpojax.vision.bounding_box import BoundingBox
 
 Vector = Float[Array, "3"]
 
-NORMALS = 4
+NORMALS_PER_FRAME = 4
 """Standard normal numbers that one frame needs."""
-UNIFORMS = 6
+UNIFORMS_PER_FRAME = 6
 """Uniform numbers that one frame needs."""
 
 
 @pytree
-class BoxCamera:
+class Camera:
     """Camera with a bounding-box detector, as they are.
 
     Attributes:
@@ -49,7 +49,7 @@ class BoxCamera:
 
 
 @pytree
-class Frame:
+class CameraFrame:
     """What one exposure yields.
 
     Attributes:
@@ -61,7 +61,7 @@ class Frame:
         outline: (4,) true left, top, right, bottom of the target, cut to the frame [px] (for bookkeeping only)
     """
 
-    box: Box
+    box: BoundingBox
     observable: Array
     score: Array
     window: Array
@@ -69,14 +69,14 @@ class Frame:
     outline: Array
 
 
-def attitude(camera: BoxCamera, q_BN: Float[Array, "4"]) -> Float[Array, "4"]:
+def camera_attitude(camera: Camera, q_BN: Float[Array, "4"]) -> Float[Array, "4"]:
     """True `q_KN` of the camera on a body at `q_BN`."""
     q_KB = quaternion.multiply(quaternion.exp(camera.misalignment), quaternion.normalize(camera.mounting))
     return quaternion.multiply(q_KB, q_BN)
 
 
 def measure(
-    camera: BoxCamera,
+    camera: Camera,
     width_px: int,
     height_px: int,
     hull_K: Float[Array, "n 3"],
@@ -84,13 +84,13 @@ def measure(
     working: Bool[Array, ""],
     normals: Float[Array, "4"],
     uniforms: Float[Array, "6"],
-) -> Frame:
+) -> CameraFrame:
     """Box of one exposure of the hull vertices `hull_K` [m] in camera axes; there is none without light.
 
     `observable` is the light, `working` the camera's health.
     """
-    lens = pinhole.lens(camera.field_of_view, width_px, height_px)
-    true_edges = bounding_box.outline(lens, hull_K)
+    lens = pinhole.pinhole_intrinsics(camera.field_of_view, width_px, height_px)
+    true_edges = bounding_box.projected_box(lens, hull_K)
     in_front = jnp.min(hull_K[:, 2], axis=0) > 0.1
     center = bounding_box.box_center(true_edges)
     frame_size = jnp.array([width_px, height_px], dtype=jnp.float64)
@@ -98,19 +98,19 @@ def measure(
     sides = true_edges[2:] - true_edges[:2]
     large = jnp.max(sides, axis=0) > camera.minimum_size
     detected = observable & in_front & inside & large & (uniforms[0] >= camera.miss_probability)
-    noisy, truncated = bounding_box.cut_to_frame(true_edges + camera.edge_noise * normals, width_px, height_px)
+    noisy, truncated = bounding_box.clip_to_frame(true_edges + camera.edge_noise * normals, width_px, height_px)
 
     outlier = uniforms[1] < camera.outlier_probability
-    false_edges, false_truncated = bounding_box.cut_to_frame(
+    false_edges, false_truncated = bounding_box.clip_to_frame(
         _false_box(camera, frame_size, uniforms[2:]), width_px, height_px
     )
-    box = Box(
+    box = BoundingBox(
         edges=jnp.where(outlier, false_edges, noisy),
         present=(detected | outlier) & observable & working,
         truncated=jnp.where(outlier, false_truncated, truncated),
     )
-    visible, _ = bounding_box.cut_to_frame(jnp.where(in_front, true_edges, 0.0), width_px, height_px)
-    return Frame(
+    visible, _ = bounding_box.clip_to_frame(jnp.where(in_front, true_edges, 0.0), width_px, height_px)
+    return CameraFrame(
         box=box,
         observable=observable & working,
         score=jnp.where(box.present, 1.0, 0.0),
@@ -120,7 +120,7 @@ def measure(
     )
 
 
-def _false_box(camera: BoxCamera, frame_size: Float[Array, "2"], uniforms: Float[Array, "4"]) -> Float[Array, "4"]:
+def _false_box(camera: Camera, frame_size: Float[Array, "2"], uniforms: Float[Array, "4"]) -> Float[Array, "4"]:
     """False box: centre uniform over the frame, sides log-uniform."""
     center = frame_size * uniforms[:2]
     growth = jnp.log(camera.outlier_size_max / camera.outlier_size_min)
@@ -128,9 +128,11 @@ def _false_box(camera: BoxCamera, frame_size: Float[Array, "2"], uniforms: Float
     return jnp.concatenate([center - half, center + half])
 
 
-def target_in_camera(camera: BoxCamera, q_TN: Array, r_ST_N: Vector, q_BN: Array) -> tuple[Float[Array, "3 3"], Vector]:
+def target_pose_in_camera(
+    camera: Camera, q_TN: Array, r_ST_N: Vector, q_BN: Array
+) -> tuple[Float[Array, "3 3"], Vector]:
     """The target's axes `R_KT` and its place `r_TK_K` [m] in camera axes."""
-    q_KN = attitude(camera, q_BN)
+    q_KN = camera_attitude(camera, q_BN)
     return quaternion.to_matrix(quaternion.multiply(q_KN, quaternion.conjugate(q_TN))), rotate(q_KN, -r_ST_N)
 
 

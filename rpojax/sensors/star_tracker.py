@@ -26,7 +26,7 @@ class StarTracker:
     sun_exclusion: Array
 
 
-def sees_stars(star_tracker: StarTracker, q_BN: Float[Array, "4"], r_sun_N: Vector) -> Bool[Array, ""]:
+def is_available(star_tracker: StarTracker, q_BN: Float[Array, "4"], r_sun_N: Vector) -> Bool[Array, ""]:
     """True while the Sun is far enough from the boresight."""
     boresight_N = quaternion.rotate(quaternion.conjugate(q_BN), quaternion.normalize(star_tracker.boresight))
     return jnp.sum(boresight_N * quaternion.normalize(r_sun_N), axis=0) < jnp.cos(star_tracker.sun_exclusion)

@@ -11,25 +11,25 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.pytree import pytree
-from rpojax.sensors.geometric_camera import Frame
+from rpojax.sensors.geometric_camera import CameraFrame
 from rpojax.vision import bounding_box
-from rpojax.vision.bounding_box import Box
+from rpojax.vision.bounding_box import BoundingBox
 from rpojax.vision.imaging.image_formation import Scene
 from rpojax.vision.radiance_field.volume_rendering import Layers, apply_layers
 
-FEATURES = 20
-OUTPUTS = 12
-NORMALS = 5
+FEATURE_COUNT = 20
+OUTPUT_COUNT = 12
+NORMALS_PER_FRAME = 5
 """Standard normal numbers that one frame needs."""
-UNIFORMS = 7
+UNIFORMS_PER_FRAME = 7
 """Uniform numbers that one frame needs."""
-SMALLEST_PX = 2.0
+MIN_OUTLINE_PX = 2.0
 """Edge errors are shares of the visible outline's size, and a smaller one counts as so large [px]."""
-_LOG_SIGMA = (-5.5, 0.0)
+_LOG_SIGMA_RANGE = (-5.5, 0.0)
 """Edges are never better known than to a 250th of the target's size."""
-_FAR = 4.0
+_FEATURE_CLIP_SIGMA = 4.0
 """Features beyond so many sigma of the fit's views count as so far off."""
-WIDE = 3.0
+WIDE_SIGMA_FACTOR = 3.0
 """How much wider the second of the two normal distributions of edge errors is."""
 
 
@@ -61,7 +61,7 @@ class CameraStatistics:
 
 
 @pytree
-class Outcome:
+class FrameDistribution:
     """Distribution of what a frame yields.
 
     Attributes:
@@ -92,7 +92,7 @@ def features(scene: Scene, outline: Float[Array, "4"], size_px: tuple[int, int])
     visible, size = visible_outline(outline, size_px)
     middle = bounding_box.box_center(visible)
     half = 0.5 * jnp.array(size_px, jnp.float32)
-    behind, light = _earth_behind(scene, away_T)
+    behind, light = _earth_background(scene, away_T)
     share = _area(visible) / jnp.maximum(_area(outline), 1e-6)
     return jnp.concatenate(
         [
@@ -119,8 +119,8 @@ def features(scene: Scene, outline: Float[Array, "4"], size_px: tuple[int, int])
 
 def visible_outline(outline: Float[Array, "4"], size_px: tuple[int, int]) -> tuple[Float[Array, "4"], Float[Array, ""]]:
     """The outline cut to the frame, and the geometric mean of its sides [px]."""
-    visible, _ = bounding_box.cut_to_frame(outline, *size_px)
-    return visible, jnp.maximum(bounding_box.box_size(visible), SMALLEST_PX)
+    visible, _ = bounding_box.clip_to_frame(outline, *size_px)
+    return visible, jnp.maximum(bounding_box.box_size(visible), MIN_OUTLINE_PX)
 
 
 def _area(edges: Array) -> Array:
@@ -128,51 +128,58 @@ def _area(edges: Array) -> Array:
     return sides[0] * sides[1]
 
 
-def _earth_behind(scene: Scene, away_T: Array) -> tuple[Array, Array]:
+def _earth_background(scene: Scene, away_T: Array) -> tuple[Array, Array]:
     """Whether the Earth is behind the target, and the cosine of the Sun's zenith angle on the ground there."""
     line_N = -jnp.sum(scene.R_KN * jnp.sum(scene.R_KT * away_T[None, :], axis=1)[:, None], axis=0)
-    along = jnp.sum(line_N * scene.place_N)
-    nearest = jnp.sum(scene.place_N**2) - along * along
+    along = jnp.sum(line_N * scene.position_N)
+    nearest = jnp.sum(scene.position_N**2) - along * along
     hit = (along < 0.0) & (nearest < 1.0)
     distance = -along - jnp.sqrt(jnp.where(hit, 1.0 - nearest, 0.0))
-    ground = scene.place_N + distance * line_N
+    ground = scene.position_N + distance * line_N
     light = jnp.where(hit, jnp.maximum(jnp.sum(ground * scene.sun_N), 0.0), 0.0)
     return hit.astype(jnp.float32), light
 
 
-def outcome(statistics: CameraStatistics, found: Float[Array, " features"], in_frame: Bool[Array, ""]) -> Outcome:
+def frame_distribution(
+    statistics: CameraStatistics, view_features: Float[Array, " features"], in_frame: Bool[Array, ""]
+) -> FrameDistribution:
     """Distribution of a view's outcome; a target that is not in the frame has no box."""
-    standard = jnp.clip((found - statistics.mean) / statistics.spread, -_FAR, _FAR)
+    standard = jnp.clip(
+        (view_features - statistics.mean) / statistics.spread, -_FEATURE_CLIP_SIGMA, _FEATURE_CLIP_SIGMA
+    )
     raw = apply_layers(statistics.layers, standard)
     logits = jnp.stack([jnp.zeros((), jnp.float32), jnp.where(in_frame, raw[0], -30.0), raw[1]])
     none, true, false = jax.nn.log_softmax(logits)
-    return Outcome(
+    return FrameDistribution(
         log_none=none,
         log_true=true,
         log_false=false,
         bias=0.1 * raw[2:6],
-        log_sigma=_bounded(raw[6:10] - 3.0, *_LOG_SIGMA),
-        score=jnp.stack([2.0 + raw[10], _bounded(raw[11], -2.0, 2.0)]),
+        log_sigma=_soft_clip(raw[6:10] - 3.0, *_LOG_SIGMA_RANGE),
+        score=jnp.stack([2.0 + raw[10], _soft_clip(raw[11], -2.0, 2.0)]),
     )
 
 
-def _bounded(value: Array, low: float, high: float) -> Array:
+def _soft_clip(value: Array, low: float, high: float) -> Array:
     """A value kept between two others, smoothly."""
     return low + (high - low) * jax.nn.sigmoid(4.0 * (value - 0.5 * (low + high)) / (high - low))
 
 
 def is_in_frame(outline: Float[Array, "4"], size_px: tuple[int, int]) -> Bool[Array, ""]:
     """Whether enough of the outline is in the frame for a box to be one of the target."""
-    visible, _ = bounding_box.cut_to_frame(outline, *size_px)
+    visible, _ = bounding_box.clip_to_frame(outline, *size_px)
     return _area(visible) > 1.0
 
 
-def advance(
-    statistics: CameraStatistics, lasting: Float[Array, "4"], turned: Float[Array, ""], normals: Float[Array, "4"]
+def advance_correlated_error(
+    statistics: CameraStatistics,
+    correlated_error: Float[Array, "4"],
+    target_rotation: Float[Array, ""],
+    normals: Float[Array, "4"],
 ) -> Float[Array, "4"]:
     """What lasts of the edges' errors (independent, 1 sigma = 1) after the target has turned by an angle [rad]."""
-    kept = jnp.exp(-turned / statistics.lasting_angle.astype(turned.dtype))
-    return kept * lasting + jnp.sqrt(jnp.maximum(1.0 - kept * kept, 0.0)) * normals
+    kept = jnp.exp(-target_rotation / statistics.lasting_angle.astype(target_rotation.dtype))
+    return kept * correlated_error + jnp.sqrt(jnp.maximum(1.0 - kept * kept, 0.0)) * normals
 
 
 def measure(
@@ -183,39 +190,41 @@ def measure(
     size_px: tuple[int, int],
     observable: Bool[Array, ""],
     working: Bool[Array, ""],
-    lasting: Float[Array, "4"],
+    correlated_error: Float[Array, "4"],
     normals: Float[Array, "5"],
     uniforms: Float[Array, "7"],
-) -> Frame:
+) -> CameraFrame:
     """Box of one exposure.
 
     `outline` [px] is the target's, `observable` is the light, `working` the camera's health, `lasting` what `advance`
     carries from frame to frame.
     """
-    outline, lasting, normals, uniforms = (v.astype(jnp.float32) for v in (outline, lasting, normals, uniforms))
+    outline, correlated_error, normals, uniforms = (
+        v.astype(jnp.float32) for v in (outline, correlated_error, normals, uniforms)
+    )
     in_frame = in_front & is_in_frame(outline, size_px)
-    drawn = outcome(statistics, features(scene, outline, size_px), in_frame)
-    true = jnp.log(uniforms[0]) < drawn.log_true
-    false = ~true & (jnp.log(1.0 - uniforms[0]) < drawn.log_false)
+    distribution = frame_distribution(statistics, features(scene, outline, size_px), in_frame)
+    true = jnp.log(uniforms[0]) < distribution.log_true
+    false = ~true & (jnp.log(1.0 - uniforms[0]) < distribution.log_false)
     visible, size = visible_outline(outline, size_px)
-    width = jnp.where(uniforms[1] < statistics.wide_share, WIDE, 1.0)
+    width = jnp.where(uniforms[1] < statistics.wide_share, WIDE_SIGMA_FACTOR, 1.0)
     share = statistics.lasting_share
-    independent = jnp.sqrt(share) * lasting + jnp.sqrt(1.0 - share) * normals[:4]
+    independent = jnp.sqrt(share) * correlated_error + jnp.sqrt(1.0 - share) * normals[:4]
     standard = jnp.sum(statistics.mixing * independent[None, :], axis=1)
-    own = visible + size * (drawn.bias + width * jnp.exp(drawn.log_sigma) * standard)
-    edges = jnp.where(false, _false_box(statistics, size_px, uniforms[2:]), own)
+    true_edges = visible + size * (distribution.bias + width * jnp.exp(distribution.log_sigma) * standard)
+    edges = jnp.where(false, _false_box(statistics, size_px, uniforms[2:]), true_edges)
     frame_size = jnp.array([*size_px, *size_px], jnp.float32)
     edges = jnp.concatenate([jnp.minimum(edges[:2], edges[2:]), jnp.maximum(edges[:2], edges[2:])])
     edges = jnp.clip(edges, 0.0, frame_size)
     present = (true | false) & observable & working
-    mean = jnp.where(false, statistics.false_score[0], drawn.score[0])
-    spread = jnp.where(false, statistics.false_score[1], jnp.exp(drawn.score[1]))
+    mean = jnp.where(false, statistics.false_score[0], distribution.score[0])
+    spread = jnp.where(false, statistics.false_score[1], jnp.exp(distribution.score[1]))
     score = jax.nn.sigmoid(mean + spread * normals[4])
-    return Frame(
-        box=Box(
+    return CameraFrame(
+        box=BoundingBox(
             edges=edges.astype(jnp.float64),
             present=present,
-            truncated=bounding_box.at_border(edges, jnp.zeros_like(frame_size), frame_size),
+            truncated=bounding_box.touches_border(edges, jnp.zeros_like(frame_size), frame_size),
         ),
         observable=observable & working,
         score=jnp.where(present, score, 0.0).astype(jnp.float64),

@@ -8,15 +8,22 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.sensors.statistical_camera import FEATURES, OUTPUTS, CameraStatistics
-from rpojax.vision.weight_files import WeightsError, nothing_left, read_card, read_tensors, take, write_tensors
+from rpojax.sensors.statistical_camera import FEATURE_COUNT, OUTPUT_COUNT, CameraStatistics
+from rpojax.vision.weight_files import (
+    WeightsError,
+    check_all_taken,
+    read_model_card,
+    read_tensors,
+    take_tensor,
+    write_tensors,
+)
 
-WIDTHS = (FEATURES, 32, 32, OUTPUTS)
+LAYER_WIDTHS = (FEATURE_COUNT, 32, 32, OUTPUT_COUNT)
 """Of the network between features and outcome."""
-_KIND = "rpojax camera 3"
+_FILE_KIND = "rpojax camera 3"
 _SHAPES = {
-    "mean": (FEATURES,),
-    "spread": (FEATURES,),
+    "mean": (FEATURE_COUNT,),
+    "spread": (FEATURE_COUNT,),
     "wide_share": (),
     "mixing": (4, 4),
     "lasting_share": (),
@@ -32,28 +39,28 @@ def save_statistics(statistics: CameraStatistics, path: Path, card: Mapping[str,
     tensors = {name: np.asarray(getattr(statistics, name)) for name in _SHAPES}
     for index, (weight, bias) in enumerate(statistics.layers):
         tensors[f"layers.{index}.weight"], tensors[f"layers.{index}.bias"] = np.asarray(weight), np.asarray(bias)
-    write_tensors(path, tensors, {"kind": _KIND, "card": json.dumps(dict(card))})
+    write_tensors(path, tensors, {"kind": _FILE_KIND, "card": json.dumps(dict(card))})
 
 
 def load_statistics(path: Path) -> tuple[CameraStatistics, dict[str, object]]:
     """A fitted camera and its card; raises `WeightsError` for a damaged or foreign file."""
     tensors, metadata = read_tensors(path)
-    if metadata.get("kind") != _KIND:
+    if metadata.get("kind") != _FILE_KIND:
         found = metadata.get("kind", "")
         raise WeightsError(f"{path}: found kind {found!r}, expected what `rpojax calibrate-camera-model` wrote")
-    card = read_card(path, metadata)
+    card = read_model_card(path, metadata)
 
     def tensor(name: str, *shape: int) -> jnp.ndarray:
-        return jnp.asarray(take(path, tensors, name, shape, np.float32))
+        return jnp.asarray(take_tensor(path, tensors, name, shape, np.float32))
 
     statistics = CameraStatistics(
         **{name: tensor(name, *shape) for name, shape in _SHAPES.items()},
         layers=tuple(
             (tensor(f"layers.{i}.weight", fan_in, fan_out), tensor(f"layers.{i}.bias", fan_out))
-            for i, (fan_in, fan_out) in enumerate(itertools.pairwise(WIDTHS))
+            for i, (fan_in, fan_out) in enumerate(itertools.pairwise(LAYER_WIDTHS))
         ),
     )
-    nothing_left(path, tensors)
+    check_all_taken(path, tensors)
     for name in _POSITIVE:
         if not np.all(np.asarray(getattr(statistics, name)) > 0.0):
             raise WeightsError(f"{path}: {name}: found a number that is not positive, expected positive numbers")

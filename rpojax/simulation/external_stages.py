@@ -14,7 +14,7 @@ from jaxtyping import Array, Float, Int, UInt8
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.flight.computer import FlightMemory, Stages
 from rpojax.flight.control.attitude_control import AttitudeCommand
-from rpojax.flight.guidance import burn_timing, slew_profile
+from rpojax.flight.guidance import burn_planning, slew_profile
 from rpojax.flight.navigation.orbit_filter import Innovation
 from rpojax.physics import actuators
 from rpojax.physics.actuators import BurnError
@@ -22,14 +22,14 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.scenario_file import Scenario
 from rpojax.simulation import camera_models, noise, step_stages
 from rpojax.simulation.state import State, Telemetry
-from rpojax.simulation.step_stages import Decided, Motion, Sensed
+from rpojax.simulation.step_stages import GuidedTick, Motion, SensedTick
 
-Decider = Literal["own", "given", "nobody"]
+BurnDecider = Literal["own", "given", "nobody"]
 """Who decides on burns: flight software, somebody else now, or nobody, so that the plan stays as it is."""
 
 
 @pytree
-class GivenOrbit:
+class ExternalOrbitEstimate:
     """An orbit estimate from outside.
 
     Attributes:
@@ -50,7 +50,7 @@ class GivenOrbit:
 
 
 @pytree
-class GivenBurn:
+class ExternalBurn:
     """A burn from outside; times count from the start of the run.
 
     Attributes:
@@ -65,24 +65,24 @@ class GivenBurn:
 
 
 @pytree
-class Begun:
+class NavigatedTick:
     """A tick after sensing and navigation."""
 
-    sensed: Sensed
+    sensed: SensedTick
     flight: FlightMemory
     innovation: Innovation
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def begin(stages: Stages, scenario: Scenario, params: Params, state: State) -> Begun:
+def sense_and_navigate(stages: Stages, scenario: Scenario, params: Params, state: State) -> NavigatedTick:
     """Sensors, and the filters of the flight software."""
     sensed = step_stages.sense(scenario, params, state)
     flight, innovation = step_stages.navigate(stages, scenario, params, state, sensed)
-    return Begun(sensed=sensed, flight=flight, innovation=innovation)
+    return NavigatedTick(sensed=sensed, flight=flight, innovation=innovation)
 
 
 @jax.jit
-def adopt(begun: Begun, given: GivenOrbit) -> Begun:
+def replace_orbit_estimate(begun: NavigatedTick, given: ExternalOrbitEstimate) -> NavigatedTick:
     """The tick with somebody else's orbit estimate; what else the filters know of stays, as if it were unrelated."""
     servicer, relative = begun.flight.orbit.servicer, begun.flight.orbit.relative
     orbit = replace(
@@ -91,51 +91,51 @@ def adopt(begun: Begun, given: GivenOrbit) -> Begun:
             servicer,
             r_SN_N=given.r_SN_N,
             v_SN_N=given.v_SN_N,
-            covariance=_block(servicer.covariance, given.servicer_covariance),
+            covariance=_with_orbit_block(servicer.covariance, given.servicer_covariance),
         ),
         relative=replace(
             relative,
             r_TS_N=given.r_TS_N,
             v_TS_N=given.v_TS_N,
-            covariance=_block(relative.covariance, given.relative_covariance),
+            covariance=_with_orbit_block(relative.covariance, given.relative_covariance),
         ),
     )
     return replace(begun, flight=replace(begun.flight, orbit=orbit))
 
 
-def _block(P: Float[Array, "n n"], given: Float[Array, "6 6"]) -> Float[Array, "n n"]:
+def _with_orbit_block(P: Float[Array, "n n"], given: Float[Array, "6 6"]) -> Float[Array, "n n"]:
     zero = jnp.zeros((6, P.shape[0] - 6), dtype=P.dtype)
     top = jnp.concatenate([given, zero], axis=1)
     return jnp.concatenate([top, jnp.concatenate([zero.T, P[6:, 6:]], axis=1)], axis=0)
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2))
-def decide(
+def plan_burn_and_guide(
     stages: Stages,
     scenario: Scenario,
-    decider: Decider,
+    decider: BurnDecider,
     params: Params,
     state: State,
-    begun: Begun,
-    burn: GivenBurn,
-) -> tuple[Decided, Telemetry]:
+    begun: NavigatedTick,
+    burn: ExternalBurn,
+) -> tuple[GuidedTick, Telemetry]:
     """Burn and attitude reference of the tick, and what there is to see; `burn` counts only where it is `given`."""
     sensed, flight, burn_error = begun.sensed, begun.flight, state.burn_error
     if decider == "own":
         flight, burn_error = step_stages.plan_burn(stages, scenario, params, state, sensed, flight)
     elif decider == "given":
-        flight, burn_error = _take_over(params, state, sensed, flight, burn)
+        flight, burn_error = _plan_external_burn(params, state, sensed, flight, burn)
     flight, mode = step_stages.guide(scenario, params, sensed, flight, begun.innovation.accepted)
-    seen = step_stages.look(state, sensed, flight, begun.innovation, mode)
-    return Decided(sensed=sensed, flight=flight, burn_error=burn_error), seen
+    seen = step_stages.make_telemetry(state, sensed, flight, begun.innovation, mode)
+    return GuidedTick(sensed=sensed, flight=flight, burn_error=burn_error), seen
 
 
-def _take_over(
-    params: Params, state: State, sensed: Sensed, flight: FlightMemory, burn: GivenBurn
+def _plan_external_burn(
+    params: Params, state: State, sensed: SensedTick, flight: FlightMemory, burn: ExternalBurn
 ) -> tuple[FlightMemory, BurnError]:
-    plan = burn_timing.commanded(
+    plan = burn_planning.plan_from_command(
         params.flight.pointing,
-        params.flight.onboard,
+        params.flight.vehicle,
         flight.orbit,
         flight.plan,
         burn.ignition,
@@ -144,50 +144,56 @@ def _take_over(
         sensed.time,
     )
     # Each ignition has an error of its own; whoever only closes the valve at another time keeps it.
-    drawn = actuators.draw_burn_error(params.plant.thruster, sensed.drawn.burn)
+    drawn = actuators.draw_burn_error(params.plant.thruster, sensed.noise.burn)
     new = (burn.cutoff > burn.ignition) & (burn.ignition != flight.plan.ignition)
     return replace(flight, plan=plan), select(new, drawn, state.burn_error)
 
 
 @partial(jax.jit, static_argnums=0)
-def reference(scenario: Scenario, decided: Decided) -> AttitudeCommand:
+def attitude_commands(scenario: Scenario, decided: GuidedTick) -> AttitudeCommand:
     """Attitude commands of the tick, one for every plant step."""
-    offsets = step_stages.offsets(scenario)
+    offsets = step_stages.substep_offsets(scenario)
     return jax.vmap(lambda offset: slew_profile.evaluate(decided.flight.pointing.reference, offset))(offsets)
 
 
 @partial(jax.jit, static_argnums=0)
-def move(
+def propagate_substep(
     scenario: Scenario,
     params: Params,
     state: State,
-    decided: Decided,
+    decided: GuidedTick,
     motion: Motion,
     torque: Float[Array, "3"],
     step: Int[Array, ""],
 ) -> Motion:
     """Motion after the plant step of that number in the tick, under given wheel torques [N m]."""
-    offset, gyro_normals = step_stages.offsets(scenario)[step], decided.sensed.drawn.gyro[step]
-    return step_stages.move(scenario, params, state, decided, motion, torque, offset, gyro_normals)
+    offset, gyro_normals = step_stages.substep_offsets(scenario)[step], decided.sensed.noise.gyro[step]
+    return step_stages.propagate_substep(scenario, params, state, decided, motion, torque, offset, gyro_normals)
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def move_all(stages: Stages, scenario: Scenario, params: Params, state: State, decided: Decided) -> Motion:
+def control_and_propagate(
+    stages: Stages, scenario: Scenario, params: Params, state: State, decided: GuidedTick
+) -> Motion:
     """Motion at the end of the tick under the flight software's own attitude control."""
-    return step_stages.act(stages, scenario, params, state, decided)
+    return step_stages.control_and_propagate(stages, scenario, params, state, decided)
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def finish(stages: Stages, scenario: Scenario, params: Params, state: State, decided: Decided, motion: Motion) -> State:
+def finish(
+    stages: Stages, scenario: Scenario, params: Params, state: State, decided: GuidedTick, motion: Motion
+) -> State:
     """State at the beginning of the next tick."""
-    return step_stages.end(stages, scenario, params, state, decided, motion)
+    return step_stages.finish(stages, scenario, params, state, decided, motion)
 
 
 @partial(jax.jit, static_argnums=0)
-def picture(scenario: Scenario, params: Params, state: State, window_px: Float[Array, "3"]) -> UInt8[Array, "p p 3"]:
+def detector_picture(
+    scenario: Scenario, params: Params, state: State, window_px: Float[Array, "3"]
+) -> UInt8[Array, "p p 3"]:
     """Codes of the picture that the detector of a rendered camera gets, of the window that the frame has recorded."""
     sky = step_stages.sky_at(scenario, state.tick.astype(jnp.float64) * scenario.tick_s)
-    view = camera_models.window_of(scenario, params, window_px)
+    view = camera_models.recorded_window(scenario, params, window_px)
     key = noise.camera_key(state.keys, state.tick)
-    taken = camera_models.take_picture(scenario, params, view, state.truth, sky, key, state.tick)
+    taken = camera_models.render_picture(scenario, params, view, state.truth, sky, key, state.tick)
     return jnp.round(255.0 * taken).astype(jnp.uint8)

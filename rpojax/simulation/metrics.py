@@ -13,7 +13,7 @@ from rpojax.scenario.schema import ScenarioFile
 Floats = NDArray[np.floating]
 Records = Mapping[str, np.ndarray]
 
-CHANNELS: Final = (
+REQUIRED_CHANNELS: Final = (
     "rho_H",
     "relative_error_H",
     "relative_sigma_H",
@@ -45,7 +45,7 @@ def evaluate(file: ScenarioFile, records: Records) -> dict[str, Floats]:
     """
     tick_s = 1.0 / file.rates.camera_hz
     ticks = records["range_m"].shape[1]
-    late, last = (slice(first, None) for first in metric_catalogue.late_and_last(ticks, tick_s))
+    late, last = (slice(first, None) for first in metric_catalogue.window_starts(ticks, tick_s))
     desired = np.asarray(file.formation.desired_position_m)
     inside = np.abs(records["relative_error_H"]) <= 3.0 * records["relative_sigma_H"]
     return {
@@ -116,7 +116,7 @@ def _boxes(records: Records, tick_s: float) -> dict[str, Floats]:
         "good_boxes_rejected_fraction": _ratio((rejected & good).sum(axis=1), good.sum(axis=1)),
         "outliers_accepted": (accepted & outlier).sum(axis=1).astype(float),
         "time_to_acquire_s": np.where(ever, accepted.argmax(axis=1) * tick_s, np.nan),
-        "longest_unseen_s": tick_s * _longest(~accepted),
+        "longest_unseen_s": tick_s * _longest_streak(~accepted),
         "reacquisition_peak_s": tick_s * _longest_wait(observable, accepted & ~outlier),
     }
 
@@ -132,7 +132,7 @@ def _pointing(file: ScenarioFile, records: Records, tick_s: float) -> dict[str, 
     away = (mode == Mode.TURN) | (mode == Mode.BURN) | (mode == Mode.TURN_BACK)
     period = round(file.rates.formation_period_s / tick_s)
     return {
-        "pointing_error_p95_deg": _defined(lambda rows: np.nanpercentile(rows, 95.0, axis=1), error),
+        "pointing_error_p95_deg": _reduce_defined_rows(lambda rows: np.nanpercentile(rows, 95.0, axis=1), error),
         "wheel_speed_peak_fraction": np.abs(records["wheel_speed_fraction"]).max(axis=(1, 2)).astype(float),
         "look_away_peak_s": tick_s
         * np.add.reduceat(away, np.arange(0, away.shape[1], period), axis=1, dtype=float).max(1),
@@ -143,7 +143,7 @@ def _ratio(part: NDArray[np.number], whole: NDArray[np.number]) -> Floats:
     return np.where(whole > 0, part / np.where(whole > 0, whole, 1), np.nan)
 
 
-def _defined(reduce: Callable[[Floats], Floats], rows: Floats) -> Floats:
+def _reduce_defined_rows(reduce: Callable[[Floats], Floats], rows: Floats) -> Floats:
     """Applies `reduce` to the rows that have any number; the others stay nan."""
     result = np.full(rows.shape[0], np.nan)
     some = np.isfinite(rows).any(axis=1)
@@ -152,7 +152,7 @@ def _defined(reduce: Callable[[Floats], Floats], rows: Floats) -> Floats:
     return result
 
 
-def _longest(flags: NDArray[np.bool_]) -> Floats:
+def _longest_streak(flags: NDArray[np.bool_]) -> Floats:
     """Length of the longest unbroken stretch of true values in each row [ticks]."""
     run = np.zeros(flags.shape[0])
     longest = np.zeros(flags.shape[0])

@@ -21,20 +21,20 @@ from rpojax.scenario import metric_catalogue
 from rpojax.scenario.params import Params
 from rpojax.scenario.scenario_file import Scenario
 from rpojax.simulation import telemetry
-from rpojax.simulation.closed_loop import Telemetry, relative_state
+from rpojax.simulation.closed_loop import Telemetry, true_relative_state
 
 Scalar = Float[Array, ""]
-Observation = tuple[Scalar, Scalar]
+WeightedValue = tuple[Scalar, Scalar]
 """Value and weight at a tick."""
 
-FALSE_BOX_SHARE: Final = 0.05
+FALSE_BOX_PROBABILITY: Final = 0.05
 """Share of boxes that `innovation_surprise` takes for false, whatever the gate says."""
-_FALSE_BOX_LOG_SIZES: Final = 3.0
+_FALSE_BOX_LOG_SIZE_RANGE: Final = 3.0
 """False boxes are spread over so many units of log size, from a few pixels to the whole frame."""
 
 
 @dataclass(frozen=True)
-class Instant:
+class MetricInputs:
     """A tick as the figures see it; what several figures need is worked out once.
 
     `settled` is 1 once the camera has looked at the target for the time to settle, else 0.
@@ -42,29 +42,29 @@ class Instant:
 
     scenario: Scenario
     params: Params
-    seen: Telemetry
+    telemetry: Telemetry
     settled: Scalar
 
     @cached_property
     def errors(self) -> tuple[Array, Array]:
         """(6,) of the servicer and (6,) of the target relative to it, estimate less truth in N [m, m/s]."""
-        return telemetry.orbit_errors(self.seen)
+        return telemetry.orbit_errors(self.telemetry)
 
     @cached_property
     def servicer_density(self) -> tuple[Scalar, Scalar]:
         """Normalised square of the servicer's error, and log determinant of its covariance."""
-        P = self.seen.flight.orbit.servicer.covariance[:6, :6]
-        return gaussian_density.square_and_log_determinant(P, self.errors[0])
+        P = self.telemetry.flight.orbit.servicer.covariance[:6, :6]
+        return gaussian_density.squared_mahalanobis_and_log_determinant(P, self.errors[0])
 
     @cached_property
     def relative_density(self) -> tuple[Scalar, Scalar]:
         """The same of the target relative to the servicer."""
-        P = self.seen.flight.orbit.relative.covariance[:6, :6]
-        return gaussian_density.square_and_log_determinant(P, self.errors[1])
+        P = self.telemetry.flight.orbit.relative.covariance[:6, :6]
+        return gaussian_density.squared_mahalanobis_and_log_determinant(P, self.errors[1])
 
 
 @dataclass(frozen=True)
-class Figure:
+class RunningMetric:
     """How a figure of merit is made.
 
     Attributes:
@@ -75,13 +75,13 @@ class Figure:
     """
 
     unit: str
-    observe: Callable[[Instant], Observation]
+    evaluate: Callable[[MetricInputs], WeightedValue]
     window: Literal["all", "late", "last"]
-    reduce: Literal["mean", "rms", "min", "max", "end"]
+    reduction: Literal["mean", "rms", "min", "max", "end"]
 
 
 @pytree
-class Sums:
+class RunningSums:
     """What is carried along, one row per figure.
 
     Attributes:
@@ -93,52 +93,57 @@ class Sums:
 
     total: Array
     weight: Array
-    looking: Array
-    events: Array
+    pointing_ticks: Array
+    event_hash: Array
 
 
-def start(names: Sequence[str]) -> Sums:
+def initial_sums(names: Sequence[str]) -> RunningSums:
     """Sums before the first tick."""
     first = {"min": math.inf, "max": -math.inf}
-    total = jnp.array([first.get(FIGURES[name].reduce, 0.0) for name in names], dtype=jnp.float64)
-    return Sums(
+    total = jnp.array([first.get(RUNNING_METRICS[name].reduction, 0.0) for name in names], dtype=jnp.float64)
+    return RunningSums(
         total=total,
         weight=jnp.zeros_like(total),
-        looking=jnp.zeros((), dtype=jnp.float64),
-        events=jnp.zeros((), dtype=jnp.uint32),
+        pointing_ticks=jnp.zeros((), dtype=jnp.float64),
+        event_hash=jnp.zeros((), dtype=jnp.uint32),
     )
 
 
-def add(names: Sequence[str], scenario: Scenario, params: Params, seen: Telemetry, sums: Sums) -> Sums:
+def add_tick(
+    names: Sequence[str], scenario: Scenario, params: Params, seen: Telemetry, sums: RunningSums
+) -> RunningSums:
     """Sums after one more tick."""
-    looking = jnp.where(seen.mode == Mode.LOOK, sums.looking + 1.0, 0.0)
+    looking = jnp.where(seen.mode == Mode.LOOK, sums.pointing_ticks + 1.0, 0.0)
     settled = jnp.where(looking > _settle_ticks(scenario, params), 1.0, 0.0)
-    instant = Instant(scenario, params, seen, settled)
+    instant = MetricInputs(scenario, params, seen, settled)
     totals, weights = [], []
     for index, name in enumerate(names):
-        figure = FIGURES[name]
-        value, weight = figure.observe(instant)
-        weight = weight * _inside(figure.window, scenario, seen.tick)
+        figure = RUNNING_METRICS[name]
+        value, weight = figure.evaluate(instant)
+        weight = weight * _in_window(figure.window, scenario, seen.tick)
         totals.append(_accumulate(figure, sums.total[index], value, weight))
         weights.append(sums.weight[index] + weight)
-    return Sums(
-        total=jnp.stack(totals), weight=jnp.stack(weights), looking=looking, events=_fingerprint(sums.events, seen)
+    return RunningSums(
+        total=jnp.stack(totals),
+        weight=jnp.stack(weights),
+        pointing_ticks=looking,
+        event_hash=_updated_event_hash(sums.event_hash, seen),
     )
 
 
-def _fingerprint(events: Array, seen: Telemetry) -> Array:
+def _updated_event_hash(events: Array, seen: Telemetry) -> Array:
     """Fingerprint of the events so far with those of one more tick (a polynomial hash)."""
     found = seen.innovation
     accepted, rejected, mode = (word.astype(jnp.uint32) for word in (found.accepted, found.rejected, seen.mode))
     return events * jnp.uint32(1000003) + accepted + jnp.uint32(2) * rejected + jnp.uint32(4) * mode
 
 
-def finish(names: Sequence[str], sums: Sums) -> Float[Array, " figures"]:
+def final_values(names: Sequence[str], sums: RunningSums) -> Float[Array, " figures"]:
     """The figures (figures,) in the order of their names; 0 where no tick had any weight."""
     means = safe.safe_div(sums.total, sums.weight)
     results = []
     for index, name in enumerate(names):
-        match FIGURES[name].reduce:
+        match RUNNING_METRICS[name].reduction:
             case "mean":
                 results.append(means[index])
             case "rms":
@@ -148,8 +153,8 @@ def finish(names: Sequence[str], sums: Sums) -> Float[Array, " figures"]:
     return jnp.stack(results)
 
 
-def _accumulate(figure: Figure, total: Scalar, value: Scalar, weight: Scalar) -> Scalar:
-    match figure.reduce:
+def _accumulate(figure: RunningMetric, total: Scalar, value: Scalar, weight: Scalar) -> Scalar:
+    match figure.reduction:
         case "min":
             return jnp.where((weight > 0.0) & (value < total), value, total)
         case "max":
@@ -161,8 +166,8 @@ def _accumulate(figure: Figure, total: Scalar, value: Scalar, weight: Scalar) ->
             return total + weight * jnp.where(weight > 0.0, value, 0.0)
 
 
-def _inside(window: str, scenario: Scenario, tick: Array) -> Scalar:
-    late, last = metric_catalogue.late_and_last(scenario.ticks, scenario.tick_s)
+def _in_window(window: str, scenario: Scenario, tick: Array) -> Scalar:
+    late, last = metric_catalogue.window_starts(scenario.ticks, scenario.tick_s)
     first = {"all": 0, "late": late, "last": last}[window]
     return jnp.where(tick >= first, 1.0, 0.0)
 
@@ -171,103 +176,103 @@ def _settle_ticks(scenario: Scenario, params: Params) -> Scalar:
     return jnp.round(params.flight.pointing.settle_time / scenario.tick_s)
 
 
-def _one() -> Scalar:
+def _unit_weight() -> Scalar:
     return jnp.ones((), dtype=jnp.float64)
 
 
-def _formation(at: Instant) -> Observation:
-    rho_H, _ = relative_state(at.seen.truth)
-    return jnp.sum((rho_H - at.params.flight.formation.desired_position) ** 2, axis=0), _one()
+def _formation(at: MetricInputs) -> WeightedValue:
+    rho_H, _ = true_relative_state(at.telemetry.truth)
+    return jnp.sum((rho_H - at.params.flight.formation.desired_position) ** 2, axis=0), _unit_weight()
 
 
-def _relative(at: Instant) -> Observation:
-    return jnp.sum(at.errors[1][:3] ** 2, axis=0), _one()
+def _relative(at: MetricInputs) -> WeightedValue:
+    return jnp.sum(at.errors[1][:3] ** 2, axis=0), _unit_weight()
 
 
-def _servicer(at: Instant) -> Observation:
-    return jnp.sum(at.errors[0][:3] ** 2, axis=0), _one()
+def _servicer(at: MetricInputs) -> WeightedValue:
+    return jnp.sum(at.errors[0][:3] ** 2, axis=0), _unit_weight()
 
 
-def _target(at: Instant) -> Observation:
-    return jnp.sum((at.errors[0] + at.errors[1])[:3] ** 2, axis=0), _one()
+def _target(at: MetricInputs) -> WeightedValue:
+    return jnp.sum((at.errors[0] + at.errors[1])[:3] ** 2, axis=0), _unit_weight()
 
 
-def _nees(at: Instant) -> Observation:
-    return at.relative_density[0] + at.servicer_density[0], _one()
+def _nees(at: MetricInputs) -> WeightedValue:
+    return at.relative_density[0] + at.servicer_density[0], _unit_weight()
 
 
-def _nees_relative(at: Instant) -> Observation:
-    return at.relative_density[0], _one()
+def _nees_relative(at: MetricInputs) -> WeightedValue:
+    return at.relative_density[0], _unit_weight()
 
 
-def _estimate_surprise(at: Instant) -> Observation:
+def _estimate_negative_log_likelihood(at: MetricInputs) -> WeightedValue:
     terms = (*at.relative_density, *at.servicer_density)
-    return 0.5 * (sum(terms[1:], terms[0]) / 12.0 + math.log(2.0 * math.pi)), _one()
+    return 0.5 * (sum(terms[1:], terms[0]) / 12.0 + math.log(2.0 * math.pi)), _unit_weight()
 
 
-def _normalised(at: Instant, rows: slice) -> tuple[Array, Array]:
-    found = at.seen.innovation
+def _normalised_squares(at: MetricInputs, rows: slice) -> tuple[Array, Array]:
+    found = at.telemetry.innovation
     return found.innovation[rows] ** 2 / found.variance[rows], found.weight[rows]
 
 
-def _nis(at: Instant, rows: slice) -> Observation:
-    square, weight = _normalised(at, rows)
+def _nis(at: MetricInputs, rows: slice) -> WeightedValue:
+    square, weight = _normalised_squares(at, rows)
     return jnp.sum(square, axis=0), jnp.where(jnp.min(weight, axis=0) > 0.5, 1.0, 0.0)
 
 
-def _innovation_surprise(at: Instant) -> Observation:
+def _innovation_negative_log_likelihood(at: MetricInputs) -> WeightedValue:
     """Minus log density per row, of boxes with a share of false ones, so that no gate decides what is counted."""
-    found = at.seen.innovation
+    found = at.telemetry.innovation
     densities = -0.5 * (jnp.log(2.0 * math.pi * found.variance) + found.innovation**2 / found.variance)
     there = jnp.where(found.weight[:3] > 0.5, 1.0, 0.0)
     gps, gps_rows = jnp.sum(there * densities[:3], axis=0), jnp.sum(there, axis=0)
     present = found.accepted | found.rejected
-    box = at.seen.frame.box
-    used = jnp.stack([_one(), _one(), jnp.where(box.truncated, 0.0, 1.0)])
-    focal = at.params.flight.onboard.focal_px
+    box = at.telemetry.frame.box
+    used = jnp.stack([_unit_weight(), _unit_weight(), jnp.where(box.truncated, 0.0, 1.0)])
+    focal = at.params.flight.vehicle.focal_px
     area = at.scenario.width_px * at.scenario.height_px / focal**2
-    false = -jnp.log(area) - used[2] * math.log(_FALSE_BOX_LOG_SIZES)
+    false = -jnp.log(area) - used[2] * math.log(_FALSE_BOX_LOG_SIZE_RANGE)
     real = jnp.sum(used * densities[3:], axis=0)
-    mixed = jnp.logaddexp(math.log1p(-FALSE_BOX_SHARE) + real, math.log(FALSE_BOX_SHARE) + false)
+    mixed = jnp.logaddexp(math.log1p(-FALSE_BOX_PROBABILITY) + real, math.log(FALSE_BOX_PROBABILITY) + false)
     rows = gps_rows + jnp.where(present, jnp.sum(used, axis=0), 0.0)
     total = gps + jnp.where(present, mixed, 0.0)
     return -safe.safe_div(total, rows), rows
 
 
-def _pointing(at: Instant) -> Observation:
-    truth = at.seen.truth
+def _pointing(at: MetricInputs) -> WeightedValue:
+    truth = at.telemetry.truth
     across = quaternion.cross(telemetry.boresight_N(at.params, truth), safe.normalize(truth.r_ST_N))
     # While the camera looks at the target the angle is small: its sine is it.
     return jnp.rad2deg(1.0) ** 2 * jnp.sum(across**2, axis=0), at.settled
 
 
-def _range(at: Instant) -> Observation:
-    return safe.norm(at.seen.truth.r_ST_N), _one()
+def _range(at: MetricInputs) -> WeightedValue:
+    return safe.norm(at.telemetry.truth.r_ST_N), _unit_weight()
 
 
-def _wheel_speed(at: Instant) -> Observation:
-    return jnp.max(jnp.abs(at.seen.truth.wheel_speed / at.params.plant.wheels.speed_limit), axis=0), _one()
+def _wheel_speed(at: MetricInputs) -> WeightedValue:
+    return jnp.max(jnp.abs(at.telemetry.truth.wheel_speed / at.params.plant.wheels.speed_limit), axis=0), _unit_weight()
 
 
-def _delta_v(at: Instant) -> Observation:
-    return at.seen.truth.delta_v, _one()
+def _delta_v(at: MetricInputs) -> WeightedValue:
+    return at.telemetry.truth.delta_v, _unit_weight()
 
 
-FIGURES: Final = {
-    "formation_error_rms_m": Figure("m", _formation, "last", "rms"),
-    "nav_relative_position_error_rms_m": Figure("m", _relative, "late", "rms"),
-    "nav_servicer_position_error_rms_m": Figure("m", _servicer, "late", "rms"),
-    "nav_target_position_error_rms_m": Figure("m", _target, "late", "rms"),
-    "nees_mean": Figure("-", _nees, "all", "mean"),
-    "nees_relative_mean": Figure("-", _nees_relative, "all", "mean"),
-    "nis_gps_mean": Figure("-", lambda at: _nis(at, slice(0, 3)), "all", "mean"),
-    "nis_box_mean": Figure("-", lambda at: _nis(at, slice(3, 6)), "all", "mean"),
-    "innovation_surprise": Figure("-", _innovation_surprise, "all", "mean"),
-    "estimate_surprise": Figure("-", _estimate_surprise, "all", "mean"),
-    "delta_v_m_s": Figure("m/s", _delta_v, "all", "end"),
-    "min_range_m": Figure("m", _range, "all", "min"),
-    "wheel_speed_peak_fraction": Figure("-", _wheel_speed, "all", "max"),
-    "pointing_error_rms_deg": Figure("deg", _pointing, "late", "rms"),
+RUNNING_METRICS: Final = {
+    "formation_error_rms_m": RunningMetric("m", _formation, "last", "rms"),
+    "nav_relative_position_error_rms_m": RunningMetric("m", _relative, "late", "rms"),
+    "nav_servicer_position_error_rms_m": RunningMetric("m", _servicer, "late", "rms"),
+    "nav_target_position_error_rms_m": RunningMetric("m", _target, "late", "rms"),
+    "nees_mean": RunningMetric("-", _nees, "all", "mean"),
+    "nees_relative_mean": RunningMetric("-", _nees_relative, "all", "mean"),
+    "nis_gps_mean": RunningMetric("-", lambda at: _nis(at, slice(0, 3)), "all", "mean"),
+    "nis_box_mean": RunningMetric("-", lambda at: _nis(at, slice(3, 6)), "all", "mean"),
+    "innovation_surprise": RunningMetric("-", _innovation_negative_log_likelihood, "all", "mean"),
+    "estimate_surprise": RunningMetric("-", _estimate_negative_log_likelihood, "all", "mean"),
+    "delta_v_m_s": RunningMetric("m/s", _delta_v, "all", "end"),
+    "min_range_m": RunningMetric("m", _range, "all", "min"),
+    "wheel_speed_peak_fraction": RunningMetric("-", _wheel_speed, "all", "max"),
+    "pointing_error_rms_deg": RunningMetric("deg", _pointing, "late", "rms"),
 }
 """Figures by name: `estimate_surprise` is minus the log density of the truth under the estimate per component,
 `innovation_surprise` that of the measurements under the filter's prediction per row."""

@@ -16,14 +16,14 @@ T = TypeVar("T")
 
 
 @contextlib.contextmanager
-def single() -> Iterator[None]:
+def tracing_in_single() -> Iterator[None]:
     """What is traced inside works in single precision, also where it asks for double."""
     with jax.enable_x64(False), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Explicitly requested dtype", category=UserWarning)
         yield
 
 
-def rounded(tree: T) -> T:
+def round_to_single(tree: T) -> T:
     """The pytree with its numbers in single precision."""
 
     def leaf(value: Any) -> Any:
@@ -32,30 +32,30 @@ def rounded(tree: T) -> T:
     return jax.tree.map(leaf, tree)
 
 
-def rounded_state(state: State) -> State:
+def round_state_to_single(state: State) -> State:
     """A state in single precision, with what rounding takes from the orbits that truth and filter carry."""
     truth, orbit = state.truth, state.flight.orbit
     servicer = orbit.servicer
-    after = rounded(state)
+    after = round_to_single(state)
     return replace(
         after,
         truth=replace(
             after.truth,
-            residue=_residue(truth.r_TN_N, truth.v_TN_N),
+            orbit_low=_low_part(truth.r_TN_N, truth.v_TN_N),
             # None: the mass begins as the rounded mass of `Params`, from which propellant used is counted.
-            mass_residue=jnp.zeros_like(after.truth.mass),
+            mass_low=jnp.zeros_like(after.truth.mass),
         ),
         flight=replace(
             after.flight,
             orbit=replace(
                 after.flight.orbit,
-                servicer=replace(after.flight.orbit.servicer, residue=_residue(servicer.r_SN_N, servicer.v_SN_N)),
+                servicer=replace(after.flight.orbit.servicer, orbit_low=_low_part(servicer.r_SN_N, servicer.v_SN_N)),
             ),
         ),
     )
 
 
-def _residue(r_N: Array, v_N: Array) -> Array:
+def _low_part(r_N: Array, v_N: Array) -> Array:
     orbit = jnp.stack([r_N, v_N])
     # Not a conversion there and back, which XLA may leave out.
     kept = jax.lax.reduce_precision(orbit, exponent_bits=8, mantissa_bits=23)

@@ -7,11 +7,11 @@ from rpojax.flight.computer import FlightMemory, Measurements
 from rpojax.flight.navigation.orbit_filter import Innovation
 from rpojax.physics.actuators import BurnError
 from rpojax.physics.plant import Truth
-from rpojax.sensors.geometric_camera import Frame
+from rpojax.sensors.geometric_camera import CameraFrame
 
 
 @pytree
-class SensorState:
+class SensorErrors:
     """Errors that outlive a tick.
 
     Attributes:
@@ -22,7 +22,7 @@ class SensorState:
 
     gps_bias_N: Array
     gyro_bias_B: Array
-    box_edges: Array | None
+    box_edge_errors: Array | None
 
 
 @pytree
@@ -42,7 +42,7 @@ class State:
 
     truth: Truth
     flight: FlightMemory
-    sensors: SensorState
+    sensor_errors: SensorErrors
     burn_error: BurnError
     keys: Array
     tick: Array
@@ -67,7 +67,7 @@ class Telemetry:
 
     truth: Truth
     flight: FlightMemory
-    frame: Frame
+    frame: CameraFrame
     measurements: Measurements
     innovation: Innovation
     mode: Array

@@ -22,29 +22,29 @@ Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 
 
-def observe(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channels:
+def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channels:
     """Channels of one tick: vectors in the true Hill frame, errors as estimate less truth, sigmas as 1 sigma."""
     with jax.named_scope("observe"):
         channels = {
-            **_motion(telemetry),
-            **_errors(telemetry),
+            **_relative_position(telemetry),
+            **_navigation_errors(telemetry),
             **_innovations(telemetry),
             **_camera(scenario, params, telemetry),
-            **_expected(scenario, params, telemetry),
+            **_expected_box(scenario, params, telemetry),
             **_vehicle(params, telemetry),
             "passive_range_m": _passive_range(telemetry),
         }
         if scenario.camera_model == "rendered":
-            channels |= _picture(telemetry)
-        return {name: _compact(value) for name, value in channels.items()}
+            channels |= _picture_geometry(telemetry)
+        return {name: _to_single_precision(value) for name, value in channels.items()}
 
 
-def _compact(value: Array) -> Array:
+def _to_single_precision(value: Array) -> Array:
     """Single precision is plenty for records, and halves what a campaign moves."""
     return value.astype(jnp.float32) if jnp.issubdtype(value.dtype, jnp.floating) else value
 
 
-def _motion(telemetry: Telemetry) -> Channels:
+def _relative_position(telemetry: Telemetry) -> Channels:
     truth, orbit = telemetry.truth, telemetry.flight.orbit
     R_HN, _ = hill_frame(truth.r_TN_N, truth.v_TN_N)
     return {
@@ -54,20 +54,20 @@ def _motion(telemetry: Telemetry) -> Channels:
     }
 
 
-def _errors(telemetry: Telemetry) -> Channels:
+def _navigation_errors(telemetry: Telemetry) -> Channels:
     truth, orbit = telemetry.truth, telemetry.flight.orbit
     R_HN, _ = hill_frame(truth.r_TN_N, truth.v_TN_N)
     servicer, relative = orbit_errors(telemetry)
     servicer_error, relative_error = servicer[:3], relative[:3]
     P_servicer, P_relative = orbit.servicer.covariance[:6, :6], orbit.relative.covariance[:6, :6]
-    nees_relative, nees_servicer = mahalanobis(P_relative, relative), mahalanobis(P_servicer, servicer)
+    nees_relative, nees_servicer = squared_mahalanobis(P_relative, relative), squared_mahalanobis(P_servicer, servicer)
     return {
         "relative_error_H": apply(R_HN, relative_error),
-        "relative_sigma_H": _sigma(R_HN, P_relative[:3, :3]),
+        "relative_sigma_H": _hill_sigma(R_HN, P_relative[:3, :3]),
         "servicer_error_H": apply(R_HN, servicer_error),
-        "servicer_sigma_H": _sigma(R_HN, P_servicer[:3, :3]),
+        "servicer_sigma_H": _hill_sigma(R_HN, P_servicer[:3, :3]),
         "target_error_H": apply(R_HN, servicer_error + relative_error),
-        "target_sigma_H": _sigma(R_HN, P_servicer[:3, :3] + P_relative[:3, :3]),
+        "target_sigma_H": _hill_sigma(R_HN, P_servicer[:3, :3] + P_relative[:3, :3]),
         "nees": nees_servicer + nees_relative,
         "nees_relative": nees_relative,
     }
@@ -76,12 +76,14 @@ def _errors(telemetry: Telemetry) -> Channels:
 def orbit_errors(telemetry: Telemetry) -> tuple[Float[Array, "6"], Float[Array, "6"]]:
     """Estimate less truth in N [m, m/s]: position and velocity of the servicer, and of the target relative to it."""
     truth, servicer, relative = telemetry.truth, telemetry.flight.orbit.servicer, telemetry.flight.orbit.relative
-    missing, true_missing = (each.residue if each.residue is not None else (None, None) for each in (servicer, truth))
+    missing, true_missing = (
+        each.orbit_low if each.orbit_low is not None else (None, None) for each in (servicer, truth)
+    )
     return (
         jnp.concatenate(
             [
-                double_single.apart(servicer.r_SN_N, missing[0], truth.r_TN_N, true_missing[0]) - truth.r_ST_N,
-                double_single.apart(servicer.v_SN_N, missing[1], truth.v_TN_N, true_missing[1]) - truth.v_ST_N,
+                double_single.subtract(servicer.r_SN_N, missing[0], truth.r_TN_N, true_missing[0]) - truth.r_ST_N,
+                double_single.subtract(servicer.v_SN_N, missing[1], truth.v_TN_N, true_missing[1]) - truth.v_ST_N,
             ]
         ),
         jnp.concatenate([relative.r_TS_N + truth.r_ST_N, relative.v_TS_N + truth.v_ST_N]),
@@ -97,10 +99,10 @@ def _innovations(telemetry: Telemetry) -> Channels:
 
 def _camera(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channels:
     truth, frame = telemetry.truth, telemetry.frame
-    onboard = params.flight.onboard
+    onboard = params.flight.vehicle
     R_HN, _ = hill_frame(truth.r_TN_N, truth.v_TN_N)
     edges = frame.box.edges
-    measured = camera_models.as_measurement(scenario, params, frame)
+    measured = camera_models.box_measurement(scenario, params, frame)
     ray_K = jnp.concatenate([measured.tangent, jnp.ones(1, dtype=jnp.float64)])
     q_KB = quaternion.normalize(onboard.camera_mounting)
     q_KN = quaternion.multiply(q_KB, telemetry.flight.attitude.q_BN)
@@ -124,20 +126,20 @@ def _corner_and_sides(edges: Float[Array, "4"]) -> Float[Array, "4"]:
     return jnp.concatenate([edges[:2], edges[2:] - edges[:2]])
 
 
-def _expected(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channels:
+def _expected_box(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channels:
     """Where flight software expected the box, nan where it expects the target outside of the camera's half space."""
-    expected = telemetry.innovation.expected
-    focal, sigmas = params.flight.onboard.focal_px, params.flight.navigation.gate_sigma
+    expected = telemetry.innovation.expected_box
+    focal, sigmas = params.flight.vehicle.focal_px, params.flight.navigation.gate_sigma
     middle = jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=jnp.float64)
     center = middle + focal * expected.values[:2]
     side = focal * jnp.exp(expected.values[2:])
     return {
-        "expected_px": jnp.where(expected.ahead, jnp.concatenate([center, side]), jnp.nan),
-        "gate_px": jnp.where(expected.ahead, sigmas * focal * safe.sqrt(expected.variance[:2]), jnp.nan),
+        "expected_px": jnp.where(expected.in_front, jnp.concatenate([center, side]), jnp.nan),
+        "gate_px": jnp.where(expected.in_front, sigmas * focal * safe.sqrt(expected.variance[:2]), jnp.nan),
     }
 
 
-def _picture(telemetry: Telemetry) -> Channels:
+def _picture_geometry(telemetry: Telemetry) -> Channels:
     """What the picture of a tick was taken of, so that it can be taken again."""
     truth = telemetry.truth
     return {
@@ -166,7 +168,7 @@ def _vehicle(params: Params, telemetry: Telemetry) -> Channels:
 
 def boresight_N(params: Params, truth: Truth) -> Vector:
     """Direction in N in which the true camera looks."""
-    q_KN = geometric_camera.attitude(params.camera, truth.q_BN)
+    q_KN = geometric_camera.camera_attitude(params.camera, truth.q_BN)
     return rotate(quaternion.conjugate(q_KN), jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64))
 
 
@@ -178,22 +180,22 @@ def _passive_range(telemetry: Telemetry) -> Scalar:
 
     def look(_: None) -> Scalar:
         n = orbital_mechanics.mean_motion(orbital_mechanics.semi_major_axis(truth.r_TN_N, truth.v_TN_N))
-        return orbital_mechanics.closest_drift(n, *inertial_to_hill(truth.r_ST_N, truth.v_ST_N, *frame))
+        return orbital_mechanics.minimum_drift_distance(n, *inertial_to_hill(truth.r_ST_N, truth.v_ST_N, *frame))
 
-    due = telemetry.tick % _PASSIVE_EVERY == 0
+    due = telemetry.tick % _PASSIVE_RANGE_PERIOD == 0
     return jax.lax.cond(due, look, lambda _: jnp.full((), jnp.inf, dtype=jnp.float64), None)
 
 
-_PASSIVE_EVERY = 10
+_PASSIVE_RANGE_PERIOD = 10
 """Ticks between two looks at the free drift; a burn lasts about that long."""
 
 
-def _sigma(R_HN: Matrix, P_N: Matrix) -> Vector:
+def _hill_sigma(R_HN: Matrix, P_N: Matrix) -> Vector:
     """1-sigma along the Hill axes."""
     PR = jnp.sum(P_N[None, :, :] * R_HN[:, None, :], axis=2)
     return safe.sqrt(jnp.sum(R_HN * PR, axis=1))
 
 
-def mahalanobis(P: Float[Array, "n n"], error: Float[Array, " n"]) -> Float[Array, ""]:
+def squared_mahalanobis(P: Float[Array, "n n"], error: Float[Array, " n"]) -> Float[Array, ""]:
     """Squared error normalised by its covariance, `e' P^-1 e`."""
-    return gaussian_density.square_and_log_determinant(P, error)[0]
+    return gaussian_density.squared_mahalanobis_and_log_determinant(P, error)[0]

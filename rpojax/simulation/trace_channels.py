@@ -7,7 +7,7 @@ import numpy as np
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import Floats, Records
 
-TRACES: Final = {
+TRACE_UNITS: Final = {
     "formation_error_m": "m",
     "nav_relative_error_m": "m",
     "nav_relative_sigma3_m": "m",
@@ -22,7 +22,7 @@ TRACES: Final = {
 """Scalar channels kept of every run, decimated -> unit."""
 
 
-def traces(file: ScenarioFile, records: Records, every: int) -> dict[str, Floats]:
+def decimated_traces(file: ScenarioFile, records: Records, every: int) -> dict[str, Floats]:
     """Decimated scalar channels (runs, samples), float32."""
 
     def norm(name: str) -> Floats:

@@ -11,13 +11,13 @@ import numpy as np
 from rpojax.vision.weight_files import WeightsError, read_tensors, write_tensors
 
 
-def write(path: Path, key: str, content: Any, progress: Any) -> None:
+def write_checkpoint(path: Path, key: str, content: Any, progress: Any) -> None:
     """Writes a tree of arrays and what JSON can hold; `key` tells which training it is of."""
     leaves = {f"{index:04d}": np.asarray(leaf) for index, leaf in enumerate(jax.tree.leaves(content))}
     write_tensors(path, leaves, {"key": key, "progress": json.dumps(progress)})
 
 
-def read(path: Path, key: str, like: Any) -> tuple[Any, Any] | None:
+def read_checkpoint(path: Path, key: str, like: Any) -> tuple[Any, Any] | None:
     """Arrays in the tree of `like`, and progress; None where there is no whole checkpoint of this training."""
     if not path.is_file():
         return None

@@ -4,11 +4,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
-from rpojax.vision.pinhole import Lens, project
+from rpojax.vision.pinhole import Intrinsics, project
 
 
 @pytree
-class Box:
+class BoundingBox:
     """One frame's bounding box.
 
     Attributes:
@@ -33,28 +33,28 @@ def box_size(edges: Float[Array, "4"]) -> Float[Array, ""]:
     return jnp.sqrt(sides[0] * sides[1])
 
 
-def overlap(a: Float[Array, "4"], b: Float[Array, "4"]) -> Float[Array, ""]:
+def intersection_over_union(a: Float[Array, "4"], b: Float[Array, "4"]) -> Float[Array, ""]:
     """Intersection over union of two boxes [px]; 0 where either is empty."""
     sides = jnp.maximum(jnp.minimum(a[2:], b[2:]) - jnp.maximum(a[:2], b[:2]), 0.0)
-    both = sides[0] * sides[1]
-    either = (a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - both
-    return both / jnp.maximum(either, 1e-6)
+    intersection = sides[0] * sides[1]
+    union = (a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - intersection
+    return intersection / jnp.maximum(union, 1e-6)
 
 
-def outline(lens: Lens, hull_K: Float[Array, "n 3"]) -> Float[Array, "4"]:
+def projected_box(intrinsics: Intrinsics, hull_K: Float[Array, "n 3"]) -> Float[Array, "4"]:
     """Box [px] around the projected hull vertices [m], not yet cut by the frame."""
-    pixels = project(lens, hull_K)
+    pixels = project(intrinsics, hull_K)
     return jnp.concatenate([jnp.min(pixels, axis=1), jnp.max(pixels, axis=1)])
 
 
-def cut_to_frame(edges: Float[Array, "4"], width_px: int, height_px: int) -> tuple[Float[Array, "4"], Array]:
+def clip_to_frame(edges: Float[Array, "4"], width_px: int, height_px: int) -> tuple[Float[Array, "4"], Array]:
     """Box cut to the frame, and whether the cut changed it."""
     limits = jnp.array([width_px, height_px, width_px, height_px], dtype=edges.dtype)
-    cut = jnp.clip(edges, 0.0, limits)
-    return cut, jnp.any(cut != edges, axis=0)
+    clipped = jnp.clip(edges, 0.0, limits)
+    return clipped, jnp.any(clipped != edges, axis=0)
 
 
-def at_border(
+def touches_border(
     edges: Float[Array, "4"], low: Float[Array, "4"], high: Float[Array, "4"], margin: Array | float = 1.0
 ) -> Array:
     """Whether an edge is within a margin [px] of the limits that a detector sees no further than."""

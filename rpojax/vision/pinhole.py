@@ -7,7 +7,7 @@ from rpojax.core.pytree import pytree
 
 
 @pytree
-class Lens:
+class Intrinsics:
     """Pinhole geometry of a camera with square pixels.
 
     Attributes:
@@ -19,23 +19,23 @@ class Lens:
     center_px: Array
 
 
-def lens(field_of_view: Float[Array, ""], width_px: int, height_px: int) -> Lens:
+def pinhole_intrinsics(field_of_view: Float[Array, ""], width_px: int, height_px: int) -> Intrinsics:
     """Lens whose horizontal field of view [rad] spans `width_px` pixels."""
     focal = 0.5 * width_px / jnp.tan(0.5 * field_of_view)
-    return Lens(focal_px=focal, center_px=jnp.array([0.5 * width_px, 0.5 * height_px], dtype=jnp.float64))
+    return Intrinsics(focal_px=focal, center_px=jnp.array([0.5 * width_px, 0.5 * height_px], dtype=jnp.float64))
 
 
-def project(lens: Lens, points_K: Float[Array, "n 3"]) -> Float[Array, "2 n"]:
+def project(intrinsics: Intrinsics, points_K: Float[Array, "n 3"]) -> Float[Array, "2 n"]:
     """Pixels (x right, y down) of points [m] in camera axes; meaningful only for points in front of the camera."""
     depth = jnp.where(points_K[:, 2] > 1e-6, points_K[:, 2], 1e-6)
     return jnp.stack(
         [
-            lens.center_px[0] + lens.focal_px * points_K[:, 0] / depth,
-            lens.center_px[1] + lens.focal_px * points_K[:, 1] / depth,
+            intrinsics.center_px[0] + intrinsics.focal_px * points_K[:, 0] / depth,
+            intrinsics.center_px[1] + intrinsics.focal_px * points_K[:, 1] / depth,
         ]
     )
 
 
-def tangents(lens: Lens, pixel: Float[Array, "2"]) -> Float[Array, "2"]:
+def normalized_coordinates(intrinsics: Intrinsics, pixel: Float[Array, "2"]) -> Float[Array, "2"]:
     """Tangents (x/z, y/z) of the ray through a pixel."""
-    return (pixel - lens.center_px) / lens.focal_px
+    return (pixel - intrinsics.center_px) / intrinsics.focal_px

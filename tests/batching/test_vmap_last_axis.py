@@ -77,7 +77,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 def test_results_are_those_of_vmap(name: str) -> None:
     axes = (-1, -1, -1, None)
     expected = jax.vmap(FUNCTIONS[name], in_axes=axes, out_axes=-1)(X, M, S, MARKER)
-    found = jax.jit(vmap_last_axis.batch(FUNCTIONS[name], axes, -1))(X, M, S, MARKER)
+    found = jax.jit(vmap_last_axis.vmap(FUNCTIONS[name], axes, -1))(X, M, S, MARKER)
     assert jax.tree.structure(found) == jax.tree.structure(expected)
     for ours, theirs in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
         assert ours.shape == theirs.shape
@@ -89,7 +89,7 @@ def test_what_items_have_in_common_stays_without_an_axis() -> None:
     def function(record: dict[str, Any], count: Any) -> Any:
         return {"own": record["a"] * record["b"][0], "common": count + 1, "none": None}
 
-    batched = vmap_last_axis.batch(function, ({"a": -1, "b": None}, None), {"own": -1, "common": None, "none": None})
+    batched = vmap_last_axis.vmap(function, ({"a": -1, "b": None}, None), {"own": -1, "common": None, "none": None})
     found = batched({"a": X, "b": jnp.ones(2)}, MARKER)
     assert found["own"].shape == (3, ITEMS)
     assert int(found["common"]) == MARKER + 1
@@ -98,7 +98,7 @@ def test_what_items_have_in_common_stays_without_an_axis() -> None:
 
 def test_a_result_that_differs_cannot_be_in_common() -> None:
     with pytest.raises(ValueError, match="out_axes"):
-        vmap_last_axis.batch(lambda x: x * 2.0, (-1,), None)(X)
+        vmap_last_axis.vmap(lambda x: x * 2.0, (-1,), None)(X)
 
 
 def test_stacked_components_stay_apart_in_memory() -> None:
@@ -108,7 +108,7 @@ def test_stacked_components_stay_apart_in_memory() -> None:
         y = jnp.stack([x[1] * x[2], x[2] - x[0], x[0]])
         return jnp.concatenate([jnp.sum(m * y[None, :], axis=1), m[np.array([2, 0, 0]), 1], y])
 
-    text = jax.jit(vmap_last_axis.batch(function, (-1, -1), -1)).lower(X, M).as_text()
+    text = jax.jit(vmap_last_axis.vmap(function, (-1, -1), -1)).lower(X, M).as_text()
     assert "transpose" not in text
 
 
@@ -127,7 +127,7 @@ def test_the_same_is_worked_out_once() -> None:
             s[None] * 7.0,
         )
 
-    every = vmap_last_axis.batch(function, (-1, -1, -1), -1)
+    every = vmap_last_axis.vmap(function, (-1, -1, -1), -1)
     traced = str(jax.make_jaxpr(every)(X, M, S))
     assert traced.count(" sin ") == 3  # of x, of s, and of s in the loop
     for found, expected in zip(every(X, M, S), jax.vmap(function, -1, -1)(X, M, S), strict=True):
@@ -135,7 +135,7 @@ def test_the_same_is_worked_out_once() -> None:
 
 
 def test_what_items_have_in_common_is_spread_once() -> None:
-    every = vmap_last_axis.batch(lambda x: (x[0] * 2.0 + 2.0, x * 2.0, x - 2.0), (-1,), -1)
+    every = vmap_last_axis.vmap(lambda x: (x[0] * 2.0 + 2.0, x * 2.0, x - 2.0), (-1,), -1)
     traced = str(jax.make_jaxpr(every)(X))
     assert traced.count("broadcast_in_dim") == 2  # as a number and as three
 
@@ -149,7 +149,7 @@ def alike(x: Any, m: Any) -> Any:
 
 
 def test_operations_that_look_alike_are_kept_apart() -> None:
-    every = vmap_last_axis.batch(alike, (-1, -1), -1)
+    every = vmap_last_axis.vmap(alike, (-1, -1), -1)
     expected = jax.vmap(alike, (-1, -1), -1)(jnp.abs(X), M)
     for found, wanted in zip(jax.tree.leaves(every(jnp.abs(X), M)), jax.tree.leaves(expected), strict=True):
         np.testing.assert_array_equal(found, wanted)
@@ -157,9 +157,9 @@ def test_operations_that_look_alike_are_kept_apart() -> None:
 
 def test_an_array_of_many_is_not_the_same_array_in_common() -> None:
     square = jnp.asarray(X[:, :3])
-    many, common = vmap_last_axis.batch(lambda a, b: (jnp.sin(a), jnp.sin(b)), (-1, None), (-1, None))(square, square)
+    many, common = vmap_last_axis.vmap(lambda a, b: (jnp.sin(a), jnp.sin(b)), (-1, None), (-1, None))(square, square)
     np.testing.assert_array_equal(many, common)
-    summed, _ = vmap_last_axis.batch(lambda a, b: (jnp.sin(a)[0], jnp.sin(b)), (-1, None), (-1, None))(square, square)
+    summed, _ = vmap_last_axis.vmap(lambda a, b: (jnp.sin(a)[0], jnp.sin(b)), (-1, None), (-1, None))(square, square)
     np.testing.assert_array_equal(summed, jnp.sin(square)[0])
 
 
@@ -168,7 +168,7 @@ def test_scopes_are_kept() -> None:
         with jax.named_scope("sense"):
             return jnp.sin(x)
 
-    text = jax.jit(vmap_last_axis.batch(function, (-1,), -1)).lower(X).as_text(debug_info=True)
+    text = jax.jit(vmap_last_axis.vmap(function, (-1,), -1)).lower(X).as_text(debug_info=True)
     assert "sense/sin" in text
 
 
@@ -184,7 +184,7 @@ def _steep_jvp(primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
 
 
 def test_functions_keep_derivatives_of_their_own() -> None:
-    every = vmap_last_axis.batch(lambda x: steep(x) + jax.lax.stop_gradient(x), in_axes=-1, out_axes=-1)
+    every = vmap_last_axis.vmap(lambda x: steep(x) + jax.lax.stop_gradient(x), in_axes=-1, out_axes=-1)
     np.testing.assert_array_equal(every(X), X)
     np.testing.assert_array_equal(jax.grad(lambda x: jnp.sum(every(x)))(X), np.full_like(X, 5.0))
     np.testing.assert_array_equal(jax.jvp(every, (X,), (X,))[1], 5.0 * X)

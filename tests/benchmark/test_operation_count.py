@@ -6,9 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import fast_compile_flags
 import jax
 import pytest
-import quick_compilation
 
 import rpojax
 from rpojax.benchmark import operation_count
@@ -38,17 +38,17 @@ MOST_MULTIPLICATIONS = 2520
 
 COUNT = """
 import json, sys
-from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
 prepare_jax(cache=False)
-prepare_loop(rendered=False)
+set_loop_fusion_flag(rendered=False)
 import jax
 import rpojax
 from rpojax.benchmark import closed_loop_speed, operation_count
-from rpojax.campaign.execution.batch_engine import Engine
+from rpojax.campaign.execution.batch_engine import BatchEngine
 
 runs = int(sys.argv[1])
-engine = Engine(rpojax.load("inspection"), runs, jax.devices()[:1])
+engine = BatchEngine(rpojax.load("inspection"), runs, jax.devices()[:1])
 engine.compile()
 loop = closed_loop_speed.loop_program(engine)
 text = loop.as_text()
@@ -62,7 +62,7 @@ print(json.dumps([loop.cost_analysis()["flops"] / runs, *counts]))
 def counted() -> tuple[float, int, int]:
     """Floating-point operations of a run and tick, instructions and multiplications of the compiled closed loop."""
     # What is counted is settled before LLVM begins.
-    environment = {**os.environ, "XLA_FLAGS": quick_compilation.FLAGS[0]}
+    environment = {**os.environ, "XLA_FLAGS": fast_compile_flags.FLAGS[0]}
     environment["PYTHONPATH"] = str(Path(rpojax.__file__).parents[1])
     words = [sys.executable, "-c", COUNT, str(RUNS)]
     done = subprocess.run(words, env=environment, check=True, capture_output=True, text=True)
@@ -86,7 +86,7 @@ def test_every_scope_is_one_of_the_tick(inspection: Scenario, inspection_params:
     def first(params: Params) -> tuple[telemetry.Channels, jax.Array]:
         state = closed_loop.init(inspection, params, closed_loop.run_key(0, 0))
         after, seen = closed_loop.tick(Stages(), inspection, params, state)
-        return telemetry.observe(inspection, params, seen), after.tick
+        return telemetry.compute_channels(inspection, params, seen), after.tick
 
     traced = jax.make_jaxpr(first)(inspection_params)
     names = {part for equation in traced.eqns for part in str(equation.source_info.name_stack).split("/")}
@@ -130,4 +130,4 @@ ENTRY %main (x: f64[2]) -> f64[] {
         Instruction("k", "copy", COPIES),
         Instruction("r", "reduce", "sense"),
     ]
-    assert [each.holds_others for each in found] == [False, True, False, False]
+    assert [each.contains_instructions for each in found] == [False, True, False, False]

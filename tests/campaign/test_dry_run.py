@@ -90,21 +90,21 @@ def test_the_cases_have_every_kind_of_dispersion_and_of_design(mission: Scenario
     assert set(CASES) == kinds(schema.Design)
     assert {entry["kind"] for entries, _ in CASES.values() for entry in entries} == kinds(schema.Dispersion)
     for kind in CASES:
-        assert set(dispersion_keys.keys(case(mission, kind))) == set(dispersion_keys.keys(mission))
+        assert set(dispersion_keys.varied_keys(case(mission, kind))) == set(dispersion_keys.varied_keys(mission))
 
 
 def held_alone(file: ScenarioFile, run_id: int) -> dict[str, np.ndarray]:
     """The values that the Params of a run hold that is prepared alone."""
-    _, chosen, _ = single_run.dispersed(file, 5, run_id, designs.Population(0, RUNS))
-    return jax.tree.map(np.asarray, dispersed_values.read_back(chosen, dispersion_keys.keys(file)))
+    _, chosen, _ = single_run.initialise_run(file, 5, run_id, designs.RunRange(0, RUNS))
+    return jax.tree.map(np.asarray, dispersed_values.read_back(chosen, dispersion_keys.varied_keys(file)))
 
 
 def check_campaign(file: ScenarioFile, out: Path) -> Campaign:
     """Plan, drawn and used values of a campaign agree, whole, and in a run flown again alone."""
     flown = run_campaign(file, RUNS, out, seed=5, block_size=1, histories=[], devices=ONE_DEVICE)
-    planned = dry_run.make(file, RUNS, 5, block_size=1, devices=ONE_DEVICE)
+    planned = dry_run.plan_campaign(file, RUNS, 5, block_size=1, devices=ONE_DEVICE)
     same_bits(planned.values, flown.drawn)
-    assert set(planned.values) == set(dispersion_keys.keys(file))
+    assert set(planned.values) == set(dispersion_keys.varied_keys(file))
     alone = held_alone(file, 2)
     for key, values in flown.drawn.items():
         np.testing.assert_allclose(flown.used[key], values, rtol=LAST_DIGITS, atol=1e-16, err_msg=key)
@@ -118,11 +118,11 @@ def check_campaign(file: ScenarioFile, out: Path) -> Campaign:
         first_run=2,
         block_size=1,
         devices=ONE_DEVICE,
-        population=designs.Population(0, RUNS),
+        population=designs.RunRange(0, RUNS),
     )
     same_bits(again.drawn, {key: values[2:3] for key, values in flown.drawn.items()})
     same_bits(again.metrics, {key: values[2:3] for key, values in flown.metrics.items()})
-    assert designs.population_of(again.info) == designs.Population(0, RUNS)
+    assert designs.recorded_run_range(again.info) == designs.RunRange(0, RUNS)
     return flown
 
 
@@ -149,7 +149,7 @@ def test_what_is_planned_is_drawn_and_used(mission: ScenarioFile, tmp_path: Path
 def test_a_campaign_whose_design_is_no_longer_the_same_is_not_resumed(
     mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, edit_info: Any
 ) -> None:
-    monkeypatch.setattr("rpojax.campaign.run_and_resume.complete", lambda *_: None)
+    monkeypatch.setattr("rpojax.campaign.run_and_resume.simulate_missing_blocks", lambda *_: None)
     file = case(mission, "latin_hypercube")
     begun = run_campaign(file, 3, tmp_path / "runs", block_size=1, devices=ONE_DEVICE)
     resume_campaign(begun.directory)
@@ -163,7 +163,7 @@ def test_a_campaign_whose_design_is_no_longer_the_same_is_not_resumed(
 def grid_plan(mission: ScenarioFile) -> dry_run.Plan:
     """Plan of a grid of four runs, two of which are asked for."""
     file = scenario_file.validate(mission.model_dump() | {"dispersions": ALWAYS[:1], "design": CASES["grid"][1]})
-    return dry_run.make(file, 2, 5, first_run=1, block_size=2, devices=ONE_DEVICE, speed=400.0)
+    return dry_run.plan_campaign(file, 2, 5, first_run=1, block_size=2, devices=ONE_DEVICE, speed=400.0)
 
 
 def test_values_of_a_grid_and_of_derived_keys_are_those_of_the_formula(grid_plan: dry_run.Plan) -> None:
@@ -176,7 +176,7 @@ def test_values_of_a_grid_and_of_derived_keys_are_those_of_the_formula(grid_plan
 
 def drawn_at_once(file: ScenarioFile, runs: int) -> dict[str, np.ndarray]:
     """Values that the first runs draw."""
-    given = designs.make(file, 0, designs.Population(0, runs)).given
+    given = designs.make_design(file, 0, designs.RunRange(0, runs)).assigned
 
     def one(run_id: jax.Array, row: dispersed_values.Values) -> dispersed_values.Values:
         return dispersed_values.draw(file, random_streams.fold_in(random_streams.master_key(0), run_id), row)
@@ -228,7 +228,7 @@ def test_derived_keys_follow_what_they_are_derived_from(mission: ScenarioFile) -
 def test_a_plans_table_can_be_read_back_to_the_last_bit(grid_plan: dry_run.Plan) -> None:
     rows = list(csv.DictReader(io.StringIO(dry_run.csv_text(grid_plan))))
     assert [(row["run_id"], row["seed"]) for row in rows] == [("1", "5"), ("2", "5")]
-    for name, values in dispersion_keys.columns(grid_plan.values).items():
+    for name, values in dispersion_keys.component_columns(grid_plan.values).items():
         assert [float(row[name]) for row in rows] == values.tolist()
     assert "initial.relative_position_m[2]" in rows[0]
     content = json.loads(json.dumps(dry_run.as_json(grid_plan), allow_nan=False))
@@ -241,10 +241,10 @@ def test_a_plan_says_what_its_campaign_takes_and_where_the_speed_comes_from(
 ) -> None:
     assert grid_plan.estimate.time_s == 2 * 400.0 / 400.0
     assert grid_plan.estimate.speed_source == "given"
-    rough = dry_run.make(mission, 2, block_size=1, devices=ONE_DEVICE).estimate
+    rough = dry_run.plan_campaign(mission, 2, block_size=1, devices=ONE_DEVICE).estimate
     assert rough.speed_source == "rough figure for 1 x CPU core"
-    assert rough.time_s == pytest.approx(800.0 / dry_run.ROUGH_SPEEDS["geometric"])
+    assert rough.time_s == pytest.approx(800.0 / dry_run.TYPICAL_SPEEDS["geometric"])
     assert rough.memory_bytes > 5e8
     assert rough.disk_bytes > 1e7
     with pytest.raises(RpojaxError, match=r"^--speed"):
-        dry_run.make(mission, 2, speed=0.0)
+        dry_run.plan_campaign(mission, 2, speed=0.0)

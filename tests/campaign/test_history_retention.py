@@ -31,7 +31,7 @@ METRICS = {
     ],
 )
 def test_runs_that_are_kept_whatever_becomes_of_them(rule: str, kept: set[int]) -> None:
-    assert Retention(rule).known(10, 6) == kept
+    assert Retention(rule).unconditional_run_ids(10, 6) == kept
 
 
 @pytest.mark.parametrize(
@@ -48,8 +48,8 @@ def test_runs_that_are_kept_whatever_becomes_of_them(rule: str, kept: set[int]) 
 )
 def test_runs_that_are_kept_for_what_became_of_them(rule: str, kept: set[int]) -> None:
     found = Retention(rule)
-    assert found.later(IDS, COMPLETED, METRICS) == kept
-    assert found.looks_at_results == (rule != "all")
+    assert found.selected_by_result(IDS, COMPLETED, METRICS) == kept
+    assert found.depends_on_results == (rule != "all")
 
 
 @pytest.mark.parametrize(
@@ -84,9 +84,9 @@ def test_a_metric_or_channel_that_is_none_is_refused_with_one_that_is_like_it() 
 
 
 def test_runs_outside_of_the_campaign_are_refused() -> None:
-    Retention("10,15+99").check(10, 6)
+    Retention("10,15+99").check_run_ids(10, 6)
     with pytest.raises(RpojaxError, match="--histories: found run 16"):
-        Retention("10,16").check(10, 6)
+        Retention("10,16").check_run_ids(10, 6)
 
 
 def test_channels_and_samples_are_thinned_but_for_what_figures_always_need() -> None:
@@ -96,7 +96,7 @@ def test_channels_and_samples_are_thinned_but_for_what_figures_always_need() -> 
         "rho_H": np.arange(21.0).reshape(7, 3),
         "nees": np.arange(7.0),
     }
-    kept = Retention("all", ("rho_H",), 3).of(history, 7)
+    kept = Retention("all", ("rho_H",), 3).thin(history, 7)
     assert kept.keys() == {"time_s", "rho_desired_H", "rho_H"}
     assert kept["time_s"].tolist() == [0.0, 3.0, 6.0]
     assert kept["rho_H"][:, 0].tolist() == [0.0, 9.0, 18.0]
@@ -104,7 +104,7 @@ def test_channels_and_samples_are_thinned_but_for_what_figures_always_need() -> 
 
 
 def test_a_rule_is_read_back_as_it_was_recorded() -> None:
-    for rule in (Retention("1+failures", ("range_m",), 5), Retention.of_runs([3, 1]), Retention.of_runs([])):
-        assert Retention.read(rule.recorded()) == rule
-    assert Retention.of_runs([3, 1]).known(0, 9) == {1, 3}
-    assert Retention.of_runs([3]).known(0, 9) == {3}
+    for rule in (Retention("1+failures", ("range_m",), 5), Retention.from_run_ids([3, 1]), Retention.from_run_ids([])):
+        assert Retention.from_record(rule.to_record()) == rule
+    assert Retention.from_run_ids([3, 1]).unconditional_run_ids(0, 9) == {1, 3}
+    assert Retention.from_run_ids([3]).unconditional_run_ids(0, 9) == {3}

@@ -10,7 +10,7 @@ import pytest
 
 from rpojax.campaign import preflight
 from rpojax.campaign.execution import block_recording
-from rpojax.campaign.execution.batch_engine import Engine
+from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.scenario.schema import ScenarioFile
@@ -62,9 +62,9 @@ def test_too_little_memory_is_refused_with_how_much_and_what_to_lower(
     mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(preflight, "_available_memory", lambda: 2e9)
-    preflight.check_size(mission, 1000, 256, 2, 8, tmp_path / "runs")
+    preflight.check_resources(mission, 1000, 256, 2, 8, tmp_path / "runs")
     with pytest.raises(RpojaxError, match=r"memory: found 2\.0 GB available, expected 10.*lower --block-size"):
-        preflight.check_size(mission, 100_000, 100_000, 1, 8, tmp_path / "runs")
+        preflight.check_resources(mission, 100_000, 100_000, 1, 8, tmp_path / "runs")
 
 
 def test_too_little_disk_is_refused_with_how_much_and_what_to_lower(
@@ -72,37 +72,37 @@ def test_too_little_disk_is_refused_with_how_much_and_what_to_lower(
 ) -> None:
     usage = shutil.disk_usage(tmp_path)._replace(free=50_000_000)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
-    preflight.check_size(mission, 1000, 256, 1, 8, tmp_path / "runs")
+    preflight.check_resources(mission, 1000, 256, 1, 8, tmp_path / "runs")
     with pytest.raises(RpojaxError, match=r"disk: found 50 MB free, expected .*lower --runs, duration_s"):
-        preflight.check_size(mission, 100_000, 256, 1, 8, tmp_path / "runs")
+        preflight.check_resources(mission, 100_000, 256, 1, 8, tmp_path / "runs")
 
 
 def test_the_estimate_of_memory_covers_the_records_by_little(mission: ScenarioFile) -> None:
-    engine = Engine(mission, 1, jax.devices()[:1])
-    segment = next(iter(engine.run(engine.prepare(0, np.zeros(1, int)))))
+    engine = BatchEngine(mission, 1, jax.devices()[:1])
+    segment = next(iter(engine.simulate(engine.prepare(0, np.zeros(1, int)))))
     sizes = {name: values.nbytes / len(values) for name, values in segment.channels.items()}
-    recorded = sum(sizes[name] for name in block_recording.RECORDED)
-    assert recorded <= preflight.RECORD_BYTES <= 1.3 * recorded
+    recorded = sum(sizes[name] for name in block_recording.RECORDED_CHANNELS)
+    assert recorded <= preflight.RECORD_BYTES_PER_TICK <= 1.3 * recorded
     whole = sum(sizes.values()) + 8.0  # and the time
-    assert whole <= preflight.HISTORY_BYTES <= 1.3 * whole
+    assert whole <= preflight.HISTORY_BYTES_PER_TICK <= 1.3 * whole
 
 
 def test_the_estimate_of_memory_covers_the_evaluation_of_a_block(mission: ScenarioFile) -> None:
-    engine = Engine(mission, 1, jax.devices()[:1])
-    channels = next(iter(engine.run(engine.prepare(0, np.zeros(1, int))))).channels
+    engine = BatchEngine(mission, 1, jax.devices()[:1])
+    channels = next(iter(engine.simulate(engine.prepare(0, np.zeros(1, int))))).channels
     runs, ticks = 100, len(channels["range_m"])
     # Laid out as they are recorded: runs side by side.
-    many = {name: np.repeat(np.moveaxis(channels[name], 1, -1), runs, axis=-1) for name in metrics.CHANNELS}
+    many = {name: np.repeat(np.moveaxis(channels[name], 1, -1), runs, axis=-1) for name in metrics.REQUIRED_CHANNELS}
     records = {name: np.moveaxis(values, -1, 0) for name, values in many.items()}
     tracemalloc.start()
     metrics.evaluate(mission, records)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert peak < preflight.EVALUATION_BYTES * runs * ticks
+    assert peak < preflight.EVALUATION_BYTES_PER_TICK * runs * ticks
 
 
 def test_the_estimate_of_disk_covers_what_is_stored(three_runs: Campaign, mission: ScenarioFile) -> None:
     files = [path for path in three_runs.directory.rglob("*") if path.is_file()]
     per_run = preflight._RUN_BYTES + mission.duration_s * preflight._TRACE_BYTES_PER_S
-    histories = 2 * 400 * preflight.HISTORY_BYTES
+    histories = 2 * 400 * preflight.HISTORY_BYTES_PER_TICK
     assert sum(path.stat().st_size for path in files) < preflight._REPORT_BYTES + 3 * per_run + histories

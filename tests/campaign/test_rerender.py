@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from campaign_folders import new_campaign
+from empty_campaign_folders import empty_campaign
 
 from rpojax.campaign import rerender, single_run
 from rpojax.campaign.storage.campaign_folder import Campaign
@@ -43,15 +43,15 @@ class Flown:
 @pytest.fixture(scope="session")
 def flown() -> Flown:
     file = scenario_file.load("inspection", ("camera.model=rendered", f"duration_s={TICKS}", *FRAME))
-    static, chosen, start = single_run.dispersed(file, SEED, RUN)
+    static, chosen, start = single_run.initialise_run(file, SEED, RUN)
 
     def tick(state: closed_loop.State, _: None) -> tuple[closed_loop.State, Any]:
         after, seen = closed_loop.tick(Stages(), static, chosen, state)
-        view = camera_models.look_at(static, chosen, state.flight)
+        view = camera_models.detector_window(static, chosen, state.flight)
         sky = closed_loop.sky_at(static, state.tick.astype(jnp.float64) * static.tick_s)
         key = noise.camera_key(state.keys, state.tick)
-        picture = camera_models.take_picture(static, chosen, view, state.truth, sky, key, state.tick)
-        return after, (telemetry.observe(static, chosen, seen), picture)
+        picture = camera_models.render_picture(static, chosen, view, state.truth, sky, key, state.tick)
+        return after, (telemetry.compute_channels(static, chosen, seen), picture)
 
     _, (channels, pictures) = jax.jit(lambda state: jax.lax.scan(tick, state, None, length=TICKS))(start)
     history = {"time_s": np.arange(TICKS) * static.tick_s, **jax.tree.map(np.asarray, channels)}
@@ -61,13 +61,13 @@ def flown() -> Flown:
 @pytest.fixture
 def folder(flown: Flown, tmp_path: Path) -> Campaign:
     """A campaign folder that holds that run's history, and nothing else."""
-    made = new_campaign(tmp_path / "runs", flown.file, SEED, 4, 0, 1, [RUN])
+    made = empty_campaign(tmp_path / "runs", flown.file, SEED, 4, 0, 1, [RUN])
     made.write_history(RUN, flown.history)
     return made
 
 
 def test_pictures_taken_again_are_those_of_the_loop(flown: Flown) -> None:
-    shots = list(rerender.pictures(flown.file, SEED, RUN, flown.history, range(TICKS)))
+    shots = list(rerender.render_images(flown.file, SEED, RUN, flown.history, range(TICKS)))
     found = np.stack([picture for picture, _ in shots]).astype(float)
     made = 255.0 * flown.pictures
     assert made.std() > 1.0
@@ -79,7 +79,7 @@ def test_pictures_taken_again_are_those_of_the_loop(flown: Flown) -> None:
 
 
 def test_every_picture_comes_with_the_channels_of_its_tick(flown: Flown) -> None:
-    ((picture, seen),) = rerender.pictures(flown.file, SEED, RUN, flown.history, [4])
+    ((picture, seen),) = rerender.render_images(flown.file, SEED, RUN, flown.history, [4])
     assert (picture.dtype, picture.shape) == (np.uint8, flown.pictures.shape[1:])
     assert seen["time_s"] == 4.0
     np.testing.assert_array_equal(seen["box_px"], flown.history["box_px"][4])
@@ -102,38 +102,38 @@ def test_the_score_is_a_share(flown: Flown) -> None:
 def test_a_history_without_poses_is_refused_by_the_name_of_what_it_lacks(flown: Flown) -> None:
     poor = {name: values for name, values in flown.history.items() if name != "q_TN"}
     with pytest.raises(ResultError, match=r"run 3: found no channel 'q_TN'"):
-        next(rerender.pictures(flown.file, SEED, RUN, poor, [0]))
+        next(rerender.render_images(flown.file, SEED, RUN, poor, [0]))
 
 
 def test_a_run_ends_where_it_failed() -> None:
-    assert rerender.last_tick({"range_m": np.array([3.0, 2.0, np.nan, np.nan])}) == 2
-    assert rerender.last_tick({"range_m": np.array([3.0, 2.0])}) == 2
+    assert rerender.valid_tick_count({"range_m": np.array([3.0, 2.0, np.nan, np.nan])}) == 2
+    assert rerender.valid_tick_count({"range_m": np.array([3.0, 2.0])}) == 2
 
 
 def test_the_scenario_of_a_campaign_is_that_of_its_pictures(folder: Campaign, flown: Flown) -> None:
-    assert rerender.scenario_of(folder.info) == flown.file
+    assert rerender.rendered_scenario(folder.info) == flown.file
 
 
 @pytest.mark.parametrize("model", ["geometric", "statistical"])
 def test_a_camera_without_pictures_is_refused(model: str) -> None:
     with pytest.raises(RpojaxError, match=f"camera.model: found '{model}', which takes no pictures"):
-        rerender.scenario_of({"scenario": {"camera": {"model": model}}})
+        rerender.rendered_scenario({"scenario": {"camera": {"model": model}}})
 
 
 def test_other_trained_files_than_the_campaigns_are_refused(folder: Campaign) -> None:
     with pytest.raises(RpojaxError, match="imaging: found other trained files"):
-        rerender.scenario_of(folder.info | {"scenario_hash": "0" * 64})
+        rerender.rendered_scenario(folder.info | {"scenario_hash": "0" * 64})
 
 
 def test_a_run_with_replaced_stages_cannot_be_flown_again(folder: Campaign, flown: Flown) -> None:
     stages = {"update_orbit": {"function": "mine", "source_sha256": None}}
     with pytest.raises(RpojaxError, match=r"run 1: found replaced stages \['update_orbit'\]"):
-        rerender.fly_again(flown.file, folder.info | {"stages": stages}, 1)
+        rerender.replay_run(flown.file, folder.info | {"stages": stages}, 1)
 
 
 @pytest.mark.slow
 def test_a_run_without_a_history_is_flown_again_with_its_own_numbers(folder: Campaign, flown: Flown) -> None:
-    again = rerender.fly_again(flown.file, folder.info, RUN)
+    again = rerender.replay_run(flown.file, folder.info, RUN)
     np.testing.assert_allclose(again["rho_H"], flown.history["rho_H"], rtol=1e-4)
     np.testing.assert_allclose(again["box_score"], flown.history["box_score"], atol=0.01)
 
@@ -191,7 +191,7 @@ def test_the_verb_refuses_in_one_line(folder: Campaign, film: Callable[..., Any]
 def test_a_campaign_without_pictures_is_refused_in_one_line(
     inspection_file: ScenarioFile, film: Callable[..., Any], tmp_path: Path
 ) -> None:
-    made = new_campaign(tmp_path / "runs", inspection_file, SEED, 4, 0, 1, [])
+    made = empty_campaign(tmp_path / "runs", inspection_file, SEED, 4, 0, 1, [])
     status, said = film(made.directory, "--out", tmp_path / "seen.mp4")
     assert (status, said.count("\n")) == (2, 1)
     assert "camera.model: found 'geometric', which takes no pictures, expected 'rendered'" in said

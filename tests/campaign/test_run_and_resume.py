@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from rpojax.campaign import run_and_resume, stage_provenance
-from rpojax.campaign.run_and_resume import Progress, resume_campaign, run_campaign
+from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
 from rpojax.campaign.storage import atomic_files
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, ResultError, RpojaxError
 from rpojax.flight.computer import Stages
 from rpojax.flight.control import formation_lqr
+from rpojax.runtime.progress import Progress
 from rpojax.scenario import metric_catalogue, scenario_file
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation import trace_channels
@@ -33,13 +34,13 @@ def contents(directory: Path) -> dict[str, bytes]:
 
 
 def test_every_run_has_every_metric_trace_and_dispersed_value(three_runs: Campaign, mission: ScenarioFile) -> None:
-    assert three_runs.missing() == []
+    assert three_runs.missing_blocks() == []
     assert three_runs.run_ids.tolist() == [0, 1, 2]
     assert three_runs.completed.all()
     assert np.isnan(three_runs.failed_at_s).all()
     assert set(three_runs.metrics) == set(metric_catalogue.UNITS)
     assert all(values.shape == (3,) for values in three_runs.metrics.values())
-    assert set(three_runs.traces) == set(trace_channels.TRACES)
+    assert set(three_runs.traces) == set(trace_channels.TRACE_UNITS)
     assert all(values.shape == (3, 40) for values in three_runs.traces.values())
     np.testing.assert_array_equal(three_runs.trace_time_s, np.arange(0.0, 400.0, 10.0))
     assert set(three_runs.drawn) == {dispersion.key for dispersion in mission.dispersions}
@@ -94,14 +95,14 @@ def test_a_crash_before_the_manifest_loses_one_block_and_resuming_gives_what_an_
         with pytest.raises(MemoryError):
             run_campaign(mission, 3, out, block_size=1, histories=[0, 2], devices=ONE_DEVICE)
     broken = Campaign(out)
-    assert broken.missing() == [1, 2]
+    assert broken.missing_blocks() == [1, 2]
     assert broken.run_ids.tolist() == [0]
     assert broken.metrics["min_range_m"].shape == (1,)
     kept = (out / "manifest" / "000000.json").read_bytes()
 
     told: list[Progress] = []
     whole = resume_campaign(out, on_progress=told.append)
-    assert whole.missing() == []
+    assert whole.missing_blocks() == []
     assert told[-1].total == told[-1].done == 2
     assert (out / "manifest" / "000000.json").read_bytes() == kept
     expected, found = arrays(three_runs.directory), arrays(out)
@@ -123,7 +124,7 @@ def test_resuming_what_is_no_campaign_is_refused(tmp_path: Path) -> None:
 
 def cautious(gain: jax.Array, deviation: jax.Array) -> jax.Array:
     """A law of one's own."""
-    return 0.5 * formation_lqr.lqr(gain, deviation)
+    return 0.5 * formation_lqr.lqr_feedback(gain, deviation)
 
 
 def test_a_campaign_goes_on_only_with_the_stages_it_began_with(
@@ -131,7 +132,9 @@ def test_a_campaign_goes_on_only_with_the_stages_it_began_with(
 ) -> None:
     stages = Stages(formation_law=cautious)
     flown: list[Stages] = []
-    monkeypatch.setattr(run_and_resume, "complete", lambda _, local, *__: flown.append(local.engine.stages))
+    monkeypatch.setattr(
+        run_and_resume, "simulate_missing_blocks", lambda _, local, *__: flown.append(local.engine.stages)
+    )
     begun = run_campaign(mission, 2, tmp_path / "own", block_size=1, devices=ONE_DEVICE, stages=stages)
     source = hashlib.sha256(inspect.getsource(cautious).encode()).hexdigest()
     assert begun.info["stages"] == {"formation_law": {"function": f"{__name__}.cautious", "source_sha256": source}}
@@ -155,7 +158,7 @@ def test_stages_of_any_kind_have_a_name_and_a_source_where_there_is_one() -> Non
         def __call__(self, gain: jax.Array, deviation: jax.Array) -> jax.Array:
             return -deviation[3:]
 
-    described = stage_provenance.describe(Stages(formation_law=Law(), wheel_torque=eval("lambda *_: 0.0")))
+    described = stage_provenance.replaced_stages(Stages(formation_law=Law(), wheel_torque=eval("lambda *_: 0.0")))
     assert set(described) == {"formation_law", "wheel_torque"}
     assert str(described["formation_law"]["function"]).endswith("<locals>.Law")
     assert described["formation_law"]["source_sha256"]
@@ -172,8 +175,8 @@ def test_progress_begins_with_compiling_and_only_grows(mission: ScenarioFile, tm
 
 
 def test_a_campaign_uses_no_more_devices_than_it_has_blocks() -> None:
-    assert run_and_resume._enough(["a", "b", "c"], 2) == ["a", "b"]
-    assert run_and_resume._enough(["a"], 5) == ["a"]
+    assert run_and_resume._devices_for_blocks(["a", "b", "c"], 2) == ["a", "b"]
+    assert run_and_resume._devices_for_blocks(["a"], 5) == ["a"]
 
 
 def test_unacceptable_requests_leave_nothing_behind(mission: ScenarioFile, tmp_path: Path) -> None:
@@ -216,7 +219,7 @@ def test_failed_runs_are_flagged_with_reason_while_the_others_go_on(survivors: C
     assert set(expected) == {"", "non-finite state", "entered the keep-out sphere"}
     np.testing.assert_array_equal(survivors.failure_reason, expected)
     np.testing.assert_array_equal(survivors.completed, expected == "")
-    assert survivors.missing() == []
+    assert survivors.missing_blocks() == []
 
 
 def test_the_time_of_failure_is_when_the_limit_was_broken(survivors: Campaign) -> None:

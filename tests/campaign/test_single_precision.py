@@ -9,7 +9,7 @@ import pytest
 
 from rpojax.analysis.gradients import tuning_validation
 from rpojax.campaign import single_run
-from rpojax.campaign.execution.batch_engine import Engine
+from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.errors import RpojaxError
 from rpojax.scenario import scenario_file
 from rpojax.scenario.schema import ScenarioFile
@@ -42,7 +42,9 @@ class Pair:
 
 def fly_both(duration_s: float, runs: int, name: str = "inspection") -> list[Pair]:
     """Metrics of the runs, which fail in both or in neither and lack a metric in both or in neither."""
-    double, other = (tuning_validation.fly(mission(duration_s, kind, name), 5, runs) for kind in ("double", "single"))
+    double, other = (
+        tuning_validation.simulate_runs(mission(duration_s, kind, name), 5, runs) for kind in ("double", "single")
+    )
     np.testing.assert_array_equal(other.completed, double.completed)
     pairs = []
     for metric, values in double.metrics.items():
@@ -84,27 +86,27 @@ def test_short_runs_are_nearly_those_in_double_precision() -> None:
 def test_propellant_far_below_the_last_digit_of_the_mass_adds_up() -> None:
     masses = []
     for kind in ("double", "single"):
-        engine = Engine(mission(1000.0, kind), 2, jax.devices()[:1])
+        engine = BatchEngine(mission(1000.0, kind), 2, jax.devices()[:1])
         block = engine.prepare(3, np.arange(2))
-        masses.append([segment.channels["mass_kg"] for segment in engine.run(block)][-1][-1])
+        masses.append([segment.channels["mass_kg"] for segment in engine.simulate(block)][-1][-1])
     used = block.drawn["servicer.mass_kg"] - masses[0]
     assert np.all(used > 1e-3)
     np.testing.assert_allclose(masses[1], masses[0], rtol=0.0, atol=4e-6)
 
 
 def test_the_loop_holds_single_numbers_alone() -> None:
-    engine = Engine(mission(200.0, "single"), 1, jax.devices()[:1])
-    _, _, state = engine._preparation.results
+    engine = BatchEngine(mission(200.0, "single"), 1, jax.devices()[:1])
+    _, _, state = engine._preparation_trace.outputs
     kinds = {leaf.dtype for leaf in jax.tree.leaves(state) if jnp.issubdtype(leaf.dtype, jnp.floating)}
     assert kinds == {np.dtype(np.float32)}
-    assert state.truth.residue.shape == state.flight.orbit.servicer.residue.shape == (2, 3, 1)
+    assert state.truth.orbit_low.shape == state.flight.orbit.servicer.orbit_low.shape == (2, 3, 1)
 
 
 def test_what_is_rounded_and_what_it_lacks_are_the_state() -> None:
-    _, _, state = single_run.dispersed(mission(200.0, "double"))
-    after = jax.jit(single_precision.rounded_state)(state)
-    assert after.truth.residue is not None
-    whole = after.truth.r_TN_N.astype(jnp.float64) + after.truth.residue[0].astype(jnp.float64)
+    _, _, state = single_run.initialise_run(mission(200.0, "double"))
+    after = jax.jit(single_precision.round_state_to_single)(state)
+    assert after.truth.orbit_low is not None
+    whole = after.truth.r_TN_N.astype(jnp.float64) + after.truth.orbit_low[0].astype(jnp.float64)
     np.testing.assert_allclose(whole, state.truth.r_TN_N, rtol=0.0, atol=1e-8)
     np.testing.assert_array_equal(after.keys, state.keys)
     assert after.tick.dtype == state.tick.dtype

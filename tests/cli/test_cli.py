@@ -19,12 +19,11 @@ from typing import Any
 import jax
 import numpy as np
 import pytest
-from one_compilation import shared_programs
+from shared_compilation import shared_programs
 
 import rpojax
 from rpojax.campaign.execution import executors
-from rpojax.campaign.execution.batch_engine import Engine
-from rpojax.campaign.run_and_resume import Progress
+from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.storage import atomic_files
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import console, main
@@ -357,7 +356,7 @@ def test_a_full_disk_is_status_4_with_what_is_kept_and_how_to_go_on(
 
     def full(path: Path, content: bytes, sync: bool = False) -> None:
         if path.parts[-3:] == ("formation_error_rms_m", "c", "1"):
-            raise atomic_files.unfinished(path, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
+            raise atomic_files.write_error(path, OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)))
         write(path, content, sync)
 
     words = ("campaign", "inspection", "--runs", 3, *SHORT, *SINGLY, "--out", out, "--json", "--no-report")
@@ -373,7 +372,9 @@ def test_a_full_disk_is_status_4_with_what_is_kept_and_how_to_go_on(
 def test_blocks_that_are_given_up_are_status_4_with_why(
     call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(executors.Workers, "do", lambda self, blocks, tell: {1: "the worker ended with signal 9"})
+    monkeypatch.setattr(
+        executors.ProcessExecutor, "run_blocks", lambda self, blocks, on_progress: {1: "the worker ended with signal 9"}
+    )
     out = tmp_path / "runs"
     words = ("--runs", 3, *SHORT, *SINGLY, "--no-report", "--json", "--workers", 2)
     result = call("campaign", "inspection", *words, "--out", out)
@@ -525,7 +526,7 @@ def test_version_and_help(call: Call) -> None:
     ],
 )
 def test_several_values_may_follow_one_set(words: list[str], expected: list[str]) -> None:
-    assert main._spread(words) == expected
+    assert main._repeat_set_flag(words) == expected
 
 
 # Bad input
@@ -550,10 +551,10 @@ def refused(call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Call
     """Runs a command line that must be refused in one line, with nothing compiled and nothing written."""
     before = contents(tmp_path)
 
-    def compile_nothing(engine: Engine) -> None:
+    def compile_nothing(engine: BatchEngine) -> None:
         pytest.fail("compiled before the input was checked")
 
-    monkeypatch.setattr(Engine, "compile", compile_nothing)
+    monkeypatch.setattr(BatchEngine, "compile", compile_nothing)
     monkeypatch.chdir(tmp_path)
 
     def run(*words: object) -> Outcome:
@@ -743,46 +744,6 @@ def test_wrong_usage_is_status_2_too(call: Call, tmp_path: Path, monkeypatch: py
     assert list(tmp_path.iterdir()) == []
 
 
-# Progress
-
-
-def tell(watch: console.Watch) -> None:
-    watch(Progress(done=0.0, total=4, failed=0, compiled=False))
-    for done in (0.0, 1.0, 1.5, 3.0, 4.0):
-        watch(Progress(done=done, total=4, failed=int(done > 2.0), compiled=True))
-
-
-def test_lines_for_a_file_come_at_the_quarters(capsys: pytest.CaptureFixture[str]) -> None:
-    with console.watching(100.0, quiet=False) as watch:
-        tell(watch)
-    captured = capsys.readouterr()
-    starts = [line.split()[1] for line in captured.err.splitlines()]
-    assert starts == ["compiling", "4", "1/4", "3/4", "4/4"]
-    assert "1 failed" in captured.err.splitlines()[-1]
-    assert captured.out == ""
-
-
-def test_a_terminal_gets_a_bar(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setenv("COLUMNS", "80")
-    with console.watching(100.0, quiet=False) as watch:
-        tell(watch)
-    captured = capsys.readouterr()
-    assert "━" in captured.err
-    assert "4/4 runs" in captured.err
-    assert "1 failed" in captured.err
-    assert captured.out == ""
-
-
-def test_pace_counts_from_when_programs_were_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = iter([100.0, 102.0])
-    monkeypatch.setattr(console.time, "perf_counter", lambda: next(clock))
-    pace = console._Pace(600.0)
-    assert pace.text(Progress(done=0.0, total=10, failed=0, compiled=True)) == "10 runs to do"
-    text = pace.text(Progress(done=4.0, total=10, failed=1, compiled=True))
-    assert text == "4/10 runs, 2/s, 1,200 run-s/s, 0:00:03 left, 1 failed"
-
-
 # What is imported and set when
 
 
@@ -925,13 +886,13 @@ def test_a_killed_campaign_resumes_to_what_an_uninterrupted_one_gives(tmp_path: 
     wait_for(out / "manifest" / "000002.json", process)
     process.kill()
     process.communicate()
-    assert 0 < len(Campaign(out).missing()) < 40
+    assert 0 < len(Campaign(out).missing_blocks()) < 40
     for words in (["resume", out], ["campaign", "inspection", *LONG, "--out", whole]):
         another = start(*words)
         another.communicate()
         assert another.returncode == 0
     expected, found = Campaign(whole), Campaign(out)
-    assert found.missing() == []
+    assert found.missing_blocks() == []
     for group in ("metrics", "traces", "drawn", "used"):
         for name, values in getattr(expected, group).items():
             np.testing.assert_array_equal(getattr(found, group)[name], values, err_msg=name)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from campaign_folders import effort, new_campaign
+from empty_campaign_folders import empty_campaign, synthetic_timing
 
 from rpojax.cli import main
 from rpojax.cli.commands.compare import changes
@@ -23,7 +23,7 @@ def written(
 ) -> Path:
     """A finished campaign of one block whose metrics are all `error`."""
     file = scenario_file.load("inspection", [f"navigation.gate_sigma={3.0 + len(failed)}"])
-    result = new_campaign(directory, file, seed, RUNS, 0, RUNS)
+    result = empty_campaign(directory, file, seed, RUNS, 0, RUNS)
     failure = np.isin(np.arange(RUNS), failed).astype(np.int8)
     arrays = {f"metrics/{name}": np.where(failure > 0, np.nan, error) for name in UNITS}
     arrays |= {
@@ -32,7 +32,7 @@ def written(
         "drawn/servicer.mass_kg": drawn,
         "used/servicer.mass_kg": drawn,
     }
-    result.write_block(0, arrays, effort())
+    result.write_block(0, arrays, synthetic_timing())
     return directory
 
 

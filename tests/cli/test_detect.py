@@ -13,7 +13,7 @@ from PIL import Image
 
 from rpojax.cli import main
 from rpojax.vision.detector import two_stage_detector
-from rpojax.vision.imaging.turntable import turntable
+from rpojax.vision.imaging.turntable import render_turntable
 from rpojax.vision.weight_files import load_field
 
 CORNER = (300, 180)
@@ -52,7 +52,7 @@ def call(capsys: pytest.CaptureFixture[str]) -> Call:
 @pytest.fixture(scope="module")
 def target() -> np.ndarray:
     """8 bit codes (96, 96, 3) of the packaged target."""
-    picture = next(turntable(load_field()[0], np.array([0.0]), SIDE, np.array([1.0, 0.6, 0.8]), 25.0))
+    picture = next(render_turntable(load_field()[0], np.array([0.0]), SIDE, np.array([1.0, 0.6, 0.8]), 25.0))
     return np.round(255.0 * np.clip(picture, 0.0, 1.0) ** (1 / 2.2)).astype(np.uint8)
 
 

@@ -11,7 +11,7 @@ import trimesh
 
 from rpojax.cli import main
 from rpojax.training.synthetic_data import ray_tracing
-from rpojax.vision.radiance_field.initial_grid import new_grid
+from rpojax.vision.radiance_field.initial_grid import initialize_grid
 from rpojax.vision.weight_files import load_field, save_field, write_tensors
 
 
@@ -22,7 +22,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "empty.stl").write_text("solid x\nendsolid x\n")
     points = np.random.default_rng(0).normal(size=(20_000, 3))
     normals = points / np.linalg.norm(points, axis=1, keepdims=True)
-    save_field(new_grid(0.5 * normals, normals, jax.random.key(0), 2000), tmp_path / "ball.field", {})
+    save_field(initialize_grid(0.5 * normals, normals, jax.random.key(0), 2000), tmp_path / "ball.field", {})
     (tmp_path / "cut.field").write_bytes((tmp_path / "ball.field").read_bytes()[:5000])
     write_tensors(tmp_path / "foreign.field", {"a": np.zeros(2)}, {})
     monkeypatch.chdir(tmp_path)
@@ -101,7 +101,7 @@ def test_an_interrupt_says_that_the_same_command_goes_on(
             raise KeyboardInterrupt
         return np.zeros((128, 128, 5), np.float32)
 
-    monkeypatch.setattr(ray_tracing.Tracer, "frame", frame)
+    monkeypatch.setattr(ray_tracing.RayTracer, "trace", frame)
     assert main.main(["field", "train", "box.stl", "--out", "new.field", "--views", "48"]) == main.Status.INTERRUPTED
     lines = capsys.readouterr().err.splitlines()
     assert lines[-1] == "rpojax: interrupted; the same command goes on from new.field.work"

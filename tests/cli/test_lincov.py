@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from linear import invented
+from synthetic_linear_covariance import synthetic_linear_covariance
 
 from rpojax.analysis.linear_covariance import linear_covariance, monte_carlo_agreement
 from rpojax.cli import main
@@ -42,9 +42,9 @@ def test_what_cannot_be_done_is_refused_before_anything_is_written(
 def test_files_figures_and_warnings_come_of_what_was_found(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    linear, sampled = invented(scale=1.5)
-    monkeypatch.setattr(linear_covariance, "analyse", lambda *_: linear)
-    monkeypatch.setattr(monte_carlo_agreement, "fly", lambda *_: sampled)
+    linear, sampled = synthetic_linear_covariance(scale=1.5)
+    monkeypatch.setattr(linear_covariance, "analyse_scenario", lambda *_: linear)
+    monkeypatch.setattr(monte_carlo_agreement, "simulate_sample", lambda *_: sampled)
     words = ("lincov", "inspection", "--runs", 400, "--out", tmp_path / "out")
     assert call(*words, "--json") == 0
     printed = json.loads(capsys.readouterr().out)

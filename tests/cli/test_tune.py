@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import rpojax
-from rpojax.analysis.gradients import tuning, tuning_validation
-from rpojax.analysis.gradients.tuning import Settings, Step, Tuned
-from rpojax.analysis.statistics.campaign_comparison import Runs
+from rpojax.analysis.gradients import gradient_descent, tuning_validation
+from rpojax.analysis.gradients.gradient_descent import TuningResult, TuningSettings, TuningStep
+from rpojax.analysis.statistics.campaign_comparison import RunMetrics
 from rpojax.cli import main
 from rpojax.scenario.metric_catalogue import UNITS
 from rpojax.scenario.schema import ScenarioFile
@@ -27,18 +27,18 @@ def call(*words: object) -> int:
 def nothing_flies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """An empty folder to work in; a tuning doubles one number, and that halves all metrics."""
 
-    def tune(file: ScenarioFile, settings: Settings, *_: Any) -> Tuned:
-        tuning.check(file, settings)
-        steps = tuple(Step(objective, {}, 1.0, 0, 0, 2.0) for objective in (3.0, 1.0))
-        return Tuned(np.zeros(1), {"navigation.edge_noise_px": 2.0}, steps, "reverse", 9.0, 1000)
+    def tune(file: ScenarioFile, settings: TuningSettings, *_: Any) -> TuningResult:
+        gradient_descent.scenario_at_horizon(file, settings)
+        steps = tuple(TuningStep(objective, {}, 1.0, 0, 0, 2.0) for objective in (3.0, 1.0))
+        return TuningResult(np.zeros(1), {"navigation.edge_noise_px": 2.0}, steps, "reverse", 9.0, 1000)
 
-    def fly(file: ScenarioFile, seed: int, runs: int, watch: Any) -> Runs:
+    def simulate_runs(file: ScenarioFile, seed: int, runs: int, on_progress: Any) -> RunMetrics:
         assert seed == 8
         base = RNG.lognormal(0.0, 0.1, runs) / file.navigation.edge_noise_px
-        return Runs(np.arange(runs), np.ones(runs, dtype=bool), dict.fromkeys(UNITS, base))
+        return RunMetrics(np.arange(runs), np.ones(runs, dtype=bool), dict.fromkeys(UNITS, base))
 
-    monkeypatch.setattr(tuning, "tune", tune)
-    monkeypatch.setattr(tuning_validation, "fly", fly)
+    monkeypatch.setattr(gradient_descent, "descend", tune)
+    monkeypatch.setattr(tuning_validation, "simulate_runs", simulate_runs)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

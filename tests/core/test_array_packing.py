@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.core.array_packing import Bundle, Layout, Packed
+from rpojax.core.array_packing import PackedFunction, PackedLayout, PackedRecord
 from rpojax.core.pytree import pytree
 
 
@@ -47,13 +47,13 @@ def assert_same(found: Any, expected: Any) -> None:
 
 
 def test_a_record_comes_back_as_it_was() -> None:
-    bundle = Bundle.of(record())
+    bundle = PackedRecord.of(record())
     assert len(bundle.arrays) == 5  # float64, bool, int32, uint32, and the large table on its own
-    assert_same(bundle.fetch(), record())
+    assert_same(bundle.to_numpy(), record())
 
 
 def test_like_records_share_their_layout() -> None:
-    assert Bundle.of(record()).layout is Layout.of(record())
+    assert PackedRecord.of(record()).layout is PackedLayout.of(record())
 
 
 def test_a_packed_function_is_the_function_and_is_compiled_once() -> None:
@@ -63,11 +63,11 @@ def test_a_packed_function_is_the_function_and_is_compiled_once() -> None:
         traces.append(1)
         return {"sum": first.matrix + second[0], "table": 2.0 * first.table}, first.flag & (second[1] > 0)
 
-    packed = Packed(function)
+    packed = PackedFunction(function)
     for number in (1.0, 2.0):
         order = (np.full((2, 3), number), np.int32(3))
-        sums, flag = packed(Bundle.of(record()), Bundle.of(order))
+        sums, flag = packed(PackedRecord.of(record()), PackedRecord.of(order))
         expected = function(jax.tree.map(jnp.asarray, record()), order)
-        assert_same(sums.fetch(), jax.tree.map(np.asarray, expected[0]))
-        assert flag.fetch() == np.asarray(expected[1])
+        assert_same(sums.to_numpy(), jax.tree.map(np.asarray, expected[0]))
+        assert flag.to_numpy() == np.asarray(expected[1])
     assert len(traces) == 3  # one to compile it, two for what is expected

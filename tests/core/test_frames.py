@@ -3,7 +3,7 @@
 import jax
 import numpy as np
 from hypothesis import given
-from reference import SEEDS, random_unit
+from numpy_reference import SEEDS, random_unit
 
 from rpojax.core import frames
 

@@ -3,11 +3,11 @@
 import jax
 import numpy as np
 from hypothesis import given
-from reference import SEEDS, random_covariance
+from numpy_reference import SEEDS, random_covariance
 from scipy.stats import multivariate_normal
 
 from rpojax.core import kalman_update
-from rpojax.core.kalman_update import Rows, Update
+from rpojax.core.kalman_update import KalmanUpdate, MeasurementRows
 
 STATES, ROWS = 7, 4
 TEXTBOOK = 1e-10  # conditioning of the joint innovation covariance times rounding
@@ -15,10 +15,10 @@ EXACT = 1e-14  # a few roundings of numbers near one
 
 
 @jax.jit
-def update(covariance: jax.Array, *rows: jax.Array) -> Update:
+def update(covariance: jax.Array, *rows: jax.Array) -> KalmanUpdate:
     residual, jacobian, variance, weight = rows
     return kalman_update.update(
-        covariance, Rows(residual=residual, jacobian=jacobian, variance=variance, weight=weight)
+        covariance, MeasurementRows(residual=residual, jacobian=jacobian, variance=variance, weight=weight)
     )
 
 
@@ -99,20 +99,22 @@ def test_the_first_innovation_is_the_residual_with_its_predicted_variance(seed: 
 @given(SEEDS)
 def test_variances_gained_before_the_rows_are_measured_and_those_added_after_them_are_not(seed: int) -> None:
     P, z, H, R = random_case(seed)
-    gained, added = np.random.default_rng(seed).uniform(0.0, 2.0, (2, STATES))
-    rows = Rows(residual=z, jacobian=H, variance=R, weight=np.ones(ROWS))
-    result = jax.jit(kalman_update.update)(P, rows, gained=gained, added=added)
-    deviation, covariance = joint_update(P + np.diag(gained), z, H, R)
+    process_variance, inflation_variance = np.random.default_rng(seed).uniform(0.0, 2.0, (2, STATES))
+    rows = MeasurementRows(residual=z, jacobian=H, variance=R, weight=np.ones(ROWS))
+    result = jax.jit(kalman_update.update)(
+        P, rows, process_variance=process_variance, inflation_variance=inflation_variance
+    )
+    deviation, covariance = joint_update(P + np.diag(process_variance), z, H, R)
     np.testing.assert_allclose(result.deviation, deviation, atol=TEXTBOOK * np.max(np.abs(deviation)))
-    expected = covariance + np.diag(added)
+    expected = covariance + np.diag(inflation_variance)
     np.testing.assert_allclose(result.covariance, expected, atol=TEXTBOOK * np.max(np.abs(expected)))
 
 
 @given(SEEDS)
 def test_a_product_of_jacobian_and_covariance_that_the_caller_knows_is_taken_for_it(seed: int) -> None:
     P, z, H, R = random_case(seed)
-    rows = Rows(residual=z, jacobian=H, variance=R, weight=np.ones(ROWS))
-    known = jax.jit(kalman_update.update)(P, rows, crossed=H @ P)
+    rows = MeasurementRows(residual=z, jacobian=H, variance=R, weight=np.ones(ROWS))
+    known = jax.jit(kalman_update.update)(P, rows, HP=H @ P)
     expected = update(P, z, H, R, np.ones(ROWS))
     np.testing.assert_allclose(known.covariance, expected.covariance, atol=TEXTBOOK * np.max(np.abs(P)))
     np.testing.assert_allclose(known.deviation, expected.deviation, atol=TEXTBOOK * np.max(np.abs(expected.deviation)))

@@ -59,7 +59,9 @@ def test_keys_and_numbers_are_those_of_jax(seed: int, number: int, count: int) -
 def test_keys_and_numbers_made_in_one_go_are_those_of_each_key() -> None:
     keys = jnp.stack([random_streams.fold_in(random_streams.master_key(7), run) for run in range(4)])
     chosen = [3, 0, 0]
-    derived = random_streams.fold_in_each(random_streams.rows(keys, chosen), jnp.array([9, 5, 2**31], dtype=jnp.uint32))
+    derived = random_streams.fold_in_per_key(
+        random_streams.select_keys(keys, chosen), jnp.array([9, 5, 2**31], dtype=jnp.uint32)
+    )
     expected = [
         random_streams.fold_in(keys[3], 9),
         random_streams.fold_in(keys[0], 5),
@@ -68,14 +70,14 @@ def test_keys_and_numbers_made_in_one_go_are_those_of_each_key() -> None:
     np.testing.assert_array_equal(derived, jnp.stack(expected))
     counts = [3, 0, 8, 1]
     expected = [normal(key, count) for key, count in zip(keys, counts, strict=True)]
-    np.testing.assert_array_equal(random_streams.normal_each(keys, counts), np.concatenate(expected))
+    np.testing.assert_array_equal(random_streams.normal_per_key(keys, counts), np.concatenate(expected))
 
 
 def test_each_key_needs_its_count() -> None:
     keys = jnp.zeros((3, 2), dtype=jnp.uint32)
     for counts in ([3], [2, 2], [1, 1, 1, 1]):
         with pytest.raises(ValueError, match=f"counts: found {len(counts)}, expected one for each of 3 keys"):
-            random_streams.normal_each(keys, counts)
+            random_streams.normal_per_key(keys, counts)
 
 
 def test_the_key_of_a_run_is_pinned() -> None:

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario import case_table, dispersion_keys, scenario_file
+from rpojax.scenario import case_table_csv, dispersion_keys, scenario_file
 from rpojax.scenario.schema import ScenarioFile
 
 
@@ -37,7 +37,7 @@ def test_a_table_lies_beside_its_scenario_and_becomes_part_of_it(tmp_path: Path)
         "fault.kind": ["none", "gps_outage"],
     }
     assert file.design.model_dump() == {"kind": "table", "file": "", "values": values}
-    assert dispersion_keys.keys(file)[-3:] == ["gps.noise_m", "formation.desired_position_m", "fault.kind"]
+    assert dispersion_keys.varied_keys(file)[-3:] == ["gps.noise_m", "formation.desired_position_m", "fault.kind"]
     (tmp_path / "runs.csv").unlink()
     again = scenario_file.validate(file.model_dump(mode="json"))
     assert again == file
@@ -100,10 +100,10 @@ def test_a_table_that_is_none_is_refused_with_its_row_or_key(tmp_path: Path, tex
 
 def test_tables_too_large_or_out_of_reach_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write(tmp_path, "gps.noise_m\n1\n2\n3\n")
-    monkeypatch.setattr(case_table, "LARGEST_CELLS", 3)
+    monkeypatch.setattr(case_table_csv, "MAX_CELLS", 3)
     with pytest.raises(ScenarioError, match="at most 1000 columns and 3 values"):
         scenario_file.load(path)
-    monkeypatch.setattr(case_table, "LARGEST_BYTES", 5)
+    monkeypatch.setattr(case_table_csv, "MAX_BYTES", 5)
     with pytest.raises(ScenarioError, match="at most 5 bytes"):
         scenario_file.load(path)
     monkeypatch.undo()
@@ -150,13 +150,15 @@ def test_whatever_a_table_holds_it_is_a_table_of_finite_numbers_or_a_scenario_er
     path = tmp_path_factory.getbasetemp() / "hostile.csv"
     path.write_bytes(content)
     try:
-        columns = case_table.read(path)
+        columns = case_table_csv.read_columns(path)
     except ScenarioError as refused:
         assert "expected" in str(refused)
         return
     assert len({len(values) for values in columns.values()}) == 1
     for key, values in columns.items():
-        assert key == case_table.NAMED or all(math.isfinite(value) for value in values if isinstance(value, float))
+        assert key == case_table_csv.TEXT_KEY or all(
+            math.isfinite(value) for value in values if isinstance(value, float)
+        )
 
 
 @pytest.mark.parametrize(
@@ -256,12 +258,12 @@ def test_components_of_one_vector_may_follow_one_another(inspection_file: Scenar
         correlated(["thruster.position_m[0]", "gps.noise_m"], [[1e-6, 1e-6], [1e-6, 1e-6]]),
     ]
     file = validate(inspection_file, dispersions=entries)
-    assert [dispersion_keys.name(entry) for entry in dispersion_keys.in_order(file)] == [
+    assert [dispersion_keys.dispersion_name(entry) for entry in dispersion_keys.evaluation_order(file)] == [
         "thruster.position_m[0]+gps.noise_m",
         "thruster.position_m[1]",
         "thruster.position_m[2]",
     ]
-    assert dispersion_keys.keys(file) == ["thruster.position_m", "gps.noise_m"]
+    assert dispersion_keys.varied_keys(file) == ["thruster.position_m", "gps.noise_m"]
 
 
 def test_an_extension_replaces_correlated_dispersions_of_the_same_keys_only(tmp_path: Path) -> None:
@@ -272,7 +274,7 @@ def test_an_extension_replaces_correlated_dispersions_of_the_same_keys_only(tmp_
         f'{head}keys = ["gps.bias_sigma_m"]\ncovariance = [[1.0]]\n'
     )
     more.write_text(f'extends = "base.toml"\n{head}keys = ["gps.noise_m"]\ncovariance = [[4.0]]\n')
-    found = {dispersion_keys.name(entry): entry for entry in scenario_file.load(more).dispersions}
+    found = {dispersion_keys.dispersion_name(entry): entry for entry in scenario_file.load(more).dispersions}
     assert found["gps.noise_m"].model_dump()["covariance"] == [[4.0]]
     assert "gps.bias_sigma_m" in found
     assert len(found) == len(scenario_file.load(base).dispersions)

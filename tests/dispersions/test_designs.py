@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rpojax.campaign.execution.batch_engine import Engine
+from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.dispersions import designs
-from rpojax.dispersions.designs import Population
+from rpojax.dispersions.designs import RunRange
 from rpojax.errors import ResultError, RpojaxError
 from rpojax.scenario import dispersion_keys, scenario_file
 from rpojax.scenario.schema import ScenarioFile
@@ -29,20 +29,20 @@ def hypercube(mission: ScenarioFile) -> ScenarioFile:
 def test_only_runs_that_draw_for_themselves_are_independent(mission: ScenarioFile) -> None:
     values = {"gps.noise_m": [1.0, 2.0]}
     for kind in ("latin_hypercube", "sobol"):
-        assert not designs.independent(with_design(mission, kind=kind))
+        assert not designs.has_independent_runs(with_design(mission, kind=kind))
     for kind in ("table", "grid"):
-        assert not designs.independent(with_design(mission, kind=kind, values=values))
-    assert designs.independent(mission)
-    assert designs.make(mission, 0, Population(0, 10)).given == {}
+        assert not designs.has_independent_runs(with_design(mission, kind=kind, values=values))
+    assert designs.has_independent_runs(mission)
+    assert designs.make_design(mission, 0, RunRange(0, 10)).assigned == {}
 
 
 def test_every_stratum_of_every_coordinate_of_a_latin_hypercube_holds_one_run(hypercube: ScenarioFile) -> None:
     runs = 97
-    given = designs.make(hypercube, 1, Population(0, runs)).given
-    assert set(given) == {dispersion_keys.name(entry) for entry in hypercube.dispersions}
+    given = designs.make_design(hypercube, 1, RunRange(0, runs)).assigned
+    assert set(given) == {dispersion_keys.dispersion_name(entry) for entry in hypercube.dispersions}
     for entry in hypercube.dispersions:
-        values = given[dispersion_keys.name(entry)]
-        assert values.shape == (runs, dispersion_keys.coordinates(hypercube, entry))
+        values = given[dispersion_keys.dispersion_name(entry)]
+        assert values.shape == (runs, dispersion_keys.coordinate_count(hypercube, entry))
         strata = np.sort(np.floor(values * runs), axis=0)
         np.testing.assert_array_equal(strata, np.broadcast_to(np.arange(runs)[:, None], values.shape))
     both = np.concatenate(list(given.values()), axis=1)
@@ -52,9 +52,9 @@ def test_every_stratum_of_every_coordinate_of_a_latin_hypercube_holds_one_run(hy
 
 def test_a_sobol_design_has_the_balance_of_a_net(mission: ScenarioFile) -> None:
     """Each half of each coordinate, and each quarter of the first two, hold equally many of 64 runs."""
-    given = designs.make(with_design(mission, kind="sobol"), 1, Population(0, 64)).given
-    points = np.concatenate([given[dispersion_keys.name(entry)] for entry in mission.dispersions], axis=1)
-    assert points.shape[1] == sum(dispersion_keys.coordinates(mission, entry) for entry in mission.dispersions)
+    given = designs.make_design(with_design(mission, kind="sobol"), 1, RunRange(0, 64)).assigned
+    points = np.concatenate([given[dispersion_keys.dispersion_name(entry)] for entry in mission.dispersions], axis=1)
+    assert points.shape[1] == sum(dispersion_keys.coordinate_count(mission, entry) for entry in mission.dispersions)
     for parts in (2, 4, 8, 16, 32, 64):
         counts = [np.bincount(np.floor(column * parts).astype(int), minlength=parts) for column in points.T]
         assert np.all(np.array(counts) == 64 // parts)
@@ -64,9 +64,9 @@ def test_a_sobol_design_has_the_balance_of_a_net(mission: ScenarioFile) -> None:
 
 def test_more_runs_of_a_sobol_design_leave_the_earlier_ones_as_they_were(mission: ScenarioFile) -> None:
     file = with_design(mission, kind="sobol")
-    whole = designs.make(file, 1, Population(0, 50)).given
-    for population in (Population(0, 20), Population(13, 7), Population(49, 1)):
-        part = designs.make(file, 1, population).given
+    whole = designs.make_design(file, 1, RunRange(0, 50)).assigned
+    for population in (RunRange(0, 20), RunRange(13, 7), RunRange(49, 1)):
+        part = designs.make_design(file, 1, population).assigned
         rows = slice(population.first_run, population.first_run + population.runs)
         for name, values in part.items():
             np.testing.assert_array_equal(values, whole[name][rows])
@@ -75,15 +75,15 @@ def test_more_runs_of_a_sobol_design_leave_the_earlier_ones_as_they_were(mission
 def test_adding_a_dispersion_leaves_the_others_of_a_latin_hypercube_as_they_were(hypercube: ScenarioFile) -> None:
     tables = hypercube.model_dump()
     fewer = scenario_file.validate(tables | {"dispersions": tables["dispersions"][::2]})
-    whole = designs.make(hypercube, 1, Population(0, 9)).given
-    for name, values in designs.make(fewer, 1, Population(0, 9)).given.items():
+    whole = designs.make_design(hypercube, 1, RunRange(0, 9)).assigned
+    for name, values in designs.make_design(fewer, 1, RunRange(0, 9)).assigned.items():
         np.testing.assert_array_equal(values, whole[name])
 
 
 @pytest.mark.parametrize("kind", ["latin_hypercube", "sobol"])
 def test_another_seed_is_another_design_and_the_same_is_the_same(mission: ScenarioFile, kind: str) -> None:
     file = with_design(mission, kind=kind)
-    one, same, other = (designs.make(file, seed, Population(0, 9)).given for seed in (1, 1, 2))
+    one, same, other = (designs.make_design(file, seed, RunRange(0, 9)).assigned for seed in (1, 1, 2))
     for name, values in one.items():
         np.testing.assert_array_equal(values, same[name])
         assert not np.any(values == other[name])
@@ -93,35 +93,35 @@ def test_another_seed_is_another_design_and_the_same_is_the_same(mission: Scenar
 def test_a_table_gives_each_run_its_row_and_no_more_runs_than_rows(mission: ScenarioFile) -> None:
     columns = {"gps.noise_m": [1.0, 2.0, 3.0], "fault.kind": ["none", "gps_outage", "none"]}
     file = with_design(mission, kind="table", values=columns)
-    made = designs.make(file, 0, Population(0, 3))
-    assert made.of_runs(np.array([2, 0])) == {
+    made = designs.make_design(file, 0, RunRange(0, 3))
+    assert made.for_runs(np.array([2, 0])) == {
         "gps.noise_m": pytest.approx([3.0, 1.0]),
         "fault.kind": pytest.approx([0, 0]),
     }
-    assert made.given["fault.kind"][1] == 5.0  # the fifth kind after none
-    later = designs.make(file, 0, Population(1, 2))
-    np.testing.assert_array_equal(later.of_runs(np.array([2]))["gps.noise_m"], [3.0])
-    np.testing.assert_array_equal(later.of_runs(np.array([5]))["gps.noise_m"], [3.0])  # padding
+    assert made.assigned["fault.kind"][1] == 5.0  # the fifth kind after none
+    later = designs.make_design(file, 0, RunRange(1, 2))
+    np.testing.assert_array_equal(later.for_runs(np.array([2]))["gps.noise_m"], [3.0])
+    np.testing.assert_array_equal(later.for_runs(np.array([5]))["gps.noise_m"], [3.0])  # padding
     with pytest.raises(RpojaxError, match=r"^--runs: found run 3, expected runs up to 2: the table"):
-        designs.make(file, 0, Population(0, 4))
+        designs.make_design(file, 0, RunRange(0, 4))
     with pytest.raises(RpojaxError, match="table"):
-        designs.make(file, 0, Population(3, 1))
+        designs.make_design(file, 0, RunRange(3, 1))
 
 
 def test_a_grid_has_every_combination_once_with_the_last_key_as_last_digit(mission: ScenarioFile) -> None:
     places = [[0.0, -30.0, 0.0], [0.0, 40.0, 0.0], [20.0, 0.0, 0.0]]
     values = {"gps.noise_m": [1.0, 2.0], "formation.desired_position_m": places, "fault.kind": ["none", "gps_outage"]}
     file = with_design(mission, kind="grid", values=values)
-    given = designs.make(file, 0, Population(0, 12)).given
+    given = designs.make_design(file, 0, RunRange(0, 12)).assigned
     found = [
         (noise, place, ("none", "gps_outage")[int(code > 0)])
         for noise, place, code in zip(*(given[key].tolist() for key in values), strict=True)
     ]
     assert found == list(itertools.product(*values.values()))
-    part = designs.make(file, 0, Population(5, 3)).given
+    part = designs.make_design(file, 0, RunRange(5, 3)).assigned
     np.testing.assert_array_equal(part["gps.noise_m"], given["gps.noise_m"][5:8])
     with pytest.raises(RpojaxError, match=r"found run 12, expected runs up to 11: the grid"):
-        designs.make(file, 0, Population(0, 13))
+        designs.make_design(file, 0, RunRange(0, 13))
 
 
 def test_the_order_of_a_grids_keys_is_part_of_the_scenarios_hash(mission: ScenarioFile) -> None:
@@ -140,21 +140,21 @@ def test_the_order_of_a_grids_keys_is_part_of_the_scenarios_hash(mission: Scenar
 
 def test_a_design_too_large_for_memory_is_refused_before_it_is_made(hypercube: ScenarioFile) -> None:
     with pytest.raises(RpojaxError, match=r"^--runs: found 2000000000, expected at most \d+ for this design"):
-        designs.make(hypercube, 0, Population(0, 2_000_000_000))
+        designs.make_design(hypercube, 0, RunRange(0, 2_000_000_000))
 
 
 def test_a_design_is_made_again_from_what_campaign_json_says(hypercube: ScenarioFile) -> None:
-    made = designs.make(hypercube, 3, Population(10, 20))
+    made = designs.make_design(hypercube, 3, RunRange(10, 20))
     info = json.loads(json.dumps({"seed": 3, "first_run": 14, "runs": 1, "design": made.record()}))
-    again = designs.of_campaign(hypercube, info)
-    assert again.population == Population(10, 20)
-    for name, values in made.given.items():
-        np.testing.assert_array_equal(again.given[name], values)
+    again = designs.recreate_design(hypercube, info)
+    assert again.run_range == RunRange(10, 20)
+    for name, values in made.assigned.items():
+        np.testing.assert_array_equal(again.assigned[name], values)
     with pytest.raises(ResultError, match=r"campaign.json: found another design"):
-        designs.of_campaign(hypercube, info | {"seed": 4})
+        designs.recreate_design(hypercube, info | {"seed": 4})
     older = {"seed": 3, "first_run": 10, "runs": 20}
     np.testing.assert_array_equal(
-        designs.of_campaign(hypercube, older).given["servicer.mass_kg"], made.given["servicer.mass_kg"]
+        designs.recreate_design(hypercube, older).assigned["servicer.mass_kg"], made.assigned["servicer.mass_kg"]
     )
 
 
@@ -174,9 +174,9 @@ def test_a_design_is_made_again_from_what_campaign_json_says(hypercube: Scenario
 )
 def test_a_campaign_json_that_says_no_design_is_refused(recorded: Any) -> None:
     with pytest.raises(ResultError, match=r"^campaign.json: found .*expected"):
-        designs.population_of({"first_run": 0, "runs": 1, "design": recorded})
+        designs.recorded_run_range({"first_run": 0, "runs": 1, "design": recorded})
 
 
 def test_an_engine_without_the_design_of_its_scenario_is_refused(hypercube: ScenarioFile) -> None:
     with pytest.raises(RpojaxError, match=r"^design: found none"):
-        Engine(hypercube, 1)
+        BatchEngine(hypercube, 1)

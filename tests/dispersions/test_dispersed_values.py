@@ -105,12 +105,12 @@ def test_a_kind_of_fault_drawn_by_name_strikes_the_equipment_of_that_name(missio
     shares = [np.mean(drawn == code) for code in codes]
     np.testing.assert_allclose(shares, 1 / 3, atol=FIVE_SIGMA * np.sqrt(2.0) / 3.0)
     assert set(drawn) == set(codes)
-    settings = scenario_file.static(file)
-    nominal = params.build(file.model_dump(), settings.width_px, settings.height_px)
+    settings = scenario_file.static_settings(file)
+    nominal = params.build_params(file.model_dump(), settings.width_px, settings.height_px)
     for code, name in zip(codes, names, strict=True):
-        plant = dispersed_values.apply(nominal, {"fault.kind": jnp.float64(code)}).plant
-        health = equipment_faults.health(plant.fault, jnp.asarray(10.0))
-        assert float(health.thrust) == (0.5 if name == "thruster_weak" else 1.0)
+        plant = dispersed_values.apply_to_params(nominal, {"fault.kind": jnp.float64(code)}).plant
+        health = equipment_faults.health_at(plant.fault, jnp.asarray(10.0))
+        assert float(health.thrust_fraction) == (0.5 if name == "thruster_weak" else 1.0)
         assert bool(health.gps) is (name != "gps_outage")
         assert bool(health.camera) is (name != "camera_blackout")
 
@@ -174,7 +174,7 @@ def every_key(file: ScenarioFile) -> list[str]:
     """All keys of a scenario that can be dispersed."""
     sections = {name: type(getattr(file, name)) for name in type(file).model_fields}
     keys = [f"{name}.{key}" for name, cls in sections.items() for key in getattr(cls, "model_fields", {})]
-    return [key for key in keys if schema.nominal(file, key) is not None]
+    return [key for key in keys if schema.nominal_value(file, key) is not None]
 
 
 def _any_dispersion(key: str) -> Any:
@@ -190,10 +190,10 @@ def test_the_value_used_is_the_value_drawn_for_every_key_there_is(mission: Scena
     keys = every_key(mission)
     assert len(keys) > 60
     file = dispersed(mission, *(_any_dispersion(key) for key in keys))
-    static = scenario_file.static(file)
-    nominal = params.build(file.model_dump(), static.width_px, static.height_px)
+    static = scenario_file.static_settings(file)
+    nominal = params.build_params(file.model_dump(), static.width_px, static.height_px)
     values = dispersed_values.draw(file, random_streams.fold_in(random_streams.master_key(0), 1), {})
-    used = dispersed_values.read_back(dispersed_values.apply(nominal, values), keys)
+    used = dispersed_values.read_back(dispersed_values.apply_to_params(nominal, values), keys)
     for key in keys:
         np.testing.assert_allclose(used[key], values[key], rtol=LAST_DIGITS, err_msg=key)
-        assert not np.array_equal(used[key], np.asarray(schema.nominal(file, key))), key
+        assert not np.array_equal(used[key], np.asarray(schema.nominal_value(file, key))), key

@@ -19,8 +19,8 @@ KEPT = 0.001
 def values_at(mission: ScenarioFile, entry: dict[str, object], unit: np.ndarray) -> np.ndarray:
     """What a dispersion makes of coordinates (runs, n)."""
     file = scenario_file.validate(mission.model_dump() | {"dispersions": [entry]})
-    name = dispersion_keys.name(file.dispersions[0])
-    [key] = dispersion_keys.keys(file)
+    name = dispersion_keys.dispersion_name(file.dispersions[0])
+    [key] = dispersion_keys.varied_keys(file)
 
     def one(row: jax.Array) -> jax.Array:
         return dispersed_values.draw(file, random_streams.master_key(0), {name: row})[key]
@@ -103,12 +103,12 @@ def correlated(mission: ScenarioFile, unit: np.ndarray | None, covariance: np.nd
     """Errors (runs, 3) of three correlated numbers, drawn or at coordinates."""
     entry = {"kind": "correlated_normal", "keys": KEYS, "covariance": covariance.tolist()}
     file = scenario_file.validate(mission.model_dump() | {"dispersions": [entry]})
-    name = dispersion_keys.name(file.dispersions[0])
+    name = dispersion_keys.dispersion_name(file.dispersions[0])
 
     def one(run_id: jax.Array, row: jax.Array) -> jax.Array:
         given = {} if unit is None else {name: row}
         found = dispersed_values.draw(file, random_streams.fold_in(random_streams.master_key(1), run_id), given)
-        position, velocity, mass = (found[key] for key in dispersion_keys.keys(file))
+        position, velocity, mass = (found[key] for key in dispersion_keys.varied_keys(file))
         return jnp.stack([position[0], velocity[1], mass - 30.0])
 
     rows = np.zeros((RUNS, 3)) if unit is None else unit

@@ -9,30 +9,30 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import scene
+import rendezvous_scene
 from jax.test_util import check_grads
-from reference import IDENTITY, matrix, random_covariance, random_unit, turn, unit
+from numpy_reference import IDENTITY, axis_angle_quaternion, random_covariance, random_unit, rotation_matrix, unit
 from scipy.optimize import brentq
 
 from rpojax.core import frames, kalman_update, quaternion
-from rpojax.core.kalman_update import Rows
+from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import runge_kutta, safe
 from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.numerics.runge_kutta import NODES, Method
 from rpojax.core.orbits import eclipse, orbital_mechanics, sun_moon_ephemeris
-from rpojax.core.orbits.orbital_mechanics import EARTH, Elements
+from rpojax.core.orbits.orbital_mechanics import EARTH_GRAVITY, KeplerianElements
 from rpojax.core.pytree import replace
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.control import attitude_control, formation_lqr
 from rpojax.flight.control.attitude_control import AttitudeCommand
-from rpojax.flight.guidance import burn_timing, slew_profile, target_pointing
-from rpojax.flight.guidance.slew_profile import Reference
+from rpojax.flight.guidance import burn_planning, slew_profile, target_pointing
+from rpojax.flight.guidance.slew_profile import SlewReference
 from rpojax.flight.navigation import attitude_ekf, orbit_filter, outlier_gate, relative_orbit_ekf, servicer_orbit_ekf
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.filter_tuning import BoxMeasurement, GpsMeasurement
 from rpojax.physics import actuators, environment, equipment_faults, plant, rigid_body
-from rpojax.physics.actuators import Burn, BurnError
-from rpojax.physics.environment import Sky
+from rpojax.physics.actuators import BurnError, ValveCommand
+from rpojax.physics.environment import SunMoonPositions
 from rpojax.physics.plant import PlantParams, Truth
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario.params import Params
@@ -102,7 +102,7 @@ def from_matrix(x: jax.Array, phi: jax.Array) -> jax.Array:
 @jax.jit
 def turn_from(x: jax.Array, a: jax.Array, b: jax.Array) -> jax.Array:
     """Turn from `a` to `b`, which the small rotation vector `x` moves."""
-    return quaternion.between(a, b + quaternion.cross(x, b))
+    return quaternion.rotation_vector_between(a, b + quaternion.cross(x, b))
 
 
 @jax.jit
@@ -145,7 +145,7 @@ def test_the_turn_between_opposite_directions_has_a_finite_derivative() -> None:
 @jax.jit
 def orbit_state(x: jax.Array) -> Any:
     a, e, i, raan, w, nu = jnp.array([7.0e6, 0.0, 1.7, 1.3, 1.5, 0.4]) + x * jnp.array([1e6, 1, 1, 1, 1, 1.0])
-    elements = Elements(
+    elements = KeplerianElements(
         semi_major_axis=a, eccentricity=e, inclination=i, raan=raan, argument_of_perigee=w, true_anomaly=nu
     )
     r_N, v_N = orbital_mechanics.state_from_elements(elements)
@@ -155,15 +155,15 @@ def orbit_state(x: jax.Array) -> Any:
 @jax.jit
 def gravities(x: jax.Array, r_N: jax.Array, d_N: jax.Array) -> Any:
     r = Difference(value=r_N + 1e6 * x[:3], change=d_N + 10.0 * x[3:])
-    pull = orbital_mechanics.gravity(EARTH, 6, r)
-    moon = orbital_mechanics.distant_pull(4.9028e12, 3.84e8 * jnp.asarray(W), r)
+    pull = orbital_mechanics.gravity(EARTH_GRAVITY, 6, r)
+    moon = orbital_mechanics.third_body_acceleration(4.9028e12, 3.84e8 * jnp.asarray(W), r)
     gradient = orbital_mechanics.gravity_gradient(r.value)
     return pull.value, 1e4 * pull.change, 1e6 * moon.value, 1e11 * moon.change, 1e6 * gradient
 
 
 @jax.jit
 def transition(x: jax.Array) -> Any:
-    phi = orbital_mechanics.relative_transition(1e-3 * (1.0 + x[0]), 200.0 * (1.0 + x[1]))
+    phi = orbital_mechanics.transition_matrix(1e-3 * (1.0 + x[0]), 200.0 * (1.0 + x[1]))
     scale = jnp.repeat(jnp.array([1.0, 1e-2]), np.array([3, 3]), total_repeat_length=6)
     return phi * scale[None, :] / scale[:, None]
 
@@ -187,7 +187,11 @@ def test_derivatives_of_gravity_and_its_differences_are_right(place: np.ndarray,
 @jax.jit
 def harmonics(x: jax.Array, r_N: jax.Array) -> Any:
     """What is left of gravity after the pull of a point, to its own constants."""
-    field = replace(EARTH, radius=EARTH.radius * (1.0 + 0.1 * x[3]), zonals=jnp.asarray(EARTH.zonals) + 1e-3 * x[4:])
+    field = replace(
+        EARTH_GRAVITY,
+        radius=EARTH_GRAVITY.radius * (1.0 + 0.1 * x[3]),
+        zonals=jnp.asarray(EARTH_GRAVITY.zonals) + 1e-3 * x[4:],
+    )
     r = Difference(value=r_N + 1e6 * x[:3], change=50.0 * jnp.asarray(V))
     full, point = (orbital_mechanics.gravity(field, degree, r) for degree in (6, 0))
     return 1e2 * (full.value - point.value), 1e6 * (full.change - point.change)
@@ -202,7 +206,7 @@ def test_derivatives_of_the_zonal_harmonics_are_right(place: np.ndarray) -> None
 @jax.jit
 def sky(x: jax.Array) -> Any:
     seconds = 8e8 + 1e5 * x[0]
-    return sun_moon_ephemeris.sun(seconds) / 1e10, sun_moon_ephemeris.moon(seconds) / 1e8
+    return sun_moon_ephemeris.sun_position(seconds) / 1e10, sun_moon_ephemeris.moon_position(seconds) / 1e8
 
 
 def test_derivatives_of_sun_and_moon_to_time_are_right() -> None:
@@ -300,7 +304,7 @@ def test_derivatives_of_hill_and_camera_axes_are_right() -> None:
 
 @jax.jit
 def measurement_update(x: jax.Array, covariance: jax.Array, z: jax.Array, H: jax.Array, R: jax.Array) -> Any:
-    rows = Rows(
+    rows = MeasurementRows(
         residual=z + x[:3],
         jacobian=H + x[3:15].reshape(3, 4),
         variance=R * (1.0 + x[15:18]),
@@ -329,8 +333,8 @@ def torques(x: jax.Array, plant_params: PlantParams, speed: jax.Array) -> Any:
     """Wheel torques, what they do to body and wheels, and the gravity gradient."""
     body, wheels = plant_params.servicer, plant_params.wheels
     command = jnp.array([0.01, 0.1, 0.02]) + x[:3]
-    motor = actuators.limited_torque(wheels, command, speed + x[3:6], 0.2)
-    hub = rigid_body.inverse_without_wheels(body.inertia, wheels.axes, wheels.inertia)
+    motor = actuators.limit_torque(wheels, command, speed + x[3:6], 0.2)
+    hub = rigid_body.inverse_hub_inertia(body.inertia, wheels.axes, wheels.inertia)
     omega = 0.1 * V + 0.1 * x[6:9]
     torque = 1e4 * environment.gravity_gradient_torque(POSITION + 1e6 * x[9:], body.inertia)
     found = rigid_body.accelerations_with_wheels(
@@ -354,8 +358,8 @@ def surface_forces(x: jax.Array, plant_params: PlantParams, r_N: jax.Array, v_N:
     surface = replace(surface, area=surface.area * (1.0 + x[8]))
     r_N, v_N = r_N + 1e4 * x[:3], v_N + 1e3 * x[3:6]
     drag = environment.drag(air, surface, plant_params.gravity.radius, r_N, v_N)
-    share = environment.light_share(sunlight, r_N, sun_N)
-    return 1e5 * drag, 1e6 * environment.light_pressure(sunlight, surface, r_N, sun_N, share)
+    share = environment.sunlit_fraction(sunlight, r_N, sun_N)
+    return 1e5 * drag, 1e6 * environment.solar_radiation_pressure(sunlight, surface, r_N, sun_N, share)
 
 
 @pytest.mark.parametrize("speed", [7.6e3, 1.0], ids=["in orbit", "nearly with the air"])
@@ -381,8 +385,8 @@ def wheel_drive(x: jax.Array, plant_params: PlantParams, command: jax.Array, spe
         coulomb_friction=wheels.coulomb_friction * (1.0 + x[6:9]),
         stiction_speed=wheels.stiction_speed * (10.0 + x[9]),
     )
-    motor = actuators.limited_torque(wheels, command + 0.01 * x[:3], speed, 0.2)
-    return 1e2 * motor, 1e3 * actuators.friction(wheels, speed)
+    motor = actuators.limit_torque(wheels, command + 0.01 * x[:3], speed, 0.2)
+    return 1e2 * motor, 1e3 * actuators.bearing_friction(wheels, speed)
 
 
 @pytest.mark.parametrize("speed", [0.0, 300.0, 627.0, -640.0], ids=["at rest", "fast", "near its limit", "beyond it"])
@@ -410,10 +414,10 @@ def valve(
     )
     error = BurnError(magnitude=x[6], direction=0.1 * x[7:10])
     begin = ignition + 0.02 * x[10]
-    burn = Burn(ignition=begin, cutoff=begin + on_time + 0.02 * x[11], error=error)
-    found = actuators.thrust(thruster, burn, method, ramps, 0.2)
+    burn = ValveCommand(ignition=begin, cutoff=begin + on_time + 0.02 * x[11], burn_error=error)
+    found = actuators.thrust_over_step(thruster, burn, method, ramps, 0.2)
     shift = actuators.center_of_mass_shift(thruster, 1.0 + x[12], 30.0 - x[12])
-    return found.opening, 1e2 * found.force_B, 1e4 * found.flow, 1e2 * shift
+    return found.node_factors, 1e2 * found.force_B, 1e4 * found.mass_flow, 1e2 * shift
 
 
 VALVES: tuple[tuple[Method, bool], ...] = (("rk4", False), ("rk4", True), ("rk8", True))
@@ -458,7 +462,7 @@ FULL = Effects(
     faults=True,
 )
 """All but the steps of torque, which no finite difference follows; their derivative has its own test."""
-SKY = Sky(sun_N=jnp.asarray(SUN_N), moon_N=3.84e8 * jnp.asarray(W))
+SKY = SunMoonPositions(sun_N=jnp.asarray(SUN_N), moon_N=3.84e8 * jnp.asarray(W))
 
 
 def plant_step(
@@ -475,11 +479,11 @@ def plant_step(
     )
     error = BurnError(magnitude=0.1 * x[8], direction=0.1 * x[9:12])
     command = jnp.array([0.01, 0.1, 0.01]) + 0.01 * x[12:15]
-    burn = Burn(ignition=ignition, cutoff=cutoff + 0.1 * x[7], error=error)
-    thrust = actuators.thrust(plant_params.thruster, burn, effects.integrator, effects.thruster_ramps, 0.2)
+    burn = ValveCommand(ignition=ignition, cutoff=cutoff + 0.1 * x[7], burn_error=error)
+    thrust = actuators.thrust_over_step(plant_params.thruster, burn, effects.integrator, effects.thruster_ramps, 0.2)
     failed = replace(
         equipment_faults.healthy(),
-        thrust=jnp.asarray(0.6),
+        thrust_fraction=jnp.asarray(0.6),
         wheel_friction=jnp.array([0.1, 0.0, 0.0]),
         wheel_stuck=jnp.array([False, True, False]),
     )
@@ -498,7 +502,11 @@ nominal_step, full_step, rk8_step = (
 @pytest.fixture(scope="module")
 def truth(params: Params) -> Truth:
     start = plant.initial_truth(
-        params.plant, params.orbit, jnp.array([2.0, -30.0, 1.0]), jnp.array([0.01, 0.0, 0.0]), jnp.asarray(turn(V, 0.7))
+        params.plant,
+        params.orbit,
+        jnp.array([2.0, -30.0, 1.0]),
+        jnp.array([0.01, 0.0, 0.0]),
+        jnp.asarray(axis_angle_quaternion(V, 0.7)),
     )
     return replace(start, wheel_speed=jnp.array([10.0, -20.0, 628.5]))  # the third beyond its limit
 
@@ -577,8 +585,8 @@ def test_a_step_of_the_plant_has_finite_derivatives_with_a_thruster_without_forc
 
 @jax.jit
 def outline(x: jax.Array, hull_K: jax.Array) -> jax.Array:
-    lens = pinhole.lens(0.2 + 0.01 * x[12], 128, 128)
-    return 1e-2 * bounding_box.outline(lens, hull_K + x[:12].reshape(4, 3))
+    lens = pinhole.pinhole_intrinsics(0.2 + 0.01 * x[12], 128, 128)
+    return 1e-2 * bounding_box.projected_box(lens, hull_K + x[:12].reshape(4, 3))
 
 
 def test_derivatives_of_the_outline_are_right() -> None:
@@ -602,13 +610,13 @@ def wheel_command(x: jax.Array, flight: FlightParams, q_BC: jax.Array) -> jax.Ar
     command = AttitudeCommand(q_CN=jnp.asarray(IDENTITY), omega_CN_C=0.01 * x[6:], acceleration_C=jnp.zeros(3))
     speed = jnp.array([10.0, -20.0, 30.0])
     return 10.0 * attitude_control.wheel_torque(
-        flight.attitude_control, flight.onboard, jnp.eye(3), body, command, speed
+        flight.attitude_control, flight.vehicle, jnp.eye(3), body, command, speed
     )
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.02, 2.0], ids=["no error", "small error", "saturated"])
 def test_derivatives_of_the_attitude_controller_are_right(params: Params, angle: float) -> None:
-    check(wheel_command, 9, params.flight, turn(V, angle))
+    check(wheel_command, 9, params.flight, axis_angle_quaternion(V, angle))
 
 
 @jax.jit
@@ -627,7 +635,7 @@ def test_derivatives_of_the_attitude_filters_update_are_right(params: Params) ->
 
 @jax.jit
 def slew_command(x: jax.Array, q_EN: jax.Array, remainder: jax.Array, age: jax.Array) -> AttitudeCommand:
-    reference = Reference(
+    reference = SlewReference(
         q_EN=q_EN,
         omega_EN_E=0.01 * x[:3],
         remainder=remainder + x[3:6],
@@ -655,20 +663,20 @@ def test_the_duration_of_a_slew_over_no_angle_has_a_finite_derivative(params: Pa
 
 @jax.jit
 def planned_burn(x: jax.Array, flight: FlightParams, r_TS_N: jax.Array, gain: jax.Array) -> Any:
-    known = scene.estimate(flight, r_TS_N + x[:3], 0.01 * jnp.asarray(V) + 0.01 * x[3:6])
-    law, gain = formation_lqr.lqr, gain * (1.0 + 0.1 * x[6])
+    known = rendezvous_scene.estimate(flight, r_TS_N + x[:3], 0.01 * jnp.asarray(V) + 0.01 * x[3:6])
+    law, gain = formation_lqr.lqr_feedback, gain * (1.0 + 0.1 * x[6])
     allowed, time = jnp.asarray(True), jnp.asarray(0.0)
-    station = formation_lqr.keep_station(flight.formation, jnp.asarray(1.1e-3), 200.0)
-    q_BN, omega = target_pointing.look_attitude(flight.onboard, known)
-    plan = burn_timing.plan_burn(
-        law, flight.formation, flight.pointing, flight.onboard, gain, station, known, q_BN, allowed, time
+    station = formation_lqr.solve_station_keeping(flight.formation, jnp.asarray(1.1e-3), 200.0)
+    q_BN, omega = target_pointing.look_attitude(flight.vehicle, known)
+    plan = burn_planning.plan_burn(
+        law, flight.formation, flight.pointing, flight.vehicle, gain, station, known, q_BN, allowed, time
     )
     return 0.1 * plan.ignition, 0.1 * plan.cutoff, 1e2 * plan.delta_v_N, plan.q_burn, q_BN, 1e2 * omega
 
 
 def test_derivatives_of_the_burn_plan_and_of_the_look_attitude_are_right(params: Params) -> None:
     gain = formation_lqr.lqr_gain(params.flight.formation, jnp.asarray(1.1e-3), 200.0)
-    check(planned_burn, 7, params.flight, scene.AHEAD + np.array([1.0, -2.0, 3.0]), gain)
+    check(planned_burn, 7, params.flight, rendezvous_scene.TARGET_AHEAD + np.array([1.0, -2.0, 3.0]), gain)
 
 
 # The orbit filter
@@ -676,7 +684,7 @@ def test_derivatives_of_the_burn_plan_and_of_the_look_attitude_are_right(params:
 
 @jax.jit
 def prediction(x: jax.Array, flight: FlightParams, delta_v_N: jax.Array) -> Any:
-    known = scene.estimate(flight)
+    known = rendezvous_scene.estimate(flight)
     relative = replace(known.relative, r_TS_N=known.relative.r_TS_N + 10.0 * x[:3])
     servicer = replace(known.servicer, v_SN_N=known.servicer.v_SN_N + 10.0 * x[3:6])
     tuning = replace(flight.navigation, relative_acceleration_noise=1e-3 * (1.0 + x[6]))
@@ -702,14 +710,16 @@ def test_the_orbit_filters_prediction_has_finite_derivatives_to_a_velocity_chang
 @jax.jit
 def box_update(x: jax.Array, flight: FlightParams, q_KN: jax.Array, box: BoxMeasurement, sigma: jax.Array) -> Any:
     """Update by a box that the one before it confirms, of a target known to `sigma` [m]."""
-    known = scene.estimate(flight).relative
+    known = rendezvous_scene.estimate(flight).relative
     spread = jnp.eye(12).at[:3, :3].multiply(sigma**2 / 0.2**2)
     moved = replace(known, r_TS_N=known.r_TS_N + x[:3], covariance=known.covariance * spread)
     measured = replace(box, tangent=box.tangent + 0.1 * x[3:5], log_size=box.log_size + x[5])
     tuning = replace(flight.navigation, edge_noise=1.0 + x[6], scale_sigma=flight.navigation.scale_sigma + 0.1 * x[7:])
-    track = replace(outlier_gate.initial_track(), direction_N=jnp.asarray(unit(scene.AHEAD)), age=jnp.ones(()))
+    track = replace(
+        outlier_gate.initial(), direction_N=jnp.asarray(unit(rendezvous_scene.TARGET_AHEAD)), age=jnp.ones(())
+    )
     after, _, result, _, _ = relative_orbit_ekf.update(
-        tuning, True, flight.onboard.focal_px, moved, track, q_KN, measured
+        tuning, True, flight.vehicle.focal_px, moved, track, q_KN, measured
     )
     return after.r_TS_N - known.r_TS_N, after.scale, 1e2 * after.covariance, 1e-3 * result.log_likelihood
 
@@ -717,7 +727,7 @@ def box_update(x: jax.Array, flight: FlightParams, q_KN: jax.Array, box: BoxMeas
 @pytest.fixture(scope="module")
 def q_KN(params: Params) -> np.ndarray:
     """Attitude of a camera that looks at the target."""
-    return scene.camera_attitude(params.flight, scene.estimate(params.flight))
+    return rendezvous_scene.camera_attitude(params.flight, rendezvous_scene.estimate(params.flight))
 
 
 @pytest.mark.parametrize("present", [True, False], ids=["with a box", "without a box"])
@@ -725,7 +735,7 @@ def q_KN(params: Params) -> np.ndarray:
 def test_derivatives_of_a_box_update_are_right_far_from_the_gates_border(
     params: Params, q_KN: np.ndarray, sigma: float, present: bool
 ) -> None:
-    box = scene.box(params.flight, matrix(q_KN), scene.AHEAD, present=present)
+    box = rendezvous_scene.box(params.flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD, present=present)
     check(box_update, 9, params.flight, q_KN, box, np.float64(sigma))
 
 
@@ -733,7 +743,7 @@ def test_derivatives_of_a_box_update_are_right_far_from_the_gates_border(
 def test_a_box_update_has_finite_derivatives_at_and_beyond_the_gates_border(
     params: Params, q_KN: np.ndarray, offset: float
 ) -> None:
-    box = scene.box(params.flight, matrix(q_KN), scene.AHEAD)
+    box = rendezvous_scene.box(params.flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD)
     moved = replace(box, tangent=box.tangent + jnp.array([offset, 0.0]))
     check_finite(box_update, 9, params.flight, q_KN, moved, np.float64(0.05))
 
@@ -742,12 +752,12 @@ def test_a_box_update_has_finite_derivatives_at_and_beyond_the_gates_border(
 def gps_update(x: jax.Array, flight: FlightParams, gps_N: jax.Array) -> Any:
     tuning = replace(flight.navigation, gps_noise=2.0 + x[3])
     gps = GpsMeasurement(position_N=gps_N + x[:3], present=jnp.asarray(True))
-    after, result = servicer_orbit_ekf.update(tuning, scene.estimate(flight).servicer, gps)
-    return after.r_SN_N - scene.R_SN_N, after.gps_error_N, result.log_likelihood
+    after, result = servicer_orbit_ekf.update(tuning, rendezvous_scene.estimate(flight).servicer, gps)
+    return after.r_SN_N - rendezvous_scene.R_SN_N, after.gps_error_N, result.log_likelihood
 
 
 def test_derivatives_of_a_gps_update_are_right(params: Params) -> None:
-    check(gps_update, 4, params.flight, scene.R_SN_N + 3.0 * V)
+    check(gps_update, 4, params.flight, rendezvous_scene.R_SN_N + 3.0 * V)
 
 
 def test_the_gate_passes_a_derivative_only_near_its_threshold() -> None:

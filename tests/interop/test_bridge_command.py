@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from rpojax.cli import main
-from rpojax.interop.cosimulation.live_settings import COMMANDS, Settings, Stage
+from rpojax.interop.cosimulation.live_settings import COMMAND_TOPICS, ExternalStage, LiveSettings
 from rpojax.interop.ros2 import topics
 from rpojax.interop.ros2.dds_participant import Participant
 
@@ -44,10 +44,12 @@ def test_the_page_has_every_topic_of_commands_and_the_defaults() -> None:
     rows = [line.strip("|").split("|") for line in PAGE.splitlines() if line.startswith("| `")]
     told = [tuple(cell.strip(" `") for cell in row[:3]) for row in rows if len(row) == 4 and "/servicer/" in row[1]]
     expected = [
-        (stage.value, topic.name, topic.type.replace("/msg/", "/")) for stage in Stage for topic in COMMANDS[stage]
+        (stage.value, topic.name, topic.type.replace("/msg/", "/"))
+        for stage in ExternalStage
+        for topic in COMMAND_TOPICS[stage]
     ]
     assert told == expected
-    settings = Settings()
+    settings = LiveSettings()
     for option, value in (
         ("timeout", settings.timeout_s),
         ("patience", settings.patience_s),
@@ -155,7 +157,7 @@ def test_in_real_time_the_run_keeps_the_pace_and_says_its_pictures() -> None:
     assert found["completed"]
     assert found["ignored"] == {}
     assert found["wall_s"] > 39.9
-    assert len(pictures.take()) == found["sent"]["/servicer/camera/image_raw"] == found["ticks"] == 40
+    assert len(pictures.take_messages()) == found["sent"]["/servicer/camera/image_raw"] == found["ticks"] == 40
     assert topics.GPS.name not in found["sent"]  # nobody listens to it
     # On a busy machine a step may be over before its answer has come.
     assert 0 < found["received"]["/servicer/wheels/command"] <= found["steps"] == 200

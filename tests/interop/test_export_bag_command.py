@@ -11,18 +11,18 @@ import pytest
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.interop import run_replay
 from rpojax.interop.ros2 import message_types
-from rpojax.interop.ros2.message_values import TickValues
-from rpojax.interop.run_replay import Flight
+from rpojax.interop.ros2.message_values import RosTickValues
+from rpojax.interop.run_replay import ReplayedRun
 
 
 @pytest.fixture
 def export(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], flight: Flight[TickValues]
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], flight: ReplayedRun[RosTickValues]
 ) -> Callable[..., Any]:
     """The verb in this process, with a flight that has been flown: exit status and what it said."""
     from rpojax.cli import main
 
-    monkeypatch.setattr(run_replay, "fly", lambda *_, **__: flight)
+    monkeypatch.setattr(run_replay, "replay", lambda *_, **__: flight)
 
     def run(*words: object) -> tuple[int, str]:
         capsys.readouterr()

@@ -8,18 +8,20 @@ import pytest
 
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.interop import run_replay
-from rpojax.interop.rerun_viewer.viewer_values import Shown
-from rpojax.interop.run_replay import Flight
+from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
+from rpojax.interop.run_replay import ReplayedRun
 
 Export = Callable[..., tuple[int, str]]
 
 
 @pytest.fixture
-def export(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], shown: Flight[Shown]) -> Export:
+def export(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], shown: ReplayedRun[ViewerChannels]
+) -> Export:
     """The verb in this process, with a run that has been flown: exit status and what it said."""
     from rpojax.cli import main
 
-    monkeypatch.setattr(run_replay, "fly", lambda *_, **__: shown)
+    monkeypatch.setattr(run_replay, "replay", lambda *_, **__: shown)
 
     def run(*words: object) -> tuple[int, str]:
         capsys.readouterr()

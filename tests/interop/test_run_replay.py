@@ -7,16 +7,16 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from campaign_folders import new_campaign
+from empty_campaign_folders import empty_campaign
 
 from rpojax.campaign import single_run
-from rpojax.campaign.run_and_resume import Progress
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
 from rpojax.interop import run_replay
 from rpojax.interop.ros2 import message_values
-from rpojax.interop.run_replay import Flight, Observe
+from rpojax.interop.run_replay import ReplayedRun, TickObserver
+from rpojax.runtime.progress import Progress
 from rpojax.scenario import scenario_file
 from rpojax.scenario.params import Params
 from rpojax.scenario.scenario_file import Scenario
@@ -25,21 +25,21 @@ from rpojax.simulation.closed_loop import State
 
 def test_a_run_that_the_campaign_does_not_have_is_refused(folder: Campaign) -> None:
     with pytest.raises(RpojaxError, match=r"--run-id: found 4, expected a run of this campaign, 0 to 3"):
-        run_replay.fly(folder, 4, message_values.observe)
+        run_replay.replay(folder, 4, message_values.observe_tick)
 
 
 def test_other_trained_files_than_the_campaigns_are_refused(folder: Campaign, tmp_path: Path) -> None:
     described = json.loads((folder.directory / "campaign.json").read_text())
     (tmp_path / "campaign.json").write_text(json.dumps({**described, "scenario_hash": "0" * 64}))
     with pytest.raises(RpojaxError, match="scenario: found another content or trained files"):
-        run_replay.fly(Campaign(tmp_path), 3, message_values.observe)
+        run_replay.replay(Campaign(tmp_path), 3, message_values.observe_tick)
 
 
 def test_a_run_of_a_campaign_in_single_precision_is_flown_in_double(
-    both: Flight, observe_both: Observe, tmp_path: Path
+    both: ReplayedRun, observe_both: TickObserver, tmp_path: Path
 ) -> None:
     file = both.file.model_copy(update={"precision": "single"})
-    found = run_replay.fly(new_campaign(tmp_path / "runs", file, both.seed, 4, 0, 1), both.run_id, observe_both)
+    found = run_replay.replay(empty_campaign(tmp_path / "runs", file, both.seed, 4, 0, 1), both.run_id, observe_both)
     assert (
         scenario_file.digest(found.file)
         == json.loads((tmp_path / "runs" / "campaign.json").read_text())["scenario_hash"]
@@ -49,24 +49,24 @@ def test_a_run_of_a_campaign_in_single_precision_is_flown_in_double(
 
 
 def test_a_run_ends_with_the_tick_at_which_it_failed(
-    folder: Campaign, both: Flight, observe_both: Observe, monkeypatch: pytest.MonkeyPatch
+    folder: Campaign, both: ReplayedRun, observe_both: TickObserver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The same numbers but for the sphere that must not be entered: the same way up to there.
     distance = both.poses["range_m"]
     radius = float(0.5 * (distance[1:].min() + distance[1:].max()))
     entered = 1 + int(np.argmax(distance[1:] < radius))
-    dispersed = single_run.dispersed
+    dispersed = single_run.initialise_run
 
     def narrow(*run: Any) -> tuple[Scenario, Params, State]:
         static, chosen, state = dispersed(*run)
         limits = replace(chosen.limits, keep_out=jnp.full_like(chosen.limits.keep_out, radius))
         return static, replace(chosen, limits=limits), state
 
-    monkeypatch.setattr(single_run, "dispersed", narrow)
+    monkeypatch.setattr(single_run, "initialise_run", narrow)
     told: list[Progress] = []
-    found = run_replay.fly(folder, both.run_id, observe_both, on_progress=told.append)
+    found = run_replay.replay(folder, both.run_id, observe_both, on_progress=told.append)
     assert (found.ticks, found.failed_at_s, [each.total for each in told]) == (entered, entered - 1.0, [1])
-    assert (found.chosen.limits.keep_out, len(found.values[0].time_s)) == (radius, entered)
+    assert (found.params.limits.keep_out, len(found.values[0].time_s)) == (radius, entered)
     np.testing.assert_array_equal(found.poses["r_ST_N"], both.poses["r_ST_N"][:entered])
 
 
@@ -89,7 +89,7 @@ class Recorded(Campaign):
 
 
 @pytest.fixture
-def recorded(folder: Campaign, flight: Flight) -> Recorded:
+def recorded(folder: Campaign, flight: ReplayedRun) -> Recorded:
     """The folder as if it had flown that run, and another one before."""
     made = Recorded(folder.directory)
     flown = flight.poses["range_m"][::10].astype(np.float32)
@@ -101,14 +101,14 @@ def recorded(folder: Campaign, flight: Flight) -> Recorded:
     return made
 
 
-def test_a_flight_is_compared_with_what_the_campaign_recorded(flight: Flight, recorded: Recorded) -> None:
-    assert run_replay.compare(flight, recorded) == run_replay.Agreement(18, 0.0, True)
+def test_a_flight_is_compared_with_what_the_campaign_recorded(flight: ReplayedRun, recorded: Recorded) -> None:
+    assert run_replay.compare_with_campaign(flight, recorded) == run_replay.ReplayAgreement(18, 0.0, True)
     recorded.recorded["range_m"][1, 7] += np.float32(0.5)
     recorded.recorded["failed_at_s"][1] = 90.0
-    found = run_replay.compare(flight, recorded)
+    found = run_replay.compare_with_campaign(flight, recorded)
     assert found
     assert (found.range_difference_m, found.same_end) == (pytest.approx(0.5, rel=1e-5), False)
 
 
-def test_a_run_that_is_not_flown_yet_cannot_be_compared(flight: Flight, folder: Campaign) -> None:
-    assert run_replay.compare(flight, folder) is None
+def test_a_run_that_is_not_flown_yet_cannot_be_compared(flight: ReplayedRun, folder: Campaign) -> None:
+    assert run_replay.compare_with_campaign(flight, folder) is None

@@ -13,23 +13,23 @@ from scipy.integrate import quad
 from rpojax.core.numerics.runge_kutta import NODES, Method
 from rpojax.core.pytree import replace
 from rpojax.physics import actuators
-from rpojax.physics.actuators import Burn, BurnError, Thruster
+from rpojax.physics.actuators import BurnError, Thruster, ValveCommand
 from rpojax.scenario.params import Params
 
 EXACT = 1e-14  # a few roundings of numbers near one
 STEP = 0.2
 METHODS: tuple[Method, ...] = ("rk4", "rk8")
 
-friction = jax.jit(actuators.friction)
-limited_torque = jax.jit(actuators.limited_torque, static_argnums=3)
-quantised = jax.jit(actuators.quantised)
-thrust = jax.jit(actuators.thrust, static_argnums=(2, 3, 4))
+friction = jax.jit(actuators.bearing_friction)
+limited_torque = jax.jit(actuators.limit_torque, static_argnums=3)
+quantised = jax.jit(actuators.quantise_torque)
+thrust = jax.jit(actuators.thrust_over_step, static_argnums=(2, 3, 4))
 center_of_mass_shift = jax.jit(actuators.center_of_mass_shift)
 NO_ERROR = BurnError(magnitude=jnp.zeros(()), direction=jnp.zeros(3))
 
 
-def burn(ignition: float, cutoff: float, error: BurnError = NO_ERROR) -> Burn:
-    return Burn(ignition=jnp.float64(ignition), cutoff=jnp.float64(cutoff), error=error)
+def burn(ignition: float, cutoff: float, error: BurnError = NO_ERROR) -> ValveCommand:
+    return ValveCommand(ignition=jnp.float64(ignition), cutoff=jnp.float64(cutoff), burn_error=error)
 
 
 def test_a_torque_command_within_the_limits_is_carried_out(params: Params) -> None:
@@ -110,7 +110,7 @@ def test_burn_errors_have_the_thrusters_standard_deviations(params: Params) -> N
 
 def test_the_flow_of_propellant_is_force_over_exhaust_speed(params: Params) -> None:
     thruster = replace(params.plant.thruster, force=jnp.float64(0.04), force_scale=jnp.float64(1.25))
-    flow = thrust(thruster, burn(0.0, 1.0), "rk4", False, STEP).flow
+    flow = thrust(thruster, burn(0.0, 1.0), "rk4", False, STEP).mass_flow
     np.testing.assert_allclose(flow, 0.05 / (70.0 * 9.80665), rtol=EXACT)
 
 
@@ -132,7 +132,7 @@ def opening_moments(
     weights = np.linalg.solve(nodes[None, :] ** powers[:, None], 1.0 / (powers + 1.0))
     moments = np.zeros(nodes.size)
     for k in range(steps):
-        found = np.asarray(thrust(thruster, burn(begin - k * STEP, end - k * STEP), method, ramps, STEP).opening)
+        found = np.asarray(thrust(thruster, burn(begin - k * STEP, end - k * STEP), method, ramps, STEP).node_factors)
         times = (k + nodes) * STEP
         moments += STEP * (weights * found) @ times[:, None] ** powers[None, :]
     return moments
@@ -211,10 +211,10 @@ def test_a_burn_outside_of_the_step_or_without_duration_gives_no_thrust(
     params: Params, ignition: float, cutoff: float, ramps: bool
 ) -> None:
     found = thrust(params.plant.thruster, burn(ignition, cutoff), "rk4", ramps, STEP)
-    np.testing.assert_array_equal(found.opening, [0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(found.node_factors, [0.0, 0.0, 0.0])
     # Without a minimum on-time, nothing is left but the rounding of two moments that cancel.
     found = thrust(ready(params), burn(ignition, cutoff), "rk4", ramps, STEP)
-    np.testing.assert_allclose(found.opening, [0.0, 0.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(found.node_factors, [0.0, 0.0, 0.0], atol=1e-15)
 
 
 @pytest.mark.parametrize("ramps", [False, True], ids=["on or off", "ramps"])
@@ -222,8 +222,8 @@ def test_a_burn_below_the_minimum_on_time_gives_nothing(params: Params, ramps: b
     thruster = params.plant.thruster
     for begin in (-0.3, 0.0, 0.1):
         short, long = (thrust(thruster, burn(begin, begin + t), "rk4", ramps, STEP) for t in (0.499, 0.501))
-        np.testing.assert_array_equal(short.opening, [0.0, 0.0, 0.0])
-        assert np.max(long.opening) > 0.5
+        np.testing.assert_array_equal(short.node_factors, [0.0, 0.0, 0.0])
+        assert np.max(long.node_factors) > 0.5
 
 
 @jax.jit
@@ -231,9 +231,9 @@ def _impulse(thruster: Thruster, ignition: jax.Array, on_time: jax.Array) -> jax
     """Impulse [N s] over twelve steps with ramps."""
 
     def part(begin: jax.Array) -> jax.Array:
-        cut = Burn(ignition=ignition - begin, cutoff=ignition + on_time - begin, error=NO_ERROR)
-        found = actuators.thrust(thruster, cut, "rk4", True, STEP)
-        return STEP / 6.0 * (found.opening @ jnp.array([1.0, 4.0, 1.0])) * found.force_B[0]
+        cut = ValveCommand(ignition=ignition - begin, cutoff=ignition + on_time - begin, burn_error=NO_ERROR)
+        found = actuators.thrust_over_step(thruster, cut, "rk4", True, STEP)
+        return STEP / 6.0 * (found.node_factors @ jnp.array([1.0, 4.0, 1.0])) * found.force_B[0]
 
     return jnp.sum(jax.vmap(part)(STEP * jnp.arange(12, dtype=jnp.float64)))
 

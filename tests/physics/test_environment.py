@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
-from reference import MU, RADIUS, SEEDS, random_unit, relative_error
+from numpy_reference import MU, RADIUS, SEEDS, random_unit, relative_error
 
 from rpojax.core.pytree import replace
 from rpojax.physics import environment
@@ -17,7 +17,9 @@ drag = jax.jit(environment.drag)
 
 @jax.jit
 def light_pressure(light: Sunlight, surface: Surface, r_N: jax.Array, r_sun_N: jax.Array) -> jax.Array:
-    return environment.light_pressure(light, surface, r_N, r_sun_N, environment.light_share(light, r_N, r_sun_N))
+    return environment.solar_radiation_pressure(
+        light, surface, r_N, r_sun_N, environment.sunlit_fraction(light, r_N, r_sun_N)
+    )
 
 
 gravity_gradient_torque = jax.jit(environment.gravity_gradient_torque)

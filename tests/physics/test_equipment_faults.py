@@ -12,14 +12,14 @@ from rpojax.physics.equipment_faults import KINDS, Fault, Health
 
 START, DURATION = 100.0, 50.0
 
-health = jax.jit(equipment_faults.health)
+health = jax.jit(equipment_faults.health_at)
 
 EFFECT = {
     "none": {},
     "wheel_stuck": {"wheel_stuck": [False, True, False]},
     "wheel_friction": {"wheel_friction": [0.0, 0.3, 0.0]},
-    "thruster_off": {"thrust": 0.0},
-    "thruster_weak": {"thrust": 0.7},
+    "thruster_off": {"thrust_fraction": 0.0},
+    "thruster_weak": {"thrust_fraction": 0.7},
     "gps_outage": {"gps": False},
     "star_tracker_blind": {"star_tracker": False},
     "camera_blackout": {"camera": False},
@@ -64,14 +64,14 @@ def test_a_wheel_fault_strikes_the_wheel_of_its_number(kind: str, wheel: int) ->
 
 
 def test_the_code_of_a_kind_is_its_place_and_numbers_are_codes_already() -> None:
-    assert [equipment_faults.code(kind) for kind in KINDS] == list(range(len(KINDS)))
-    assert equipment_faults.code(3.0) == 3.0
+    assert [equipment_faults.kind_code(kind) for kind in KINDS] == list(range(len(KINDS)))
+    assert equipment_faults.kind_code(3.0) == 3.0
 
 
 def test_thrust_and_friction_follow_the_severity_and_no_other_number_has_a_slope() -> None:
-    for kind, name, slope in (("thruster_weak", "thrust", -1.0), ("wheel_friction", "wheel_friction", 1.0)):
-        found = jax.grad(lambda f, name=name: jnp.sum(getattr(equipment_faults.health(f, jnp.float64(120.0)), name)))(
-            fault(KINDS.index(kind))
-        )
+    for kind, name, slope in (("thruster_weak", "thrust_fraction", -1.0), ("wheel_friction", "wheel_friction", 1.0)):
+        found = jax.grad(
+            lambda f, name=name: jnp.sum(getattr(equipment_faults.health_at(f, jnp.float64(120.0)), name))
+        )(fault(KINDS.index(kind)))
         assert float(found.severity) == slope
         assert [float(getattr(found, other)) for other in ("kind", "start", "duration", "wheel")] == [0.0] * 4

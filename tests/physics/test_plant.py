@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from reference import IDENTITY, gravity, matrix, random_unit
+from numpy_reference import IDENTITY, gravity, random_unit, rotation_matrix
 from scipy.integrate import solve_ivp
 
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.orbits import orbital_mechanics
 from rpojax.core.pytree import replace
 from rpojax.physics import actuators, equipment_faults, plant
-from rpojax.physics.actuators import Burn, BurnError, Thrust
-from rpojax.physics.environment import Sky
+from rpojax.physics.actuators import BurnError, StepThrust, ValveCommand
+from rpojax.physics.environment import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant import PlantParams, Truth
 from rpojax.physics.plant_options import Effects
@@ -28,7 +28,7 @@ HOUR = round(3600.0 / STEP)
 BURN_STEPS = 20
 G0 = 9.80665
 EFFECTS = Effects()
-SKY = Sky(sun_N=jnp.array([1.0e11, 1.1e11, 2.0e10]), moon_N=jnp.array([-3.0e8, 2.0e8, 1.0e8]))
+SKY = SunMoonPositions(sun_N=jnp.array([1.0e11, 1.1e11, 2.0e10]), moon_N=jnp.array([-3.0e8, 2.0e8, 1.0e8]))
 HEALTHY = equipment_faults.healthy()
 
 step = jax.jit(plant.step, static_argnums=(0, 7))
@@ -36,8 +36,13 @@ initial_truth = jax.jit(plant.initial_truth)
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def fly(
-    effects: Effects, params: PlantParams, truth: Truth, commands: jax.Array, health: Health = HEALTHY, sky: Sky = SKY
+def simulate(
+    effects: Effects,
+    params: PlantParams,
+    truth: Truth,
+    commands: jax.Array,
+    health: Health = HEALTHY,
+    sky: SunMoonPositions = SKY,
 ) -> Truth:
     """Truth after each step with the given wheel torque commands (n, 3) and no thruster."""
 
@@ -49,28 +54,28 @@ def fly(
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def burn_through(effects: Effects, params: PlantParams, truth: Truth, ignition: jax.Array, cutoff: jax.Array) -> Truth:
+def simulate_burn(effects: Effects, params: PlantParams, truth: Truth, ignition: jax.Array, cutoff: jax.Array) -> Truth:
     """Truth after `BURN_STEPS` steps with the thruster open from `ignition` to `cutoff` [s]."""
 
     def body(truth: Truth, begin: jax.Array) -> tuple[Truth, None]:
-        pushes = (push(params, ignition - begin, cutoff - begin, effects),)
+        pushes = (step_thrust(params, ignition - begin, cutoff - begin, effects),)
         return plant.step(effects, params, truth, jnp.zeros(3), pushes, SKY, HEALTHY, STEP), None
 
     return jax.lax.scan(body, truth, STEP * jnp.arange(BURN_STEPS, dtype=jnp.float64))[0]
 
 
 final_velocity_slope = jax.jit(
-    jax.jacfwd(lambda *arguments: burn_through(*arguments).v_ST_N, argnums=(3, 4)), static_argnums=0
+    jax.jacfwd(lambda *arguments: simulate_burn(*arguments).v_ST_N, argnums=(3, 4)), static_argnums=0
 )
 
 
-def push(
+def step_thrust(
     params: PlantParams, ignition: jax.Array | float, cutoff: jax.Array | float, effects: Effects = EFFECTS
-) -> Thrust:
+) -> StepThrust:
     """The thruster open from `ignition` to `cutoff` [s] from the start of the step, without any error."""
     none = BurnError(magnitude=jnp.zeros(()), direction=jnp.zeros(3))
-    burn = Burn(ignition=jnp.float64(ignition), cutoff=jnp.float64(cutoff), error=none)
-    return actuators.thrust(params.thruster, burn, effects.integrator, effects.thruster_ramps, STEP)
+    burn = ValveCommand(ignition=jnp.float64(ignition), cutoff=jnp.float64(cutoff), burn_error=none)
+    return actuators.thrust_over_step(params.thruster, burn, effects.integrator, effects.thruster_ramps, STEP)
 
 
 def advance(
@@ -78,9 +83,9 @@ def advance(
     params: PlantParams,
     truth: Truth,
     command: np.ndarray | None = None,
-    thrusts: tuple[Thrust, ...] = (),
+    thrusts: tuple[StepThrust, ...] = (),
     health: Health = HEALTHY,
-    sky: Sky = SKY,
+    sky: SunMoonPositions = SKY,
 ) -> Truth:
     """Truth one step later."""
     return step(effects, params, truth, np.zeros(3) if command is None else command, thrusts, sky, health, STEP)
@@ -125,7 +130,7 @@ def massless(balanced: PlantParams) -> PlantParams:
 
 
 def inertial(q: np.ndarray, vector_B: np.ndarray) -> np.ndarray:
-    return matrix(np.asarray(q)).T @ vector_B
+    return rotation_matrix(np.asarray(q)).T @ vector_B
 
 
 def sampled(history: Truth) -> list[Truth]:
@@ -141,7 +146,7 @@ def test_a_free_body_keeps_its_angular_momentum_and_energy_over_an_hour(params: 
         return inertial(truth.q_TN, inertia @ omega), float(omega @ inertia @ omega)
 
     start, start_energy = momentum_and_energy(far_away)
-    for truth in sampled(fly(EFFECTS, params.plant, far_away, np.zeros((HOUR, 3)))):
+    for truth in sampled(simulate(EFFECTS, params.plant, far_away, np.zeros((HOUR, 3)))):
         momentum, energy = momentum_and_energy(truth)
         assert np.linalg.norm(momentum - start) < 1e-10 * np.linalg.norm(start)
         assert abs(energy - start_energy) < 1e-10 * start_energy
@@ -158,7 +163,7 @@ def test_body_and_wheels_together_keep_their_angular_momentum_over_an_hour_of_to
         return inertial(truth.q_BN, inertia @ np.asarray(truth.omega_BN_B) + wheel)
 
     start = momentum(far_away)
-    history = sampled(fly(EFFECTS, params.plant, far_away, 1e-4 * np.sin(phase)))
+    history = sampled(simulate(EFFECTS, params.plant, far_away, 1e-4 * np.sin(phase)))
     for truth in history:
         assert np.linalg.norm(momentum(truth) - start) < 1e-10 * np.linalg.norm(start)
     moved = max(np.max(np.abs(truth.wheel_speed - far_away.wheel_speed)) for truth in history)
@@ -166,7 +171,7 @@ def test_body_and_wheels_together_keep_their_angular_momentum_over_an_hour_of_to
 
 
 def test_the_relative_motion_is_the_difference_of_two_absolute_orbits(params: Params, in_orbit: Truth) -> None:
-    truth = jax.tree.map(lambda leaf: leaf[-1], fly(EFFECTS, params.plant, in_orbit, np.zeros((HOUR, 3))))
+    truth = jax.tree.map(lambda leaf: leaf[-1], simulate(EFFECTS, params.plant, in_orbit, np.zeros((HOUR, 3))))
 
     def absolute(r: jax.Array, v: jax.Array) -> np.ndarray:
         solution = solve_ivp(
@@ -195,7 +200,7 @@ def test_the_relative_motion_is_the_difference_of_two_absolute_orbits(params: Pa
 def test_a_step_with_the_valve_switching_inside_ends_where_the_true_motion_ends(
     balanced: PlantParams, at_rest: Truth, ignition: float, cutoff: float
 ) -> None:
-    after = advance(EFFECTS, balanced, at_rest, thrusts=(push(balanced, ignition, cutoff),))
+    after = advance(EFFECTS, balanced, at_rest, thrusts=(step_thrust(balanced, ignition, cutoff),))
     force, flow = 0.03, 0.03 / (70.0 * G0)
     state = np.concatenate([[float(at_rest.mass)], at_rest.r_ST_N, at_rest.v_ST_N])
     events = np.clip([0.0, ignition, cutoff, STEP], 0.0, STEP)
@@ -216,7 +221,7 @@ def test_the_impulse_is_exactly_force_times_on_time_however_many_steps_it_spans(
     massless: PlantParams, at_rest: Truth, ignition: float, on_time: float
 ) -> None:
     cutoff = ignition + on_time
-    after = burn_through(EFFECTS, massless, at_rest, np.float64(ignition), np.float64(cutoff))
+    after = simulate_burn(EFFECTS, massless, at_rest, np.float64(ignition), np.float64(cutoff))
     acceleration = 0.03 / 30.0
     gained = np.asarray(after.v_ST_N - at_rest.v_ST_N)
     moved = np.asarray(after.r_ST_N - at_rest.r_ST_N - BURN_STEPS * STEP * at_rest.v_ST_N)
@@ -239,7 +244,7 @@ def test_the_final_velocity_grows_by_the_acceleration_per_second_of_on_time(
 def test_propellant_and_velocity_change_obey_the_rocket_equation(balanced: PlantParams, at_rest: Truth) -> None:
     # A thousandth of the specific impulse makes the mass change ten per cent.
     thirsty = replace(balanced, thruster=replace(balanced.thruster, specific_impulse=jnp.float64(0.01)))
-    after = burn_through(EFFECTS, thirsty, at_rest, np.float64(0.3), np.float64(3.3))
+    after = simulate_burn(EFFECTS, thirsty, at_rest, np.float64(0.3), np.float64(3.3))
     used = 0.03 * 3.0 / (0.01 * G0)
     np.testing.assert_allclose(at_rest.mass - after.mass, used, rtol=1e-12)
     expected = 0.01 * G0 * np.log(30.0 / (30.0 - used))
@@ -249,7 +254,7 @@ def test_propellant_and_velocity_change_obey_the_rocket_equation(balanced: Plant
 
 def test_a_burn_off_the_centre_of_mass_turns_the_servicer_by_its_lever(params: Params, at_rest: Truth) -> None:
     offset = replace(params.plant, thruster=replace(params.plant.thruster, position=jnp.array([-0.25, 0.002, 0.0])))
-    after = advance(EFFECTS, offset, at_rest, thrusts=(push(offset, -1.0, 1.0),))
+    after = advance(EFFECTS, offset, at_rest, thrusts=(step_thrust(offset, -1.0, 1.0),))
     torque = np.cross([-0.25, 0.002, 0.0], [0.03, 0.0, 0.0])
     wheels = params.plant.wheels
     momentum = np.asarray(params.plant.servicer.inertia) @ after.omega_BN_B + wheels.inertia * after.wheel_speed
@@ -267,7 +272,7 @@ def test_a_run_starts_with_the_relative_state_of_the_scenario(params: Params) ->
     expected = orbital_mechanics.state_from_elements(params.orbit)
     np.testing.assert_allclose(truth.r_TN_N, expected[0])
     np.testing.assert_allclose(np.linalg.norm(truth.omega_TN_T), np.deg2rad(1.0))
-    np.testing.assert_allclose(truth.omega_BN_B, matrix(q) @ np.asarray(omega_HN_N), atol=1e-16)
+    np.testing.assert_allclose(truth.omega_BN_B, rotation_matrix(q) @ np.asarray(omega_HN_N), atol=1e-16)
     assert truth.mass == 30.0
     assert truth.delta_v == 0.0
 
@@ -275,8 +280,8 @@ def test_a_run_starts_with_the_relative_state_of_the_scenario(params: Params) ->
 def test_a_minute_of_thrust_in_single_precision_is_that_in_double(params: Params, in_orbit: Truth) -> None:
     effects = Effects(drag=True, sun_gravity=True, moon_gravity=True)
 
-    def minute(params: PlantParams, truth: Truth, sky: Sky, health: Health) -> Truth:
-        pushes = (push(params, -1.0, 100.0, effects),)
+    def minute(params: PlantParams, truth: Truth, sky: SunMoonPositions, health: Health) -> Truth:
+        pushes = (step_thrust(params, -1.0, 100.0, effects),)
 
         def body(truth: Truth, _: None) -> tuple[Truth, None]:
             return plant.step(effects, params, truth, jnp.zeros(3), pushes, sky, health, STEP), None
@@ -284,20 +289,22 @@ def test_a_minute_of_thrust_in_single_precision_is_that_in_double(params: Params
         return jax.lax.scan(body, truth, None, length=300)[0]
 
     double = jax.jit(minute)(params.plant, in_orbit, SKY, HEALTHY)
-    near = single_precision.rounded(in_orbit)
+    near = single_precision.round_to_single(in_orbit)
     orbits = (in_orbit.r_TN_N - near.r_TN_N.astype(float), in_orbit.v_TN_N - near.v_TN_N.astype(float))
-    start = replace(near, residue=single_precision.rounded(jnp.stack(orbits)), mass_residue=jnp.zeros((), jnp.float32))
-    given = single_precision.rounded(jax.tree.map(jnp.asarray, (params.plant, SKY, HEALTHY)))
-    with single_precision.single():
+    start = replace(
+        near, orbit_low=single_precision.round_to_single(jnp.stack(orbits)), mass_low=jnp.zeros((), jnp.float32)
+    )
+    given = single_precision.round_to_single(jax.tree.map(jnp.asarray, (params.plant, SKY, HEALTHY)))
+    with single_precision.tracing_in_single():
         single = jax.jit(minute)(given[0], start, *given[1:])
     whole = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=np.float64), single)
     assert single.r_TN_N.dtype == np.float32
-    assert whole.residue is not None
-    assert whole.mass_residue is not None
+    assert whole.orbit_low is not None
+    assert whole.mass_low is not None
     # The rounding of mu, 2e-7 m/s^2, bends both orbits alike.
-    np.testing.assert_allclose(whole.r_TN_N + whole.residue[0], double.r_TN_N, rtol=0.0, atol=1e-3)
-    np.testing.assert_allclose(whole.v_TN_N + whole.residue[1], double.v_TN_N, rtol=0.0, atol=2e-5)
+    np.testing.assert_allclose(whole.r_TN_N + whole.orbit_low[0], double.r_TN_N, rtol=0.0, atol=1e-3)
+    np.testing.assert_allclose(whole.v_TN_N + whole.orbit_low[1], double.v_TN_N, rtol=0.0, atol=2e-5)
     np.testing.assert_allclose(whole.r_ST_N, double.r_ST_N, rtol=0.0, atol=2e-5)
     np.testing.assert_allclose(whole.delta_v, double.delta_v, rtol=1e-5)
-    used = float(start.mass) - whole.mass - whole.mass_residue
+    used = float(start.mass) - whole.mass - whole.mass_low
     np.testing.assert_allclose(used, in_orbit.mass - double.mass, rtol=1e-5)

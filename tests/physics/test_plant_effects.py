@@ -9,13 +9,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from reference import IDENTITY, matrix, turn
+from numpy_reference import IDENTITY, axis_angle_quaternion, rotation_matrix
 from scipy.integrate import solve_ivp
 
 from rpojax.core.pytree import replace
 from rpojax.physics import actuators, equipment_faults, plant
-from rpojax.physics.actuators import Burn, BurnError, Thrust
-from rpojax.physics.environment import Sky
+from rpojax.physics.actuators import BurnError, StepThrust, ValveCommand
+from rpojax.physics.environment import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant import PlantParams, Truth
 from rpojax.physics.plant_options import Effects
@@ -23,7 +23,7 @@ from rpojax.scenario.params import Params
 
 STEP = 0.2
 NOTHING = Effects(zonal_degree=0, gravity_gradient=False)
-SKY = Sky(sun_N=jnp.array([1.0e11, 1.1e11, 2.0e10]), moon_N=jnp.array([-3.0e8, 2.0e8, 1.0e8]))
+SKY = SunMoonPositions(sun_N=jnp.array([1.0e11, 1.1e11, 2.0e10]), moon_N=jnp.array([-3.0e8, 2.0e8, 1.0e8]))
 HEALTHY = equipment_faults.healthy()
 FAR = jnp.array([1e14, 0.0, 0.0])
 """So far from the Earth that its pull is not felt."""
@@ -52,7 +52,9 @@ initial_truth = jax.jit(plant.initial_truth)
 
 
 @functools.partial(jax.jit, static_argnums=0)
-def fly(effects: Effects, params: PlantParams, truth: Truth, commands: jax.Array, health: Health = HEALTHY) -> Truth:
+def simulate(
+    effects: Effects, params: PlantParams, truth: Truth, commands: jax.Array, health: Health = HEALTHY
+) -> Truth:
     """Truth after each step with the given wheel torque commands (n, 3) and no thruster."""
 
     def body(truth: Truth, command: jax.Array) -> tuple[Truth, Truth]:
@@ -62,10 +64,10 @@ def fly(effects: Effects, params: PlantParams, truth: Truth, commands: jax.Array
     return jax.lax.scan(body, truth, commands)[1]
 
 
-def push(params: PlantParams, ignition: float = -1.0, cutoff: float = 1.0) -> Thrust:
+def step_thrust(params: PlantParams, ignition: float = -1.0, cutoff: float = 1.0) -> StepThrust:
     none = BurnError(magnitude=jnp.zeros(()), direction=jnp.zeros(3))
-    burn = Burn(ignition=jnp.float64(ignition), cutoff=jnp.float64(cutoff), error=none)
-    return actuators.thrust(params.thruster, burn, "rk4", False, STEP)
+    burn = ValveCommand(ignition=jnp.float64(ignition), cutoff=jnp.float64(cutoff), burn_error=none)
+    return actuators.thrust_over_step(params.thruster, burn, "rk4", False, STEP)
 
 
 def advance(
@@ -73,9 +75,9 @@ def advance(
     params: PlantParams,
     truth: Truth,
     command: Any = (0.0, 0.0, 0.0),
-    thrusts: tuple[Thrust, ...] = (),
+    thrusts: tuple[StepThrust, ...] = (),
     health: Health = HEALTHY,
-    sky: Sky = SKY,
+    sky: SunMoonPositions = SKY,
 ) -> Truth:
     """Truth one step later."""
     return _step(effects, params, truth, np.array(command), thrusts, sky, health, STEP)
@@ -85,7 +87,9 @@ def advance(
 def in_orbit(params: Params) -> Truth:
     """The start of the nominal scenario, drifting, with both bodies turning and the wheels spinning."""
     rho, rho_dot = jnp.array([2.0, -50.0, 3.0]), jnp.array([0.01, -0.002, 0.02])
-    truth = initial_truth(params.plant, params.orbit, rho, rho_dot, turn(np.array([1.0, 2.0, 3.0]), 0.7))
+    truth = initial_truth(
+        params.plant, params.orbit, rho, rho_dot, axis_angle_quaternion(np.array([1.0, 2.0, 3.0]), 0.7)
+    )
     return replace(
         truth,
         omega_BN_B=jnp.array([0.01, -0.012, 0.008]),
@@ -147,7 +151,7 @@ def test_what_is_off_is_not_looked_at(params: Params, in_orbit: Truth) -> None:
         fault=unknown(known.fault),
     )
     sick = replace(HEALTHY, wheel_friction=jnp.full(3, jnp.nan), wheel_stuck=jnp.ones(3, dtype=bool))
-    command, thrusts = (0.01, 0.0, -0.02), (push(known),)
+    command, thrusts = (0.01, 0.0, -0.02), (step_thrust(known),)
     expected = advance(NOTHING, known, in_orbit, command, thrusts)
     assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(expected))
     assert_equal(advance(NOTHING, blind, in_orbit, command, thrusts, sick, unknown(SKY)), expected)
@@ -169,7 +173,7 @@ NEUTRAL: dict[str, Callable[[PlantParams], PlantParams]] = {
 @pytest.mark.parametrize("name", NEUTRAL)
 def test_an_effect_of_no_strength_moves_the_plant_as_if_it_were_off(params: Params, in_orbit: Truth, name: str) -> None:
     neutral, used = NEUTRAL[name](params.plant), replace(in_orbit, mass=in_orbit.mass - 1.0)
-    command, thrusts = (0.01, 0.0, -0.02), (push(params.plant),)
+    command, thrusts = (0.01, 0.0, -0.02), (step_thrust(params.plant),)
     off, on = (advance(effects, neutral, used, command, thrusts) for effects in (NOTHING, ALONE[name]))
     for a, b in zip(jax.tree.leaves(on), jax.tree.leaves(off), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-14, atol=1e-16)
@@ -177,7 +181,7 @@ def test_an_effect_of_no_strength_moves_the_plant_as_if_it_were_off(params: Para
 
 def operations(effects: Effects, params: PlantParams, truth: Truth) -> list[str]:
     """Operations of a step before any optimisation, by their names."""
-    arguments = (params, truth, jnp.zeros(3), (push(params),), SKY, HEALTHY)
+    arguments = (params, truth, jnp.zeros(3), (step_thrust(params),), SKY, HEALTHY)
     lowered = _step.lower(effects, *arguments, STEP).as_text()
     return [word for line in lowered.splitlines() for word in line.split() if word.startswith("stablehlo.")]
 
@@ -204,8 +208,8 @@ def test_an_effect_is_compiled_only_when_it_is_on(params: Params, in_orbit: Trut
 
 def test_ramps_are_compiled_only_when_they_are_on(params: Params) -> None:
     none = BurnError(magnitude=jnp.zeros(()), direction=jnp.zeros(3))
-    burn = Burn(ignition=jnp.zeros(()), cutoff=jnp.ones(()), error=none)
-    lower = jax.jit(actuators.thrust, static_argnums=(2, 3, 4)).lower
+    burn = ValveCommand(ignition=jnp.zeros(()), cutoff=jnp.ones(()), burn_error=none)
+    lower = jax.jit(actuators.thrust_over_step, static_argnums=(2, 3, 4)).lower
     off, on = (lower(params.plant.thruster, burn, "rk4", ramps, STEP).as_text() for ramps in (False, True))
     assert on.count("stablehlo.") > off.count("stablehlo.")
 
@@ -218,8 +222,8 @@ def test_relative_motion_in_air_is_the_difference_of_two_orbits_of_unlike_craft(
 ) -> None:
     """Ten minutes in a thousand times the air, where the target with its larger area per mass falls behind."""
     dense = replace(params.plant, atmosphere=replace(params.plant.atmosphere, density=jnp.float64(5e-10)))
-    truth = jax.tree.map(lambda leaf: leaf[-1], fly(ALONE["drag"], dense, in_orbit, np.zeros((3000, 3))))
-    vacuum = jax.tree.map(lambda leaf: leaf[-1], fly(NOTHING, dense, in_orbit, np.zeros((3000, 3))))
+    truth = jax.tree.map(lambda leaf: leaf[-1], simulate(ALONE["drag"], dense, in_orbit, np.zeros((3000, 3))))
+    vacuum = jax.tree.map(lambda leaf: leaf[-1], simulate(NOTHING, dense, in_orbit, np.zeros((3000, 3))))
 
     def absolute(r: np.ndarray, v: np.ndarray, area: float, mass: float) -> np.ndarray:
         def slope(_: float, y: np.ndarray) -> np.ndarray:
@@ -266,9 +270,9 @@ def test_a_force_beside_the_centre_of_mass_turns_both_craft(params: Params, in_o
     force_on_target = (on.v_TN_N - off.v_TN_N) * 45.0 / STEP
     force_on_servicer = ((on.v_ST_N - off.v_ST_N) + (on.v_TN_N - off.v_TN_N)) * 30.0 / STEP
     gained = np.asarray(strong.servicer.inertia) @ on.omega_BN_B + wheels.inertia * on.wheel_speed
-    expected = np.cross([0.01, 0.005, -0.005], matrix(np.asarray(slow.q_BN)) @ force_on_servicer) * STEP
+    expected = np.cross([0.01, 0.005, -0.005], rotation_matrix(np.asarray(slow.q_BN)) @ force_on_servicer) * STEP
     np.testing.assert_allclose(gained, expected, rtol=1e-5, atol=1e-9 * np.max(np.abs(expected)))
-    expected = np.cross([0.02, 0.0, 0.01], matrix(np.asarray(slow.q_TN)) @ force_on_target) * STEP
+    expected = np.cross([0.02, 0.0, 0.01], rotation_matrix(np.asarray(slow.q_TN)) @ force_on_target) * STEP
     found = np.asarray(target.inertia) @ on.omega_TN_T
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * np.max(np.abs(expected)))
 
@@ -304,7 +308,7 @@ def total_momentum(params: PlantParams, truth: Truth) -> np.ndarray:
     wheels = params.wheels
     wheel = np.asarray(wheels.axes).T @ (np.asarray(wheels.inertia) * np.asarray(truth.wheel_speed))
     body = np.asarray(params.servicer.inertia) @ np.asarray(truth.omega_BN_B)
-    return matrix(np.asarray(truth.q_BN)).T @ (body + wheel)
+    return rotation_matrix(np.asarray(truth.q_BN)).T @ (body + wheel)
 
 
 def last(history: Truth) -> Truth:
@@ -321,7 +325,7 @@ def test_body_and_wheels_keep_their_angular_momentum_with_friction_steps_and_a_s
     bad = health(wheel_stuck=[False, True, False], wheel_friction=[rubbing, 0.0, 0.0])
     phase = 2.0 * np.pi * STEP * np.arange(3000)[:, None] / np.array([300.0, 400.0, 500.0])
     start = total_momentum(params.plant, truth)
-    after = last(fly(effects, params.plant, truth, 1e-3 * np.sin(phase), bad))
+    after = last(simulate(effects, params.plant, truth, 1e-3 * np.sin(phase), bad))
     assert np.linalg.norm(total_momentum(params.plant, after) - start) < 1e-10 * np.linalg.norm(start)
     assert abs(after.wheel_speed[1]) < 1.0
     assert abs(after.wheel_speed[2]) > 1.0
@@ -331,7 +335,7 @@ def test_a_wheel_with_viscous_friction_alone_runs_down_exponentially(params: Par
     wheels = replace(params.plant.wheels, viscous_friction=jnp.full(3, 1e-5), coulomb_friction=jnp.zeros(3))
     free = replace(params.plant, wheels=wheels, servicer=replace(params.plant.servicer, inertia=1e6 * jnp.eye(3)))
     truth = replace(at_rest, wheel_speed=jnp.array([100.0, -200.0, 0.0]))
-    after = last(fly(ALONE["wheel_friction"], free, truth, np.zeros((500, 3))))
+    after = last(simulate(ALONE["wheel_friction"], free, truth, np.zeros((500, 3))))
     # 8e-4 kg m^2 over 1e-5 N m s: a time constant of 80 s; the body is too heavy to turn.
     np.testing.assert_allclose(after.wheel_speed, np.exp(-100.0 / 80.0) * np.array([100.0, -200.0, 0.0]), rtol=1e-8,
                                atol=1e-12)  # fmt: skip
@@ -341,7 +345,7 @@ def test_a_stuck_wheel_stops_within_seconds_and_takes_no_command(params: Params,
     heavy = replace(params.plant, servicer=replace(params.plant.servicer, inertia=1e6 * jnp.eye(3)))
     truth = replace(at_rest, wheel_speed=jnp.array([100.0, 100.0, 100.0]))
     bad = health(wheel_stuck=[False, True, False])
-    after = last(fly(ALONE["faults"], heavy, truth, np.tile([1e-4, 1e-4, 0.0], (100, 1)), bad))
+    after = last(simulate(ALONE["faults"], heavy, truth, np.tile([1e-4, 1e-4, 0.0], (100, 1)), bad))
     # A time constant of 2 s, for 20 s; its neighbour spins up by 1e-4 / 8e-4 rad/s^2.
     np.testing.assert_allclose(after.wheel_speed, [100.0 + 2.5, 100.0 * np.exp(-10.0), 100.0], rtol=1e-5)
 
@@ -351,7 +355,7 @@ def test_a_rubbing_wheel_runs_down_evenly_and_then_rests(params: Params, at_rest
     """A wheel without command must not chatter about zero, however hard it rubs."""
     heavy = replace(params.plant, servicer=replace(params.plant.servicer, inertia=1e6 * jnp.eye(3)))
     truth = replace(at_rest, wheel_speed=jnp.array([200.3, 0.0, 0.0]))
-    history = fly(ALONE["faults"], heavy, truth, np.zeros((1000, 3)), health(wheel_friction=[severity, 0.0, 0.0]))
+    history = simulate(ALONE["faults"], heavy, truth, np.zeros((1000, 3)), health(wheel_friction=[severity, 0.0, 0.0]))
     speed = np.asarray(history.wheel_speed[:, 0])
     brake = severity * 0.025 / 8e-4
     fast = speed > 60.0
@@ -369,7 +373,7 @@ def test_a_saturated_wheel_gets_no_torque_and_keeps_within_a_thousandth_of_its_l
     everything = static(NOTHING, wheel_friction=True, wheel_torque_steps=True, faults=True)
     for effects in (NOTHING, everything):
         truth = replace(at_rest, wheel_speed=jnp.array([sense * 600.0, 0.0, 0.0]))
-        history = fly(effects, params.plant, truth, np.tile([sense * 0.025, 0.0, 0.0], (200, 1)))
+        history = simulate(effects, params.plant, truth, np.tile([sense * 0.025, 0.0, 0.0], (200, 1)))
         speed = np.asarray(history.wheel_speed[:, 0])
         assert np.max(np.abs(speed)) < 628.0 * 1.001
         assert np.max(np.abs(speed)) > 620.0
@@ -394,7 +398,7 @@ def test_a_wheel_drive_gives_whole_steps_of_torque(params: Params, at_rest: Trut
 
 
 def test_two_thrusters_add_up(params: Params, at_rest: Truth) -> None:
-    one = push(params.plant)
+    one = step_thrust(params.plant)
     other = replace(one, force_B=jnp.array([0.0, 0.02, 0.0]), position_B=jnp.array([0.0, 0.0, 0.3]))
     after = advance(NOTHING, params.plant, at_rest, thrusts=(one, other))
     np.testing.assert_allclose(after.v_ST_N, np.array([0.03, 0.02, 0.0]) / 30.0 * STEP, atol=1e-8)  # it hardly turns
@@ -406,7 +410,13 @@ def test_two_thrusters_add_up(params: Params, at_rest: Truth) -> None:
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 def test_a_weak_thruster_gives_and_uses_its_share(params: Params, at_rest: Truth, share: float) -> None:
-    after = advance(ALONE["faults"], params.plant, at_rest, thrusts=(push(params.plant),), health=health(thrust=share))
+    after = advance(
+        ALONE["faults"],
+        params.plant,
+        at_rest,
+        thrusts=(step_thrust(params.plant),),
+        health=health(thrust_fraction=share),
+    )
     np.testing.assert_allclose(after.v_ST_N, [share * 0.03 / 30.0 * STEP, 0.0, 0.0], rtol=1e-5, atol=1e-18)
     np.testing.assert_allclose(at_rest.mass - after.mass, share * 0.03 / (70.0 * 9.80665) * STEP, rtol=1e-8)
 
@@ -415,7 +425,7 @@ def test_once_propellant_is_used_a_push_has_its_lever_about_the_moved_centre_of_
     params: Params, at_rest: Truth
 ) -> None:
     used = replace(at_rest, mass=at_rest.mass - 2.0)
-    across = replace(push(params.plant), force_B=jnp.array([0.0, 0.03, 0.0]))
+    across = replace(step_thrust(params.plant), force_B=jnp.array([0.0, 0.03, 0.0]))
     fixed, moved = (
         total_momentum(params.plant, advance(effects, params.plant, used, thrusts=(across,)))[2]
         for effects in (NOTHING, ALONE["center_of_mass_shift"])
@@ -439,7 +449,8 @@ def test_both_integrators_agree_over_ten_minutes_of_everything(params: Params, i
     )
     commands = np.tile([1e-4, -2e-4, 5e-5], (3000, 1))
     rk4, rk8 = (
-        last(fly(static(everything, integrator=method), params.plant, in_orbit, commands)) for method in ("rk4", "rk8")
+        last(simulate(static(everything, integrator=method), params.plant, in_orbit, commands))
+        for method in ("rk4", "rk8")
     )
     # RK4 in steps of 0.2 s is good to 1e-14 of an orbit's radius; the attitude turns by milliradians per step.
     np.testing.assert_allclose(rk4.r_TN_N, rk8.r_TN_N, atol=1e-6)

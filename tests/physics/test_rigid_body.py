@@ -3,7 +3,7 @@
 import jax
 import numpy as np
 from hypothesis import given
-from reference import SEEDS, random_unit
+from numpy_reference import SEEDS, random_unit
 
 from rpojax.physics import rigid_body
 
@@ -11,8 +11,8 @@ TEXTBOOK = 1e-11  # rounding times the conditioning of random inertias
 
 accelerations_with_wheels = jax.jit(rigid_body.accelerations_with_wheels)
 angular_acceleration = jax.jit(rigid_body.angular_acceleration)
-inverse = jax.jit(rigid_body.inverse)
-inverse_without_wheels = jax.jit(rigid_body.inverse_without_wheels)
+inverse = jax.jit(rigid_body.inverse_3x3)
+inverse_without_wheels = jax.jit(rigid_body.inverse_hub_inertia)
 wheel_momentum = jax.jit(rigid_body.wheel_momentum)
 
 

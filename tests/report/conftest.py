@@ -12,7 +12,7 @@ _MODE_LOOK, _MODE_TURN, _MODE_BURN, _MODE_TURN_BACK = 0, 1, 2, 3
 
 
 @dataclass
-class MadeUpCampaign:
+class SyntheticCampaign:
     directory: Path
     info: dict[str, Any]
     metrics: dict[str, np.ndarray]
@@ -36,9 +36,9 @@ class MadeUpCampaign:
         return self.histories[run_id]
 
 
-def make_campaign(
+def synthetic_campaign(
     directory: Path, runs: int = 40, seconds: int = 600, kept: tuple[int, ...] = (0, 1, 2), failed: tuple[int, ...] = ()
-) -> MadeUpCampaign:
+) -> SyntheticCampaign:
     """Campaign whose numbers look like those of an inspection; runs in `failed` stop half way."""
     rng = np.random.default_rng(7)
     failed_at = np.full(runs, np.nan)
@@ -46,7 +46,7 @@ def make_campaign(
     completed = np.isnan(failed_at)
     time = np.arange(0.0, seconds + 1.0, max(1, seconds // 300))
     mass = rng.normal(24.0, 0.4, runs)
-    return MadeUpCampaign(
+    return SyntheticCampaign(
         directory=directory,
         info=_info(runs, seconds),
         metrics=_metrics(rng, mass, completed),
@@ -192,15 +192,15 @@ def _history(rng: np.random.Generator, seconds: int, failed_at_s: float) -> dict
 
 
 @pytest.fixture
-def campaign(tmp_path: Path) -> MadeUpCampaign:
-    return make_campaign(tmp_path)
+def campaign(tmp_path: Path) -> SyntheticCampaign:
+    return synthetic_campaign(tmp_path)
 
 
 @pytest.fixture
-def build(tmp_path: Path) -> Callable[..., MadeUpCampaign]:
+def build(tmp_path: Path) -> Callable[..., SyntheticCampaign]:
     """Maker of campaigns in the test's folder."""
 
-    def make(**choices: Any) -> MadeUpCampaign:
-        return make_campaign(tmp_path, **choices)
+    def make(**choices: Any) -> SyntheticCampaign:
+        return synthetic_campaign(tmp_path, **choices)
 
     return make

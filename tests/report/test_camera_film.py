@@ -18,7 +18,7 @@ HEAD = 51
 """Height of the text above a picture [px]."""
 
 
-def shot(**changes: Any) -> camera_film.Shot:
+def shot(**changes: Any) -> camera_film.CameraFrame:
     """A black picture of the middle of a frame of 512 px, binned by two, and a box in it."""
     seen = {
         "time_s": 12.0,
@@ -48,18 +48,18 @@ def area_of(color: str, sheet: np.ndarray) -> tuple[int, ...] | None:
 
 def test_a_box_is_drawn_where_it_is_in_its_window() -> None:
     # 1.5 pixels of the drawing are one of the frame.
-    assert area_of(FILM_GREEN, camera_film.frame(*shot())) == (60, 90, 150, 150)
+    assert area_of(FILM_GREEN, camera_film.annotated_frame(*shot())) == (60, 90, 150, 150)
 
 
 def test_what_was_expected_is_drawn_with_its_gate() -> None:
-    left, top, right, bottom = area_of(FILM_BLUE, camera_film.frame(*shot())) or ()
+    left, top, right, bottom = area_of(FILM_BLUE, camera_film.annotated_frame(*shot())) or ()
     np.testing.assert_allclose([left, top, right, bottom], [213, 228, 303, 288], atol=1)
 
 
 def test_a_refused_box_has_another_colour_and_none_has_none() -> None:
     refused, none = (
-        camera_film.frame(*shot(box_accepted=False)),
-        camera_film.frame(*shot(box_present=False, box_accepted=False)),
+        camera_film.annotated_frame(*shot(box_accepted=False)),
+        camera_film.annotated_frame(*shot(box_present=False, box_accepted=False)),
     )
     assert (area_of(FILM_GREEN, refused), area_of(FILM_AMBER, refused)) == (None, (60, 90, 150, 150))
     assert (area_of(FILM_GREEN, none), area_of(FILM_AMBER, none)) == (None, None)
@@ -67,11 +67,11 @@ def test_a_refused_box_has_another_colour_and_none_has_none() -> None:
 
 def test_a_target_behind_the_camera_is_expected_nowhere() -> None:
     nowhere = shot(expected_px=np.full(3, np.nan), gate_px=np.full(2, np.nan))
-    assert area_of(FILM_BLUE, camera_film.frame(*nowhere)) is None
+    assert area_of(FILM_BLUE, camera_film.annotated_frame(*nowhere)) is None
 
 
 def test_a_box_that_is_inside_out_and_a_gate_as_wide_as_the_sky_are_drawn() -> None:
-    camera_film.frame(*shot(box_px=np.array([168.0, 188.0, -3.0, 40.0]), gate_px=np.array([1e6, 1e6])))
+    camera_film.annotated_frame(*shot(box_px=np.array([168.0, 188.0, -3.0, 40.0]), gate_px=np.array([1e6, 1e6])))
 
 
 def history(ticks: int) -> dict[str, np.ndarray]:
@@ -80,23 +80,23 @@ def history(ticks: int) -> dict[str, np.ndarray]:
 
 
 def test_stills_are_spread_over_the_run() -> None:
-    assert camera_film.stills(history(111), 111) == list(range(0, 111, 10))
-    assert camera_film.stills(history(111), 23) == list(range(0, 23, 2))
-    assert camera_film.stills(history(3), 3) == [0, 1, 2]
+    assert camera_film.select_stills(history(111), 111) == list(range(0, 111, 10))
+    assert camera_film.select_stills(history(111), 23) == list(range(0, 23, 2))
+    assert camera_film.select_stills(history(3), 3) == [0, 1, 2]
 
 
 def test_a_burn_and_a_refused_box_are_among_the_stills_however_short() -> None:
     run = history(111)
     run["mode"][52:55] = Mode.BURN
     run["box_accepted"][54:56] = False
-    chosen = camera_film.stills(run, 111)
+    chosen = camera_film.select_stills(run, 111)
     assert len(chosen) == 12
     assert chosen == sorted(chosen)
     assert {0, 110, 53, 55} <= set(chosen)
 
 
 def test_a_strip_has_rows_of_four() -> None:
-    whole = camera_film.strip([shot()] * 6)
+    whole = camera_film.contact_sheet([shot()] * 6)
     assert whole.width == 4 * 384 + 3 * 8
     assert (
         np.asarray(whole)[: HEAD + 384, :384].tolist()
@@ -112,7 +112,7 @@ def test_a_film_has_every_picture(tmp_path: Path, codec: str) -> None:
     capture = cv2.VideoCapture(str(path))
     found, picture = capture.read()
     assert found
-    expected = camera_film.frame(*shot())
+    expected = camera_film.annotated_frame(*shot())
     assert picture.shape == expected.shape
     assert expected.shape[0] % 2 == expected.shape[1] % 2 == 0
     # Lossy, but red is red and blue is blue.
@@ -154,8 +154,8 @@ def test_a_film_that_breaks_off_leaves_what_was_there(tmp_path: Path) -> None:
 
 
 def test_sheets_are_files_of_their_kind(tmp_path: Path) -> None:
-    sheet = camera_film.strip([shot()])
-    for name, content in (("PNG", camera_film.png(sheet)), ("JPEG", camera_film.jpeg(sheet))):
+    sheet = camera_film.contact_sheet([shot()])
+    for name, content in (("PNG", camera_film.png_bytes(sheet)), ("JPEG", camera_film.jpeg_bytes(sheet))):
         (tmp_path / name).write_bytes(content)
         with Image.open(tmp_path / name) as image:
             assert (image.format, image.size) == (name, sheet.size)

@@ -28,7 +28,7 @@ def history(frames: int, range_m: float) -> dict[str, np.ndarray]:
 
 
 def lines(*histories: dict[str, np.ndarray]) -> list[dict[str, Any]]:
-    return detection_section.by_range(histories)
+    return detection_section.detections_by_range(histories)
 
 
 def test_shares_are_of_what_they_say() -> None:
@@ -88,13 +88,13 @@ def test_a_campaign_of_before_says_nothing() -> None:
     run = history(50, 30.0)
     del run["outline_px"]
     assert lines(run) == []
-    assert detection_section.rows([]) == {"boxes": [], "edges": []}
+    assert detection_section.table_cells([]) == {"boxes": [], "edges": []}
 
 
 def test_without_boxes_there_are_dashes() -> None:
     run = history(50, 30.0)
     run["box_present"][:] = run["box_accepted"][:] = False
-    cells = detection_section.rows(lines(run))
+    cells = detection_section.table_cells(lines(run))
     assert cells["edges"] == []
     assert cells["boxes"][0][:5] == ["all", "50", "0", "0", "0 %"]
     assert set(cells["boxes"][0][9:]) == {"\N{EN DASH}"}

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from rpojax.report.page import section_records
-from rpojax.report.sections import caveats, dispersion_section
-from rpojax.report.sections.summary import summarise
+from rpojax.report.page.campaign_summary import summarise
+from rpojax.report.sections import caveats_section, dispersion_section
 
 NO_DRAWS = "The runs follow a table of given values and are not independent of one another."
 
@@ -19,7 +19,7 @@ def test_what_is_declared_of_a_number_is_said_at_each_of_its_components(campaign
         {"key": "gps.noise_m", "kind": "derived", "offset": 1.0, "terms": []},
     ]
     campaign.info["scenario"]["design"] = {"kind": "table", "file": "", "values": {"thruster.on": [1.0] * 40}}
-    declared = {entry.key: entry.declared for entry in dispersion_section.as_drawn(campaign)}
+    declared = {entry.key: entry.declared for entry in dispersion_section.drawn_distributions(campaign)}
     text = f"correlated_normal covariance {covariance}"
     assert declared["camera.misalignment_deg[2]"] == declared["servicer.mass_kg"] == text
     assert declared["gps.noise_m"] == "derived offset 1.0, terms []"
@@ -27,9 +27,11 @@ def test_what_is_declared_of_a_number_is_said_at_each_of_its_components(campaign
 
 
 def test_a_design_is_not_taken_for_independent_draws_and_its_table_is_cut_short(campaign: Any) -> None:
-    assert not any("design" in sentence for sentence in caveats.sentences(campaign, summarise(campaign)))
+    assert not any("design" in sentence for sentence in caveats_section.caveat_sentences(campaign, summarise(campaign)))
     campaign.info["scenario"]["design"] = {"kind": "table", "file": "", "values": {"gps.noise_m": [0.125] * 5000}}
-    assert any(sentence.startswith(NO_DRAWS) for sentence in caveats.sentences(campaign, summarise(campaign)))
+    assert any(
+        sentence.startswith(NO_DRAWS) for sentence in caveats_section.caveat_sentences(campaign, summarise(campaign))
+    )
     [column] = [
         line
         for line in section_records.scenario_lines(campaign)

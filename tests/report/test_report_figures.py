@@ -77,7 +77,7 @@ def test_a_name_that_looks_like_mathematics_is_drawn_as_it_is(campaign, tmp_path
 def test_every_figure_says_what_it_shows_and_where_it_comes_from(campaign, tmp_path, monkeypatch):
     titles = []
     monkeypatch.setattr(
-        "rpojax.report.figures.png_export.png", lambda figure: titles.append(figure.get_suptitle()) or b""
+        "rpojax.report.figures.png_export.png_bytes", lambda figure: titles.append(figure.get_suptitle()) or b""
     )
     write_figures(campaign.history(0), tmp_path, "inspection, run 0")
     assert titles[0] == "Bearing and range (as Figure 6 of the paper): inspection, run 0"

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from rpojax.errors import ResultError
+from rpojax.report.page.campaign_summary import summarise
 from rpojax.report.page.html_report import write_report
 from rpojax.report.page.report_json import report_content
-from rpojax.report.sections import failure_causes, requirement_section, safety_section, worst_runs
-from rpojax.report.sections.summary import summarise
+from rpojax.report.sections import failure_section, requirement_verdict_section, safety_section, worst_runs_section
 
 
 def _require(campaign: Any, **changes: Any) -> dict[str, Any]:
@@ -59,17 +59,17 @@ def test_verdicts_in_words(build, runs, limit, verdict):
     campaign = build(runs=runs, seconds=30, kept=())
     found = _require(campaign, limit=limit)
     assert found["verdict_text"] == verdict
-    row = requirement_section.rows([found])[0]
+    row = requirement_verdict_section.rows([found])[0]
     assert row.verdict == verdict
-    assert row.state == {"verified": "good", "not verified": "alert"}.get(verdict, "open")
-    assert row.short == f"Delta-v \N{LESS-THAN OR EQUAL TO} {limit:g} m/s"
+    assert row.css_class == {"verified": "good", "not verified": "alert"}.get(verdict, "open")
+    assert row.title == f"Delta-v \N{LESS-THAN OR EQUAL TO} {limit:g} m/s"
 
 
 def test_a_failed_run_violates_every_requirement_and_can_be_flown_again(build):
     campaign = build(runs=12, seconds=30, kept=(), failed=(4,))
     found = _require(campaign, metric="min_range_m", bound="at least", limit=1.0)
     assert (found["violations"], found["violating_ids"], found["without_value"]) == (1, [4], 1)
-    assert requirement_section.rows([found])[0].cells[0][1] == "of 11 runs with a value"
+    assert requirement_verdict_section.rows([found])[0].cells[0][1] == "of 11 runs with a value"
     page = write_report(campaign).read_text()
     assert f"rpojax rerun {campaign.directory} --run-id 4 --out run_4" in page
     assert "Minimum range \N{GREATER-THAN OR EQUAL TO} 1 m" in page
@@ -84,8 +84,8 @@ def test_with_missing_runs_nothing_is_verified_nor_refuted(build, limit):
     assert (found["verdict"], found["verdict_text"]) == ("unfinished: no verdict",) * 2
     silent = ("more_runs", "allowed", "rank", "order_statistic", "margin", "success_interval", "risk_reached")
     assert {found[key] for key in silent} == {None}
-    row = requirement_section.rows([found])[0]
-    assert (row.verdict, row.state, row.cells[3][1]) == ("unfinished: no verdict", "open", "unfinished")
+    row = requirement_verdict_section.rows([found])[0]
+    assert (row.verdict, row.css_class, row.cells[3][1]) == ("unfinished: no verdict", "open", "unfinished")
     assert "no verdict before all have ended" in write_report(campaign).read_text()
 
 
@@ -112,7 +112,7 @@ def test_a_probability_is_never_rounded_up_to_what_is_asked():
         "risk_reached": 0.5,
         "violating_ids": [],
     }
-    cells = requirement_section.rows([entry])[0].cells
+    cells = requirement_verdict_section.rows([entry])[0].cells
     assert cells[0] == ("2", "of 99999 runs with a value")
     assert cells[4] == ("0.9899", "0.9895 to 0.9904")
     assert cells[2] == ("-0.1000", "")
@@ -175,7 +175,7 @@ def test_what_sets_failing_runs_apart_is_named_by_reason(build):
     campaign = build(runs=200, seconds=60, kept=(), failed=failed)
     campaign.drawn["gps.noise_m"][list(failed)] += 5.0
     campaign.failure_reason[0] = "non-finite state"
-    found = failure_causes.content(campaign)
+    found = failure_section.content(campaign)
     assert [(one["reason"], one["runs"]) for one in found] == [
         ("entered the keep-out sphere", 19),
         ("non-finite state", 1),
@@ -183,19 +183,23 @@ def test_what_sets_failing_runs_apart_is_named_by_reason(build):
     first = found[0]["inputs"][0]
     assert (first["input"], first["ks"], first["auc"]) == ("gps.noise_m", 1.0, 1.0)
     assert first["ks_p"] < 1e-6
-    assert failure_causes.sentence(found[0]).endswith("beyond chance: gps.noise_m.")
-    assert failure_causes.rows(found[0])[0][:2] == ["gps.noise_m", "greater"]
+    assert failure_section.cause_sentence(found[0]).endswith("beyond chance: gps.noise_m.")
+    assert failure_section.cause_rows(found[0])[0][:2] == ["gps.noise_m", "greater"]
     # One run alone proves nothing: its rank among 181 has at best a p-value of about 0.01, times five inputs.
-    assert failure_causes.sentence(found[1]) == "No input sets these runs apart from completed ones beyond chance."
+    assert (
+        failure_section.cause_sentence(found[1]) == "No input sets these runs apart from completed ones beyond chance."
+    )
 
 
 def test_the_five_worst_runs_of_each_leading_metric_on_the_bad_side(build):
     campaign = build(runs=30, seconds=60, kept=(), failed=(7,))
     campaign.metrics["min_range_m"] = np.linspace(20.0, 30.0, 30)
-    found = {entry["metric"]: [run["run_id"] for run in entry["runs"]] for entry in worst_runs.content(campaign)}
+    found = {
+        entry["metric"]: [run["run_id"] for run in entry["runs"]] for entry in worst_runs_section.content(campaign)
+    }
     assert found["min_range_m"] == [0, 1, 2, 3, 4]
     expected = np.argsort(-np.nan_to_num(campaign.metrics["delta_v_m_s"], nan=-1.0))[:5]
     assert found["delta_v_m_s"] == expected.tolist()
-    rows = worst_runs.rows(worst_runs.content(campaign))
+    rows = worst_runs_section.rows(worst_runs_section.content(campaign))
     assert "Minimum range 20 m (worst)" in dict(rows)[0]
     assert len(rows[0][1]) == max(len(places) for _, places in rows)

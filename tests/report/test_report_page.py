@@ -12,11 +12,11 @@ import pytest
 
 from rpojax.campaign.rerun import rerun
 from rpojax.errors import OutputError, ResultError
-from rpojax.report.figures.plotly_charts import binned, envelope, worst_run
-from rpojax.report.labels import CHANNELS, number
+from rpojax.report.figures.plotly_charts import envelope_chart, histogram_bins, worst_run
+from rpojax.report.labels import CHANNEL_LABELS, format_number
 from rpojax.report.page import section_records
+from rpojax.report.page.campaign_summary import summarise
 from rpojax.report.page.html_report import write_report
-from rpojax.report.sections.summary import summarise
 
 _DASH = "\N{EN DASH}"
 _VOID = {"meta", "img", "rect", "br", "wbr", "link"}
@@ -157,7 +157,7 @@ def test_where_low_is_bad_the_low_side_is_shown(campaign):
     rows = {row.name: row for row in section_records.metric_rows(campaign, summarise(campaign))}
     assert rows["min_range_m"].cells[4:7] == ["p5 20.50", "p1 20.10", f"p1 {_DASH}"]
     assert not any("p" in cell for cell in rows["delta_v_m_s"].cells)
-    shown = {entry["name"]: entry for entry in section_records.histograms(campaign, summarise(campaign))}
+    shown = {entry["name"]: entry for entry in section_records.histogram_entries(campaign, summarise(campaign))}
     assert shown["min_range_m"]["tail"] == "p1 20.10"
     assert shown["min_range_m"]["chart"]["layout"]["shapes"][1]["x0"] == pytest.approx(20.1)
     assert shown["delta_v_m_s"]["tail"].startswith("p99 ")
@@ -243,7 +243,7 @@ def test_page_of_a_large_campaign_stays_small(build):
 
 def test_envelope_bands_hold_the_stated_shares():
     values = np.random.default_rng(5).uniform(1.0, 2.0, (2000, 50))
-    chart = envelope(CHANNELS[0], np.arange(50.0), values, np.ones(2000, bool))
+    chart = envelope_chart(CHANNEL_LABELS[0], np.arange(50.0), values, np.ones(2000, bool))
     assert chart is not None
     low, high = (np.array(trace["y"]) for trace in chart["data"][2:4])
     share = np.mean((values >= low) & (values <= high))
@@ -255,13 +255,13 @@ def test_envelope_bands_hold_the_stated_shares():
 )
 def test_bands_that_too_few_runs_cannot_resolve_are_not_drawn(runs, names):
     values = np.random.default_rng(6).uniform(1.0, 2.0, (runs, 50))
-    chart = envelope(CHANNELS[0], np.arange(50.0), values, np.ones(runs, bool))
+    chart = envelope_chart(CHANNEL_LABELS[0], np.arange(50.0), values, np.ones(runs, bool))
     assert chart is not None
     assert {trace["legendgroup"] for trace in chart["data"] if "legendgroup" in trace} == names
 
 
 def test_worst_run_is_completed_and_low_range_is_the_bad_side():
-    error, distance = CHANNELS[0], CHANNELS[2]
+    error, distance = CHANNEL_LABELS[0], CHANNEL_LABELS[2]
     values = np.array([[9.0, 1.0, 1.0], [0.0, 3.0, 3.0], [5.0, 8.0, np.nan]])
     completed = np.array([True, True, False])
     assert worst_run(error, values, completed) == 1
@@ -271,7 +271,7 @@ def test_worst_run_is_completed_and_low_range_is_the_bad_side():
 
 @pytest.mark.parametrize("values", [[0.0], [0.3, 0.3 + 1e-16, 0.3], [1.0, 2.0, 5.0], [-1e9, 1e9], [1e-9, 2e-9]])
 def test_every_value_falls_into_a_bin(values):
-    counts, edges = binned(np.array(values))
+    counts, edges = histogram_bins(np.array(values))
     assert counts.sum() == len(values)
     assert len(edges) == len(counts) + 1
     assert len(counts) <= 37
@@ -291,4 +291,4 @@ def test_every_value_falls_into_a_bin(values):
     ],
 )
 def test_numbers_have_four_significant_digits(value, text):
-    assert number(value) == text
+    assert format_number(value) == text

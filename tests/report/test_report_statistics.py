@@ -5,41 +5,41 @@ import json
 import numpy as np
 import pytest
 
+from rpojax.report.metric_statistics import mean_confidence_interval, summary_statistics
 from rpojax.report.page.html_report import write_report
 from rpojax.report.sections import (
     consistency_section,
     convergence_section,
     dispersion_section,
-    failure_causes,
+    failure_section,
     sensitivity_section,
 )
-from rpojax.report.sections.metric_statistics import describe, interval_of_mean
 
 
 def test_intervals_of_quantiles_are_ranks_and_hold_what_they_say():
     values = np.arange(1.0, 1001.0)
-    entry = describe("delta_v_m_s", values, True)
+    entry = summary_statistics("delta_v_m_s", values, True)
     # Row of a table: for q = 0.99 and 1000 runs the ranks are 983 and 997.
     assert entry["p99_interval_95"] == [983.0, 997.0]
-    assert describe("delta_v_m_s", values[:100], True)["p99_interval_95"][1] is None
+    assert summary_statistics("delta_v_m_s", values[:100], True)["p99_interval_95"][1] is None
     # For 1000 runs the interval of the deviation is 0.958012 to 1.045865 of it.
     assert np.array(entry["std_interval_95"]) / entry["std"] == pytest.approx([0.958012, 1.045865], abs=1e-6)
     assert entry["mean_interval_method"] == "normal"
 
 
 def test_the_mean_is_resampled_where_runs_are_few_and_skewed():
-    made = interval_of_mean(np.arange(1.0, 21.0))
+    made = mean_confidence_interval(np.arange(1.0, 21.0))
     assert made is not None
     # scipy's BCa with 9999 resamples gives 7.95 to 12.95.
     assert made[0] == pytest.approx([7.95, 12.95], abs=0.15)
     assert made[1] == "bootstrap (BCa)"
-    assert interval_of_mean(np.arange(9.0)) is None
-    assert interval_of_mean(np.full(20, 3.0)) == ([3.0, 3.0], "all runs agree")
+    assert mean_confidence_interval(np.arange(9.0)) is None
+    assert mean_confidence_interval(np.full(20, 3.0)) == ([3.0, 3.0], "all runs agree")
     rng = np.random.default_rng(4)
     hits = sum(
         made[0][0] <= 1.0 <= made[0][1]
         for _ in range(100)
-        if (made := interval_of_mean(rng.exponential(1.0, 600))) is not None
+        if (made := mean_confidence_interval(rng.exponential(1.0, 600))) is not None
     )
     assert 88 <= hits <= 100
 
@@ -161,7 +161,7 @@ def test_runs_of_a_design_are_ranked_by_size_without_a_word_on_chance(build):
         assert entry["disagree"] is None
         assert entry["sentence"].startswith(f"Greatest by rank correlation: {entry['by_spearman'][0]}, ")
     assert found["delta_v_m_s"]["by_hsic"][0] == "servicer.mass_kg"
-    explorer = dispersion_section.explorer(campaign)
+    explorer = dispersion_section.scatter_explorer(campaign)
     assert explorer is not None
     assert {one["chance"] for one in explorer["metrics"].values()} == {None}
     assert "dotted lines" not in write_report(campaign).read_text()
@@ -174,8 +174,8 @@ def test_codes_of_faults_are_not_ranked(build):
     assert all(
         codes.isdisjoint(one["name"] for one in entry["inputs"]) for entry in sensitivity_section.content(campaign)
     )
-    assert all(codes.isdisjoint(one["input"] for one in entry["inputs"]) for entry in failure_causes.content(campaign))
-    explorer = dispersion_section.explorer(campaign)
+    assert all(codes.isdisjoint(one["input"] for one in entry["inputs"]) for entry in failure_section.content(campaign))
+    explorer = dispersion_section.scatter_explorer(campaign)
     assert explorer is not None
     assert all(codes.isdisjoint(one["rank"]) for one in explorer["metrics"].values())
     assert codes <= set(explorer["inputs"])
@@ -184,14 +184,14 @@ def test_codes_of_faults_are_not_ranked(build):
 def test_draws_are_held_against_what_the_scenario_declares(build):
     campaign = build(runs=500, seconds=60, kept=())
     campaign.info["scenario"]["dispersions"][0]["sigma"] = 0.6
-    found = {one.key: one for one in dispersion_section.as_drawn(campaign)}
+    found = {one.key: one for one in dispersion_section.drawn_distributions(campaign)}
     mass, noise, constant = found["servicer.mass_kg"], found["gps.noise_m"], found["thruster.on"]
-    assert mass.doubtful
+    assert mass.contradicts_declaration
     assert (mass.law_mean, mass.law_std) == (24.0, 0.6)
-    assert not noise.doubtful
+    assert not noise.contradicts_declaration
     assert noise.p is not None
-    assert (constant.p, constant.law_mean, constant.curve) == (None, None, [])
-    assert len(noise.curve) == len(noise.bars)
+    assert (constant.p, constant.law_mean, constant.expected_heights) == (None, None, [])
+    assert len(noise.expected_heights) == len(noise.bin_heights)
     # As many runs are expected in the bins as there are.
-    assert sum(noise.curve) == pytest.approx(sum(noise.bars), rel=0.01)
-    assert max(*noise.curve, *noise.bars) == 1.0
+    assert sum(noise.expected_heights) == pytest.approx(sum(noise.bin_heights), rel=0.01)
+    assert max(*noise.expected_heights, *noise.bin_heights) == 1.0

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rpojax.errors import ResultError
-from rpojax.report.sections import caveats
-from rpojax.report.sections.summary import choose_run, summarise
+from rpojax.report.page.campaign_summary import choose_run, summarise
+from rpojax.report.sections import caveats_section
 
 _STATISTICS = ("mean", "std", "min", "p1", "p5", "p50", "p95", "p99", "max", "p1_lower_95", "p99_upper_95")
 
@@ -52,14 +52,20 @@ def test_an_undefined_run_that_completed_counts_there_too_and_is_said(build, und
     entry = summary["metrics"]["delta_v_m_s"]
     assert entry["p99_upper_95"] == (None if from_the_end is None else values[-from_the_end])
     assert entry["p1_lower_95"] == (None if from_the_end is None else values[from_the_end - 1])
-    said = [sentence for sentence in caveats.sentences(campaign, summary) if sentence.startswith("Undefined in some")]
+    said = [
+        sentence
+        for sentence in caveats_section.caveat_sentences(campaign, summary)
+        if sentence.startswith("Undefined in some")
+    ]
     assert len(said) == 1
     assert f"of the 700 completed runs: Delta-v ({undefined})." in said[0]
 
 
 def test_a_metric_that_no_run_has_needs_no_caveat(build):
     campaign = build(runs=20, seconds=30, kept=())
-    assert not any("undefined" in sentence.lower() for sentence in caveats.sentences(campaign, summarise(campaign)))
+    assert not any(
+        "undefined" in sentence.lower() for sentence in caveats_section.caveat_sentences(campaign, summarise(campaign))
+    )
 
 
 def test_metrics_come_in_the_order_in_which_a_reader_wants_them(campaign):

@@ -23,7 +23,7 @@ class OtherXla:
 def test_what_xla_does_not_know_of_the_options_is_left_out_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XLA_FLAGS", "--xla_cpu_parallel_codegen_split_count=8")
     other = OtherXla("INVALID_ARGUMENT: No such compile option: 'xla_cpu_use_fusion_emitters'")
-    assert compiler_options.compiled(other, compiler_options.PREPARATION) == "program"
+    assert compiler_options.compile_with_options(other, compiler_options.PREPARATION_OPTIONS) == "program"
     assert other.asked[-1] == {"xla_backend_optimization_level": 0}
 
 
@@ -31,5 +31,5 @@ def test_other_errors_of_the_compiler_are_not_hidden(monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("XLA_FLAGS", "")
     other = OtherXla("RESOURCE_EXHAUSTED: out of memory")
     with pytest.raises(jax.errors.JaxRuntimeError, match="out of memory"):
-        compiler_options.compiled(other, compiler_options.PREPARATION)
+        compiler_options.compile_with_options(other, compiler_options.PREPARATION_OPTIONS)
     assert len(other.asked) == 1

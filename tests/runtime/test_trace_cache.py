@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from jaxtyping import Array
 
-from rpojax.campaign.execution.batch_engine import Engine
+from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.dispersions.dispersed_values import Values
 from rpojax.flight.computer import Stages
 from rpojax.flight.control import formation_lqr
@@ -35,12 +35,12 @@ class Counted:
 
 def traced(function: Counted, arguments: Any = ARGUMENTS, meaning: str | None = "sum") -> Trace:
     """As a new process would: JAX remembers what it has traced by the function's identity."""
-    return trace_cache.traced(lambda x, others: function(x, others), arguments, meaning)
+    return trace_cache.load_or_trace(lambda x, others: function(x, others), arguments, meaning)
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setenv(trace_cache.FOLDER, str(tmp_path / "traces"))
+    monkeypatch.setenv(trace_cache.FOLDER_VARIABLE, str(tmp_path / "traces"))
     return tmp_path / "traces"
 
 
@@ -51,7 +51,7 @@ def test_a_kept_trace_is_not_made_again_and_computes_the_same(folder: Path) -> N
     assert function.times == 1
     assert len(list(folder.iterdir())) == 1
     assert first.call(*ARGUMENTS)["sum"] == second.call(*ARGUMENTS)["sum"] == 5.0
-    assert second.results["same"]["a"].shape == (2,)
+    assert second.outputs["same"]["a"].shape == (2,)
 
 
 @pytest.mark.parametrize("collecting", [True, False])
@@ -72,10 +72,10 @@ def test_garbage_is_collected_again_once_a_function_is_traced_or_has_failed(
     before = gc.isenabled()
     try:
         (gc.enable if collecting else gc.disable)()
-        trace_cache.traced(working, (np.ones(2),), meaning)
+        trace_cache.load_or_trace(working, (np.ones(2),), meaning)
         assert gc.isenabled() is collecting
         with pytest.raises(RuntimeError, match="no function"):
-            trace_cache.traced(failing, (np.ones(3),), meaning)
+            trace_cache.load_or_trace(failing, (np.ones(3),), meaning)
         assert gc.isenabled() is collecting
     finally:
         (gc.enable if before else gc.disable)()
@@ -98,7 +98,7 @@ def test_what_changes_a_trace_makes_it_anew(
     if change == "structure":
         others = {**others, "b": np.ones(1)}
     if change == "code":
-        monkeypatch.setattr(trace_cache, "_SOURCE", "other code")
+        monkeypatch.setattr(trace_cache, "_LOADED_SOURCE", "other code")
         monkeypatch.setattr(trace_cache, "_source_digest", lambda: "other code")
     if change == "numbers":
         partitionable = jax.config.jax_threefry_partitionable  # pyright: ignore[reportAttributeAccessIssue]
@@ -145,7 +145,7 @@ def test_a_function_that_prints_can_be_flown_but_not_kept(folder: Path, capfd: p
         jax.debug.print("heard")
         return x
 
-    trace = trace_cache.traced(talkative, ARGUMENTS)
+    trace = trace_cache.load_or_trace(talkative, ARGUMENTS)
     np.testing.assert_array_equal(jax.jit(trace.call)(*ARGUMENTS), ARGUMENTS[0])
     jax.effects_barrier()
     assert "heard" in capfd.readouterr().out
@@ -154,7 +154,7 @@ def test_a_function_that_prints_can_be_flown_but_not_kept(folder: Path, capfd: p
 
 def test_nothing_is_kept_without_a_folder_or_without_a_meaning(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     traced(Counted(), meaning=None)
-    monkeypatch.delenv(trace_cache.FOLDER)
+    monkeypatch.delenv(trace_cache.FOLDER_VARIABLE)
     assert traced(Counted()).call(*ARGUMENTS)["sum"] == 5.0
     assert not folder.exists()
 
@@ -169,16 +169,16 @@ def test_a_loop_is_found_again_unless_a_stage_is_the_users_own(
 ) -> None:
     times = []
 
-    def advance(self: Engine, nominal: Params, values: Values, state: State) -> tuple[State, dict[str, Array]]:
+    def advance(self: BatchEngine, nominal: Params, values: Values, state: State) -> tuple[State, dict[str, Array]]:
         times.append(1)
         return state, {"failed_at": state.failed_at[None]}
 
-    monkeypatch.setattr(Engine, "_advance", advance)
+    monkeypatch.setattr(BatchEngine, "_advance", advance)
     retuned = inspection_file.model_copy(update={"orbit": inspection_file.orbit.model_copy(update={"raan_deg": 78.0})})
-    assert Engine(inspection_file, size=1).channels() == ["failed_at"]
-    assert Engine(retuned, size=1).channels() == ["failed_at"]
+    assert BatchEngine(inspection_file, runs_per_device=1).channel_names() == ["failed_at"]
+    assert BatchEngine(retuned, runs_per_device=1).channel_names() == ["failed_at"]
     assert len(times) == 1, "numbers that runs are given are not part of the program"
-    own = Stages(formation_law=lambda *given: formation_lqr.lqr(*given))
-    Engine(inspection_file, size=1, stages=own).channels()
+    own = Stages(formation_law=lambda *given: formation_lqr.lqr_feedback(*given))
+    BatchEngine(inspection_file, runs_per_device=1, stages=own).channel_names()
     assert len(times) == 2
     assert len(list(folder.iterdir())) == 3, "two preparations and the loop of the packaged stages"

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy_reference import axis_angle_quaternion, random_unit, rotation_matrix, unit
 from pydantic import BaseModel
-from reference import matrix, random_unit, turn, unit
 
 from rpojax.errors import ScenarioError, UnknownKeyError
 from rpojax.physics import equipment_faults
@@ -29,26 +29,26 @@ def tables(inspection_file: ScenarioFile) -> dict[str, Any]:
 # What loads
 
 
-@pytest.mark.parametrize("name", scenarios.packaged())
+@pytest.mark.parametrize("name", scenarios.packaged_names())
 def test_every_packaged_scenario_loads_and_is_named_after_its_file(name: str) -> None:
     file = scenarios.load(name)
     assert file.name == name
     assert file.description
-    static = scenarios.static(file)
+    static = scenarios.static_settings(file)
     assert static.ticks * static.tick_s == pytest.approx(file.duration_s)
 
 
 def test_the_nominal_scenario_and_its_variants_are_packaged() -> None:
     variants = {"inspection_cold", "inspection_full", "inspection_eclipse", "inspection_faults"}
-    assert {"inspection", *variants} <= set(scenarios.packaged())
+    assert {"inspection", *variants} <= set(scenarios.packaged_names())
 
 
 def test_switches_of_the_plant_and_of_the_filter_are_static_settings() -> None:
-    nominal = scenarios.static(scenarios.load("inspection"))
+    nominal = scenarios.static_settings(scenarios.load("inspection"))
     assert nominal.effects == Effects()
     plant = ["effects.drag=true", "effects.integrator=rk8", "effects.zonal_degree=6", "effects.faults=true"]
     onboard = ["navigation.zonal_degree=4", "navigation.luni_solar=true"]
-    changed = scenarios.static(scenarios.load("inspection", [*plant, *onboard]))
+    changed = scenarios.static_settings(scenarios.load("inspection", [*plant, *onboard]))
     assert changed.effects == Effects(drag=True, integrator="rk8", zonal_degree=6, faults=True)
     assert (changed.navigation_zonal_degree, changed.navigation_luni_solar) == (4, True)
     assert (nominal.navigation_zonal_degree, nominal.navigation_luni_solar) == (2, False)
@@ -56,7 +56,9 @@ def test_switches_of_the_plant_and_of_the_filter_are_static_settings() -> None:
 
 
 def test_the_full_scenario_has_every_effect_but_faults_which_another_adds() -> None:
-    full, faulty = (scenarios.static(scenarios.load(f"inspection_{name}")).effects for name in ("full", "faults"))
+    full, faulty = (
+        scenarios.static_settings(scenarios.load(f"inspection_{name}")).effects for name in ("full", "faults")
+    )
     assert {name for name, value in vars(full).items() if value is False} == {"faults"}
     assert full.zonal_degree == 6
     assert faulty == replace(full, faults=True)
@@ -74,7 +76,7 @@ def test_the_full_scenario_has_every_effect_but_faults_which_another_adds() -> N
 )
 def test_an_epoch_is_seconds_of_terrestrial_time_from_noon_of_the_first_day_of_2000(utc: str, days: float) -> None:
     for written in (f'"{utc}"', utc):  # as text, and as the date that TOML knows
-        static = scenarios.static(scenarios.load("inspection", [f"epoch_utc={written}"]))
+        static = scenarios.static_settings(scenarios.load("inspection", [f"epoch_utc={written}"]))
         # 37 leap seconds by 2017 and 32.184 s between atomic and terrestrial time.
         assert static.epoch_s == pytest.approx(days * 86400.0 + 69.184, abs=1e-6)
 
@@ -98,7 +100,7 @@ def test_static_settings_are_whole_numbers_of_ticks_and_steps() -> None:
         "inspection",
         ["rates.camera_hz=2.0", "rates.plant_hz=10.0", "rates.formation_period_s=150.0", "duration_s=900.0"],
     )
-    static = scenarios.static(file)
+    static = scenarios.static_settings(file)
     assert (static.ticks, static.substeps, static.formation_ticks) == (1800, 5, 300)
     assert (static.tick_s, static.step_s, static.formation_period_s) == (0.5, 0.1, 150.0)
 
@@ -442,7 +444,7 @@ def test_a_scenario_without_requirements_is_one_with_none_and_has_the_same_diges
     older = scenarios.validate(tables)
     assert older.requirements == []
     assert scenarios.digest(older) == scenarios.digest(asked_for)
-    assert scenarios.static(older) == scenarios.static(asked_for)
+    assert scenarios.static_settings(older) == scenarios.static_settings(asked_for)
 
 
 def test_the_digest_is_what_it_was_before_there_were_requirements_designs_and_precisions(
@@ -563,15 +565,15 @@ def test_every_number_of_the_scenario_lands_in_the_params_in_si_units(
     section, _, name = key.partition(".")
     value = getattr(getattr(inspection_file, section), name)
     value = np.asarray(equipment_faults.KINDS.index(value) if key == "fault.kind" else value, dtype=float)
-    path, found_factor = parameters.locate(key)
-    leaf = np.asarray(parameters.get(inspection_params, path))
+    path, found_factor = parameters.leaf_path_and_factor(key)
+    leaf = np.asarray(parameters.get_leaf(inspection_params, path))
     assert found_factor == pytest.approx(factor(key), rel=1e-15)
     assert leaf.dtype == np.float64
     np.testing.assert_allclose(leaf, value * factor(key), rtol=1e-15)
 
 
 def test_no_number_is_forgotten_or_shared() -> None:
-    paths = [parameters.locate(key)[0] for key in numeric_keys()]
+    paths = [parameters.leaf_path_and_factor(key)[0] for key in numeric_keys()]
     assert len(paths) > 90
     assert len(set(paths)) == len(paths)
 
@@ -581,22 +583,25 @@ def test_no_number_is_forgotten_or_shared() -> None:
 )
 def test_a_key_that_is_no_number_of_the_scenario_has_no_place_in_the_params(key: str) -> None:
     if key == "servicer.mass":
-        assert parameters.locate(key) == (("plant", "servicer", "mass"), 1.0)  # the leaf's own name is its SI name
+        assert parameters.leaf_path_and_factor(key) == (
+            ("plant", "servicer", "mass"),
+            1.0,
+        )  # the leaf's own name is its SI name
         return
     with pytest.raises(ScenarioError):
-        parameters.locate(key)
+        parameters.leaf_path_and_factor(key)
 
 
 def test_putting_a_value_changes_that_leaf_only(inspection_params: Params) -> None:
     path = ("flight", "navigation", "gate_sigma")
-    changed = parameters.put(inspection_params, path, parameters.get(inspection_params, path) + 1.0)
-    assert float(parameters.get(changed, path)) == float(parameters.get(inspection_params, path)) + 1.0
+    changed = parameters.replace_leaf(inspection_params, path, parameters.get_leaf(inspection_params, path) + 1.0)
+    assert float(parameters.get_leaf(changed, path)) == float(parameters.get_leaf(inspection_params, path)) + 1.0
     assert changed.flight.navigation.edge_noise is inspection_params.flight.navigation.edge_noise
     assert changed.plant is inspection_params.plant
 
 
 def test_flight_software_is_told_the_nominal_vehicle(inspection_file: ScenarioFile, inspection_params: Params) -> None:
-    onboard, camera = inspection_params.flight.onboard, inspection_file.camera
+    onboard, camera = inspection_params.flight.vehicle, inspection_file.camera
     assert float(onboard.mass) == inspection_file.servicer.mass_kg
     assert float(onboard.thrust) == inspection_file.thruster.force_n
     np.testing.assert_allclose(np.linalg.norm(onboard.thrust_direction), 1.0, rtol=1e-15)
@@ -616,7 +621,7 @@ def log_sizes(hull: np.ndarray, attitudes: np.ndarray) -> np.ndarray:
 
 def test_the_filters_target_size_is_the_mean_size_of_the_hull_over_all_attitudes(inspection_file: ScenarioFile) -> None:
     rng = np.random.default_rng(1)
-    attitudes = np.array([matrix(random_unit(rng, 4)) for _ in range(4000)])
+    attitudes = np.array([rotation_matrix(random_unit(rng, 4)) for _ in range(4000)])
     sizes = log_sizes(np.array(inspection_file.target.hull_m), attitudes)
     # Four sigma of the mean of 4000 logs with a spread of 0.15.
     np.testing.assert_allclose(np.exp(sizes.mean()), inspection_file.navigation.target_size_m, rtol=0.01)
@@ -632,9 +637,11 @@ def test_the_filters_size_errors_are_those_of_a_tumble_and_of_where_its_axis_poi
     means, spreads = [], []
     for _ in range(300):
         # A tumble about an axis fixed in the target, seen from one side.
-        axis, start = unit(rng.normal(size=3)), matrix(random_unit(rng, 4))
+        axis, start = unit(rng.normal(size=3)), rotation_matrix(random_unit(rng, 4))
         angles = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
-        sizes = log_sizes(hull, np.array([start @ matrix(turn(axis, angle)) for angle in angles]))
+        sizes = log_sizes(
+            hull, np.array([start @ rotation_matrix(axis_angle_quaternion(axis, angle)) for angle in angles])
+        )
         means.append(sizes.mean())
         spreads.append(sizes.var())
     slow, fast = inspection_file.navigation.scale_sigma

@@ -7,19 +7,19 @@ import pytest
 
 from rpojax.sensors import rendered_camera
 from rpojax.vision import pinhole
-from rpojax.vision.imaging.image_formation import Window
-from rpojax.vision.pinhole import Lens
+from rpojax.vision.imaging.image_formation import ImageWindow
+from rpojax.vision.pinhole import Intrinsics
 
 EXACT = 1e-3  # pixels, in single precision
 
 
-def large() -> Lens:
+def large() -> Intrinsics:
     """Lens of a camera of 512 px."""
-    return pinhole.lens(jnp.asarray(np.radians(10.0)), 512, 512)
+    return pinhole.pinhole_intrinsics(jnp.asarray(np.radians(10.0)), 512, 512)
 
 
-def chosen(expected: tuple[float, float], size: float, tracked: bool, side: int = 512) -> Window:
-    optics = pinhole.lens(jnp.asarray(np.radians(10.0)), side, side)
+def chosen(expected: tuple[float, float], size: float, tracked: bool, side: int = 512) -> ImageWindow:
+    optics = pinhole.pinhole_intrinsics(jnp.asarray(np.radians(10.0)), side, side)
     return rendered_camera.choose_window(
         optics, side, side, jnp.asarray(expected), jnp.asarray(size), jnp.asarray(tracked)
     )
@@ -27,7 +27,7 @@ def chosen(expected: tuple[float, float], size: float, tracked: bool, side: int 
 
 @pytest.mark.parametrize(("side", "expected"), [(64, 64), (100, 128), (128, 128), (256, 128), (1024, 128)])
 def test_the_detector_gets_the_frame_or_a_window_of_128_px(side: int, expected: int) -> None:
-    assert rendered_camera.canvas(side, side) == expected
+    assert rendered_camera.input_side(side, side) == expected
 
 
 def test_a_small_frame_is_looked_at_as_a_whole() -> None:
@@ -57,13 +57,13 @@ def test_a_tracked_target_is_in_its_window_which_is_in_the_frame(expected: tuple
 
 def test_a_target_that_is_large_in_its_frame_is_binned() -> None:
     view = chosen((256.0, 256.0), 150.0, True)
-    assert 150.0 / float(view.binning) == pytest.approx(rendered_camera.FILL * 128.0, abs=EXACT)
+    assert 150.0 / float(view.binning) == pytest.approx(rendered_camera.TARGET_FRACTION * 128.0, abs=EXACT)
 
 
 def test_pixels_of_a_window_are_those_of_the_frame() -> None:
     view = chosen((300.0, 200.0), 100.0, True)
     points = jnp.asarray([[0.3, -0.2, 30.0], [1.0, 1.5, 28.0]])
     whole = np.asarray(pinhole.project(large(), points))
-    own = np.asarray(pinhole.project(jax.tree.map(lambda v: v.astype(jnp.float64), view.lens), points))
+    own = np.asarray(pinhole.project(jax.tree.map(lambda v: v.astype(jnp.float64), view.intrinsics), points))
     found = np.asarray(view.corner_px)[:, None] + own * float(view.binning)
     np.testing.assert_allclose(found, whole, atol=0.01)

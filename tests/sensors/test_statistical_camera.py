@@ -9,8 +9,14 @@ import numpy as np
 import pytest
 
 from rpojax.sensors import statistical_camera, statistical_camera_file
-from rpojax.sensors.geometric_camera import Frame
-from rpojax.sensors.statistical_camera import FEATURES, NORMALS, OUTPUTS, UNIFORMS, CameraStatistics
+from rpojax.sensors.geometric_camera import CameraFrame
+from rpojax.sensors.statistical_camera import (
+    FEATURE_COUNT,
+    NORMALS_PER_FRAME,
+    OUTPUT_COUNT,
+    UNIFORMS_PER_FRAME,
+    CameraStatistics,
+)
 from rpojax.vision.imaging.image_formation import Scene
 from rpojax.vision.weight_files import WeightsError
 
@@ -30,24 +36,24 @@ def scene(away: tuple[float, float, float] = (0.0, 0.0, -30.0)) -> Scene:
         sun_T=jnp.asarray([1.0, 0.0, 0.0], jnp.float32),
         sunlight=jnp.ones((), jnp.float32),
         R_KN=jnp.eye(3, dtype=jnp.float32),
-        place_N=jnp.asarray([1.08, 0.0, 0.0], jnp.float32),
+        position_N=jnp.asarray([1.08, 0.0, 0.0], jnp.float32),
         sun_N=jnp.asarray([1.0, 0.0, 0.0], jnp.float32),
-        earth_turn=jnp.zeros((), jnp.float32),
+        earth_rotation=jnp.zeros((), jnp.float32),
     )
 
 
 def fitted(true: float, false: float, bias: float = 0.0, wide: float = 0.0) -> CameraStatistics:
     """A camera whose distribution is the same for all views: only the last layer's constants differ from zero."""
-    last = np.zeros(OUTPUTS, np.float32)
+    last = np.zeros(OUTPUT_COUNT, np.float32)
     none = 1.0 - true - false
     last[0], last[1] = np.log(true / none), np.log(max(false, 1e-9) / none)
     last[2:6] = bias / 0.1
-    widths = statistical_camera_file.WIDTHS
+    widths = statistical_camera_file.LAYER_WIDTHS
     layers = [(jnp.zeros((i, o), jnp.float32), jnp.zeros((o,), jnp.float32)) for i, o in itertools.pairwise(widths)]
     layers[-1] = (layers[-1][0], jnp.asarray(last))
     return CameraStatistics(
-        mean=jnp.zeros(FEATURES, jnp.float32),
-        spread=jnp.ones(FEATURES, jnp.float32),
+        mean=jnp.zeros(FEATURE_COUNT, jnp.float32),
+        spread=jnp.ones(FEATURE_COUNT, jnp.float32),
         layers=tuple(layers),
         wide_share=jnp.asarray(wide, jnp.float32),
         mixing=jnp.asarray(MIXING, jnp.float32),
@@ -58,15 +64,15 @@ def fitted(true: float, false: float, bias: float = 0.0, wide: float = 0.0) -> C
     )
 
 
-def drawn(statistics: CameraStatistics, outline: np.ndarray = OUTLINE, light: bool = True) -> Frame:
+def drawn(statistics: CameraStatistics, outline: np.ndarray = OUTLINE, light: bool = True) -> CameraFrame:
     """Many frames of one view."""
     key = jax.random.key(3)
-    normals = jax.random.normal(key, (DRAWS, NORMALS))
+    normals = jax.random.normal(key, (DRAWS, NORMALS_PER_FRAME))
     lasting = jax.random.normal(jax.random.fold_in(key, 2), (DRAWS, 4))
-    uniforms = jax.random.uniform(jax.random.fold_in(key, 1), (DRAWS, UNIFORMS))
+    uniforms = jax.random.uniform(jax.random.fold_in(key, 1), (DRAWS, UNIFORMS_PER_FRAME))
     yes = jnp.asarray(True)
 
-    def one(lasting: jax.Array, normals: jax.Array, uniforms: jax.Array) -> Frame:
+    def one(lasting: jax.Array, normals: jax.Array, uniforms: jax.Array) -> CameraFrame:
         return statistical_camera.measure(
             statistics, scene(), jnp.asarray(outline), yes, SIZE, jnp.asarray(light), yes, lasting, normals, uniforms
         )
@@ -104,11 +110,15 @@ def test_errors_of_the_four_edges_are_as_correlated_as_the_fit_says() -> None:
 def test_what_lasts_keeps_its_size_and_is_forgotten_with_the_angle() -> None:
     statistics = fitted(true=0.9, false=0.0)
     before, normals = np.random.default_rng(4).normal(size=(2, DRAWS, 4))
-    advance = jax.jit(jax.vmap(lambda e, n: statistical_camera.advance(statistics, e, jnp.asarray(0.1), n)))
+    advance = jax.jit(
+        jax.vmap(lambda e, n: statistical_camera.advance_correlated_error(statistics, e, jnp.asarray(0.1), n))
+    )
     after = np.asarray(advance(before, normals))
     assert after.std() == pytest.approx(1.0, abs=0.01)
     assert np.mean(after * before) == pytest.approx(np.exp(-0.1 / 0.2), abs=0.01)
-    still = statistical_camera.advance(statistics, jnp.asarray(before[0]), jnp.asarray(0.0), jnp.asarray(normals[0]))
+    still = statistical_camera.advance_correlated_error(
+        statistics, jnp.asarray(before[0]), jnp.asarray(0.0), jnp.asarray(normals[0])
+    )
     np.testing.assert_array_equal(still, before[0])
 
 
@@ -122,7 +132,7 @@ def test_false_boxes_have_scores_of_their_own() -> None:
 def test_a_share_of_the_boxes_is_wide_of_the_mark() -> None:
     frame = drawn(fitted(true=0.999, false=0.0, wide=0.2))
     error = np.asarray(frame.box.edges)[np.asarray(frame.box.present)] - OUTLINE
-    expected = sigma() * np.sqrt(0.8 + 0.2 * statistical_camera.WIDE**2)
+    expected = sigma() * np.sqrt(0.8 + 0.2 * statistical_camera.WIDE_SIGMA_FACTOR**2)
     np.testing.assert_allclose(error.std(axis=0), expected, rtol=0.04)
 
 
@@ -181,7 +191,7 @@ def test_a_damaged_file_is_refused_in_one_line(tmp_path: Path, content: bytes, w
 
 
 def test_a_file_of_something_else_is_refused(tmp_path: Path) -> None:
-    from rpojax.vision.weight_files import packaged_field
+    from rpojax.vision.weight_files import packaged_field_path
 
     with pytest.raises(WeightsError, match="calibrate-camera-model"):
-        statistical_camera_file.load_statistics(packaged_field())
+        statistical_camera_file.load_statistics(packaged_field_path())

@@ -9,7 +9,7 @@ import pytest
 
 from rpojax.errors import ScenarioError
 from rpojax.flight.computer import Stages
-from rpojax.scenario import network_files, params, scenario_file
+from rpojax.scenario import params, scenario_file, trained_files
 from rpojax.sensors import statistical_camera_file
 from rpojax.sensors.statistical_camera import CameraStatistics
 from rpojax.simulation import closed_loop, telemetry
@@ -24,15 +24,15 @@ TICKS = 12
 def flown(overrides: Sequence[str]) -> Channels:
     """Channels of the first ticks of a run."""
     file = scenario_file.load("inspection", overrides)
-    static = scenario_file.static(file)
-    numbers = params.build(file.model_dump(), static.width_px, static.height_px)
+    static = scenario_file.static_settings(file)
+    numbers = params.build_params(file.model_dump(), static.width_px, static.height_px)
     state = closed_loop.init(static, numbers, closed_loop.run_key(0, 0))
 
     @jax.jit
     def run(numbers: params.Params, state: closed_loop.State) -> Channels:
         def one(state: closed_loop.State, _: None) -> tuple[closed_loop.State, Channels]:
             after, seen = closed_loop.tick(Stages(), static, numbers, state)
-            return after, telemetry.observe(static, numbers, seen)
+            return after, telemetry.compute_channels(static, numbers, seen)
 
         return jax.lax.scan(one, state, None, length=TICKS)[1]
 
@@ -65,7 +65,7 @@ def test_the_fitted_camera_must_fit_the_scenario() -> None:
         tables = scenario_file.load(
             "inspection", ["camera.model=statistical", "camera.field_of_view_deg=20.0"]
         ).model_dump()
-        network_files.load_statistics(tables)
+        trained_files.statistics_for_model(tables)
     assert "camera.field_of_view_deg" in str(error.value)
     assert "\n" not in str(error.value)
 
@@ -74,12 +74,12 @@ def test_the_fitted_camera_must_fit_the_scenario() -> None:
 def test_a_trained_file_that_is_not_there_is_named(key: str) -> None:
     file = scenario_file.load("inspection", ["camera.model=rendered", f"imaging.{key}=/nowhere/x.safetensors"])
     with pytest.raises(ScenarioError, match=f"imaging.{key}"):
-        network_files.load(file.model_dump())
+        trained_files.networks_for_model(file.model_dump())
 
 
 def test_other_trained_files_make_another_scenario(tmp_path: Path) -> None:
     copy = tmp_path / "other.safetensors"
-    copy.write_bytes(weight_files.packaged_field().read_bytes() + b" ")
+    copy.write_bytes(weight_files.packaged_field_path().read_bytes() + b" ")
     one = scenario_file.load("inspection", ["camera.model=rendered"])
     other = scenario_file.load("inspection", ["camera.model=rendered", f"imaging.field={copy}"])
     assert scenario_file.digest(one) != scenario_file.digest(other)
@@ -93,12 +93,12 @@ def test_paths_of_trained_files_start_from_the_scenarios_folder(tmp_path: Path) 
 
 def test_the_packaged_fitted_camera_fits_the_packaged_scenario() -> None:
     file = scenario_file.load("inspection", ["camera.model=statistical"])
-    found = network_files.load_statistics(file.model_dump())
+    found = trained_files.statistics_for_model(file.model_dump())
     assert isinstance(found, CameraStatistics)
-    _, card = statistical_camera_file.load_statistics(network_files.file_of(file.model_dump(), "statistics"))
+    _, card = statistical_camera_file.load_statistics(trained_files.file_path(file.model_dump(), "statistics"))
     assert card["made_with"] == {
-        "imaging.field": network_files.digest(weight_files.packaged_field()),
-        "imaging.detector": network_files.digest(network_files.file_of(file.model_dump(), "detector")),
+        "imaging.field": trained_files.file_digest(weight_files.packaged_field_path()),
+        "imaging.detector": trained_files.file_digest(trained_files.file_path(file.model_dump(), "detector")),
     }
 
 
@@ -112,5 +112,5 @@ def test_a_fitted_camera_is_refused_with_another_detector_or_beyond_its_views(tm
     ):
         tables = scenario_file.load("inspection", ["camera.model=statistical", change]).model_dump()
         with pytest.raises(ScenarioError, match="calibrate-camera-model") as error:
-            network_files.load_statistics(tables)
+            trained_files.statistics_for_model(tables)
         assert words in str(error.value)

@@ -19,8 +19,8 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.scenario_file import Scenario
 from rpojax.simulation import closed_loop, external_stages, step_stages
 from rpojax.simulation.closed_loop import State, Telemetry
-from rpojax.simulation.external_stages import GivenBurn
-from rpojax.simulation.step_stages import Decided, Motion
+from rpojax.simulation.external_stages import ExternalBurn
+from rpojax.simulation.step_stages import GuidedTick, Motion
 
 TICKS = 90
 
@@ -44,7 +44,7 @@ LIMIT = 0.005
 
 def cautious(gain: jax.Array, deviation: jax.Array) -> jax.Array:
     """A user's own law: what the LQR wants, but never much at once."""
-    wanted = formation_lqr.lqr(gain, deviation)
+    wanted = formation_lqr.lqr_feedback(gain, deviation)
     return wanted * jnp.minimum(LIMIT / jnp.sqrt(jnp.sum(wanted**2)), 1.0)
 
 
@@ -63,8 +63,8 @@ def batched(scenario: Scenario, params: Params, states: State) -> Run:
 @pytest.fixture(scope="module")
 def loop() -> tuple[Scenario, Params]:
     file = scenarios.load("inspection", OVERRIDES)
-    static = scenarios.static(file)
-    return static, parameters.build(file.model_dump(), static.width_px, static.height_px)
+    static = scenarios.static_settings(file)
+    return static, parameters.build_params(file.model_dump(), static.width_px, static.height_px)
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +90,7 @@ def assert_close(found: Any, expected: Any) -> None:
 
 def assert_finite(state: State, telemetry: Telemetry) -> None:
     """Checks every number but the time of the thruster's last failure, which is minus infinity before the first."""
-    for flight, rest in ((state.flight, (state.truth, state.sensors)), (telemetry.flight, telemetry)):
+    for flight, rest in ((state.flight, (state.truth, state.sensor_errors)), (telemetry.flight, telemetry)):
         failed_at = flight.thruster_failed_at
         assert np.all(np.isfinite(failed_at) | np.isneginf(failed_at))
         known = replace(flight, thruster_failed_at=jnp.zeros(()))
@@ -146,16 +146,16 @@ def test_a_scan_of_ticks_is_a_python_loop_of_ticks(loop: tuple[Scenario, Params]
     assert_close(jax.tree.map(lambda *leaves: jnp.stack(leaves), *seen), run[1])
 
 
-NO_BURN = GivenBurn(ignition=jnp.zeros(()), cutoff=jnp.zeros(()), q_burn=jnp.array([1.0, 0.0, 0.0, 0.0]))
+NO_BURN = ExternalBurn(ignition=jnp.zeros(()), cutoff=jnp.zeros(()), q_burn=jnp.array([1.0, 0.0, 0.0, 0.0]))
 
 
 def test_a_run_stepped_stage_by_stage_is_the_run(loop: tuple[Scenario, Params], start: State, run: Run) -> None:
     static, numbers = loop
     state, seen = start, []
     for _ in range(TICKS):
-        begun = external_stages.begin(STAGES, static, numbers, state)
-        decided, now = external_stages.decide(STAGES, static, "own", numbers, state, begun, NO_BURN)
-        motion = external_stages.move_all(STAGES, static, numbers, state, decided)
+        begun = external_stages.sense_and_navigate(STAGES, static, numbers, state)
+        decided, now = external_stages.plan_burn_and_guide(STAGES, static, "own", numbers, state, begun, NO_BURN)
+        motion = external_stages.control_and_propagate(STAGES, static, numbers, state, decided)
         state = external_stages.finish(STAGES, static, numbers, state, decided, motion)
         seen.append(now)
     assert_close(state, run[0])
@@ -170,29 +170,29 @@ def test_a_run_whose_burns_and_torques_are_given_from_outside_as_the_flight_soft
     state, accelerations = start, []
     for tick in range(TICKS):
         # The same burn is told again and again, as one who does not know whether it has been heard would do.
-        burn = GivenBurn(ignition=plans.ignition[tick], cutoff=plans.cutoff[tick], q_burn=plans.q_burn[tick])
-        begun = external_stages.begin(STAGES, static, numbers, state)
-        decided, _ = external_stages.decide(STAGES, static, "given", numbers, state, begun, burn)
-        motion = step_stages.set_off(state, decided)
-        commands = external_stages.reference(static, decided)
+        burn = ExternalBurn(ignition=plans.ignition[tick], cutoff=plans.cutoff[tick], q_burn=plans.q_burn[tick])
+        begun = external_stages.sense_and_navigate(STAGES, static, numbers, state)
+        decided, _ = external_stages.plan_burn_and_guide(STAGES, static, "given", numbers, state, begun, burn)
+        motion = step_stages.initial_motion(state, decided)
+        commands = external_stages.attitude_commands(static, decided)
         accelerations.append(float(jnp.max(jnp.abs(commands.acceleration_C))))
         for step in range(static.substeps):
             command = jax.tree.map(lambda values, step=step: values[step], commands)
             torque = wheel_torque(numbers, decided, motion, command)
-            motion = external_stages.move(static, numbers, state, decided, motion, torque, jnp.array(step))
+            motion = external_stages.propagate_substep(static, numbers, state, decided, motion, torque, jnp.array(step))
         state = external_stages.finish(STAGES, static, numbers, state, decided, motion)
     assert max(accelerations) > 0.01  # there was a turn to follow
     assert_close(state, run[0])
 
 
 @jax.jit
-def wheel_torque(numbers: Params, decided: Decided, motion: Motion, command: AttitudeCommand) -> jax.Array:
+def wheel_torque(numbers: Params, decided: GuidedTick, motion: Motion, command: AttitudeCommand) -> jax.Array:
     """What a controller from outside would do, if it were the packaged one."""
     flight = numbers.flight
     return attitude_control.wheel_torque(
         flight.attitude_control,
-        flight.onboard,
-        decided.flight.allocation,
+        flight.vehicle,
+        decided.flight.wheel_allocation,
         motion.attitude,
         command,
         motion.truth.wheel_speed,
@@ -206,17 +206,17 @@ def test_a_burn_that_is_called_off_from_outside_stops_at_once(
     plan = jax.tree.map(lambda leaf: leaf[60], run[1].flight.plan)
     assert float(plan.ignition) < 60.0 < float(plan.cutoff) - 1.0
     state = replace(start, tick=jnp.array(60, dtype=jnp.int32), flight=replace(start.flight, plan=plan))
-    begun = external_stages.begin(STAGES, static, numbers, state)
-    decided, _ = external_stages.decide(STAGES, static, "given", numbers, state, begun, NO_BURN)
+    begun = external_stages.sense_and_navigate(STAGES, static, numbers, state)
+    decided, _ = external_stages.plan_burn_and_guide(STAGES, static, "given", numbers, state, begun, NO_BURN)
     left = decided.flight.plan
     np.testing.assert_array_equal([left.ignition, left.cutoff], [plan.ignition, 60.0])
     np.testing.assert_array_equal(decided.burn_error.magnitude, start.burn_error.magnitude)
 
 
 def test_an_estimate_from_outside_takes_the_place_of_the_own(loop: tuple[Scenario, Params], start: State) -> None:
-    begun = external_stages.begin(STAGES, *loop, start)
+    begun = external_stages.sense_and_navigate(STAGES, *loop, start)
     servicer, relative = begun.flight.orbit.servicer, begun.flight.orbit.relative
-    given = external_stages.GivenOrbit(
+    given = external_stages.ExternalOrbitEstimate(
         r_SN_N=servicer.r_SN_N + 1.0,
         v_SN_N=servicer.v_SN_N,
         r_TS_N=relative.r_TS_N,
@@ -224,7 +224,7 @@ def test_an_estimate_from_outside_takes_the_place_of_the_own(loop: tuple[Scenari
         servicer_covariance=2.0 * servicer.covariance[:6, :6],
         relative_covariance=jnp.eye(6),
     )
-    after = external_stages.adopt(begun, given).flight.orbit
+    after = external_stages.replace_orbit_estimate(begun, given).flight.orbit
     np.testing.assert_array_equal(after.servicer.r_SN_N, servicer.r_SN_N + 1.0)
     np.testing.assert_array_equal(after.relative.v_TS_N, relative.v_TS_N - 0.5)
     np.testing.assert_array_equal(after.servicer.covariance[:6, :6], 2.0 * servicer.covariance[:6, :6])
@@ -247,7 +247,7 @@ def test_a_run_depends_on_its_seed_and_number_and_on_nothing_else(
     for key in (closed_loop.run_key(1, 1), closed_loop.run_key(2, 0)):
         other = init(*loop, key)
         assert np.max(np.abs(other.flight.orbit.relative.r_TS_N - start.flight.orbit.relative.r_TS_N)) > 0.01
-        assert np.max(np.abs(other.sensors.gps_bias_N - start.sensors.gps_bias_N)) > 0.01
+        assert np.max(np.abs(other.sensor_errors.gps_bias_N - start.sensor_errors.gps_bias_N)) > 0.01
 
 
 def test_a_users_own_formation_law_decides_the_burns(run: Run) -> None:
@@ -265,7 +265,7 @@ def test_a_run_that_starts_inside_of_the_keep_out_sphere_fails_and_is_frozen(loo
     near = replace(params, initial=replace(params.initial, relative_position=jnp.array([0.0, -9.0, 0.0])))
     before = init(scenario, near, closed_loop.run_key(1, 0))
     state, telemetry = rollout(scenario, near, before, TICKS, STAGES)
-    assert closed_loop.FAILURES[int(state.failure)] == "entered the keep-out sphere"
+    assert closed_loop.FAILURE_REASONS[int(state.failure)] == "entered the keep-out sphere"
     assert float(state.failed_at) == 0.0
     assert np.asarray(telemetry.running).tolist() == [True] + [False] * (TICKS - 1)
     assert int(state.tick) == TICKS
@@ -279,7 +279,7 @@ def test_a_run_that_enters_the_keep_out_sphere_later_fails_then(loop: tuple[Scen
     )
     falling = replace(params, initial=initial)
     state, telemetry = rollout(scenario, falling, init(scenario, falling, closed_loop.run_key(1, 0)), TICKS, STAGES)
-    assert closed_loop.FAILURES[int(state.failure)] == "entered the keep-out sphere"
+    assert closed_loop.FAILURE_REASONS[int(state.failure)] == "entered the keep-out sphere"
     np.testing.assert_allclose(state.failed_at, 25.0, atol=1.0)  # five metres at 0.2 m/s
     distance = np.linalg.norm(telemetry.truth.r_ST_N, axis=1)
     assert distance.min() > 10.0
@@ -290,9 +290,9 @@ def test_a_run_that_becomes_non_finite_fails_and_keeps_its_last_finite_state(
     loop: tuple[Scenario, Params], start: State
 ) -> None:
     scenario, params = loop
-    broken = parameters.put(params, ("plant", "thruster", "force"), jnp.full((), np.nan, dtype=jnp.float64))
+    broken = parameters.replace_leaf(params, ("plant", "thruster", "force"), jnp.full((), np.nan, dtype=jnp.float64))
     state, _ = rollout(scenario, broken, start, TICKS, STAGES)
-    assert closed_loop.FAILURES[int(state.failure)] == "non-finite state"
+    assert closed_loop.FAILURE_REASONS[int(state.failure)] == "non-finite state"
     for leaf in jax.tree.leaves(state.truth):
         assert np.all(np.isfinite(leaf))
 
@@ -309,12 +309,12 @@ def test_a_covariance_with_one_number_that_is_not_finite_fails_the_run_within_tw
     orbit = flight.orbit if name == "attitude" else replace(flight.orbit, **{name: spoilt})
     flight = replace(flight, orbit=orbit, **({"attitude": spoilt} if name == "attitude" else {}))
     state, _ = rollout(scenario, params, replace(start, flight=flight), TICKS, STAGES)
-    assert closed_loop.FAILURES[int(state.failure)] == "non-finite state"
+    assert closed_loop.FAILURE_REASONS[int(state.failure)] == "non-finite state"
     assert float(state.failed_at) <= 1.0
 
 
 def test_the_relative_state_at_the_start_is_the_scenarios(loop: tuple[Scenario, Params], start: State) -> None:
-    rho, rho_dot = closed_loop.relative_state(start.truth)
+    rho, rho_dot = closed_loop.true_relative_state(start.truth)
     np.testing.assert_allclose(rho, loop[1].initial.relative_position, atol=1e-12)
     np.testing.assert_allclose(rho_dot, loop[1].initial.relative_velocity, atol=1e-14)
 
@@ -325,7 +325,7 @@ def test_hand_over_errors_and_slow_sensor_errors_have_their_standard_deviations(
 
     def errors(run_id: int) -> list[jax.Array]:
         state = init(scenario, params, closed_loop.run_key(3, run_id))
-        truth, orbit, sensors = state.truth, state.flight.orbit, state.sensors
+        truth, orbit, sensors = state.truth, state.flight.orbit, state.sensor_errors
         return [
             np.asarray(orbit.servicer.r_SN_N) - truth.r_TN_N - truth.r_ST_N,
             np.asarray(orbit.servicer.v_SN_N) - truth.v_TN_N - truth.v_ST_N,

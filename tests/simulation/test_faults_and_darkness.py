@@ -41,7 +41,9 @@ CASES = (*equipment_faults.KINDS, SUNSET, SUNRISE)
 def case(nominal: Params, name: str) -> Params:
     """Params of one case."""
     if name in equipment_faults.KINDS:
-        return parameters.put(nominal, ("plant", "fault", "kind"), jnp.float64(equipment_faults.KINDS.index(name)))
+        return parameters.replace_leaf(
+            nominal, ("plant", "fault", "kind"), jnp.float64(equipment_faults.KINDS.index(name))
+        )
     # 0.063 deg of orbit a second: sunset or sunrise some 150 s after the start.
     anomaly = np.deg2rad(20.5 if name == SUNSET else 149.5)
     orbit = replace(nominal.orbit, raan=jnp.float64(ECLIPSE_RAAN), true_anomaly=jnp.float64(anomaly))
@@ -62,8 +64,8 @@ def fly(scenario: Scenario, params: Params, key: jax.Array) -> tuple[State, Tele
 def runs() -> dict[str, tuple[State, Telemetry]]:
     """State at the end and telemetry of every case."""
     file = scenarios.load("inspection_faults", OVERRIDES)
-    static = scenarios.static(file)
-    nominal = parameters.build(file.model_dump(), static.width_px, static.height_px)
+    static = scenarios.static_settings(file)
+    nominal = parameters.build_params(file.model_dump(), static.width_px, static.height_px)
     batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(case(nominal, name) for name in CASES))
     flown = jax.tree.map(np.asarray, fly(static, batch, closed_loop.run_key(1, 0)))
     return {name: jax.tree.map(lambda leaf, place=place: leaf[place], flown) for place, name in enumerate(CASES)}
@@ -96,7 +98,7 @@ def test_a_run_stays_finite_whatever_happens(runs: Runs, name: str) -> None:
     state, telemetry = runs[name]
     assert int(state.failure) == 0
     assert np.all(telemetry.running)
-    for leaf in jax.tree.leaves((state.truth, state.sensors, telemetry.truth, telemetry.flight.orbit)):
+    for leaf in jax.tree.leaves((state.truth, state.sensor_errors, telemetry.truth, telemetry.flight.orbit)):
         assert np.all(np.isfinite(leaf))
 
 
@@ -159,7 +161,9 @@ def test_a_weak_thruster_gives_less_and_the_filter_knows_by_how_much(runs: Runs)
     after = BEGIN + 60
     first = [telemetry.truth.delta_v[after] - telemetry.truth.delta_v[BEGIN] for telemetry in (weak, healthy)]
     np.testing.assert_allclose(first[0] / first[1], 0.5, rtol=0.02)
-    np.testing.assert_allclose(weak.flight.thrust.ratio[after], 0.5, atol=0.06)  # three sigma of what it believes
+    np.testing.assert_allclose(
+        weak.flight.thrust_estimate.ratio[after], 0.5, atol=0.06
+    )  # three sigma of what it believes
     error = np.linalg.norm(weak.flight.orbit.relative.v_TS_N + weak.truth.v_ST_N, axis=1)
     assert error[after] < 3.0 * sigma(weak, "velocity")[after]
 
@@ -207,7 +211,7 @@ def test_in_the_dark_there_are_no_boxes_no_search_and_no_decisions_to_burn(runs:
     deep = flags & np.roll(flags, 3) & np.roll(flags, -3)
     assert np.all(telemetry.mode[deep] != Mode.SEARCH)
     assert np.all(telemetry.flight.pointing.unseen_time[deep] == 0.0)
-    assert np.all(telemetry.flight.pointing.sightings[deep] == 0.0)
+    assert np.all(telemetry.flight.pointing.recent_detections[deep] == 0.0)
 
 
 def test_after_sunset_the_target_is_tracked_blindly_with_growing_uncertainty(runs: Runs) -> None:

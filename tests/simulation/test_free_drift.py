@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 from hypothesis import given
-from reference import SEEDS
+from numpy_reference import SEEDS
 
 from rpojax.core.orbits import orbital_mechanics
 from rpojax.scenario import params as parameters
@@ -17,7 +17,7 @@ from rpojax.simulation.closed_loop import State
 N = 1.107e-3
 """Mean motion at 500 km [rad/s]."""
 
-closest_drift = jax.jit(orbital_mechanics.closest_drift)
+minimum_drift_distance = jax.jit(orbital_mechanics.minimum_drift_distance)
 
 
 def dynamics(n: float) -> np.ndarray:
@@ -43,7 +43,7 @@ def test_the_closest_point_of_free_drift_is_that_of_the_propagated_equations(see
     rng = np.random.default_rng(seed)
     n = N * rng.uniform(0.5, 1.5)
     state = np.concatenate([rng.uniform(-50.0, 50.0, 3), 0.03 * rng.normal(size=3)])
-    found = float(closest_drift(n, state[:3], state[3:]))
+    found = float(minimum_drift_distance(n, state[:3], state[3:]))
     np.testing.assert_allclose(found, brute_force(n, state, 72), rtol=1e-9)  # the same 73 points
     # Between two points five degrees apart the way is at most its length: a bound on what may be missed.
     finest = brute_force(n, state, 2880)
@@ -64,7 +64,7 @@ def test_the_closest_point_of_free_drift_is_that_of_the_propagated_equations(see
 def test_the_closest_point_of_drifts_that_can_be_worked_out_on_paper(
     rho: list[float], rho_dot: list[float], closest: float, tolerance: float
 ) -> None:
-    np.testing.assert_allclose(closest_drift(N, np.array(rho), np.array(rho_dot)), closest, rtol=tolerance)
+    np.testing.assert_allclose(minimum_drift_distance(N, np.array(rho), np.array(rho_dot)), closest, rtol=tolerance)
 
 
 @jax.jit
@@ -87,8 +87,8 @@ def passive_range(state: State, tick: jax.Array) -> jax.Array:
 def start() -> State:
     """Start of a run on the orbit behind the target, drifting slowly."""
     file = scenarios.load("inspection", ["initial.relative_velocity_m_s=[0.0, 0.002, 0.0]"])
-    static = scenarios.static(file)
-    params = parameters.build(file.model_dump(), static.width_px, static.height_px)
+    static = scenarios.static_settings(file)
+    params = parameters.build_params(file.model_dump(), static.width_px, static.height_px)
     return jax.jit(closed_loop.init, static_argnums=0)(static, params, closed_loop.run_key(1, 0))
 
 

@@ -64,7 +64,7 @@ def figures(hour: ScenarioFile) -> Callable[[Records], dict[str, float]]:
 
 def test_every_metric_has_a_unit_and_every_needed_channel_is_named(hour: ScenarioFile) -> None:
     assert set(metrics.evaluate(hour, still())) == set(metric_catalogue.UNITS)
-    assert set(still()) == set(metrics.CHANNELS)
+    assert set(still()) == set(metrics.REQUIRED_CHANNELS)
 
 
 def test_a_perfect_run_has_perfect_figures(figures: Callable[[Records], dict[str, float]]) -> None:
@@ -221,8 +221,8 @@ def test_traces_are_every_nth_tick_as_norms(hour: ScenarioFile) -> None:
     records: dict[str, Any] = still(runs=2)
     records["relative_error_H"][1, 20] = [2.0, 3.0, 6.0]
     records["wheel_speed_fraction"][1, 20] = [0.1, -0.5, 0.2]
-    found = trace_channels.traces(hour, records, 10)
-    assert set(found) == set(trace_channels.TRACES)
+    found = trace_channels.decimated_traces(hour, records, 10)
+    assert set(found) == set(trace_channels.TRACE_UNITS)
     assert all(values.shape == (2, 9) and values.dtype == np.float32 for values in found.values())
     assert found["nav_relative_error_m"][1, 2] == 7.0
     assert found["wheel_speed_fraction"][1, 2] == 0.5

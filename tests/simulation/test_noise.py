@@ -13,8 +13,8 @@ from rpojax.scenario.scenario_file import Scenario
 from rpojax.simulation import noise
 
 START = 0x7FFFFFFF
-draw = jax.jit(noise.draw, static_argnums=0)
-draw_start = jax.jit(noise.draw_start, static_argnums=0)
+draw = jax.jit(noise.draw_tick_noise, static_argnums=0)
+draw_start = jax.jit(noise.draw_initial_noise, static_argnums=0)
 fold_in = jax.jit(random_streams.fold_in)
 normal = jax.jit(random_streams.normal, static_argnums=1)
 uniform = jax.jit(random_streams.uniform, static_argnums=1)
@@ -39,12 +39,12 @@ def test_numbers_of_a_tick_come_from_the_streams_of_their_names(
         "gps": normal(now[Stream.GPS], 3),
         "star_tracker": normal(fold_in(now[Stream.STAR_TRACKER], 1), 3),
         "gyro": normal(now[Stream.GYRO], 3 * scenario.substeps).reshape(-1, 3),
-        "box": normal(now[Stream.BOX_CAMERA], 5),
-        "chances": uniform(fold_in(now[Stream.BOX_CAMERA], 1), 7),
+        "camera": normal(now[Stream.BOX_CAMERA], 5),
+        "uniforms": uniform(fold_in(now[Stream.BOX_CAMERA], 1), 7),
         "burn": normal(now[Stream.THRUSTER], 4),
         "chamber_pressure": normal(now[Stream.CHAMBER_PRESSURE], 1)[0],
         "biases": normal(later, 6),
-        "box_edges": normal(fold_in(later, 1), 4) if model == "statistical" else None,
+        "box_edge_errors": normal(fold_in(later, 1), 4) if model == "statistical" else None,
     }
     assert expected.keys() == {field.name for field in dataclasses.fields(drawn)}
     for name, values in expected.items():
@@ -57,6 +57,6 @@ def test_numbers_of_the_start_come_from_the_streams_of_their_names(inspection: S
     np.testing.assert_array_equal(drawn.star_tracker, samples[:3])
     np.testing.assert_array_equal(drawn.gyro, samples[3:])
     np.testing.assert_array_equal(drawn.biases, normal(fold_in(keys[Stream.SENSOR_BIAS], START), 6))
-    np.testing.assert_array_equal(drawn.box_edges, normal(fold_in(keys[Stream.SENSOR_BIAS], START - 1), 4))
+    np.testing.assert_array_equal(drawn.box_edge_errors, normal(fold_in(keys[Stream.SENSOR_BIAS], START - 1), 4))
     np.testing.assert_array_equal(drawn.handover, normal(keys[Stream.HANDOVER], 12))
-    assert draw_start(inspection, keys).box_edges is None
+    assert draw_start(inspection, keys).box_edge_errors is None

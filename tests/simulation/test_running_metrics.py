@@ -10,9 +10,9 @@ from rpojax.campaign import single_run
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.scenario.metric_catalogue import UNITS
 from rpojax.simulation import closed_loop, metrics, running_metrics, telemetry
-from rpojax.simulation.running_metrics import FIGURES, Sums
+from rpojax.simulation.running_metrics import RUNNING_METRICS, RunningSums
 
-SHARED = [name for name in FIGURES if name in UNITS]
+SHARED = [name for name in RUNNING_METRICS if name in UNITS]
 
 
 Flown = tuple[dict[str, float], dict[str, np.ndarray], dict[str, np.ndarray]]
@@ -22,20 +22,22 @@ Flown = tuple[dict[str, float], dict[str, np.ndarray], dict[str, np.ndarray]]
 def flown() -> Flown:
     """Figures added up over 240 s with a burn, the metrics of the same flight's records, and these."""
     file = rpojax.load("inspection", ["duration_s=240.0", "rates.formation_period_s=120.0"])
-    scenario, params, state = single_run.dispersed(file, seed=0, run_id=3)
-    names = tuple(FIGURES)
+    scenario, params, state = single_run.initialise_run(file, seed=0, run_id=3)
+    names = tuple(RUNNING_METRICS)
 
     @jax.jit
     def fly(state: closed_loop.State) -> tuple[jax.Array, telemetry.Channels]:
-        def body(carry: tuple[closed_loop.State, Sums], _: None) -> tuple[tuple[closed_loop.State, Sums], object]:
+        def body(
+            carry: tuple[closed_loop.State, RunningSums], _: None
+        ) -> tuple[tuple[closed_loop.State, RunningSums], object]:
             state, sums = carry
             after, seen = closed_loop.tick(rpojax.Stages(), scenario, params, state)
-            sums = running_metrics.add(names, scenario, params, seen, sums)
-            return (after, sums), telemetry.observe(scenario, params, seen)
+            sums = running_metrics.add_tick(names, scenario, params, seen, sums)
+            return (after, sums), telemetry.compute_channels(scenario, params, seen)
 
-        start = (state, running_metrics.start(names))
+        start = (state, running_metrics.initial_sums(names))
         (_, sums), channels = jax.lax.scan(body, start, None, length=scenario.ticks)
-        return running_metrics.finish(names, sums), channels
+        return running_metrics.final_values(names, sums), channels
 
     figures, channels = fly(state)
     records = {name: np.asarray(values)[None] for name, values in channels.items()}
@@ -69,9 +71,12 @@ def test_a_figure_without_any_weight_is_zero_and_has_a_zero_derivative() -> None
     names = ("nis_box_mean", "formation_error_rms_m")
 
     def last(x: jax.Array) -> jax.Array:
-        sums = running_metrics.start(names)
-        return running_metrics.finish(
-            names, Sums(total=sums.total * x, weight=sums.weight, looking=sums.looking, events=sums.events)
+        sums = running_metrics.initial_sums(names)
+        return running_metrics.final_values(
+            names,
+            RunningSums(
+                total=sums.total * x, weight=sums.weight, pointing_ticks=sums.pointing_ticks, event_hash=sums.event_hash
+            ),
         )
 
     value, slope = jax.jvp(last, (jnp.ones(()),), (jnp.ones(()),))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from rpojax.training.synthetic_data import ray_tracing
-from rpojax.training.synthetic_data.ray_tracing import Shell, Views
-from rpojax.training.synthetic_data.target_mesh import Material, Part, TargetMesh
+from rpojax.training.synthetic_data.ray_tracing import Views, ViewSampling
+from rpojax.training.synthetic_data.target_mesh import Material, MeshPart, TargetMesh
 
 pytest.importorskip("mitsuba")
 trimesh = pytest.importorskip("trimesh")
@@ -15,11 +15,11 @@ trimesh = pytest.importorskip("trimesh")
 def box() -> TargetMesh:
     """A grey box, 1 x 0.6 x 0.4 m."""
     mesh = trimesh.creation.box(extents=(1.0, 0.6, 0.4))
-    part = Part(np.asarray(mesh.vertices), np.asarray(mesh.faces), Material(color=(0.5, 0.4, 0.3)))
+    part = MeshPart(np.asarray(mesh.vertices), np.asarray(mesh.faces), Material(color=(0.5, 0.4, 0.3)))
     return TargetMesh("box", (part,))
 
 
 @pytest.fixture(scope="session")
 def views(box: TargetMesh) -> Views:
     """Small views of the box."""
-    return ray_tracing.render(box, Shell(24, size_px=32, samples=8, seed=5))
+    return ray_tracing.ray_trace_views(box, ViewSampling(24, size_px=32, samples=8, seed=5))

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from experiments.validation import replay
-from experiments.validation.gradient import has_gravity_gradient
-from experiments.validation.reference import FormatError, checked, read
-from experiments.validation.replay import Options, Result
+from experiments.validation.gravity_gradient_switch import has_gravity_gradient
+from experiments.validation.reference_file import FormatError, read_reference, validate
+from experiments.validation.replay import ReplayOptions, ReplayResult
 
 ROOT = Path(__file__).parents[2]
 FILES = sorted((Path(__file__).parent / "references").glob("*.npz"))
@@ -36,7 +36,7 @@ BARS: dict[str, dict[str, float]] = {
 }
 
 
-def over(result: Result, bars: dict[str, float]) -> dict[str, Any]:
+def over(result: ReplayResult, bars: dict[str, float]) -> dict[str, Any]:
     """Errors that are missing or above their bars."""
     errors = {key: getattr(result, key) for key in bars}
     return {key: error for key, error in errors.items() if error is None or not error <= bars[key]}
@@ -53,19 +53,19 @@ def test_every_committed_reference_has_bars_and_all_together_are_small() -> None
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
 def test_the_plant_follows_basilisk(path: Path) -> None:
-    assert over(replay.replay(read(path)), BARS[path.stem]) == {}
+    assert over(replay.replay(read_reference(path)), BARS[path.stem]) == {}
 
 
 def test_logged_commands_give_the_attitude_loop_as_well() -> None:
     """With the feedback law flown once, its torques logged and flown again the result is the same."""
-    loop = read(file("j_attitude_loop"))
+    loop = read_reference(file("j_attitude_loop"))
     closed = replay.replay(loop)
     period = loop.number("dt_ctrl")
     times = np.arange(0.0, loop["t"][-1], period)
-    states, _ = replay.fly(checked("dense", {**loop.arrays, **_sampled_at(loop.arrays, times)}), Options())
+    states, _ = replay.propagate(validate("dense", {**loop.arrays, **_sampled_at(loop.arrays, times)}), ReplayOptions())
     law = loop.number("K") * _sigma(np.asarray(states.q_BN)) + loop.number("P") * np.asarray(states.omega_BN_B)
-    logged = checked("logged", {**loop.arrays, "t_cmd": times, "u_cmd": law @ loop["gs"].T})
-    opened = replay.replay(logged, Options(logged_commands=True))
+    logged = validate("logged", {**loop.arrays, "t_cmd": times, "u_cmd": law @ loop["gs"].T})
+    opened = replay.replay(logged, ReplayOptions(logged_commands=True))
     assert closed.attitude_error_rad is not None and opened.attitude_error_rad is not None
     assert opened.attitude_error_rad < 1e-9
 
@@ -83,7 +83,7 @@ def _sigma(q_BN: np.ndarray) -> np.ndarray:
 
 def test_burn_edges_inside_steps_meet_the_bars_too() -> None:
     """Without splitting, the plant's own treatment of a burn that ends inside a step."""
-    result = replay.replay(read(file("g_burns")), Options(step_s=0.2, whole_steps=True))
+    result = replay.replay(read_reference(file("g_burns")), ReplayOptions(step_s=0.2, whole_steps=True))
     assert over(result, BARS["g_burns"]) == {}
 
 
@@ -99,15 +99,15 @@ def test_burn_edges_inside_steps_meet_the_bars_too() -> None:
     ],
 )
 def test_a_wrong_parameter_shows(case: str, key: str, factor: Any) -> None:
-    arrays = dict(read(file(case)).arrays)
+    arrays = dict(read_reference(file(case)).arrays)
     arrays[key] = arrays[key] * np.array(factor)
     words = {"meta_json": np.array(json.dumps({"torque": "gravity gradient"}))} if case.startswith("f") else {}
-    assert over(replay.replay(checked(case, {**arrays, **words})), BARS[case]) != {}
+    assert over(replay.replay(validate(case, {**arrays, **words})), BARS[case]) != {}
 
 
 def test_the_shadow_needs_no_logged_share() -> None:
-    arrays = read(file("h_sunlight")).arrays
-    unlogged = replay.replay(checked("unlogged", {key: arrays[key] for key in arrays if key != "illumination"}))
+    arrays = read_reference(file("h_sunlight")).arrays
+    unlogged = replay.replay(validate("unlogged", {key: arrays[key] for key in arrays if key != "illumination"}))
     assert unlogged.illumination_error is None
     assert over(unlogged, {"position_error_m": 0.01}) == {}
 
@@ -144,19 +144,20 @@ def test_the_shadow_needs_no_logged_share() -> None:
     ],
 )
 def test_gravity_gradient_is_told_from_a_key_or_the_words_of_the_description(acts: bool, meta: dict[str, Any]) -> None:
-    arrays = read(file("f_gravity_gradient")).arrays
-    described = checked("described", {**arrays, "meta_json": np.array(json.dumps(meta))})
+    arrays = read_reference(file("f_gravity_gradient")).arrays
+    described = validate("described", {**arrays, "meta_json": np.array(json.dumps(meta))})
     assert has_gravity_gradient(described) is acts
     assert [has_gravity_gradient(described, wish) for wish in ("on", "off")] == [True, False]
 
 
 def test_gravity_gradient_is_told_from_a_logged_torque_unless_an_array_switches_it_off() -> None:
-    arrays = read(file("f_gravity_gradient")).arrays
+    arrays = read_reference(file("f_gravity_gradient")).arrays
     logged = {**arrays, "torque_gg": np.zeros_like(arrays["r"])}
-    assert has_gravity_gradient(checked("logged", logged))
-    assert not has_gravity_gradient(checked("off", {**logged, "gravity_gradient": np.array(False)}))
+    assert has_gravity_gradient(validate("logged", logged))
+    assert not has_gravity_gradient(validate("off", {**logged, "gravity_gradient": np.array(False)}))
     assert (
-        over(replay.replay(checked("off", logged), Options(gravity_gradient="off")), BARS["f_gravity_gradient"]) != {}
+        over(replay.replay(validate("off", logged), ReplayOptions(gravity_gradient="off")), BARS["f_gravity_gradient"])
+        != {}
     )
 
 
@@ -187,7 +188,7 @@ def test_the_command_line_refuses_what_is_no_reference_in_one_line_with_status_2
 
 def write(folder: Path, **changes: Any) -> Path:
     """A short tumble with changed keys; None leaves one out."""
-    arrays: dict[str, Any] = {**read(file("d_tumble")).arrays, **changes}
+    arrays: dict[str, Any] = {**read_reference(file("d_tumble")).arrays, **changes}
     path = folder / "changed.npz"
     np.savez(path, **{key: value for key, value in arrays.items() if value is not None})
     return path
@@ -211,15 +212,15 @@ def test_any_damage_to_an_archive_is_refused_or_harmless(tmp_path: Path) -> None
     for place in range(0, len(content), 97):
         path.write_bytes(content[:place] + bytes([content[place] ^ 0xFF]) + content[place + 1 :])
         try:
-            read(path)
+            read_reference(path)
         except FormatError as refused:
             assert "\n" not in str(refused)
 
 
 def test_samples_are_kept_whether_or_not_the_first_is_the_start() -> None:
-    arrays = read(file("d_tumble")).arrays
+    arrays = read_reference(file("d_tumble")).arrays
     later = {key: value[3:] if key in ("t", "q", "omega") else value for key, value in arrays.items()}
-    assert over(replay.replay(checked("later", later)), BARS["d_tumble"]) == {}
+    assert over(replay.replay(validate("later", later)), BARS["d_tumble"]) == {}
 
 
 ONE_THRUSTER = {"thr_loc": np.zeros((1, 3)), "thr_dir": np.eye(3)[:1], "F_max": np.ones(1)}
@@ -257,10 +258,10 @@ def test_a_file_that_is_not_of_the_format_is_refused_with_a_reason(
 ) -> None:
     path = write(tmp_path, **changes)
     with pytest.raises(FormatError, match=message) as refused:
-        replay.replay(read(path))
+        replay.replay(read_reference(path))
     assert "\n" not in str(refused.value)
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FormatError, match="nowhere"):
-        read(tmp_path / "nowhere.npz")
+        read_reference(tmp_path / "nowhere.npz")

@@ -20,9 +20,9 @@ def test_a_box_that_noise_has_turned_inside_out_still_has_a_positive_size() -> N
 
 
 def test_the_outline_spans_the_extreme_pixels_of_the_hull() -> None:
-    lens = pinhole.lens(jnp.float64(np.pi / 2), 128, 128)
+    lens = pinhole.pinhole_intrinsics(jnp.float64(np.pi / 2), 128, 128)
     hull = jnp.array([[1.0, -2.0, 8.0], [-3.0, 0.0, 8.0], [0.0, 4.0, 16.0]])
-    np.testing.assert_allclose(bounding_box.outline(lens, hull), [40.0, 48.0, 72.0, 80.0], rtol=1e-14)
+    np.testing.assert_allclose(bounding_box.projected_box(lens, hull), [40.0, 48.0, 72.0, 80.0], rtol=1e-14)
 
 
 @pytest.mark.parametrize(
@@ -35,6 +35,6 @@ def test_the_outline_spans_the_extreme_pixels_of_the_hull() -> None:
     ids=["inside", "over the left edge", "over the lower right corner"],
 )
 def test_a_box_is_cut_to_the_frame_and_says_so(edges: list[float], cut: list[float], truncated: bool) -> None:
-    found, flag = bounding_box.cut_to_frame(jnp.array(edges), 128, 96)
+    found, flag = bounding_box.clip_to_frame(jnp.array(edges), 128, 96)
     np.testing.assert_array_equal(found, cut)
     assert bool(flag) is truncated

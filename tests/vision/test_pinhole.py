@@ -4,13 +4,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from hypothesis import given
-from reference import SEEDS
+from numpy_reference import SEEDS
 
 from rpojax.vision import pinhole
 
-lens = jax.jit(pinhole.lens, static_argnums=(1, 2))
+lens = jax.jit(pinhole.pinhole_intrinsics, static_argnums=(1, 2))
 project = jax.jit(pinhole.project)
-tangents = jax.jit(pinhole.tangents)
+tangents = jax.jit(pinhole.normalized_coordinates)
 RIGHT_ANGLE = jnp.float64(np.pi / 2)
 
 

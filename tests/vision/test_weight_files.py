@@ -8,23 +8,30 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.vision.radiance_field.initial_grid import new_grid
-from rpojax.vision.radiance_field.nerf_field import new_point
-from rpojax.vision.radiance_field.target_field import Field, density
-from rpojax.vision.weight_files import WeightsError, load_field, packaged_field, read_tensors, save_field, write_tensors
+from rpojax.vision.radiance_field.initial_grid import initialize_grid
+from rpojax.vision.radiance_field.nerf_field import initialize_nerf
+from rpojax.vision.radiance_field.target_field import RadianceField, density
+from rpojax.vision.weight_files import (
+    WeightsError,
+    load_field,
+    packaged_field_path,
+    read_tensors,
+    save_field,
+    write_tensors,
+)
 
 Tensors = dict[str, np.ndarray]
 
 
-def ball(rows: int = 2000) -> Field:
+def ball(rows: int = 2000) -> RadianceField:
     """A fresh field round a ball of 1 m diameter."""
     points = np.random.default_rng(0).normal(size=(20_000, 3))
     normals = points / np.linalg.norm(points, axis=1, keepdims=True)
-    return new_grid(0.5 * normals, normals, jax.random.key(0), rows)
+    return initialize_grid(0.5 * normals, normals, jax.random.key(0), rows)
 
 
-@pytest.mark.parametrize("make", [ball, lambda: new_point(-np.ones(3), np.ones(3), jax.random.key(0))])
-def test_a_field_comes_back_from_its_file(tmp_path: Path, make: Callable[[], Field]) -> None:
+@pytest.mark.parametrize("make", [ball, lambda: initialize_nerf(-np.ones(3), np.ones(3), jax.random.key(0))])
+def test_a_field_comes_back_from_its_file(tmp_path: Path, make: Callable[[], RadianceField]) -> None:
     field = make()
     save_field(field, tmp_path / "field", {"target": "ball"})
     loaded, card = load_field(tmp_path / "field")
@@ -36,7 +43,7 @@ def test_a_field_comes_back_from_its_file(tmp_path: Path, make: Callable[[], Fie
 
 def test_the_packaged_field_loads_and_is_small() -> None:
     field, card = load_field()
-    assert packaged_field().stat().st_size <= 6e6
+    assert packaged_field_path().stat().st_size <= 6e6
     assert card["target"] == "target"
     assert np.isfinite(np.asarray(density(field, jnp.zeros((1, 3), jnp.float32)))).all()
 

@@ -18,18 +18,18 @@ from jaxtyping import Array
 
 from rpojax.core import quaternion
 from rpojax.core.constants import RADIUS_EARTH
-from rpojax.scenario import network_files, params
+from rpojax.scenario import params, trained_files
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.sensors import rendered_camera, statistical_camera, statistical_camera_file
 from rpojax.sensors.rendered_camera import Imaging, Networks
-from rpojax.sensors.statistical_camera import WIDE, CameraStatistics
+from rpojax.sensors.statistical_camera import WIDE_SIGMA_FACTOR, CameraStatistics
 from rpojax.vision import bounding_box, pinhole
 from rpojax.vision.detector.two_stage_detector import detect
 from rpojax.vision.imaging.image_formation import Scene
-from rpojax.vision.pinhole import Lens
-from rpojax.vision.radiance_field.ray_budget import Sampling
-from rpojax.vision.radiance_field.volume_rendering import new_layers
+from rpojax.vision.pinhole import Intrinsics
+from rpojax.vision.radiance_field.ray_budget import RaySampling
+from rpojax.vision.radiance_field.volume_rendering import initialize_layers
 
 _BATCH = 16
 _STEPS = 4000
@@ -43,7 +43,7 @@ _CENTERED = 0.7
 _POINTING_DEG = 0.5
 _PENUMBRA = 0.1
 """Share of views under a Sun that the Earth hides in part."""
-RANGES = (0.6, 1.5)
+RANGE_FACTORS = (0.6, 1.5)
 """Views go from so much of the nearest of start and station to so much of the farthest."""
 _OVERLAP = 0.1
 _FALSE_SIDE = (float(np.log(12.0)), 0.6)
@@ -67,7 +67,7 @@ class Views:
 
 
 @dataclasses.dataclass(frozen=True)
-class Outcomes:
+class DetectionOutcomes:
     """What the detector made of views: features (n, f), outlines and boxes (n, 4) [px], scores, in the frame or not."""
 
     features: np.ndarray
@@ -79,16 +79,18 @@ class Outcomes:
     @property
     def overlap(self) -> np.ndarray:
         """Intersection over union of box and outline."""
-        return np.asarray(jax.vmap(bounding_box.overlap)(jnp.asarray(self.edges), jnp.asarray(self.outline)))
+        return np.asarray(
+            jax.vmap(bounding_box.intersection_over_union)(jnp.asarray(self.edges), jnp.asarray(self.outline))
+        )
 
 
-def draw(file: ScenarioFile, count: int, seed: int) -> Views:
+def sample_views(file: ScenarioFile, count: int, seed: int) -> Views:
     """Random views that a run of a scenario might have, and more."""
     rng = np.random.default_rng(seed)
-    near, far = network_files.ranges(file.model_dump())
-    distance = np.exp(rng.uniform(np.log(RANGES[0] * near), np.log(RANGES[1] * far), count))
-    away = directions(rng, count)
-    place = directions(rng, count) * file.orbit.semi_major_axis_m / RADIUS_EARTH
+    near, far = trained_files.range_limits(file.model_dump())
+    distance = np.exp(rng.uniform(np.log(RANGE_FACTORS[0] * near), np.log(RANGE_FACTORS[1] * far), count))
+    away = random_directions(rng, count)
+    place = random_directions(rng, count) * file.orbit.semi_major_axis_m / RADIUS_EARTH
     sun = _suns(rng, file, away, place)
     offset = np.radians(_POINTING_DEG) * rng.normal(size=(count, 2))
     spread = 0.6 * np.radians(file.camera.field_of_view_deg) * rng.uniform(-1.0, 1.0, (count, 2))
@@ -106,18 +108,18 @@ def draw(file: ScenarioFile, count: int, seed: int) -> Views:
     )
 
 
-def limits(file: ScenarioFile) -> dict[str, tuple[float, float]]:
+def view_limits(file: ScenarioFile) -> dict[str, tuple[float, float]]:
     """Smallest and largest values of what the views are drawn over, by the keys of `networks.limits`."""
-    found = network_files.limits(file.model_dump())
-    near, far = found[network_files.RANGE]
-    return {**found, network_files.RANGE: (RANGES[0] * near, RANGES[1] * far)}
+    found = trained_files.view_limits(file.model_dump())
+    near, far = found[trained_files.RANGE_KEY]
+    return {**found, trained_files.RANGE_KEY: (RANGE_FACTORS[0] * near, RANGE_FACTORS[1] * far)}
 
 
 def _unit(values: np.ndarray) -> np.ndarray:
     return values / np.linalg.norm(values, axis=-1, keepdims=True)
 
 
-def directions(rng: np.random.Generator, count: int) -> np.ndarray:
+def random_directions(rng: np.random.Generator, count: int) -> np.ndarray:
     """Unit vectors (count, 3), uniform on the sphere."""
     return _unit(rng.normal(size=(count, 3)))
 
@@ -128,7 +130,7 @@ def _suns(rng: np.random.Generator, file: ScenarioFile, away: np.ndarray, place:
     missing = np.ones(len(away), bool)
     lowest = max(np.cos(np.radians(file.camera.phase_limit_deg)), -np.cos(np.radians(file.camera.sun_exclusion_deg)))
     while missing.any():
-        sun[missing] = directions(rng, int(missing.sum()))
+        sun[missing] = random_directions(rng, int(missing.sum()))
         height = np.sum(sun * place, axis=1)
         shadowed = (height < 0.0) & (np.sum(place**2, axis=1) - height**2 < 1.0)
         missing = shadowed | (np.sum(sun * away, axis=1) < lowest)
@@ -145,15 +147,17 @@ def _looking(line: np.ndarray, offset: np.ndarray, roll: float) -> np.ndarray:
     return np.asarray(quaternion.multiply(quaternion.exp(jnp.asarray([*offset, 0.0])), q))
 
 
-def look(file: ScenarioFile, views: Views, seed: int, on_progress: OnProgress = lambda done, total: None) -> Outcomes:
+def detect_in_views(
+    file: ScenarioFile, views: Views, seed: int, on_progress: OnProgress = lambda done, total: None
+) -> DetectionOutcomes:
     """Renders views and detects boxes in them, as the rendered camera of a run does."""
     tables = file.model_dump()
     # What is being fitted is not needed yet.
     tables["camera"]["model"] = "geometric"
-    numbers = params.build(tables, file.camera.width_px, file.camera.height_px)
-    trained, rays = network_files.load_networks(tables), network_files.picture_sampling(tables)
+    numbers = params.build_params(tables, file.camera.width_px, file.camera.height_px)
+    trained, rays = trained_files.load_networks(tables), trained_files.picture_sampling(tables)
     size = (file.camera.width_px, file.camera.height_px)
-    lens = pinhole.lens(numbers.camera.field_of_view, *size)
+    lens = pinhole.pinhole_intrinsics(numbers.camera.field_of_view, *size)
     one = jax.jit(jax.vmap(partial(_look, numbers, rays, size, lens), in_axes=(None, None, 0, 0)))
     count = len(views.r_ST_N)
     keys = jax.random.key_data(jax.random.split(jax.random.key(seed, impl="threefry2x32"), count))
@@ -165,14 +169,14 @@ def look(file: ScenarioFile, views: Views, seed: int, on_progress: OnProgress = 
         found = one(numbers.imaging, trained, jax.tree.map(jnp.asarray, dataclasses.asdict(chosen)), keys[rows])
         parts.append([np.asarray(value)[: count - first] for value in found])
         on_progress(min(first + _BATCH, count), count)
-    return Outcomes(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+    return DetectionOutcomes(*(np.concatenate(values) for values in zip(*parts, strict=True)))
 
 
 def _look(
     numbers: Params,
-    rays: Sampling,
+    rays: RaySampling,
     size: tuple[int, int],
-    lens: Lens,
+    lens: Intrinsics,
     imaging: Imaging,
     trained: Networks,
     view: dict[str, Array],
@@ -182,11 +186,11 @@ def _look(
     hull_T = numbers.plant.target.hull
     R_KT, r_TK_K = scene.R_KT.astype(jnp.float64), quaternion.rotate(view["q_KN"], -view["r_ST_N"])
     hull_K = jnp.sum(R_KT[None, :, :] * hull_T[:, None, :], axis=2) + r_TK_K[None, :]
-    outline = bounding_box.outline(lens, hull_K).astype(jnp.float32)
+    outline = bounding_box.projected_box(lens, hull_K).astype(jnp.float32)
     middle, extent = bounding_box.box_center(outline), bounding_box.box_size(outline)
     window = rendered_camera.choose_window(lens, *size, middle, extent, jnp.ones((), bool))
-    picture = rendered_camera.look(imaging, trained, rays, window, *size, scene, key)
-    found = detect(trained.detector, picture[None], rendered_camera.CANDIDATES)
+    picture = rendered_camera.render_window(imaging, trained, rays, window, *size, scene, key)
+    found = detect(trained.detector, picture[None], rendered_camera.REFINED_PROPOSALS)
     corner = jnp.concatenate([window.corner_px, window.corner_px])
     edges = jnp.clip(corner + found.box_px[0, 0] * window.binning, 0.0, jnp.array([*size, *size], jnp.float32))
     visible, _ = statistical_camera.visible_outline(outline, size)
@@ -202,14 +206,14 @@ def _scene(view: dict[str, Array]) -> Scene:
         sun_T=quaternion.rotate(view["q_TN"], view["sun_N"]),
         sunlight=view["sunlight"],
         R_KN=quaternion.to_matrix(view["q_KN"]),
-        place_N=view["place_N"],
+        position_N=view["place_N"],
         sun_N=view["sun_N"],
-        earth_turn=view["earth_turn"],
+        earth_rotation=view["earth_turn"],
     )
 
 
 @dataclasses.dataclass(frozen=True)
-class Fit:
+class CameraFit:
     """A fitted camera, and its mean log-likelihood on outcomes that it was fitted to and on others."""
 
     statistics: CameraStatistics
@@ -217,13 +221,13 @@ class Fit:
     log_likelihood_held_out: float
 
 
-def fit(outcomes: Outcomes, threshold: float, seed: int = 0) -> Fit:
+def fit_camera(outcomes: DetectionOutcomes, threshold: float, seed: int = 0) -> CameraFit:
     """The camera of the greatest likelihood; boxes below the score `threshold` count as none."""
     rows = _rows(outcomes, threshold)
     held = max(1, round(_HELD_OUT * len(outcomes.score)))
     train, check = ({name: value[part] for name, value in rows.items()} for part in (slice(held, None), slice(held)))
     free = {
-        "layers": new_layers(jax.random.key(seed), statistical_camera_file.WIDTHS),
+        "layers": initialize_layers(jax.random.key(seed), statistical_camera_file.LAYER_WIDTHS),
         "wide": jnp.full((), -2.0, jnp.float32),
     }
     mean, spread = train["features"].mean(axis=0), train["features"].std(axis=0)
@@ -249,7 +253,7 @@ def fit(outcomes: Outcomes, threshold: float, seed: int = 0) -> Fit:
 
     free = _maximise(assemble, free, train, check, seed)
     statistics = assemble(free)
-    return Fit(statistics, float(_mean(statistics, train)), float(_mean(statistics, check)))
+    return CameraFit(statistics, float(_mean(statistics, train)), float(_mean(statistics, check)))
 
 
 def _normal(values: np.ndarray, otherwise: tuple[float, float]) -> Array:
@@ -257,19 +261,19 @@ def _normal(values: np.ndarray, otherwise: tuple[float, float]) -> Array:
     return jnp.asarray((values.mean(), max(values.std(), 0.1)) if len(values) >= 8 else otherwise, jnp.float32)
 
 
-def standard_errors(statistics: CameraStatistics, outcomes: Outcomes, threshold: float) -> np.ndarray:
+def normalised_errors(statistics: CameraStatistics, outcomes: DetectionOutcomes, threshold: float) -> np.ndarray:
     """Errors (n, 4) of the edges less their bias, in their 1 sigma; NaN where there is no box of the target."""
     rows = _rows(outcomes, threshold)
 
     def one(row: dict[str, Array]) -> Array:
-        found = statistical_camera.outcome(statistics, row["features"], row["in_frame"])
+        found = statistical_camera.frame_distribution(statistics, row["features"], row["in_frame"])
         z = (row["error"] - found.bias) * jnp.exp(-found.log_sigma)
         return jnp.where(row["kind"] == 1, z, jnp.nan)
 
     return np.asarray(jax.jit(jax.vmap(one))(rows), np.float64)
 
 
-def _rows(outcomes: Outcomes, threshold: float) -> dict[str, Array]:
+def _rows(outcomes: DetectionOutcomes, threshold: float) -> dict[str, Array]:
     """What the likelihood needs: kind is 0 for no box, 1 for one of the target, 2 for a false one."""
     seen = outcomes.score >= threshold
     true = seen & outcomes.in_frame & (outcomes.overlap > _OVERLAP)
@@ -285,11 +289,15 @@ def _rows(outcomes: Outcomes, threshold: float) -> dict[str, Array]:
 
 
 def _log_likelihood(statistics: CameraStatistics, row: dict[str, Array]) -> Array:
-    found = statistical_camera.outcome(statistics, row["features"], row["in_frame"])
+    found = statistical_camera.frame_distribution(statistics, row["features"], row["in_frame"])
     kind = jnp.stack([found.log_none, found.log_true, found.log_false])[row["kind"]]
     z = (row["error"] - found.bias) * jnp.exp(-found.log_sigma)
     narrow = -0.5 * jnp.sum(z * z) - jnp.sum(found.log_sigma)
-    wide = -0.5 * jnp.sum(z * z) / WIDE**2 - jnp.sum(found.log_sigma) - 4.0 * jnp.log(jnp.float32(WIDE))
+    wide = (
+        -0.5 * jnp.sum(z * z) / WIDE_SIGMA_FACTOR**2
+        - jnp.sum(found.log_sigma)
+        - 4.0 * jnp.log(jnp.float32(WIDE_SIGMA_FACTOR))
+    )
     share = statistics.wide_share
     edges = jnp.logaddexp(jnp.log1p(-share) + narrow, jnp.log(share) + wide)
     s = (row["logit"] - found.score[0]) * jnp.exp(-found.score[1])
@@ -333,7 +341,7 @@ def _maximise(
     return found
 
 
-def summary(outcomes: Outcomes, threshold: float) -> dict[str, float]:
+def outcome_summary(outcomes: DetectionOutcomes, threshold: float) -> dict[str, float]:
     """Figures of the outcomes: share with a box, false ones, median overlap, bias and spread of the edges [px]."""
     rows = _rows(outcomes, threshold)
     kind = np.asarray(rows["kind"])
@@ -346,6 +354,3 @@ def summary(outcomes: Outcomes, threshold: float) -> dict[str, float]:
         "edge_bias_px": float(np.abs(error.mean(axis=0)).max()) if len(error) else 0.0,
         "edge_sigma_px": float(error.std(axis=0).mean()) if len(error) else 0.0,
     }
-
-
-__all__ = ["Fit", "Outcomes", "Views", "directions", "draw", "fit", "look", "standard_errors", "summary"]

@@ -10,10 +10,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.analysis.calibration.camera_calibration import Outcomes, Views, directions, draw, standard_errors
+from rpojax.analysis.calibration.camera_calibration import (
+    DetectionOutcomes,
+    Views,
+    normalised_errors,
+    random_directions,
+    sample_views,
+)
 from rpojax.core import quaternion
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.sensors.statistical_camera import WIDE, CameraStatistics
+from rpojax.sensors.statistical_camera import WIDE_SIGMA_FACTOR, CameraStatistics
 
 FRAMES = 24
 _TURN_DEG = (0.1, 8.0)
@@ -26,18 +32,18 @@ _ANGLES = np.radians(np.exp(np.linspace(np.log(0.2), np.log(90.0), 120)))
 
 
 @dataclasses.dataclass(frozen=True)
-class Sequences:
+class TumbleSequences:
     """Views of tumbling targets, FRAMES of each, and the turn [rad] between neighbours of each sequence (n,)."""
 
     views: Views
-    turn: np.ndarray
+    turn_per_frame: np.ndarray
 
 
-def tumbling(file: ScenarioFile, count: int, seed: int) -> Sequences:
+def sample_tumble_sequences(file: ScenarioFile, count: int, seed: int) -> TumbleSequences:
     """Sequences that begin at random views, about random axes, from slow to quick."""
     rng = np.random.default_rng([seed, 1])
-    first = draw(file, count, seed)
-    axis = directions(rng, count)
+    first = sample_views(file, count, seed)
+    axis = random_directions(rng, count)
     turn = np.radians(np.exp(rng.uniform(np.log(_TURN_DEG[0]), np.log(_TURN_DEG[1]), count)))
     angle = turn[:, None] * np.arange(FRAMES)
     vector = (angle[:, :, None] * axis[:, None, :]).reshape(-1, 3)
@@ -46,24 +52,26 @@ def tumbling(file: ScenarioFile, count: int, seed: int) -> Sequences:
         jax.vmap(lambda v, q: quaternion.multiply(quaternion.exp(v), q))(jnp.asarray(vector), jnp.asarray(start))
     )
     same = {f.name: np.repeat(getattr(first, f.name), FRAMES, axis=0) for f in dataclasses.fields(Views)}
-    return Sequences(Views(**{**same, "q_TN": q_TN}), turn)
+    return TumbleSequences(Views(**{**same, "q_TN": q_TN}), turn)
 
 
-def with_lasting_errors(
-    statistics: CameraStatistics, outcomes: Outcomes, turn: np.ndarray, threshold: float
+def with_error_correlation(
+    statistics: CameraStatistics, outcomes: DetectionOutcomes, turn: np.ndarray, threshold: float
 ) -> CameraStatistics:
     """A fitted camera with the correlation of edges' errors, over edges and frames, that sequences show.
 
     The pairwise likelihood of normal errors is maximised over the lasting share and the angle.
     """
-    errors = standard_errors(statistics, outcomes, threshold)
-    mixing = _mixing(errors[~np.isnan(errors).any(axis=1)])
+    errors = normalised_errors(statistics, outcomes, threshold)
+    mixing = _edge_mixing(errors[~np.isnan(errors).any(axis=1)])
     independent = np.linalg.solve(mixing, errors.T).T
     sequences = np.clip(independent, -_MOST, _MOST).reshape(len(turn), FRAMES, 4)
-    share, angle = _maximise(*_pairs(sequences, turn))
+    share, angle = _fit_share_and_angle(*_pair_statistics(sequences, turn))
     # Errors that are wide in one frame alone are less alike from frame to frame than the rest of them.
     wide = float(statistics.wide_share)
-    share = min(_MOST_SHARE, share * (1.0 + (WIDE**2 - 1.0) * wide) / (1.0 + (WIDE - 1.0) * wide) ** 2)
+    share = min(
+        _MOST_SHARE, share * (1.0 + (WIDE_SIGMA_FACTOR**2 - 1.0) * wide) / (1.0 + (WIDE_SIGMA_FACTOR - 1.0) * wide) ** 2
+    )
     return dataclasses.replace(
         statistics,
         mixing=jnp.asarray(mixing, jnp.float32),
@@ -72,7 +80,7 @@ def with_lasting_errors(
     )
 
 
-def _mixing(errors: np.ndarray) -> np.ndarray:
+def _edge_mixing(errors: np.ndarray) -> np.ndarray:
     """Lower triangle (4, 4) whose product with its transpose is the correlation of the four edges."""
     if len(errors) < 50:
         return np.eye(4)
@@ -80,7 +88,7 @@ def _mixing(errors: np.ndarray) -> np.ndarray:
     return np.linalg.cholesky(0.99 * correlation + 0.01 * np.eye(4))
 
 
-def _pairs(sequences: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _pair_statistics(sequences: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Of pairs of frames by the angle between them: mean angle, number, sum of squares, sum of products.
 
     Errors are scaled to a variance of 1.
@@ -101,7 +109,9 @@ def _pairs(sequences: np.ndarray, turn: np.ndarray) -> tuple[np.ndarray, np.ndar
     return mean, count, np.bincount(place, square, _BINS), np.bincount(place, product, _BINS)
 
 
-def _maximise(angle: np.ndarray, count: np.ndarray, square: np.ndarray, product: np.ndarray) -> tuple[float, float]:
+def _fit_share_and_angle(
+    angle: np.ndarray, count: np.ndarray, square: np.ndarray, product: np.ndarray
+) -> tuple[float, float]:
     """Share and angle [rad] of the greatest pairwise likelihood on a grid."""
     shared = _SHARES[:, None, None] * np.exp(-angle / _ANGLES[None, :, None])
     rest = 1.0 - shared**2

@@ -14,9 +14,9 @@ from jaxtyping import Array, Float
 from rpojax.errors import ScenarioError
 from rpojax.scenario.schema import ScenarioFile
 
-Figures = Float[Array, "runs figures"]
+MetricArray = Float[Array, "runs figures"]
 
-NEEDS: Final = {
+PART_METRICS: Final = {
     "innovations": ("innovation_surprise",),
     "estimate": ("estimate_surprise",),
     "consistency": ("nees_mean", "nees_relative_mean"),
@@ -44,8 +44,8 @@ class Objective:
     def __init__(self, file: ScenarioFile) -> None:
         self.weights = {name: weight for name, weight in file.tuning.model_dump().items() if weight > 0.0}
         if not self.weights:
-            raise ScenarioError("tuning", "no weight above zero", f"a weight for one of {', '.join(NEEDS)}")
-        self.names = tuple(dict.fromkeys(name for part in self.weights for name in NEEDS[part]))
+            raise ScenarioError("tuning", "no weight above zero", f"a weight for one of {', '.join(PART_METRICS)}")
+        self.metric_names = tuple(dict.fromkeys(name for part in self.weights for name in PART_METRICS[part]))
         self._value = jax.jit(self._total)
 
     def __call__(self, figures: np.ndarray) -> tuple[float, dict[str, float]]:
@@ -53,16 +53,16 @@ class Objective:
         value, parts = self._value(jnp.asarray(figures), jnp.ones(len(figures)))
         return float(value), {name: float(part) for name, part in parts.items()}
 
-    def slope(self, figures: Array, weights: Array, there: Array) -> Array:
+    def gradient(self, metrics: Array, weights: Array, mask: Array) -> Array:
         """Gradient (runs, figures) of the value of a batch, in which runs that are not `there` (runs,) do not count."""
         del weights
-        return jax.grad(lambda x: self._total(x, there)[0])(figures)
+        return jax.grad(lambda x: self._total(x, mask)[0])(metrics)
 
-    def _total(self, figures: Figures, there: Array) -> tuple[Array, dict[str, Array]]:
+    def _total(self, figures: MetricArray, there: Array) -> tuple[Array, dict[str, Array]]:
         finite = jnp.all(jnp.isfinite(figures), axis=1)
         counted = there * jnp.where(finite, 1.0, 0.0)
         safe = jnp.where(finite[:, None], figures, 1.0)
-        columns = {name: safe[:, index] for index, name in enumerate(self.names)}
+        columns = {name: safe[:, index] for index, name in enumerate(self.metric_names)}
         parts = {name: _part(name, columns, counted) for name in self.weights}
         total = sum((weight * parts[name] for name, weight in self.weights.items()), jnp.zeros(()))
         return total, parts
@@ -73,7 +73,7 @@ def _part(name: str, columns: dict[str, Array], counted: Array) -> Array:
         relative = columns["nees_relative_mean"]
         servicer = columns["nees_mean"] - relative
         return _inconsistency(relative, counted) + _inconsistency(servicer, counted)
-    values = columns[NEEDS[name][0]]
+    values = columns[PART_METRICS[name][0]]
     if name in ("innovations", "estimate"):
         return _mean(values, counted)
     return _mean(jnp.log(jnp.maximum(values, _FLOOR.get(name, 0.0))), counted)

@@ -7,14 +7,14 @@ import jax
 import numpy as np
 
 from rpojax.analysis.statistics import campaign_comparison
-from rpojax.analysis.statistics.campaign_comparison import Comparison, Runs
+from rpojax.analysis.statistics.campaign_comparison import Comparison, RunMetrics
 from rpojax.campaign.execution import block_runner
-from rpojax.campaign.execution.batch_engine import Engine, block_size
+from rpojax.campaign.execution.batch_engine import BatchEngine, default_block_size
 from rpojax.campaign.history_retention import Retention
-from rpojax.dispersions.designs import Population, make
+from rpojax.dispersions.designs import RunRange, make_design
 from rpojax.scenario.schema import ScenarioFile
 
-Watch = Callable[[float], None]
+OnProgress = Callable[[float], None]
 _RESAMPLES = 999
 _METRICS = "metrics/"
 
@@ -32,7 +32,7 @@ class MeanChange:
 
 
 @dataclass(frozen=True)
-class Judgement:
+class Validation:
     """Two settings compared.
 
     Attributes:
@@ -44,43 +44,43 @@ class Judgement:
     """
 
     seed: int
-    first: Runs
-    second: Runs
+    baseline: RunMetrics
+    tuned: RunMetrics
     medians: Comparison
     means: dict[str, MeanChange]
 
 
-def judge(
-    first: ScenarioFile, second: ScenarioFile, seed: int, runs: int, watch: Watch = lambda share: None
-) -> Judgement:
+def validate(
+    baseline: ScenarioFile, tuned: ScenarioFile, seed: int, runs: int, on_progress: OnProgress = lambda share: None
+) -> Validation:
     """Flies `runs` runs with both settings and compares them pair by pair."""
-    one = fly(first, seed, runs, lambda share: watch(0.5 * share))
-    other = fly(second, seed, runs, lambda share: watch(0.5 + 0.5 * share))
-    medians = campaign_comparison.compare(one, other, first.requirements, independent=True)
-    return Judgement(seed, one, other, medians, means(one, other))
+    one = simulate_runs(baseline, seed, runs, lambda share: on_progress(0.5 * share))
+    other = simulate_runs(tuned, seed, runs, lambda share: on_progress(0.5 + 0.5 * share))
+    medians = campaign_comparison.compare_paired_runs(one, other, baseline.requirements, independent=True)
+    return Validation(seed, one, other, medians, compare_means(one, other))
 
 
-def fly(file: ScenarioFile, seed: int, runs: int, watch: Watch = lambda share: None) -> Runs:
+def simulate_runs(file: ScenarioFile, seed: int, runs: int, on_progress: OnProgress = lambda share: None) -> RunMetrics:
     """Metrics of runs, in memory."""
     devices = jax.devices()[:runs]
-    size = min(block_size(file), -(-runs // len(devices)))
-    engine = Engine(file, size, devices, design=make(file, seed, Population(0, runs)))
+    size = min(default_block_size(file), -(-runs // len(devices)))
+    engine = BatchEngine(file, size, devices, design=make_design(file, seed, RunRange(0, runs)))
     batches = -(-runs // engine.capacity)
     results = []
     for number in range(batches):
         ids = number * engine.capacity + np.arange(engine.capacity)
 
         def during(share: float, _: int, number: int = number) -> None:
-            watch((number + share) / batches)
+            on_progress((number + share) / batches)
 
-        flown = block_runner.fly(engine, seed, ids, [], ids < runs, Retention.of_runs(()), during)
-        results.append(flown.results(slice(0, min(engine.capacity, runs - int(ids[0]))), engine))
+        flown = block_runner.simulate_batch(engine, seed, ids, [], ids < runs, Retention.from_run_ids(()), during)
+        results.append(flown.block_arrays(slice(0, min(engine.capacity, runs - int(ids[0]))), engine))
     joined = {name: np.concatenate([part[name] for part in results]) for name in results[0]}
     metrics = {name.removeprefix(_METRICS): values for name, values in joined.items() if name.startswith(_METRICS)}
-    return Runs(np.arange(runs), joined["status/failure"] == 0, metrics)
+    return RunMetrics(np.arange(runs), joined["status/failure"] == 0, metrics)
 
 
-def means(one: Runs, other: Runs) -> dict[str, MeanChange]:
+def compare_means(one: RunMetrics, other: RunMetrics) -> dict[str, MeanChange]:
     """Means by metric over the runs that have it in both settings; left out where they give no ratio."""
     rng = np.random.default_rng(0)
     found = {}

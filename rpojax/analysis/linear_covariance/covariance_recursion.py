@@ -11,7 +11,7 @@ import numpy as np
 
 
 @dataclass(frozen=True)
-class Tick:
+class TickSystem:
     """One tick of the system.
 
     Attributes:
@@ -32,13 +32,13 @@ class Tick:
     D: np.ndarray
     forcing: np.ndarray
     added: np.ndarray
-    added_of: np.ndarray
+    added_source: np.ndarray
     before: np.ndarray
-    before_of: np.ndarray
+    before_source: np.ndarray
 
 
 @dataclass
-class Recursion:
+class CovarianceRecursion:
     """The covariance so far.
 
     Attributes:
@@ -49,7 +49,7 @@ class Recursion:
 
     columns: np.ndarray
     noise: np.ndarray
-    noise_of: np.ndarray
+    noise_source: np.ndarray
     _transition: np.ndarray = field(init=False)
     _responses: np.ndarray = field(init=False)
     _responses_of: np.ndarray = field(init=False)
@@ -67,7 +67,7 @@ class Recursion:
         self._forced, self._forcing = np.zeros((size, 0)), np.zeros((0, self.columns.shape[1]))
         self._total = self.noise.sum(axis=0)
 
-    def look(self, C: np.ndarray, D: np.ndarray, forcing: np.ndarray) -> np.ndarray:
+    def output_covariance(self, C: np.ndarray, D: np.ndarray, forcing: np.ndarray) -> np.ndarray:
         """Covariance (y, y) of `C x + D w` now."""
         columns, noise, responses = self._seen(C)
         columns = columns + D @ forcing
@@ -78,29 +78,29 @@ class Recursion:
         columns = through @ self.columns + (C @ self._forced) @ self._forcing
         return columns, through @ self._total, C @ self._responses
 
-    def shares(self, tick: Tick) -> tuple[np.ndarray, np.ndarray]:
+    def variance_shares(self, tick: TickSystem) -> tuple[np.ndarray, np.ndarray]:
         """Variances of a tick's outputs at the start of a span: (y, c) of each column, (sources, y) of the noise."""
         columns = (tick.C @ self.columns + tick.D @ tick.forcing) ** 2
         noise = np.sum((tick.C @ self.noise) * tick.C, axis=2)
-        np.add.at(noise, self.noise_of, (tick.D**2).T)
-        np.add.at(noise, tick.before_of, ((tick.C @ tick.before) ** 2).T)
+        np.add.at(noise, self.noise_source, (tick.D**2).T)
+        np.add.at(noise, tick.before_source, ((tick.C @ tick.before) ** 2).T)
         return columns, noise
 
-    def step(self, tick: Tick) -> np.ndarray:
+    def step(self, tick: TickSystem) -> np.ndarray:
         """Covariance (y, y) of the tick's outputs; goes on to the next tick."""
         if tick.before.shape[1]:
             self._responses = np.concatenate([self._responses, tick.before], axis=1)
-            self._responses_of = np.concatenate([self._responses_of, tick.before_of])
-        found = self.look(tick.C, tick.D, tick.forcing)
+            self._responses_of = np.concatenate([self._responses_of, tick.before_source])
+        found = self.output_covariance(tick.C, tick.D, tick.forcing)
         self._transition = tick.A @ self._transition
         self._responses = np.concatenate([tick.A @ self._responses, tick.B, tick.added], axis=1)
-        self._responses_of = np.concatenate([self._responses_of, self.noise_of, tick.added_of])
+        self._responses_of = np.concatenate([self._responses_of, self.noise_source, tick.added_source])
         driven = np.any(tick.forcing != 0.0, axis=1)
         self._forced = np.concatenate([tick.A @ self._forced, tick.B[:, driven]], axis=1)
         self._forcing = np.concatenate([self._forcing, tick.forcing[driven]])
         return found
 
-    def close(self) -> None:
+    def end_span(self) -> None:
         """Ends the span."""
         self.columns = self._transition @ self.columns + self._forced @ self._forcing
         self.noise = self._transition @ self.noise @ self._transition.T

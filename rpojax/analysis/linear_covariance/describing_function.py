@@ -14,7 +14,7 @@ from scipy.stats import qmc
 
 
 @dataclass(frozen=True)
-class Linearised:
+class StatisticalLinearisation:
     """A vector function of a normal vector, `f(u) = mean + gain (u - E u) + residual`.
 
     Attributes:
@@ -40,9 +40,9 @@ def normal_points(dimension: int, power: int) -> np.ndarray:
     return np.linalg.solve(root, points.T).T
 
 
-def linearise(
+def statistical_linearisation(
     function: Callable[[np.ndarray], np.ndarray], mean: np.ndarray, covariance: np.ndarray, points: np.ndarray
-) -> Linearised:
+) -> StatisticalLinearisation:
     """Line through `function`, which maps (samples, n) to (samples, m), over a normal input at the `points` (s, n)."""
     values, vectors = np.linalg.eigh(covariance)
     sigma = np.sqrt(np.maximum(values, 0.0))
@@ -53,7 +53,7 @@ def linearise(
     left = outputs - centre - points @ slope.T
     # A direction in which the input does not vary has no say in the gain.
     inverse = np.where(sigma > 1e-12 * max(sigma.max(), 1e-300), 1.0 / np.maximum(sigma, 1e-300), 0.0)
-    return Linearised(
+    return StatisticalLinearisation(
         mean=centre,
         gain=slope * inverse @ vectors.T,
         residual=left.T @ left / len(points),

@@ -20,19 +20,19 @@ Path = tuple[str, ...]
 
 _STATES = (
     "truth.r_TN_N truth.v_TN_N truth.r_ST_N truth.v_ST_N truth.q_BN truth.omega_BN_B truth.wheel_speed truth.mass "
-    "truth.delta_v sensors.gps_bias_N sensors.gyro_bias_B burn_error.magnitude burn_error.direction "
+    "truth.delta_v sensor_errors.gps_bias_N sensor_errors.gyro_bias_B burn_error.magnitude burn_error.direction "
     "flight.orbit.servicer.r_SN_N flight.orbit.servicer.v_SN_N flight.orbit.servicer.gps_error_N "
     "flight.orbit.relative.r_TS_N flight.orbit.relative.v_TS_N flight.orbit.relative.scale "
-    "flight.orbit.relative.bearing_bias flight.orbit.relative.center flight.attitude.q_BN flight.attitude.omega_BN_B "
-    "flight.attitude.bias_B flight.attitude.gyro_B flight.pointing.reference.q_EN "
+    "flight.orbit.relative.bearing_bias flight.orbit.relative.center_offset flight.attitude.q_BN "
+    "flight.attitude.omega_BN_B flight.attitude.bias_B flight.attitude.gyro_B flight.pointing.reference.q_EN "
     "flight.pointing.reference.omega_EN_E flight.pointing.reference.remainder"
 )
-PENDING = "pending"
+PENDING_BURN = "pending"
 """The burn decided and not yet flown: deviation of its velocity change (3) and of that one's size (1)."""
 
 
 @dataclass(frozen=True)
-class Layout:
+class DeviationLayout:
     """Places of the deviating numbers in a vector: of the state, of the dispersed numbers, and of the pending burn.
 
     Attributes:
@@ -50,21 +50,21 @@ class Layout:
     def pack(self, state: State, params: Params) -> Array:
         """The vector (size,); nothing is pending in it."""
         places = [(state, path) for path in self.states] + [(params, path) for path in self.constants]
-        leaves = [parameters.get(record, path) for record, path in places]
+        leaves = [parameters.get_leaf(record, path) for record, path in places]
         return jnp.concatenate([jnp.ravel(leaf) for leaf in leaves] + [jnp.zeros(4, dtype=jnp.float64)])
 
     def unpack(self, vector: Array, state: State, params: Params) -> tuple[State, Params]:
         """State and params with the numbers of the vector put in."""
         for path in self.states:
-            state = parameters.put(state, path, self._leaf(vector, path, parameters.get(state, path)))
+            state = parameters.replace_leaf(state, path, self._leaf(vector, path, parameters.get_leaf(state, path)))
         for path in self.constants:
-            params = parameters.put(params, path, self._leaf(vector, path, parameters.get(params, path)))
+            params = parameters.replace_leaf(params, path, self._leaf(vector, path, parameters.get_leaf(params, path)))
         return state, params
 
     def _leaf(self, vector: Array, path: Path, like: Array) -> Array:
         return vector[self.slices[".".join(path)]].reshape(like.shape)
 
-    def signs(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    def quaternion_signs(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
         """(size,) factors, 1 or -1, that give the quaternions of `other` the signs of those of `one`."""
         found = np.ones(self.size)
         for name, part in self.slices.items():
@@ -75,7 +75,7 @@ class Layout:
     def burn_jump(self) -> np.ndarray:
         """(size, size) map over the middle of a burn: what was pending has changed truth and estimate."""
         jump = np.eye(self.size)
-        pending = self.slices[PENDING]
+        pending = self.slices[PENDING_BURN]
         jump[pending, pending] = 0.0
         velocity = slice(pending.start, pending.start + 3)
         for name, sign in (
@@ -88,15 +88,15 @@ class Layout:
         return jump
 
 
-def layout(state: State, params: Params, constants: tuple[Path, ...]) -> Layout:
+def make_layout(state: State, params: Params, constants: tuple[Path, ...]) -> DeviationLayout:
     """Layout for a state of the loop and the paths of the numbers that are dispersed and constant."""
     states = tuple(tuple(text.split(".")) for text in _STATES.split())
     slices: dict[str, slice] = {}
     start = 0
     for root, paths in ((state, states), (params, constants)):
         for path in paths:
-            stop = start + math.prod(parameters.get(root, path).shape)
+            stop = start + math.prod(parameters.get_leaf(root, path).shape)
             slices[".".join(path)] = slice(start, stop)
             start = stop
-    slices[PENDING] = slice(start, start + 4)
-    return Layout(states, constants, slices, start + 4)
+    slices[PENDING_BURN] = slice(start, start + 4)
+    return DeviationLayout(states, constants, slices, start + 4)

@@ -12,7 +12,7 @@ ERRORS = {"formation error": "rho_H", "relative estimation error": "relative_err
 
 
 @dataclass(frozen=True)
-class Budget:
+class ErrorBudget:
     """Standard deviations [m] of the three axes together, by error and source.
 
     Attributes:
@@ -28,7 +28,7 @@ class Budget:
     worst_at_s: dict[str, dict[str, float]]
 
 
-def budget(linear: LinearCovariance) -> Budget:
+def error_budget(linear: LinearCovariance) -> ErrorBudget:
     """The budget of a linear covariance."""
     at_end, total, at_worst, worst_at = {}, {}, {}, {}
     for title, output in ERRORS.items():
@@ -39,4 +39,4 @@ def budget(linear: LinearCovariance) -> Budget:
         at_worst[title] = dict(zip(linear.sources, sigma.max(axis=0).tolist(), strict=True))
         when = linear.share_time_s[sigma.argmax(axis=0)]
         worst_at[title] = dict(zip(linear.sources, when.tolist(), strict=True))
-    return Budget(at_end, total, at_worst, worst_at)
+    return ErrorBudget(at_end, total, at_worst, worst_at)

@@ -14,17 +14,22 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from rpojax.analysis.linear_covariance import dispersion_inputs
+from rpojax.analysis.linear_covariance import dispersion_linearisation
+from rpojax.analysis.linear_covariance.analysis_setup import AnalysisSetup
 from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS
-from rpojax.analysis.linear_covariance.nominal_recursion import Record, Side, average, merge
-from rpojax.analysis.linear_covariance.nominal_setup import Setup
+from rpojax.analysis.linear_covariance.nominal_recursion import (
+    NominalRecursion,
+    PeriodRecord,
+    average_records,
+    merge_recursions,
+)
 from rpojax.errors import RpojaxError
 from rpojax.flight.computer import Stages
 from rpojax.scenario.schema import ScenarioFile
 
-MEMBERS = 256
+ENSEMBLE_SIZE = 256
 """Targets in the ensemble of outlines."""
-HOLD = 10
+MAX_HOLD_TICKS = 10
 """Ticks that one derivative stands for once the transfer is over."""
 
 
@@ -55,7 +60,7 @@ class LinearCovariance:
     mean: np.ndarray
     covariance: np.ndarray
     filter_sigma_H: np.ndarray
-    seen: np.ndarray
+    box_fraction: np.ndarray
     sources: list[str]
     left_out: list[str]
     share_time_s: np.ndarray
@@ -75,7 +80,7 @@ class LinearCovariance:
         return self.mean[:, OUTPUTS[output]]
 
 
-def check(file: ScenarioFile) -> None:
+def check_scenario(file: ScenarioFile) -> None:
     """Refuses what no derivative can stand for.
 
     Raises:
@@ -87,11 +92,11 @@ def check(file: ScenarioFile) -> None:
         raise RpojaxError("effects.faults: found true, expected false for a linear covariance")
     if file.camera.edge_noise_px == 0.0:
         raise RpojaxError("camera.edge_noise_px: found 0.0, expected more for a linear covariance")
-    dispersion_inputs.disperse(file)
+    dispersion_linearisation.linearise_dispersions(file)
 
 
-def analyse(
-    file: ScenarioFile, members: int = MEMBERS, hold: int = HOLD, stages: Stages | None = None
+def analyse_scenario(
+    file: ScenarioFile, members: int = ENSEMBLE_SIZE, hold: int = MAX_HOLD_TICKS, stages: Stages | None = None
 ) -> LinearCovariance:
     """Linear covariance of a scenario with an ensemble of so many targets.
 
@@ -100,9 +105,9 @@ def analyse(
     Raises:
         RpojaxError: as `check` does.
     """
-    check(file)
+    check_scenario(file)
     begin = time.perf_counter()
-    setup = Setup(file, members, stages or Stages())
+    setup = AnalysisSetup(file, members, stages or Stages())
     compiled = time.perf_counter()
     begin_cpu = time.process_time()
     records = _fly(setup, hold)
@@ -110,26 +115,28 @@ def analyse(
     return _result(setup, records, compiled - begin, run_s, run_cpu_s)
 
 
-def _fly(setup: Setup, hold: int) -> list[Record]:
+def _fly(setup: AnalysisSetup, hold: int) -> list[PeriodRecord]:
     """All burn periods, on both sides of the mean run until their burns are over, then on one."""
     static = setup.loop.scenario
-    records: list[Record] = []
+    records: list[PeriodRecord] = []
     # The recursion along one period goes on beside the nominal run of the next. Its matrices are small: BLAS with
     # threads of its own would take twice as long and keep the other cores from the derivatives.
     with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(2) as pool:
-        sides = [Side(setup, start, hold, pool) for start in setup.starts]
-        waiting: list[list[Future[Record]]] = []
+        sides = [NominalRecursion(setup, start, hold, pool) for start in setup.initial_conditions]
+        waiting: list[list[Future[PeriodRecord]]] = []
         for first in range(0, static.ticks, static.formation_ticks):
             kept = min(static.formation_ticks, static.ticks - first)
-            waiting.append([side.period(kept) for side in sides])
+            waiting.append([side.advance_period(kept) for side in sides])
             if len(sides) == 2 and all(side.arrived for side in sides):
-                sides = [merge(sides)]
+                sides = [merge_recursions(sides)]
         for futures in waiting:
-            records.append(average([future.result() for future in futures]))
+            records.append(average_records([future.result() for future in futures]))
     return records
 
 
-def _result(setup: Setup, records: list[Record], compile_s: float, run_s: float, run_cpu_s: float) -> LinearCovariance:
+def _result(
+    setup: AnalysisSetup, records: list[PeriodRecord], compile_s: float, run_s: float, run_cpu_s: float
+) -> LinearCovariance:
     static = setup.loop.scenario
     time_s = np.arange(static.ticks) * static.tick_s
 
@@ -143,10 +150,10 @@ def _result(setup: Setup, records: list[Record], compile_s: float, run_s: float,
         mean=joined("mean"),
         covariance=joined("covariance"),
         filter_sigma_H=np.sqrt(joined("filter_variance_H")),
-        seen=joined("seen"),
+        box_fraction=joined("box_fraction"),
         sources=setup.sources,
         left_out=setup.left_out,
-        share_time_s=time_s[:: setup.span],
+        share_time_s=time_s[:: setup.span_ticks],
         shares=joined("shares"),
         burn_probability=decisions[:, 0],
         burn_size_m_s=decisions[:, 1],

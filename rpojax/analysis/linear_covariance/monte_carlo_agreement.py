@@ -9,9 +9,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from rpojax.analysis.linear_covariance.linear_covariance import LinearCovariance
-from rpojax.campaign.execution.batch_engine import Engine, Segment, block_size
+from rpojax.campaign.execution.batch_engine import BatchEngine, Segment, default_block_size
 from rpojax.dispersions import designs
-from rpojax.dispersions.designs import Population
+from rpojax.dispersions.designs import RunRange
 from rpojax.scenario.schema import ScenarioFile
 
 CHANNELS = {"rho_H": ("x", "y", "z"), "relative_error_H": ("x", "y", "z"), "delta_v_m_s": ("",)}
@@ -23,7 +23,7 @@ _CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
-class Sampled:
+class MonteCarloSample:
     """Sampled runs, decimated.
 
     Attributes:
@@ -53,7 +53,7 @@ class Sampled:
 
 
 @dataclass(frozen=True)
-class Agreement:
+class ChannelAgreement:
     """One component of one channel, linear over sampled standard deviation.
 
     Attributes:
@@ -83,16 +83,16 @@ class Agreement:
     mean_off_sigmas: float
 
 
-def fly(file: ScenarioFile, runs: int, seed: int) -> Sampled:
+def simulate_sample(file: ScenarioFile, runs: int, seed: int) -> MonteCarloSample:
     """Flies runs 0, 1, ... of a scenario and keeps what is compared, once in ten seconds."""
-    planned = designs.make(file, seed, Population(0, runs))
-    engine = Engine(file, min(block_size(file), -(-runs // jax.device_count())), design=planned)
+    planned = designs.make_design(file, seed, RunRange(0, runs))
+    engine = BatchEngine(file, min(default_block_size(file), -(-runs // jax.device_count())), design=planned)
     engine.compile()
     step = max(1, round(_EVERY_S / engine.scenario.tick_s))
     begin = time.perf_counter()
     blocks = [
         _collect(
-            engine.run(engine.prepare(seed, first + np.arange(engine.capacity))),
+            engine.simulate(engine.prepare(seed, first + np.arange(engine.capacity))),
             step,
             min(runs - first, engine.capacity),
         )
@@ -100,7 +100,7 @@ def fly(file: ScenarioFile, runs: int, seed: int) -> Sampled:
     ]
     values = {name: np.concatenate([block[name] for block in blocks], axis=1) for name in CHANNELS}
     count = values["rho_H"].shape[1]
-    return Sampled(
+    return MonteCarloSample(
         time_s=np.arange(0, engine.scenario.ticks, step) * engine.scenario.tick_s,
         values=values,
         runs=count,
@@ -122,7 +122,7 @@ def _collect(segments: Iterator[Segment], step: int, count: int) -> dict[str, np
     return {name: np.concatenate(kept)[:, failure == 0] for name, kept in parts.items()}
 
 
-def compare(linear: LinearCovariance, sampled: Sampled) -> list[Agreement]:
+def compare_with_sample(linear: LinearCovariance, sampled: MonteCarloSample) -> list[ChannelAgreement]:
     """Agreement of every component over the times that were sampled; what does not vary yet is left out."""
     rows = np.searchsorted(linear.time_s, sampled.time_s)
     found = []
@@ -140,7 +140,7 @@ def compare(linear: LinearCovariance, sampled: Sampled) -> list[Agreement]:
             too_large = sigma[varies, index] > (1.0 + TOLERANCE) * high[varies, index]
             off = np.abs(mean[varies, index] - centre[varies, index]) / own[varies, index]
             found.append(
-                Agreement(
+                ChannelAgreement(
                     channel=channel,
                     component=component,
                     median=float(np.median(ratio)),

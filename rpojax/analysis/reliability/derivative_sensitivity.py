@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rpojax.analysis.gradients import run_derivatives
-from rpojax.analysis.gradients.evaluation_log import shrunk_mean
-from rpojax.analysis.gradients.run_derivatives import Flights
-from rpojax.analysis.statistics.dependence_measures import rank_correlation
-from rpojax.analysis.statistics.rank_sensitivity import Ranking, rank_inputs
-from rpojax.dispersions.standard_normal import NormalSpace
+from rpojax.analysis.gradients import rollout_evaluator
+from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
+from rpojax.analysis.reliability.evaluation_log import shrunk_mean
+from rpojax.analysis.statistics.dependence_measures import spearman
+from rpojax.analysis.statistics.rank_sensitivity import InputRanking, rank_inputs
+from rpojax.dispersions.standard_normal_space import StandardNormalSpace
 from rpojax.errors import RpojaxError
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation import running_metrics
@@ -34,7 +34,7 @@ _KINKS = {
 
 
 @dataclass(frozen=True)
-class Share:
+class InputShare:
     """What one input gives to the spread of a metric.
 
     Attributes:
@@ -53,7 +53,7 @@ class Share:
 
 
 @dataclass(frozen=True)
-class Sensitivity:
+class MetricSensitivity:
     """What the dispersions give to the spread of one metric.
 
     Attributes:
@@ -67,7 +67,7 @@ class Sensitivity:
 
     metric: str
     unit: str
-    shares: tuple[Share, ...]
+    shares: tuple[InputShare, ...]
     sigma: float
     values: np.ndarray
     kink: str | None
@@ -79,7 +79,7 @@ class Sensitivity:
 
 
 @dataclass(frozen=True)
-class Agreement:
+class RankingAgreement:
     """A ranking by derivatives beside one by sampling.
 
     Attributes:
@@ -99,13 +99,13 @@ class Agreement:
     strengths: dict[str, float]
 
 
-def metrics_of(file: ScenarioFile, asked: Sequence[str]) -> tuple[str, ...]:
+def select_metrics(file: ScenarioFile, asked: Sequence[str]) -> tuple[str, ...]:
     """Metrics that are asked for; by default those of the scenario's requirements that have a derivative.
 
     Raises:
         RpojaxError: a metric has no derivative, or there is none.
     """
-    known = running_metrics.FIGURES
+    known = running_metrics.RUNNING_METRICS
     for name in asked:
         if name not in known:
             raise RpojaxError(f"--metric: found {name!r}, expected a metric with a derivative: {', '.join(known)}")
@@ -115,9 +115,9 @@ def metrics_of(file: ScenarioFile, asked: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-def analyse(
-    space: NormalSpace, metrics: Sequence[str], runs: int, seed: int, flights: Flights | None = None
-) -> tuple[Sensitivity, ...]:
+def derivative_sensitivities(
+    space: StandardNormalSpace, metrics: Sequence[str], runs: int, seed: int, evaluator: RolloutEvaluator | None = None
+) -> tuple[MetricSensitivity, ...]:
     """Sensitivities of metrics over `runs` runs with random dispersions, and over the median run.
 
     Raises:
@@ -125,10 +125,10 @@ def analyse(
     """
     if runs < FEWEST_RUNS:
         raise RpojaxError(f"--runs: found {runs}, expected at least {FEWEST_RUNS}")
-    flown = flights or Flights(space.file, space.values, space.count, metrics, runs=runs + 1)
-    drawn = np.random.default_rng([seed, 0xD15]).normal(size=(runs, space.count))
-    numbers = np.concatenate([np.zeros((1, space.count)), drawn])
-    found = flown.forward(numbers, run_derivatives.run_keys(seed, np.arange(runs + 1)))
+    flown = evaluator or RolloutEvaluator(space.file, space.values_at, space.dimension, metrics, runs=runs + 1)
+    drawn = np.random.default_rng([seed, 0xD15]).normal(size=(runs, space.dimension))
+    numbers = np.concatenate([np.zeros((1, space.dimension)), drawn])
+    found = flown.jacobian(numbers, rollout_evaluator.run_keys(seed, np.arange(runs + 1)))
     assert found.jacobian is not None
     whole = ~found.failed & np.isfinite(found.jacobian).all(axis=(1, 2))
     rows = np.flatnonzero(whole[1:]) + 1
@@ -136,16 +136,16 @@ def analyse(
         raise RpojaxError(f"--runs: found {len(rows)} that reached their end, expected at least {FEWEST_RUNS}")
     at_median = found.jacobian[0] if whole[0] else np.full(found.jacobian.shape[1:], np.nan)
     return tuple(
-        _sensitivity(space, name, found.jacobian[rows, index], at_median[index], found.figures[rows, index])
+        _sensitivity(space, name, found.jacobian[rows, index], at_median[index], found.metrics[rows, index])
         for index, name in enumerate(metrics)
     )
 
 
 def _sensitivity(
-    space: NormalSpace, metric: str, slopes: np.ndarray, nominal: np.ndarray, values: np.ndarray
-) -> Sensitivity:
+    space: StandardNormalSpace, metric: str, slopes: np.ndarray, nominal: np.ndarray, values: np.ndarray
+) -> MetricSensitivity:
     """From derivatives (runs, k) to the numbers, those of the median run (k,), and values (runs,)."""
-    figure = running_metrics.FIGURES[metric]
+    figure = running_metrics.RUNNING_METRICS[metric]
     names = np.array(space.groups)
     shares = []
     for name in dict.fromkeys(space.groups):
@@ -154,20 +154,20 @@ def _sensitivity(
         total = float(squares.sum())
         at_median = float(np.linalg.norm(nominal[names == name]))
         one_run = float(squares.max()) / total if total > 0.0 else 0.0
-        shares.append(Share(name, float(np.sqrt(squares.mean())), trend, at_median, one_run))
-    return Sensitivity(
+        shares.append(InputShare(name, float(np.sqrt(squares.mean())), trend, at_median, one_run))
+    return MetricSensitivity(
         metric=metric,
         unit=figure.unit,
         shares=tuple(sorted(shares, key=lambda share: (-share.trend, -share.sigma))),
         sigma=float(np.sqrt(np.mean(np.sum(slopes**2, axis=1)))),
         values=values,
-        kink=_KINKS.get(figure.reduce),
+        kink=_KINKS.get(figure.reduction),
     )
 
 
-def compare(
-    found: Sensitivity, space: NormalSpace, columns: Mapping[str, np.ndarray], values: np.ndarray
-) -> Agreement | None:
+def compare_with_sampling(
+    found: MetricSensitivity, space: StandardNormalSpace, columns: Mapping[str, np.ndarray], values: np.ndarray
+) -> RankingAgreement | None:
     """How far the ranking agrees with that of a campaign's dispersed numbers (runs,) by name and its metric (runs,).
 
     The sampled strength of an input is the root of the sum of its squared rank correlations. None where nothing can be
@@ -181,21 +181,21 @@ def compare(
     by_sample = sorted(strengths, key=lambda name: -strengths[name])[:LEADING]
     orders = np.array([[share.trend, strengths[share.name]] for share in common]).reshape(-1, 2).T
     defined = values[np.isfinite(values)]
-    return Agreement(
+    return RankingAgreement(
         runs=len(defined),
         std=float(np.std(defined, ddof=1)),
         leading=tuple(by_sample),
         both=tuple(name for name in found.leading if name in by_sample),
-        rank_correlation=rank_correlation(orders[0], orders[1]),
+        rank_correlation=spearman(orders[0], orders[1]),
         strengths=strengths,
     )
 
 
-def _strengths(space: NormalSpace, ranking: Ranking) -> dict[str, float]:
+def _strengths(space: StandardNormalSpace, ranking: InputRanking) -> dict[str, float]:
     """Strength of each input from those of the campaign's columns, several of which may belong to one input."""
     squares: dict[str, float] = {}
     for one in ranking.inputs:
         name = space.group_of(one.name)
         if name is not None:
-            squares[name] = squares.get(name, 0.0) + one.correlation**2
+            squares[name] = squares.get(name, 0.0) + one.spearman**2
     return {name: float(np.sqrt(square)) for name, square in squares.items()}

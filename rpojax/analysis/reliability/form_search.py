@@ -12,11 +12,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rpojax.analysis.gradients.evaluation_log import Book, Effort, Found, Limit, SpentError
+from rpojax.analysis.reliability.evaluation_log import (
+    BudgetExceededError,
+    EvaluationLog,
+    LimitState,
+    SearchResult,
+    SearchSettings,
+)
 
 _WIDENING = (1.0, 1.1, 1.2)
 """Random points of each further round lie so much farther out, up to the last of these factors."""
-_VOLLEYS, _VOLLEY = 4, 8
+_LINE_SEARCH_ROUNDS, _LINE_SEARCH_POINTS = 4, 8
 """Shots along the line through what was tried: so many times, and so many at a time."""
 _DEPTH = 0.85
 """Share of the reach that shots go along the slope, at most; the rest is left to all other numbers."""
@@ -25,22 +31,22 @@ _WORTH_A_STEP = 0.01
 """Share of the distance, or of the margin, that a step must gain; else the next one is shorter."""
 
 
-def search(limit: Limit, count: int, effort: Effort, seed: int) -> Found:
+def find_design_point(limit_state: LimitState, dimension: int, settings: SearchSettings, seed: int) -> SearchResult:
     """The point beyond a `limit` on `count` normal numbers that is nearest to the origin; `seed` draws the starts."""
-    book = Book(limit, effort)
+    book = EvaluationLog(limit_state, settings)
     rng = np.random.default_rng([seed, 0x5EED])
     try:
         # Where no search gets beyond the limit new random points are tried until all is spent.
         for number in itertools.count():
-            fronts = _screen(book, rng, count, number)
-            while fronts and not (book.nearest is not None and book.nearest.distance == 0.0):
+            fronts = _screen(book, rng, dimension, number)
+            while fronts and not (book.nearest_violation is not None and book.nearest_violation.distance == 0.0):
                 fronts = _advance(book, fronts)
-            if book.nearest is not None:
+            if book.nearest_violation is not None:
                 break
-        book.align()
-    except SpentError:
+        book.evaluate_gradient_at_nearest()
+    except BudgetExceededError:
         pass
-    return book.found()
+    return book.result()
 
 
 @dataclass(frozen=True)
@@ -54,16 +60,18 @@ class _Front:
     pace: float = 1.0
 
 
-def _screen(book: Book, rng: np.random.Generator, count: int, number: int) -> list[_Front]:
+def _screen(book: EvaluationLog, rng: np.random.Generator, count: int, number: int) -> list[_Front]:
     """Random points, each on its own lane, the first one of all the origin, and shots; the best lanes are fronts."""
-    size = book.effort.screened
-    points = _within(_WIDENING[min(number, len(_WIDENING) - 1)] * rng.normal(size=(size, count)), book.effort.reach)
+    size = book.settings.screening_points
+    points = _within(
+        _WIDENING[min(number, len(_WIDENING) - 1)] * rng.normal(size=(size, count)), book.settings.max_distance
+    )
     if number == 0:
         points[0] = 0.0
     lanes = number * size + np.arange(size)
     margins = book.margins(points, lanes)
     points, lanes, margins = _shoot(book, rng, points, lanes, margins)
-    best = _fronts(points, lanes, margins)[: book.effort.starts]
+    best = _fronts(points, lanes, margins)[: book.settings.starts]
     return [_Front(int(lanes[row]), points[row], float(margins[row])) for row in best]
 
 
@@ -80,7 +88,7 @@ def _fronts(points: np.ndarray, lanes: np.ndarray, margins: np.ndarray) -> np.nd
 
 
 def _shoot(
-    book: Book, rng: np.random.Generator, points: np.ndarray, lanes: np.ndarray, margins: np.ndarray
+    book: EvaluationLog, rng: np.random.Generator, points: np.ndarray, lanes: np.ndarray, margins: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points (n, k), lanes and margins with those of shots along the slope of the line through all points so far.
 
@@ -88,21 +96,21 @@ def _shoot(
     no derivative. Shots end with the first one beyond the limit, or where a volley comes no closer.
     """
     own, closest = lanes[np.argsort(margins, kind="stable")], math.inf
-    for _ in range(_VOLLEYS):
+    for _ in range(_LINE_SEARCH_ROUNDS):
         if margins.min() <= 0.0 or margins.min() >= closest:
             break
         closest = margins.min()
         slope, ahead = _line(points, margins)
         if not slope.any():
             break
-        book.line = slope
+        book.regression_gradient = slope
         down = -slope / np.linalg.norm(slope)
-        depth = np.clip(ahead, 0.5 * _DEPTH * book.effort.reach, _DEPTH * book.effort.reach)
-        across = rng.normal(size=(_VOLLEY, points.shape[1]))
+        depth = np.clip(ahead, 0.5 * _DEPTH * book.settings.max_distance, _DEPTH * book.settings.max_distance)
+        across = rng.normal(size=(_LINE_SEARCH_POINTS, points.shape[1]))
         across -= np.outer(across @ down, down)
-        room = math.sqrt(book.effort.reach**2 - depth**2)
+        room = math.sqrt(book.settings.max_distance**2 - depth**2)
         shots = depth * down + _within(across, room)
-        on = np.resize(own, _VOLLEY)
+        on = np.resize(own, _LINE_SEARCH_POINTS)
         found = book.margins(shots, on)
         points, lanes = np.concatenate([points, shots]), np.concatenate([lanes, on])
         margins = np.concatenate([margins, found])
@@ -120,11 +128,11 @@ def _line(points: np.ndarray, margins: np.ndarray) -> tuple[np.ndarray, float]:
     return slope, float(mean - slope @ middle) / size if size > 0.0 else 0.0
 
 
-def _advance(book: Book, fronts: list[_Front]) -> list[_Front]:
+def _advance(book: EvaluationLog, fronts: list[_Front]) -> list[_Front]:
     """Every front one step on; those that gain nothing any more are left out."""
     fronts = _with_gradients(book, fronts)
-    trend = book.trend()
-    fans = [_fan(front, trend, book.line, book.effort.reach) for front in fronts]
+    trend = book.mean_gradient()
+    fans = [_fan(front, trend, book.regression_gradient, book.settings.max_distance) for front in fronts]
     points = np.concatenate(fans)
     lanes = np.repeat([front.lane for front in fronts], [len(fan) for fan in fans])
     margins = np.split(book.margins(points, lanes), np.cumsum([len(fan) for fan in fans])[:-1])
@@ -132,7 +140,7 @@ def _advance(book: Book, fronts: list[_Front]) -> list[_Front]:
     return [front for front in moved if front is not None]
 
 
-def _with_gradients(book: Book, fronts: list[_Front]) -> list[_Front]:
+def _with_gradients(book: EvaluationLog, fronts: list[_Front]) -> list[_Front]:
     """Fronts with their gradients; one that did not move has its own still."""
     moved = [front for front in fronts if front.gradient is None]
     if not moved:

@@ -16,7 +16,7 @@ _ROUNDING = 1e-5
 
 
 @dataclass(frozen=True)
-class Bound:
+class MetricLimit:
     """A limit of a metric.
 
     Attributes:
@@ -34,17 +34,19 @@ class Bound:
         room = self.limit - values if self.bound == "at most" else values - self.limit
         return room + _ROUNDING * abs(self.limit)
 
-    def value(self, margin: float) -> float:
+    def value_at_margin(self, margin: float) -> float:
         """Value with a margin."""
         room = margin - _ROUNDING * abs(self.limit)
         return self.limit - room if self.bound == "at most" else self.limit + room
 
-    def broken(self, value: float) -> bool:
+    def is_violated(self, value: float) -> bool:
         """Whether a value is beyond the limit."""
         return value > self.limit if self.bound == "at most" else value < self.limit
 
 
-def bound_of(file: ScenarioFile, requirement: str | None, metric: str | None, limit: float | None, bound: str) -> Bound:
+def select_limit(
+    file: ScenarioFile, requirement: str | None, metric: str | None, limit: float | None, bound: str
+) -> MetricLimit:
     """The bound that the words of a command line name: a requirement of the scenario, or a metric with its limit.
 
     Raises:
@@ -62,14 +64,14 @@ def bound_of(file: ScenarioFile, requirement: str | None, metric: str | None, li
             expected = ", ".join(known) or "a scenario that has requirements"
             raise RpojaxError(f"--requirement: found {requirement!r}, expected one of the scenario's: {expected}")
         check_metric("--requirement", requirement)
-        return Bound(requirement, chosen[0].bound, chosen[0].limit)
+        return MetricLimit(requirement, chosen[0].bound, chosen[0].limit)
     assert metric is not None
     check_metric("--metric", metric)
     if limit is None or not math.isfinite(limit):
         raise RpojaxError(f"--limit: found {limit}, expected a number, with --metric")
     if bound not in ("at most", "at least"):
         raise RpojaxError(f"--bound: found {bound!r}, expected 'at most' or 'at least'")
-    return Bound(metric, "at most" if bound == "at most" else "at least", limit)
+    return MetricLimit(metric, "at most" if bound == "at most" else "at least", limit)
 
 
 def check_metric(option: str, name: str) -> None:
@@ -78,7 +80,7 @@ def check_metric(option: str, name: str) -> None:
     Raises:
         RpojaxError: naming the option.
     """
-    known = [each for each in UNITS if each in running_metrics.FIGURES]
+    known = [each for each in UNITS if each in running_metrics.RUNNING_METRICS]
     if name not in known:
         what = "a metric with a derivative" if name in UNITS else "a metric"
         raise RpojaxError(f"{option}: found {name!r}, expected {what}: {', '.join(known)}")

@@ -5,7 +5,7 @@ import math
 from scipy.stats import beta, norm
 
 
-def proportion_interval(count: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
+def clopper_pearson_interval(count: int, total: int, confidence: float = 0.95) -> tuple[float, float]:
     """Two-sided interval of a probability after `count` events in `total` runs (Clopper and Pearson, 1934)."""
     tail = (1.0 - confidence) / 2.0
     low = 0.0 if count == 0 else float(beta.ppf(tail, count, total - count + 1))

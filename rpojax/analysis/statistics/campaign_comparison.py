@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import binomtest
 
-from rpojax.analysis.statistics.tolerance_verdicts import violations
+from rpojax.analysis.statistics.tolerance_verdicts import violates
 from rpojax.errors import ResultError
 from rpojax.scenario.schema import RequirementSection
 
@@ -20,7 +20,7 @@ _FEWEST_PAIRS = 10
 
 
 @dataclass(frozen=True)
-class Runs:
+class RunMetrics:
     """What is compared of a campaign: run numbers (n,), which completed (n,), and metrics (n,), NaN where undefined."""
 
     run_ids: np.ndarray
@@ -29,7 +29,7 @@ class Runs:
 
 
 @dataclass(frozen=True)
-class Outcomes:
+class PairedEvents:
     """Pairs of runs by which of the two campaigns has an event in them.
 
     Attributes:
@@ -51,7 +51,7 @@ class Outcomes:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class IntervalEstimate:
     """A number with its 90 % and 95 % intervals; None where it is undefined, or has too few independent runs."""
 
     value: float | None
@@ -60,7 +60,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class MetricChange:
+class MedianChange:
     """How the median of a metric differs over the pairs of runs that both have it.
 
     Attributes:
@@ -76,8 +76,8 @@ class MetricChange:
     pairs: int
     first: float
     second: float
-    difference: Estimate
-    ratio: Estimate
+    difference: IntervalEstimate
+    ratio: IntervalEstimate
 
 
 @dataclass(frozen=True)
@@ -94,13 +94,13 @@ class Comparison:
 
     pairs: int
     unpaired: int
-    failures: Outcomes
-    requirements: tuple[Outcomes, ...]
-    metrics: tuple[MetricChange, ...]
+    failures: PairedEvents
+    requirements: tuple[PairedEvents, ...]
+    metrics: tuple[MedianChange, ...]
 
 
-def compare(
-    first: Runs, second: Runs, requirements: Sequence[RequirementSection], independent: bool, seed: int = 0
+def compare_paired_runs(
+    first: RunMetrics, second: RunMetrics, requirements: Sequence[RequirementSection], independent: bool, seed: int = 0
 ) -> Comparison:
     """Compares two campaigns by run number; with runs that are not independent there are no p-values and intervals.
 
@@ -114,9 +114,9 @@ def compare(
     return Comparison(
         pairs=len(common),
         unpaired=len(first.run_ids) + len(second.run_ids) - 2 * len(common),
-        failures=count_outcomes("failed", ~one.completed, ~other.completed, independent),
+        failures=count_paired_events("failed", ~one.completed, ~other.completed, independent),
         requirements=tuple(
-            count_outcomes(_name(each), _violating(each, one), _violating(each, other), independent)
+            count_paired_events(_name(each), _violating(each, one), _violating(each, other), independent)
             for each in requirements
         ),
         metrics=_changes(one, other, np.random.default_rng(seed) if independent else None),
@@ -129,10 +129,10 @@ def mcnemar_p(only_first: int, only_second: int) -> float:
     return float(binomtest(only_first, pairs).pvalue) if pairs else 1.0
 
 
-def count_outcomes(event: str, first: np.ndarray, second: np.ndarray, independent: bool) -> Outcomes:
+def count_paired_events(event: str, first: np.ndarray, second: np.ndarray, independent: bool) -> PairedEvents:
     """Counts an event that pairs of runs have, or have not, in `first` (n,) and `second` (n,)."""
     only_first, only_second = int((first & ~second).sum()), int((~first & second).sum())
-    return Outcomes(
+    return PairedEvents(
         event=event,
         both=int((first & second).sum()),
         only_first=only_first,
@@ -142,29 +142,29 @@ def count_outcomes(event: str, first: np.ndarray, second: np.ndarray, independen
     )
 
 
-def _rows(runs: Runs, rows: np.ndarray) -> Runs:
+def _rows(runs: RunMetrics, rows: np.ndarray) -> RunMetrics:
     metrics = {name: values[rows] for name, values in runs.metrics.items()}
-    return Runs(runs.run_ids[rows], runs.completed[rows], metrics)
+    return RunMetrics(runs.run_ids[rows], runs.completed[rows], metrics)
 
 
 def _name(requirement: RequirementSection) -> str:
     return f"{requirement.metric} {requirement.bound} {requirement.limit:g}"
 
 
-def _violating(requirement: RequirementSection, runs: Runs) -> np.ndarray:
+def _violating(requirement: RequirementSection, runs: RunMetrics) -> np.ndarray:
     if requirement.metric not in runs.metrics:
         raise ResultError(f"metrics: found no {requirement.metric!r} in a campaign, expected it for a requirement")
-    return violations(requirement, runs.metrics[requirement.metric], ~runs.completed)
+    return violates(requirement, runs.metrics[requirement.metric], ~runs.completed)
 
 
-def _changes(one: Runs, other: Runs, rng: np.random.Generator | None) -> tuple[MetricChange, ...]:
+def _changes(one: RunMetrics, other: RunMetrics, rng: np.random.Generator | None) -> tuple[MedianChange, ...]:
     """Compares medians; without a generator no interval is made. Metrics that the same pairs have share their draws."""
     names = [name for name in one.metrics if name in other.metrics]
     both = {name: np.isfinite(one.metrics[name]) & np.isfinite(other.metrics[name]) for name in names}
     groups: dict[bytes, list[str]] = {}
     for name in names:
         groups.setdefault(both[name].tobytes(), []).append(name)
-    found: dict[str, MetricChange] = {}
+    found: dict[str, MedianChange] = {}
     for group in groups.values():
         pairs = both[group[0]]
         columns = np.array([[runs.metrics[name][pairs] for name in group] for runs in (one, other)], dtype=np.float64)
@@ -175,16 +175,16 @@ def _changes(one: Runs, other: Runs, rng: np.random.Generator | None) -> tuple[M
     return tuple(found[name] for name in names)
 
 
-def _change(name: str, values: np.ndarray, samples: np.ndarray) -> MetricChange:
+def _change(name: str, values: np.ndarray, samples: np.ndarray) -> MedianChange:
     """Medians of `values` (2, n), with intervals from resampled ones (2, r)."""
     pairs = values.shape[1]
     if pairs == 0:
-        return MetricChange(name, 0, np.nan, np.nan, *(Estimate(None, None, None),) * 2)
+        return MedianChange(name, 0, np.nan, np.nan, *(IntervalEstimate(None, None, None),) * 2)
     first, second = map(float, np.median(values, axis=1))
     ratio = None if first == 0.0 else second / first
     # Where the median may be zero, the ratio has no interval.
     ratios = samples[1] / samples[0] if ratio is not None and (samples[0] != 0.0).all() else np.zeros(0)
-    return MetricChange(
+    return MedianChange(
         metric=name,
         pairs=pairs,
         first=first,
@@ -194,13 +194,13 @@ def _change(name: str, values: np.ndarray, samples: np.ndarray) -> MetricChange:
     )
 
 
-def _estimate(value: float | None, samples: np.ndarray) -> Estimate:
+def _estimate(value: float | None, samples: np.ndarray) -> IntervalEstimate:
     """Percentile intervals: the jackknife of a median, which BCa needs, does not converge."""
     if len(samples) == 0:
-        return Estimate(value, None, None)
+        return IntervalEstimate(value, None, None)
     ends = [np.quantile(samples, [0.5 - 0.5 * level, 0.5 + 0.5 * level]) for level in _LEVELS]
     low_high = [(float(low), float(high)) for low, high in ends]
-    return Estimate(value, *low_high)
+    return IntervalEstimate(value, *low_high)
 
 
 def resampled_medians(columns: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -4,15 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rpojax.analysis.statistics.binomial_intervals import proportion_interval
-from rpojax.analysis.statistics.order_statistics import quantile_ranks, quantile_upper_bound
+from rpojax.analysis.statistics.binomial_intervals import clopper_pearson_interval
+from rpojax.analysis.statistics.order_statistics import quantile_interval_ranks, quantile_upper_bound
 
 _COUNTS = 20
 _FEWEST = 10
 
 
 @dataclass(frozen=True)
-class Convergence:
+class MetricConvergence:
     """Estimates of a metric over the first `runs` of a campaign, all (c,) at so many counts, NaN where undefined.
 
     Attributes:
@@ -42,28 +42,28 @@ class RateConvergence:
     high: np.ndarray
 
 
-def counts(runs: int) -> np.ndarray:
+def sample_sizes(runs: int) -> np.ndarray:
     """About twenty numbers of runs, from ten to all, evenly spaced on a logarithmic scale; one for ten and fewer."""
     if runs <= _FEWEST:
         return np.array([runs] if runs else [], dtype=np.int64)
     return np.unique(np.round(np.geomspace(_FEWEST, runs, _COUNTS)).astype(np.int64))
 
 
-def converge(values: np.ndarray, failed: np.ndarray, low_is_bad: bool = False) -> Convergence:
+def metric_convergence(values: np.ndarray, failed: np.ndarray, low_is_bad: bool = False) -> MetricConvergence:
     """Convergence of a metric's `values` (n,), NaN where undefined, with the runs that `failed` (n,)."""
-    numbers = counts(len(values))
+    numbers = sample_sizes(len(values))
     badness = np.where(failed | ~np.isfinite(values), np.inf, -values if low_is_bad else values)
     rows = np.array([_estimates(badness[:number]) for number in numbers]).reshape(-1, 5)
     median, low, high, tail, bound = -rows.T if low_is_bad else rows.T
     low, high = (high, low) if low_is_bad else (low, high)
-    return Convergence(numbers, median, low, high, tail, bound)
+    return MetricConvergence(numbers, median, low, high, tail, bound)
 
 
-def converge_rate(events: np.ndarray) -> RateConvergence:
+def rate_convergence(events: np.ndarray) -> RateConvergence:
     """Convergence of the share of runs with an event, of flags (n,)."""
-    numbers = counts(len(events))
+    numbers = sample_sizes(len(events))
     so_far = np.cumsum(events)[numbers - 1]
-    ends = [proportion_interval(int(count), int(number)) for count, number in zip(so_far, numbers, strict=True)]
+    ends = [clopper_pearson_interval(int(count), int(number)) for count, number in zip(so_far, numbers, strict=True)]
     low, high = np.array(ends).reshape(-1, 2).T
     return RateConvergence(numbers, so_far / numbers, low, high)
 
@@ -73,7 +73,7 @@ def _estimates(badness: np.ndarray) -> tuple[float, ...]:
     ranked = np.sort(badness[np.isfinite(badness)])
     if len(ranked) == 0:
         return (np.nan,) * 5
-    low, high = quantile_ranks(len(ranked), 0.5)
+    low, high = quantile_interval_ranks(len(ranked), 0.5)
     bound = quantile_upper_bound(badness)
     return (
         float(np.median(ranked)),

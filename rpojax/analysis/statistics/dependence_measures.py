@@ -13,21 +13,21 @@ _FEW = 200
 """From about so many runs on, the width of a kernel is taken from a part of them."""
 
 
-def rank_correlation(x: np.ndarray, y: np.ndarray) -> float | None:
+def spearman(x: np.ndarray, y: np.ndarray) -> float | None:
     """Spearman's rank correlation of `x` (n,) and `y` (n,), or None where one of them does not vary."""
     if len(x) < 2 or np.ptp(x) == 0.0 or np.ptp(y) == 0.0:
         return None
-    return float(rank_correlations(x[:, None], y)[0])
+    return float(spearman_columns(x[:, None], y)[0])
 
 
-def rank_correlations(inputs: np.ndarray, metric: np.ndarray) -> np.ndarray:
+def spearman_columns(inputs: np.ndarray, metric: np.ndarray) -> np.ndarray:
     """Spearman's rank correlation (k,) of each column of `inputs` (n, k) with `metric` (n,), all of which vary."""
     columns, values = rankdata(inputs, axis=0), rankdata(metric)
     columns, values = columns - columns.mean(axis=0), values - values.mean()
     return values @ columns / np.sqrt(np.sum(columns**2, axis=0) * np.sum(values**2))
 
 
-def rank_correlation_p(correlation: np.ndarray, runs: int) -> np.ndarray:
+def spearman_p(correlation: np.ndarray, runs: int) -> np.ndarray:
     """Two-sided p-values of rank correlations of independent quantities over `runs` runs (Student's approximation)."""
     freedom = runs - 2
     squared = np.minimum(np.square(correlation), 1.0)
@@ -77,7 +77,7 @@ def _width(values: np.ndarray) -> float:
 
 
 @dataclass(frozen=True)
-class Contrast:
+class GroupDifference:
     """How a quantity differs between two groups of runs.
 
     Attributes:
@@ -87,17 +87,17 @@ class Contrast:
         auc_p: its two-sided p-value (Mann and Whitney)
     """
 
-    distance: float
-    distance_p: float
+    ks_distance: float
+    ks_p: float
     auc: float
     auc_p: float
 
 
-def contrast(first: np.ndarray, second: np.ndarray) -> Contrast:
+def group_difference(first: np.ndarray, second: np.ndarray) -> GroupDifference:
     """Compares a quantity in two groups of independent runs (n,) and (m,), none of them empty."""
     pairs = len(first) * len(second)
     exact = pairs <= _EXACT_PAIRS
     apart = ks_2samp(first, second, method="exact" if exact else "asymp")
     greater = mannwhitneyu(second, first, method="auto" if exact else "asymptotic")
     (distance, distance_p), (count, auc_p) = np.asarray(apart).tolist(), np.asarray(greater).tolist()
-    return Contrast(distance, distance_p, count / pairs, auc_p)
+    return GroupDifference(distance, distance_p, count / pairs, auc_p)

@@ -14,7 +14,7 @@ _AXES = "xyz"
 
 
 @runtime_checkable
-class Law(Protocol):
+class Distribution(Protocol):
     """Distribution of one number."""
 
     def cdf(self, x: np.ndarray) -> np.ndarray:
@@ -31,23 +31,23 @@ class Law(Protocol):
 
 
 @dataclass(frozen=True)
-class Choice:
+class DiscreteDistribution:
     """One of several `values`, sorted and distinct, with their `shares`."""
 
     values: np.ndarray
-    shares: np.ndarray
+    probabilities: np.ndarray
 
     def cdf(self, x: np.ndarray) -> np.ndarray:
         """Probability of at most `x` (n,)."""
-        return np.concatenate([[0.0], np.cumsum(self.shares)])[np.searchsorted(self.values, x, side="right")]
+        return np.concatenate([[0.0], np.cumsum(self.probabilities)])[np.searchsorted(self.values, x, side="right")]
 
     def mean(self) -> float:
         """Mean."""
-        return float(self.shares @ self.values)
+        return float(self.probabilities @ self.values)
 
     def std(self) -> float:
         """Standard deviation."""
-        return float(np.sqrt(self.shares @ np.square(self.values - self.mean())))
+        return float(np.sqrt(self.probabilities @ np.square(self.values - self.mean())))
 
 
 @dataclass(frozen=True)
@@ -62,13 +62,13 @@ class Marginal:
 
     name: str
     values: np.ndarray
-    law: Law | None
+    distribution: Distribution | None
 
 
-def marginals(scenario: Mapping[str, Any], drawn: Mapping[str, np.ndarray]) -> list[Marginal]:
+def drawn_marginals(scenario: Mapping[str, Any], drawn: Mapping[str, np.ndarray]) -> list[Marginal]:
     """Every dispersed number of `drawn` (runs,) or (runs, k) by key, with its law by the tables of a scenario."""
-    laws: dict[str, Law] = {}
-    turned: dict[str, list[Law | None]] = {}
+    laws: dict[str, Distribution] = {}
+    turned: dict[str, list[Distribution | None]] = {}
     for entry in scenario.get("dispersions") or []:
         if entry["kind"] == "small_rotation":
             turned[entry["key"]] = _normals(np.zeros(3), entry["sigma_deg"])
@@ -80,54 +80,54 @@ def marginals(scenario: Mapping[str, Any], drawn: Mapping[str, np.ndarray]) -> l
     for key, values in drawn.items():
         rows = np.asarray(values, dtype=np.float64)
         if key in turned:
-            turns = _rotations_deg(rows, np.asarray(nominal(scenario, key), dtype=np.float64))
+            turns = _rotations_deg(rows, np.asarray(declared_nominal(scenario, key), dtype=np.float64))
             named = zip(_AXES, turns.T, turned[key], strict=True)
             found += [Marginal(f"{key}[about {axis}, deg]", turn, law) for axis, turn, law in named]
         else:
-            columns = dispersion_keys.columns({key: rows})
+            columns = dispersion_keys.component_columns({key: rows})
             found += [Marginal(name, column, laws.get(name)) for name, column in columns.items()]
     return found
 
 
-def fit_p(values: np.ndarray, law: Law) -> float:
+def goodness_of_fit_p(values: np.ndarray, law: Distribution) -> float:
     """P-value of independent `values` (n,) under a law: Kolmogorov and Smirnov's, or Pearson's for a choice."""
-    if not isinstance(law, Choice):
+    if not isinstance(law, DiscreteDistribution):
         return float(np.asarray(kstest(values, law.cdf))[1])
     counts = np.array([np.sum(values == value) for value in law.values])
     if counts.sum() < len(values):
         return 0.0
-    return float(np.asarray(chisquare(counts, law.shares * len(values)))[1]) if len(counts) > 1 else 1.0
+    return float(np.asarray(chisquare(counts, law.probabilities * len(values)))[1]) if len(counts) > 1 else 1.0
 
 
-def nominal(scenario: Mapping[str, Any], key: str) -> Any:
+def declared_nominal(scenario: Mapping[str, Any], key: str) -> Any:
     """Value of a key, or of one component such as `a.b[1]`, in the tables of a scenario; None if there is none."""
-    place = dispersion_keys.place(key)
+    place = dispersion_keys.parse_key(key)
     value: Any = scenario
     for part in place.key.split("."):
         value = value.get(part) if isinstance(value, Mapping) else None
     if place.index is not None:
         return value[place.index] if isinstance(value, list) and place.index < len(value) else None
-    return equipment_faults.code(value) if key == "fault.kind" else value
+    return equipment_faults.kind_code(value) if key == "fault.kind" else value
 
 
-def _laws(scenario: Mapping[str, Any], entry: Mapping[str, Any]) -> dict[str, Law]:
+def _laws(scenario: Mapping[str, Any], entry: Mapping[str, Any]) -> dict[str, Distribution]:
     """Laws by the names of the single numbers that an entry disperses."""
     if entry["kind"] == "correlated_normal":
         names = [name for key in entry["keys"] for name in _names(scenario, key)]
-        means = np.array([nominal(scenario, name) for name in names], dtype=np.float64)
+        means = np.array([declared_nominal(scenario, name) for name in names], dtype=np.float64)
         laws = _normals(means, np.sqrt(np.diag(np.array(entry["covariance"], dtype=np.float64))))
     else:
         names = _names(scenario, entry["key"])
-        laws = _of_kind(entry, np.array([nominal(scenario, name) for name in names], dtype=np.float64))
+        laws = _of_kind(entry, np.array([declared_nominal(scenario, name) for name in names], dtype=np.float64))
     return {name: law for name, law in zip(names, laws, strict=True) if law is not None}
 
 
 def _names(scenario: Mapping[str, Any], key: str) -> list[str]:
-    value = nominal(scenario, key)
+    value = declared_nominal(scenario, key)
     return [f"{key}[{index}]" for index in range(len(value))] if isinstance(value, list) else [key]
 
 
-def _of_kind(entry: Mapping[str, Any], means: np.ndarray) -> list[Law | None]:
+def _of_kind(entry: Mapping[str, Any], means: np.ndarray) -> list[Distribution | None]:
     match entry["kind"]:
         case "normal":
             return _normals(means, entry["sigma"])
@@ -148,7 +148,7 @@ def _of_kind(entry: Mapping[str, Any], means: np.ndarray) -> list[Law | None]:
                 for mean, sigma in zip(means, sigmas, strict=True)
             ]
         case "choice":
-            columns = np.array([equipment_faults.code(value) for value in entry["values"]], dtype=np.float64)
+            columns = np.array([equipment_faults.kind_code(value) for value in entry["values"]], dtype=np.float64)
             return [_choice(column) for column in columns.reshape(len(columns), -1).T]
         case "direction":
             # Archimedes: each coordinate of a point on the sphere is uniform.
@@ -160,16 +160,16 @@ def _of_kind(entry: Mapping[str, Any], means: np.ndarray) -> list[Law | None]:
             return [None] * len(means)
 
 
-def _normals(means: np.ndarray, sigma: Any) -> list[Law | None]:
+def _normals(means: np.ndarray, sigma: Any) -> list[Distribution | None]:
     sigmas = np.broadcast_to(np.asarray(sigma, dtype=np.float64), means.shape)
     return [
         norm(mean, one) if one > 0.0 and np.isfinite(mean) else None for mean, one in zip(means, sigmas, strict=True)
     ]
 
 
-def _choice(column: np.ndarray) -> Law:
+def _choice(column: np.ndarray) -> Distribution:
     values, counts = np.unique(column, return_counts=True)
-    return Choice(values, counts / len(column))
+    return DiscreteDistribution(values, counts / len(column))
 
 
 def _rotations_deg(quaternions: np.ndarray, start: np.ndarray) -> np.ndarray:

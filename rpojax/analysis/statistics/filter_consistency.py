@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import erf
 from scipy.stats import chi2
 
-from rpojax.analysis.statistics.multiple_testing import SIGMAS_95
+from rpojax.analysis.statistics.multiple_testing import Z_95
 
 
 def nees(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
@@ -30,14 +30,14 @@ def nis_interval(components: int, updates: int = 1, confidence: float = 0.95) ->
     return mean_nees_interval(components, updates, confidence)
 
 
-def gate(components: int, probability: float) -> float:
+def chi_square_gate(components: int, probability: float) -> float:
     """Normalised innovation squared below which a good measurement of `components` lies with that probability."""
     return float(chi2.ppf(probability, components))
 
 
 def whiteness_bound(updates: int) -> float:
     """Size below which the autocorrelation of `updates` white innovations lies in 95 % of the cases."""
-    return SIGMAS_95 / math.sqrt(updates)
+    return Z_95 / math.sqrt(updates)
 
 
 def coverage_per_axis(sigmas: float) -> float:
@@ -97,7 +97,7 @@ def innovation_squared(innovations: np.ndarray) -> InnovationSquared:
 
 
 @dataclass(frozen=True)
-class Whiteness:
+class WhitenessTest:
     """Autocorrelation of innovations from one update to the next.
 
     Attributes:
@@ -108,10 +108,10 @@ class Whiteness:
 
     autocorrelation: np.ndarray
     bound: np.ndarray
-    share_outside: float
+    fraction_outside: float
 
 
-def whiteness(innovations: np.ndarray) -> Whiteness:
+def whiteness_test(innovations: np.ndarray) -> WhitenessTest:
     """Test of independence of normalised innovations (runs, ticks, components), NaN at ticks without an update.
 
     Only updates at successive ticks count; components are taken together, as they are normalised.
@@ -124,8 +124,8 @@ def whiteness(innovations: np.ndarray) -> Whiteness:
     some = power > 0.0
     autocorrelation, bound = np.full((2, len(innovations)), np.nan)
     autocorrelation[some] = np.sum(before * after, axis=(1, 2))[some] / power[some]
-    bound[some] = SIGMAS_95 / np.sqrt(numbers[some])
-    return Whiteness(autocorrelation, bound, _share(np.abs(autocorrelation[some]) > bound[some]))
+    bound[some] = Z_95 / np.sqrt(numbers[some])
+    return WhitenessTest(autocorrelation, bound, _share(np.abs(autocorrelation[some]) > bound[some]))
 
 
 @dataclass(frozen=True)
@@ -145,8 +145,8 @@ class AverageNees:
     mean: np.ndarray
     low: np.ndarray
     high: np.ndarray
-    share_above: float
-    share_below: float
+    fraction_above: float
+    fraction_below: float
 
 
 def average_nees(values: np.ndarray, components: int) -> AverageNees:
@@ -171,7 +171,7 @@ class Coverage:
     """
 
     sigmas: float
-    share: float
+    fraction: float
     expected: float
     interval: tuple[float, float]
 
@@ -182,7 +182,7 @@ def coverage(ratios: np.ndarray, sigmas: float) -> Coverage:
     numbers = np.isfinite(rows).sum(axis=1)
     shares = (rows <= sigmas).sum(axis=1)[numbers > 0] / numbers[numbers > 0]
     share = float(shares.mean()) if len(shares) else math.nan
-    spread = SIGMAS_95 * float(shares.std(ddof=1)) / math.sqrt(len(shares)) if len(shares) > 1 else math.nan
+    spread = Z_95 * float(shares.std(ddof=1)) / math.sqrt(len(shares)) if len(shares) > 1 else math.nan
     return Coverage(sigmas, share, coverage_per_axis(sigmas), (share - spread, share + spread))
 
 

@@ -4,11 +4,11 @@ from typing import Final
 
 import numpy as np
 
-SIGMAS_95: Final = 1.96
+Z_95: Final = 1.96
 """Half-width of the 95 % interval of a standard normal number, as tables and textbooks round it."""
 
 
-def holm(p_values: np.ndarray) -> np.ndarray:
+def holm_correction(p_values: np.ndarray) -> np.ndarray:
     """P-values (n,) of n tests, corrected so that the chance of any false alarm among them is at most the level.
 
     Source: Holm, Scandinavian Journal of Statistics 6, 1979.

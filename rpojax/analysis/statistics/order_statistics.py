@@ -34,7 +34,7 @@ def _least(enough: Callable[[int], bool], low: int) -> int:
     return high
 
 
-def failures_allowed(runs: int, probability: float, consumer_risk: float) -> int | None:
+def allowed_failures(runs: int, probability: float, consumer_risk: float) -> int | None:
     """Most violations in `runs` runs that still verify success in at least `probability`; None if not even zero does.
 
     It is the largest k with P(Bin(runs, 1 - probability) <= k) <= consumer_risk (Hanson and Beard); with the runs in
@@ -70,7 +70,7 @@ def quantile_upper_bound(values: np.ndarray, quantile: float = 0.99, confidence:
     return None if rank is None else float(np.sort(values)[rank - 1])
 
 
-def quantile_ranks(runs: int, quantile: float, confidence: float = 0.95) -> tuple[int | None, int | None]:
+def quantile_interval_ranks(runs: int, quantile: float, confidence: float = 0.95) -> tuple[int | None, int | None]:
     """Ranks (1 = smallest) of the two order statistics that enclose a quantile; None for an end that no run bounds.
 
     Each side has half of the risk; as ranks are whole numbers, the interval covers the quantile more often than said.

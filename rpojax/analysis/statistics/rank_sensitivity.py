@@ -12,13 +12,13 @@ from scipy.stats import sobol_indices as saltelli
 from scipy.stats import uniform
 
 from rpojax.analysis.statistics.dependence_measures import (
-    Contrast,
-    contrast,
+    GroupDifference,
+    group_difference,
     kernel_factor,
-    rank_correlation_p,
-    rank_correlations,
+    spearman_columns,
+    spearman_p,
 )
-from rpojax.analysis.statistics.multiple_testing import holm
+from rpojax.analysis.statistics.multiple_testing import holm_correction
 
 FEWEST_RUNS = 10
 """With fewer runs nothing is ranked."""
@@ -33,7 +33,7 @@ _WORTH_A_LOOK = 0.1
 
 
 @dataclass(frozen=True)
-class Influence:
+class InputInfluence:
     """How a metric depends on one input.
 
     Attributes:
@@ -45,14 +45,14 @@ class Influence:
     """
 
     name: str
-    correlation: float
-    correlation_p: float
+    spearman: float
+    spearman_p: float
     hsic: float
     hsic_p: float
 
 
 @dataclass(frozen=True)
-class Ranking:
+class InputRanking:
     """Inputs of a metric, those with the greatest rank correlation first.
 
     Attributes:
@@ -63,19 +63,19 @@ class Ranking:
         sampled: of them, for HSIC
     """
 
-    inputs: tuple[Influence, ...]
-    by_correlation: tuple[str, ...]
-    by_hsic: tuple[str, ...]
+    inputs: tuple[InputInfluence, ...]
+    leading_by_spearman: tuple[str, ...]
+    leading_by_hsic: tuple[str, ...]
     runs: int
     sampled: int
 
     @property
     def disagree(self) -> bool:
         """True if the two methods name different leading inputs, in whatever order."""
-        return set(self.by_correlation) != set(self.by_hsic)
+        return set(self.leading_by_spearman) != set(self.leading_by_hsic)
 
 
-def rank_inputs(inputs: Mapping[str, np.ndarray], metric: np.ndarray, seed: int = 0) -> Ranking:
+def rank_inputs(inputs: Mapping[str, np.ndarray], metric: np.ndarray, seed: int = 0) -> InputRanking:
     """Ranks `inputs` (runs,) by their influence on `metric` (runs,), leaving out runs without the metric.
 
     The seed chooses the runs that HSIC looks at and its permutations. Nothing is ranked with fewer than ten runs or
@@ -86,28 +86,28 @@ def rank_inputs(inputs: Mapping[str, np.ndarray], metric: np.ndarray, seed: int 
     columns = {name: column[defined] for name, column in inputs.items()}
     names = [name for name, column in columns.items() if len(column) and np.isfinite(column).all() and np.ptp(column)]
     if len(values) < FEWEST_RUNS or np.ptp(values) == 0.0 or not names:
-        return Ranking((), (), (), len(values), 0)
+        return InputRanking((), (), (), len(values), 0)
     rng = np.random.default_rng(seed)
     matrix = np.stack([columns[name] for name in names], axis=1)
-    correlation = rank_correlations(matrix, values)
-    correlation_p = holm(rank_correlation_p(correlation, len(values)))
+    correlation = spearman_columns(matrix, values)
+    correlation_p = holm_correction(spearman_p(correlation, len(values)))
     sample = np.sort(rng.permutation(len(values))[:_SAMPLE])
     dependence, dependence_p = _dependence(matrix[sample], values[sample], rng)
     found = [
-        Influence(name, *map(float, numbers))
+        InputInfluence(name, *map(float, numbers))
         for name, *numbers in zip(names, correlation, correlation_p, dependence, dependence_p, strict=True)
     ]
-    ranked = sorted(found, key=lambda one: -abs(one.correlation))
-    return Ranking(
+    ranked = sorted(found, key=lambda one: -abs(one.spearman))
+    return InputRanking(
         inputs=tuple(ranked),
-        by_correlation=_leading(found, lambda one: (abs(one.correlation), one.correlation_p)),
-        by_hsic=_leading(found, lambda one: (one.hsic, one.hsic_p)),
+        leading_by_spearman=_leading(found, lambda one: (abs(one.spearman), one.spearman_p)),
+        leading_by_hsic=_leading(found, lambda one: (one.hsic, one.hsic_p)),
         runs=len(values),
         sampled=len(sample),
     )
 
 
-def _leading(found: list[Influence], score: Callable[[Influence], tuple[float, float]]) -> tuple[str, ...]:
+def _leading(found: list[InputInfluence], score: Callable[[InputInfluence], tuple[float, float]]) -> tuple[str, ...]:
     """Names of the few inputs with the greatest score, its size first, whose p-value is below the level."""
     beyond_chance = [one for one in found if score(one)[1] < _LEVEL]
     return tuple(one.name for one in sorted(beyond_chance, key=lambda one: -score(one)[0])[:_LEADING])
@@ -125,7 +125,7 @@ def _dependence(inputs: np.ndarray, metric: np.ndarray, rng: np.random.Generator
         # So many that the smallest p-value there can be survives the correction.
         permutations = max(_FIRST_PERMUTATIONS, round(1.1 * len(factors) / _LEVEL))
         p_values[promising] = _permuted([factors[index] for index in promising], target, permutations, rng)
-    return sums / (sizes * np.linalg.norm(target.T @ target)), holm(p_values)
+    return sums / (sizes * np.linalg.norm(target.T @ target)), holm_correction(p_values)
 
 
 def _permuted(factors: list[np.ndarray], target: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -143,14 +143,14 @@ def _permuted(factors: list[np.ndarray], target: np.ndarray, count: int, rng: np
 
 
 @dataclass(frozen=True)
-class Separation:
+class InputSeparation:
     """How an input differs between failing and passing runs; p-values corrected for the number of inputs."""
 
     name: str
-    contrast: Contrast
+    difference: GroupDifference
 
 
-def separate(inputs: Mapping[str, np.ndarray], failing: np.ndarray) -> tuple[Separation, ...]:
+def separate_failing_runs(inputs: Mapping[str, np.ndarray], failing: np.ndarray) -> tuple[InputSeparation, ...]:
     """Compares `inputs` (runs,) between runs that are `failing` (runs,) and the others, those most apart first.
 
     `contrast.auc` above one half says that failing runs have the greater values. Empty where all or no runs fail.
@@ -158,14 +158,14 @@ def separate(inputs: Mapping[str, np.ndarray], failing: np.ndarray) -> tuple[Sep
     if failing.all() or not failing.any():
         return ()
     names = [name for name, column in inputs.items() if np.isfinite(column).all() and np.ptp(column) > 0.0]
-    found = [contrast(inputs[name][~failing], inputs[name][failing]) for name in names]
-    distance_p = holm(np.array([one.distance_p for one in found]))
-    auc_p = holm(np.array([one.auc_p for one in found]))
+    found = [group_difference(inputs[name][~failing], inputs[name][failing]) for name in names]
+    distance_p = holm_correction(np.array([one.ks_p for one in found]))
+    auc_p = holm_correction(np.array([one.auc_p for one in found]))
     corrected = [
-        Separation(name, Contrast(one.distance, float(by_distance), one.auc, float(by_auc)))
+        InputSeparation(name, GroupDifference(one.ks_distance, float(by_distance), one.auc, float(by_auc)))
         for name, one, by_distance, by_auc in zip(names, found, distance_p, auc_p, strict=True)
     ]
-    return tuple(sorted(corrected, key=lambda one: -one.contrast.distance))
+    return tuple(sorted(corrected, key=lambda one: -one.difference.ks_distance))
 
 
 @dataclass(frozen=True)

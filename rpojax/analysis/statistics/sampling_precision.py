@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy.stats import bootstrap, chi2, nct, norm, qmc
 
-from rpojax.analysis.statistics.multiple_testing import SIGMAS_95
+from rpojax.analysis.statistics.multiple_testing import Z_95
 
 Plan = Literal["random", "latin_hypercube", "sobol"]
 
@@ -52,7 +52,7 @@ def runs_for_relative_error(rate: float, relative_error: float) -> int:
 
 def runs_for_half_width(rate: float, half_width: float) -> int:
     """Fewest runs whose 95 % interval of a rate of events has that half-width, by the normal approximation."""
-    return _up(SIGMAS_95**2 * rate * (1.0 - rate) / half_width**2)
+    return _up(Z_95**2 * rate * (1.0 - rate) / half_width**2)
 
 
 def _up(runs: float) -> int:

@@ -10,7 +10,7 @@ from enum import StrEnum
 import numpy as np
 from scipy.stats import beta
 
-from rpojax.analysis.statistics.order_statistics import consumer_risk_reached, failures_allowed, runs_for_bound
+from rpojax.analysis.statistics.order_statistics import allowed_failures, consumer_risk_reached, runs_for_bound
 from rpojax.scenario.schema import RequirementSection
 
 _MOST_IDS = 20
@@ -27,7 +27,7 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True)
-class Judgement:
+class RequirementEvaluation:
     """A requirement and what the runs of a campaign say of it.
 
     Where runs are not independent, or some are missing, what rests on independence is None: runs that did not come to
@@ -62,7 +62,7 @@ class Judgement:
     margin: float | None
     without_value: int
     worst: float | None
-    success: float | None
+    success_fraction: float | None
     success_interval: tuple[float, float] | None
     risk_reached: float | None
     violating_ids: tuple[int, ...]
@@ -73,19 +73,19 @@ class Judgement:
         return self.verdict if self.more_runs is None else f"needs {self.more_runs} more runs"
 
 
-def violations(requirement: RequirementSection, values: np.ndarray, failed: np.ndarray) -> np.ndarray:
+def violates(requirement: RequirementSection, values: np.ndarray, failed: np.ndarray) -> np.ndarray:
     """Runs (n,) that violate a requirement: beyond the limit by the metric's `values` (n,), without any, or failed."""
     return _badness(requirement, values, failed) > _sign(requirement) * requirement.limit
 
 
-def judge(
+def evaluate_requirement(
     requirement: RequirementSection,
     values: np.ndarray,
     failed: np.ndarray,
     run_ids: np.ndarray,
     independent: bool,
     missing: int = 0,
-) -> Judgement:
+) -> RequirementEvaluation:
     """Judges a requirement by the metric's `values` (n,), which runs `failed` (n,), and their `run_ids` (n,).
 
     With runs still `missing` of those that were asked for there is no verdict.
@@ -94,14 +94,14 @@ def judge(
     violating = badness > _sign(requirement) * requirement.limit
     count, runs = int(violating.sum()), len(values)
     told = independent and not missing
-    allowed = failures_allowed(runs, requirement.probability, requirement.consumer_risk) if told else None
+    allowed = allowed_failures(runs, requirement.probability, requirement.consumer_risk) if told else None
     rank = None if allowed is None else runs - allowed
     at_rank = None if rank is None else _value(requirement, np.sort(badness)[rank - 1])
     verdict, interval = Verdict.UNFINISHED if independent else Verdict.NOT_INDEPENDENT, None
     if told:
         interval = success_interval(count, runs, requirement.consumer_risk)
         verdict = _verdict(requirement, count, allowed, interval[1])
-    return Judgement(
+    return RequirementEvaluation(
         requirement=requirement,
         verdict=verdict,
         more_runs=_more_runs(requirement, count, runs) if verdict is Verdict.MORE_RUNS else None,
@@ -113,7 +113,7 @@ def judge(
         margin=None if at_rank is None else _sign(requirement) * (requirement.limit - at_rank),
         without_value=int(np.sum(np.isinf(badness))),
         worst=_value(requirement, np.max(badness[np.isfinite(badness)], initial=-np.inf)),
-        success=1.0 - count / runs if runs else None,
+        success_fraction=1.0 - count / runs if runs else None,
         success_interval=interval,
         risk_reached=consumer_risk_reached(count, runs, requirement.probability) if told else None,
         violating_ids=_worst_first(badness, violating, run_ids),

@@ -15,35 +15,37 @@ from collections.abc import Sequence
 from rpojax.errors import RpojaxError
 
 
-def say(*words: object) -> None:
+def send(*words: object) -> None:
     """Answers with a line."""
     print(json.dumps(words), flush=True)
 
 
-def listen(waves: "queue.SimpleQueue[list[int]]") -> None:
+def read_batches(waves: "queue.SimpleQueue[list[int]]") -> None:
     """Takes in waves of blocks until there are no more, and then ends the process."""
     for line in sys.stdin:
         waves.put(json.loads(line))
     os._exit(0)
 
 
-def work(directory: str) -> None:
+def serve(directory: str) -> None:
     """Does waves of blocks as they come in."""
     waves: queue.SimpleQueue[list[int]] = queue.SimpleQueue()
-    threading.Thread(target=listen, args=(waves,), daemon=True).start()
+    threading.Thread(target=read_batches, args=(waves,), daemon=True).start()
     import jax
 
     from rpojax.campaign.execution import block_runner
     from rpojax.campaign.storage.campaign_folder import Campaign
 
     result = Campaign(directory)
-    engine = block_runner.engine_of(result.asked, jax.devices())
+    engine = block_runner.engine_from_configuration(result.configuration, jax.devices())
     engine.compile()
-    say("ready")
+    send("ready")
     while True:
         wave = waves.get()
-        failed = block_runner.do_blocks(result, engine, wave, lambda share, failures: say("during", share, failures))
-        say("done", failed)
+        failed = block_runner.simulate_and_store(
+            result, engine, wave, lambda share, failures: send("during", share, failures)
+        )
+        send("done", failed)
 
 
 def main(words: Sequence[str]) -> None:
@@ -51,9 +53,9 @@ def main(words: Sequence[str]) -> None:
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {int(core) for core in words[1].split(",")})
     try:
-        work(words[0])
+        serve(words[0])
     except RpojaxError as error:
-        say("error", type(error).__name__, str(error))
+        send("error", type(error).__name__, str(error))
 
 
 if __name__ == "__main__":

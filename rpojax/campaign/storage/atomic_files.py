@@ -15,9 +15,9 @@ from typing import Any
 
 from rpojax.errors import ResultError, UnfinishedError
 
-_COUNT = itertools.count()
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-_LONGEST = 100
+_COUNTER = itertools.count()
+_DISK_FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+_MAX_NAME_LENGTH = 100
 """Letters of a name that the name of its partial file holds: systems limit names."""
 _STALE_S = 600.0
 """A file takes moments to write: a partial one this old has lost its writer, on whatever machine."""
@@ -25,7 +25,7 @@ _PARTIAL = re.compile(r"\.(?P<machine>[0-9a-f]{8})-(?P<process>\d+)-\d+\.partial
 
 
 @functools.cache
-def machine() -> str:
+def machine_id() -> str:
     """Eight digits that stand for a machine since its start, containers told apart: where process numbers count."""
     parts = [socket.gethostname()]
     for source in (
@@ -41,7 +41,7 @@ def machine() -> str:
 
 def partial_name(name: str) -> str:
     """Name of a file or folder while `name` is being made: hidden, and telling who makes it."""
-    return f".{name[:_LONGEST]}.{machine()}-{os.getpid()}-{next(_COUNT)}.partial"
+    return f".{name[:_MAX_NAME_LENGTH]}.{machine_id()}-{os.getpid()}-{next(_COUNTER)}.partial"
 
 
 def write(path: Path, content: bytes, sync: bool = False) -> None:
@@ -51,12 +51,12 @@ def write(path: Path, content: bytes, sync: bool = False) -> None:
         UnfinishedError: the disk is full, or the file cannot be written for another reason.
     """
     try:
-        put(path, content, sync)
+        write_or_raise(path, content, sync)
     except OSError as error:
-        raise unfinished(path, error) from None
+        raise write_error(path, error) from None
 
 
-def put(path: Path, content: bytes, sync: bool) -> None:
+def write_or_raise(path: Path, content: bytes, sync: bool) -> None:
     """What `write` does; a fault is an `OSError` of whoever calls."""
     partial = path.with_name(partial_name(path.name))
     try:
@@ -84,9 +84,9 @@ def _sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def unfinished(path: Path, error: OSError) -> UnfinishedError:
+def write_error(path: Path, error: OSError) -> UnfinishedError:
     """What a failed attempt to write means for the campaign."""
-    expected = "room for the results" if error.errno in _FULL else "a file that can be written"
+    expected = "room for the results" if error.errno in _DISK_FULL_ERRORS else "a file that can be written"
     reason = (error.strerror or str(error)).lower()
     return UnfinishedError(f"{path}: found {reason}, expected {expected}; finished blocks are kept")
 
@@ -113,7 +113,7 @@ def read_json(path: Path, expected: str, largest: int) -> Any:
         raise ResultError(f"{path}: found no readable {path.name} ({reason:.120}), expected {expected}") from None
 
 
-def refuse_links(root: Path, path: Path) -> None:
+def check_no_links(root: Path, path: Path) -> None:
     """Refuses a path below `root` that leads elsewhere: a part of it is a symbolic link.
 
     Raises:
@@ -126,19 +126,19 @@ def refuse_links(root: Path, path: Path) -> None:
             raise ResultError(f"{part}: found a link that leads elsewhere, expected a file or folder of the campaign")
 
 
-def sweep(folder: Path) -> None:
+def remove_stale_files(folder: Path) -> None:
     """Removes partial files whose writers are gone: dead on this machine, or a long time ago on any."""
-    here = machine()
+    here = machine_id()
     for place, _, names in os.walk(folder):
         for name in names:
-            if _PARTIAL.search(name) and _abandoned(Path(place, name), here):
+            if _PARTIAL.search(name) and _is_stale(Path(place, name), here):
                 with contextlib.suppress(OSError):  # one of another user, whose own sweep removes it
                     Path(place, name).unlink()
 
 
-def _abandoned(path: Path, here: str) -> bool:
+def _is_stale(path: Path, here: str) -> bool:
     found = _PARTIAL.search(path.name)
-    if found and found["machine"] == here and not _alive(int(found["process"])):
+    if found and found["machine"] == here and not _is_running(int(found["process"])):
         return True
     try:
         return time.time() - path.lstat().st_mtime > _STALE_S
@@ -146,7 +146,7 @@ def _abandoned(path: Path, here: str) -> bool:
         return False
 
 
-def _alive(process: int) -> bool:
+def _is_running(process: int) -> bool:
     try:
         os.kill(process, 0)
     except (ProcessLookupError, OverflowError):
@@ -156,10 +156,10 @@ def _alive(process: int) -> bool:
     return True
 
 
-def abandoned_folders(directory: Path) -> list[Path]:
+def stale_folders(directory: Path) -> list[Path]:
     """Folders that were to become `directory` and lost their makers."""
-    here, start = machine(), f".{directory.name[:_LONGEST]}."
+    here, start = machine_id(), f".{directory.name[:_MAX_NAME_LENGTH]}."
     if not directory.parent.is_dir():
         return []
     found = [path for path in directory.parent.iterdir() if path.name.startswith(start) and path.is_dir()]
-    return [path for path in found if _PARTIAL.search(path.name) and not path.is_symlink() and _abandoned(path, here)]
+    return [path for path in found if _PARTIAL.search(path.name) and not path.is_symlink() and _is_stale(path, here)]

@@ -10,13 +10,13 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from rpojax.campaign.preflight import LARGEST_RUN
+from rpojax.campaign.preflight import MAX_RUN_ID
 from rpojax.campaign.storage import atomic_files, campaign_json
 from rpojax.errors import ResultError
 
 _LARGEST_BYTES = 1_000_000
 _NAME = re.compile(r"\d{6}")
-_REST = "(without the file, a resume runs the block again)"
+_RESUME_HINT = "(without the file, a resume runs the block again)"
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Manifest:
     versions: dict[str, str]
 
 
-def path_of(directory: Path, block: int) -> Path:
+def manifest_path(directory: Path, block: int) -> Path:
     """Where the manifest of a block is."""
     return directory / "manifest" / f"{block:06d}.json"
 
@@ -66,10 +66,10 @@ def write(directory: Path, block: int, manifest: Manifest) -> None:
         UnfinishedError: it cannot be written.
         ResultError: the way there is a link that leads elsewhere.
     """
-    path = path_of(directory, block)
+    path = manifest_path(directory, block)
     make_folder(directory, path.parent)
     atomic_files.write_json(path, asdict(manifest))
-    _attempts(directory, block).unlink(missing_ok=True)
+    _attempts_path(directory, block).unlink(missing_ok=True)
 
 
 def make_folder(directory: Path, folder: Path) -> None:
@@ -79,26 +79,26 @@ def make_folder(directory: Path, folder: Path) -> None:
         UnfinishedError: it cannot be made.
         ResultError: the way there is a link that leads elsewhere.
     """
-    atomic_files.refuse_links(directory, folder)
+    atomic_files.check_no_links(directory, folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise atomic_files.unfinished(folder, error) from None
+        raise atomic_files.write_error(folder, error) from None
 
 
-def done(directory: Path, blocks: int) -> list[int]:
+def finished_blocks(directory: Path, blocks: int) -> list[int]:
     """Blocks with a manifest, in order.
 
     Raises:
         ResultError: the folder of manifests is a link that leads elsewhere.
     """
     folder = directory / "manifest"
-    atomic_files.refuse_links(directory, folder)
-    numbers = _numbers(folder, ".json")
+    atomic_files.check_no_links(directory, folder)
+    numbers = _numbered_files(folder, ".json")
     return sorted(number for number in numbers if number < blocks)
 
 
-def _numbers(folder: Path, suffix: str) -> list[int]:
+def _numbered_files(folder: Path, suffix: str) -> list[int]:
     try:
         paths = list(folder.iterdir())
     except OSError:
@@ -106,60 +106,62 @@ def _numbers(folder: Path, suffix: str) -> list[int]:
     return [int(path.stem) for path in paths if path.suffix == suffix and _NAME.fullmatch(path.stem)]
 
 
-def read(directory: Path, info: Mapping[str, Any], block: int) -> Manifest:
+def read(directory: Path, configuration: Mapping[str, Any], block: int) -> Manifest:
     """Manifest of a finished block, its form and range checked against `campaign.json`.
 
     Raises:
         ResultError: it is no manifest, or that of something else.
     """
-    path = path_of(directory, block)
-    atomic_files.refuse_links(directory, path)
-    expected = f"the manifest of a finished block {_REST}"
+    path = manifest_path(directory, block)
+    atomic_files.check_no_links(directory, path)
+    expected = f"the manifest of a finished block {_RESUME_HINT}"
     content = atomic_files.read_json(path, expected, _LARGEST_BYTES)
     for field in fields(Manifest):
         value = content.get(field.name) if isinstance(content, dict) else None
-        if not _acceptable(field.name, value):
+        if not _is_valid_entry(field.name, value):
             raise ResultError(f"{path}: found {value!r:.60} for {field.name!r}, expected {expected}")
     found = Manifest(**{field.name: content[field.name] for field in fields(Manifest)})
-    if found.campaign != info["id"]:
-        raise ResultError(f"{path}: found campaign {found.campaign:.40}, expected {info['id']:.40} {_REST}")
-    whole = (block * info["block_size"], campaign_json.count(info, block))
+    if found.campaign != configuration["id"]:
+        raise ResultError(
+            f"{path}: found campaign {found.campaign:.40}, expected {configuration['id']:.40} {_RESUME_HINT}"
+        )
+    whole = (block * configuration["block_size"], campaign_json.runs_in_block(configuration, block))
     if (found.first, found.count) != whole:
         text = f"first {found.first}, count {found.count}"
-        raise ResultError(f"{path}: found {text}, expected first {whole[0]}, count {whole[1]} {_REST}")
+        raise ResultError(f"{path}: found {text}, expected first {whole[0]}, count {whole[1]} {_RESUME_HINT}")
     if found.completed + found.failed != found.count or sum(found.reasons.values()) != found.failed:
         text = f"{found.completed} completed and {found.failed} failed runs"
-        raise ResultError(f"{path}: found {text} of {found.count}, expected all of them once {_REST}")
+        raise ResultError(f"{path}: found {text} of {found.count}, expected all of them once {_RESUME_HINT}")
     return found
 
 
-def _acceptable(name: str, value: Any) -> bool:
+def _is_valid_entry(name: str, value: Any) -> bool:
     match name:
         case "first" | "count" | "completed" | "failed" | "attempts":
-            return _whole(value)
+            return _is_count(value)
         case "began_s" | "wall_s" | "compile_s":
             return isinstance(value, int | float) and not isinstance(value, bool) and 0.0 <= value < 1e12
         case "reasons":
-            return isinstance(value, dict) and all(_whole(number) for number in value.values())
+            return isinstance(value, dict) and all(_is_count(number) for number in value.values())
         case "sha256":
-            return isinstance(value, dict) and all(_digest(text) for text in value.values())
+            return isinstance(value, dict) and all(_is_sha256(text) for text in value.values())
         case "device" | "campaign":
             return isinstance(value, str)
         case _:
             return isinstance(value, dict) and all(isinstance(text, str) for text in value.values())
 
 
-def _whole(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= LARGEST_RUN
+def _is_count(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value <= MAX_RUN_ID
 
 
-def _digest(value: Any) -> bool:
+def _is_sha256(value: Any) -> bool:
     return isinstance(value, str) and re.fullmatch(r"[0-9a-f]{64}", value) is not None
 
 
-def read_all(directory: Path, info: Mapping[str, Any], blocks: Iterable[int]) -> list[Manifest]:
+def read_all(directory: Path, configuration: Mapping[str, Any], blocks: Iterable[int]) -> list[Manifest]:
     """Manifests of some finished blocks."""
-    return [read(directory, info, block) for block in blocks]
+    return [read(directory, configuration, block) for block in blocks]
 
 
 def timing(manifests: Sequence[Manifest], duration_s: float) -> dict[str, float]:
@@ -188,7 +190,7 @@ def timing(manifests: Sequence[Manifest], duration_s: float) -> dict[str, float]
     }
 
 
-def reasons(manifests: Iterable[Manifest]) -> dict[str, int]:
+def count_failure_reasons(manifests: Iterable[Manifest]) -> dict[str, int]:
     """Reason of failure -> number of runs, of all blocks."""
     total: Counter[str] = Counter()
     for entry in manifests:
@@ -196,35 +198,35 @@ def reasons(manifests: Iterable[Manifest]) -> dict[str, int]:
     return dict(sorted(total.items()))
 
 
-def _attempts(directory: Path, block: int) -> Path:
-    return path_of(directory, block).with_suffix(".attempts")
+def _attempts_path(directory: Path, block: int) -> Path:
+    return manifest_path(directory, block).with_suffix(".attempts")
 
 
-def begin(directory: Path, block: int) -> None:
+def record_attempt(directory: Path, block: int) -> None:
     """Notes an attempt at a block."""
-    path = _attempts(directory, block)
+    path = _attempts_path(directory, block)
     make_folder(directory, path.parent)
-    atomic_files.refuse_links(directory, path)
+    atomic_files.check_no_links(directory, path)
     try:
         # A line so short is appended whole, whoever else appends.
         with path.open("ab") as stream:
-            stream.write(f"{atomic_files.machine()}\n".encode())
+            stream.write(f"{atomic_files.machine_id()}\n".encode())
     except OSError as error:
-        raise atomic_files.unfinished(path, error) from None
+        raise atomic_files.write_error(path, error) from None
 
 
-def attempts(directory: Path, block: int) -> int:
+def count_attempts(directory: Path, block: int) -> int:
     """How often an unfinished block was begun."""
-    path = _attempts(directory, block)
-    atomic_files.refuse_links(directory, path)
+    path = _attempts_path(directory, block)
+    atomic_files.check_no_links(directory, path)
     try:
         return path.read_bytes().count(b"\n")
     except OSError:
         return 0
 
 
-def begun(directory: Path, blocks: int) -> dict[int, int]:
+def attempts_at_unfinished_blocks(directory: Path, blocks: int) -> dict[int, int]:
     """Unfinished block that was begun -> how often."""
-    finished = set(done(directory, blocks))
-    numbers = [number for number in _numbers(directory / "manifest", ".attempts") if number < blocks]
-    return {number: attempts(directory, number) for number in sorted(set(numbers) - finished)}
+    finished = set(finished_blocks(directory, blocks))
+    numbers = [number for number in _numbered_files(directory / "manifest", ".attempts") if number < blocks]
+    return {number: count_attempts(directory, number) for number in sorted(set(numbers) - finished)}

@@ -25,22 +25,22 @@ from rpojax.campaign.storage import (
     block_manifests,
     campaign_json,
     folder_creation,
-    verified_reading,
     zarr_encoding,
+    zarr_reader,
 )
 from rpojax.campaign.storage.block_manifests import Manifest
 from rpojax.errors import ResultError, UnfinishedError
 from rpojax.scenario import key_units, metric_catalogue, scenario_file
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation import trace_channels
-from rpojax.simulation.closed_loop import FAILURES
+from rpojax.simulation.closed_loop import FAILURE_REASONS
 
-TRACE_EVERY_S = 10.0
+TRACE_INTERVAL_S = 10.0
 """Sampling of the traces that are kept of every run [s]."""
 
 
 @dataclass(frozen=True)
-class Effort:
+class BlockTiming:
     """What a block took.
 
     Attributes:
@@ -65,114 +65,114 @@ class Campaign:
 
     def __init__(self, directory: Path | str) -> None:
         self.directory = Path(directory)
-        self.asked: dict[str, Any] = campaign_json.read(self.directory)
+        self.configuration: dict[str, Any] = campaign_json.read(self.directory)
         """Content of `campaign.json`."""
-        self.given_up: dict[int, str] = {}
+        self.failed_blocks: dict[int, str] = {}
         """Blocks that this session could not finish, and why."""
         self._manifests: dict[int, Manifest] = {}
-        self._read_before: dict[str, tuple[int, dict[str, np.ndarray]]] = {}
-        self._encoder = zarr_encoding.Encoder()
-        self._described: set[Path] = set()
+        self._read_cache: dict[str, tuple[int, dict[str, np.ndarray]]] = {}
+        self._encoder = zarr_encoding.ArrayEncoder()
+        self._written_metadata: set[Path] = set()
 
     @property
     def info(self) -> dict[str, Any]:
         """Content of `campaign.json`, and as `timing` how long the finished blocks took."""
         timing = block_manifests.timing(
-            list(self.manifests.values()), float(self.asked["scenario"].get("duration_s", 0.0))
+            list(self.manifests.values()), float(self.configuration["scenario"].get("duration_s", 0.0))
         )
-        return {**self.asked, "timing": timing} if timing else dict(self.asked)
+        return {**self.configuration, "timing": timing} if timing else dict(self.configuration)
 
     @cached_property
     def file(self) -> ScenarioFile:
         """The scenario that was run."""
-        return scenario_file.validate(self.asked["scenario"])
+        return scenario_file.validate(self.configuration["scenario"])
 
     @property
-    def blocks(self) -> int:
+    def block_count(self) -> int:
         """Number of blocks."""
-        return campaign_json.blocks(self.asked)
+        return campaign_json.block_count(self.configuration)
 
-    def block_ids(self, block: int) -> np.ndarray:
+    def block_run_ids(self, block: int) -> np.ndarray:
         """Run numbers of a block, padding included; numbers past the end pad the last block to full size."""
-        size = self.asked["block_size"]
-        return self.asked["first_run"] + np.arange(block * size, (block + 1) * size)
+        size = self.configuration["block_size"]
+        return self.configuration["first_run"] + np.arange(block * size, (block + 1) * size)
 
     @property
     def manifests(self) -> dict[int, Manifest]:
         """Finished block -> its manifest, in order."""
-        done = block_manifests.done(self.directory, self.blocks)
+        done = block_manifests.finished_blocks(self.directory, self.block_count)
         known = {
-            block: self._manifests.get(block) or block_manifests.read(self.directory, self.asked, block)
+            block: self._manifests.get(block) or block_manifests.read(self.directory, self.configuration, block)
             for block in done
         }
         self._manifests = known
         return known
 
-    def missing(self) -> list[int]:
+    def missing_blocks(self) -> list[int]:
         """Blocks still to be run."""
-        done = set(block_manifests.done(self.directory, self.blocks))
-        return [block for block in range(self.blocks) if block not in done]
+        done = set(block_manifests.finished_blocks(self.directory, self.block_count))
+        return [block for block in range(self.block_count) if block not in done]
 
-    def write_block(self, block: int, results: Mapping[str, np.ndarray], effort: Effort) -> None:
+    def write_block(self, block: int, results: Mapping[str, np.ndarray], timing: BlockTiming) -> None:
         """Stores a block's arrays (`group/name` -> (runs of the block, ...)), then its manifest.
 
         Raises:
             UnfinishedError: they cannot be written.
         """
-        self._check_place()
-        count = campaign_json.count(self.asked, block)
+        self._check_not_replaced()
+        count = campaign_json.runs_in_block(self.configuration, block)
         groups: dict[str, dict[str, np.ndarray]] = {}
         for path, values in results.items():
             group, _, name = path.partition("/")
             groups.setdefault(group, {})[name] = values[:count]
         for group, arrays in groups.items():
-            self._describe_group(Path(group))
+            self._write_group_metadata(Path(group))
             for name, values in arrays.items():
                 self._write_rows(group, name, block, values)
         failure = groups["status"]["failure"]
-        failed = Counter(FAILURES[code] for code in failure.tolist() if code > 0)
+        failed = Counter(FAILURE_REASONS[code] for code in failure.tolist() if code > 0)
         manifest = Manifest(
-            campaign=self.asked["id"],
-            first=block * self.asked["block_size"],
+            campaign=self.configuration["id"],
+            first=block * self.configuration["block_size"],
             count=count,
             completed=int((failure == 0).sum()),
             failed=failed.total(),
             reasons=dict(sorted(failed.items())),
             sha256={group: zarr_encoding.digest(arrays) for group, arrays in sorted(groups.items())},
-            began_s=effort.began_s,
-            wall_s=effort.wall_s,
-            compile_s=effort.compile_s,
-            attempts=max(1, block_manifests.attempts(self.directory, block)),
-            device=effort.device,
-            versions=folder_creation.versions(),
+            began_s=timing.began_s,
+            wall_s=timing.wall_s,
+            compile_s=timing.compile_s,
+            attempts=max(1, block_manifests.count_attempts(self.directory, block)),
+            device=timing.device,
+            versions=folder_creation.package_versions(),
         )
         block_manifests.write(self.directory, block, manifest)
 
-    def _check_place(self) -> None:
+    def _check_not_replaced(self) -> None:
         """Refuses to write where another campaign has taken this one's place."""
-        if campaign_json.read(self.directory)["id"] != self.asked["id"]:
+        if campaign_json.read(self.directory)["id"] != self.configuration["id"]:
             raise UnfinishedError(f"{self.directory}: found another campaign, expected the one that was begun there")
 
     def _write_rows(self, group: str, name: str, block: int, values: np.ndarray) -> None:
-        layout = zarr_encoding.of_runs(
-            self.asked["runs"], self.asked["block_size"], group, values, units_of(group, name)
+        layout = zarr_encoding.per_run_layout(
+            self.configuration["runs"], self.configuration["block_size"], group, values, array_units(group, name)
         )
         self._write_array(Path(group, name), layout, block, values)
 
-    def _write_array(self, path: Path, layout: zarr_encoding.Layout, block: int, values: np.ndarray) -> None:
-        if path not in self._described:
-            self._put(path / "zarr.json", self._encoder.description(layout))
-            self._described.add(path)
-        key, content = self._encoder.chunk(layout, block, values)
-        self._put(path / key, content)
+    def _write_array(self, path: Path, layout: zarr_encoding.ArrayLayout, block: int, values: np.ndarray) -> None:
+        if path not in self._written_metadata:
+            self._write_file(path / "zarr.json", self._encoder.metadata(layout))
+            self._written_metadata.add(path)
+        key, content = self._encoder.encode_block(layout, block, values)
+        self._write_file(path / key, content)
 
-    def _describe_group(self, path: Path) -> None:
+    def _write_group_metadata(self, path: Path) -> None:
         for part in (Path(), *reversed(path.parents[:-1]), path):
-            if part not in self._described:
-                self._put(part / "zarr.json", zarr_encoding.group())
-                self._described.add(part)
+            if part not in self._written_metadata:
+                self._write_file(part / "zarr.json", zarr_encoding.group_metadata())
+                self._written_metadata.add(part)
 
-    def _put(self, path: Path, content: bytes) -> None:
+    def _write_file(self, path: Path, content: bytes) -> None:
         """Writes a file of the store; who else writes it writes the same."""
         full = self.directory / "results.zarr" / path
         block_manifests.make_folder(self.directory, full.parent)
@@ -185,44 +185,44 @@ class Campaign:
             UnfinishedError: it cannot be written.
         """
         path = Path("histories", str(run_id))
-        self._describe_group(path.parent)
+        self._write_group_metadata(path.parent)
         samples = len(channels["time_s"]) if "time_s" in channels else -1
         for name, values in channels.items():
-            layout = zarr_encoding.of_history(name, values, values.ndim > 0 and len(values) == samples)
-            self._described.discard(path / name)
+            layout = zarr_encoding.history_layout(name, values, values.ndim > 0 and len(values) == samples)
+            self._written_metadata.discard(path / name)
             self._write_array(path / name, layout, 0, values)
-        self._put(path / "zarr.json", zarr_encoding.group({"sha256": zarr_encoding.digest(channels)}))
+        self._write_file(path / "zarr.json", zarr_encoding.group_metadata({"sha256": zarr_encoding.digest(channels)}))
 
     def _read(self, group: str) -> dict[str, np.ndarray]:
         """Arrays of a group, rows of finished blocks only; read again only when there are more of them."""
         done = self.manifests
-        known, arrays = self._read_before.get(group, (-1, {}))
+        known, arrays = self._read_cache.get(group, (-1, {}))
         if known != len(done):
-            arrays = verified_reading.group(self.directory, self.asked, group, done)
+            arrays = zarr_reader.read_group(self.directory, self.configuration, group, done)
             if group == "status":
                 self._check_status(arrays, done.values())
             for values in arrays.values():
                 values.setflags(write=False)
-            self._read_before[group] = (len(done), arrays)
+            self._read_cache[group] = (len(done), arrays)
         return dict(arrays)
 
     def _check_status(self, status: Mapping[str, np.ndarray], done: Iterable[Manifest]) -> None:
         """Refuses statuses that are not those which the manifests counted."""
         failure = status.get("failure", np.zeros(0, dtype=int))
-        found = (int((failure == 0).sum()), int(((failure > 0) & (failure < len(FAILURES))).sum()))
+        found = (int((failure == 0).sum()), int(((failure > 0) & (failure < len(FAILURE_REASONS))).sum()))
         expected = (sum(entry.completed for entry in done), sum(entry.failed for entry in done))
         if found != expected:
             place = self.directory / "results.zarr" / "status" / "failure"
             raise ResultError(f"{place}: found {found} completed and failed runs, expected {expected} by the manifests")
 
-    def _rows(self) -> np.ndarray:
+    def _finished_rows(self) -> np.ndarray:
         rows = [np.arange(entry.first, entry.first + entry.count) for entry in self.manifests.values()]
         return np.concatenate(rows) if rows else np.zeros(0, dtype=int)
 
     @property
     def run_ids(self) -> np.ndarray:
         """Numbers of the runs that are done."""
-        return self.asked["first_run"] + self._rows()
+        return self.configuration["first_run"] + self._finished_rows()
 
     @property
     def metrics(self) -> dict[str, np.ndarray]:
@@ -247,7 +247,7 @@ class Campaign:
     @property
     def failure_reason(self) -> np.ndarray:
         """(runs,) reason of failure, empty for completed runs."""
-        return np.array(FAILURES)[self._read("status").get("failure", np.zeros(0, dtype=int))]
+        return np.array(FAILURE_REASONS)[self._read("status").get("failure", np.zeros(0, dtype=int))]
 
     @property
     def completed(self) -> np.ndarray:
@@ -269,7 +269,9 @@ class Campaign:
     @property
     def history_ids(self) -> list[int]:
         """Runs whose history was kept."""
-        return verified_reading.history_ids(self.directory, self.asked["first_run"], self.asked["runs"])
+        return zarr_reader.stored_history_ids(
+            self.directory, self.configuration["first_run"], self.configuration["runs"]
+        )
 
     def history(self, run_id: int) -> dict[str, np.ndarray]:
         """History of a kept run, time first.
@@ -279,23 +281,23 @@ class Campaign:
         """
         if run_id not in (kept := self.history_ids):
             raise ResultError(f"run {run_id}: found no history, expected one of {kept}")
-        return verified_reading.history(self.directory, run_id)
+        return zarr_reader.read_history(self.directory, run_id)
 
 
-def units_of(group: str, name: str) -> str:
+def array_units(group: str, name: str) -> str:
     """Unit of an array as text; 1 for pure numbers."""
     match group:
         case "metrics":
             unit = metric_catalogue.UNITS.get(name, "-")
         case "traces":
-            unit = trace_channels.TRACES.get(name, "-")
+            unit = trace_channels.TRACE_UNITS.get(name, "-")
         case "status":
             unit = "s" if name.endswith("_s") else "-"
         case _:
-            unit = key_units.symbol(name)
+            unit = key_units.unit_symbol(name)
     return "1" if unit == "-" else unit
 
 
 def trace_stride(file: ScenarioFile) -> int:
     """Ticks between samples of the traces."""
-    return max(1, round(TRACE_EVERY_S * file.rates.camera_hz))
+    return max(1, round(TRACE_INTERVAL_S * file.rates.camera_hz))

@@ -22,7 +22,7 @@ from rpojax.scenario.schema import ScenarioFile
 from rpojax.version import __version__
 
 
-def describe(
+def new_configuration(
     file: ScenarioFile,
     seed: int,
     runs: int,
@@ -38,7 +38,7 @@ def describe(
     `design` is the record of the design, by default that of just these runs; `report` tells whether one is wanted.
     """
     return {
-        "format": campaign_json.FORMAT,
+        "format": campaign_json.FORMAT_VERSION,
         "name": file.name,
         "description": file.description,
         "scenario": file.model_dump(mode="json"),
@@ -52,21 +52,21 @@ def describe(
         "design": dict(design or {"first_run": first_run, "runs": runs}),
         "report": report,
         "dtype": "float32" if file.precision == "single" else "float64",
-        **made_here(len(jax.devices())),
+        **provenance(len(jax.devices())),
     }
 
 
-def made_here(devices: int) -> dict[str, Any]:
+def provenance(devices: int) -> dict[str, Any]:
     """Entries of `campaign.json` about where and when it was made; `id` tells it from any other."""
     return {
         "id": secrets.token_hex(8),
-        "versions": versions(),
-        "device": device(devices),
+        "versions": package_versions(),
+        "device": device_description(devices),
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     }
 
 
-def versions() -> dict[str, str]:
+def package_versions() -> dict[str, str]:
     """Versions of what numbers depend on."""
     return {
         "rpojax": __version__,
@@ -77,23 +77,23 @@ def versions() -> dict[str, str]:
     }
 
 
-def device(count: int) -> str:
+def device_description(count: int) -> str:
     """Some devices of this machine, as text."""
     return f"{count} x {jax.devices()[0].device_kind} ({platform.machine()})"
 
 
-def create(directory: Path, info: Mapping[str, Any], force: bool) -> None:
+def create_folder(directory: Path, configuration: Mapping[str, Any], force: bool) -> None:
     """New campaign folder with its `campaign.json` and `scenario.toml`, made aside and put in place by a rename.
 
     Raises:
         OutputError: the folder exists and `force` is not given, or it holds something that is no campaign.
     """
     preflight.check_folder(directory, force)
-    if not _place(directory, info, force):
+    if not _move_into_place(directory, configuration, force):
         raise OutputError(f"--out: found {str(directory)!r}, which has just been made, expected no such folder")
 
 
-def join(directory: Path, info: Mapping[str, Any]) -> None:
+def join_folder(directory: Path, configuration: Mapping[str, Any]) -> None:
     """The folder of a campaign that several share: made by the first to come, and checked by the others.
 
     Raises:
@@ -101,24 +101,24 @@ def join(directory: Path, info: Mapping[str, Any]) -> None:
     """
     if not os.path.lexists(directory):
         preflight.check_folder(directory, force=False)
-        if _place(directory, info, force=False):
+        if _move_into_place(directory, configuration, force=False):
             return
-    campaign_json.check_same(directory, campaign_json.read(directory), info)
+    campaign_json.check_compatible(directory, campaign_json.read(directory), configuration)
 
 
-def _place(directory: Path, info: Mapping[str, Any], force: bool) -> bool:
+def _move_into_place(directory: Path, configuration: Mapping[str, Any], force: bool) -> bool:
     """Whether the folder could be put into its place; it could not if another was faster."""
     place = Path(os.path.realpath(directory))
     made = place.with_name(atomic_files.partial_name(place.name))
     try:
-        for left in atomic_files.abandoned_folders(place):
+        for left in atomic_files.stale_folders(place):
             shutil.rmtree(left, ignore_errors=True)
         made.mkdir(parents=True)
-        atomic_files.write(made / "scenario.toml", tomli_w.dumps(info["scenario"]).encode())
-        atomic_files.write_json(made / campaign_json.NAME, info)
+        atomic_files.write(made / "scenario.toml", tomli_w.dumps(configuration["scenario"]).encode())
+        atomic_files.write_json(made / campaign_json.FILE_NAME, configuration)
         if force and place.exists():
-            _set_aside(place)
-        return _renamed(made, place)
+            _remove_folder(place)
+        return _try_rename(made, place)
     except (OSError, UnfinishedError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error).partition(", expected")[0]
         raise OutputError(f"--out: found {str(directory)!r} ({reason}), expected a folder to write to") from None
@@ -126,7 +126,7 @@ def _place(directory: Path, info: Mapping[str, Any], force: bool) -> bool:
         shutil.rmtree(made, ignore_errors=True)
 
 
-def _renamed(made: Path, place: Path) -> bool:
+def _try_rename(made: Path, place: Path) -> bool:
     """Whether a folder could be renamed; it cannot replace one that holds something."""
     try:
         made.rename(place)
@@ -137,7 +137,7 @@ def _renamed(made: Path, place: Path) -> bool:
     return True
 
 
-def _set_aside(place: Path) -> None:
+def _remove_folder(place: Path) -> None:
     """Removes a campaign at once, under another name, so that there is never half of it."""
     old = place.with_name(atomic_files.partial_name(place.name))
     place.rename(old)

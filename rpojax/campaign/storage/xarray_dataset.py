@@ -5,8 +5,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rpojax.campaign.storage.campaign_folder import Campaign, units_of
-from rpojax.campaign.storage.zarr_encoding import dimensions
+from rpojax.campaign.storage.campaign_folder import Campaign, array_units
+from rpojax.campaign.storage.zarr_encoding import dimension_names
 from rpojax.errors import RpojaxError
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def open_campaign(path: Path | str) -> "xarray.Dataset":
     for group, arrays in groups.items():
         for name, values in arrays.items():
             shown = _PREFIXES[group] + name
-            variables[shown] = (dimensions(group, values), values, {"units": units_of(group, name)})
+            variables[shown] = (dimension_names(group, values), values, {"units": array_units(group, name)})
     coordinates = {"run": ("run", found.run_ids), "time": ("time", found.trace_time_s, {"units": "s"})}
     return labelled.Dataset(variables, coordinates, _identity(found))
 
@@ -51,5 +51,5 @@ def open_campaign(path: Path | str) -> "xarray.Dataset":
 def _identity(found: Campaign) -> dict[str, Any]:
     """What tells the campaign from others, in types that every file format takes."""
     keys = ("name", "description", "scenario_hash", "seed", "runs", "first_run", "block_size", "device", "created")
-    plain = {key: found.asked[key] for key in keys if key in found.asked}
-    return plain | {key: json.dumps(found.asked[key]) for key in ("scenario", "versions", "stages")}
+    plain = {key: found.configuration[key] for key in keys if key in found.configuration}
+    return plain | {key: json.dumps(found.configuration[key]) for key in ("scenario", "versions", "stages")}

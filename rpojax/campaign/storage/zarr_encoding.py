@@ -13,14 +13,14 @@ import numpy as np
 import zarr
 from zarr.storage import MemoryStore
 
-_INNER_RUNS = 64
+_MAX_CHUNK_RUNS = 64
 """Runs in an inner chunk of a shard, at most: one of them is read without the others of its block."""
-UNKNOWN = -1
+INTEGER_FILL_VALUE = -1
 """Fill value of whole numbers: that of a run that was never written."""
 
 
 @dataclass(frozen=True)
-class Layout:
+class ArrayLayout:
     """How one array is laid out.
 
     Attributes:
@@ -32,96 +32,98 @@ class Layout:
     """
 
     shape: tuple[int, ...]
-    block: int
+    rows_per_file: int
     dtype: str
     dimensions: tuple[str, ...]
     attributes: tuple[tuple[str, str], ...]
 
 
-def of_runs(runs: int, block_size: int, group: str, values: np.ndarray, units: str) -> Layout:
+def per_run_layout(runs: int, block_size: int, group: str, values: np.ndarray, units: str) -> ArrayLayout:
     """Layout of an array with one row per run: a file per block, a shard for rows over time."""
-    shape, names = (runs, *values.shape[1:]), dimensions(group, values)
-    return Layout(shape, min(block_size, runs), values.dtype.str, names, (("units", units),))
+    shape, names = (runs, *values.shape[1:]), dimension_names(group, values)
+    return ArrayLayout(shape, min(block_size, runs), values.dtype.str, names, (("units", units),))
 
 
-def dimensions(group: str, values: np.ndarray) -> tuple[str, ...]:
+def dimension_names(group: str, values: np.ndarray) -> tuple[str, ...]:
     """Names of the axes of an array of a group, with one row per run."""
     long = ("time",) if group == "traces" else tuple(f"axis{i}_{n}" for i, n in enumerate(values.shape[1:], start=1))
     return ("run", *long)
 
 
-def of_history(name: str, values: np.ndarray, timed: bool) -> Layout:
+def history_layout(name: str, values: np.ndarray, timed: bool) -> ArrayLayout:
     """Layout of a channel of one run, in one file."""
     first = ("time",) if timed else ()
     rest = tuple(f"axis{i}_{n}" for i, n in enumerate(values.shape) if not (timed and i == 0))
     block = values.shape[0] if values.ndim else 1
-    return Layout(values.shape, block, values.dtype.str, (*first, *rest), (("long_name", name),))
+    return ArrayLayout(values.shape, block, values.dtype.str, (*first, *rest), (("long_name", name),))
 
 
-class Encoder:
+class ArrayEncoder:
     """Encodes blocks of arrays; arrays of the same layout share what zarr prepares for it."""
 
     def __init__(self) -> None:
-        self._known: dict[Layout, tuple[dict[str, Any], Any]] = {}
+        self._templates: dict[ArrayLayout, tuple[dict[str, Any], Any]] = {}
 
-    def description(self, layout: Layout) -> bytes:
+    def metadata(self, layout: ArrayLayout) -> bytes:
         """The array's `zarr.json`."""
-        return self._array(layout)[0]["zarr.json"].to_bytes()
+        return self._template(layout)[0]["zarr.json"].to_bytes()
 
-    def chunk(self, layout: Layout, block: int, values: np.ndarray) -> tuple[str, bytes]:
+    def encode_block(self, layout: ArrayLayout, block: int, values: np.ndarray) -> tuple[str, bytes]:
         """Path in the array's folder, and content, of the file that holds a block."""
         key = chunk_key(len(layout.shape), block)
         if not _is_sharded(layout):
-            return key, _plain(layout, values)
-        stored, array = self._array(layout)
-        begin = block * layout.block
+            return key, _uncompressed(layout, values)
+        stored, array = self._template(layout)
+        begin = block * layout.rows_per_file
         array[begin : begin + len(values)] = values
         return key, stored.pop(key).to_bytes()
 
-    def _array(self, layout: Layout) -> tuple[dict[str, Any], Any]:
-        if layout not in self._known:
+    def _template(self, layout: ArrayLayout) -> tuple[dict[str, Any], Any]:
+        if layout not in self._templates:
             stored: dict[str, Any] = {}
-            whole = (layout.block, *layout.shape[1:])
+            whole = (layout.rows_per_file, *layout.shape[1:])
             sharded = _is_sharded(layout)
             array = zarr.create_array(
                 MemoryStore(stored),
                 shape=layout.shape,
-                chunks=(_inner(layout.block), *whole[1:]) if sharded else whole,
+                chunks=(_chunk_runs(layout.rows_per_file), *whole[1:]) if sharded else whole,
                 shards=whole if sharded else None,
                 # Small files are not worth it.
                 compressors="auto" if sharded else None,
                 dtype=np.dtype(layout.dtype),
-                fill_value=_fill(layout),
+                fill_value=_fill_value(layout),
                 dimension_names=layout.dimensions,
                 attributes=dict(layout.attributes),
                 # Chunks of nothing but the fill value are written too: one that is not there is one that was lost.
                 config={"write_empty_chunks": True},
             )
-            self._known[layout] = (stored, array)
-        return self._known[layout]
+            self._templates[layout] = (stored, array)
+        return self._templates[layout]
 
 
-def _is_sharded(layout: Layout) -> bool:
+def _is_sharded(layout: ArrayLayout) -> bool:
     """Whether an array has many samples per run."""
     return layout.dimensions[:2] == ("run", "time")
 
 
-def _fill(layout: Layout) -> Any:
+def _fill_value(layout: ArrayLayout) -> Any:
     """Value of what was never written."""
     dtype = np.dtype(layout.dtype)
-    return np.nan if dtype.kind == "f" else dtype.type(UNKNOWN if dtype.kind == "i" else 0)
+    return np.nan if dtype.kind == "f" else dtype.type(INTEGER_FILL_VALUE if dtype.kind == "i" else 0)
 
 
-def _plain(layout: Layout, values: np.ndarray) -> bytes:
+def _uncompressed(layout: ArrayLayout, values: np.ndarray) -> bytes:
     """A block without compression, as Zarr's codec `bytes` has it: little-endian, filled up to the full size."""
-    whole = np.full((layout.block, *layout.shape[1:]), _fill(layout), dtype=np.dtype(layout.dtype).newbyteorder("<"))
+    whole = np.full(
+        (layout.rows_per_file, *layout.shape[1:]), _fill_value(layout), dtype=np.dtype(layout.dtype).newbyteorder("<")
+    )
     whole[: len(values)] = values
     return whole.tobytes()
 
 
-def _inner(block: int) -> int:
+def _chunk_runs(block: int) -> int:
     """Largest divisor of a block's size that is at most the runs of an inner chunk."""
-    return next(size for size in range(min(_INNER_RUNS, block), 0, -1) if block % size == 0)
+    return next(size for size in range(min(_MAX_CHUNK_RUNS, block), 0, -1) if block % size == 0)
 
 
 def chunk_key(dimensions: int, block: int) -> str:
@@ -129,7 +131,7 @@ def chunk_key(dimensions: int, block: int) -> str:
     return "/".join(["c", str(block), *["0"] * (dimensions - 1)])
 
 
-def group(attributes: Mapping[str, Any] | None = None) -> bytes:
+def group_metadata(attributes: Mapping[str, Any] | None = None) -> bytes:
     """The `zarr.json` of a group."""
     content = {"zarr_format": 3, "node_type": "group", "attributes": dict(attributes or {})}
     return json.dumps(content, indent=2).encode()

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
 
-from rpojax.cli import console
-from rpojax.cli.arguments import AsJson, Overrides, Source, Status, load, print_json
+from rpojax.cli.arguments import AsJson, Overrides, Source, load
+from rpojax.cli.console import print_json
+from rpojax.cli.exit_status import Status
 from rpojax.errors import RpojaxError
-from rpojax.runtime.jax_environment import LOOP_FLAG, prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import LOOP_FUSION_FLAG, prepare_jax, set_loop_fusion_flag
+from rpojax.runtime.progress import busy
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -42,21 +44,21 @@ def bench(
     as_json: AsJson = False,
 ) -> int:
     """Measure the closed loop without metrics and storage, its kernels, and pictures; programs are compiled anew."""
-    parts = _chosen(only)
+    parts = _chosen_parts(only)
     file = load(scenario, (f"duration_s={duration_s}", *overrides))
     prepare_jax(cache=False)
     # XLA is told once in a process how to join results; pictures want it otherwise.
     apart = len(parts) > 1 and "vision" in parts
-    prepare_loop(rendered=parts == ["vision"] or file.camera.model == "rendered")
+    set_loop_fusion_flag(rendered=parts == ["vision"] or file.camera.model == "rendered")
     from rpojax.benchmark import closed_loop_speed, suite
 
     batches = runs or closed_loop_speed.default_batches(file)
-    closed_loop_speed.check(batches)
+    closed_loop_speed.check_batches(batches)
     found: dict[str, Any] = {}
     for part in parts:
-        with console.busy(f"measuring {PARTS[part]}", quiet=as_json):
-            found |= _vision_apart() if apart and part == "vision" else suite.PARTS[part](file, batches)
-    found |= suite.surroundings()
+        with busy(f"measuring {PARTS[part]}", quiet=as_json):
+            found |= _vision_in_own_process() if apart and part == "vision" else suite.PARTS[part](file, batches)
+    found |= suite.platform_info()
     if as_json:
         print_json(found)
     else:
@@ -64,9 +66,9 @@ def bench(
     return Status.DONE
 
 
-def _vision_apart() -> dict[str, Any]:
+def _vision_in_own_process() -> dict[str, Any]:
     """What a process of its own measures of pictures and the detector."""
-    flags = os.environ["XLA_FLAGS"].replace(LOOP_FLAG, "")
+    flags = os.environ["XLA_FLAGS"].replace(LOOP_FUSION_FLAG, "")
     words = [sys.executable, "-m", "rpojax", "bench", "--only", "vision", "--json"]
     done = subprocess.run(words, env={**os.environ, "XLA_FLAGS": flags}, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -74,7 +76,7 @@ def _vision_apart() -> dict[str, Any]:
     return {"vision": json.loads(done.stdout)["vision"]}
 
 
-def _chosen(only: str) -> list[str]:
+def _chosen_parts(only: str) -> list[str]:
     """Names of the parts in a list with commas, each once, in the order in which they are measured."""
     names = [name.strip() for name in only.split(",")]
     for name in names:

@@ -6,12 +6,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import arg
 
-from rpojax.cli.arguments import AsJson, NoCache, Overrides, Seed, Source, Status, load, print_json
-from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
+from rpojax.cli.arguments import AsJson, NoCache, Overrides, Seed, Source, load
+from rpojax.cli.console import print_json
+from rpojax.cli.exit_status import Status
+from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
 if TYPE_CHECKING:
-    from rpojax.interop.cosimulation.live_run import Outcome
-    from rpojax.interop.cosimulation.live_settings import Settings
+    from rpojax.interop.cosimulation.live_run import LiveRunResult
+    from rpojax.interop.cosimulation.live_settings import LiveSettings
     from rpojax.scenario.schema import ScenarioFile
 
 
@@ -53,17 +55,17 @@ def bridge(
     """
     file = load(scenario, overrides)
     prepare_jax(cache=not no_cache)
-    prepare_loop(rendered=file.camera.model == "rendered")
+    set_loop_fusion_flag(rendered=file.camera.model == "rendered")
     from rpojax.interop.cosimulation import live_settings
 
-    settings = live_settings.Settings(
-        external=live_settings.external(external),
+    settings = live_settings.LiveSettings(
+        external_stages=live_settings.parse_external_stages(external),
         domain_id=domain_id,
         on_late=on_late,
         timeout_s=timeout_s,
         wait_s=wait_s,
         patience_s=patience_s,
-        factor=real_time,
+        real_time_factor=real_time,
         pictures=not no_pictures,
     )
     from rpojax.campaign import preflight
@@ -71,7 +73,7 @@ def bridge(
     preflight.check_numbers(1, run_id, seed, None)
     from rpojax.interop.cosimulation import live_run
 
-    outcome = live_run.fly(
+    outcome = live_run.simulate_live(
         file, seed, run_id, settings, lambda line: print(f"rpojax: {line}", file=sys.stderr, flush=True)
     )
     content = _content(file, seed, run_id, settings, outcome)
@@ -84,8 +86,10 @@ def bridge(
     return Status.DONE if outcome.completed else Status.UNFINISHED
 
 
-def _content(file: "ScenarioFile", seed: int, run_id: int, settings: "Settings", outcome: "Outcome") -> dict[str, Any]:
-    ledger = outcome.ledger
+def _content(
+    file: "ScenarioFile", seed: int, run_id: int, settings: "LiveSettings", outcome: "LiveRunResult"
+) -> dict[str, Any]:
+    ledger = outcome.events
     ignored: dict[str, dict[str, int]] = {}
     for (topic, reason), count in sorted(ledger.ignored.items()):
         ignored.setdefault(topic, {})[reason] = count
@@ -93,11 +97,11 @@ def _content(file: "ScenarioFile", seed: int, run_id: int, settings: "Settings",
         "scenario": file.name,
         "seed": seed,
         "run_id": run_id,
-        "external": sorted(settings.external),
-        "real_time": settings.factor,
+        "external": sorted(settings.external_stages),
+        "real_time": settings.real_time_factor,
         "completed": outcome.completed,
         "failure": outcome.failure or None,
-        "stopped": outcome.stopped or None,
+        "stopped": outcome.stop_reason or None,
         "ticks": outcome.ticks,
         "steps": outcome.steps,
         "simulated_s": outcome.simulated_s,
@@ -123,7 +127,7 @@ def _show(content: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from rpojax.report.labels import metric, number, ordered
+    from rpojax.report.labels import format_number, in_display_order, metric_label
 
     console = Console(highlight=False)
     end = content["failure"] or content["stopped"] or "flown to its end"
@@ -141,7 +145,7 @@ def _show(content: dict[str, Any]) -> None:
     table = Table()
     for heading in ("metric", "value", "unit"):
         table.add_column(heading, justify="right" if heading == "value" else "left")
-    for name in ordered(content["metrics"]):
-        shown = metric(name)
-        table.add_row(shown.title, number(content["metrics"][name]), shown.unit)
+    for name in in_display_order(content["metrics"]):
+        shown = metric_label(name)
+        table.add_row(shown.title, format_number(content["metrics"][name]), shown.unit)
     console.print(table)

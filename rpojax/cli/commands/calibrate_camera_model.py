@@ -7,14 +7,14 @@ from typing import Annotated
 
 from tyro.conf import Positional, UseAppendAction, arg
 
-from rpojax.cli.console import busy, counting
 from rpojax.cli.output_paths import claim
 from rpojax.errors import RpojaxError
+from rpojax.runtime.progress import busy, item_progress
 
 _UNTOLD = ("fitted_for", "made_with", "limits")
 
 
-def calibrate(
+def calibrate_camera_model(
     scenario: Annotated[Positional[str], arg(metavar="SCENARIO", help="Packaged name, or a TOML file.")],
     *,
     out: Annotated[Path, arg(metavar="FILE", help="File to write, such as target.camera.safetensors.")],
@@ -36,19 +36,21 @@ def calibrate(
 
     file = scenarios.load(scenario, overrides)
     from rpojax.analysis.calibration import camera_calibration, error_correlation
-    from rpojax.scenario import network_files
+    from rpojax.scenario import trained_files
     from rpojax.sensors import statistical_camera_file
 
     tables = file.model_dump()
-    with counting("rendering", quiet=as_json) as watch:
-        found = camera_calibration.look(file, camera_calibration.draw(file, samples, seed), seed, watch)
+    with item_progress("rendering", quiet=as_json) as watch:
+        found = camera_calibration.detect_in_views(
+            file, camera_calibration.sample_views(file, samples, seed), seed, watch
+        )
     threshold = file.imaging.score_threshold
-    with counting("rendering sequences", quiet=as_json) as watch:
-        turning = error_correlation.tumbling(file, sequences, seed + 1)
-        seen = camera_calibration.look(file, turning.views, seed + 1, watch)
+    with item_progress("rendering sequences", quiet=as_json) as watch:
+        turning = error_correlation.sample_tumble_sequences(file, sequences, seed + 1)
+        seen = camera_calibration.detect_in_views(file, turning.views, seed + 1, watch)
     with busy("fitting", quiet=as_json):
-        fit = camera_calibration.fit(found, threshold, seed)
-        statistics = error_correlation.with_lasting_errors(fit.statistics, seen, turning.turn, threshold)
+        fit = camera_calibration.fit_camera(found, threshold, seed)
+        statistics = error_correlation.with_error_correlation(fit.statistics, seen, turning.turn_per_frame, threshold)
     numbers = f"--samples {samples} --sequences {sequences} --seed {seed}"
     command = f"rpojax calibrate-camera-model {Path(scenario).name} --out {out.name} {numbers}"
     card = {
@@ -56,15 +58,15 @@ def calibrate(
         "samples": samples,
         "sequences": sequences,
         "seed": seed,
-        **camera_calibration.summary(found, threshold),
+        **camera_calibration.outcome_summary(found, threshold),
         "lasting_share": float(statistics.lasting_share),
         "lasting_angle_deg": math.degrees(float(statistics.lasting_angle)),
         "log_likelihood": fit.log_likelihood,
         "log_likelihood_held_out": fit.log_likelihood_held_out,
         "command": command,
-        "fitted_for": network_files.fitted_for(tables),
-        "made_with": network_files.made_with(tables),
-        "limits": camera_calibration.limits(file),
+        "fitted_for": trained_files.fitted_for(tables),
+        "made_with": trained_files.made_with(tables),
+        "limits": camera_calibration.view_limits(file),
     }
     statistical_camera_file.save_statistics(statistics, out, card)
     shown = {"file": str(out), **{name: value for name, value in card.items() if name not in _UNTOLD}}

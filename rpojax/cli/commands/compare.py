@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import Positional, arg
 
-from rpojax.cli.arguments import AsJson, print_json
+from rpojax.cli.arguments import AsJson
+from rpojax.cli.console import print_json
 from rpojax.runtime.jax_environment import prepare_jax
 
 if TYPE_CHECKING:
-    from rpojax.analysis.statistics.campaign_comparison import Comparison, Estimate
+    from rpojax.analysis.statistics.campaign_comparison import Comparison, IntervalEstimate
     from rpojax.campaign.storage.campaign_folder import Campaign
 
 
@@ -26,18 +27,18 @@ def compare(
     from rpojax.analysis.statistics import campaign_comparison
     from rpojax.campaign.storage.campaign_folder import Campaign
     from rpojax.dispersions import designs
-    from rpojax.report.json_values import plain
+    from rpojax.report.json_values import to_json_types
 
     one, other = Campaign(first), Campaign(second)
     _check_paired(one, other)
     requirements = _requirements(one, other)
-    independent = designs.independent(one.file) and designs.independent(other.file)
-    runs = [campaign_comparison.Runs(each.run_ids, each.completed, each.metrics) for each in (one, other)]
-    found = campaign_comparison.compare(runs[0], runs[1], requirements, independent)
+    independent = designs.has_independent_runs(one.file) and designs.has_independent_runs(other.file)
+    runs = [campaign_comparison.RunMetrics(each.run_ids, each.completed, each.metrics) for each in (one, other)]
+    found = campaign_comparison.compare_paired_runs(runs[0], runs[1], requirements, independent)
     changed = changes(one.info["scenario"], other.info["scenario"])
     if as_json:
         content = {"first": str(first), "second": str(second), "changed": changed, "independent": independent}
-        print_json({**content, **plain(dataclasses.asdict(found))})
+        print_json({**content, **to_json_types(dataclasses.asdict(found))})
     else:
         _show(found, changed, independent)
     return 0
@@ -85,7 +86,7 @@ def _show(found: "Comparison", changed: Sequence[dict[str, Any]], independent: b
     from rich.console import Console
     from rich.table import Table
 
-    from rpojax.report.labels import metric, number, ordered
+    from rpojax.report.labels import format_number, in_display_order, metric_label
 
     console = Console(highlight=False)
     for each in changed:
@@ -96,9 +97,14 @@ def _show(found: "Comparison", changed: Sequence[dict[str, Any]], independent: b
     for heading in ("median, first", "second", "ratio", "90 % interval"):
         table.add_column(heading, justify="right")
     by_name = {change.metric: change for change in found.metrics}
-    for name in ordered(by_name):
-        change, shown = by_name[name], metric(name)
-        cells = number(change.first), number(change.second), number(change.ratio.value, 3), _interval(change.ratio)
+    for name in in_display_order(by_name):
+        change, shown = by_name[name], metric_label(name)
+        cells = (
+            format_number(change.first),
+            format_number(change.second),
+            format_number(change.ratio.value, 3),
+            _interval(change.ratio),
+        )
         table.add_row(shown.title, shown.unit, *cells)
     console.print(table)
     events = Table(title="pairs by outcome")
@@ -107,16 +113,16 @@ def _show(found: "Comparison", changed: Sequence[dict[str, Any]], independent: b
         events.add_column(heading, justify="right")
     for each in (found.failures, *found.requirements):
         counts = each.both, each.only_first, each.only_second, each.neither
-        events.add_row(each.event, *map(str, counts), number(each.p_value, 3))
+        events.add_row(each.event, *map(str, counts), format_number(each.p_value, 3))
     console.print(events)
     if not independent:
         console.print("the runs of these designs are not independent draws: no intervals and no p-values")
 
 
-def _interval(estimate: "Estimate") -> str:
-    from rpojax.report.labels import number
+def _interval(estimate: "IntervalEstimate") -> str:
+    from rpojax.report.labels import format_number
 
     if estimate.interval_90 is None:
-        return number(None)
+        return format_number(None)
     low, high = estimate.interval_90
-    return f"{number(low, 3)} to {number(high, 3)}"
+    return f"{format_number(low, 3)} to {format_number(high, 3)}"

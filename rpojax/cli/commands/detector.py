@@ -1,24 +1,20 @@
-"""The verbs of `rpojax detector`, and `rpojax detect`."""
+"""The commands of `rpojax detector`."""
 
 import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 from tyro.conf import Positional, arg
 
-from rpojax.cli.console import counting
 from rpojax.cli.output_paths import claim, claim_folder, resumable
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.runtime.jax_environment import prepare_jax
+from rpojax.runtime.progress import item_progress
 
 if TYPE_CHECKING:
-    import numpy as np
-
-    from rpojax.training.detector.training_loop import Recipe, Step
-    from rpojax.training.synthetic_data.detection_dataset import Dataset
-    from rpojax.vision.detector.multiscale_detection import Box
+    from rpojax.training.detector.training_loop import NetworkTrainingOptions, NetworkTrainingProgress
+    from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 
 Seed = Annotated[int, arg(metavar="S", help="Seed.")]
 Force = Annotated[bool, arg(help="Replace what is there.")]
@@ -59,7 +55,7 @@ def data(
 
     parts = ((_TRAINING, count, craft, False), (_VALIDATION, validation, max(1, round(_HELD_OUT_SHARE * craft)), True))
     made = {name: f"{number} of {variety} craft x {views} views, seed {seed}" for name, number, variety, _ in parts}
-    done = {name: not force and detection_dataset.is_made(out / name, made[name]) for name in made}
+    done = {name: not force and detection_dataset.is_complete(out / name, made[name]) for name in made}
     for name in made:
         if not (force or done[name]) and (out / name / detection_dataset.ANNOTATIONS).exists():
             raise OutputError(f"{out / name}: holds another data set already; --force replaces it")
@@ -68,18 +64,20 @@ def data(
         for name, number, variety, held_out in parts:
             if done[name]:
                 continue
-            with counting(f"ray tracing for {name}", quiet=as_json) as watch:
-                found = spacecraft_sprites.trace(work / "sprites", variety, views, seed, held_out, watch)
-            with counting(f"composing for {name}", quiet=as_json) as watch:
-                earth = backdrops.globe(held_out, seed)
-                detection_dataset.write(out / name, number, 2 * seed + held_out, found, earth, made[name], watch)
+            with item_progress(f"ray tracing for {name}", quiet=as_json) as watch:
+                found = spacecraft_sprites.trace_sprites(work / "sprites", variety, views, seed, held_out, watch)
+            with item_progress(f"composing for {name}", quiet=as_json) as watch:
+                earth = backdrops.load_earth_textures(held_out, seed)
+                detection_dataset.write_dataset(
+                    out / name, number, 2 * seed + held_out, found, earth, made[name], watch
+                )
     content: dict[str, Any] = {"data": str(out), "views": str(work)}
     for name, *_ in parts:
         content[name] = detection_dataset.summary(out / name)
     if preview:
-        _preview(detection_dataset.read(out / _TRAINING, limit=96), preview)
+        _preview(detection_dataset.read_dataset(out / _TRAINING, limit=96), preview)
         content["preview"] = str(preview)
-    _tell(content, as_json)
+    _print_result(content, as_json)
     return 0
 
 
@@ -108,16 +106,16 @@ def train(
     claim(out, force)
     prepare_jax(cache=True)
     from rpojax.training.detector import evaluate_detector, train_detector
-    from rpojax.vision.detector.two_stage_detector import load_detector, rounded, save_detector
+    from rpojax.vision.detector.two_stage_detector import load_detector, round_to_half_precision, save_detector
 
     begun, before = load_detector(start) if start else (None, {})
 
-    known, unseen = _halves(dataset)
+    known, unseen = _training_and_validation(dataset)
     recipes = _recipes(epochs, second_epochs, seed, minutes, rate, pieces=start is None)
     checkpoint = out.with_name(out.name + ".checkpoint")
-    with resumable(checkpoint), counting("training", quiet=as_json) as watch:
+    with resumable(checkpoint), item_progress("training", quiet=as_json) as watch:
 
-        def tell(look: str, step: "Step") -> None:
+        def tell(look: str, step: "NetworkTrainingProgress") -> None:
             share = epochs / (epochs + second_epochs)
             begin, span = (0.0, share) if look == "first" else (share, 1.0 - share)
             note = f"{look} look, mAP50 {step.map50:.3f}, mAP50-95 {step.map50_95:.3f}"
@@ -126,31 +124,33 @@ def train(
         params, history = train_detector.train(
             known, unseen, recipes["first"], recipes["second"], checkpoint, tell, begun
         )
-    params = rounded(params)
-    figures = evaluate_detector.figures(evaluate_detector.find(params, unseen.images), unseen)
+    params = round_to_half_precision(params)
+    figures = evaluate_detector.detection_metrics(evaluate_detector.detect_images(params, unseen.images), unseen)
     limit = ("" if minutes is None else f" --minutes {minutes:g}") + (f" --start {start.name}" if start else "")
     passes = f"--epochs {epochs} --second-epochs {second_epochs}"
     # A card names no folder of one machine.
     command = f"rpojax detector train {dataset.name} --out {out.name} {passes} --rate {rate:g} --seed {seed}{limit}"
-    card = train_detector.card(known, recipes, history, figures, command)
+    card = train_detector.model_card(known, recipes, history, figures, command)
     card["start"] = before.get("command")
     save_detector(params, out, card)
-    train_detector.forget(checkpoint)
-    _tell({"weights": str(out), "bytes": out.stat().st_size, **card}, as_json)
+    train_detector.remove_checkpoints(checkpoint)
+    _print_result({"weights": str(out), "bytes": out.stat().st_size, **card}, as_json)
     return 0
 
 
 def _recipes(
     epochs: int, second_epochs: int, seed: int, minutes: float | None, rate: float, pieces: bool
-) -> "dict[str, Recipe]":
+) -> "dict[str, NetworkTrainingOptions]":
     """How each look is trained; of a limited time the second one gets a third. Only what is untrained sees pieces."""
-    from rpojax.training.detector.training_loop import Recipe
+    from rpojax.training.detector.training_loop import NetworkTrainingOptions
 
     limits = (None, None) if minutes is None else (40.0 * minutes, 20.0 * minutes)
     share = 0.5 if pieces else 0.0
     return {
-        "first": Recipe(epochs=epochs, seed=seed, rate=rate, limit_s=limits[0], pieces_share=share),
-        "second": Recipe(epochs=second_epochs, seed=seed, rate=rate, limit_s=limits[1], pieces_share=0.0),
+        "first": NetworkTrainingOptions(epochs=epochs, seed=seed, rate=rate, limit_s=limits[0], pieces_share=share),
+        "second": NetworkTrainingOptions(
+            epochs=second_epochs, seed=seed, rate=rate, limit_s=limits[1], pieces_share=0.0
+        ),
     }
 
 
@@ -161,125 +161,42 @@ def evaluate(dataset: Source, *, weights: Weights = None, as_json: AsJson = Fals
     from rpojax.vision.detector.two_stage_detector import load_detector
 
     params, _ = load_detector(weights)
-    _, unseen = _halves(dataset, evaluate=True)
-    _tell(evaluate_detector.report(evaluate_detector.find(params, unseen.images), unseen), as_json)
+    _, unseen = _training_and_validation(dataset, evaluate=True)
+    _print_result(
+        evaluate_detector.evaluation_report(evaluate_detector.detect_images(params, unseen.images), unseen), as_json
+    )
     return 0
 
 
-def detect(
-    images: Annotated[Positional[tuple[Path, ...]], arg(metavar="IMAGE", help="JPEG or PNG pictures.")],
-    *,
-    weights: Weights = None,
-    threshold: Annotated[float, arg(metavar="P", help="Least score of a box.")] = 0.65,
-    drawn: Annotated[Path | None, arg(metavar="DIR", help="Write the pictures with their boxes here, as PNG.")] = None,
-    force: Annotated[bool, arg(help="Replace pictures that are there.")] = False,
-    as_json: AsJson = False,
-) -> int:
-    """Find spacecraft in pictures of any size; boxes are in pixels of the upright picture, x and y at the upper left.
-
-    A picture that cannot be used is named on stderr and the rest are searched; the exit status is then 3, or 2 if none
-    could be used.
-    """
-    if not images or not 0.0 < threshold < 1.0:
-        raise RpojaxError(f"IMAGE, --threshold: found {len(images)}, {threshold}, expected a picture and 0 to 1")
-    targets = [None] * len(images) if drawn is None else _targets(drawn, images)
-    given = {path.resolve() for path in images}
-    if taken := next((path for path in targets if path and path.resolve() in given), None):
-        raise OutputError(f"{taken}: is one of the pictures to search, expected --drawn in another folder")
-    if not force and (there := next((path for path in targets if path and path.exists()), None)):
-        raise OutputError(f"{there}: exists already; --force replaces it")
-    from rpojax.vision.detector.multiscale_detection import search
-    from rpojax.vision.detector.two_stage_detector import load_detector
-    from rpojax.vision.imaging import image_files
-
-    params, _ = load_detector(weights)
-    results = []
-    for path, target in zip(images, targets, strict=True):
-        try:
-            image = image_files.read(path)
-        except image_files.PictureError as error:
-            print(f"rpojax: error: {' '.join(str(error).split())}", file=sys.stderr)
-            continue
-        found = search(params, image, threshold)
-        results.append({"file": str(path), "boxes": [_entry(box) for box in found]})
-        if target:
-            _draw(image, found, target)
-        if not as_json:
-            _say(results[-1])
-    if as_json:
-        print(json.dumps(results, indent=2, allow_nan=False))
-    return 0 if len(results) == len(images) else 3 if results else 2
-
-
-def _targets(drawn: Path, images: tuple[Path, ...]) -> list[Path]:
-    """Where the drawn pictures go; of like names the later ones are numbered."""
-    taken: list[Path] = []
-    for path in images:
-        target, number = drawn / f"{path.stem}.png", 2
-        while target in taken:
-            target, number = drawn / f"{path.stem}-{number}.png", number + 1
-        taken.append(target)
-    return taken
-
-
-def _entry(box: "Box") -> dict[str, float]:
-    sides = {"x": box.left, "y": box.top, "w": box.right - box.left, "h": box.bottom - box.top}
-    return {**{name: round(value, 2) for name, value in sides.items()}, "score": round(box.score, 4)}
-
-
-def _say(result: dict[str, Any]) -> None:
-    print(f"{result['file']}: {len(result['boxes'])} found")
-    for box in result["boxes"]:
-        print(f"  x {box['x']:.1f}, y {box['y']:.1f}, w {box['w']:.1f}, h {box['h']:.1f}, score {box['score']:.2f}")
-
-
-def _draw(image: "np.ndarray", boxes: "list[Box]", path: Path) -> None:
-    import cv2
-    import numpy as np
-
-    shown = np.ascontiguousarray(np.round(255.0 * image).astype(np.uint8)[..., ::-1])
-    width = max(1, round(max(image.shape[:2]) / 400))
-    for box in boxes:
-        corners = [round(edge) for edge in (box.left, box.top, box.right, box.bottom)]
-        cv2.rectangle(shown, (corners[0], corners[1]), (corners[2], corners[3]), (0, 255, 0), width)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        done = cv2.imwrite(str(path), shown)
-    except OSError:
-        done = False
-    if not done:
-        raise OutputError(f"{path}: cannot be written, expected a writable place")
-
-
-def _halves(folder: Path, evaluate: bool = False) -> "tuple[Dataset, Dataset]":
+def _training_and_validation(folder: Path, evaluate: bool = False) -> "tuple[DetectionDataset, DetectionDataset]":
     """What to train on and what to judge by: two folders where there are two, else every tenth picture is held out."""
     import numpy as np
 
     from rpojax.training.synthetic_data import detection_dataset
 
     if (folder / _VALIDATION).is_dir():
-        unseen = detection_dataset.read(folder / _VALIDATION)
-        return (unseen if evaluate else detection_dataset.read(folder / _TRAINING)), unseen
-    whole = detection_dataset.read(folder)
+        unseen = detection_dataset.read_dataset(folder / _VALIDATION)
+        return (unseen if evaluate else detection_dataset.read_dataset(folder / _TRAINING)), unseen
+    whole = detection_dataset.read_dataset(folder)
     if evaluate:
         return whole, whole
     number = np.arange(len(whole))
     if len(whole) < 20:
         raise detection_dataset.DatasetError(f"{folder}: found {len(whole)} images, expected at least 20 to train on")
-    return whole.part(number[number % 10 != 0]), whole.part(number[number % 10 == 0])
+    return whole.subset(number[number % 10 != 0]), whole.subset(number[number % 10 == 0])
 
 
-def _preview(dataset: "Dataset", path: Path) -> None:
+def _preview(dataset: "DetectionDataset", path: Path) -> None:
     import cv2
 
-    from rpojax.training.synthetic_data.detection_dataset import drawn
+    from rpojax.training.synthetic_data.detection_dataset import draw_boxes
 
     path.parent.mkdir(parents=True, exist_ok=True)
-    if not cv2.imwrite(str(path), drawn(dataset.images, dataset.boxes)):
+    if not cv2.imwrite(str(path), draw_boxes(dataset.images, dataset.boxes)):
         raise OutputError(f"{path}: cannot be written, expected a writable place")
 
 
-def _tell(content: dict[str, Any], as_json: bool) -> None:
+def _print_result(content: dict[str, Any], as_json: bool) -> None:
     if as_json:
         print(json.dumps(content, indent=2, allow_nan=False))
         return

@@ -6,13 +6,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from tyro.conf import arg
 
-from rpojax.cli import console, replay
-from rpojax.cli.arguments import AsJson, Folder, NoCache, Status, print_json
+from rpojax.cli import replay
+from rpojax.cli.arguments import AsJson, Folder, NoCache
+from rpojax.cli.console import print_json
+from rpojax.cli.exit_status import Status
 from rpojax.runtime.jax_environment import prepare_jax
+from rpojax.runtime.progress import item_progress
 
 if TYPE_CHECKING:
-    from rpojax.interop.ros2.message_values import TickValues
-    from rpojax.interop.run_replay import Agreement, Flight
+    from rpojax.interop.ros2.message_values import RosTickValues
+    from rpojax.interop.run_replay import ReplayAgreement, ReplayedRun
 
 
 def export_bag(
@@ -34,27 +37,29 @@ def export_bag(
     """One run of a campaign as a ROS 2 bag, without ROS; the run is flown again, alone."""
     prepare_jax(cache=not no_cache)
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.interop.ros2 import bag_writing, message_values
+    from rpojax.interop.ros2 import mcap_sqlite3_writer, message_values
     from rpojax.interop.ros2.message_types import typestore
 
     typestore()
-    bag_writing.claim(out, force)
+    mcap_sqlite3_writer.check_output(out, force)
     found = Campaign(directory)
-    kind = bag_writing.images_of(found.asked["scenario"]["camera"]["model"], images)
+    kind = mcap_sqlite3_writer.resolve_image_storage(found.configuration["scenario"]["camera"]["model"], images)
     begin = time.perf_counter()
-    flight, agreement = replay.fly_again(found, run_id, message_values.observe, as_json)
+    flight, agreement = replay.replay_run(found, run_id, message_values.observe_tick, as_json)
     flown = time.perf_counter()
-    with console.counting("writing ticks", quiet=as_json) as watch:
-        count = bag_writing.export(flight, out, bag_writing.Format(form), kind, force, watch)
-    _tell(out, count, flight, agreement, {"fly_s": flown - begin, "write_s": time.perf_counter() - flown}, as_json)
+    with item_progress("writing ticks", quiet=as_json) as watch:
+        count = mcap_sqlite3_writer.write_run(flight, out, mcap_sqlite3_writer.BagFormat(form), kind, force, watch)
+    _print_result(
+        out, count, flight, agreement, {"fly_s": flown - begin, "write_s": time.perf_counter() - flown}, as_json
+    )
     return Status.DONE
 
 
-def _tell(
+def _print_result(
     out: Path,
     count: int,
-    flight: "Flight[TickValues]",
-    agreement: "Agreement | None",
+    flight: "ReplayedRun[RosTickValues]",
+    agreement: "ReplayAgreement | None",
     took: dict[str, float],
     as_json: bool,
 ) -> None:

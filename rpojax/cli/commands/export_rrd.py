@@ -6,15 +6,18 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import arg
 
-from rpojax.cli import console, replay
-from rpojax.cli.arguments import AsJson, Folder, NoCache, Status, print_json
+from rpojax.cli import replay
+from rpojax.cli.arguments import AsJson, Folder, NoCache
+from rpojax.cli.console import print_json
+from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim
 from rpojax.errors import RpojaxError
 from rpojax.runtime.jax_environment import prepare_jax
+from rpojax.runtime.progress import item_progress
 
 if TYPE_CHECKING:
-    from rpojax.interop.rerun_viewer.viewer_values import Shown
-    from rpojax.interop.run_replay import Flight, Shot
+    from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
+    from rpojax.interop.run_replay import PosedPicture, ReplayedRun
 
 
 def export_rrd(
@@ -33,13 +36,13 @@ def export_rrd(
         raise RpojaxError(f"--every: found {every}, expected at least 1")
     prepare_jax(cache=not no_cache)
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.interop.rerun_viewer import rerun_recording, viewer_values
+    from rpojax.interop.rerun_viewer import rerun_recording, viewer_channels
 
-    rerun_recording.check()
+    rerun_recording.require_rerun()
     found = Campaign(directory)
-    flight, agreement = replay.fly_again(found, run_id, viewer_values.observe, as_json)
-    with console.counting("taking pictures", quiet=as_json) as watch:
-        written = rerun_recording.write(flight, out, _shots(flight, every, watch))
+    flight, agreement = replay.replay_run(found, run_id, viewer_channels.observe_tick, as_json)
+    with item_progress("taking pictures", quiet=as_json) as watch:
+        written = rerun_recording.write_recording(flight, out, _shots(flight, every, watch))
     if as_json:
         told = {"ticks": written.ticks, "pictures": written.pictures, "size_bytes": written.size_bytes}
         print_json({"file": str(out), "run_id": run_id, **told, "agreement": replay.content(agreement)})
@@ -49,7 +52,9 @@ def export_rrd(
     return Status.DONE
 
 
-def _shots(flight: "Flight[Shown]", every: int, watch: Callable[..., None]) -> "Iterator[Shot] | None":
+def _shots(
+    flight: "ReplayedRun[ViewerChannels]", every: int, watch: Callable[..., None]
+) -> "Iterator[PosedPicture] | None":
     """Pictures of a rendered camera, None of the others, which take none."""
     if flight.file.camera.model != "rendered":
         return None
@@ -57,8 +62,8 @@ def _shots(flight: "Flight[Shown]", every: int, watch: Callable[..., None]) -> "
 
     ticks = range(0, flight.ticks, every)
 
-    def counted() -> "Iterator[Shot]":
-        for count, shot in enumerate(run_replay.pictures(flight, ticks)):
+    def counted() -> "Iterator[PosedPicture]":
+        for count, shot in enumerate(run_replay.rerendered_pictures(flight, ticks)):
             yield shot
             watch(count + 1, len(ticks))
 

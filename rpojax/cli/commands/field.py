@@ -11,17 +11,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 from tyro.conf import Positional, arg
 
-from rpojax.cli.console import counting
 from rpojax.cli.output_paths import claim, resumable
 from rpojax.errors import RpojaxError
+from rpojax.runtime.progress import item_progress
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from rpojax.training.radiance_field.evaluate_field import Pictures
+    from rpojax.training.radiance_field.evaluate_field import RenderedViews
     from rpojax.training.synthetic_data.ray_tracing import Views
     from rpojax.training.synthetic_data.target_mesh import TargetMesh
-    from rpojax.vision.radiance_field.target_field import Field
+    from rpojax.vision.radiance_field.target_field import RadianceField
 
 Mesh = Annotated[str, arg(metavar="MESH", help="Mesh file (glb, obj, ply, stl), or 'target' for the packaged one.")]
 Units = Annotated[str | None, arg(metavar="UNIT", help="Units of the mesh: m, cm, mm, in, ft.")]
@@ -64,15 +64,17 @@ def train(
     from rpojax.training.synthetic_data import ray_tracing, target_mesh
     from rpojax.vision.weight_files import save_field
 
-    target = target_mesh.load(mesh, units, center)
+    target = target_mesh.load_mesh(mesh, units, center)
     work = out.with_name(out.name + ".work")
-    shell = ray_tracing.Shell(views, range_scale=(0.9, 1.15), seed=seed)
-    recipe = train_field.Recipe(steps=steps, seed=seed, kind=kind, limit_s=None if minutes is None else 60.0 * minutes)
+    shell = ray_tracing.ViewSampling(views, range_scale=(0.9, 1.15), seed=seed)
+    recipe = train_field.FieldTrainingOptions(
+        steps=steps, seed=seed, kind=kind, limit_s=None if minutes is None else 60.0 * minutes
+    )
     preview = work / "contact_sheet.png"
     with resumable(work):
-        with counting("ray tracing", quiet=as_json) as watch:
-            traced = ray_tracing.render(target, shell, work, watch, partial(_preview, preview, as_json))
-        with counting("training", quiet=as_json) as watch:
+        with item_progress("ray tracing", quiet=as_json) as watch:
+            traced = ray_tracing.ray_trace_views(target, shell, work, watch, partial(_preview, preview, as_json))
+        with item_progress("training", quiet=as_json) as watch:
             field, history = train_field.train(
                 target,
                 traced,
@@ -84,12 +86,12 @@ def train(
     placed = (f" --units {units}" if units else "") + (" --center" if center else "")
     command = f"rpojax field train {Path(mesh).name} --out {out.name}{placed}"
     command += f" --kind {kind} --views {views} --steps {steps} --seed {seed}"
-    card = train_field.card(target, traced, recipe, history, command)
+    card = train_field.model_card(target, traced, recipe, history, command)
     save_field(field, out, card)
-    hull = target_mesh.outline(target)
+    hull = target_mesh.outline_vertices(target)
     files = {"field": str(out), "bytes": out.stat().st_size, "first_views": str(preview)}
     scenario = {"hull_m": hull.tolist(), "target_size_m": round(target_mesh.apparent_size(hull), 3)}
-    _tell({**files, **card, **scenario}, as_json)
+    _print_result({**files, **card, **scenario}, as_json)
     return 0
 
 
@@ -119,13 +121,13 @@ def evaluate(
         claim(sheet, force, (".png",))
     from rpojax.training.radiance_field import evaluate_field
 
-    target, network = _both(mesh, units, center, field)
-    traced = _fresh(target, network, views, samples, seed, range_m, fov_deg, as_json)
-    with counting("rendering", quiet=as_json) as watch:
-        shown = evaluate_field.pictures(network, traced, watch)
+    target, network = _mesh_and_field(mesh, units, center, field)
+    traced = _ray_trace_fresh_views(target, network, views, samples, seed, range_m, fov_deg, as_json)
+    with item_progress("rendering", quiet=as_json) as watch:
+        shown = evaluate_field.render_views(network, traced, watch)
     if sheet:
         _compare(sheet, shown, traced)
-    _tell(evaluate_field.figures(shown, traced), as_json)
+    _print_result(evaluate_field.field_metrics(shown, traced), as_json)
     return 0
 
 
@@ -161,54 +163,56 @@ def render(
 
     from rpojax.report.atomic_output import write_atomically
     from rpojax.vision.imaging import contact_sheets
-    from rpojax.vision.imaging.turntable import azimuths, turntable
+    from rpojax.vision.imaging.turntable import camera_azimuths, render_turntable
     from rpojax.vision.weight_files import load_field
 
     network, _ = load_field(field)
-    around = azimuths(frames, azimuth_deg)
-    with counting("rendering", quiet=as_json) as watch:
-        pictures = _counted(turntable(network, around, size_px, np.array(sun), elevation_deg), frames, watch)
+    around = camera_azimuths(frames, azimuth_deg)
+    with item_progress("rendering", quiet=as_json) as watch:
+        pictures = _counted(render_turntable(network, around, size_px, np.array(sun), elevation_deg), frames, watch)
         if still:
             captions = [f"azimuth {azimuth:.0f} deg" for azimuth in around] if frames > 1 else []
             columns = min(8, math.ceil(math.sqrt(frames)))
-            content = contact_sheets.sheet_png(np.stack(list(pictures)), columns, captions)
+            content = contact_sheets.contact_sheet_png(np.stack(list(pictures)), columns, captions)
         else:
-            content = contact_sheets.film_mp4(pictures, size_px)
+            content = contact_sheets.video_mp4(pictures, size_px)
     write_atomically(out, content)
-    _tell({"file": str(out), "frames": frames, "bytes": len(content)}, as_json)
+    _print_result({"file": str(out), "frames": frames, "bytes": len(content)}, as_json)
     return 0
 
 
-def _both(mesh: str | None, units: str | None, center: bool, field: Path | None) -> "tuple[TargetMesh, Field]":
+def _mesh_and_field(
+    mesh: str | None, units: str | None, center: bool, field: Path | None
+) -> "tuple[TargetMesh, RadianceField]":
     from rpojax.training.synthetic_data import target_mesh
     from rpojax.vision.weight_files import load_field
 
     network, card = load_field(field)
     trained_on = card.get("target")
-    if mesh is None and trained_on != target_mesh.PACKAGED:
+    if mesh is None and trained_on != target_mesh.PACKAGED_TARGET:
         raise RpojaxError(f"--mesh: missing, expected the mesh that {field} was trained on, {trained_on!r}")
-    target = target_mesh.load(mesh or target_mesh.PACKAGED, units, center)
+    target = target_mesh.load_mesh(mesh or target_mesh.PACKAGED_TARGET, units, center)
     _check_same(target, network)
     return target, network
 
 
-def _check_same(mesh: "TargetMesh", field: "Field") -> None:
+def _check_same(mesh: "TargetMesh", field: "RadianceField") -> None:
     """Raises where a mesh is not where a field is: another one, or other units."""
     import numpy as np
 
-    from rpojax.vision.radiance_field.target_field import bounding_ball
+    from rpojax.vision.radiance_field.target_field import bounding_sphere
 
     low, high = mesh.bounds
-    middle, radius = (np.asarray(value) for value in bounding_ball(field))
+    middle, radius = (np.asarray(value) for value in bounding_sphere(field))
     size = 0.5 * float(np.linalg.norm(high - low))
     if not 0.8 < radius / size < 1.3 or np.linalg.norm(middle - 0.5 * (low + high)) > 0.1 * size:
         found = f"{mesh.name} with a span of {float((high - low).max()):.3g} m"
         raise RpojaxError(f"--mesh, --units, --center: found {found}, expected the mesh of the field in its place")
 
 
-def _fresh(
+def _ray_trace_fresh_views(
     mesh: "TargetMesh",
-    field: "Field",
+    field: "RadianceField",
     views: int,
     samples: int,
     seed: int,
@@ -217,18 +221,20 @@ def _fresh(
     quiet: bool,
 ) -> "Views":
     from rpojax.training.synthetic_data import ray_tracing
-    from rpojax.vision.radiance_field.target_field import bounding_ball
+    from rpojax.vision.radiance_field.target_field import bounding_sphere
 
     radius = ray_tracing.center_and_radius(mesh.bounds)[1]
-    least = 1.02 * max(radius, float(bounding_ball(field)[1]))
+    least = 1.02 * max(radius, float(bounding_sphere(field)[1]))
     distance = ray_tracing.nominal_range(radius, fov_deg) if range_m is None else range_m
     if not distance > least:
         how = "--fov-deg" if range_m is None else "--range-m"
         raise RpojaxError(f"{how}: found a range of {distance:.3g} m, expected the camera outside of {least:.3g} m")
     # Training draws from the seed itself; these views are others.
-    shell = ray_tracing.Shell(views, samples=samples, seed=1_000_003 + seed, range_m=range_m, field_of_view_deg=fov_deg)
-    with counting("ray tracing", quiet=quiet) as watch:
-        traced = ray_tracing.render(mesh, shell, None, watch)
+    shell = ray_tracing.ViewSampling(
+        views, samples=samples, seed=1_000_003 + seed, range_m=range_m, field_of_view_deg=fov_deg
+    )
+    with item_progress("ray tracing", quiet=quiet) as watch:
+        traced = ray_tracing.ray_trace_views(mesh, shell, None, watch)
     if not (traced.alpha > _LEAST_ALPHA).any():
         raise RpojaxError(
             "--range-m, --fov-deg: found views in which the target covers no pixel, expected a nearer one"
@@ -245,12 +251,12 @@ def _preview(path: Path, quiet: bool, rgb: "np.ndarray", alpha: "np.ndarray") ->
     from rpojax.report.atomic_output import write_atomically
     from rpojax.vision.imaging import contact_sheets
 
-    write_atomically(path, contact_sheets.sheet_png(contact_sheets.before_backdrop(rgb, alpha), columns=8))
+    write_atomically(path, contact_sheets.contact_sheet_png(contact_sheets.over_backdrop(rgb, alpha), columns=8))
     if not quiet:
         print(f"rpojax: first views: {path}", file=sys.stderr)
 
 
-def _compare(path: Path, shown: "Pictures", traced: "Views", count: int = 8) -> None:
+def _compare(path: Path, shown: "RenderedViews", traced: "Views", count: int = 8) -> None:
     """Writes ray traces, the field's pictures and the differences of their codes as three rows."""
     import numpy as np
 
@@ -258,10 +264,10 @@ def _compare(path: Path, shown: "Pictures", traced: "Views", count: int = 8) -> 
     from rpojax.training.radiance_field import evaluate_field
     from rpojax.vision.imaging import contact_sheets
 
-    error = np.abs(evaluate_field.codes(shown.rgb[:count]) - evaluate_field.codes(traced.rgb[:count]))
-    rows = [contact_sheets.before_backdrop(p.rgb[:count], p.alpha[:count]) for p in (traced, shown)]
+    error = np.abs(evaluate_field.srgb_codes(shown.rgb[:count]) - evaluate_field.srgb_codes(traced.rgb[:count]))
+    rows = [contact_sheets.over_backdrop(p.rgb[:count], p.alpha[:count]) for p in (traced, shown)]
     captions = [f"{name} {i}" for name in ("ray trace", "field", "difference") for i in range(len(error))]
-    write_atomically(path, contact_sheets.sheet_png(np.concatenate([*rows, error]), len(error), captions))
+    write_atomically(path, contact_sheets.contact_sheet_png(np.concatenate([*rows, error]), len(error), captions))
 
 
 def _counted(pictures: "Iterator[np.ndarray]", total: int, watch: Callable[..., None]) -> "Iterator[np.ndarray]":
@@ -270,7 +276,7 @@ def _counted(pictures: "Iterator[np.ndarray]", total: int, watch: Callable[..., 
         yield picture
 
 
-def _tell(content: dict[str, Any], as_json: bool) -> None:
+def _print_result(content: dict[str, Any], as_json: bool) -> None:
     if as_json:
         print(json.dumps(content, indent=2, allow_nan=False))
         return

@@ -8,18 +8,20 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
 
-from rpojax.cli.arguments import AsJson, NoCache, Out, Overrides, Seed, Source, Status, load, print_json
-from rpojax.cli.console import busy
+from rpojax.cli.arguments import AsJson, NoCache, Out, Overrides, Seed, Source, load
+from rpojax.cli.console import print_json
+from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim
 from rpojax.errors import RpojaxError
-from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
+from rpojax.runtime.progress import busy
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from rpojax.analysis.linear_covariance.error_budget import Budget
+    from rpojax.analysis.linear_covariance.error_budget import ErrorBudget
     from rpojax.analysis.linear_covariance.linear_covariance import LinearCovariance
-    from rpojax.analysis.linear_covariance.monte_carlo_agreement import Agreement, Sampled
+    from rpojax.analysis.linear_covariance.monte_carlo_agreement import ChannelAgreement, MonteCarloSample
     from rpojax.scenario.schema import ScenarioFile
 
 _JSON, _ARRAYS = "lincov.json", "lincov.npz"
@@ -50,20 +52,20 @@ def lincov(
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     file = load(scenario, overrides)
     prepare_jax(cache=not no_cache)
-    prepare_loop(rendered=False)
+    set_loop_fusion_flag(rendered=False)
     from rpojax.analysis.linear_covariance import error_budget, linear_covariance, monte_carlo_agreement
     from rpojax.campaign import preflight
 
     preflight.check_numbers(max(runs, 1), 0, seed, None)
-    linear_covariance.check(file)
+    linear_covariance.check_scenario(file)
     with busy("linear covariance", quiet=as_json):
-        found = linear_covariance.analyse(file, members)
+        found = linear_covariance.analyse_scenario(file, members)
     sampled, agreement = None, []
     if runs:
         with busy(f"flying {runs} runs", quiet=as_json):
-            sampled = monte_carlo_agreement.fly(file, runs, seed)
-        agreement = monte_carlo_agreement.compare(found, sampled)
-    budget = error_budget.budget(found)
+            sampled = monte_carlo_agreement.simulate_sample(file, runs, seed)
+        agreement = monte_carlo_agreement.compare_with_sample(found, sampled)
+    budget = error_budget.error_budget(found)
     content = _content(file, members, found, budget, sampled, agreement, seed)
     _write(out, file, found, budget, sampled, content)
     if as_json:
@@ -77,9 +79,9 @@ def _content(
     file: "ScenarioFile",
     members: int,
     found: "LinearCovariance",
-    budget: "Budget",
-    sampled: "Sampled | None",
-    agreement: "list[Agreement]",
+    budget: "ErrorBudget",
+    sampled: "MonteCarloSample | None",
+    agreement: "list[ChannelAgreement]",
     seed: int,
 ) -> dict[str, Any]:
     from rpojax.analysis.linear_covariance.monte_carlo_agreement import CHANNELS
@@ -109,7 +111,7 @@ def _content(
     }
 
 
-def _warnings(found: "LinearCovariance", agreement: "list[Agreement]") -> list[str]:
+def _warnings(found: "LinearCovariance", agreement: "list[ChannelAgreement]") -> list[str]:
     """What a reader should know before trusting the numbers."""
     warnings = [f"{name}: its spread is too large for a derivative; left out" for name in found.left_out]
     return warnings + [
@@ -126,8 +128,8 @@ def _write(
     out: Path,
     file: "ScenarioFile",
     found: "LinearCovariance",
-    budget: "Budget",
-    sampled: "Sampled | None",
+    budget: "ErrorBudget",
+    sampled: "MonteCarloSample | None",
     content: dict[str, Any],
 ) -> None:
     import numpy as np
@@ -141,10 +143,10 @@ def _write(
         figures.formation_error(found, desired, sampled),
         figures.estimation_error(found, sampled),
         figures.delta_v(found, decisions, sampled),
-        figures.budget(budget),
+        figures.error_budget(budget),
     )
     for name, figure in zip(_FIGURES, drawn, strict=True):
-        figures.write(figure, out / name)
+        figures.write_png(figure, out / name)
     stream = io.BytesIO()
     np.savez_compressed(stream, allow_pickle=False, **_arrays(found))
     write_atomically(out / _ARRAYS, stream.getvalue())

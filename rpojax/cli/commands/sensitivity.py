@@ -6,15 +6,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import UseAppendAction, arg
 
-from rpojax.cli.arguments import AsJson, NoCache, Overrides, Seed, Source, Status, load, print_json
-from rpojax.cli.console import busy
+from rpojax.cli.arguments import AsJson, NoCache, Overrides, Seed, Source, load
+from rpojax.cli.console import print_json
+from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim
-from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
+from rpojax.runtime.progress import busy
 
 if TYPE_CHECKING:
-    from rpojax.analysis.reliability.derivative_sensitivity import Agreement, Sensitivity
+    from rpojax.analysis.reliability.derivative_sensitivity import MetricSensitivity, RankingAgreement
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.dispersions.standard_normal import NormalSpace
+    from rpojax.dispersions.standard_normal_space import StandardNormalSpace
 
 
 def sensitivity(
@@ -46,24 +48,24 @@ def sensitivity(
         claim(out, force, (".json",))
     file = load(scenario, overrides)
     prepare_jax(cache=not no_cache)
-    prepare_loop(rendered=file.camera.model == "rendered")
+    set_loop_fusion_flag(rendered=file.camera.model == "rendered")
     from rpojax.analysis.reliability import derivative_sensitivity as analysis
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.dispersions import standard_normal
+    from rpojax.dispersions import standard_normal_space
     from rpojax.report.atomic_output import write_json
-    from rpojax.report.json_values import plain
+    from rpojax.report.json_values import to_json_types
 
-    metrics, space = analysis.metrics_of(file, metric), standard_normal.make(file)
+    metrics, space = analysis.select_metrics(file, metric), standard_normal_space.make_space(file)
     sampled = None if campaign is None else Campaign(campaign)
     with busy("compiling flights and their derivatives (a minute or two), then flying", quiet=as_json):
-        found = analysis.analyse(space, metrics, runs, seed)
+        found = analysis.derivative_sensitivities(space, metrics, runs, seed)
     beside = [None if sampled is None else _beside(one, space, sampled) for one in found]
-    content = plain(
+    content = to_json_types(
         {
             "scenario": file.name,
             "seed": seed,
             "runs": runs,
-            "held": list(space.held),
+            "held": list(space.unmapped),
             "metrics": [_entry(one, other) for one, other in zip(found, beside, strict=True)],
         }
     )
@@ -76,7 +78,7 @@ def sensitivity(
     return Status.DONE
 
 
-def _beside(found: "Sensitivity", space: "NormalSpace", sampled: "Campaign") -> "Agreement | None":
+def _beside(found: "MetricSensitivity", space: "StandardNormalSpace", sampled: "Campaign") -> "RankingAgreement | None":
     import numpy as np
 
     from rpojax.analysis.reliability import derivative_sensitivity as analysis
@@ -85,12 +87,14 @@ def _beside(found: "Sensitivity", space: "NormalSpace", sampled: "Campaign") -> 
     if found.metric not in sampled.metrics:
         return None
     columns = {
-        name: column for name, column in dispersion_keys.columns(sampled.drawn).items() if np.isfinite(column).all()
+        name: column
+        for name, column in dispersion_keys.component_columns(sampled.drawn).items()
+        if np.isfinite(column).all()
     }
-    return analysis.compare(found, space, columns, sampled.metrics[found.metric])
+    return analysis.compare_with_sampling(found, space, columns, sampled.metrics[found.metric])
 
 
-def _entry(found: "Sensitivity", beside: "Agreement | None") -> dict[str, Any]:
+def _entry(found: "MetricSensitivity", beside: "RankingAgreement | None") -> dict[str, Any]:
     """Part of the JSON about one metric."""
     import numpy as np
 
@@ -107,37 +111,41 @@ def _entry(found: "Sensitivity", beside: "Agreement | None") -> dict[str, Any]:
     }
 
 
-def _show(found: "tuple[Sensitivity, ...]", beside: "list[Agreement | None]", space: "NormalSpace") -> None:
+def _show(
+    found: "tuple[MetricSensitivity, ...]", beside: "list[RankingAgreement | None]", space: "StandardNormalSpace"
+) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from rpojax.report.labels import number
+    from rpojax.report.labels import format_number
 
     console = Console(highlight=False)
     for one, other in zip(found, beside, strict=True):
-        table = Table(title=f"{one.metric}: {number(one.sigma)} {one.unit} by dispersions, {len(one.values)} runs")
+        table = Table(
+            title=f"{one.metric}: {format_number(one.sigma)} {one.unit} by dispersions, {len(one.values)} runs"
+        )
         table.add_column("input")
         for heading in (f"trend [{one.unit}]", "sigma", "median run", "most of one run", "by sampling"):
             table.add_column(heading, justify="right")
         for share in one.shares[:10]:
             strength = None if other is None else other.strengths.get(share.name)
             cells = (
-                number(share.trend),
-                number(share.sigma),
-                number(share.nominal),
+                format_number(share.trend),
+                format_number(share.sigma),
+                format_number(share.nominal),
                 f"{share.one_run:.0%}",
-                number(strength, 2),
+                format_number(strength, 2),
             )
             table.add_row(share.name, *cells)
         console.print(table)
         if other is not None:
             console.print(
-                f"{other.runs} sampled runs: standard deviation {number(other.std)} {one.unit}, "
+                f"{other.runs} sampled runs: standard deviation {format_number(other.std)} {one.unit}, "
                 f"{len(other.both)} of the {len(other.leading)} leading inputs agree, rank correlation of both orders "
-                f"{number(other.rank_correlation, 2)}",
+                f"{format_number(other.rank_correlation, 2)}",
                 soft_wrap=True,
             )
         if one.kink is not None:
             console.print(f"{one.metric} is {one.kink}", soft_wrap=True)
-    if space.held:
-        console.print(f"held at what each run draws: {', '.join(space.held)}", soft_wrap=True)
+    if space.unmapped:
+        console.print(f"held at what each run draws: {', '.join(space.unmapped)}", soft_wrap=True)

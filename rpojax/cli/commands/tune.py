@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import UseAppendAction, arg
 
-from rpojax.cli import console
-from rpojax.cli.arguments import AsJson, NoCache, Overrides, Seed, Source, Status, load, print_json
+from rpojax.cli.arguments import AsJson, NoCache, Overrides, Seed, Source, load
+from rpojax.cli.console import print_json
+from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim, resumable
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
+from rpojax.runtime.progress import item_progress
 
 if TYPE_CHECKING:
-    from rpojax.analysis.gradients.tuning import Settings, Step, Tuned
-    from rpojax.analysis.gradients.tuning_validation import Judgement
+    from rpojax.analysis.gradients.gradient_descent import TuningResult, TuningSettings, TuningStep
+    from rpojax.analysis.gradients.tuning_validation import Validation
     from rpojax.scenario.schema import ScenarioFile
 
 SHOWN = (
@@ -67,20 +69,24 @@ def tune(
         raise RpojaxError(f"--judge: found {judge}, expected 0 or at least 2")
     file = load(scenario, overrides)
     prepare_jax(cache=not no_cache)
-    prepare_loop(rendered=file.camera.model == "rendered")
-    from rpojax.analysis.gradients import tuning, tuning_validation
+    set_loop_fusion_flag(rendered=file.camera.model == "rendered")
+    from rpojax.analysis.gradients import gradient_descent, tuning_validation
 
-    words = tuning.names_of_parameters(parameters or ("navigation",))
-    settings = tuning.Settings(words, runs, steps, seed, horizon, rate)
+    words = gradient_descent.split_names(parameters or ("navigation",))
+    settings = gradient_descent.TuningSettings(words, runs, steps, seed, horizon, rate)
     out.parent.mkdir(parents=True, exist_ok=True)
     begin = time.perf_counter()
-    with resumable(progress), console.counting("tuning", quiet=as_json) as watch:
-        tuned = tuning.tune(file, settings, progress, resume, lambda number, step: watch(number, steps, _note(step)))
-    better = tuning.tuned_scenario(file, tuned.values)
+    with resumable(progress), item_progress("tuning", quiet=as_json) as watch:
+        tuned = gradient_descent.descend(
+            file, settings, progress, resume, lambda number, step: watch(number, steps, _note(step))
+        )
+    better = gradient_descent.tuned_scenario(file, tuned.values)
     found = None
     if judge:
-        with console.counting("judging", quiet=as_json) as watch:
-            found = tuning_validation.judge(file, better, seed + 1, judge, lambda share: watch(round(100 * share), 100))
+        with item_progress("judging", quiet=as_json) as watch:
+            found = tuning_validation.validate(
+                file, better, seed + 1, judge, lambda share: watch(round(100 * share), 100)
+            )
     content = story(file, settings, tuned, found, time.perf_counter() - begin)
     _write(out, report, better, content)
     progress.unlink(missing_ok=True)
@@ -98,18 +104,18 @@ def _check_progress(progress: Path, resume: bool, force: bool) -> None:
         raise OutputError(f"{progress}: a tuning is under way; --resume goes on with it, --force begins anew")
 
 
-def _note(step: "Step") -> str:
+def _note(step: "TuningStep") -> str:
     return f"objective {step.objective:.4f}"
 
 
 def story(
-    file: "ScenarioFile", settings: "Settings", tuned: "Tuned", found: "Judgement | None", total_s: float
+    file: "ScenarioFile", settings: "TuningSettings", tuned: "TuningResult", found: "Validation | None", total_s: float
 ) -> dict[str, Any]:
     """What happened, as plain numbers."""
-    from rpojax.report.json_values import plain
+    from rpojax.report.json_values import to_json_types
     from rpojax.scenario import schema
 
-    changes = {key: {"from": schema.nominal(file, key), "to": value} for key, value in tuned.values.items()}
+    changes = {key: {"from": schema.nominal_value(file, key), "to": value} for key, value in tuned.values.items()}
     content: dict[str, Any] = {
         "scenario": file.name,
         "settings": dataclasses.asdict(settings),
@@ -125,12 +131,12 @@ def story(
     if found is not None:
         content["judged"] = {
             "seed": found.seed,
-            "runs": len(found.first.run_ids),
-            "failed": [int((~each.completed).sum()) for each in (found.first, found.second)],
+            "runs": len(found.baseline.run_ids),
+            "failed": [int((~each.completed).sum()) for each in (found.baseline, found.tuned)],
             "means": {name: dataclasses.asdict(change) for name, change in found.means.items()},
             "medians": [dataclasses.asdict(change) for change in found.medians.metrics],
         }
-    return plain(content)
+    return to_json_types(content)
 
 
 def _write(out: Path, report: Path, better: "ScenarioFile", content: dict[str, Any]) -> None:
@@ -148,7 +154,7 @@ def _show(content: dict[str, Any], out: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from rpojax.report.labels import metric, number
+    from rpojax.report.labels import format_number, metric_label
 
     shown = Console(highlight=False)
     for key, change in content["changes"].items():
@@ -162,9 +168,14 @@ def _show(content: dict[str, Any], out: Path) -> None:
             table.add_column(heading, justify="left" if heading in ("metric", "unit") else "right")
         for name in SHOWN:
             if change := judged["means"].get(name):
-                label, (low, high) = metric(name), change["ratio_95"]
-                interval = f"{number(low, 3)} to {number(high, 3)}"
-                cells = number(change["first"]), number(change["second"]), number(change["ratio"], 3), interval
+                label, (low, high) = metric_label(name), change["ratio_95"]
+                interval = f"{format_number(low, 3)} to {format_number(high, 3)}"
+                cells = (
+                    format_number(change["first"]),
+                    format_number(change["second"]),
+                    format_number(change["ratio"], 3),
+                    interval,
+                )
                 table.add_row(label.title, label.unit, *cells)
         shown.print(table)
         if verdict := _verdict(judged["means"]):

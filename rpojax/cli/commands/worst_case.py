@@ -5,14 +5,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
 
-from rpojax.cli.arguments import AsJson, NoCache, Out, Overrides, Seed, Source, Status, load, print_json
-from rpojax.cli.console import busy
+from rpojax.cli.arguments import AsJson, NoCache, Out, Overrides, Seed, Source, load
+from rpojax.cli.console import print_json
+from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim_folder
 from rpojax.errors import OutputError
-from rpojax.runtime.jax_environment import prepare_jax, prepare_loop
+from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
+from rpojax.runtime.progress import busy
 
 if TYPE_CHECKING:
-    from rpojax.analysis.reliability.worst_case import Worst
+    from rpojax.analysis.reliability.worst_case import WorstCase
 
 _SCENARIO, _RECORD, _FLIGHT = "worst_case.toml", "worst_case.json", "flight"
 
@@ -39,23 +41,23 @@ def worst_case(
     file = load(scenario, overrides)
     _claim(out, force)
     prepare_jax(cache=not no_cache)
-    prepare_loop(rendered=file.camera.model == "rendered")
-    from rpojax.analysis.gradients.evaluation_log import Effort
+    set_loop_fusion_flag(rendered=file.camera.model == "rendered")
     from rpojax.analysis.reliability import metric_limit, worst_case_record
     from rpojax.analysis.reliability import worst_case as analysis
-    from rpojax.dispersions import standard_normal
+    from rpojax.analysis.reliability.evaluation_log import SearchSettings
+    from rpojax.dispersions import standard_normal_space
     from rpojax.report.atomic_output import write_atomically, write_json
-    from rpojax.report.json_values import plain
+    from rpojax.report.json_values import to_json_types
 
-    chosen = metric_limit.bound_of(file, requirement, metric, limit, bound)
-    space = standard_normal.make(file)
-    effort = Effort(starts=starts, screened=max(16, starts), budget=budget)
-    analysis.check_effort(effort)
+    chosen = metric_limit.select_limit(file, requirement, metric, limit, bound)
+    space = standard_normal_space.make_space(file)
+    effort = SearchSettings(starts=starts, screening_points=max(16, starts), budget=budget)
+    analysis.check_settings(effort)
     with busy("compiling flights and their gradient (minutes; seconds the next time), then searching", quiet=as_json):
-        worst = analysis.search(space, chosen, effort, seed)
+        worst = analysis.search_worst_case(space, chosen, effort, seed)
     with busy("flying what was found", quiet=as_json):
-        flown = analysis.fly(worst, out / _FLIGHT, force)
-    content = plain(worst_case_record.content(worst, flown))
+        flown = analysis.simulate_worst_case(worst, out / _FLIGHT, force)
+    content = to_json_types(worst_case_record.worst_case_json(worst, flown))
     write_atomically(out / _SCENARIO, _scenario_text(worst, content).encode())
     write_json(out / _RECORD, content)
     if as_json:
@@ -73,7 +75,7 @@ def _claim(out: Path, force: bool) -> None:
             raise OutputError(f"{out / name}: exists already; --force replaces it")
 
 
-def _scenario_text(worst: "Worst", content: dict[str, Any]) -> str:
+def _scenario_text(worst: "WorstCase", content: dict[str, Any]) -> str:
     """The scenario with the point's values, and how to fly it, as TOML."""
     import tomli_w
 
@@ -83,14 +85,14 @@ def _scenario_text(worst: "Worst", content: dict[str, Any]) -> str:
         f"{content['limit']:g} {content['unit']}, {content['distance_sigmas']:.2f} sigmas from the median run.\n"
         f"# rpojax run {_SCENARIO} --seed {content['seed']} --run-id {content['run_id']} --out DIR\n\n"
     )
-    return head + tomli_w.dumps(worst.flyable.model_dump(mode="json"))
+    return head + tomli_w.dumps(worst.pinned_scenario.model_dump(mode="json"))
 
 
 def _show(content: dict[str, Any], out: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from rpojax.report.labels import number
+    from rpojax.report.labels import format_number
 
     console = Console(highlight=False)
     rule = f"{content['metric']} {content['bound']} {content['limit']:g} {content['unit']}"
@@ -99,8 +101,8 @@ def _show(content: dict[str, Any], out: Path) -> None:
         told = f"{rule}: broken {distance} from the median in {run}, first-order probability "
         console.print(told + f"{content['probability_first_order']:.2g} with that run's noise", soft_wrap=True)
     else:
-        told = f"{rule}: no violation found; closest is {number(content['value'])} {content['unit']} at {distance} in "
-        console.print(told + run, soft_wrap=True)
+        told = f"{rule}: no violation found; closest is {format_number(content['value'])} {content['unit']} "
+        console.print(told + f"at {distance} in {run}", soft_wrap=True)
     table = Table()
     for heading in ("dispersion", "sigmas", "value", "nominal"):
         table.add_column(heading, justify="left" if heading == "dispersion" else "right")
@@ -116,7 +118,8 @@ def _show(content: dict[str, Any], out: Path) -> None:
         f"of {cost['batch']}), compilation {cost['compile_s']:.0f} s",
         soft_wrap=True,
     )
-    flown = f"flown: {number(content['value_flown'])} {content['unit']}, the search had {number(content['value'])}"
+    flown = f"flown: {format_number(content['value_flown'])} {content['unit']}, "
+    flown += f"the search had {format_number(content['value'])}"
     if content["found"]:
         flown += "; confirmed" if content["confirmed"] else "; NOT confirmed: the flight keeps the limit"
     console.print(flown, soft_wrap=True)

@@ -46,7 +46,7 @@ class Difference:
         return Difference(value=self.value[index], change=self.change[index])
 
 
-def inverse_length(vector: Difference) -> Difference:
+def inverse_norm(vector: Difference) -> Difference:
     """One over the length of a vector (3,)."""
     square = jnp.sum(vector.value * vector.value, axis=0)
     growth = jnp.sum(vector.change * (2.0 * vector.value + vector.change), axis=0) / square

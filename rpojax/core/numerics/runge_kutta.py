@@ -13,10 +13,10 @@ State = TypeVar("State")
 Method = Literal["rk4", "rk8"]
 Derivative = Callable[[State, Any], State]
 
-_S = math.sqrt(21.0)
+_SQRT_21 = math.sqrt(21.0)
 NODES: dict[Method, tuple[float, ...]] = {
     "rk4": (0.0, 0.5, 1.0),
-    "rk8": (0.0, (7.0 - _S) / 14.0, 0.5, (7.0 + _S) / 14.0, 1.0),
+    "rk8": (0.0, (7.0 - _SQRT_21) / 14.0, 0.5, (7.0 + _SQRT_21) / 14.0, 1.0),
 }
 """Times within a step, as shares of it, at which a method asks for its inputs."""
 
@@ -25,7 +25,7 @@ def step(
     method: Method, derivative: Derivative[State], state: State, inputs: Any, dt: float | Float[Array, ""]
 ) -> State:
     """State after one step of `dt` [s]; see `change`."""
-    return _sum(state, change(method, derivative, state, inputs, dt))
+    return _add(state, increment(method, derivative, state, inputs, dt))
 
 
 def rk4(derivative: Derivative[State], state: State, inputs: Any, dt: float | Float[Array, ""]) -> State:
@@ -33,7 +33,7 @@ def rk4(derivative: Derivative[State], state: State, inputs: Any, dt: float | Fl
     return step("rk4", derivative, state, inputs, dt)
 
 
-def change(
+def increment(
     method: Method, derivative: Derivative[State], state: State, inputs: Any, dt: float | Float[Array, ""]
 ) -> State:
     """What one step of `dt` [s] adds to the state.
@@ -44,8 +44,8 @@ def change(
     return _rk4(derivative, state, inputs, dt) if method == "rk4" else _rk8(derivative, state, inputs, dt)
 
 
-def _sum(state: State, change: State) -> State:
-    return jax.tree.map(lambda y, more: y + more, state, change)
+def _add(state: State, increment: State) -> State:
+    return jax.tree.map(lambda y, more: y + more, state, increment)
 
 
 def _rk4(derivative: Derivative[State], state: State, inputs: Any, dt: float | Float[Array, ""]) -> State:
@@ -70,48 +70,48 @@ def _rk4(derivative: Derivative[State], state: State, inputs: Any, dt: float | F
     return total
 
 
-_RK8_NODE = np.array([0, 2, 2, 3, 3, 2, 1, 1, 2, 3, 4])
-_RK8_WEIGHT = np.array([9, 0, 0, 0, 0, 0, 0, 49, 64, 49, 9]) / 180.0
-_RK8_REACH: dict[tuple[int, int], float] = {
+_RK8_NODE_INDICES = np.array([0, 2, 2, 3, 3, 2, 1, 1, 2, 3, 4])
+_RK8_WEIGHTS = np.array([9, 0, 0, 0, 0, 0, 0, 49, 64, 49, 9]) / 180.0
+_RK8_COEFFICIENTS: dict[tuple[int, int], float] = {
     (1, 0): 1 / 2,
     (2, 0): 1 / 4,
     (2, 1): 1 / 4,
     (3, 0): 1 / 7,
-    (3, 1): -(7 + 3 * _S) / 98,
-    (3, 2): (21 + 5 * _S) / 49,
-    (4, 0): (11 + _S) / 84,
-    (4, 2): (18 + 4 * _S) / 63,
-    (4, 3): (21 - _S) / 252,
-    (5, 0): (5 + _S) / 48,
-    (5, 2): (9 + _S) / 36,
-    (5, 3): (-231 + 14 * _S) / 360,
-    (5, 4): (63 - 7 * _S) / 80,
-    (6, 0): (10 - _S) / 42,
-    (6, 2): (-432 + 92 * _S) / 315,
-    (6, 3): (633 - 145 * _S) / 90,
-    (6, 4): (-504 + 115 * _S) / 70,
-    (6, 5): (63 - 13 * _S) / 35,
+    (3, 1): -(7 + 3 * _SQRT_21) / 98,
+    (3, 2): (21 + 5 * _SQRT_21) / 49,
+    (4, 0): (11 + _SQRT_21) / 84,
+    (4, 2): (18 + 4 * _SQRT_21) / 63,
+    (4, 3): (21 - _SQRT_21) / 252,
+    (5, 0): (5 + _SQRT_21) / 48,
+    (5, 2): (9 + _SQRT_21) / 36,
+    (5, 3): (-231 + 14 * _SQRT_21) / 360,
+    (5, 4): (63 - 7 * _SQRT_21) / 80,
+    (6, 0): (10 - _SQRT_21) / 42,
+    (6, 2): (-432 + 92 * _SQRT_21) / 315,
+    (6, 3): (633 - 145 * _SQRT_21) / 90,
+    (6, 4): (-504 + 115 * _SQRT_21) / 70,
+    (6, 5): (63 - 13 * _SQRT_21) / 35,
     (7, 0): 1 / 14,
-    (7, 4): (14 - 3 * _S) / 126,
-    (7, 5): (13 - 3 * _S) / 63,
+    (7, 4): (14 - 3 * _SQRT_21) / 126,
+    (7, 5): (13 - 3 * _SQRT_21) / 63,
     (7, 6): 1 / 9,
     (8, 0): 1 / 32,
-    (8, 4): (91 - 21 * _S) / 576,
+    (8, 4): (91 - 21 * _SQRT_21) / 576,
     (8, 5): 11 / 72,
-    (8, 6): -(385 + 75 * _S) / 1152,
-    (8, 7): (63 + 13 * _S) / 128,
+    (8, 6): -(385 + 75 * _SQRT_21) / 1152,
+    (8, 7): (63 + 13 * _SQRT_21) / 128,
     (9, 0): 1 / 14,
     (9, 4): 1 / 9,
-    (9, 5): -(733 + 147 * _S) / 2205,
-    (9, 6): (515 + 111 * _S) / 504,
-    (9, 7): -(51 + 11 * _S) / 56,
-    (9, 8): (132 + 28 * _S) / 245,
-    (10, 4): (-42 + 7 * _S) / 18,
-    (10, 5): (-18 + 28 * _S) / 45,
-    (10, 6): -(273 + 53 * _S) / 72,
-    (10, 7): (301 + 53 * _S) / 72,
-    (10, 8): (28 - 28 * _S) / 45,
-    (10, 9): (49 - 7 * _S) / 18,
+    (9, 5): -(733 + 147 * _SQRT_21) / 2205,
+    (9, 6): (515 + 111 * _SQRT_21) / 504,
+    (9, 7): -(51 + 11 * _SQRT_21) / 56,
+    (9, 8): (132 + 28 * _SQRT_21) / 245,
+    (10, 4): (-42 + 7 * _SQRT_21) / 18,
+    (10, 5): (-18 + 28 * _SQRT_21) / 45,
+    (10, 6): -(273 + 53 * _SQRT_21) / 72,
+    (10, 7): (301 + 53 * _SQRT_21) / 72,
+    (10, 8): (28 - 28 * _SQRT_21) / 45,
+    (10, 9): (49 - 7 * _SQRT_21) / 18,
 }
 
 
@@ -120,20 +120,20 @@ def _rk8(derivative: Derivative[State], state: State, inputs: Any, dt: float | F
 
     Cooper and Verner, "Some explicit Runge-Kutta methods of high order", 1972.
     """
-    count = len(_RK8_NODE)
-    reach = np.zeros((count, count))
-    for (row, column), value in _RK8_REACH.items():
-        reach[row, column] = value
+    count = len(_RK8_NODE_INDICES)
+    coefficients = np.zeros((count, count))
+    for (row, column), value in _RK8_COEFFICIENTS.items():
+        coefficients[row, column] = value
 
     def way(slopes: State, weights: Float[Array, " stages"]) -> State:
         return jax.tree.map(lambda k: dt * jnp.tensordot(weights, k, axes=1), slopes)
 
     def stage(slopes: State, plan: tuple[Array, Array, Array]) -> tuple[State, None]:
         number, weights, node = plan
-        slope = derivative(_sum(state, way(slopes, weights)), jax.tree.map(lambda nodes: nodes[node], inputs))
+        slope = derivative(_add(state, way(slopes, weights)), jax.tree.map(lambda nodes: nodes[node], inputs))
         return jax.tree.map(lambda k, new: k.at[number].set(new), slopes, slope), None
 
     none = jax.tree.map(lambda y: jnp.zeros((count, *y.shape), dtype=y.dtype), state)
-    plan = (jnp.arange(count), jnp.asarray(reach), jnp.asarray(_RK8_NODE))
+    plan = (jnp.arange(count), jnp.asarray(coefficients), jnp.asarray(_RK8_NODE_INDICES))
     slopes, _ = jax.lax.scan(stage, none, plan)
-    return way(slopes, jnp.asarray(_RK8_WEIGHT))
+    return way(slopes, jnp.asarray(_RK8_WEIGHTS))

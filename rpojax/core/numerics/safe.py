@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-_TINY = 1e-300
+_SMALLEST_SQUARE = 1e-300
 
 
 def norm(vector: Float[Array, " n"]) -> Float[Array, ""]:
@@ -14,14 +14,14 @@ def norm(vector: Float[Array, " n"]) -> Float[Array, ""]:
 
 def sqrt(x: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
     """Square root of `x` (negative values count as zero), with derivative 0 at and below zero."""
-    positive = x > _TINY
+    positive = x > _SMALLEST_SQUARE
     return jnp.where(positive, jnp.sqrt(jnp.where(positive, x, 1.0)), 0.0)
 
 
 def normalize(vector: Float[Array, " n"]) -> Float[Array, " n"]:
     """Unit vector along `vector` (n,); the zero vector stays zero."""
     square = jnp.sum(vector * vector, axis=0)
-    positive = square > _TINY
+    positive = square > _SMALLEST_SQUARE
     return jnp.where(positive, vector / jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
 
 

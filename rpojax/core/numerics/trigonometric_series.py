@@ -29,8 +29,8 @@ def cos_sin(angle: Float[Array, "*shape"]) -> tuple[Float[Array, "*shape"], Floa
     return cosine, within * sinc
 
 
-_ARCS: Final = [(-1.0) ** k / (2 * k + 1) for k in range(13)]
-_STEP: Final = math.pi / 8.0
+_ARCTAN: Final = [(-1.0) ** k / (2 * k + 1) for k in range(13)]
+_REDUCTION_ANGLE: Final = math.pi / 8.0
 
 
 @jax.custom_jvp
@@ -39,18 +39,18 @@ def arctan2(y: Float[Array, "*shape"], x: Float[Array, "*shape"]) -> Float[Array
 
     A negative zero counts as zero.
     """
-    along, across = jnp.maximum(jnp.abs(x), jnp.abs(y)), jnp.minimum(jnp.abs(x), jnp.abs(y))
+    larger, smaller = jnp.maximum(jnp.abs(x), jnp.abs(y)), jnp.minimum(jnp.abs(x), jnp.abs(y))
     # The nearest of 0, 22.5 and 45 deg is taken off, so that the tangent of what is left is at most 0.2.
-    zone = jnp.where(across > math.tan(0.5 * _STEP) * along, 1.0, 0.0)
-    zone = jnp.where(across > math.tan(1.5 * _STEP) * along, 2.0, zone)
-    slope = jnp.where(zone > 1.5, 1.0, math.tan(_STEP) * zone)
-    below = along + slope * across
-    tangent = (across - slope * along) / jnp.where(below > 0.0, below, 1.0)
+    multiple = jnp.where(smaller > math.tan(0.5 * _REDUCTION_ANGLE) * larger, 1.0, 0.0)
+    multiple = jnp.where(smaller > math.tan(1.5 * _REDUCTION_ANGLE) * larger, 2.0, multiple)
+    multiple_tangent = jnp.where(multiple > 1.5, 1.0, math.tan(_REDUCTION_ANGLE) * multiple)
+    denominator = larger + multiple_tangent * smaller
+    tangent = (smaller - multiple_tangent * larger) / jnp.where(denominator > 0.0, denominator, 1.0)
     square = tangent * tangent
-    series = jnp.full_like(square, _ARCS[-1])
-    for term in reversed(_ARCS[:-1]):
+    series = jnp.full_like(square, _ARCTAN[-1])
+    for term in reversed(_ARCTAN[:-1]):
         series = series * square + term
-    angle = zone * _STEP + tangent * series
+    angle = multiple * _REDUCTION_ANGLE + tangent * series
     angle = jnp.where(jnp.abs(y) > jnp.abs(x), 0.5 * math.pi - angle, angle)
     angle = jnp.where(x < 0.0, math.pi - angle, angle)
     return jnp.where(y < 0.0, -angle, angle)

@@ -21,15 +21,15 @@ def illumination(
     0 in the umbra, between in the penumbra, 1 in the light: overlap of the apparent discs (Montenbruck and Gill,
     Satellite Orbits, section 3.4.2). The value is continuous, and so is its gradient.
     """
-    sun_sine, earth_sine, cosine = _discs(r_N, r_sun_N, radius, radius_sun)
+    sun_sine, earth_sine, cosine = _disc_geometry(r_N, r_sun_N, radius, radius_sun)
     # The library's arc tangents: half of the result's digits hang on their last ones (see `_overlap`).
-    sun_angle = jnp.arctan2(sun_sine, _beside(sun_sine))
-    earth_angle = jnp.arctan2(earth_sine, _beside(earth_sine))
-    separation = jnp.arctan2(_beside(cosine), cosine)
-    return 1.0 - _overlap(sun_angle, earth_angle, separation) / (jnp.pi * sun_angle * sun_angle)
+    sun_angle = jnp.arctan2(sun_sine, _complementary_sine(sun_sine))
+    earth_angle = jnp.arctan2(earth_sine, _complementary_sine(earth_sine))
+    separation = jnp.arctan2(_complementary_sine(cosine), cosine)
+    return 1.0 - _disc_overlap_area(sun_angle, earth_angle, separation) / (jnp.pi * sun_angle * sun_angle)
 
 
-def _discs(
+def _disc_geometry(
     r_N: Vector, r_sun_N: Vector, radius: float | Scalar, radius_sun: float | Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
     """Sines of the apparent radii of Sun and Earth, and the cosine of the angle between their centres."""
@@ -39,17 +39,17 @@ def _discs(
     return radius_sun / sun_distance, jnp.minimum(radius / distance, 1.0), cosine
 
 
-def _beside(sine: Scalar) -> Scalar:
+def _complementary_sine(sine: Scalar) -> Scalar:
     """The cosine that belongs to a sine, or the other way round, of an angle for which it is not negative."""
     return safe.sqrt((1.0 - sine) * (1.0 + sine))
 
 
 def _arc_cosine(cosine: Scalar) -> Scalar:
-    return arctan2(_beside(cosine), cosine)
+    return arctan2(_complementary_sine(cosine), cosine)
 
 
 @jax.custom_jvp
-def _overlap(a: Scalar, b: Scalar, c: Scalar) -> Scalar:
+def _disc_overlap_area(a: Scalar, b: Scalar, c: Scalar) -> Scalar:
     """Common area of two discs with radii `a`, `b` and centres `c` apart."""
     crossing = (c < a + b) & (c > jnp.abs(a - b))
     least = jnp.minimum(a, b)
@@ -69,23 +69,23 @@ def _lens_as_published(a: Scalar, b: Scalar, c: Scalar, crossing: Bool[Array, ""
 
 def _lens_from_chord(a: Scalar, b: Scalar, c: Scalar) -> Scalar:
     """The same without arc cosines, for numbers that have no digits to lose."""
-    half_chord, angle_a, angle_b = _chord(a, b, c)
+    half_chord, angle_a, angle_b = _common_chord(a, b, c)
     return a * a * angle_a + b * b * angle_b - c * half_chord
 
 
-@_overlap.defjvp
+@_disc_overlap_area.defjvp
 def _overlap_jvp(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Array, Array]:
     """The area grows with each radius by that disc's arc inside the other, and shrinks with distance by the chord."""
     a, b, c = primals
-    half_chord, angle_a, angle_b = _chord(a, b, c)
+    half_chord, angle_a, angle_b = _common_chord(a, b, c)
     inside = c <= jnp.abs(a - b)
     slope_a = 2.0 * a * jnp.where(inside, jnp.where(a <= b, jnp.pi, 0.0), angle_a)
     slope_b = 2.0 * b * jnp.where(inside, jnp.where(a <= b, 0.0, jnp.pi), angle_b)
     slope = slope_a * tangents[0] + slope_b * tangents[1] - 2.0 * half_chord * tangents[2]
-    return _overlap(a, b, c), slope
+    return _disc_overlap_area(a, b, c), slope
 
 
-def _chord(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+def _common_chord(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     """Half the common chord of two circles and the half angles under which their centres see it; 0 if they miss."""
     crossing = (c < a + b) & (c > jnp.abs(a - b))
     x = (c * c + (a - b) * (a + b)) / (2.0 * jnp.where(crossing, c, 1.0))
@@ -102,10 +102,10 @@ def is_lit(r_N: Vector, r_sun_N: Vector) -> Bool[Array, ""]:
     by their apparent radii: to 1e-9 rad up to geostationary orbit, to 1e-6 rad up to the Moon's. Not for places so far
     that the Earth's disc is the smaller one.
     """
-    sun_sine, earth_sine, cosine = _discs(r_N, r_sun_N, RADIUS_EARTH, RADIUS_SUN)
-    earth_cosine = _beside(earth_sine)
-    behind = sun_sine * sun_sine / (6.0 * arctan2(earth_sine, earth_cosine))
-    return cosine < earth_cosine + earth_sine * behind
+    sun_sine, earth_sine, cosine = _disc_geometry(r_N, r_sun_N, RADIUS_EARTH, RADIUS_SUN)
+    earth_cosine = _complementary_sine(earth_sine)
+    half_covered_angle = sun_sine * sun_sine / (6.0 * arctan2(earth_sine, earth_cosine))
+    return cosine < earth_cosine + earth_sine * half_covered_angle
 
 
 def is_observable(

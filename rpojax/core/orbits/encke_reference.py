@@ -14,10 +14,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.numerics import double_single
-from rpojax.core.numerics.double_single import Residue, TwoPart
+from rpojax.core.numerics.double_single import DoubleSingle, LowOrder
 from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.orbits import orbital_mechanics
-from rpojax.core.orbits.orbital_mechanics import Field
+from rpojax.core.orbits.orbital_mechanics import GravityField
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -25,7 +25,7 @@ Time = Scalar | None
 
 
 @dataclass(frozen=True)
-class Course:
+class EnckeReference:
     """What the position and the velocity that are integrated in a step are counted from.
 
     Attributes:
@@ -37,79 +37,90 @@ class Course:
         a: (3,) gravity there [m/s^2]; None in double precision, where position and velocity are counted from zero
     """
 
-    field: Field
+    field: GravityField
     degree: int
     r: Vector
     v: Vector
-    residue: Residue
-    a: TwoPart | None
+    low: LowOrder
+    a: DoubleSingle | None
 
     @property
-    def start(self) -> tuple[Vector, Vector]:
+    def integration_start(self) -> tuple[Vector, Vector]:
         """Position [m] and velocity [m/s] to integrate from."""
         if self.a is None:
             return self.r, self.v
         return jnp.zeros_like(self.r), jnp.zeros_like(self.v)
 
-    def times(self, nodes: Sequence[float], dt: float | Scalar) -> Float[Array, " nodes"] | None:
+    def node_times(self, nodes: Sequence[float], dt: float | Scalar) -> Float[Array, " nodes"] | None:
         """Times [s] at which a method with these nodes asks for derivatives, as far as they matter."""
         return None if self.a is None else dt * jnp.asarray(nodes, dtype=self.r.dtype)
 
-    def at(self, time: Time, r: Vector, v: Vector) -> tuple[Vector, Vector]:
+    def full_state(self, time: Time, r: Vector, v: Vector) -> tuple[Vector, Vector]:
         """Position [m] and velocity [m/s] in full, of those that are integrated."""
         if self.a is None:
             return r, v
         assert time is not None
-        return self.r + self._way(time, r), self.v + (time * self.a.value + v)
+        return self.r + self._displacement(time, r), self.v + (time * self.a.high + v)
 
-    def gravity(self, time: Time, r: Vector, to_other: Vector) -> Difference:
+    def gravity(self, time: Time, r: Vector, r_other: Vector) -> Difference:
         """Acceleration [m/s^2] to integrate at a position as it is integrated [m], as the value.
 
         The change is the acceleration of another craft, so far from there [m], less that of this one.
         """
         if self.a is None:
-            return orbital_mechanics.gravity(self.field, self.degree, Difference(value=r, change=to_other))
+            return orbital_mechanics.gravity(self.field, self.degree, Difference(value=r, change=r_other))
         assert time is not None
-        way = self._way(time, r)
-        from_start = orbital_mechanics.gravity(self.field, self.degree, Difference(value=self.r, change=way))
-        here = orbital_mechanics.gravity(self.field, self.degree, Difference(value=self.r + way, change=to_other))
+        displacement = self._displacement(time, r)
+        from_start = orbital_mechanics.gravity(self.field, self.degree, Difference(value=self.r, change=displacement))
+        here = orbital_mechanics.gravity(
+            self.field, self.degree, Difference(value=self.r + displacement, change=r_other)
+        )
         return Difference(value=from_start.change, change=here.change)
 
-    def end(self, dt: float | Scalar, change_r: Vector, change_v: Vector) -> tuple[Vector, Vector, Residue]:
+    def final_state(
+        self, dt: float | Scalar, increment_r: Vector, increment_v: Vector
+    ) -> tuple[Vector, Vector, LowOrder]:
         """Position [m], velocity [m/s] and what they lack after a step of `dt` [s] with the changes of both.
 
         In single precision `dt` is a number of Python's, of which more digits are known.
         """
         if self.a is None:
-            return self.r + change_r, self.v + change_v, None
-        assert self.residue is not None
+            return self.r + increment_r, self.v + increment_v, None
+        assert self.low is not None
         assert isinstance(dt, float)
-        duration = double_single.constant(dt)
-        v_start = TwoPart(value=self.v, rest=self.residue[1])
-        bend = double_single.whole(0.5 * dt * dt * self.a.value)
-        r = TwoPart(value=self.r, rest=self.residue[0]) + v_start * duration + bend + double_single.whole(change_r)
-        v = v_start + self.a * duration + double_single.whole(change_v)
-        return r.value, v.value, jnp.stack([r.rest, v.rest])
+        duration = double_single.from_float(dt)
+        v_start = DoubleSingle(high=self.v, low=self.low[1])
+        half_acceleration_term = double_single.from_single(0.5 * dt * dt * self.a.high)
+        r = (
+            DoubleSingle(high=self.r, low=self.low[0])
+            + v_start * duration
+            + half_acceleration_term
+            + double_single.from_single(increment_r)
+        )
+        v = v_start + self.a * duration + double_single.from_single(increment_v)
+        return r.high, v.high, jnp.stack([r.low, v.low])
 
-    def _way(self, time: Scalar, deviation: Vector) -> Vector:
+    def _displacement(self, time: Scalar, deviation: Vector) -> Vector:
         assert self.a is not None
-        return time * (self.v + 0.5 * time * self.a.value) + deviation
+        return time * (self.v + 0.5 * time * self.a.high) + deviation
 
 
-def begin(field: Field, degree: int, r: Vector, v: Vector, residue: Residue) -> Course:
+def reference_orbit(field: GravityField, degree: int, r: Vector, v: Vector, low: LowOrder) -> EnckeReference:
     """Course of a step from a position [m] and a velocity [m/s] with what they lack in single precision."""
-    return Course(field, degree, r, v, residue, None if residue is None else _gravity(field, degree, r, residue[0]))
+    return EnckeReference(
+        field, degree, r, v, low, None if low is None else _gravity_at_start(field, degree, r, low[0])
+    )
 
 
-def _gravity(field: Field, degree: int, r: Vector, rest: Vector) -> TwoPart:
-    zonal = orbital_mechanics.zonal_pull(field, degree, Difference(value=r, change=jnp.zeros_like(r)))
-    return _two_body(field, TwoPart(value=r, rest=rest)) + double_single.whole(zonal.value)
+def _gravity_at_start(field: GravityField, degree: int, r: Vector, low: Vector) -> DoubleSingle:
+    zonal = orbital_mechanics.zonal_acceleration(field, degree, Difference(value=r, change=jnp.zeros_like(r)))
+    return _two_body(field, DoubleSingle(high=r, low=low)) + double_single.from_single(zonal.value)
 
 
-def _two_body(field: Field, r: TwoPart) -> TwoPart:
+def _two_body(field: GravityField, r: DoubleSingle) -> DoubleSingle:
     """Gravity of a point mass [m/s^2], right to 1e-12 m/s^2 but for the rounding of `mu`, the same for all orbits."""
     squares = r * r
-    inverse = double_single.inverse_root(squares[0] + squares[1] + squares[2])
-    mu = double_single.whole(-jnp.asarray(field.mu, dtype=r.value.dtype))
+    inverse = double_single.inverse_sqrt(squares[0] + squares[1] + squares[2])
+    mu = double_single.from_single(-jnp.asarray(field.mu, dtype=r.high.dtype))
     strength = inverse * inverse * inverse * mu
-    return TwoPart(value=strength.value[None], rest=strength.rest[None]) * r
+    return DoubleSingle(high=strength.high[None], low=strength.low[None]) * r

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.core.constants import MU_EARTH, RADIUS_EARTH, ZONALS_EARTH
-from rpojax.core.numerics.exact_difference import Difference, inverse_length
+from rpojax.core.numerics.exact_difference import Difference, inverse_norm
 from rpojax.core.pytree import pytree
 
 Vector = Float[Array, "3"]
@@ -16,7 +16,7 @@ Scalar = Float[Array, ""]
 
 
 @pytree
-class Field:
+class GravityField:
     """The Earth's gravity.
 
     Attributes:
@@ -30,12 +30,12 @@ class Field:
     zonals: Array | tuple[float, ...]
 
 
-EARTH: Final = Field(mu=MU_EARTH, radius=RADIUS_EARTH, zonals=ZONALS_EARTH)
+EARTH_GRAVITY: Final = GravityField(mu=MU_EARTH, radius=RADIUS_EARTH, zonals=ZONALS_EARTH)
 """The field as it is known to all."""
 
 
 @pytree
-class Elements:
+class KeplerianElements:
     """Osculating orbital elements.
 
     Attributes:
@@ -55,7 +55,7 @@ class Elements:
     true_anomaly: Array
 
 
-def state_from_elements(elements: Elements) -> tuple[Vector, Vector]:
+def state_from_elements(elements: KeplerianElements) -> tuple[Vector, Vector]:
     """Inertial position [m] and velocity [m/s] of an elliptic orbit (Vallado, algorithm 10)."""
     e = elements.eccentricity
     parameter = elements.semi_major_axis * (1.0 - e * e)
@@ -70,33 +70,35 @@ def state_from_elements(elements: Elements) -> tuple[Vector, Vector]:
     return radius * (cos_nu * p + sin_nu * q), speed * (-sin_nu * p + (e + cos_nu) * q)
 
 
-def gravity(field: Field, degree: int, r: Difference) -> Difference:
+def gravity(field: GravityField, degree: int, r: Difference) -> Difference:
     """Acceleration [m/s^2] at an inertial position [m], with zonal harmonics up to `degree` (0: a point mass).
 
     The change of `r` gives the difference of gravity between two craft, exact at any distance and without cancellation.
     Each harmonic pulls along the radius with P'_{n+1} and along the pole with P'_n of the sine of latitude, derivatives
     of Legendre polynomials that follow from one another (Kaula, Theory of Satellite Geodesy, 1966, in vector form).
     """
-    return _pull(field, degree, r, two_body=1.0)
+    return _acceleration(field, degree, r, two_body=1.0)
 
 
-def zonal_pull(field: Field, degree: int, r: Difference) -> Difference:
+def zonal_acceleration(field: GravityField, degree: int, r: Difference) -> Difference:
     """The same without the two-body pull."""
-    return _pull(field, degree, r, two_body=0.0)
+    return _acceleration(field, degree, r, two_body=0.0)
 
 
-def _pull(field: Field, degree: int, r: Difference, two_body: float) -> Difference:
-    inverse = inverse_length(r)
+def _acceleration(field: GravityField, degree: int, r: Difference, two_body: float) -> Difference:
+    inverse = inverse_norm(r)
     along_radius, along_pole = _zonal_sums(field, degree, inverse, r[2] * inverse)
     strength = (inverse * inverse) * field.mu
     outward = strength * (along_radius - two_body) * inverse
     polar = strength * along_pole
-    pull = outward.scale(r)
+    acceleration = outward.scale(r)
     pole = jnp.array([0.0, 0.0, 1.0], dtype=r.value.dtype)
-    return Difference(value=pull.value - polar.value * pole, change=pull.change - polar.change * pole)
+    return Difference(value=acceleration.value - polar.value * pole, change=acceleration.change - polar.change * pole)
 
 
-def _zonal_sums(field: Field, degree: int, inverse: Difference, sine: Difference) -> tuple[Difference, Difference]:
+def _zonal_sums(
+    field: GravityField, degree: int, inverse: Difference, sine: Difference
+) -> tuple[Difference, Difference]:
     """Sums over the harmonics of J_n (R/r)^n P'_{n+1} and J_n (R/r)^n P'_n, relative to the two-body pull."""
     zero = jnp.zeros_like(inverse.value)
     radial = polar = Difference(value=zero, change=zero)
@@ -111,7 +113,7 @@ def _zonal_sums(field: Field, degree: int, inverse: Difference, sine: Difference
     return radial, polar
 
 
-def distant_pull(mu: float, r_body_N: Vector, r: Difference) -> Difference:
+def third_body_acceleration(mu: float, r_body_N: Vector, r: Difference) -> Difference:
     """Pull [m/s^2] of a distant body at `r_body_N` [m], less its pull on the Earth, at an inertial position [m].
 
     The pull at the position less that at the Earth's centre is itself a difference, over the position vector.
@@ -122,7 +124,7 @@ def distant_pull(mu: float, r_body_N: Vector, r: Difference) -> Difference:
 
 
 def _point_mass(mu: float, d: Difference) -> Difference:
-    inverse = inverse_length(d)
+    inverse = inverse_norm(d)
     return (inverse * inverse * inverse * -mu).scale(d)
 
 
@@ -145,16 +147,16 @@ def semi_major_axis(r_N: Vector, v_N: Vector) -> Scalar:
     return 1.0 / (2.0 / jnp.sqrt(jnp.sum(r_N * r_N, axis=0)) - jnp.sum(v_N * v_N, axis=0) / MU_EARTH)
 
 
-def relative_transition(n: Scalar, t: Scalar) -> Float[Array, "6 6"]:
+def transition_matrix(n: Scalar, t: Scalar) -> Float[Array, "6 6"]:
     """State transition matrix of (rho, rho_dot) in the Hill frame over `t` [s] at mean motion `n` [rad/s].
 
     Clohessy and Wiltshire, "Terminal guidance system for satellite rendezvous", 1960.
     """
     angle = n * t
-    return _transition(n, angle, jnp.sin(angle), jnp.cos(angle))
+    return _transition_over_angle(n, angle, jnp.sin(angle), jnp.cos(angle))
 
 
-def _transition(n: Scalar, angle: Scalar, s: Scalar, c: Scalar) -> Float[Array, "6 6"]:
+def _transition_over_angle(n: Scalar, angle: Scalar, s: Scalar, c: Scalar) -> Float[Array, "6 6"]:
     """The same over an `angle` of the orbit [rad] with sine `s` and cosine `c`."""
     zero, one = jnp.zeros_like(s), jnp.ones_like(s)
     rows = [
@@ -168,13 +170,15 @@ def _transition(n: Scalar, angle: Scalar, s: Scalar, c: Scalar) -> Float[Array, 
     return jnp.stack([jnp.stack(row) for row in rows])
 
 
-def closest_drift(n: Scalar, rho_H: Vector, rho_dot_H: Vector) -> Scalar:
+def minimum_drift_distance(n: Scalar, rho_H: Vector, rho_dot_H: Vector) -> Scalar:
     """Least distance [m] over one orbit of free relative motion from the given state [m, m/s] in the Hill frame.
 
     Clohessy-Wiltshire motion at mean motion `n` [rad/s], looked at every five degrees of orbit.
     """
     angle = np.radians(np.arange(0.0, 361.0, 5.0))
     state = jnp.concatenate([rho_H, rho_dot_H])
-    places = jax.vmap(_transition, in_axes=(None, 0, 0, 0))(n, *map(jnp.asarray, (angle, np.sin(angle), np.cos(angle))))
-    rho = jnp.sum(places[:, :3] * state[None, None, :], axis=2)
+    transitions = jax.vmap(_transition_over_angle, in_axes=(None, 0, 0, 0))(
+        n, *map(jnp.asarray, (angle, np.sin(angle), np.cos(angle)))
+    )
+    rho = jnp.sum(transitions[:, :3] * state[None, None, :], axis=2)
     return jnp.sqrt(jnp.min(jnp.sum(rho * rho, axis=1), axis=0))

@@ -60,42 +60,43 @@ _MOON_DISTANCE = (
 )
 
 
-def earth_turn(seconds: Scalar) -> Scalar:
+def earth_rotation_angle(seconds: Scalar) -> Scalar:
     """Angle [rad] of Greenwich from the x axis of N (Earth rotation angle, IERS Conventions 2010, equation 5.15)."""
     days = seconds / 86400.0
     return 2.0 * jnp.pi * jnp.mod(0.7790572732640 + 0.00273781191135448 * days + jnp.mod(days, 1.0), 1.0)
 
 
-def sun(seconds: Scalar, epoch: float = 0.0) -> Vector:
+def sun_position(seconds: Scalar, epoch: float = 0.0) -> Vector:
     """Position [m] of the Sun from the Earth in N, `seconds` after `epoch` [s from 2000-01-01 12:00 terrestrial]."""
-    anomaly = _angle(357.5256, 35999.049, seconds, epoch)
-    longitude = _angle(282.9400, 0.3225, seconds, epoch) + anomaly
+    anomaly = _mean_angle(357.5256, 35999.049, seconds, epoch)
+    longitude = _mean_angle(282.9400, 0.3225, seconds, epoch) + anomaly
     longitude = longitude + _ARCSECOND * (6892.0 * jnp.sin(anomaly) + 72.0 * jnp.sin(2.0 * anomaly))
     distance = 1e9 * (149.619 - 2.499 * jnp.cos(anomaly) - 0.021 * jnp.cos(2.0 * anomaly))
     return _equatorial(longitude, jnp.zeros_like(longitude), distance)
 
 
-def moon(seconds: Scalar, epoch: float = 0.0) -> Vector:
+def moon_position(seconds: Scalar, epoch: float = 0.0) -> Vector:
     """Position [m] of the Moon from the Earth in N, `seconds` after `epoch` [s from 2000-01-01 12:00 terrestrial]."""
-    mean = _angle(218.31617, 481267.88088 - 1.3972, seconds, epoch)
+    mean = _mean_angle(218.31617, 481267.88088 - 1.3972, seconds, epoch)
     arguments = jnp.stack(
         [
-            _angle(134.96292, 477198.86753, seconds, epoch),
-            _angle(357.52543, 35999.04944, seconds, epoch),
-            _angle(93.27283, 483202.01873, seconds, epoch),
-            _angle(297.85027, 445267.11135, seconds, epoch),
+            _mean_angle(134.96292, 477198.86753, seconds, epoch),
+            _mean_angle(357.52543, 35999.04944, seconds, epoch),
+            _mean_angle(93.27283, 483202.01873, seconds, epoch),
+            _mean_angle(297.85027, 445267.11135, seconds, epoch),
         ]
     )
-    wobble = _ARCSECOND * _series(_MOON_LONGITUDE, arguments, jnp.sin)
-    tilt = _ARCSECOND * (412.0 * jnp.sin(2.0 * arguments[2]) + 541.0 * jnp.sin(arguments[1]))
+    longitude_correction = _ARCSECOND * _series(_MOON_LONGITUDE, arguments, jnp.sin)
+    latitude_correction = _ARCSECOND * (412.0 * jnp.sin(2.0 * arguments[2]) + 541.0 * jnp.sin(arguments[1]))
     latitude = _ARCSECOND * (
-        18520.0 * jnp.sin(arguments[2] + wobble + tilt) + _series(_MOON_LATITUDE, arguments, jnp.sin)
+        18520.0 * jnp.sin(arguments[2] + longitude_correction + latitude_correction)
+        + _series(_MOON_LATITUDE, arguments, jnp.sin)
     )
     distance = 1e3 * (385000.0 + _series(_MOON_DISTANCE, arguments, jnp.cos))
-    return _equatorial(mean + wobble, latitude, distance)
+    return _equatorial(mean + longitude_correction, latitude, distance)
 
 
-def _angle(start: float, rate: float, seconds: Scalar, epoch: float) -> Scalar:
+def _mean_angle(start: float, rate: float, seconds: Scalar, epoch: float) -> Scalar:
     """Angle [rad] of `start` [deg] in 2000 and a rate [deg per century]; whole turns before the epoch are left out.
 
     So single precision has all of its digits for what is left.
@@ -104,9 +105,11 @@ def _angle(start: float, rate: float, seconds: Scalar, epoch: float) -> Scalar:
     return math.radians(at_epoch) + math.radians(rate) / _CENTURY * seconds
 
 
-def _series(rows: tuple[tuple[int, ...], ...], arguments: Float[Array, "4"], wave: Callable[[Array], Array]) -> Scalar:
+def _series(
+    rows: tuple[tuple[int, ...], ...], arguments: Float[Array, "4"], function: Callable[[Array], Array]
+) -> Scalar:
     table = jnp.array(rows, dtype=jnp.float64)
-    return jnp.sum(table[:, 0] * wave(jnp.sum(table[:, 1:] * arguments[None, :], axis=1)), axis=0)
+    return jnp.sum(table[:, 0] * function(jnp.sum(table[:, 1:] * arguments[None, :], axis=1)), axis=0)
 
 
 def _equatorial(longitude: Scalar, latitude: Scalar, distance: Scalar) -> Vector:

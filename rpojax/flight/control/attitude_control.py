@@ -8,13 +8,13 @@ from rpojax.core.frames import apply, apply_transposed
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import cross, rotate
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
-from rpojax.flight.vehicle_model import Onboard
+from rpojax.flight.vehicle_model import VehicleModel
 
 Vector = Float[Array, "3"]
 
 
 @pytree
-class AttitudeControl:
+class AttitudeControlTuning:
     """Gains.
 
     Attributes:
@@ -42,8 +42,8 @@ class AttitudeCommand:
 
 
 def wheel_torque(
-    control: AttitudeControl,
-    onboard: Onboard,
+    control: AttitudeControlTuning,
+    vehicle: VehicleModel,
     allocation: Float[Array, "3 3"],
     estimate: AttitudeEstimate,
     command: AttitudeCommand,
@@ -56,16 +56,16 @@ def wheel_torque(
     """
     q_BC = quaternion.multiply(estimate.q_BN, quaternion.conjugate(command.q_CN))
     # Twice the vector part: the rotation vector for small errors, and bounded for large ones.
-    turn_error = -2.0 * jnp.where(q_BC[0] < 0.0, -q_BC[1:], q_BC[1:])
+    attitude_error = -2.0 * jnp.where(q_BC[0] < 0.0, -q_BC[1:], q_BC[1:])
     omega = estimate.omega_BN_B
     rate_error = omega - rotate(q_BC, command.omega_CN_C)
     acceleration = (
         rotate(q_BC, command.acceleration_C)
-        - control.bandwidth**2 * turn_error
+        - control.bandwidth**2 * attitude_error
         - 2.0 * control.damping * control.bandwidth * rate_error
     )
-    momentum = apply(onboard.inertia, omega) + apply_transposed(onboard.wheel_axes, onboard.wheel_inertia * wheel_speed)
-    torque_B = apply(onboard.inertia, acceleration) + cross(omega, momentum)
-    command_u = -apply(allocation, torque_B)
-    excess = jnp.max(jnp.abs(command_u) / onboard.wheel_torque_limit, axis=0)
-    return command_u / jnp.maximum(excess, 1.0)
+    momentum = apply(vehicle.inertia, omega) + apply_transposed(vehicle.wheel_axes, vehicle.wheel_inertia * wheel_speed)
+    torque_B = apply(vehicle.inertia, acceleration) + cross(omega, momentum)
+    motor_torque = -apply(allocation, torque_B)
+    excess = jnp.max(jnp.abs(motor_torque) / vehicle.wheel_torque_limit, axis=0)
+    return motor_torque / jnp.maximum(excess, 1.0)

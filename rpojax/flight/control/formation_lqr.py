@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from rpojax.core.orbits.orbital_mechanics import relative_transition
+from rpojax.core.orbits.orbital_mechanics import transition_matrix
 from rpojax.core.pytree import pytree
 
 Vector = Float[Array, "3"]
@@ -16,7 +16,7 @@ _DOUBLINGS = 24
 
 
 @pytree
-class Formation:
+class FormationTuning:
     """Where to be, and at what price.
 
     Attributes:
@@ -49,13 +49,13 @@ class FormationLaw(Protocol):
         ...
 
 
-def lqr(gain: Float[Array, "3 6"], deviation: Float[Array, "6"]) -> Vector:
+def lqr_feedback(gain: Float[Array, "3 6"], deviation: Float[Array, "6"]) -> Vector:
     """Velocity change in H [m/s] by state feedback."""
     return -jnp.sum(gain * deviation[None, :], axis=1)
 
 
 @pytree
-class Station:
+class StationKeeping:
     """How the station is kept: the free motion that comes back to it after a period, and the impulse between two such.
 
     A place off the along-track axis does not stay where it is. Both vectors are zero for one that does.
@@ -69,23 +69,23 @@ class Station:
     impulse: Array
 
 
-def keep_station(formation: Formation, n: Scalar, period: float) -> Station:
+def solve_station_keeping(formation: FormationTuning, n: Scalar, period: float) -> StationKeeping:
     """The motion that leaves the desired position and is back after a `period` [s] at mean motion `n` [rad/s]."""
-    transition = relative_transition(n, jnp.asarray(period, dtype=jnp.float64))
-    place = formation.desired_position
-    drift = place - jnp.sum(transition[:3, :3] * place[None, :], axis=1)
+    transition = transition_matrix(n, jnp.asarray(period, dtype=jnp.float64))
+    position = formation.desired_position
+    drift = position - jnp.sum(transition[:3, :3] * position[None, :], axis=1)
     departure = jnp.linalg.solve(transition[:3, 3:], drift)
-    arrival = jnp.sum(transition[3:] * jnp.concatenate([place, departure])[None, :], axis=1)
-    return Station(arrival_velocity=arrival, impulse=departure - arrival)
+    arrival = jnp.sum(transition[3:] * jnp.concatenate([position, departure])[None, :], axis=1)
+    return StationKeeping(arrival_velocity=arrival, impulse=departure - arrival)
 
 
-def lqr_gain(formation: Formation, n: Scalar, period: float) -> Float[Array, "3 6"]:
+def lqr_gain(formation: FormationTuning, n: Scalar, period: float) -> Float[Array, "3 6"]:
     """Gain of the discrete LQR with one impulse every `period` [s] at mean motion `n` [rad/s].
 
     The weights are discrete: they count once per burn, not per second. The state is the deviation just before the
     impulse; `x' = Phi(period) (x + [0; dv])`.
     """
-    A = relative_transition(n, jnp.asarray(period, dtype=jnp.float64))
+    A = transition_matrix(n, jnp.asarray(period, dtype=jnp.float64))
     B = A[:, 3:]
     Q = jnp.diag(jnp.concatenate([formation.position_weight, formation.velocity_weight]))
     R = jnp.diag(formation.delta_v_weight)
@@ -126,9 +126,9 @@ def _riccati_jvp(primals: tuple[ArrayLike, ...], tangents: tuple[ArrayLike, ...]
     dA, dB, dQ, dR = map(jnp.asarray, tangents)
     P = solve_riccati(A, B, Q, R)
     K = _optimal_gain(A, B, R, P)
-    closed = A - B @ K
-    change = closed.T @ P @ (dA - dB @ K)
-    return P, _solve_lyapunov(closed, dQ + K.T @ dR @ K + change + change.T)
+    closed_loop = A - B @ K
+    half_change = closed_loop.T @ P @ (dA - dB @ K)
+    return P, _solve_lyapunov(closed_loop, dQ + K.T @ dR @ K + half_change + half_change.T)
 
 
 def _solve_lyapunov(F: Float[Array, "n n"], S: Float[Array, "n n"]) -> Float[Array, "n n"]:

@@ -18,7 +18,7 @@ class Mode(enum.IntEnum):
 
 
 @pytree
-class Pointing:
+class PointingTuning:
     """Slew and search parameters.
 
     Attributes:

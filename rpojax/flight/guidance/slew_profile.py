@@ -11,7 +11,7 @@ from rpojax.core.numerics.trigonometric_series import cos_sinc
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
 from rpojax.flight.control.attitude_control import AttitudeCommand
-from rpojax.flight.guidance.pointing_modes import Pointing
+from rpojax.flight.guidance.pointing_modes import PointingTuning
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -19,7 +19,7 @@ Flag = Bool[Array, ""]
 
 
 @pytree
-class Reference:
+class SlewReference:
     """Commanded attitude as a function of time: a moving end attitude and a remainder of a slew that dies out.
 
     Attributes:
@@ -37,13 +37,13 @@ class Reference:
     slew_time: Array
 
 
-def slew_duration(pointing: Pointing, angle: Scalar) -> Scalar:
+def slew_duration(pointing: PointingTuning, angle: Scalar) -> Scalar:
     """Time [s] of a rest-to-rest slew over `angle` [rad] with the cycloidal profile of `evaluate`."""
     time = safe.sqrt(2.0 * math.pi * angle / pointing.slew_acceleration)
     return jnp.maximum(time, pointing.slew_minimum_time)
 
 
-def evaluate(reference: Reference, age: Scalar) -> AttitudeCommand:
+def evaluate(reference: SlewReference, age: Scalar) -> AttitudeCommand:
     """Command `age` [s] after the epoch of the reference."""
     q_EN = quaternion.propagate(reference.q_EN, reference.omega_EN_E, age)
     fraction = jnp.clip((reference.slew_age + age) / reference.slew_time, 0.0, 1.0)
@@ -51,11 +51,11 @@ def evaluate(reference: Reference, age: Scalar) -> AttitudeCommand:
     phase = 2.0 * math.pi * (fraction - 0.5)
     cosine, sinc = cos_sinc(phase * phase)
     sine = phase * sinc
-    done = fraction + sine / (2.0 * math.pi)
+    completed = fraction + sine / (2.0 * math.pi)
     moving = fraction < 1.0
     rate = jnp.where(moving, (1.0 + cosine) / reference.slew_time, 0.0)
     acceleration = jnp.where(moving, -2.0 * math.pi * sine / reference.slew_time**2, 0.0)
-    q_CE = quaternion.exp((1.0 - done) * reference.remainder)
+    q_CE = quaternion.exp((1.0 - completed) * reference.remainder)
     return AttitudeCommand(
         q_CN=quaternion.multiply(q_CE, q_EN),
         omega_CN_C=rate * reference.remainder + rotate(q_CE, reference.omega_EN_E),
@@ -64,16 +64,16 @@ def evaluate(reference: Reference, age: Scalar) -> AttitudeCommand:
 
 
 def retarget(
-    pointing: Pointing, before: Reference, q_end: Array, omega_end: Vector, changed: Flag, dt: float
-) -> Reference:
+    pointing: PointingTuning, before: SlewReference, q_end: Array, omega_end: Vector, changed: Flag, dt: float
+) -> SlewReference:
     """Reference with a new end attitude; a change of task or a jump of the end starts a new slew from the command."""
     step = jnp.asarray(dt, dtype=jnp.float64)
     q_end_expected = quaternion.propagate(before.q_EN, before.omega_EN_E, dt)
     jump = safe.norm(quaternion.log(quaternion.multiply(q_end, quaternion.conjugate(q_end_expected))))
-    restart = changed | (jump > _JUMP)
+    restart = changed | (jump > _RESTART_ANGLE)
     command = evaluate(before, step)
     remainder = quaternion.log(quaternion.multiply(command.q_CN, quaternion.conjugate(q_end)))
-    return Reference(
+    return SlewReference(
         q_EN=q_end,
         omega_EN_E=omega_end,
         remainder=jnp.where(restart, remainder, before.remainder),
@@ -82,5 +82,5 @@ def retarget(
     )
 
 
-_JUMP = math.radians(5.0)
+_RESTART_ANGLE = math.radians(5.0)
 """A larger step of the end attitude within one tick is flown as a slew [rad]."""

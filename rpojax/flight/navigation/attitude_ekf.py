@@ -8,14 +8,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import kalman_update, quaternion
-from rpojax.core.kalman_update import Rows
+from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.pytree import pytree, replace
 
 Vector = Float[Array, "3"]
 
 
 @pytree
-class AttitudeFilter:
+class AttitudeFilterTuning:
     """Tuning.
 
     Attributes:
@@ -50,7 +50,7 @@ class AttitudeEstimate:
     covariance: Array
 
 
-def initial(tuning: AttitudeFilter, q_BN: Float[Array, "4"], gyro_B: Vector) -> AttitudeEstimate:
+def initial(tuning: AttitudeFilterTuning, q_BN: Float[Array, "4"], gyro_B: Vector) -> AttitudeEstimate:
     """Estimate from one star tracker and one gyro sample [rad/s]."""
     variance = jnp.concatenate([tuning.star_tracker_noise**2, jnp.full(3, tuning.initial_bias_sigma**2)])
     return AttitudeEstimate(
@@ -74,15 +74,15 @@ def integrate_gyro(estimate: AttitudeEstimate, gyro_B: Vector, dt: float) -> Att
 
 
 def predict_covariance(
-    tuning: AttitudeFilter, estimate: AttitudeEstimate, q_before: Float[Array, "4"], dt: float
+    tuning: AttitudeFilterTuning, estimate: AttitudeEstimate, q_BN_before: Float[Array, "4"], dt: float
 ) -> AttitudeEstimate:
     """Covariance after the `dt` [s] in which the attitude went from `q_before` to its present value."""
-    turn = quaternion.to_matrix(quaternion.multiply(estimate.q_BN, quaternion.conjugate(q_before)))
+    turn = quaternion.to_matrix(quaternion.multiply(estimate.q_BN, quaternion.conjugate(q_BN_before)))
     P = estimate.covariance
     bias = P[3:, 3:]
-    cross = _product(turn, P[:3, 3:]) + dt * bias
-    angle = _product(_product(turn, P[:3, :3]), turn.T)
-    half = dt * _product(turn, P[:3, 3:])
+    cross = _matrix_product(turn, P[:3, 3:]) + dt * bias
+    angle = _matrix_product(_matrix_product(turn, P[:3, :3]), turn.T)
+    half = dt * _matrix_product(turn, P[:3, 3:])
     identity = jnp.eye(3, dtype=P.dtype)
     angle = angle + half + half.T + dt * dt * bias + tuning.angle_random_walk**2 * dt * identity
     bias = bias + tuning.bias_walk**2 * dt * identity
@@ -92,14 +92,14 @@ def predict_covariance(
 
 
 def update(
-    tuning: AttitudeFilter,
+    tuning: AttitudeFilterTuning,
     estimate: AttitudeEstimate,
     star_tracker_q_BN: Float[Array, "4"],
     present: Bool[Array, ""],
 ) -> AttitudeEstimate:
     """Estimate after a star tracker measurement; without one the gyro carries on alone."""
     residual = quaternion.log(quaternion.multiply(star_tracker_q_BN, quaternion.conjugate(estimate.q_BN)))
-    rows = Rows(
+    rows = MeasurementRows(
         residual=residual,
         jacobian=jnp.eye(3, 6, dtype=residual.dtype),
         variance=tuning.star_tracker_noise**2,
@@ -117,5 +117,5 @@ def update(
     )
 
 
-def _product(a: Float[Array, "3 3"], b: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+def _matrix_product(a: Float[Array, "3 3"], b: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
     return jnp.sum(a[:, :, None] * b[None, :, :], axis=1)

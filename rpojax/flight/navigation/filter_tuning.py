@@ -6,7 +6,7 @@ from rpojax.core.pytree import pytree
 
 
 @pytree
-class Navigation:
+class OrbitFilterTuning:
     """Tuning of the orbit filter and of its gate.
 
     Attributes:
@@ -78,7 +78,7 @@ class GpsMeasurement:
 
     position_N: Array
     present: Array
-    residue_N: Array | None = None
+    position_low_N: Array | None = None
 
 
 @pytree
@@ -100,5 +100,5 @@ class BoxMeasurement:
     side_px: Array
     present: Array
     truncated: Array
-    half_frame: Array
-    attitude_drift: Array
+    half_frame_tangent: Array
+    attitude_variance_change: Array

@@ -12,12 +12,12 @@ from jaxtyping import Array, Float
 
 from rpojax.core.numerics import runge_kutta
 from rpojax.core.orbits import encke_reference
-from rpojax.core.orbits.orbital_mechanics import EARTH
+from rpojax.core.orbits.orbital_mechanics import EARTH_GRAVITY
 from rpojax.core.pytree import pytree
 from rpojax.flight.navigation import orbit_covariance, relative_orbit_ekf, servicer_orbit_ekf
-from rpojax.flight.navigation.filter_tuning import BoxMeasurement, GpsMeasurement, Navigation
-from rpojax.flight.navigation.outlier_gate import BoxTrack
-from rpojax.flight.navigation.relative_orbit_ekf import Expected, RelativeEstimate
+from rpojax.flight.navigation.filter_tuning import BoxMeasurement, GpsMeasurement, OrbitFilterTuning
+from rpojax.flight.navigation.outlier_gate import GateState
+from rpojax.flight.navigation.relative_orbit_ekf import ExpectedBox, RelativeEstimate
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
 
 Vector = Float[Array, "3"]
@@ -52,10 +52,10 @@ class Innovation:
     log_likelihood: Array
     accepted: Array
     rejected: Array
-    expected: Expected
+    expected_box: ExpectedBox
 
 
-def initial(tuning: Navigation, r_SN_N: Vector, v_SN_N: Vector, r_TS_N: Vector, v_TS_N: Vector) -> OrbitEstimate:
+def initial(tuning: OrbitFilterTuning, r_SN_N: Vector, v_SN_N: Vector, r_TS_N: Vector, v_TS_N: Vector) -> OrbitEstimate:
     """Estimate at hand-over from given means [m, m/s]."""
     return OrbitEstimate(
         servicer=servicer_orbit_ekf.initial(tuning, r_SN_N, v_SN_N),
@@ -64,13 +64,13 @@ def initial(tuning: Navigation, r_SN_N: Vector, v_SN_N: Vector, r_TS_N: Vector, 
 
 
 def predict(
-    tuning: Navigation,
+    tuning: OrbitFilterTuning,
     zonal_degree: int,
     estimate: OrbitEstimate,
     delta_v_N: Vector,
     burn_delta_v: Scalar,
-    doubt: Scalar,
-    pull_N: Vector,
+    burn_sigma_inflation: Scalar,
+    third_body_acceleration_N: Vector,
     dt: float,
 ) -> OrbitEstimate:
     """Estimate `dt` [s] later, with the known velocity change [m/s] spread over the step.
@@ -81,49 +81,51 @@ def predict(
     acceleration = delta_v_N / dt
 
     servicer, relative = estimate.servicer, estimate.relative
-    own = encke_reference.begin(EARTH, zonal_degree, servicer.r_SN_N, servicer.v_SN_N, servicer.residue)
+    reference = encke_reference.reference_orbit(
+        EARTH_GRAVITY, zonal_degree, servicer.r_SN_N, servicer.v_SN_N, servicer.orbit_low
+    )
 
     def derivative(y: tuple[Vector, ...], time: Scalar | None) -> tuple[Vector, ...]:
         r, v, d, d_dot = y
-        pull = own.gravity(time, r, d)
+        pull = reference.gravity(time, r, d)
         return (
             v,
-            pull.value + pull_N + acceleration,
+            pull.value + third_body_acceleration_N + acceleration,
             d_dot,
             pull.change - acceleration,
         )
 
-    mean = (*own.start, relative.r_TS_N, relative.v_TS_N)
-    times = own.times(runge_kutta.NODES["rk4"], dt)
-    change_r, change_v, change_d, change_d_dot = runge_kutta.change("rk4", derivative, mean, times, dt)
-    r, v, residue = own.end(dt, change_r, change_v)
+    mean = (*reference.integration_start, relative.r_TS_N, relative.v_TS_N)
+    times = reference.node_times(runge_kutta.NODES["rk4"], dt)
+    change_r, change_v, change_d, change_d_dot = runge_kutta.increment("rk4", derivative, mean, times, dt)
+    r, v, orbit_low = reference.final_state(dt, change_r, change_v)
     d, d_dot = relative.r_TS_N + change_d, relative.v_TS_N + change_d_dot
-    burn = orbit_covariance.burn(
-        delta_v_N, burn_delta_v, doubt * tuning.burn_magnitude_sigma, tuning.burn_direction_sigma
+    burn_covariance = orbit_covariance.burn_covariance(
+        delta_v_N, burn_delta_v, burn_sigma_inflation * tuning.burn_magnitude_sigma, tuning.burn_direction_sigma
     )
     return OrbitEstimate(
-        servicer=servicer_orbit_ekf.predict(tuning, servicer, r, v, residue, burn, dt),
-        relative=relative_orbit_ekf.predict(tuning, relative, d, d_dot, servicer.r_SN_N, burn, dt),
+        servicer=servicer_orbit_ekf.predict(tuning, servicer, r, v, orbit_low, burn_covariance, dt),
+        relative=relative_orbit_ekf.predict(tuning, relative, d, d_dot, servicer.r_SN_N, burn_covariance, dt),
     )
 
 
 def update(
-    tuning: Navigation,
+    tuning: OrbitFilterTuning,
     gated: bool,
     focal_px: Scalar,
     estimate: OrbitEstimate,
-    track: BoxTrack,
+    gate: GateState,
     gps: GpsMeasurement,
     q_KN: Float[Array, "4"],
     box: BoxMeasurement,
-) -> tuple[OrbitEstimate, BoxTrack, Innovation]:
+) -> tuple[OrbitEstimate, GateState, Innovation]:
     """Estimate after GPS, if there is any, and after the box, if it passes the gate.
 
     `q_KN` is the camera's attitude as known on board.
     """
     servicer, gps_result = servicer_orbit_ekf.update(tuning, estimate.servicer, gps)
-    relative, track, box_result, used, expected = relative_orbit_ekf.update(
-        tuning, gated, focal_px, estimate.relative, track, q_KN, box
+    relative, gate, box_result, used, expected = relative_orbit_ekf.update(
+        tuning, gated, focal_px, estimate.relative, gate, q_KN, box
     )
     innovation = Innovation(
         innovation=jnp.concatenate([gps_result.innovation, box_result.innovation]),
@@ -132,6 +134,6 @@ def update(
         log_likelihood=gps_result.log_likelihood + box_result.log_likelihood,
         accepted=used,
         rejected=box.present & ~used,
-        expected=expected,
+        expected_box=expected,
     )
-    return OrbitEstimate(servicer=servicer, relative=relative), track, innovation
+    return OrbitEstimate(servicer=servicer, relative=relative), gate, innovation

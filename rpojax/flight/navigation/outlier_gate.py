@@ -7,7 +7,7 @@ from rpojax.core import quaternion
 from rpojax.core.frames import apply
 from rpojax.core.numerics import safe
 from rpojax.core.pytree import pytree
-from rpojax.flight.navigation.filter_tuning import BoxMeasurement, Navigation
+from rpojax.flight.navigation.filter_tuning import BoxMeasurement, OrbitFilterTuning
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -17,12 +17,12 @@ _GATE_WIDTH = 0.25
 """Width of the gate's smooth derivative, in squared sigmas."""
 
 
-_FADING = 0.95
+_REJECTION_DECAY = 0.95
 """What is left of the count of rejections after a frame without a box."""
 
 
 @pytree
-class BoxTrack:
+class GateState:
     """What the gate remembers.
 
     Attributes:
@@ -36,9 +36,9 @@ class BoxTrack:
     rejections: Array
 
 
-def initial_track() -> BoxTrack:
+def initial() -> GateState:
     """Memory before the first frame."""
-    return BoxTrack(
+    return GateState(
         direction_N=jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64),
         age=jnp.full((), 1e6, dtype=jnp.float64),
         rejections=jnp.zeros((), dtype=jnp.float64),
@@ -46,14 +46,14 @@ def initial_track() -> BoxTrack:
 
 
 def accept(
-    tuning: Navigation,
+    tuning: OrbitFilterTuning,
     focal_px: Scalar,
     R_KN: Matrix,
-    track: BoxTrack,
+    state: GateState,
     box: BoxMeasurement,
     residual: Vector,
     variance: Vector,
-    wide: Bool[Array, ""],
+    prior_is_wide: Bool[Array, ""],
     possible: Bool[Array, ""],
 ) -> Scalar:
     """1 if the box lies within the projected covariance and, while that is wide, a recent box agrees with it; else 0.
@@ -67,24 +67,24 @@ def accept(
     size = jnp.where(box.truncated & (residual[2] < 0.0), 0.0, ratio[2])
     worst = jnp.maximum(bearing, size)
     inside = safe.gate(tuning.gate_sigma**2 - worst, jnp.asarray(_GATE_WIDTH, dtype=worst.dtype))
-    confirmed = _agrees(tuning, focal_px, R_KN, track, box)
-    return jnp.where(box.present & possible & (confirmed | ~wide), inside, 0.0)
+    confirmed = _is_confirmed(tuning, focal_px, R_KN, state, box)
+    return jnp.where(box.present & possible & (confirmed | ~prior_is_wide), inside, 0.0)
 
 
-def _agrees(
-    tuning: Navigation, focal_px: Scalar, R_KN: Matrix, track: BoxTrack, box: BoxMeasurement
+def _is_confirmed(
+    tuning: OrbitFilterTuning, focal_px: Scalar, R_KN: Matrix, state: GateState, box: BoxMeasurement
 ) -> Bool[Array, ""]:
     """True if a box of the last few frames had nearly the same inertial direction."""
-    before = apply(R_KN, track.direction_N)
+    before = apply(R_KN, state.direction_N)
     depth = jnp.where(before[2] > 0.1, before[2], 0.1)
     apart = jnp.max(jnp.abs(before[:2] / depth - box.tangent), axis=0)
-    recent = track.age <= tuning.confirm_frames
-    return recent & (apart * focal_px < tuning.confirm_tolerance * track.age) & (before[2] > 0.1)
+    recent = state.age <= tuning.confirm_frames
+    return recent & (apart * focal_px < tuning.confirm_tolerance * state.age) & (before[2] > 0.1)
 
 
-def remember(
-    tuning: Navigation, track: BoxTrack, q_KN: Float[Array, "4"], box: BoxMeasurement, rejected: Bool[Array, ""]
-) -> tuple[BoxTrack, Bool[Array, ""]]:
+def update(
+    tuning: OrbitFilterTuning, state: GateState, q_KN: Float[Array, "4"], box: BoxMeasurement, rejected: Bool[Array, ""]
+) -> tuple[GateState, Bool[Array, ""]]:
     """Memory after a frame, and whether so many boxes were rejected that the filter should doubt itself.
 
     A frame without a box says nothing for or against the filter; the count only fades, so that false boxes with long
@@ -92,12 +92,12 @@ def remember(
     """
     ray_K = jnp.concatenate([box.tangent, jnp.ones_like(box.tangent[:1])])
     direction_N = quaternion.rotate(quaternion.conjugate(q_KN), safe.normalize(ray_K))
-    idle = jnp.where(box.present, 0.0, _FADING * track.rejections)
-    count = jnp.where(rejected, track.rejections + 1.0, idle)
-    doubt = count >= tuning.rejections_before_recovery
-    after = BoxTrack(
-        direction_N=jnp.where(box.present, direction_N, track.direction_N),
-        age=jnp.where(box.present, 1.0, track.age + 1.0),
-        rejections=jnp.where(doubt, 0.0, count),
+    idle = jnp.where(box.present, 0.0, _REJECTION_DECAY * state.rejections)
+    count = jnp.where(rejected, state.rejections + 1.0, idle)
+    recover = count >= tuning.rejections_before_recovery
+    after = GateState(
+        direction_N=jnp.where(box.present, direction_N, state.direction_N),
+        age=jnp.where(box.present, 1.0, state.age + 1.0),
+        rejections=jnp.where(recover, 0.0, count),
     )
-    return after, doubt
+    return after, recover

@@ -7,13 +7,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import kalman_update
-from rpojax.core.kalman_update import Rows, Update
+from rpojax.core.kalman_update import KalmanUpdate, MeasurementRows
 from rpojax.core.numerics import double_single
-from rpojax.core.numerics.double_single import Residue
+from rpojax.core.numerics.double_single import LowOrder
 from rpojax.core.orbits import orbital_mechanics
 from rpojax.core.pytree import pytree, replace
 from rpojax.flight.navigation import orbit_covariance
-from rpojax.flight.navigation.filter_tuning import GpsMeasurement, Navigation
+from rpojax.flight.navigation.filter_tuning import GpsMeasurement, OrbitFilterTuning
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
@@ -35,10 +35,10 @@ class ServicerEstimate:
     v_SN_N: Array
     gps_error_N: Array
     covariance: Array
-    residue: Array | None = None
+    orbit_low: Array | None = None
 
 
-def initial_sigma(tuning: Navigation) -> Float[Array, "9"]:
+def initial_sigma(tuning: OrbitFilterTuning) -> Float[Array, "9"]:
     """1-sigma of every state at hand-over."""
     return jnp.concatenate(
         [
@@ -49,7 +49,7 @@ def initial_sigma(tuning: Navigation) -> Float[Array, "9"]:
     )
 
 
-def initial(tuning: Navigation, r_SN_N: Vector, v_SN_N: Vector) -> ServicerEstimate:
+def initial(tuning: OrbitFilterTuning, r_SN_N: Vector, v_SN_N: Vector) -> ServicerEstimate:
     """Estimate at hand-over from given means [m, m/s]."""
     return ServicerEstimate(
         r_SN_N=r_SN_N,
@@ -60,49 +60,55 @@ def initial(tuning: Navigation, r_SN_N: Vector, v_SN_N: Vector) -> ServicerEstim
 
 
 def predict(
-    tuning: Navigation,
+    tuning: OrbitFilterTuning,
     estimate: ServicerEstimate,
     r_SN_N: Vector,
     v_SN_N: Vector,
-    residue: Residue,
+    orbit_low: LowOrder,
     burn_covariance: Matrix,
     dt: float,
 ) -> ServicerEstimate:
-    """Estimate `dt` [s] later with its mean already propagated to `r_SN_N` [m], `v_SN_N` [m/s] and their `residue`."""
+    """Estimate `dt` [s] later with its mean already propagated to `r_SN_N` [m], `v_SN_N` [m/s] and their `orbit_low`."""
     decay = jnp.exp(-dt / tuning.gps_error_time_constant)
-    growth = tuning.gps_error_sigma**2 * (1.0 - decay**2)
-    velocity = burn_covariance + tuning.acceleration_noise**2 * dt * jnp.eye(3, dtype=decay.dtype)
-    gradient = orbital_mechanics.gravity_gradient(estimate.r_SN_N)
-    added = velocity, jnp.full(3, growth)
+    gps_error_process_variance = tuning.gps_error_sigma**2 * (1.0 - decay**2)
+    velocity_process_covariance = burn_covariance + tuning.acceleration_noise**2 * dt * jnp.eye(3, dtype=decay.dtype)
+    gravity_gradient = orbital_mechanics.gravity_gradient(estimate.r_SN_N)
+    process_noise = velocity_process_covariance, jnp.full(3, gps_error_process_variance)
     return replace(
         estimate,
         r_SN_N=r_SN_N,
         v_SN_N=v_SN_N,
-        residue=residue,
+        orbit_low=orbit_low,
         gps_error_N=decay * estimate.gps_error_N,
-        covariance=orbit_covariance.propagate(estimate.covariance, gradient, jnp.full(3, decay), *added, dt),
+        covariance=orbit_covariance.propagate(
+            estimate.covariance, gravity_gradient, jnp.full(3, decay), *process_noise, dt
+        ),
     )
 
 
-def update(tuning: Navigation, estimate: ServicerEstimate, gps: GpsMeasurement) -> tuple[ServicerEstimate, Update]:
+def update(
+    tuning: OrbitFilterTuning, estimate: ServicerEstimate, gps: GpsMeasurement
+) -> tuple[ServicerEstimate, KalmanUpdate]:
     """Estimate after a GPS position; nothing changes when there is none."""
-    missing = None if estimate.residue is None else estimate.residue[0]
-    apart = double_single.apart(gps.position_N, gps.residue_N, estimate.r_SN_N, missing)
-    identity = jnp.eye(3, dtype=apart.dtype)
-    rows = Rows(
-        residual=apart - estimate.gps_error_N,
-        jacobian=jnp.concatenate([identity, jnp.zeros((3, 3), dtype=apart.dtype), identity], axis=1),
+    position_low = None if estimate.orbit_low is None else estimate.orbit_low[0]
+    difference = double_single.subtract(gps.position_N, gps.position_low_N, estimate.r_SN_N, position_low)
+    identity = jnp.eye(3, dtype=difference.dtype)
+    rows = MeasurementRows(
+        residual=difference - estimate.gps_error_N,
+        jacobian=jnp.concatenate([identity, jnp.zeros((3, 3), dtype=difference.dtype), identity], axis=1),
         variance=jnp.full(3, tuning.gps_noise**2),
         weight=jnp.full(3, jnp.where(gps.present, 1.0, 0.0)),
     )
     P = estimate.covariance
-    result = kalman_update.update(P, rows, crossed=P[:3] + P[6:])
+    result = kalman_update.update(P, rows, HP=P[:3] + P[6:])
     x = result.deviation
-    r_SN_N, v_SN_N, residue = double_single.moved(estimate.r_SN_N, estimate.v_SN_N, estimate.residue, x[:3], x[3:6])
+    r_SN_N, v_SN_N, orbit_low = double_single.add_to_state(
+        estimate.r_SN_N, estimate.v_SN_N, estimate.orbit_low, x[:3], x[3:6]
+    )
     corrected = ServicerEstimate(
         r_SN_N=r_SN_N,
         v_SN_N=v_SN_N,
-        residue=residue,
+        orbit_low=orbit_low,
         gps_error_N=estimate.gps_error_N + x[6:],
         covariance=result.covariance,
     )

@@ -11,10 +11,10 @@ import numpy as np
 
 from rpojax.core.constants import RADIUS_EARTH
 from rpojax.interop.ros2.frame_names import ECI, HILL, SERVICER
-from rpojax.interop.ros2.message_builders import NANO, VALVE, WHEELS
+from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S, THRUSTER_JOINT, WHEEL_JOINTS
 
 
-class Reason(enum.StrEnum):
+class RejectionReason(enum.StrEnum):
     """Why a message is ignored."""
 
     UNREADABLE = "unreadable"
@@ -33,7 +33,7 @@ class Reason(enum.StrEnum):
 
 
 @dataclass(frozen=True)
-class Limits:
+class CommandLimits:
     """What is still taken for a command.
 
     Attributes:
@@ -44,110 +44,110 @@ class Limits:
 
     torque: np.ndarray
     minimum_on_time_s: float
-    longest_on_time_s: float
+    maximum_on_time_s: float
 
 
 @dataclass(frozen=True)
-class Window:
+class BurnWindow:
     """When the valve is open, counted from the start of the run [ns]; a burn without length is none."""
 
-    ignition: int = 0
-    cutoff: int = 0
+    ignition_ns: int = 0
+    cutoff_ns: int = 0
 
 
-ABSURD = 10.0
+TORQUE_REJECTION_FACTOR = 10.0
 """A torque command so many times beyond the limit is no command; below, the drive gives what it can."""
 
-_SAME_NS = 1000
-_UNIT_TOLERANCE = 1e-3
-_FARTHEST_M = 1e5
+_TIME_TOLERANCE_NS = 1000
+_UNIT_NORM_TOLERANCE = 1e-3
+_LARGEST_RANGE_M = 1e5
 """From the target; the linear motion that formation control counts on ends long before."""
-_NEAREST_M = 0.1
-_HIGHEST_M = 1e9
+_SMALLEST_RANGE_M = 0.1
+_LARGEST_ORBIT_RADIUS_M = 1e9
 _LARGEST_VARIANCE = 1e18
 
 
-def stamp(message: Any) -> int:
+def header_stamp_ns(message: Any) -> int:
     """Time of a message [ns]."""
     at = message.header.stamp
-    return int(at.sec) * NANO + int(at.nanosec)
+    return int(at.sec) * NANOSECONDS_PER_S + int(at.nanosec)
 
 
-def wheel_torque(message: Any, limits: Limits) -> np.ndarray | Reason:
+def wheel_torque(message: Any, limits: CommandLimits) -> np.ndarray | RejectionReason:
     """Torques [N m] (3,) of a `sensor_msgs/JointState` that names the three wheels in any order, or none at all."""
     names, torque = list(message.name), np.asarray(message.effort, dtype=np.float64)
     if torque.shape != (3,) or len(names) not in (0, 3):
-        return Reason.WRONG_LENGTH
-    if names and set(names) != set(WHEELS):
-        return Reason.WRONG_NAMES
+        return RejectionReason.WRONG_LENGTH
+    if names and set(names) != set(WHEEL_JOINTS):
+        return RejectionReason.WRONG_NAMES
     if not np.isfinite(torque).all():
-        return Reason.NOT_FINITE
-    if (np.abs(torque) > ABSURD * limits.torque).any():
-        return Reason.BEYOND_LIMIT
-    return torque[[names.index(wheel) for wheel in WHEELS]] if names else torque
+        return RejectionReason.NOT_FINITE
+    if (np.abs(torque) > TORQUE_REJECTION_FACTOR * limits.torque).any():
+        return RejectionReason.BEYOND_LIMIT
+    return torque[[names.index(wheel) for wheel in WHEEL_JOINTS]] if names else torque
 
 
-def burn_window(message: Any, limits: Limits, now: int, before: Window) -> Window | Reason:
+def burn_window(message: Any, limits: CommandLimits, now_ns: int, previous: BurnWindow) -> BurnWindow | RejectionReason:
     """Opening of the valve that a `trajectory_msgs/JointTrajectory` asks for `now` [ns], after the one `before`.
 
     Without points there is none. A valve that is to be open already is that of the burn before, told again.
     """
     points = list(message.points)
     if len(points) not in (0, 2) or len(message.joint_names) > 1:
-        return Reason.WRONG_LENGTH
-    if list(message.joint_names) not in ([], [VALVE]):
-        return Reason.WRONG_NAMES
+        return RejectionReason.WRONG_LENGTH
+    if list(message.joint_names) not in ([], [THRUSTER_JOINT]):
+        return RejectionReason.WRONG_NAMES
     if not all(np.isfinite(np.asarray(point.effort, dtype=np.float64)).all() for point in points):
-        return Reason.NOT_FINITE
+        return RejectionReason.NOT_FINITE
     if not points:
-        return Window()
-    told = [stamp(message) + _nanoseconds(point.time_from_start) for point in points]
+        return BurnWindow()
+    switch_times = [header_stamp_ns(message) + _duration_ns(point.time_from_start) for point in points]
     # Who works out the times anew every second may be off by a rounding.
     ignition, cutoff = (
-        known if abs(time - known) < _SAME_NS else time
-        for time, known in zip(told, (before.ignition, before.cutoff), strict=True)
+        known if abs(time - known) < _TIME_TOLERANCE_NS else time
+        for time, known in zip(switch_times, (previous.ignition_ns, previous.cutoff_ns), strict=True)
     )
-    if (cutoff - ignition) < limits.minimum_on_time_s * NANO:
-        return Reason.TOO_SHORT
-    if (cutoff - ignition) > limits.longest_on_time_s * NANO:
-        return Reason.BEYOND_LIMIT
-    if ignition < now and ignition != before.ignition:
-        return Reason.IN_THE_PAST
-    return Window(ignition, cutoff)
+    if (cutoff - ignition) < limits.minimum_on_time_s * NANOSECONDS_PER_S:
+        return RejectionReason.TOO_SHORT
+    if (cutoff - ignition) > limits.maximum_on_time_s * NANOSECONDS_PER_S:
+        return RejectionReason.BEYOND_LIMIT
+    if ignition < now_ns and ignition != previous.ignition_ns:
+        return RejectionReason.IN_THE_PAST
+    return BurnWindow(ignition, cutoff)
 
 
-def orientation(message: Any) -> np.ndarray | Reason:
+def unit_orientation(message: Any) -> np.ndarray | RejectionReason:
     """Orientation (x, y, z, w) of a `geometry_msgs/QuaternionStamped` in `eci`."""
     if message.header.frame_id not in ("", ECI):
-        return Reason.WRONG_FRAME
-    return _unit(message.quaternion)
+        return RejectionReason.WRONG_FRAME
+    return _normalized(message.quaternion)
 
 
-def servicer_odometry(message: Any) -> Any | Reason:
+def servicer_odometry(message: Any) -> Any | RejectionReason:
     """The `nav_msgs/Odometry` itself, if it can be the servicer's in `eci`."""
-    return _odometry(message, ECI, (RADIUS_EARTH, _HIGHEST_M))
+    return _odometry(message, ECI, (RADIUS_EARTH, _LARGEST_ORBIT_RADIUS_M))
 
 
-def relative_odometry(message: Any) -> Any | Reason:
+def relative_odometry(message: Any) -> Any | RejectionReason:
     """The `nav_msgs/Odometry` itself, if it can be the servicer's from the target."""
-    return _odometry(message, HILL, (_NEAREST_M, _FARTHEST_M))
+    return _odometry(message, HILL, (_SMALLEST_RANGE_M, _LARGEST_RANGE_M))
 
 
-def _odometry(message: Any, frame: str, distances: tuple[float, float]) -> Any | Reason:
+def _odometry(message: Any, frame: str, distance_range: tuple[float, float]) -> Any | RejectionReason:
     if message.header.frame_id != frame or message.child_frame_id != SERVICER:
-        return Reason.WRONG_FRAME
+        return RejectionReason.WRONG_FRAME
     place, velocity = message.pose.pose.position, message.twist.twist.linear
     position = np.array([place.x, place.y, place.z])
-    doubts = (np.asarray(message.pose.covariance), np.asarray(message.twist.covariance))
-    if not np.isfinite([*position, velocity.x, velocity.y, velocity.z, *doubts[0], *doubts[1]]).all():
-        return Reason.NOT_FINITE
-    low, high = distances
+    covariances = (np.asarray(message.pose.covariance), np.asarray(message.twist.covariance))
+    if not np.isfinite([*position, velocity.x, velocity.y, velocity.z, *covariances[0], *covariances[1]]).all():
+        return RejectionReason.NOT_FINITE
+    low, high = distance_range
     if np.abs(position).max() > high or not low <= np.linalg.norm(position) <= high:
-        return Reason.BEYOND_LIMIT
-    if isinstance(turn := _unit(message.pose.pose.orientation), Reason):
-        return turn
-    if not all(_is_covariance(doubt.reshape(6, 6)[:3, :3]) for doubt in doubts):
-        return Reason.NO_COVARIANCE
+        return RejectionReason.BEYOND_LIMIT
+    if isinstance(quaternion := _normalized(message.pose.pose.orientation), RejectionReason):
+        return quaternion
+    if not all(_is_covariance(doubt.reshape(6, 6)[:3, :3]) for doubt in covariances):
+        return RejectionReason.NO_COVARIANCE
     return message
 
 
@@ -158,13 +158,13 @@ def _is_covariance(P: np.ndarray) -> bool:
     return bool(np.linalg.eigvalsh(P).min() > 0.0)
 
 
-def _unit(turn: Any) -> np.ndarray | Reason:
+def _normalized(turn: Any) -> np.ndarray | RejectionReason:
     xyzw = np.array([turn.x, turn.y, turn.z, turn.w])
     if not np.isfinite(xyzw).all():
-        return Reason.NOT_FINITE
+        return RejectionReason.NOT_FINITE
     size = float(np.linalg.norm(np.clip(xyzw, -2.0, 2.0)))
-    return xyzw / size if abs(size - 1.0) < _UNIT_TOLERANCE else Reason.NO_ROTATION
+    return xyzw / size if abs(size - 1.0) < _UNIT_NORM_TOLERANCE else RejectionReason.NO_ROTATION
 
 
-def _nanoseconds(span: Any) -> int:
-    return int(span.sec) * NANO + int(span.nanosec)
+def _duration_ns(span: Any) -> int:
+    return int(span.sec) * NANOSECONDS_PER_S + int(span.nanosec)

@@ -8,108 +8,112 @@ import numpy as np
 
 from rpojax.errors import UnfinishedError
 from rpojax.interop.cosimulation import command_checks, live_topics
-from rpojax.interop.cosimulation.clock import Pace
-from rpojax.interop.cosimulation.command_checks import Limits, Window
-from rpojax.interop.cosimulation.event_log import Ledger
-from rpojax.interop.cosimulation.live_settings import Settings
-from rpojax.interop.cosimulation.message_exchange import Check, Exchange, T
-from rpojax.interop.cosimulation.odometry_input import given_orbit
+from rpojax.interop.cosimulation.clock import Clock
+from rpojax.interop.cosimulation.command_checks import BurnWindow, CommandLimits
+from rpojax.interop.cosimulation.event_log import EventLog
+from rpojax.interop.cosimulation.live_settings import LiveSettings
+from rpojax.interop.cosimulation.message_exchange import CommandCheck, MessageExchange, T
+from rpojax.interop.cosimulation.odometry_input import orbit_estimate_from_odometry
 from rpojax.interop.ros2 import topics
-from rpojax.interop.ros2.frame_names import from_orientation
-from rpojax.interop.ros2.message_builders import NANO, Said
+from rpojax.interop.ros2.frame_names import quaternion_from_orientation
+from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S, TopicMessages
 from rpojax.interop.ros2.topics import Topic
-from rpojax.simulation.external_stages import Decider, GivenBurn, GivenOrbit
+from rpojax.simulation.external_stages import BurnDecider, ExternalBurn, ExternalOrbitEstimate
 
-CLOSED = GivenBurn(ignition=jnp.zeros(()), cutoff=jnp.zeros(()), q_burn=jnp.array([1.0, 0.0, 0.0, 0.0]))
+NO_BURN = ExternalBurn(ignition=jnp.zeros(()), cutoff=jnp.zeros(()), q_burn=jnp.array([1.0, 0.0, 0.0, 0.0]))
 """No burn."""
 
 
-class Orders:
+class CommandInput:
     """The other side of a run: commands as they are asked for, each for its time [ns].
 
     Each raises `UnfinishedError` where the run is to stop: on a late command if so agreed, and after a long silence.
     """
 
-    def __init__(self, settings: Settings, limits: Limits, exchange: Exchange, pace: Pace, ledger: Ledger) -> None:
+    def __init__(
+        self, settings: LiveSettings, limits: CommandLimits, exchange: MessageExchange, clock: Clock, events: EventLog
+    ) -> None:
         self._settings, self._limits = settings, limits
-        self._exchange, self._pace, self._ledger = exchange, pace, ledger
+        self._exchange, self._clock, self._events = exchange, clock, events
         self._torque = np.zeros(3)
-        self._window = Window()
-        self._answered = time.monotonic()
+        self._burn_window = BurnWindow()
+        self._last_command_at = time.monotonic()
 
-    def say(self, said: Said) -> None:
+    def publish(self, messages: TopicMessages) -> None:
         """Sends messages."""
-        self._exchange.say(said)
+        self._exchange.publish(messages)
 
-    def hold(self, end: int) -> None:
+    def wait_until(self, time_ns: int) -> None:
         """Waits until a step that ends at a time [ns] may end."""
-        self._pace.hold(end)
+        self._clock.wait_until(time_ns)
 
-    def torque(self, at: int) -> np.ndarray:
+    def wheel_torque(self, time_ns: int) -> np.ndarray:
         """Wheel torques (3,) [N m] of a plant step."""
-        found = self._command(
-            topics.WHEEL_COMMAND, at, lambda message: command_checks.wheel_torque(message, self._limits)
+        found = self._wait_for_command(
+            topics.WHEEL_COMMAND, time_ns, lambda message: command_checks.wheel_torque(message, self._limits)
         )
         if found is None:
-            kept = self._late(topics.WHEEL_COMMAND, at, "the last torques hold", "no torque")
+            kept = self._count_late(topics.WHEEL_COMMAND, time_ns, "the last torques hold", "no torque")
             return self._torque if kept else np.zeros(3)
         if (np.abs(found) > self._limits.torque * (1.0 + 1e-9)).any():
-            self._ledger.limit(topics.WHEEL_COMMAND)
+            self._events.count_limited(topics.WHEEL_COMMAND)
         self._torque = found
         return found
 
-    def burn(self, at: int) -> tuple[Decider, GivenBurn]:
+    def burn_command(self, time_ns: int) -> tuple[BurnDecider, ExternalBurn]:
         """Who has decided on the burn of a tick, and what."""
 
-        def check(message: Any) -> Window | command_checks.Reason:
-            return command_checks.burn_window(message, self._limits, at, self._window)
+        def check(message: Any) -> BurnWindow | command_checks.RejectionReason:
+            return command_checks.burn_window(message, self._limits, time_ns, self._burn_window)
 
-        found = self._command(topics.THRUSTER_COMMAND, at, check)
+        found = self._wait_for_command(topics.THRUSTER_COMMAND, time_ns, check)
         if found is None:
-            kept = self._late(topics.THRUSTER_COMMAND, at, "the plan holds", "no burn")
-            return ("nobody", CLOSED) if kept else self._closed(at)
-        if found == Window():
-            return self._closed(at)
-        xyzw = self._command(live_topics.ATTITUDE_TARGET, at, command_checks.orientation)
+            kept = self._count_late(topics.THRUSTER_COMMAND, time_ns, "the plan holds", "no burn")
+            return ("nobody", NO_BURN) if kept else self._close_valve(time_ns)
+        if found == BurnWindow():
+            return self._close_valve(time_ns)
+        xyzw = self._wait_for_command(live_topics.ATTITUDE_TARGET, time_ns, command_checks.unit_orientation)
         if xyzw is None:
-            kept = self._late(live_topics.ATTITUDE_TARGET, at, "the plan holds", "no burn")
-            return ("nobody", CLOSED) if kept else self._closed(at)
-        if found == self._window:
-            return "nobody", CLOSED
-        self._window = found
-        return "given", GivenBurn(
-            ignition=jnp.asarray(found.ignition / NANO, dtype=jnp.float64),
-            cutoff=jnp.asarray(found.cutoff / NANO, dtype=jnp.float64),
-            q_burn=from_orientation(jnp.asarray(xyzw)),
+            kept = self._count_late(live_topics.ATTITUDE_TARGET, time_ns, "the plan holds", "no burn")
+            return ("nobody", NO_BURN) if kept else self._close_valve(time_ns)
+        if found == self._burn_window:
+            return "nobody", NO_BURN
+        self._burn_window = found
+        return "given", ExternalBurn(
+            ignition=jnp.asarray(found.ignition_ns / NANOSECONDS_PER_S, dtype=jnp.float64),
+            cutoff=jnp.asarray(found.cutoff_ns / NANOSECONDS_PER_S, dtype=jnp.float64),
+            q_burn=quaternion_from_orientation(jnp.asarray(xyzw)),
         )
 
-    def estimate(self, at: int) -> GivenOrbit | None:
+    def orbit_estimate(self, time_ns: int) -> ExternalOrbitEstimate | None:
         """Orbit estimate of a tick; None where the own filter has to go on from the last one."""
-        servicer = self._command(topics.SERVICER_ESTIMATE, at, command_checks.servicer_odometry)
-        relative = self._command(topics.RELATIVE_ESTIMATE, at, command_checks.relative_odometry)
+        servicer = self._wait_for_command(topics.SERVICER_ESTIMATE, time_ns, command_checks.servicer_odometry)
+        relative = self._wait_for_command(topics.RELATIVE_ESTIMATE, time_ns, command_checks.relative_odometry)
         for topic, found in ((topics.SERVICER_ESTIMATE, servicer), (topics.RELATIVE_ESTIMATE, relative)):
             if found is None:
-                self._late(topic, at, "the own filter goes on", "the own filter goes on")
-        return None if servicer is None or relative is None else given_orbit(servicer, relative)
+                self._count_late(topic, time_ns, "the own filter goes on", "the own filter goes on")
+        return None if servicer is None or relative is None else orbit_estimate_from_odometry(servicer, relative)
 
-    def _closed(self, at: int) -> tuple[Decider, GivenBurn]:
+    def _close_valve(self, time_ns: int) -> tuple[BurnDecider, ExternalBurn]:
         """The valve closed, where it is open or about to be."""
-        pending, self._window = self._window.cutoff > at, Window()
-        return ("given" if pending else "nobody"), CLOSED
+        pending, self._burn_window = self._burn_window.cutoff_ns > time_ns, BurnWindow()
+        return ("given" if pending else "nobody"), NO_BURN
 
-    def _command(self, topic: Topic, at: int, check: Check[T]) -> T | None:
-        found = self._pace.command(self._exchange.heard[topic.name], at, check)
+    def _wait_for_command(self, topic: Topic, time_ns: int, check: CommandCheck[T]) -> T | None:
+        found = self._clock.wait_for_command(self._exchange.subscriptions[topic.name], time_ns, check)
         if found is not None:
-            self._answered = time.monotonic()
+            self._last_command_at = time.monotonic()
         return found
 
-    def _late(self, topic: Topic, at: int, held: str, zero: str) -> bool:
+    def _count_late(self, topic: Topic, time_ns: int, hold_text: str, zero_text: str) -> bool:
         """Counts a late command; tells whether the last one holds."""
         hold = self._settings.on_late == "hold"
-        self._ledger.miss(topic, at / NANO, held if hold else zero)
+        self._events.count_late(topic, time_ns / NANOSECONDS_PER_S, hold_text if hold else zero_text)
         if self._settings.on_late == "stop":
-            raise UnfinishedError(f"{topic.name}: found no command for {at / NANO:g} s in time, expected one")
-        if time.monotonic() - self._answered > self._settings.patience_s:
+            raise UnfinishedError(
+                f"{topic.name}: found no command for {time_ns / NANOSECONDS_PER_S:g} s in time, expected one"
+            )
+        if time.monotonic() - self._last_command_at > self._settings.patience_s:
             raise UnfinishedError(
                 f"{topic.name}: found no command at all for {self._settings.patience_s:g} s, expected one"
             )

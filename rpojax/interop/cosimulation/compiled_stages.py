@@ -8,19 +8,19 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.core import quaternion
-from rpojax.core.array_packing import Bundle, Layout, Packed
+from rpojax.core.array_packing import PackedFunction, PackedLayout, PackedRecord
 from rpojax.core.pytree import pytree
 from rpojax.flight.computer import Stages
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.interop.ros2 import message_values
-from rpojax.interop.ros2.frame_names import orientation, turned
-from rpojax.interop.ros2.message_values import TickValues
+from rpojax.interop.ros2.frame_names import orientation_from_quaternion, rotate_covariance
+from rpojax.interop.ros2.message_values import RosTickValues
 from rpojax.scenario.params import Params
 from rpojax.scenario.scenario_file import Scenario
 from rpojax.simulation import external_stages, step_stages, telemetry
-from rpojax.simulation.external_stages import Begun, Decider, GivenBurn, GivenOrbit
+from rpojax.simulation.external_stages import BurnDecider, ExternalBurn, ExternalOrbitEstimate, NavigatedTick
 from rpojax.simulation.state import State
-from rpojax.simulation.step_stages import Decided, Motion
+from rpojax.simulation.step_stages import GuidedTick, Motion
 from rpojax.simulation.telemetry import Channels
 
 _STAGES = Stages()
@@ -50,7 +50,7 @@ class AttitudeValues:
 
 
 @pytree
-class SensedValues:
+class NavigatedValues:
     """What there is to say once a tick has been sensed and navigated.
 
     Attributes:
@@ -58,12 +58,12 @@ class SensedValues:
         attitude: before the first plant step
     """
 
-    tick: TickValues
+    tick: RosTickValues
     attitude: AttitudeValues
 
 
 @pytree
-class DecidedValues:
+class GuidedValues:
     """What there is to say once burn and pointing are decided.
 
     Attributes:
@@ -72,13 +72,13 @@ class DecidedValues:
         reference: orientations (n, 4) x, y, z, w, rates (n, 3) [rad/s] and accelerations (n, 3) [rad/s^2]
     """
 
-    tick: TickValues
+    tick: RosTickValues
     channels: Channels
-    reference: tuple[jax.Array, jax.Array, jax.Array]
+    attitude_reference: tuple[jax.Array, jax.Array, jax.Array]
 
 
 @dataclass(frozen=True)
-class Opened:
+class PackedTick:
     """A tick that has been sensed and navigated.
 
     Attributes:
@@ -88,152 +88,176 @@ class Opened:
         failure: code of the run's failure so far
     """
 
-    state: Bundle
-    begun: Bundle
-    values: SensedValues
+    state: PackedRecord
+    navigated: PackedRecord
+    values: NavigatedValues
     failure: int
 
 
-class Program:
+class CompiledStages:
     """One run between two things that are said; the end of a tick is one function with the beginning of the next."""
 
     def __init__(self, scenario: Scenario, params: Params) -> None:
-        held = Bundle.of(params)
-        self._params = Bundle(held.layout, tuple(map(jnp.asarray, held.arrays)))
-        self._open = Packed(partial(_open, scenario))
-        self._adopt = Packed(_adopt)
-        self._decide: dict[Decider, Packed] = {}
-        self._move = Packed(partial(_move, scenario))
-        self._close = Packed(partial(_close, scenario))
-        self._close_alone = Packed(partial(_close_alone, scenario))
-        self._picture = Packed(partial(_picture, scenario))
+        packed = PackedRecord.of(params)
+        self._params = PackedRecord(packed.layout, tuple(map(jnp.asarray, packed.arrays)))
+        self._sense_and_navigate = PackedFunction(partial(_sense_and_navigate, scenario))
+        self._replace_orbit = PackedFunction(_replace_orbit)
+        self._plan_and_guide: dict[BurnDecider, PackedFunction] = {}
+        self._plant_step = PackedFunction(partial(_plant_step, scenario))
+        self._last_plant_step = PackedFunction(partial(_last_plant_step, scenario))
+        self._all_plant_steps = PackedFunction(partial(_all_plant_steps, scenario))
+        self._camera_image = PackedFunction(partial(_camera_image, scenario))
         self._scenario = scenario
 
-    def open(self, state: State) -> Opened:
+    def first_tick(self, state: State) -> PackedTick:
         """The first tick."""
-        return _opened(*self._open(self._params, Bundle.of(state)))
+        return _fetch_tick(*self._sense_and_navigate(self._params, PackedRecord.of(state)))
 
-    def adopt(self, tick: Opened, given: GivenOrbit) -> Opened:
+    def with_orbit_estimate(self, tick: PackedTick, estimate: ExternalOrbitEstimate) -> PackedTick:
         """The tick with somebody else's navigation."""
-        return replace(tick, begun=self._adopt(tick.begun, Bundle.of(given))[0])
+        return replace(tick, navigated=self._replace_orbit(tick.navigated, PackedRecord.of(estimate))[0])
 
-    def decide(self, decider: Decider, tick: Opened, burn: GivenBurn) -> tuple[Bundle, Bundle, DecidedValues]:
+    def plan_and_guide(
+        self, decider: BurnDecider, tick: PackedTick, burn: ExternalBurn
+    ) -> tuple[PackedRecord, PackedRecord, GuidedValues]:
         """Burn and pointing, the motion before the first plant step, and what there is to say."""
-        if decider not in self._decide:
-            self._decide[decider] = Packed(partial(_decide, self._scenario, decider))
-        decided, motion, values = self._decide[decider](self._params, tick.state, tick.begun, Bundle.of(burn))
-        return decided, motion, values.fetch()
+        if decider not in self._plan_and_guide:
+            self._plan_and_guide[decider] = PackedFunction(partial(_plan_and_guide, self._scenario, decider))
+        guided, motion, values = self._plan_and_guide[decider](
+            self._params, tick.state, tick.navigated, PackedRecord.of(burn)
+        )
+        return guided, motion, values.to_numpy()
 
-    def move(
-        self, tick: Opened, decided: Bundle, motion: Bundle, torque: np.ndarray, step: int
-    ) -> tuple[Bundle, AttitudeValues]:
+    def plant_step(
+        self, tick: PackedTick, guided: PackedRecord, motion: PackedRecord, torque: np.ndarray, step: int
+    ) -> tuple[PackedRecord, AttitudeValues]:
         """One plant step under given torques [N m], and the attitude after it."""
-        motion, values = self._move(self._params, tick.state, decided, motion, _order(torque, step))
-        return motion, values.fetch()
+        motion, values = self._plant_step(self._params, tick.state, guided, motion, _pack_torque(torque, step))
+        return motion, values.to_numpy()
 
-    def close(self, tick: Opened, decided: Bundle, motion: Bundle, torque: np.ndarray, step: int) -> Opened:
+    def last_plant_step(
+        self, tick: PackedTick, guided: PackedRecord, motion: PackedRecord, torque: np.ndarray, step: int
+    ) -> PackedTick:
         """The last plant step of a tick under given torques [N m], and the next tick."""
-        return _opened(*self._close(self._params, tick.state, decided, motion, _order(torque, step)))
+        return _fetch_tick(*self._last_plant_step(self._params, tick.state, guided, motion, _pack_torque(torque, step)))
 
-    def close_alone(self, tick: Opened, decided: Bundle) -> Opened:
+    def all_plant_steps(self, tick: PackedTick, guided: PackedRecord) -> PackedTick:
         """All plant steps of a tick under the flight software's own torques, and the next tick."""
-        return _opened(*self._close_alone(self._params, tick.state, decided))
+        return _fetch_tick(*self._all_plant_steps(self._params, tick.state, guided))
 
-    def picture(self, tick: Opened) -> np.ndarray:
+    def camera_image(self, tick: PackedTick) -> np.ndarray:
         """The picture that the detector of a rendered camera gets."""
-        return self._picture(self._params, tick.state, tick.begun)[0].fetch()
+        return self._camera_image(self._params, tick.state, tick.navigated)[0].to_numpy()
 
 
-_ORDER = Layout.of((np.zeros(3), np.int32(0)))
+_TORQUE_AND_STEP = PackedLayout.of((np.zeros(3), np.int32(0)))
 
 
-def _order(torque: np.ndarray, step: int) -> Bundle:
+def _pack_torque(torque: np.ndarray, step: int) -> PackedRecord:
     """As `Bundle.of` makes it, which would look at the shapes at every plant step."""
-    return Bundle(_ORDER, (torque, np.array([step], dtype=np.int32)))
+    return PackedRecord(_TORQUE_AND_STEP, (torque, np.array([step], dtype=np.int32)))
 
 
-def _opened(state: Bundle, begun: Bundle, values: Bundle, failure: Bundle) -> Opened:
-    return Opened(state, begun, values.fetch(), int(failure.fetch()))
+def _fetch_tick(
+    state: PackedRecord, navigated: PackedRecord, values: PackedRecord, failure: PackedRecord
+) -> PackedTick:
+    return PackedTick(state, navigated, values.to_numpy(), int(failure.to_numpy()))
 
 
-def _open(scenario: Scenario, params: Params, state: State) -> tuple[State, Begun, SensedValues, jax.Array]:
-    begun = external_stages.begin(_STAGES, scenario, params, state)
+def _sense_and_navigate(
+    scenario: Scenario, params: Params, state: State
+) -> tuple[State, NavigatedTick, NavigatedValues, jax.Array]:
+    navigated = external_stages.sense_and_navigate(_STAGES, scenario, params, state)
     # There is no mode before guidance.
     mode = jnp.zeros((), dtype=jnp.int64)
-    seen = step_stages.look(state, begun.sensed, begun.flight, begun.innovation, mode)
-    attitude = begun.flight.attitude
-    values = SensedValues(
-        tick=message_values.observe(_STAGES, scenario, params, seen),
-        attitude=_attitude(scenario, params, attitude, attitude, state.truth.wheel_speed),
+    telemetry_record = step_stages.make_telemetry(state, navigated.sensed, navigated.flight, navigated.innovation, mode)
+    attitude = navigated.flight.attitude
+    values = NavigatedValues(
+        tick=message_values.observe_tick(_STAGES, scenario, params, telemetry_record),
+        attitude=_attitude_values(scenario, params, attitude, attitude, state.truth.wheel_speed),
     )
-    return state, begun, values, state.failure
+    return state, navigated, values, state.failure
 
 
-def _picture(scenario: Scenario, params: Params, state: State, begun: Begun) -> tuple[jax.Array]:
-    return (external_stages.picture(scenario, params, state, begun.sensed.frame.window),)
+def _camera_image(scenario: Scenario, params: Params, state: State, navigated: NavigatedTick) -> tuple[jax.Array]:
+    return (external_stages.detector_picture(scenario, params, state, navigated.sensed.frame.window),)
 
 
-def _adopt(begun: Begun, given: GivenOrbit) -> tuple[Begun]:
-    return (external_stages.adopt(begun, given),)
+def _replace_orbit(navigated: NavigatedTick, estimate: ExternalOrbitEstimate) -> tuple[NavigatedTick]:
+    return (external_stages.replace_orbit_estimate(navigated, estimate),)
 
 
-def _decide(
-    scenario: Scenario, decider: Decider, params: Params, state: State, begun: Begun, burn: GivenBurn
-) -> tuple[Decided, Motion, DecidedValues]:
-    decided, seen = external_stages.decide(_STAGES, scenario, decider, params, state, begun, burn)
-    motion = step_stages.set_off(state, decided)
-    command = external_stages.reference(scenario, decided)
-    values = DecidedValues(
-        tick=message_values.observe(_STAGES, scenario, params, seen),
-        channels=telemetry.observe(scenario, params, seen),
-        reference=(jax.vmap(orientation)(command.q_CN), command.omega_CN_C, command.acceleration_C),
+def _plan_and_guide(
+    scenario: Scenario, decider: BurnDecider, params: Params, state: State, navigated: NavigatedTick, burn: ExternalBurn
+) -> tuple[GuidedTick, Motion, GuidedValues]:
+    guided, telemetry_record = external_stages.plan_burn_and_guide(
+        _STAGES, scenario, decider, params, state, navigated, burn
     )
-    return decided, motion, values
+    motion = step_stages.initial_motion(state, guided)
+    reference = external_stages.attitude_commands(scenario, guided)
+    values = GuidedValues(
+        tick=message_values.observe_tick(_STAGES, scenario, params, telemetry_record),
+        channels=telemetry.compute_channels(scenario, params, telemetry_record),
+        attitude_reference=(
+            jax.vmap(orientation_from_quaternion)(reference.q_CN),
+            reference.omega_CN_C,
+            reference.acceleration_C,
+        ),
+    )
+    return guided, motion, values
 
 
-def _move(
+def _plant_step(
     scenario: Scenario,
     params: Params,
     state: State,
-    decided: Decided,
+    guided: GuidedTick,
     motion: Motion,
-    order: tuple[jax.Array, jax.Array],
+    torque_and_step: tuple[jax.Array, jax.Array],
 ) -> tuple[Motion, AttitudeValues]:
-    motion = external_stages.move(scenario, params, state, decided, motion, *order)
-    held, wheels = decided.flight.attitude, motion.truth.wheel_speed
-    return motion, _attitude(scenario, params, held, motion.attitude, wheels)
+    motion = external_stages.propagate_substep(scenario, params, state, guided, motion, *torque_and_step)
+    tick_estimate, wheels = guided.flight.attitude, motion.truth.wheel_speed
+    return motion, _attitude_values(scenario, params, tick_estimate, motion.attitude, wheels)
 
 
-def _close(
+def _last_plant_step(
     scenario: Scenario,
     params: Params,
     state: State,
-    decided: Decided,
+    guided: GuidedTick,
     motion: Motion,
-    order: tuple[jax.Array, jax.Array],
-) -> tuple[State, Begun, SensedValues, jax.Array]:
-    motion, _ = _move(scenario, params, state, decided, motion, order)
-    return _open(scenario, params, external_stages.finish(_STAGES, scenario, params, state, decided, motion))
+    torque_and_step: tuple[jax.Array, jax.Array],
+) -> tuple[State, NavigatedTick, NavigatedValues, jax.Array]:
+    motion, _ = _plant_step(scenario, params, state, guided, motion, torque_and_step)
+    return _sense_and_navigate(
+        scenario, params, external_stages.finish(_STAGES, scenario, params, state, guided, motion)
+    )
 
 
-def _close_alone(
-    scenario: Scenario, params: Params, state: State, decided: Decided
-) -> tuple[State, Begun, SensedValues, jax.Array]:
-    motion = external_stages.move_all(_STAGES, scenario, params, state, decided)
-    return _open(scenario, params, external_stages.finish(_STAGES, scenario, params, state, decided, motion))
+def _all_plant_steps(
+    scenario: Scenario, params: Params, state: State, guided: GuidedTick
+) -> tuple[State, NavigatedTick, NavigatedValues, jax.Array]:
+    motion = external_stages.control_and_propagate(_STAGES, scenario, params, state, guided)
+    return _sense_and_navigate(
+        scenario, params, external_stages.finish(_STAGES, scenario, params, state, guided, motion)
+    )
 
 
-def _attitude(
-    scenario: Scenario, params: Params, held: AttitudeEstimate, now: AttitudeEstimate, wheel_speed: jax.Array
+def _attitude_values(
+    scenario: Scenario,
+    params: Params,
+    tick_estimate: AttitudeEstimate,
+    current: AttitudeEstimate,
+    wheel_speed: jax.Array,
 ) -> AttitudeValues:
     """Values of the estimate `now`, with the covariance `held` since the beginning of the tick."""
-    noise = message_values.gyro_variance(scenario, params)
+    gyro_noise = message_values.gyro_variance(scenario, params)
     return AttitudeValues(
-        orientation=orientation(now.q_BN),
-        rate=now.omega_BN_B,
-        covariance=turned(quaternion.to_matrix(now.q_BN).T, held.covariance[:3, :3]),
-        rate_covariance=message_values.rate_covariance(held, noise),
-        gyro=now.gyro_B,
-        gyro_variance=noise,
+        orientation=orientation_from_quaternion(current.q_BN),
+        rate=current.omega_BN_B,
+        covariance=rotate_covariance(quaternion.to_matrix(current.q_BN).T, tick_estimate.covariance[:3, :3]),
+        rate_covariance=message_values.rate_covariance(tick_estimate, gyro_noise),
+        gyro=current.gyro_B,
+        gyro_variance=gyro_noise,
         wheel_speed=wheel_speed,
     )

@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 from rpojax.interop.ros2.topics import Topic
 
-Tell = Callable[[str], None]
+LineWriter = Callable[[str], None]
 
 
 @dataclass
-class Ledger:
+class EventLog:
     """Counts of a run.
 
     Attributes:
@@ -20,26 +20,26 @@ class Ledger:
         limited: commands that were beyond what the drive can give, by topic
     """
 
-    tell: Tell
+    write_line: LineWriter
     ignored: Counter[tuple[str, str]] = field(default_factory=Counter)
     late: Counter[str] = field(default_factory=Counter)
     limited: Counter[str] = field(default_factory=Counter)
 
-    def ignore(self, topic: Topic, reason: str) -> None:
+    def count_ignored(self, topic: Topic, reason: str) -> None:
         """One more message that does not count."""
         self.ignored[topic.name, reason] += 1
-        self._say(self.ignored[topic.name, reason], f"{topic.name}: ignored, {reason}")
+        self._report(self.ignored[topic.name, reason], f"{topic.name}: ignored, {reason}")
 
-    def miss(self, topic: Topic, time_s: float, instead: str) -> None:
+    def count_late(self, topic: Topic, time_s: float, fallback: str) -> None:
         """One more command that did not come in time; the simulator does something else `instead`."""
         self.late[topic.name] += 1
-        self._say(self.late[topic.name], f"{topic.name}: no command for {time_s:.1f} s in time, {instead}")
+        self._report(self.late[topic.name], f"{topic.name}: no command for {time_s:.1f} s in time, {fallback}")
 
-    def limit(self, topic: Topic) -> None:
+    def count_limited(self, topic: Topic) -> None:
         """One more command that the drive could not follow."""
         self.limited[topic.name] += 1
-        self._say(self.limited[topic.name], f"{topic.name}: beyond the limit of the drive, which gives what it can")
+        self._report(self.limited[topic.name], f"{topic.name}: beyond the limit of the drive, which gives what it can")
 
-    def _say(self, count: int, text: str) -> None:
+    def _report(self, count: int, text: str) -> None:
         if str(count).strip("0") == "1":
-            self.tell(text if count == 1 else f"{text} ({count} times)")
+            self.write_line(text if count == 1 else f"{text} ({count} times)")

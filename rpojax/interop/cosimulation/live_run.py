@@ -11,28 +11,28 @@ import jax
 import numpy as np
 
 from rpojax.campaign import single_run
-from rpojax.core.array_packing import Bundle
+from rpojax.core.array_packing import PackedRecord
 from rpojax.errors import UnfinishedError
-from rpojax.interop.cosimulation.clock import Lockstep, RealTime
-from rpojax.interop.cosimulation.command_checks import Limits
-from rpojax.interop.cosimulation.command_input import CLOSED, Orders
-from rpojax.interop.cosimulation.compiled_stages import Opened, Program
-from rpojax.interop.cosimulation.event_log import Ledger, Tell
-from rpojax.interop.cosimulation.live_settings import Settings, Stage
-from rpojax.interop.cosimulation.message_exchange import Exchange
-from rpojax.interop.cosimulation.odometry_input import given_orbit
-from rpojax.interop.cosimulation.publisher import Words
+from rpojax.interop.cosimulation.clock import LockstepClock, RealTimeClock
+from rpojax.interop.cosimulation.command_checks import CommandLimits
+from rpojax.interop.cosimulation.command_input import NO_BURN, CommandInput
+from rpojax.interop.cosimulation.compiled_stages import CompiledStages, PackedTick
+from rpojax.interop.cosimulation.event_log import EventLog, LineWriter
+from rpojax.interop.cosimulation.live_publisher import TickMessages
+from rpojax.interop.cosimulation.live_settings import ExternalStage, LiveSettings
+from rpojax.interop.cosimulation.message_exchange import MessageExchange
+from rpojax.interop.cosimulation.odometry_input import orbit_estimate_from_odometry
 from rpojax.interop.ros2 import topics
-from rpojax.interop.ros2.message_builders import Said, nanoseconds
+from rpojax.interop.ros2.message_builders import TopicMessages, nanoseconds
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation import closed_loop, metrics
-from rpojax.simulation.closed_loop import FAILURES
-from rpojax.simulation.external_stages import Decider, GivenBurn, GivenOrbit
+from rpojax.simulation.closed_loop import FAILURE_REASONS
+from rpojax.simulation.external_stages import BurnDecider, ExternalBurn, ExternalOrbitEstimate
 from rpojax.simulation.telemetry import Channels
 
 
 @dataclass(frozen=True)
-class Outcome:
+class LiveRunResult:
     """What came of a live run.
 
     Attributes:
@@ -56,9 +56,9 @@ class Outcome:
     steps: int
     completed: bool
     failure: str
-    stopped: str
+    stop_reason: str
     metrics: Mapping[str, float]
-    ledger: Ledger
+    events: EventLog
     sent: Mapping[str, int]
     received: Mapping[str, int]
     unsent: int
@@ -68,77 +68,79 @@ class Outcome:
     lag_s: float
 
 
-def fly(file: ScenarioFile, seed: int, run_id: int, settings: Settings, tell: Tell) -> Outcome:
+def simulate_live(
+    file: ScenarioFile, seed: int, run_id: int, settings: LiveSettings, write_line: LineWriter
+) -> LiveRunResult:
     """Flies one run live; `tell` gets lines on what happens.
 
     Raises:
         RpojaxError: the domain cannot be joined, or nobody came.
     """
-    ledger = Ledger(tell)
-    exchange = Exchange(settings.domain_id, settings.said, settings.heard, ledger)
-    tell("compiling")
-    flight = _Flight(file, seed, run_id, settings)
-    flight.rehearse()
-    tell("waiting for the other side")
-    exchange.meet(settings.wait_s)
-    tell("flying")
+    events = EventLog(write_line)
+    exchange = MessageExchange(settings.domain_id, settings.published_topics, settings.command_topics, events)
+    write_line("compiling")
+    run = _LiveRun(file, seed, run_id, settings)
+    run.warm_up()
+    write_line("waiting for the other side")
+    exchange.wait_for_nodes(settings.wait_s)
+    write_line("flying")
     # What is here by now stays to the end: there is no use in going through it for garbage again and again.
     gc.collect()
     gc.freeze()
-    pace: Lockstep | RealTime = Lockstep(settings.timeout_s)
-    if settings.factor is not None:
-        pace = RealTime(settings.factor, nanoseconds(flight.scenario.step_s), settings.timeout_s)
-    orders = Orders(settings, flight.limits, exchange, pace, ledger)
-    wall, cpu, stopped = time.perf_counter(), time.process_time(), ""
+    clock: LockstepClock | RealTimeClock = LockstepClock(settings.timeout_s)
+    if settings.real_time_factor is not None:
+        clock = RealTimeClock(settings.real_time_factor, nanoseconds(run.scenario.step_s), settings.timeout_s)
+    commands = CommandInput(settings, run.limits, exchange, clock, events)
+    wall, cpu, stop_reason = time.perf_counter(), time.process_time(), ""
     try:
-        while flight.goes_on:
-            exchange.notice_strangers()
-            flight.tick(orders)
+        while run.is_running:
+            exchange.count_type_mismatches()
+            run.tick(commands)
     except UnfinishedError as error:
-        stopped = str(error)
+        stop_reason = str(error)
     finally:
         gc.unfreeze()
-    return Outcome(
-        ticks=flight.ticks,
-        steps=flight.ticks * flight.scenario.substeps,
-        completed=flight.completed,
-        failure=flight.failure,
-        stopped=stopped,
-        metrics=flight.metrics(),
-        ledger=ledger,
+    return LiveRunResult(
+        ticks=run.ticks,
+        steps=run.ticks * run.scenario.substeps,
+        completed=run.completed,
+        failure=run.failure,
+        stop_reason=stop_reason,
+        metrics=run.metrics(),
+        events=events,
         sent=exchange.sent,
         received=exchange.received,
         unsent=exchange.unsent,
-        simulated_s=flight.ticks * flight.scenario.tick_s,
+        simulated_s=run.ticks * run.scenario.tick_s,
         wall_s=time.perf_counter() - wall,
         cpu_s=time.process_time() - cpu,
-        lag_s=pace.lag_s if isinstance(pace, RealTime) else 0.0,
+        lag_s=clock.lag_s if isinstance(clock, RealTimeClock) else 0.0,
     )
 
 
-class _Flight:
+class _LiveRun:
     """The run, where it is, and what is recorded of it."""
 
-    def __init__(self, file: ScenarioFile, seed: int, run_id: int, settings: Settings) -> None:
-        self._file, self._external = file, settings.external
-        self.scenario, self._params, key = single_run.drawn(file, seed, run_id)
-        self._program = Program(self.scenario, self._params)
+    def __init__(self, file: ScenarioFile, seed: int, run_id: int, settings: LiveSettings) -> None:
+        self._file, self._external_stages = file, settings.external_stages
+        self.scenario, self._params, key = single_run.dispersed_parameters(file, seed, run_id)
+        self._stages = CompiledStages(self.scenario, self._params)
         start = jax.jit(closed_loop.init, static_argnums=0)(self.scenario, self._params, key)
-        self._tick = self._program.open(start)
-        self._words = Words(settings, nanoseconds(self.scenario.step_s))
-        self._pictures = settings.pictures and self.scenario.camera_model == "rendered"
+        self._tick = self._stages.first_tick(start)
+        self._messages = TickMessages(settings, nanoseconds(self.scenario.step_s))
+        self._sends_images = settings.pictures and self.scenario.camera_model == "rendered"
         self._records: dict[str, np.ndarray] = {}
         self.ticks = 0
         self.failure = ""
 
     @property
-    def limits(self) -> Limits:
+    def limits(self) -> CommandLimits:
         """Of commands, by the vehicle's own data base."""
-        onboard, pointing = self._params.flight.onboard, self._params.flight.pointing
-        return Limits(
-            torque=np.asarray(onboard.wheel_torque_limit),
-            minimum_on_time_s=float(onboard.minimum_on_time),
-            longest_on_time_s=float(pointing.look_away_limit),
+        vehicle, pointing = self._params.flight.vehicle, self._params.flight.pointing
+        return CommandLimits(
+            torque=np.asarray(vehicle.wheel_torque_limit),
+            minimum_on_time_s=float(vehicle.minimum_on_time),
+            maximum_on_time_s=float(pointing.look_away_limit),
         )
 
     @property
@@ -147,22 +149,24 @@ class _Flight:
         return self.ticks == self.scenario.ticks and not self.failure
 
     @property
-    def goes_on(self) -> bool:
+    def is_running(self) -> bool:
         """The run is neither over nor has it failed."""
         return self.ticks < self.scenario.ticks and not self.failure
 
-    def rehearse(self) -> None:
+    def warm_up(self) -> None:
         """Flies some ticks in every way that may be asked for, so that all is compiled; nothing comes of it."""
         start = self._tick
-        deciders: tuple[Decider, ...] = ("given", "nobody") if Stage.FORMATION in self._external else ("own",)
+        deciders: tuple[BurnDecider, ...] = (
+            ("given", "nobody") if ExternalStage.FORMATION in self._external_stages else ("own",)
+        )
         for decider in deciders:
-            self._tick = self._fly(_Rehearsal(decider), lambda _: None)
+            self._tick = self._simulate_tick(_WarmUpCommands(decider), lambda _: None)
         self._tick = start
 
-    def tick(self, other: "Other") -> None:
+    def tick(self, commands: "CommandSource") -> None:
         """Flies one tick."""
-        self._tick = self._fly(other, self._record)
-        self.failure = FAILURES[self._tick.failure]
+        self._tick = self._simulate_tick(commands, self._record)
+        self.failure = FAILURE_REASONS[self._tick.failure]
         self.ticks += 1
 
     def _record(self, channels: Channels) -> None:
@@ -177,92 +181,108 @@ class _Flight:
             return {}
         return {name: float(values[0]) for name, values in metrics.evaluate(self._file, self._records).items()}
 
-    def _fly(self, other: "Other", record: Callable[[Channels], None]) -> Opened:
+    def _simulate_tick(self, commands: "CommandSource", record: Callable[[Channels], None]) -> PackedTick:
         """The next tick, after this one is recorded: what is said may be answered before the next is done."""
-        tick, program, at = self._tick, self._program, self._time(0)
-        other.say(self._words.sensed(tick.values))
-        if self._pictures:
-            other.say(self._words.picture(at, partial(program.picture, tick)))
-        if Stage.NAVIGATION in self._external and (given := other.estimate(at)) is not None:
-            tick = program.adopt(tick, given)
-        decider, burn = other.burn(at) if Stage.FORMATION in self._external else ("own", CLOSED)
-        decided, motion, chosen = program.decide(decider, tick, burn)
-        other.say(self._words.reference(chosen, tick.values))
+        tick, stages, time_ns = self._tick, self._stages, self._step_start_ns(0)
+        commands.publish(self._messages.after_navigation(tick.values))
+        if self._sends_images:
+            commands.publish(self._messages.camera_image(time_ns, partial(stages.camera_image, tick)))
+        if (
+            ExternalStage.NAVIGATION in self._external_stages
+            and (estimate := commands.orbit_estimate(time_ns)) is not None
+        ):
+            tick = stages.with_orbit_estimate(tick, estimate)
+        decider, burn = (
+            commands.burn_command(time_ns) if ExternalStage.FORMATION in self._external_stages else ("own", NO_BURN)
+        )
+        guided, motion, values = stages.plan_and_guide(decider, tick, burn)
+        commands.publish(self._messages.attitude_reference(values, tick.values))
 
         def aside() -> None:
-            other.say(self._words.decided(chosen))
-            record(chosen.channels)
+            commands.publish(self._messages.after_guidance(values))
+            record(values.channels)
 
-        return self._move(other, tick, decided, motion, aside)
+        return self._propagate_tick(commands, tick, guided, motion, aside)
 
-    def _move(self, other: "Other", tick: Opened, decided: Bundle, motion: Bundle, aside: Callable[[], None]) -> Opened:
+    def _propagate_tick(
+        self,
+        commands: "CommandSource",
+        tick: PackedTick,
+        guided: PackedRecord,
+        motion: PackedRecord,
+        publish_and_record: Callable[[], None],
+    ) -> PackedTick:
         """The next tick, after the plant steps of this one; `aside` is done as soon as the other side has to think."""
         last = self.scenario.substeps - 1
-        if Stage.ATTITUDE not in self._external:
-            aside()
-            following = self._program.close_alone(tick, decided)
-            other.hold(self._time(last + 1))
-            return following
+        if ExternalStage.ATTITUDE not in self._external_stages:
+            publish_and_record()
+            next_tick = self._stages.all_plant_steps(tick, guided)
+            commands.wait_until(self._step_start_ns(last + 1))
+            return next_tick
         for step in range(last):
-            motion, attitude = self._program.move(tick, decided, motion, other.torque(self._time(step)), step)
-            other.hold(self._time(step + 1))
-            other.say(self._words.step(self._time(step + 1), attitude))
+            motion, attitude = self._stages.plant_step(
+                tick, guided, motion, commands.wheel_torque(self._step_start_ns(step)), step
+            )
+            commands.wait_until(self._step_start_ns(step + 1))
+            commands.publish(self._messages.plant_step(self._step_start_ns(step + 1), attitude))
             if step == 0:
-                aside()
+                publish_and_record()
         if last == 0:
-            aside()
-        following = self._program.close(tick, decided, motion, other.torque(self._time(last)), last)
-        other.hold(self._time(last + 1))
-        return following
+            publish_and_record()
+        next_tick = self._stages.last_plant_step(
+            tick, guided, motion, commands.wheel_torque(self._step_start_ns(last)), last
+        )
+        commands.wait_until(self._step_start_ns(last + 1))
+        return next_tick
 
-    def _time(self, step: int) -> int:
+    def _step_start_ns(self, step: int) -> int:
         """Beginning of a plant step of this tick [ns]."""
         return nanoseconds(self.ticks * self.scenario.tick_s + step * self.scenario.step_s)
 
 
-class Other(Protocol):
+class CommandSource(Protocol):
     """The other side of a run."""
 
-    def say(self, said: Said) -> None:
+    def publish(self, messages: TopicMessages) -> None:
         """Hears what the simulator says."""
         ...
 
-    def estimate(self, at: int) -> GivenOrbit | None:
+    def orbit_estimate(self, time_ns: int) -> ExternalOrbitEstimate | None:
         """Orbit estimate for a tick [ns]."""
         ...
 
-    def burn(self, at: int) -> tuple[Decider, GivenBurn]:
+    def burn_command(self, time_ns: int) -> tuple[BurnDecider, ExternalBurn]:
         """Decision on the burn at a tick [ns]."""
         ...
 
-    def torque(self, at: int) -> np.ndarray:
+    def wheel_torque(self, time_ns: int) -> np.ndarray:
         """Wheel torques (3,) [N m] for a plant step [ns]."""
         ...
 
-    def hold(self, end: int) -> None:
+    def wait_until(self, time_ns: int) -> None:
         """Lets a step end at a time [ns]."""
         ...
 
 
-class _Rehearsal:
+class _WarmUpCommands:
     """Answers as an other side might, so that all is compiled before there is one."""
 
-    def __init__(self, decider: Decider) -> None:
-        self._decider: Decider = decider
-        self._estimates: dict[str, Any] = {}
+    def __init__(self, decider: BurnDecider) -> None:
+        self._decider: BurnDecider = decider
+        self._messages: dict[str, Any] = {}
 
-    def say(self, said: Said) -> None:
-        self._estimates |= {topic.name: make() for topic, make in said}
+    def publish(self, messages: TopicMessages) -> None:
+        self._messages |= {topic.name: make() for topic, make in messages}
 
-    def estimate(self, at: int) -> GivenOrbit:
+    def orbit_estimate(self, time_ns: int) -> ExternalOrbitEstimate:
         names = (topics.SERVICER_ESTIMATE.name, topics.RELATIVE_ESTIMATE.name)
-        return given_orbit(*(self._estimates[name] for name in names))
+        return orbit_estimate_from_odometry(*(self._messages[name] for name in names))
 
-    def burn(self, at: int) -> tuple[Decider, GivenBurn]:
-        return self._decider, CLOSED
+    def burn_command(self, time_ns: int) -> tuple[BurnDecider, ExternalBurn]:
+        return self._decider, NO_BURN
 
-    def torque(self, at: int) -> np.ndarray:
+    def wheel_torque(self, time_ns: int) -> np.ndarray:
         return np.zeros(3)
 
-    def hold(self, end: int) -> None:
+    def wait_until(self, time_ns: int) -> None:
         pass

@@ -10,7 +10,7 @@ from rpojax.interop.ros2 import topics
 from rpojax.interop.ros2.topics import Topic
 
 
-class Stage(enum.StrEnum):
+class ExternalStage(enum.StrEnum):
     """A part of the flight software that somebody else can do."""
 
     ATTITUDE = "attitude"
@@ -18,19 +18,19 @@ class Stage(enum.StrEnum):
     NAVIGATION = "navigation"
 
 
-OnLate = Literal["hold", "zero", "stop"]
+LatePolicy = Literal["hold", "zero", "stop"]
 """What becomes of a command that is late: the last one holds, there is none, or the run stops."""
 
-COMMANDS: dict[Stage, tuple[Topic, ...]] = {
-    Stage.ATTITUDE: (topics.WHEEL_COMMAND,),
-    Stage.FORMATION: (topics.THRUSTER_COMMAND, live_topics.ATTITUDE_TARGET),
-    Stage.NAVIGATION: (topics.SERVICER_ESTIMATE, topics.RELATIVE_ESTIMATE),
+COMMAND_TOPICS: dict[ExternalStage, tuple[Topic, ...]] = {
+    ExternalStage.ATTITUDE: (topics.WHEEL_COMMAND,),
+    ExternalStage.FORMATION: (topics.THRUSTER_COMMAND, live_topics.ATTITUDE_TARGET),
+    ExternalStage.NAVIGATION: (topics.SERVICER_ESTIMATE, topics.RELATIVE_ESTIMATE),
 }
 """Topics on which the other side speaks, by the stage that is left to it."""
 
 
 @dataclass(frozen=True)
-class Settings:
+class LiveSettings:
     """How a live run is flown.
 
     Attributes:
@@ -44,54 +44,60 @@ class Settings:
         pictures: of a rendered camera are sent
     """
 
-    external: frozenset[Stage] = frozenset()
+    external_stages: frozenset[ExternalStage] = frozenset()
     domain_id: int = 0
-    on_late: OnLate = "hold"
+    on_late: LatePolicy = "hold"
     timeout_s: float = 1.0
     wait_s: float = 30.0
     patience_s: float = 30.0
-    factor: float | None = None
+    real_time_factor: float | None = None
     pictures: bool = True
 
     def __post_init__(self) -> None:
         for name, value in (("--timeout-s", self.timeout_s), ("--patience-s", self.patience_s)):
-            if not 0.0 < value < _FOR_EVER_S:
-                raise RpojaxError(f"{name}: found {value:g}, expected more than 0 and less than {_FOR_EVER_S:g}")
-        if not 0.0 <= self.wait_s < _FOR_EVER_S:
-            raise RpojaxError(f"--wait-s: found {self.wait_s:g}, expected 0 or more and less than {_FOR_EVER_S:g}")
-        if self.factor is not None and not 0.0 < self.factor <= _FASTEST:
-            raise RpojaxError(f"--real-time: found {self.factor:g}, expected more than 0 and at most {_FASTEST:g}")
+            if not 0.0 < value < _LONGEST_S:
+                raise RpojaxError(f"{name}: found {value:g}, expected more than 0 and less than {_LONGEST_S:g}")
+        if not 0.0 <= self.wait_s < _LONGEST_S:
+            raise RpojaxError(f"--wait-s: found {self.wait_s:g}, expected 0 or more and less than {_LONGEST_S:g}")
+        if self.real_time_factor is not None and not 0.0 < self.real_time_factor <= _LARGEST_FACTOR:
+            raise RpojaxError(
+                f"--real-time: found {self.real_time_factor:g}, expected more than 0 and at most {_LARGEST_FACTOR:g}"
+            )
 
     @property
-    def heard(self) -> tuple[Topic, ...]:
+    def command_topics(self) -> tuple[Topic, ...]:
         """Topics that commands come on."""
-        return tuple(topic for stage in Stage if stage in self.external for topic in COMMANDS[stage])
+        return tuple(
+            topic for stage in ExternalStage if stage in self.external_stages for topic in COMMAND_TOPICS[stage]
+        )
 
     @property
-    def said(self) -> tuple[Topic, ...]:
+    def published_topics(self) -> tuple[Topic, ...]:
         """Topics that this side may speak on."""
-        own = (live_topics.ATTITUDE_ESTIMATE, live_topics.ATTITUDE_REFERENCE)
-        taken = {topic.name for topic in self.heard}
-        every = (*topics.TABLE, *(own if Stage.ATTITUDE in self.external else ()))
-        return tuple(topic for topic in every if topic.name not in taken and topic is not topics.COMPRESSED_IMAGE)
+        attitude_topics = (live_topics.ATTITUDE_ESTIMATE, live_topics.ATTITUDE_REFERENCE)
+        received = {topic.name for topic in self.command_topics}
+        candidates = (*topics.ALL_TOPICS, *(attitude_topics if ExternalStage.ATTITUDE in self.external_stages else ()))
+        return tuple(
+            topic for topic in candidates if topic.name not in received and topic is not topics.COMPRESSED_IMAGE
+        )
 
 
-_FOR_EVER_S = 1e6
-_FASTEST = 1e4
+_LONGEST_S = 1e6
+_LARGEST_FACTOR = 1e4
 
 
-def external(text: str) -> frozenset[Stage]:
+def parse_external_stages(text: str) -> frozenset[ExternalStage]:
     """Stages from words with commas between them; `all` and `none` are such words.
 
     Raises:
         RpojaxError: there is no such stage.
     """
-    words = [word.strip() for word in text.split(",")]
-    if words == ["none"]:
+    names = [word.strip() for word in text.split(",")]
+    if names == ["none"]:
         return frozenset()
-    if words == ["all"]:
-        return frozenset(Stage)
-    for word in words:
-        if word not in set(Stage):
-            raise RpojaxError(f"--external: found {word!r}, expected {', '.join(Stage)}, all or none")
-    return frozenset(Stage(word) for word in words)
+    if names == ["all"]:
+        return frozenset(ExternalStage)
+    for word in names:
+        if word not in set(ExternalStage):
+            raise RpojaxError(f"--external: found {word!r}, expected {', '.join(ExternalStage)}, all or none")
+    return frozenset(ExternalStage(word) for word in names)

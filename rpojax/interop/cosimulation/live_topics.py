@@ -5,17 +5,17 @@ from typing import Any
 import numpy as np
 
 from rpojax.interop.ros2.frame_names import ECI, SERVICER
-from rpojax.interop.ros2.message_builders import duration, header, quaternion, vector
+from rpojax.interop.ros2.message_builders import duration_message, header_message, quaternion_message, vector_message
 from rpojax.interop.ros2.message_types import message_class
-from rpojax.interop.ros2.topics import Rate, Source, Topic
+from rpojax.interop.ros2.topics import Topic, TopicRate, TopicSource
 
 ATTITUDE_ESTIMATE = Topic(
     "/servicer/estimate/attitude",
     "sensor_msgs/msg/Imu",
     SERVICER,
     "",
-    Source.FLIGHT,
-    Rate.TICK,
+    TopicSource.FLIGHT,
+    TopicRate.TICK,
     "orientation in `eci` and rate less gyro bias, with covariance; at every plant step where attitude is external",
 )
 ATTITUDE_REFERENCE = Topic(
@@ -23,8 +23,8 @@ ATTITUDE_REFERENCE = Topic(
     "trajectory_msgs/msg/MultiDOFJointTrajectory",
     ECI,
     "",
-    Source.FLIGHT,
-    Rate.TICK,
+    TopicSource.FLIGHT,
+    TopicRate.TICK,
     "orientation, rate and angular acceleration that guidance wants, one point for every plant step of the tick",
 )
 ATTITUDE_TARGET = Topic(
@@ -32,8 +32,8 @@ ATTITUDE_TARGET = Topic(
     "geometry_msgs/msg/QuaternionStamped",
     ECI,
     "",
-    Source.FLIGHT,
-    Rate.TICK,
+    TopicSource.FLIGHT,
+    TopicRate.TICK,
     "orientation of the servicer in `eci` during the burn of the thruster command with the same stamp",
 )
 
@@ -41,40 +41,40 @@ OWN = (ATTITUDE_ESTIMATE, ATTITUDE_REFERENCE, ATTITUDE_TARGET)
 
 
 def attitude_estimate(
-    nanos: int, orientation: np.ndarray, rate: np.ndarray, covariance: np.ndarray, rate_covariance: np.ndarray
+    time_ns: int, orientation: np.ndarray, rate: np.ndarray, covariance: np.ndarray, rate_covariance: np.ndarray
 ) -> Any:
     """`sensor_msgs/Imu` of an estimated orientation (x, y, z, w) and rate [rad/s], without acceleration."""
     return message_class("sensor_msgs/msg/Imu")(
-        header=header(nanos, SERVICER),
-        orientation=quaternion(orientation),
+        header=header_message(time_ns, SERVICER),
+        orientation=quaternion_message(orientation),
         orientation_covariance=np.ascontiguousarray(covariance).reshape(9),
-        angular_velocity=vector(rate),
+        angular_velocity=vector_message(rate),
         angular_velocity_covariance=np.ascontiguousarray(rate_covariance).reshape(9),
-        linear_acceleration=vector(np.zeros(3)),
+        linear_acceleration=vector_message(np.zeros(3)),
         linear_acceleration_covariance=np.array([-1.0, *[0.0] * 8]),
     )
 
 
 def attitude_reference(
-    nanos: int, step_nanos: int, orientations: np.ndarray, rates: np.ndarray, accelerations: np.ndarray
+    time_ns: int, step_ns: int, orientations: np.ndarray, rates: np.ndarray, accelerations: np.ndarray
 ) -> Any:
     """`trajectory_msgs/MultiDOFJointTrajectory`, a point every `step_nanos` [ns] from the stamp on.
 
     Orientations (n, 4) are x, y, z, w of the commanded body in `eci`, rates (n, 3) [rad/s] and accelerations (n, 3)
     [rad/s^2] along its axes.
     """
-    point, twist = message_class("trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"), _angular
-    made = message_class("geometry_msgs/msg/Transform")
-    still = vector(np.zeros(3))
+    point, twist = message_class("trajectory_msgs/msg/MultiDOFJointTrajectoryPoint"), _angular_twist
+    transform_class = message_class("geometry_msgs/msg/Transform")
+    zero = vector_message(np.zeros(3))
     return message_class("trajectory_msgs/msg/MultiDOFJointTrajectory")(
-        header=header(nanos, ECI),
+        header=header_message(time_ns, ECI),
         joint_names=[SERVICER],
         points=[
             point(
-                transforms=[made(translation=still, rotation=quaternion(orientation))],
+                transforms=[transform_class(translation=zero, rotation=quaternion_message(orientation))],
                 velocities=[twist(rate)],
                 accelerations=[twist(acceleration)],
-                time_from_start=duration(index * step_nanos),
+                time_from_start=duration_message(index * step_ns),
             )
             for index, (orientation, rate, acceleration) in enumerate(
                 zip(orientations, rates, accelerations, strict=True)
@@ -83,12 +83,12 @@ def attitude_reference(
     )
 
 
-def _angular(values: np.ndarray) -> Any:
-    return message_class("geometry_msgs/msg/Twist")(linear=vector(np.zeros(3)), angular=vector(values))
+def _angular_twist(values: np.ndarray) -> Any:
+    return message_class("geometry_msgs/msg/Twist")(linear=vector_message(np.zeros(3)), angular=vector_message(values))
 
 
-def attitude_target(nanos: int, orientation: np.ndarray) -> Any:
+def attitude_target(time_ns: int, orientation: np.ndarray) -> Any:
     """`geometry_msgs/QuaternionStamped` of an orientation (x, y, z, w) in `eci`."""
     return message_class("geometry_msgs/msg/QuaternionStamped")(
-        header=header(nanos, ECI), quaternion=quaternion(orientation)
+        header=header_message(time_ns, ECI), quaternion=quaternion_message(orientation)
     )

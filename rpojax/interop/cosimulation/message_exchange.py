@@ -6,21 +6,21 @@ from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
 from rpojax.errors import RpojaxError
-from rpojax.interop.cosimulation.command_checks import Reason
-from rpojax.interop.cosimulation.event_log import Ledger
+from rpojax.interop.cosimulation.command_checks import RejectionReason
+from rpojax.interop.cosimulation.event_log import EventLog
 from rpojax.interop.ros2.dds_participant import Participant, Publisher, Subscriber
-from rpojax.interop.ros2.message_builders import Said
+from rpojax.interop.ros2.message_builders import TopicMessages
 from rpojax.interop.ros2.topics import Topic
 
 T = TypeVar("T")
-Check = Callable[[Any], T | Reason]
+CommandCheck = Callable[[Any], T | RejectionReason]
 
-_SETTLED_S = 0.5
+_DISCOVERY_SETTLE_S = 0.5
 """Discovery goes both ways: nobody is taken to be there before the number of listeners has stood still for so long."""
-_LOOK_S = 0.05
+_POLL_S = 0.05
 
 
-class Heard:
+class CommandSubscription:
     """One topic that commands come on.
 
     Attributes:
@@ -28,92 +28,101 @@ class Heard:
         newest: time of the newest command that counted [ns]
     """
 
-    def __init__(self, topic: Topic, subscriber: Subscriber, ledger: Ledger) -> None:
+    def __init__(self, topic: Topic, subscriber: Subscriber, events: EventLog) -> None:
         self.topic = topic
-        self._subscriber, self._ledger = subscriber, ledger
-        self._waiting: deque[Any] = deque()
+        self._subscriber, self._events = subscriber, events
+        self._pending: deque[Any] = deque()
         self.received = 0
-        self.newest = -1
+        self.latest_stamp_ns = -1
 
     @property
-    def speakers(self) -> int:
+    def publisher_count(self) -> int:
         """How many publishers there are now."""
-        return self._subscriber.speakers
+        return self._subscriber.publisher_count
 
-    def command(self, at: int, exactly: bool, check: Check[T], until: float) -> tuple[int, T] | None:
+    def wait_for_command(
+        self, time_ns: int, exact_stamp: bool, check: CommandCheck[T], deadline: float
+    ) -> tuple[int, T] | None:
         """Stamp [ns] and content of the command for the time `at` [ns], waited for until a monotonic time [s].
 
         Unless it is to be `exactly` that one, an older one that is new counts too, once nothing newer comes.
         """
         found: tuple[int, T] | None = None
         while True:
-            while self._waiting or self._fetch():
-                content = self._examine(self._waiting.popleft(), at, exactly, check)
+            while self._pending or self._fetch():
+                content = self._examine(self._pending.popleft(), time_ns, exact_stamp, check)
                 if content is not None:
-                    found = self.newest, content
-                    if self.newest == at:
+                    found = self.latest_stamp_ns, content
+                    if self.latest_stamp_ns == time_ns:
                         return found
                 # What has come together is looked at together, however late it is.
-                if not self._waiting and time.monotonic() > until:
+                if not self._pending and time.monotonic() > deadline:
                     return found
-            left = until - time.monotonic()
+            left = deadline - time.monotonic()
             if left <= 0.0 or not self._subscriber.wait(left):
                 return found
 
     def _fetch(self) -> bool:
-        taken = self._subscriber.arrived()
+        taken = self._subscriber.take_samples()
         self.received += len(taken)
-        self._waiting.extend(taken)
+        self._pending.extend(taken)
         return bool(taken)
 
-    def _examine(self, sample: Any, at: int, exactly: bool, check: Check[T]) -> T | None:
+    def _examine(self, sample: Any, time_ns: int, exact_stamp: bool, check: CommandCheck[T]) -> T | None:
         """What a sample says, if it counts."""
-        found = self._reason(sample.stamp, at, exactly)
+        found = self._stamp_rejection(sample.stamp, time_ns, exact_stamp)
         if found is None:
             message = sample.message
-            found = Reason.UNREADABLE if message is None else check(message)
-        if isinstance(found, Reason):
-            self._ledger.ignore(self.topic, found)
+            found = RejectionReason.UNREADABLE if message is None else check(message)
+        if isinstance(found, RejectionReason):
+            self._events.count_ignored(self.topic, found)
             return None
-        self.newest = sample.stamp
+        self.latest_stamp_ns = sample.stamp
         return found
 
-    def _reason(self, stamp: int | None, at: int, exactly: bool) -> Reason | None:
+    def _stamp_rejection(self, stamp: int | None, time_ns: int, exact_stamp: bool) -> RejectionReason | None:
         """Why a stamp does not count."""
         if stamp is None:
-            return Reason.UNREADABLE
-        if stamp > at:
-            return Reason.EARLY
-        old = stamp < at if exactly else stamp <= self.newest
-        return Reason.STALE if old or stamp == self.newest else None
+            return RejectionReason.UNREADABLE
+        if stamp > time_ns:
+            return RejectionReason.EARLY
+        old = stamp < time_ns if exact_stamp else stamp <= self.latest_stamp_ns
+        return RejectionReason.STALE if old or stamp == self.latest_stamp_ns else None
 
 
-class Exchange:
+class MessageExchange:
     """Publishers and subscribers of a run.
 
     Attributes:
         heard: topics that commands come on, by name
     """
 
-    def __init__(self, domain_id: int, said: Sequence[Topic], heard: Sequence[Topic], ledger: Ledger) -> None:
+    def __init__(
+        self, domain_id: int, published_topics: Sequence[Topic], command_topics: Sequence[Topic], events: EventLog
+    ) -> None:
         self._participant = Participant(domain_id)
-        self._ledger, self._heard = ledger, tuple(heard)
-        self._publishers: dict[str, Publisher] = {topic.name: self._participant.publisher(topic) for topic in said}
-        self.heard = {topic.name: Heard(topic, self._participant.subscriber(topic), ledger) for topic in heard}
+        self._events, self._command_topics = events, tuple(command_topics)
+        self._publishers: dict[str, Publisher] = {
+            topic.name: self._participant.publisher(topic) for topic in published_topics
+        }
+        self.subscriptions = {
+            topic.name: CommandSubscription(topic, self._participant.subscriber(topic), events)
+            for topic in command_topics
+        }
 
-    def say(self, said: Said) -> None:
+    def publish(self, messages: TopicMessages) -> None:
         """Sends messages on those of their topics that are this side's to speak on, where somebody listens."""
-        for topic, make in said:
+        for topic, make in messages:
             publisher = self._publishers.get(topic.name)
-            if publisher is not None and publisher.is_heard:
+            if publisher is not None and publisher.is_needed:
                 publisher.send(make())
 
-    def notice_strangers(self) -> None:
+    def count_type_mismatches(self) -> None:
         """Counts publishers that have come to a topic of commands with another type than its own."""
-        for topic, found in self._participant.strangers(self._heard):
-            self._ledger.ignore(topic, f"{Reason.WRONG_TYPE} {found}")
+        for topic, found in self._participant.new_type_mismatches(self._command_topics):
+            self._events.count_ignored(topic, f"{RejectionReason.WRONG_TYPE} {found}")
 
-    def meet(self, wait_s: float) -> None:
+    def wait_for_nodes(self, wait_s: float) -> None:
         """Waits until somebody speaks on every topic of commands, or, where there are none, anybody listens.
 
         For no time at all it does not wait, and minds nothing.
@@ -124,16 +133,16 @@ class Exchange:
         until = time.monotonic() + wait_s
         listeners, since = -1, 0.0
         while wait_s > 0.0:
-            missing = [heard.topic.name for heard in self.heard.values() if not heard.speakers]
+            missing = [heard.topic.name for heard in self.subscriptions.values() if not heard.publisher_count]
             now, before = time.monotonic(), listeners
-            listeners = sum(publisher.listeners for publisher in self._publishers.values())
+            listeners = sum(publisher.subscriber_count for publisher in self._publishers.values())
             since = now if listeners != before else since
-            if listeners and not missing and now - since >= _SETTLED_S:
+            if listeners and not missing and now - since >= _DISCOVERY_SETTLE_S:
                 return
             if now > until:
                 expected = f"a publisher on {missing[0]}" if missing else "a subscriber to any topic"
                 raise RpojaxError(f"--wait-s: found nobody within {wait_s:g} s, expected {expected}")
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_S)
 
     @property
     def sent(self) -> dict[str, int]:
@@ -148,4 +157,4 @@ class Exchange:
     @property
     def received(self) -> dict[str, int]:
         """Messages that have come, by topic."""
-        return {name: heard.received for name, heard in self.heard.items()}
+        return {name: heard.received for name, heard in self.subscriptions.items()}

@@ -7,93 +7,104 @@ import numpy as np
 import rerun as rr
 from PIL import Image
 
-from rpojax.interop.rerun_viewer.data_columns import Chunks
-from rpojax.interop.rerun_viewer.scene_3d import CAMERA, GREEN, TRUE
-from rpojax.interop.rerun_viewer.viewer_values import Shown
-from rpojax.interop.run_replay import Flight, Shot
+from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks
+from rpojax.interop.rerun_viewer.scene_3d import ACCEPTED_COLOR, CAMERA, TRUE_COLOR
+from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
+from rpojax.interop.run_replay import PosedPicture, ReplayedRun
 
-_AMBER = (255, 138, 51)
-_GREY = (130, 138, 150)
-_EMPTY = (18, 20, 26)
-_AT_ONCE = 100
+_REJECTED_COLOR = (255, 138, 51)
+_TRUE_OUTLINE_COLOR = (130, 138, 150)
+_EMPTY_COLOR = (18, 20, 26)
+_PICTURES_PER_CHUNK = 100
 """Pictures in memory."""
 
 
-def add(chunks: Chunks, flight: Flight[Shown], shots: Iterable[Shot] | None) -> int:
+def add_camera_view(
+    chunks: RrdChunks, run: ReplayedRun[ViewerChannels], pictures: Iterable[PosedPicture] | None
+) -> int:
     """Adds boxes of every tick and, one by one, pictures with their channels; returns the number of pictures."""
-    size = (flight.file.camera.width_px, flight.file.camera.height_px)
-    _add_boxes(chunks, flight)
-    if shots is None:
-        chunks.add_static(f"{CAMERA}/frame", _encoded(Image.new("RGB", size, _EMPTY)))
+    size = (run.file.camera.width_px, run.file.camera.height_px)
+    _add_boxes(chunks, run)
+    if pictures is None:
+        chunks.add_static(f"{CAMERA}/frame", _encoded_png(Image.new("RGB", size, _EMPTY_COLOR)))
         return 0
     count = 0
-    for times, blobs in _batches(shots, size):
+    for times, blobs in _encoded_batches(pictures, size):
         count += len(times)
         columns = rr.EncodedImage.columns(blob=blobs, media_type=["image/jpeg"] * len(blobs))
         chunks.add(f"{CAMERA}/picture", np.array(times), columns)
     return count
 
 
-def in_frame(picture: np.ndarray, window_px: np.ndarray, size: tuple[int, int]) -> Image.Image:
+def window_in_frame(picture: np.ndarray, window_px: np.ndarray, size: tuple[int, int]) -> Image.Image:
     """A picture of a square window (left, top, side) [px] where it belongs in an else empty frame (width, height)."""
     left, top, side = (float(value) for value in window_px)
-    frame = Image.new("RGB", size, _EMPTY)
+    frame = Image.new("RGB", size, _EMPTY_COLOR)
     scaled = Image.fromarray(picture).resize((round(side), round(side)), Image.Resampling.BOX)
     frame.paste(scaled, (round(left), round(top)))
     return frame
 
 
-def _batches(shots: Iterable[Shot], size: tuple[int, int]) -> Iterator[tuple[list[float], list[bytes]]]:
+def _encoded_batches(
+    pictures: Iterable[PosedPicture], size: tuple[int, int]
+) -> Iterator[tuple[list[float], list[bytes]]]:
     times: list[float] = []
     blobs: list[bytes] = []
-    for picture, seen in shots:
+    for picture, seen in pictures:
         buffer = io.BytesIO()
-        in_frame(picture, seen["window_px"], size).save(buffer, format="JPEG", quality=90, subsampling=0)
+        window_in_frame(picture, seen["window_px"], size).save(buffer, format="JPEG", quality=90, subsampling=0)
         times.append(float(seen["time_s"]))
         blobs.append(buffer.getvalue())
-        if len(blobs) == _AT_ONCE:
+        if len(blobs) == _PICTURES_PER_CHUNK:
             yield times, blobs
             times, blobs = [], []
     if blobs:
         yield times, blobs
 
 
-def _encoded(image: Image.Image) -> rr.EncodedImage:
+def _encoded_png(image: Image.Image) -> rr.EncodedImage:
     buffer = io.BytesIO()
     image.save(buffer, format="PNG")
     return rr.EncodedImage(contents=buffer.getvalue(), media_type="image/png")
 
 
-def _add_boxes(chunks: Chunks, flight: Flight[Shown]) -> None:
-    seen = flight.values
-    present, accepted = seen["box_present"], seen["box_accepted"]
-    color = np.where(accepted[:, None], GREEN, _AMBER).astype(np.uint8)[present]
-    _add(chunks, flight, "detected", present, *_middles(seen["box_px"]), color)
-    outline = seen["outline_px"]
+def _add_boxes(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
+    channels = run.values
+    present, accepted = channels["box_present"], channels["box_accepted"]
+    color = np.where(accepted[:, None], ACCEPTED_COLOR, _REJECTED_COLOR).astype(np.uint8)[present]
+    _add_box(chunks, run, "detected", present, *_centers_and_half_sizes(channels["box_px"]), color)
+    outline = channels["outline_px"]
     visible = outline[:, 2:].min(axis=1) > 0.0
-    _add(chunks, flight, "true_outline", visible, *_middles(outline), np.array(_GREY, dtype=np.uint8))
-    gate, middle = seen["gate_px"], seen["expected_px"][:, :2]
-    expected = np.isfinite(gate.sum(axis=1) + middle.sum(axis=1))
-    _add(chunks, flight, "expected", expected, middle, gate, np.array(TRUE, dtype=np.uint8))
+    _add_box(
+        chunks,
+        run,
+        "true_outline",
+        visible,
+        *_centers_and_half_sizes(outline),
+        np.array(_TRUE_OUTLINE_COLOR, dtype=np.uint8),
+    )
+    gate, center = channels["gate_px"], channels["expected_px"][:, :2]
+    expected = np.isfinite(gate.sum(axis=1) + center.sum(axis=1))
+    _add_box(chunks, run, "expected", expected, center, gate, np.array(TRUE_COLOR, dtype=np.uint8))
 
 
-def _middles(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _centers_and_half_sizes(boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Middles and half sides of boxes given by left, top, width and height."""
-    half = 0.5 * corners[:, 2:]
-    return corners[:, :2] + half, half
+    half = 0.5 * boxes[:, 2:]
+    return boxes[:, :2] + half, half
 
 
-def _add(
-    chunks: Chunks,
-    flight: Flight[Shown],
+def _add_box(
+    chunks: RrdChunks,
+    run: ReplayedRun[ViewerChannels],
     name: str,
-    there: np.ndarray,
-    middle: np.ndarray,
-    half: np.ndarray,
+    present: np.ndarray,
+    center: np.ndarray,
+    half_size: np.ndarray,
     color: np.ndarray,
 ) -> None:
     """A box in the ticks in which it is there, none in the others."""
-    count = int(there.sum())
+    count = int(present.sum())
     colors = np.broadcast_to(color, (count, 3))
-    columns = rr.Boxes2D.columns(centers=middle[there], half_sizes=half[there], colors=colors)
-    chunks.add(f"{CAMERA}/{name}", flight.time_s, columns.partition(there.astype(int)))
+    columns = rr.Boxes2D.columns(centers=center[present], half_sizes=half_size[present], colors=colors)
+    chunks.add(f"{CAMERA}/{name}", run.time_s, columns.partition(present.astype(int)))

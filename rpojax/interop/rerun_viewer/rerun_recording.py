@@ -6,16 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rpojax.errors import OutputError
-from rpojax.interop.rerun_viewer.viewer_values import Shown
-from rpojax.interop.run_replay import Flight, Shot
-from rpojax.optional import need
+from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
+from rpojax.interop.run_replay import PosedPicture, ReplayedRun
+from rpojax.optional import require_package
 from rpojax.scenario import scenario_file
 
 APPLICATION = "rpojax"
 
 
 @dataclass(frozen=True)
-class Recording:
+class WrittenRecording:
     """What was written.
 
     Attributes:
@@ -31,51 +31,53 @@ class Recording:
     size_bytes: int
 
 
-def check() -> None:
+def require_rerun() -> None:
     """Raises `MissingExtraError` where the viewer's package is not installed."""
-    need("rerun", "viz")
+    require_package("rerun", "viz")
 
 
-def write(flight: Flight[Shown], path: Path, shots: Iterable[Shot] | None = None) -> Recording:
+def write_recording(
+    run: ReplayedRun[ViewerChannels], path: Path, pictures: Iterable[PosedPicture] | None = None
+) -> WrittenRecording:
     """Writes a run, with pictures and their channels for a camera that takes some, and the arrangement of its views.
 
     Raises:
         MissingExtraError: the viewer's package is not installed.
         OutputError: there cannot be such a file.
     """
-    check()
-    from rpojax.interop.rerun_viewer.data_columns import strictly
+    require_rerun()
+    from rpojax.interop.rerun_viewer.rrd_chunks import rerun_strict_mode
 
-    partial = path.with_name(f"{path.stem}.{os.getpid()}.partial.rrd")
+    temporary = path.with_name(f"{path.stem}.{os.getpid()}.partial.rrd")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            with strictly():
-                pictures = _record(flight, partial, shots)
-            partial.replace(path)
+            with rerun_strict_mode():
+                picture_count = _record(run, temporary, pictures)
+            temporary.replace(path)
         finally:
-            partial.unlink(missing_ok=True)
+            temporary.unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(f"{path}: found {error.strerror or error}, expected a file that can be written") from None
-    return Recording(path, flight.ticks, pictures, path.stat().st_size)
+    return WrittenRecording(path, run.ticks, picture_count, path.stat().st_size)
 
 
-def _record(flight: Flight[Shown], path: Path, shots: Iterable[Shot] | None) -> int:
+def _record(run: ReplayedRun[ViewerChannels], path: Path, pictures: Iterable[PosedPicture] | None) -> int:
     """Writes all of it; returns the number of pictures."""
     from rpojax.interop.rerun_viewer import camera_view, scene_3d, time_plots, viewer_layout
-    from rpojax.interop.rerun_viewer.data_columns import Chunks, recorded
+    from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks, write_rrd
 
-    chunks = Chunks()
-    chunks.add_name(f"{flight.file.name}, seed {flight.seed}, run {flight.run_id}")
-    chunks.add_static(viewer_layout.ABOUT, viewer_layout.about(flight))
-    plots = time_plots.plots(flight)
-    scene_3d.add(chunks, flight)
-    time_plots.add(chunks, flight, plots)
-    pictures = camera_view.add(chunks, flight, shots)
-    recorded(chunks, path, APPLICATION, identity(flight), viewer_layout.blueprint(flight, plots))
-    return pictures
+    chunks = RrdChunks()
+    chunks.add_name(f"{run.file.name}, seed {run.seed}, run {run.run_id}")
+    chunks.add_static(viewer_layout.ABOUT, viewer_layout.about_text(run))
+    plots = time_plots.run_plots(run)
+    scene_3d.add_scene(chunks, run)
+    time_plots.add_plots(chunks, run, plots)
+    picture_count = camera_view.add_camera_view(chunks, run, pictures)
+    write_rrd(chunks, path, APPLICATION, recording_id(run), viewer_layout.blueprint(run, plots))
+    return picture_count
 
 
-def identity(flight: Flight[Shown]) -> str:
+def recording_id(run: ReplayedRun[ViewerChannels]) -> str:
     """Name of a recording, the same for the same run of the same scenario."""
-    return f"{scenario_file.digest(flight.file)[:16]}-seed{flight.seed}-run{flight.run_id}"
+    return f"{scenario_file.digest(run.file)[:16]}-seed{run.seed}-run{run.run_id}"

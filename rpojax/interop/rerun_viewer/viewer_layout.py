@@ -6,21 +6,21 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from rpojax.interop.rerun_viewer.data_columns import TIMELINE
+from rpojax.interop.rerun_viewer.rrd_chunks import TIMELINE
 from rpojax.interop.rerun_viewer.scene_3d import CAMERA, HILL
 from rpojax.interop.rerun_viewer.time_plots import MODE, PLOTS, Plot
-from rpojax.interop.rerun_viewer.viewer_values import Shown
-from rpojax.interop.run_replay import Flight
+from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
+from rpojax.interop.run_replay import ReplayedRun
 
 ABOUT = "about"
-_SPACE = (14, 17, 24)
+_BACKGROUND_COLOR = (14, 17, 24)
 
 
-def blueprint(flight: Flight[Shown], plots: Sequence[Plot]) -> rrb.Blueprint:
+def blueprint(run: ReplayedRun[ViewerChannels], plots: Sequence[Plot]) -> rrb.Blueprint:
     """Arrangement of the views of a run."""
     left = rrb.Vertical(
-        _scene(flight),
-        rrb.Horizontal(_camera(flight), rrb.TextDocumentView(origin=ABOUT, name="About"), column_shares=[1, 1]),
+        _scene_view(run),
+        rrb.Horizontal(_camera_view(run), rrb.TextDocumentView(origin=ABOUT, name="About"), column_shares=[1, 1]),
         row_shares=[3, 2],
     )
     views = [
@@ -28,11 +28,11 @@ def blueprint(flight: Flight[Shown], plots: Sequence[Plot]) -> rrb.Blueprint:
             origin=f"{PLOTS}/{plot.name}",
             name=plot.title,
             plot_legend=rrb.PlotLegend(visible=False),
-            axis_x=_whole(flight),
+            axis_x=_full_time_range(run),
         )
         for plot in plots
     ]
-    mode = rrb.StateTimelineView(origin=MODE, name="Mode", time_view=_whole(flight))
+    mode = rrb.StateTimelineView(origin=MODE, name="Mode", time_view=_full_time_range(run))
     right = rrb.Vertical(rrb.Grid(*views, grid_columns=2), mode, row_shares=[7, 1])
     return rrb.Blueprint(
         rrb.Horizontal(left, right, column_shares=[1, 1]),
@@ -44,15 +44,15 @@ def blueprint(flight: Flight[Shown], plots: Sequence[Plot]) -> rrb.Blueprint:
     )
 
 
-def _whole(flight: Flight[Shown]) -> rrb.archetypes.TimeAxis:
+def _full_time_range(run: ReplayedRun[ViewerChannels]) -> rrb.archetypes.TimeAxis:
     """The run from end to end."""
-    ends = (rr.TimeRangeBoundary.absolute(seconds=float(flight.time_s[index])) for index in (0, -1))
+    ends = (rr.TimeRangeBoundary.absolute(seconds=float(run.time_s[index])) for index in (0, -1))
     return rrb.archetypes.TimeAxis(view_range=rr.TimeRange(*ends))
 
 
-def _scene(flight: Flight[Shown]) -> rrb.Spatial3DView:
+def _scene_view(run: ReplayedRun[ViewerChannels]) -> rrb.Spatial3DView:
     """Seen from the side of the orbit normal, with the whole way from start to target in view."""
-    start = flight.values["rho_H"][0]
+    start = run.values["rho_H"][0]
     middle = 0.5 * start
     away = 0.9 * float(np.linalg.norm(start)) + 5.0
     eye = middle + away * np.array([0.45, -0.35, 0.9])
@@ -60,22 +60,22 @@ def _scene(flight: Flight[Shown]) -> rrb.Spatial3DView:
         origin=HILL,
         name="Hill frame of the target",
         line_grid=False,
-        background=_SPACE,
+        background=_BACKGROUND_COLOR,
         eye_controls=rrb.EyeControls3D(position=eye, look_target=middle, eye_up=[1.0, 0.0, 0.0]),
     )
 
 
-def _camera(flight: Flight[Shown]) -> rrb.Spatial2DView:
-    camera = flight.file.camera
+def _camera_view(run: ReplayedRun[ViewerChannels]) -> rrb.Spatial2DView:
+    camera = run.file.camera
     bounds = rrb.VisualBounds2D(x_range=[0.0, camera.width_px], y_range=[0.0, camera.height_px])
     return rrb.Spatial2DView(origin=CAMERA, name="Camera", visual_bounds=bounds)
 
 
-def about(flight: Flight[Shown]) -> rr.TextDocument:
+def about_text(run: ReplayedRun[ViewerChannels]) -> rr.TextDocument:
     """What a reader must know of the run and of the colours."""
     lines = [
-        f"## {flight.file.name}, run {flight.run_id} of seed {flight.seed}",
-        flight.file.description,
+        f"## {run.file.name}, run {run.run_id} of seed {run.seed}",
+        run.file.description,
         "Flown again, alone. Time is simulation time.",
         "**Scene**: Hill frame of the target, radial up; metres. Blue is true, orange is what flight software "
         "believes, with its ellipsoid of 3 sigma. Green: the desired place. Red arrow: the force of the thruster, "

@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from rpojax.errors import RpojaxError
-from rpojax.interop.ros2.dds_types import dds_name, wire_class
+from rpojax.interop.ros2.dds_types import dds_type_name, sample_class
 from rpojax.interop.ros2.message_types import type_hash
 from rpojax.interop.ros2.topics import Topic
-from rpojax.optional import need
+from rpojax.optional import require_package
 
 LOOPBACK = (
     "<CycloneDDS><Domain>"
@@ -27,10 +27,10 @@ LOOPBACK = (
 _BLOCKING_NS = 100_000_000
 _RECEIVED_DEPTH = 20_000
 """A subscriber keeps more than ROS's ten, so that a flood of nonsense does not push out what counts."""
-_HIGHEST_DOMAIN = 232
-_AT_ONCE = 64
-_let_others = getattr(os, "sched_yield", lambda: None)
-_AWAKE_S = 0.002
+_LARGEST_DOMAIN_ID = 232
+_MAX_SAMPLES_PER_TAKE = 64
+_yield_processor = getattr(os, "sched_yield", lambda: None)
+_SPIN_S = 0.002
 """A thread that sleeps until a message comes is woken late: for about as long as a node thinks it stays awake."""
 
 
@@ -43,10 +43,12 @@ class Publisher:
     """
 
     def __init__(self, participant: Any, topic: Topic) -> None:
-        self._class = wire_class(topic.type)
-        made = need("cyclonedds.topic", "ros").Topic(participant, _wire_name(topic), self._class)
-        self._writer = need("cyclonedds.pub", "ros").DataWriter(participant, made, _qos(topic, topic.qos.depth))
-        self._failure = need("cyclonedds.core", "ros").DDSException
+        self._class = sample_class(topic.type)
+        made = require_package("cyclonedds.topic", "ros").Topic(participant, _dds_topic_name(topic), self._class)
+        self._writer = require_package("cyclonedds.pub", "ros").DataWriter(
+            participant, made, _dds_qos(topic, topic.qos.depth)
+        )
+        self._failure = require_package("cyclonedds.core", "ros").DDSException
         self._latched = topic.qos.latched
         self.sent = 0
         self.unsent = 0
@@ -61,12 +63,12 @@ class Publisher:
             self.sent += 1
 
     @property
-    def is_heard(self) -> bool:
+    def is_needed(self) -> bool:
         """Somebody listens, or will be given what was said before."""
-        return self._latched or self.listeners > 0
+        return self._latched or self.subscriber_count > 0
 
     @property
-    def listeners(self) -> int:
+    def subscriber_count(self) -> int:
         """How many subscribers there are now."""
         return len(self._writer.get_matched_subscriptions())
 
@@ -75,35 +77,39 @@ class Subscriber:
     """One topic that this participant listens to."""
 
     def __init__(self, participant: Any, topic: Topic) -> None:
-        core = need("cyclonedds.core", "ros")
-        made = need("cyclonedds.topic", "ros").Topic(participant, _wire_name(topic), wire_class(topic.type))
-        self._reader = need("cyclonedds.sub", "ros").DataReader(participant, made, _qos(topic, _RECEIVED_DEPTH))
+        core = require_package("cyclonedds.core", "ros")
+        made = require_package("cyclonedds.topic", "ros").Topic(
+            participant, _dds_topic_name(topic), sample_class(topic.type)
+        )
+        self._reader = require_package("cyclonedds.sub", "ros").DataReader(
+            participant, made, _dds_qos(topic, _RECEIVED_DEPTH)
+        )
         any_data = core.ViewState.Any | core.InstanceState.Any | core.SampleState.NotRead
         self._condition = core.ReadCondition(self._reader, any_data)
         self._waitset = core.WaitSet(participant)
         self._waitset.attach(self._condition)
-        self._invalid = need("cyclonedds.internal", "ros").InvalidSample
+        self._invalid = require_package("cyclonedds.internal", "ros").InvalidSample
 
-    def wait(self, seconds: float) -> bool:
+    def wait(self, timeout_s: float) -> bool:
         """Waits until something has come, for at most so many seconds; tells whether it has."""
-        until = time.monotonic() + seconds
-        asleep = min(until, time.monotonic() + _AWAKE_S)
-        while time.monotonic() < asleep:
+        deadline = time.monotonic() + timeout_s
+        spin_until = min(deadline, time.monotonic() + _SPIN_S)
+        while time.monotonic() < spin_until:
             if self._waitset.wait(0) > 0:
                 return True
-            _let_others()
-        return self._waitset.wait(max(round((until - time.monotonic()) * 1e9), 0)) > 0
+            _yield_processor()
+        return self._waitset.wait(max(round((deadline - time.monotonic()) * 1e9), 0)) > 0
 
-    def arrived(self) -> list[Any]:
+    def take_samples(self) -> list[Any]:
         """Some of the samples that have come, oldest first, as `wire_class` makes them."""
-        return [sample for sample in self._reader.take(_AT_ONCE) if not isinstance(sample, self._invalid)]
+        return [sample for sample in self._reader.take(_MAX_SAMPLES_PER_TAKE) if not isinstance(sample, self._invalid)]
 
-    def take(self) -> list[Any]:
+    def take_messages(self) -> list[Any]:
         """Some of the messages that have come, oldest first; None for one that is no message of the topic's type."""
-        return [sample.message for sample in self.arrived()]
+        return [sample.message for sample in self.take_samples()]
 
     @property
-    def speakers(self) -> int:
+    def publisher_count(self) -> int:
         """How many publishers there are now."""
         return len(self._reader.get_matched_publications())
 
@@ -116,19 +122,19 @@ class Participant:
     """
 
     def __init__(self, domain_id: int) -> None:
-        if not 0 <= domain_id <= _HIGHEST_DOMAIN:
-            raise RpojaxError(f"--domain-id: found {domain_id}, expected 0 to {_HIGHEST_DOMAIN}")
-        domain, core = need("cyclonedds.domain", "ros"), need("cyclonedds.core", "ros")
+        if not 0 <= domain_id <= _LARGEST_DOMAIN_ID:
+            raise RpojaxError(f"--domain-id: found {domain_id}, expected 0 to {_LARGEST_DOMAIN_ID}")
+        domain, core = require_package("cyclonedds.domain", "ros"), require_package("cyclonedds.core", "ros")
         try:
             # The settings hold for the whole process: who joins the domain a second time finds them made.
-            first = "CYCLONEDDS_URI" not in os.environ and domain_id not in _domains
+            first = "CYCLONEDDS_URI" not in os.environ and domain_id not in _configured_domains
             if first:
-                _domains[domain_id] = domain.Domain(domain_id, LOOPBACK)
+                _configured_domains[domain_id] = domain.Domain(domain_id, LOOPBACK)
             self._participant = domain.DomainParticipant(domain_id)
         except core.DDSException as error:
             raise RpojaxError(f"--domain-id: found no way to join {domain_id} ({error}), expected a domain") from None
         self._publications: Any = None
-        self._strangers: set[Any] = set()
+        self._known_mismatches: set[Any] = set()
 
     def publisher(self, topic: Topic) -> Publisher:
         """A publisher of a topic."""
@@ -138,32 +144,36 @@ class Participant:
         """A subscriber to a topic."""
         return Subscriber(self._participant, topic)
 
-    def strangers(self, topics: Sequence[Topic]) -> list[tuple[Topic, str]]:
+    def new_type_mismatches(self, topics: Sequence[Topic]) -> list[tuple[Topic, str]]:
         """Publishers that have newly come to one of some topics with another type than the topic's, which is told."""
-        builtin = need("cyclonedds.builtin", "ros")
+        builtin = require_package("cyclonedds.builtin", "ros")
         if self._publications is None:
             self._publications = builtin.BuiltinDataReader(self._participant, builtin.BuiltinTopicDcpsPublication)
-        names = {_wire_name(topic): topic for topic in topics}
-        found = []
-        for end in self._publications.take(_AT_ONCE):
-            topic = names.get(end.topic_name)
+        names = {_dds_topic_name(topic): topic for topic in topics}
+        mismatches = []
+        for publication in self._publications.take(_MAX_SAMPLES_PER_TAKE):
+            topic = names.get(publication.topic_name)
             # One that goes away is told of once more.
-            if topic is not None and end.type_name != dds_name(topic.type) and end.key not in self._strangers:
-                self._strangers.add(end.key)
-                found.append((topic, end.type_name))
-        return found
+            if (
+                topic is not None
+                and publication.type_name != dds_type_name(topic.type)
+                and publication.key not in self._known_mismatches
+            ):
+                self._known_mismatches.add(publication.key)
+                mismatches.append((topic, publication.type_name))
+        return mismatches
 
 
-_domains: dict[int, Any] = {}
+_configured_domains: dict[int, Any] = {}
 """Domains of this process by their number."""
 
 
-def _wire_name(topic: Topic) -> str:
+def _dds_topic_name(topic: Topic) -> str:
     return "rt" + topic.name
 
 
-def _qos(topic: Topic, depth: int) -> Any:
-    qos = need("cyclonedds.qos", "ros")
+def _dds_qos(topic: Topic, depth: int) -> Any:
+    qos = require_package("cyclonedds.qos", "ros")
     policy = qos.Policy
     return qos.Qos(
         policy.Reliability.Reliable(_BLOCKING_NS),

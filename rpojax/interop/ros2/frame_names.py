@@ -22,32 +22,32 @@ SERVICER = "servicer/base_link"
 TARGET = "target/base_link"
 CAMERA = "servicer/camera_optical_frame"
 
-FRAMES = (ECI, HILL, SERVICER, TARGET, CAMERA)
+FRAME_IDS = (ECI, HILL, SERVICER, TARGET, CAMERA)
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
 Quaternion = Float[Array, "4"]
 
 
-def orientation(q_BA: Quaternion) -> Quaternion:
+def orientation_from_quaternion(q_BA: Quaternion) -> Quaternion:
     """ROS orientation (x, y, z, w) of B in A, from the scalar-first `q_BA` that turns A into B components."""
     return jnp.concatenate([-q_BA[1:], q_BA[:1]])
 
 
-def from_orientation(xyzw: Quaternion) -> Quaternion:
+def quaternion_from_orientation(xyzw: Quaternion) -> Quaternion:
     """The scalar-first `q_BA` of a ROS orientation (x, y, z, w) of B in A, inverse of `orientation`."""
     return jnp.concatenate([xyzw[3:], -xyzw[:3]])
 
 
-def turned(R: Matrix, P: Matrix) -> Matrix:
+def rotate_covariance(R: Matrix, P: Matrix) -> Matrix:
     """Covariance `P` in the axes into which `R` turns components: `R P R'`."""
     return R @ P @ R.T
 
 
-def blocks(first: Matrix, second: Matrix) -> Float[Array, "6 6"]:
+def block_diagonal(first: Matrix, second: Matrix) -> Float[Array, "6 6"]:
     """Covariance of two 3-vectors that are not correlated: position and small rotation, or velocity and rate."""
-    none = jnp.zeros((3, 3), dtype=first.dtype)
+    zero = jnp.zeros((3, 3), dtype=first.dtype)
     return jnp.concatenate(
-        [jnp.concatenate([first, none], axis=1), jnp.concatenate([none, second], axis=1)],
+        [jnp.concatenate([first, zero], axis=1), jnp.concatenate([zero, second], axis=1)],
         axis=0,
     )

@@ -8,12 +8,12 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from rpojax.errors import RpojaxError
-from rpojax.optional import need
+from rpojax.optional import require_package
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
-_VISION = {
+_VISION_MSGS_DEFINITIONS = {
     "Point2D": "float64 x\nfloat64 y",
     "Pose2D": "vision_msgs/Point2D position\nfloat64 theta",
     "BoundingBox2D": "vision_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y",
@@ -33,9 +33,9 @@ def typestore() -> "Typestore":
     Raises:
         RpojaxError: rosbags is not installed.
     """
-    typesys = need("rosbags.typesys", "ros")
+    typesys = require_package("rosbags.typesys", "ros")
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
-    for name, text in _VISION.items():
+    for name, text in _VISION_MSGS_DEFINITIONS.items():
         store.register(typesys.get_types_from_msg(text, f"vision_msgs/msg/{name}"))
     return store
 
@@ -65,7 +65,7 @@ def deserialize(data: bytes | memoryview, name: str) -> Any:
         RpojaxError: the bytes are no such message.
     """
     message_class(name)
-    failure = need("rosbags.serde", "ros").SerdeError
+    failure = require_package("rosbags.serde", "ros").SerdeError
     try:
         return typestore().deserialize_cdr(data, name)
     except failure as error:

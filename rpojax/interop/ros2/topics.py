@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from rpojax.interop.ros2.frame_names import CAMERA, ECI, HILL, SERVICER, TARGET
 
 
-class Source(enum.StrEnum):
+class TopicSource(enum.StrEnum):
     """Who says it."""
 
     TRUTH = "truth"
@@ -14,7 +14,7 @@ class Source(enum.StrEnum):
     FLIGHT = "flight software"
 
 
-class Rate(enum.StrEnum):
+class TopicRate(enum.StrEnum):
     """When there is a message."""
 
     ONCE = "once, at the start"
@@ -37,8 +37,8 @@ class Qos:
 
 
 # All are reliable: such a publisher serves subscribers of either kind, the sensor-data profile of rviz included.
-STREAM = Qos(depth=10)
-LATCHED = Qos(depth=1, latched=True)
+STREAM_QOS = Qos(depth=10)
+LATCHED_QOS = Qos(depth=1, latched=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,37 +58,49 @@ class Topic:
 
     name: str
     type: str
-    frame: str
-    child: str
-    source: Source
-    rate: Rate
-    holds: str
-    qos: Qos = STREAM
+    frame_id: str
+    child_frame_id: str
+    source: TopicSource
+    rate: TopicRate
+    description: str
+    qos: Qos = STREAM_QOS
 
 
 CLOCK = Topic(
-    "/clock", "rosgraph_msgs/msg/Clock", "", "", Source.TRUTH, Rate.TICK, "simulation time, for `use_sim_time`"
+    "/clock",
+    "rosgraph_msgs/msg/Clock",
+    "",
+    "",
+    TopicSource.TRUTH,
+    TopicRate.TICK,
+    "simulation time, for `use_sim_time`",
 )
 TF = Topic(
-    "/tf", "tf2_msgs/msg/TFMessage", "", "", Source.TRUTH, Rate.TICK, "Hill frame in `eci`; servicer and target in it"
+    "/tf",
+    "tf2_msgs/msg/TFMessage",
+    "",
+    "",
+    TopicSource.TRUTH,
+    TopicRate.TICK,
+    "Hill frame in `eci`; servicer and target in it",
 )
 TF_STATIC = Topic(
     "/tf_static",
     "tf2_msgs/msg/TFMessage",
     SERVICER,
     CAMERA,
-    Source.FLIGHT,
-    Rate.ONCE,
+    TopicSource.FLIGHT,
+    TopicRate.ONCE,
     "mounting of the camera as flight software knows it",
-    LATCHED,
+    LATCHED_QOS,
 )
 SERVICER_TRUTH = Topic(
     "/servicer/truth/odometry",
     "nav_msgs/msg/Odometry",
     ECI,
     SERVICER,
-    Source.TRUTH,
-    Rate.TICK,
+    TopicSource.TRUTH,
+    TopicRate.TICK,
     "the servicer's orbit and attitude",
 )
 RELATIVE_TRUTH = Topic(
@@ -96,8 +108,8 @@ RELATIVE_TRUTH = Topic(
     "nav_msgs/msg/Odometry",
     HILL,
     SERVICER,
-    Source.TRUTH,
-    Rate.TICK,
+    TopicSource.TRUTH,
+    TopicRate.TICK,
     "the servicer from the target, its velocity as seen in the turning Hill frame",
 )
 TARGET_TRUTH = Topic(
@@ -105,8 +117,8 @@ TARGET_TRUTH = Topic(
     "nav_msgs/msg/Odometry",
     ECI,
     TARGET,
-    Source.TRUTH,
-    Rate.TICK,
+    TopicSource.TRUTH,
+    TopicRate.TICK,
     "the target's orbit and tumble",
 )
 SERVICER_ESTIMATE = Topic(
@@ -114,8 +126,8 @@ SERVICER_ESTIMATE = Topic(
     "nav_msgs/msg/Odometry",
     ECI,
     SERVICER,
-    Source.FLIGHT,
-    Rate.TICK,
+    TopicSource.FLIGHT,
+    TopicRate.TICK,
     "orbit and attitude after the tick's measurements, with covariance",
 )
 RELATIVE_ESTIMATE = Topic(
@@ -123,8 +135,8 @@ RELATIVE_ESTIMATE = Topic(
     "nav_msgs/msg/Odometry",
     HILL,
     SERVICER,
-    Source.FLIGHT,
-    Rate.TICK,
+    TopicSource.FLIGHT,
+    TopicRate.TICK,
     "the servicer from the target after the tick's measurements, with covariance",
 )
 TARGET_ESTIMATE = Topic(
@@ -132,8 +144,8 @@ TARGET_ESTIMATE = Topic(
     "nav_msgs/msg/Odometry",
     ECI,
     HILL,
-    Source.FLIGHT,
-    Rate.TICK,
+    TopicSource.FLIGHT,
+    TopicRate.TICK,
     "the target's orbit as its Hill frame, with covariance; nobody estimates its attitude",
 )
 GPS = Topic(
@@ -141,8 +153,8 @@ GPS = Topic(
     "geometry_msgs/msg/PointStamped",
     ECI,
     "",
-    Source.SENSOR,
-    Rate.PRESENT,
+    TopicSource.SENSOR,
+    TopicRate.PRESENT,
     "measured position of the servicer [m]",
 )
 STAR_TRACKER = Topic(
@@ -150,8 +162,8 @@ STAR_TRACKER = Topic(
     "geometry_msgs/msg/QuaternionStamped",
     ECI,
     "",
-    Source.SENSOR,
-    Rate.PRESENT,
+    TopicSource.SENSOR,
+    TopicRate.PRESENT,
     "measured orientation of the servicer in `eci`",
 )
 IMU = Topic(
@@ -159,8 +171,8 @@ IMU = Topic(
     "sensor_msgs/msg/Imu",
     SERVICER,
     "",
-    Source.SENSOR,
-    Rate.TICK,
+    TopicSource.SENSOR,
+    TopicRate.TICK,
     "last gyro sample [rad/s]; no orientation and no acceleration, as their covariances of -1 say",
 )
 WHEELS = Topic(
@@ -168,8 +180,8 @@ WHEELS = Topic(
     "sensor_msgs/msg/JointState",
     "",
     "",
-    Source.TRUTH,
-    Rate.TICK,
+    TopicSource.TRUTH,
+    TopicRate.TICK,
     "speeds [rad/s] and torques of the motors [N m]",
 )
 WHEEL_COMMAND = Topic(
@@ -177,8 +189,8 @@ WHEEL_COMMAND = Topic(
     "sensor_msgs/msg/JointState",
     "",
     "",
-    Source.FLIGHT,
-    Rate.TICK,
+    TopicSource.FLIGHT,
+    TopicRate.TICK,
     "torque commands at the start of the tick [N m], as effort",
 )
 THRUSTER_COMMAND = Topic(
@@ -186,8 +198,8 @@ THRUSTER_COMMAND = Topic(
     "trajectory_msgs/msg/JointTrajectory",
     SERVICER,
     "",
-    Source.FLIGHT,
-    Rate.TICK,
+    TopicSource.FLIGHT,
+    TopicRate.TICK,
     "opening and closing of the valve: two points from the stamp on, force [N] as effort; none without a burn ahead",
 )
 CAMERA_INFO = Topic(
@@ -195,8 +207,8 @@ CAMERA_INFO = Topic(
     "sensor_msgs/msg/CameraInfo",
     CAMERA,
     "",
-    Source.FLIGHT,
-    Rate.TICK,
+    TopicSource.FLIGHT,
+    TopicRate.TICK,
     "calibration of the tick's picture: of a large frame, the window that the detector gets",
 )
 IMAGE = Topic(
@@ -204,8 +216,8 @@ IMAGE = Topic(
     "sensor_msgs/msg/Image",
     CAMERA,
     "",
-    Source.SENSOR,
-    Rate.PICTURE,
+    TopicSource.SENSOR,
+    TopicRate.PICTURE,
     "the picture, rgb8",
 )
 COMPRESSED_IMAGE = Topic(
@@ -213,8 +225,8 @@ COMPRESSED_IMAGE = Topic(
     "sensor_msgs/msg/CompressedImage",
     CAMERA,
     "",
-    Source.SENSOR,
-    Rate.PICTURE,
+    TopicSource.SENSOR,
+    TopicRate.PICTURE,
     "the picture, png",
 )
 DETECTIONS = Topic(
@@ -222,8 +234,8 @@ DETECTIONS = Topic(
     "vision_msgs/msg/Detection2DArray",
     CAMERA,
     "",
-    Source.SENSOR,
-    Rate.TICK,
+    TopicSource.SENSOR,
+    TopicRate.TICK,
     "the detector's box in pixels of `camera_info`, or none",
 )
 DIAGNOSTICS = Topic(
@@ -231,12 +243,12 @@ DIAGNOSTICS = Topic(
     "diagnostic_msgs/msg/DiagnosticArray",
     "",
     "",
-    Source.FLIGHT,
-    Rate.TICK,
+    TopicSource.FLIGHT,
+    TopicRate.TICK,
     "guidance mode, what became of the box; true velocity change and mass",
 )
 
-TABLE = (
+ALL_TOPICS = (
     CLOCK,
     TF,
     TF_STATIC,

@@ -12,20 +12,26 @@ from PIL import Image, ImageDraw, ImageFont
 
 from rpojax.errors import OutputError
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.optional import need
+from rpojax.optional import require_package
 from rpojax.report.figures.colours import FILM_AMBER, FILM_BLUE, FILM_GREEN, FILM_GROUND, FILM_INK, FILM_MUTED
 
 History = Mapping[str, np.ndarray]
-Shot = tuple[np.ndarray, History]
+CameraFrame = tuple[np.ndarray, History]
 Edges = tuple[float, float, float, float]
 
-_STILLS = 12
+_MAX_STILLS = 12
 _COLUMNS = 4
 _SIZE_PX = 384
 """About so large pictures become: three times for those of 128 px."""
 _GAP_PX = 8
 _FRAMES_PER_S = 12.0
-_WORDS = {Mode.LOOK: "look", Mode.TURN: "turn", Mode.BURN: "burn", Mode.TURN_BACK: "turn back", Mode.SEARCH: "search"}
+_MODE_LABELS = {
+    Mode.LOOK: "look",
+    Mode.TURN: "turn",
+    Mode.BURN: "burn",
+    Mode.TURN_BACK: "turn back",
+    Mode.SEARCH: "search",
+}
 _LEGEND = (
     ("box, accepted", FILM_GREEN, False),
     ("box, rejected", FILM_AMBER, False),
@@ -33,9 +39,9 @@ _LEGEND = (
 )
 
 
-def stills(history: History, ticks: int) -> list[int]:
+def select_stills(history: History, ticks: int) -> list[int]:
     """Up to twelve of the first `ticks` ticks, spread evenly, one of a burn and one of a refused box among them."""
-    chosen = np.unique(np.linspace(0, ticks - 1, min(_STILLS, ticks)).round().astype(int)).tolist()
+    chosen = np.unique(np.linspace(0, ticks - 1, min(_MAX_STILLS, ticks)).round().astype(int)).tolist()
     kept = {chosen[0], chosen[-1]}
     refused = history["box_present"] & ~history["box_accepted"]
     for wanted in (history["mode"] == Mode.BURN, refused):
@@ -50,14 +56,14 @@ def stills(history: History, ticks: int) -> list[int]:
     return sorted(chosen)
 
 
-def frame(picture: np.ndarray, seen: History) -> np.ndarray:
+def annotated_frame(image: np.ndarray, telemetry: History) -> np.ndarray:
     """A picture of a film (h, w, 3), uint8 sRGB, even numbers of pixels a side, with a legend below."""
-    return np.asarray(_with_legend(_still(picture, seen)))
+    return np.asarray(_with_legend(_annotated_image(image, telemetry)))
 
 
-def strip(shots: Iterable[Shot]) -> Image.Image:
+def contact_sheet(frames: Iterable[CameraFrame]) -> Image.Image:
     """Pictures as one sheet, row by row, with a legend below."""
-    tiles = [_still(picture, seen) for picture, seen in shots]
+    tiles = [_annotated_image(picture, seen) for picture, seen in frames]
     columns = min(_COLUMNS, len(tiles))
     rows = -(-len(tiles) // columns)
     width, height = tiles[0].width + _GAP_PX, tiles[0].height + _GAP_PX
@@ -67,7 +73,7 @@ def strip(shots: Iterable[Shot]) -> Image.Image:
     return _with_legend(sheet)
 
 
-def write_film(shots: Iterable[Shot], path: Path, codec: str = "vp9") -> Path:
+def write_film(frames: Iterable[CameraFrame], path: Path, codec: str = "vp9") -> Path:
     """Writes pictures as a film in MP4, 12 a second, by one of `CODECS`; returns `path`.
 
     Raises:
@@ -79,7 +85,7 @@ def write_film(shots: Iterable[Shot], path: Path, codec: str = "vp9") -> Path:
         path.parent.mkdir(parents=True, exist_ok=True)
         partial = path.with_name(f"{path.stem}.{os.getpid()}.partial.mp4")
         try:
-            encode((frame(picture, seen) for picture, seen in shots), partial, path)
+            encode((annotated_frame(picture, seen) for picture, seen in frames), partial, path)
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)
@@ -93,7 +99,7 @@ def check_codec(codec: str) -> None:
     if codec not in CODECS:
         raise OutputError(f"--codec: found {codec!r}, expected {' or '.join(CODECS)}")
     if codec == "h264":
-        need("imageio_ffmpeg", "viz")
+        require_package("imageio_ffmpeg", "viz")
 
 
 def _encode_vp9(frames: Iterable[np.ndarray], partial: Path, path: Path) -> None:
@@ -115,7 +121,7 @@ def _encode_vp9(frames: Iterable[np.ndarray], partial: Path, path: Path) -> None
 
 def _encode_h264(frames: Iterable[np.ndarray], partial: Path, path: Path) -> None:
     """As players and browsers like it: 4:2:0, its index in front; one thread and no dates, for the same bytes again."""
-    write_frames = need("imageio_ffmpeg", "viz").write_frames
+    write_frames = require_package("imageio_ffmpeg", "viz").write_frames
     options = ["-crf", "20", "-threads", "1", "-movflags", "+faststart", "-map_metadata", "-1", "-fflags", "+bitexact"]
     writer = None
     try:
@@ -145,80 +151,83 @@ CODECS = tuple(_ENCODERS)
 """Codecs of films: VP9, which needs nothing more, and H.264, which plays everywhere."""
 
 
-def png(sheet: Image.Image) -> bytes:
+def png_bytes(sheet: Image.Image) -> bytes:
     """A sheet as a PNG file."""
     buffer = io.BytesIO()
     sheet.save(buffer, format="PNG", optimize=True)
     return buffer.getvalue()
 
 
-def jpeg(sheet: Image.Image) -> bytes:
+def jpeg_bytes(sheet: Image.Image) -> bytes:
     """A sheet as a JPEG file, a few hundred kilobytes."""
     buffer = io.BytesIO()
     sheet.save(buffer, format="JPEG", quality=85, subsampling=0, optimize=True)
     return buffer.getvalue()
 
 
-def _still(picture: np.ndarray, seen: History) -> Image.Image:
+def _annotated_image(image: np.ndarray, telemetry: History) -> Image.Image:
     """One picture, enlarged by a whole number, under two lines of text."""
-    zoom = max(1, round(_SIZE_PX / picture.shape[0]))
-    large = Image.fromarray(picture).resize(
-        (zoom * picture.shape[1], zoom * picture.shape[0]), Image.Resampling.NEAREST
-    )
-    scale = large.width / float(seen["window_px"][2])
-    _draw_expected(large, seen, scale)
-    _draw_box(large, seen, scale)
+    zoom = max(1, round(_SIZE_PX / image.shape[0]))
+    large = Image.fromarray(image).resize((zoom * image.shape[1], zoom * image.shape[0]), Image.Resampling.NEAREST)
+    scale = large.width / float(telemetry["window_px"][2])
+    _draw_gate(large, telemetry, scale)
+    _draw_box(large, telemetry, scale)
     font = _font(16)
     line = font.size * 1.35
     head = round(2.0 * line + 8.0)
     still = Image.new("RGB", (large.width, large.height + head), "black")
     still.paste(large, (0, head))
     draw = ImageDraw.Draw(still)
-    mode = Mode(int(seen["mode"]))
-    light = "" if seen["observable"] else ", no usable light"
-    draw.text((6, 4), f"{seen['time_s']:.0f} s   {seen['range_m']:.1f} m   {_WORDS[mode]}{light}", FILM_INK, font)
-    text, color = _verdict(seen)
+    mode = Mode(int(telemetry["mode"]))
+    light = "" if telemetry["observable"] else ", no usable light"
+    draw.text(
+        (6, 4),
+        f"{telemetry['time_s']:.0f} s   {telemetry['range_m']:.1f} m   {_MODE_LABELS[mode]}{light}",
+        FILM_INK,
+        font,
+    )
+    text, color = _box_status(telemetry)
     draw.text((6, 4 + line), text, color, font)
     return still
 
 
-def _verdict(seen: History) -> tuple[str, str]:
-    score = f"{float(seen['box_score']):.2f}"
-    if not seen["box_present"]:
+def _box_status(telemetry: History) -> tuple[str, str]:
+    score = f"{float(telemetry['box_score']):.2f}"
+    if not telemetry["box_present"]:
         return f"no box, best score {score}", FILM_MUTED
-    cut = ", cut by the frame" if seen["box_truncated"] else ""
-    if seen["box_accepted"]:
+    cut = ", cut by the frame" if telemetry["box_truncated"] else ""
+    if telemetry["box_accepted"]:
         return f"box accepted, score {score}{cut}", FILM_GREEN
     return f"box rejected, score {score}{cut}", FILM_AMBER
 
 
-def _draw_box(picture: Image.Image, seen: History, scale: float) -> None:
-    if not seen["box_present"]:
+def _draw_box(image: Image.Image, telemetry: History, scale: float) -> None:
+    if not telemetry["box_present"]:
         return
-    left, top, width, height = (float(value) for value in seen["box_px"])
-    color = FILM_GREEN if seen["box_accepted"] else FILM_AMBER
-    edges = _in_window((left, top, left + width, top + height), seen, scale)
-    ImageDraw.Draw(picture).rectangle(_ordered(edges), outline=color, width=2)
+    left, top, width, height = (float(value) for value in telemetry["box_px"])
+    color = FILM_GREEN if telemetry["box_accepted"] else FILM_AMBER
+    edges = _to_image_pixels((left, top, left + width, top + height), telemetry, scale)
+    ImageDraw.Draw(image).rectangle(_sorted_edges(edges), outline=color, width=2)
 
 
-def _draw_expected(picture: Image.Image, seen: History, scale: float) -> None:
+def _draw_gate(image: Image.Image, telemetry: History, scale: float) -> None:
     """A cross where the box centre was expected, and a dashed line around where it would have been accepted."""
-    x, y, _ = (float(value) for value in seen["expected_px"])
-    across, down = (float(value) for value in seen["gate_px"])
+    x, y, _ = (float(value) for value in telemetry["expected_px"])
+    across, down = (float(value) for value in telemetry["gate_px"])
     if not np.isfinite([x, y, across, down]).all():
         return
-    left, top, right, bottom = _in_window((x - across, y - down, x + across, y + down), seen, scale)
-    draw = ImageDraw.Draw(picture)
+    left, top, right, bottom = _to_image_pixels((x - across, y - down, x + across, y + down), telemetry, scale)
+    draw = ImageDraw.Draw(image)
     for start, stop in (((left, top), (right, top)), ((left, bottom), (right, bottom))):
-        _dashes(draw, start, stop)
+        _draw_dashed_line(draw, start, stop)
     for start, stop in (((left, top), (left, bottom)), ((right, top), (right, bottom))):
-        _dashes(draw, start, stop)
+        _draw_dashed_line(draw, start, stop)
     middle_x, middle_y = 0.5 * (left + right), 0.5 * (top + bottom)
     draw.line((middle_x - 6, middle_y, middle_x + 6, middle_y), FILM_BLUE, 2)
     draw.line((middle_x, middle_y - 6, middle_x, middle_y + 6), FILM_BLUE, 2)
 
 
-def _dashes(draw: ImageDraw.ImageDraw, start: tuple[float, float], stop: tuple[float, float]) -> None:
+def _draw_dashed_line(draw: ImageDraw.ImageDraw, start: tuple[float, float], stop: tuple[float, float]) -> None:
     """Dashed line, only where a picture can be: a gate may be as wide as the sky."""
     (x0, y0), (x1, y1) = (tuple(min(max(value, -8.0), 2048.0) for value in point) for point in (start, stop))
     length = max(abs(x1 - x0), abs(y1 - y0))
@@ -227,9 +236,9 @@ def _dashes(draw: ImageDraw.ImageDraw, start: tuple[float, float], stop: tuple[f
         draw.line((x0 + a * (x1 - x0), y0 + a * (y1 - y0), x0 + b * (x1 - x0), y0 + b * (y1 - y0)), FILM_BLUE, 1)
 
 
-def _in_window(edges: Edges, seen: History, scale: float) -> Edges:
+def _to_image_pixels(edges: Edges, telemetry: History, scale: float) -> Edges:
     """Edges in pixels of the enlarged picture."""
-    left, top = (float(value) for value in seen["window_px"][:2])
+    left, top = (float(value) for value in telemetry["window_px"][:2])
     return (
         (edges[0] - left) * scale,
         (edges[1] - top) * scale,
@@ -238,7 +247,7 @@ def _in_window(edges: Edges, seen: History, scale: float) -> Edges:
     )
 
 
-def _ordered(edges: Edges) -> Edges:
+def _sorted_edges(edges: Edges) -> Edges:
     """A detector may name a right edge left of the left one."""
     return min(edges[0], edges[2]), min(edges[1], edges[3]), max(edges[0], edges[2]), max(edges[1], edges[3])
 
@@ -259,7 +268,7 @@ def _with_legend(sheet: Image.Image) -> Image.Image:
     draw = ImageDraw.Draw(ground)
     for (text, color, dashed), (x, middle) in zip(_LEGEND, places, strict=True):
         if dashed:
-            _dashes(draw, (x, middle), (x + 24, middle))
+            _draw_dashed_line(draw, (x, middle), (x + 24, middle))
         else:
             draw.line((x, middle, x + 24, middle), color, 3)
         draw.text((x + 30, middle), text, FILM_INK, font, anchor="lm")

@@ -6,84 +6,86 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rpojax.analysis.linear_covariance.error_budget import Budget
+from rpojax.analysis.linear_covariance.error_budget import ErrorBudget
 from rpojax.analysis.linear_covariance.linear_covariance import LinearCovariance
-from rpojax.analysis.linear_covariance.monte_carlo_agreement import Sampled
+from rpojax.analysis.linear_covariance.monte_carlo_agreement import MonteCarloSample
 from rpojax.report.atomic_output import write_atomically
 from rpojax.report.figures import png_export
 from rpojax.report.figures.colours import BLUE, GREEN, GRID, INK, MUTED, ORANGE, SHADE, VERMILLION
 from rpojax.report.figures.png_export import AXIS_NAMES
 
-_BAND = 2.0
-_INSIDE = (2.275, 97.725)
+_BAND_SIGMAS = 2.0
+_BAND_PERCENTILES = (2.275, 97.725)
 """Percentiles between which two sigma to either side of a normal law's mean lie."""
-_KEPT, _MARGIN = 0.98, 1.3
+_VISIBLE_FRACTION, _MARGIN = 0.98, 1.3
 """Share of the times at which the band of the estimate's error is surely inside the picture, and the room around it."""
-_SHOWN = 8
+_MAX_SOURCES = 8
 """Sources with a bar of their own."""
 
 
-def formation_error(linear: LinearCovariance, desired_H: np.ndarray, sampled: Sampled | None) -> Figure:
+def formation_error(linear: LinearCovariance, desired_H: np.ndarray, sampled: MonteCarloSample | None) -> Figure:
     """Formation error [m] per axis of H: band of two sigma, and one sigma."""
-    return _three_axes(linear, "rho_H", desired_H, sampled, "Formation error")
+    return _plot_three_axes(linear, "rho_H", desired_H, sampled, "Formation error")
 
 
-def estimation_error(linear: LinearCovariance, sampled: Sampled | None) -> Figure:
+def estimation_error(linear: LinearCovariance, sampled: MonteCarloSample | None) -> Figure:
     """Error of the estimated relative position [m] per axis of H, with the filter's own sigma."""
-    return _three_axes(linear, "relative_error_H", np.zeros(3), sampled, "Error of the estimated relative position")
+    return _plot_three_axes(
+        linear, "relative_error_H", np.zeros(3), sampled, "Error of the estimated relative position"
+    )
 
 
-def delta_v(linear: LinearCovariance, decisions_s: np.ndarray, sampled: Sampled | None) -> Figure:
+def delta_v(linear: LinearCovariance, decisions_s: np.ndarray, sampled: MonteCarloSample | None) -> Figure:
     """Velocity change spent so far [mm/s], and the probability of a burn at each decision."""
     figure = Figure(figsize=(10.8, 5.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
     mean, sigma = 1e3 * linear.output_mean("delta_v_m_s")[:, 0], 1e3 * linear.sigma("delta_v_m_s")[:, 0]
     if sampled is not None:
-        low, high = np.percentile(1e3 * sampled.values["delta_v_m_s"][:, :, 0], _INSIDE, axis=1)
-        above.fill_between(sampled.time_s, low, high, color=SHADE, alpha=0.35, lw=0, label=_of(sampled))
+        low, high = np.percentile(1e3 * sampled.values["delta_v_m_s"][:, :, 0], _BAND_PERCENTILES, axis=1)
+        above.fill_between(sampled.time_s, low, high, color=SHADE, alpha=0.35, lw=0, label=_sample_label(sampled))
     above.plot(linear.time_s, mean, color=BLUE, lw=1.2, label="linear covariance: mean, two sigma")
-    for side in (-_BAND, _BAND):
+    for side in (-_BAND_SIGMAS, _BAND_SIGMAS):
         above.plot(linear.time_s, mean + side * sigma, color=BLUE, lw=0.9, ls=(0, (4, 2)))
-    _finish(above, "velocity change spent [mm/s]")
+    _style_axes(above, "velocity change spent [mm/s]")
     above.legend(loc="lower right", frameon=False, fontsize=9)
     width = 0.7 * (decisions_s[1] - decisions_s[0] if len(decisions_s) > 1 else linear.time_s[-1])
     below.bar(decisions_s, linear.burn_probability, width=width, align="edge", color=ORANGE)
     below.set_ylim(0.0, 1.05)
-    _finish(below, "probability of a burn")
+    _style_axes(below, "probability of a burn")
     below.set_xlabel("time [s]", color=INK)
     figure.suptitle("Velocity change", color=INK, fontsize=12)
     return figure
 
 
-def budget(found: Budget) -> Figure:
+def error_budget(budget: ErrorBudget) -> Figure:
     """What makes the errors at the end of the run: standard deviation [m] that each source alone would leave."""
     figure = Figure(figsize=(10.8, 4.6), layout="constrained")
-    for axes, (title, table) in zip(figure.subplots(1, 2), found.at_end.items(), strict=True):
-        largest = sorted(table.items(), key=lambda item: item[1])[-_SHOWN:]
+    for axes, (title, table) in zip(figure.subplots(1, 2), budget.at_end.items(), strict=True):
+        largest = sorted(table.items(), key=lambda item: item[1])[-_MAX_SOURCES:]
         bars = axes.barh([name for name, _ in largest], [value for _, value in largest], color=BLUE)
         axes.bar_label(bars, fmt="%.3f", padding=3, fontsize=8, color=MUTED)
         axes.margins(x=0.15)
-        _finish(axes, "")
+        _style_axes(axes, "")
         axes.set_xlabel("standard deviation, three axes together [m]", color=INK)
-        axes.set_title(f"{title}, {found.total_at_end[title]:.3f} m in all", fontsize=10, color=INK)
+        axes.set_title(f"{title}, {budget.total_at_end[title]:.3f} m in all", fontsize=10, color=INK)
     return figure
 
 
-def write(figure: Figure, path: Path) -> Path:
+def write_png(figure: Figure, path: Path) -> Path:
     """Writes a figure as PNG."""
-    return write_atomically(path, png_export.png(figure))
+    return write_atomically(path, png_export.png_bytes(figure))
 
 
-def _three_axes(
-    linear: LinearCovariance, output: str, about: np.ndarray, sampled: Sampled | None, title: str
+def _plot_three_axes(
+    linear: LinearCovariance, output: str, offset: np.ndarray, sampled: MonteCarloSample | None, title: str
 ) -> Figure:
     figure = Figure(figsize=(10.8, 6.8), layout="constrained")
     cells = figure.subplots(3, 2, sharex=True)
     for axis, (bands, sigmas) in enumerate(cells):
-        _bands(bands, linear, output, about, axis, sampled)
-        _sigmas(sigmas, linear, output, axis, sampled)
-        _finish(bands, f"{AXIS_NAMES[axis]} [m]")
-        _finish(sigmas, "1 sigma [m]")
+        _plot_bands(bands, linear, output, offset, axis, sampled)
+        _plot_sigmas(sigmas, linear, output, axis, sampled)
+        _style_axes(bands, f"{AXIS_NAMES[axis]} [m]")
+        _style_axes(sigmas, "1 sigma [m]")
     for axes in cells[-1]:
         axes.set_xlabel("time [s]", color=INK)
     for axes, heading in zip(cells[0], ("Two sigma to either side of the mean", "Standard deviation"), strict=True):
@@ -93,24 +95,24 @@ def _three_axes(
     return figure
 
 
-def _bands(
-    axes: Axes, linear: LinearCovariance, output: str, about: np.ndarray, axis: int, sampled: Sampled | None
+def _plot_bands(
+    axes: Axes, linear: LinearCovariance, output: str, offset: np.ndarray, axis: int, sampled: MonteCarloSample | None
 ) -> None:
-    mean = linear.output_mean(output)[:, axis] - about[axis]
+    mean = linear.output_mean(output)[:, axis] - offset[axis]
     sigma = linear.sigma(output)[:, axis]
     if sampled is not None:
-        low, high = np.percentile(sampled.values[output][:, :, axis] - about[axis], _INSIDE, axis=1)
-        axes.fill_between(sampled.time_s, low, high, color=SHADE, alpha=0.4, lw=0, label=_of(sampled))
+        low, high = np.percentile(sampled.values[output][:, :, axis] - offset[axis], _BAND_PERCENTILES, axis=1)
+        axes.fill_between(sampled.time_s, low, high, color=SHADE, alpha=0.4, lw=0, label=_sample_label(sampled))
     axes.plot(linear.time_s, mean, color=BLUE, lw=1.1, label="linear covariance: mean, two sigma")
-    for side in (-_BAND, _BAND):
+    for side in (-_BAND_SIGMAS, _BAND_SIGMAS):
         axes.plot(linear.time_s, mean + side * sigma, color=BLUE, lw=0.9, ls=(0, (4, 2)))
     if output == "relative_error_H":
         # The hand-over's error of the first seconds, before boxes come, would flatten all that follows.
-        edge = _MARGIN * np.quantile(np.abs(mean) + _BAND * sigma, _KEPT)
+        edge = _MARGIN * np.quantile(np.abs(mean) + _BAND_SIGMAS * sigma, _VISIBLE_FRACTION)
         axes.set_ylim(-edge, edge)
 
 
-def _sigmas(axes: Axes, linear: LinearCovariance, output: str, axis: int, sampled: Sampled | None) -> None:
+def _plot_sigmas(axes: Axes, linear: LinearCovariance, output: str, axis: int, sampled: MonteCarloSample | None) -> None:
     if sampled is not None:
         low, high = (bound[:, axis] for bound in sampled.sigma_interval(output))
         axes.fill_between(sampled.time_s, low, high, color=VERMILLION, alpha=0.35, lw=0)
@@ -124,11 +126,11 @@ def _sigmas(axes: Axes, linear: LinearCovariance, output: str, axis: int, sample
     axes.set_yscale("log")
 
 
-def _of(sampled: Sampled) -> str:
+def _sample_label(sampled: MonteCarloSample) -> str:
     return f"{sampled.runs} sampled runs: 2.3 to 97.7 %"
 
 
-def _finish(axes: Axes, label: str) -> None:
+def _style_axes(axes: Axes, label: str) -> None:
     axes.set_ylabel(label, color=INK, fontsize=9)
     axes.grid(color=GRID, lw=0.6)
     axes.set_axisbelow(True)

@@ -15,34 +15,34 @@ from rpojax.report.figures.png_export import AXIS_NAMES
 
 History = Mapping[str, np.ndarray]
 
-_AWAY_MODES = (1, 2, 3)  # turn, burn, turn back
+_LOOK_AWAY_MODES = (1, 2, 3)  # turn, burn, turn back
 _SEARCH_MODE = 4
 
 
 def bearing_and_range(history: History, title: str) -> Figure:
     """As Figure 6: measured bearing components [-] and coarse range [m] of the boxes of one run, truth a thin line."""
-    figure = _figure(title, (10.8, 5.2))
+    figure = _new_figure(title, (10.8, 5.2))
     grid = figure.add_gridspec(3, 2, width_ratios=(1.15, 1.0))
     bearings = [figure.add_subplot(grid[row, 0]) for row in range(3)]
     distance = figure.add_subplot(grid[:, 1])
     true_range = np.linalg.norm(history["rho_H"], axis=1)
     for axis, axes in enumerate(bearings):
         measured, truth = history["box_bearing_H"][:, axis], -history["rho_H"][:, axis] / true_range
-        _boxes(axes, history, measured, truth, _bearing_limits(history, measured, truth))
-        _finish(axes, history, f"{AXIS_NAMES[axis]} [-]", last=axis == 2)
+        _plot_boxes(axes, history, measured, truth, _bearing_limits(history, measured, truth))
+        _style_axes(axes, history, f"{AXIS_NAMES[axis]} [-]", last=axis == 2)
     # Twice the largest true range: false boxes can be far out.
     highest = 2.0 * float(np.max(true_range, initial=1.0, where=np.isfinite(true_range)))
-    _boxes(distance, history, history["box_range_m"], true_range, (0.0, highest))
-    _finish(distance, history, "range [m]", last=True)
+    _plot_boxes(distance, history, history["box_range_m"], true_range, (0.0, highest))
+    _style_axes(distance, history, "range [m]", last=True)
     bearings[0].set_title("Bearing unit vector, servicer to target, Hill frame", fontsize=10, color=INK, loc="left")
     distance.set_title("Range from the size of the box", fontsize=10, color=INK, loc="left")
-    _legend(figure, *bearings, distance)
+    _add_legend(figure, *bearings, distance)
     return figure
 
 
 def estimation_error(history: History, title: str) -> Figure:
     """As Figure 7: position error [m] of target, servicer, servicer from target per Hill axis, with 3-sigma bounds."""
-    figure = _figure(title, (10.8, 6.2))
+    figure = _new_figure(title, (10.8, 6.2))
     columns = (("target", "Target"), ("servicer", "Servicer"), ("relative", "Relative (servicer from target)"))
     cells = figure.subplots(3, 3, sharex=True)
     for column, (name, heading) in enumerate(columns):
@@ -54,30 +54,30 @@ def estimation_error(history: History, title: str) -> Figure:
             axes.plot(history["time_s"], error[:, axis], color=BLUE, lw=0.9, label="error")
             axes.plot(history["time_s"], bound[:, axis], color=VERMILLION, lw=0.9, label="3-sigma bound")
             axes.plot(history["time_s"], -bound[:, axis], color=VERMILLION, lw=0.9)
-            limit = _settled_limit(history["time_s"], error[:, axis], bound[:, axis])
+            limit = _axis_limit(history["time_s"], error[:, axis], bound[:, axis])
             axes.set_ylim(-limit, limit)
-            _finish(axes, history, f"{AXIS_NAMES[axis]} [m]" if column == 0 else "", last=axis == 2)
+            _style_axes(axes, history, f"{AXIS_NAMES[axis]} [m]" if column == 0 else "", last=axis == 2)
         cells[0, column].set_title(heading, fontsize=10, color=INK)
-    _legend(figure, cells[0, 0])
+    _add_legend(figure, cells[0, 0])
     return figure
 
 
 def relative_position(history: History, title: str) -> Figure:
     """As Figure 8: position [m] of the TARGET from the servicer per Hill axis, the negative of rho used elsewhere."""
-    figure = _figure(title, (10.8, 5.8))
+    figure = _new_figure(title, (10.8, 5.8))
     rows = figure.subplots(3, 1, sharex=True)
     for axis, axes in enumerate(rows):
         axes.plot(history["time_s"], -history["rho_estimate_H"][:, axis], color=BLUE, lw=1.0, label="estimate")
         axes.plot(history["time_s"], -history["rho_H"][:, axis], color=ORANGE, lw=1.6, label="truth")
         axes.axhline(-history["rho_desired_H"][axis], color=GREEN, lw=1.3, ls=(0, (5, 2)), label="desired")
         axes.lines[0].set_zorder(axes.lines[1].get_zorder() + 0.5)
-        _finish(axes, history, f"{AXIS_NAMES[axis]} [m]", last=axis == 2)
+        _style_axes(axes, history, f"{AXIS_NAMES[axis]} [m]", last=axis == 2)
     rows[0].set_title(
         "Target relative to the servicer, Hill frame (sign flipped: elsewhere rho is the servicer from the target)",
         fontsize=10,
         color=INK,
     )
-    _legend(figure, rows[0])
+    _add_legend(figure, rows[0])
     return figure
 
 
@@ -93,42 +93,46 @@ FIGURES: dict[str, Callable[[History, str], Figure]] = {
     "relative_position.png": relative_position,
 }
 
-_COMMON = ("time_s", "mode", "rho_H")
-NEEDED: dict[str, tuple[str, ...]] = {
-    "bearing_and_range.png": (*_COMMON, "box_bearing_H", "box_range_m", "box_present", "box_accepted"),
+_COMMON_CHANNELS = ("time_s", "mode", "rho_H")
+REQUIRED_CHANNELS: dict[str, tuple[str, ...]] = {
+    "bearing_and_range.png": (*_COMMON_CHANNELS, "box_bearing_H", "box_range_m", "box_present", "box_accepted"),
     "estimation_error.png": (
-        *_COMMON,
+        *_COMMON_CHANNELS,
         *(f"{name}_{part}_H" for name in ("target", "servicer", "relative") for part in ("error", "sigma")),
     ),
-    "relative_position.png": (*_COMMON, "rho_estimate_H", "rho_desired_H"),
+    "relative_position.png": (*_COMMON_CHANNELS, "rho_estimate_H", "rho_desired_H"),
 }
 """Channels that each figure shows."""
 
 
-def lacking(history: History) -> dict[str, list[str]]:
+def missing_channels(history: History) -> dict[str, list[str]]:
     """Figure that a history cannot be drawn as -> the channels that were not kept."""
-    absent = {name: [channel for channel in needed if channel not in history] for name, needed in NEEDED.items()}
+    absent = {
+        name: [channel for channel in needed if channel not in history] for name, needed in REQUIRED_CHANNELS.items()
+    }
     return {name: channels for name, channels in absent.items() if channels}
 
 
 def write_figures(history: History, directory: Path, title: str) -> dict[str, Path]:
     """Writes the figures of one run whose channels were kept into `directory` as PNG; returns file name -> path."""
-    left_out = lacking(history)
+    left_out = missing_channels(history)
     return {
-        name: write_atomically(directory / name, png_export.png(draw(history, f"{_HEADINGS[name]}: {title}")))
+        name: write_atomically(directory / name, png_export.png_bytes(draw(history, f"{_HEADINGS[name]}: {title}")))
         for name, draw in FIGURES.items()
         if name not in left_out
     }
 
 
-def _figure(title: str, size_inches: tuple[float, float]) -> Figure:
+def _new_figure(title: str, size_inches: tuple[float, float]) -> Figure:
     figure = Figure(figsize=size_inches, layout="constrained", facecolor="white")
     # The title holds the scenario's name, in which a dollar is no mathematics.
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold", color=INK, parse_math=False)
     return figure
 
 
-def _boxes(axes: Axes, history: History, measured: np.ndarray, truth: np.ndarray, limits: tuple[float, float]) -> None:
+def _plot_boxes(
+    axes: Axes, history: History, measured: np.ndarray, truth: np.ndarray, limits: tuple[float, float]
+) -> None:
     """Boxes as dots and crosses within `limits`, those beyond as small triangles at the edge, and their count."""
     time, present = history["time_s"], history["box_present"].astype(bool)
     accepted = present & history["box_accepted"].astype(bool)
@@ -161,9 +165,11 @@ def _bearing_limits(history: History, measured: np.ndarray, truth: np.ndarray) -
     return low - margin, high + margin
 
 
-def _finish(axes: Axes, history: History, label: str, last: bool) -> None:
-    _shade(axes, history, np.isin(history["mode"], _AWAY_MODES), SHADE, "look-away (turn, burn, turn back)")
-    _shade(axes, history, history["mode"] == _SEARCH_MODE, ORANGE, "search")
+def _style_axes(axes: Axes, history: History, label: str, last: bool) -> None:
+    _shade_intervals(
+        axes, history, np.isin(history["mode"], _LOOK_AWAY_MODES), SHADE, "look-away (turn, burn, turn back)"
+    )
+    _shade_intervals(axes, history, history["mode"] == _SEARCH_MODE, ORANGE, "search")
     axes.set_xlim(history["time_s"][0], history["time_s"][-1])
     axes.set_ylabel(label, fontsize=9, color=INK)
     axes.set_xlabel("time [s]" if last else "", fontsize=9, color=INK)
@@ -174,7 +180,7 @@ def _finish(axes: Axes, history: History, label: str, last: bool) -> None:
     axes.spines[["left", "bottom"]].set_color(MUTED)
 
 
-def _shade(axes: Axes, history: History, where: np.ndarray, color: str, label: str) -> None:
+def _shade_intervals(axes: Axes, history: History, where: np.ndarray, color: str, label: str) -> None:
     shown = where & np.isfinite(history["rho_H"][:, 0])
     if not np.any(shown):
         return
@@ -184,7 +190,7 @@ def _shade(axes: Axes, history: History, where: np.ndarray, color: str, label: s
     axes.fill_between(history["time_s"], 0.0, 1.0, where=lasting.tolist(), transform=across, **look)
 
 
-def _legend(figure: Figure, *axes: Axes) -> None:
+def _add_legend(figure: Figure, *axes: Axes) -> None:
     """One legend for some axes, each label once."""
     figure.align_ylabels()
     entries: dict[str, Artist] = {}
@@ -196,7 +202,7 @@ def _legend(figure: Figure, *axes: Axes) -> None:
     figure.legend(handles, names, loc="outside lower center", ncols=len(names), fontsize=9, frameon=False)
 
 
-def _settled_limit(time_s: np.ndarray, error: np.ndarray, bound: np.ndarray) -> float:
+def _axis_limit(time_s: np.ndarray, error: np.ndarray, bound: np.ndarray) -> float:
     """Half height [m] that shows all but the handover: the first tenth of the run may lie off scale."""
     size = np.maximum(np.abs(error), bound)
     settled = size[time_s >= time_s[0] + 0.1 * (time_s[-1] - time_s[0])]

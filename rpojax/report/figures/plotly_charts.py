@@ -8,26 +8,26 @@ import numpy as np
 from rpojax.analysis.statistics.filter_consistency import AverageNees
 from rpojax.analysis.statistics.order_statistics import percentiles_over_runs
 from rpojax.report.figures.colours import BLUE, FAINT, FONT, GREEN, GRID, INK, MUTED, VERMILLION
-from rpojax.report.labels import Channel, Metric
+from rpojax.report.labels import ChannelLabel, MetricLabel
 
 Chart = dict[str, Any]
 
-_MOST_POINTS = 800
-_MOST_BINS = 36
+_MAX_POINTS = 800
+_MAX_BINS = 36
 _RUNS_FOR_5_95 = 20
 _RUNS_FOR_1_99 = 100
-BLANK = {"text": ""}
+EMPTY_TITLE = {"text": ""}
 _OUTER_FILL = "rgba(0, 114, 178, 0.13)"
-_SHADE = "rgba(0, 158, 115, 0.25)"
+_INTERVAL_FILL = "rgba(0, 158, 115, 0.25)"
 _INNER_FILL = "rgba(0, 114, 178, 0.26)"
 
 
-def compact(values: np.ndarray) -> list[float | None]:
+def rounded_values(values: np.ndarray) -> list[float | None]:
     """`values` as a list of numbers with five significant digits, None where not finite."""
     return [float(f"{value:.5g}") if np.isfinite(value) else None for value in np.asarray(values, dtype=float)]
 
 
-def worst_run(channel: Channel, values: np.ndarray, completed: np.ndarray) -> int | None:
+def worst_run(channel: ChannelLabel, values: np.ndarray, completed: np.ndarray) -> int | None:
     """Completed run with the largest mean of `values` (runs, m) over the last third, or the lowest if low is bad."""
     part = values if channel.low_is_bad else values[:, 2 * values.shape[1] // 3 :]
     candidates = np.flatnonzero(completed & np.isfinite(part).any(axis=1))
@@ -38,8 +38,8 @@ def worst_run(channel: Channel, values: np.ndarray, completed: np.ndarray) -> in
     return int(candidates[np.argmax(np.nanmean(part[candidates], axis=1))])
 
 
-def envelope(
-    channel: Channel,
+def envelope_chart(
+    channel: ChannelLabel,
     time_s: np.ndarray,
     values: np.ndarray,
     completed: np.ndarray,
@@ -55,57 +55,57 @@ def envelope(
     shown = np.flatnonzero(np.isfinite(values).any(axis=0))
     if len(shown) == 0:
         return None
-    shown = shown[:: -(-len(shown) // _MOST_POINTS)]
-    time, thinned = compact(time_s[shown]), values[:, shown]
-    traces = _bands(channel, time, thinned)
+    shown = shown[:: -(-len(shown) // _MAX_POINTS)]
+    time, thinned = rounded_values(time_s[shown]), values[:, shown]
+    traces = _percentile_bands(channel, time, thinned)
     median_name = "run" if len(values) == 1 else "median"
-    traces.append(_line(channel, time, percentiles_over_runs(thinned, (50.0,))[0], median_name, BLUE, 2.0))
+    traces.append(_channel_line(channel, time, percentiles_over_runs(thinned, (50.0,))[0], median_name, BLUE, 2.0))
     worst = worst_run(channel, values, completed)
     if worst is not None and len(values) > 1:
         number = worst if run_ids is None else int(run_ids[worst])
-        traces.append(_line(channel, time, thinned[worst], f"worst run ({number})", VERMILLION, 1.2))
+        traces.append(_channel_line(channel, time, thinned[worst], f"worst run ({number})", VERMILLION, 1.2))
     if bound is not None:
         middle = percentiles_over_runs(bound[:, shown], (50.0,))[0]
-        traces.append(_line(channel, time, middle, "3 sigma of the filter, median", GREEN, 1.8, "dash"))
+        traces.append(_channel_line(channel, time, middle, "3 sigma of the filter, median", GREEN, 1.8, "dash"))
     return {"data": traces, "layout": _time_layout(channel, traces)}
 
 
-def histogram(shown: Metric, values: np.ndarray) -> Chart:
+def histogram_chart(label: MetricLabel, values: np.ndarray) -> Chart:
     """Chart of the distribution of `values` (n,), all finite: median solid, p99 (p1 where low is bad) dashed."""
-    counts, edges = binned(values)
+    counts, edges = histogram_bins(values)
     bars = {
         "type": "bar",
-        "x": compact((edges[:-1] + edges[1:]) / 2.0),
+        "x": rounded_values((edges[:-1] + edges[1:]) / 2.0),
         "y": counts.tolist(),
-        "width": compact(np.diff(edges)),
+        "width": rounded_values(np.diff(edges)),
         "marker": {"color": BLUE, "opacity": 0.75, "line": {"width": 0}},
         "hovertemplate": "%{y} runs near %{x}<extra></extra>",
     }
-    found = layout(shown.unit, "runs")
-    found["bargap"] = 0
-    found["yaxis"]["automargin"] = True
-    found["showlegend"] = False
-    found["shapes"] = [
-        _marker_line(float(np.percentile(values, 50)), "solid"),
-        _marker_line(float(np.percentile(values, 1 if shown.low_is_bad else 99)), "dash"),
+    chart_settings = chart_layout(label.unit, "runs")
+    chart_settings["bargap"] = 0
+    chart_settings["yaxis"]["automargin"] = True
+    chart_settings["showlegend"] = False
+    chart_settings["shapes"] = [
+        _vertical_line(float(np.percentile(values, 50)), "solid"),
+        _vertical_line(float(np.percentile(values, 1 if label.low_is_bad else 99)), "dash"),
     ]
-    found["margin"] = {"l": 42, "r": 10, "t": 6, "b": 36}
-    return {"data": [bars], "layout": found}
+    chart_settings["margin"] = {"l": 42, "r": 10, "t": 6, "b": 36}
+    return {"data": [bars], "layout": chart_settings}
 
 
-def binned(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def histogram_bins(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Counts (k,) and bin edges (k + 1,) of `values` (n,), all finite; each bin of whole numbers is centred on one."""
     low, high = float(values.min()), float(values.max())
     if np.all(values == np.round(values)):
-        step = max(1.0, np.ceil((high - low + 1.0) / _MOST_BINS))
+        step = max(1.0, np.ceil((high - low + 1.0) / _MAX_BINS))
         return np.histogram(values, bins=np.arange(low - 0.5, high + 0.5 + step, step))
-    bins = int(np.clip(np.ceil(np.sqrt(len(values))), 6, _MOST_BINS))
+    bins = int(np.clip(np.ceil(np.sqrt(len(values))), 6, _MAX_BINS))
     margin = 1e-6 * max(abs(low), abs(high))
     wide = high - low > margin
     return np.histogram(values, bins=bins, range=(low, high) if wide else (low - margin, high + margin))
 
 
-def reference_lines(chart: Chart, unit: str, levels: Sequence[tuple[float, str]]) -> Chart:
+def add_reference_lines(chart: Chart, unit: str, levels: Sequence[tuple[float, str]]) -> Chart:
     """`chart` with horizontal dotted lines at (value, text), values in `unit`, that of the chart."""
     for value, text in levels:
         name = f"{text}: {value:.3g} {unit}"
@@ -116,43 +116,43 @@ def reference_lines(chart: Chart, unit: str, levels: Sequence[tuple[float, str]]
     return chart
 
 
-def average(channel: Channel, time_s: np.ndarray, found: AverageNees, interval: bool) -> Chart:
+def average_nees_chart(channel: ChannelLabel, time_s: np.ndarray, nees: AverageNees, with_interval: bool) -> Chart:
     """Chart of the average over runs of NEES over time [s], with its expectation and, if wanted, its 95 % interval."""
-    shown = np.flatnonzero(np.isfinite(found.mean))
-    shown = shown[:: max(1, -(-len(shown) // _MOST_POINTS))]
-    time = compact(time_s[shown])
+    shown = np.flatnonzero(np.isfinite(nees.mean))
+    shown = shown[:: max(1, -(-len(shown) // _MAX_POINTS))]
+    time = rounded_values(time_s[shown])
     traces: list[dict[str, Any]] = []
-    if interval:
-        low, high = compact(found.low[shown]), compact(found.high[shown])
-        traces += band(time, low, high, "95 % of a consistent filter", _SHADE)
-    traces.append(_line(channel, time, found.mean[shown], "average over runs", BLUE, 1.8))
+    if with_interval:
+        low, high = rounded_values(nees.low[shown]), rounded_values(nees.high[shown])
+        traces += band_traces(time, low, high, "95 % of a consistent filter", _INTERVAL_FILL)
+    traces.append(_channel_line(channel, time, nees.mean[shown], "average over runs", BLUE, 1.8))
     chart = {"data": traces, "layout": _time_layout(channel, traces)}
-    return reference_lines(chart, channel.unit, [(float(found.components), "expected")])
+    return add_reference_lines(chart, channel.unit, [(float(nees.components), "expected")])
 
 
-def _bands(channel: Channel, time: list[float | None], values: np.ndarray) -> list[dict[str, Any]]:
+def _percentile_bands(channel: ChannelLabel, time: list[float | None], values: np.ndarray) -> list[dict[str, Any]]:
     runs = len(values)
     if runs < 2:
         return []
     outer = (1.0, 99.0) if runs >= _RUNS_FOR_1_99 else (0.0, 100.0)
-    traces = _band(channel, time, values, outer, _OUTER_FILL)
+    traces = _percentile_band(channel, time, values, outer, _OUTER_FILL)
     if runs >= _RUNS_FOR_5_95:
-        traces += _band(channel, time, values, (5.0, 95.0), _INNER_FILL)
+        traces += _percentile_band(channel, time, values, (5.0, 95.0), _INNER_FILL)
     return traces
 
 
-def _band(
-    channel: Channel, time: list[float | None], values: np.ndarray, percents: tuple[float, float], fill: str
+def _percentile_band(
+    channel: ChannelLabel, time: list[float | None], values: np.ndarray, percents: tuple[float, float], fill: str
 ) -> list[dict[str, Any]]:
     low, high = percentiles_over_runs(values, percents)
     whole = percents == (0.0, 100.0)
     name = "smallest to largest" if whole else f"{percents[0]:.0f}\N{EN DASH}{percents[1]:.0f} %"
     ends = ("smallest", "largest") if whole else tuple(f"{percent:.0f} %" for percent in percents)
-    drawn = band(time, _drawable(channel, low), _drawable(channel, high), name, fill)
-    return [{**edge, "hovertemplate": _hover(channel, end)} for edge, end in zip(drawn, ends, strict=True)]
+    drawn = band_traces(time, _chart_values(channel, low), _chart_values(channel, high), name, fill)
+    return [{**edge, "hovertemplate": _hover_template(channel, end)} for edge, end in zip(drawn, ends, strict=True)]
 
 
-def line(
+def line_trace(
     x: list[float | None], y: list[float | None], name: str, color: str, width: float, dash: str = "solid"
 ) -> dict[str, Any]:
     """A line through points, with its name in the legend."""
@@ -160,7 +160,7 @@ def line(
     return {"type": "scatter", "mode": "lines", "x": x, "y": y, "name": name, "line": style}
 
 
-def band(
+def band_traces(
     x: list[float | None], low: list[float | None], high: list[float | None], name: str, fill: str
 ) -> list[dict[str, Any]]:
     """An area between two lines, with its name in the legend."""
@@ -169,8 +169,8 @@ def band(
     return [{**edges[0], "showlegend": False}, {**edges[1], "fill": "tonexty", "fillcolor": fill}]
 
 
-def _line(
-    channel: Channel,
+def _channel_line(
+    channel: ChannelLabel,
     time: list[float | None],
     values: np.ndarray,
     name: str,
@@ -178,26 +178,26 @@ def _line(
     width: float,
     dash: str = "solid",
 ) -> dict[str, Any]:
-    drawn = line(time, _drawable(channel, values), name, color, width, dash)
-    return {**drawn, "hovertemplate": _hover(channel, name)}
+    drawn = line_trace(time, _chart_values(channel, values), name, color, width, dash)
+    return {**drawn, "hovertemplate": _hover_template(channel, name)}
 
 
-def _drawable(channel: Channel, values: np.ndarray) -> list[float | None]:
-    return compact(np.where(values > 0.0, values, np.nan) if channel.logarithmic else values)
+def _chart_values(channel: ChannelLabel, values: np.ndarray) -> list[float | None]:
+    return rounded_values(np.where(values > 0.0, values, np.nan) if channel.logarithmic else values)
 
 
-def _hover(channel: Channel, name: str) -> str:
+def _hover_template(channel: ChannelLabel, name: str) -> str:
     return f"{name}: %{{y:.4g}} {channel.unit}<extra></extra>"
 
 
-def _time_layout(channel: Channel, traces: list[dict[str, Any]]) -> dict[str, Any]:
-    found = layout("", f"[{channel.unit}]" if channel.unit else "[-]")
+def _time_layout(channel: ChannelLabel, traces: list[dict[str, Any]]) -> dict[str, Any]:
+    found = chart_layout("", f"[{channel.unit}]" if channel.unit else "[-]")
     found["xaxis"]["ticksuffix"] = " s"
     found["hovermode"] = "x unified"
     found["legend"] = {"orientation": "h", "x": 0, "y": -0.13, "yanchor": "top", "font": {"size": 11}}
     if channel.logarithmic and _spans_decades(traces):
         minor = {"showgrid": True, "gridcolor": FAINT}
-        found["yaxis"].update(type="log", tickformat="~g", dtick=_log_step(traces), minor=minor)
+        found["yaxis"].update(type="log", tickformat="~g", dtick=_log_tick_step(traces), minor=minor)
     elif not channel.logarithmic:
         found["yaxis"]["rangemode"] = "tozero"
     return found
@@ -209,13 +209,13 @@ def _spans_decades(traces: list[dict[str, Any]]) -> bool:
     return not shown or max(shown) > 5.0 * min(shown)
 
 
-def _log_step(traces: list[dict[str, Any]]) -> str | int:
+def _log_tick_step(traces: list[dict[str, Any]]) -> str | int:
     """Plotly's tick step: 1, 2, 5 in each decade where few decades are shown, else one tick a decade."""
     shown = [value for trace in traces for value in trace["y"] if value is not None]
     return "D2" if shown and max(shown) < 3e3 * min(shown) else 1
 
 
-def layout(x_title: str, y_title: str) -> dict[str, Any]:
+def chart_layout(x_title: str, y_title: str) -> dict[str, Any]:
     """Plotly's layout of a chart with two titled axes."""
     ticks = {"ticks": "outside", "tickcolor": GRID, "ticklen": 4}
     # Plain decimals: with a prefix, as plotly has it by default, a share of 0.00025 would be "250u".
@@ -231,6 +231,6 @@ def layout(x_title: str, y_title: str) -> dict[str, Any]:
     }
 
 
-def _marker_line(x: float, dash: str) -> dict[str, Any]:
+def _vertical_line(x: float, dash: str) -> dict[str, Any]:
     line = {"color": VERMILLION, "width": 1.6, "dash": dash}
     return {"type": "line", "xref": "x", "yref": "paper", "x0": x, "x1": x, "y0": 0, "y1": 1, "line": line}

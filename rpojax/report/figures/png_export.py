@@ -10,7 +10,7 @@ AXIS_NAMES: Final = ("x radial", "y along-track", "z normal")
 _PIXELS_PER_INCH = 160
 
 
-def png(figure: Figure) -> bytes:
+def png_bytes(figure: Figure) -> bytes:
     """A figure as a PNG file."""
     FigureCanvasAgg(figure)
     buffer = io.BytesIO()

@@ -15,25 +15,25 @@ from plotly.offline import get_plotlyjs
 
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.report.atomic_output import write_atomically, write_json
-from rpojax.report.campaign_protocol import Results
-from rpojax.report.figures.paper_figures import lacking, write_figures
+from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.figures.paper_figures import missing_channels, write_figures
 from rpojax.report.figures.plotly_charts import Chart
-from rpojax.report.labels import chance, number
+from rpojax.report.labels import format_number, format_p_value
 from rpojax.report.page import section_records, shell_commands
+from rpojax.report.page.campaign_summary import choose_run
 from rpojax.report.page.report_json import report_content
 from rpojax.report.sections import (
     consistency_section,
     convergence_section,
     detection_section,
     dispersion_section,
-    failure_causes,
+    failure_section,
     fault_section,
-    requirement_section,
+    requirement_verdict_section,
     safety_section,
     sensitivity_section,
-    worst_runs,
+    worst_runs_section,
 )
-from rpojax.report.sections.summary import choose_run
 
 _CAPTIONS = {
     "bearing_and_range.png": "Bearing unit vector from servicer to target in the Hill frame (left) and range from the "
@@ -49,7 +49,7 @@ _CAPTIONS = {
 }
 
 
-def write_report(campaign: Results, run_id: int | None = None, film: bool = True) -> Path:
+def write_report(campaign: CampaignResults, run_id: int | None = None, film: bool = True) -> Path:
     """Writes report.html, report.json and the figures of one run into the campaign's folder; returns the page's path.
 
     `run_id` chooses the run shown in detail (default: the median one in formation error among kept histories), `film`
@@ -57,90 +57,95 @@ def write_report(campaign: Results, run_id: int | None = None, film: bool = True
     `run_id` is kept.
     """
     shown = choose_run(campaign, run_id)
-    drawn = dispersion_section.as_drawn(campaign)
+    drawn = dispersion_section.drawn_distributions(campaign)
     content = report_content(campaign, drawn)
-    _refuse_links(campaign.directory / "figures")
+    _refuse_symlink(campaign.directory / "figures")
     figures: dict[str, Path] = {}
     left_out: dict[str, list[str]] = {}
     if shown is not None:
         title = f"{campaign.info.get('name', 'campaign')}, run {shown}"
         history = campaign.history(shown)
-        figures, left_out = write_figures(history, campaign.directory / "figures", title), lacking(history)
-    seen = _film(campaign, shown) if film else Seen(None, "It was left out by --no-film.")
-    page = _page(campaign, content, drawn, OneRun(shown, figures, left_out, seen))
+        figures, left_out = write_figures(history, campaign.directory / "figures", title), missing_channels(history)
+    seen = _camera_sheet(campaign, shown) if film else CameraSheet(None, "It was left out by --no-film.")
+    page = _render_page(campaign, content, drawn, RunDetail(shown, figures, left_out, seen))
     write_json(campaign.directory / "report.json", content)
     return write_atomically(campaign.directory / "report.html", page.encode())
 
 
-def _refuse_links(folder: Path) -> None:
+def _refuse_symlink(folder: Path) -> None:
     """Refuses a folder for figures that leads elsewhere."""
     if folder.is_symlink():
         raise OutputError(f"{folder}: found a link that leads elsewhere, expected a folder of the campaign")
 
 
 @dataclass(frozen=True)
-class Seen:
+class CameraSheet:
     """Strip of what a camera saw, or why there is none."""
 
-    strip: Path | None
+    path: Path | None
     reason: str = ""
 
 
-def _film(campaign: Results, shown: int | None) -> Seen:
+def _camera_sheet(campaign: CampaignResults, shown: int | None) -> CameraSheet:
     if shown is None:
-        return Seen(None, "No full history was kept.")
+        return CameraSheet(None, "No full history was kept.")
     # Here, because it takes what a simulation takes.
     from rpojax.campaign import rerender
-    from rpojax.dispersions.designs import population_of
+    from rpojax.dispersions.designs import recorded_run_range
     from rpojax.report.figures import camera_film
 
     if campaign.info["scenario"].get("camera", {}).get("model") != "rendered":
-        return Seen(None, "The scenario's camera takes no pictures.")
+        return CameraSheet(None, "The scenario's camera takes no pictures.")
     try:
-        file = rerender.scenario_of(campaign.info)
+        file = rerender.rendered_scenario(campaign.info)
         history = campaign.history(shown)
-        if not rerender.can_show(history, file):
-            return Seen(None, "Of this run the history was not kept in full.")
-        ticks = camera_film.stills(history, rerender.last_tick(history))
-        population = population_of(campaign.info)
-        sheet = camera_film.strip(rerender.pictures(file, campaign.info["seed"], shown, history, ticks, population))
+        if not rerender.is_renderable(history, file):
+            return CameraSheet(None, "Of this run the history was not kept in full.")
+        ticks = camera_film.select_stills(history, rerender.valid_tick_count(history))
+        population = recorded_run_range(campaign.info)
+        sheet = camera_film.contact_sheet(
+            rerender.render_images(file, campaign.info["seed"], shown, history, ticks, population)
+        )
     except RpojaxError as error:
-        return Seen(None, f"The pictures cannot be taken again: {error}.")
-    return Seen(write_atomically(campaign.directory / "figures" / "camera.jpg", camera_film.jpeg(sheet)))
+        return CameraSheet(None, f"The pictures cannot be taken again: {error}.")
+    return CameraSheet(write_atomically(campaign.directory / "figures" / "camera.jpg", camera_film.jpeg_bytes(sheet)))
 
 
 @dataclass(frozen=True)
-class OneRun:
+class RunDetail:
     """The run that is shown in detail, if there is one: its figures, and for others the channels that they lack."""
 
-    number: int | None
+    run_id: int | None
     figures: Mapping[str, Path]
-    left_out: Mapping[str, list[str]]
-    seen: Seen
+    missing_channels: Mapping[str, list[str]]
+    camera: CameraSheet
 
 
-def _page(
-    campaign: Results, content: Mapping[str, Any], drawn: list[dispersion_section.Dispersion], one: OneRun
+def _render_page(
+    campaign: CampaignResults,
+    content: Mapping[str, Any],
+    drawn: list[dispersion_section.DrawnDistribution],
+    one: RunDetail,
 ) -> str:
-    drawings = _drawings(campaign, content)
+    drawings = _page_charts(campaign, content)
     return (
         _environment()
         .get_template("template.html")
         .render(
             name=campaign.info.get("name", "campaign"),
             description=campaign.info.get("description", ""),
-            again=partial(shell_commands.again, campaign),
-            resume=shell_commands.resume(campaign),
+            again=partial(shell_commands.rerun_command, campaign),
+            resume=shell_commands.resume_command(campaign),
             runs=content["runs"],
             independent=content["design"]["independent"],
             scenario=section_records.scenario_lines(campaign),
             limits=content["limits"],
             page_data=_script_json({"charts": drawings.charts, "explorer": drawings.explorer}),
             plotly=Markup(get_plotlyjs()),
-            **drawings.places,
+            **drawings.template_values,
             dispersions=drawn,
-            **_tables(campaign, content),
-            **_one_run(campaign, content, one),
+            **_table_values(campaign, content),
+            **_run_detail_values(campaign, content, one),
         )
     )
 
@@ -153,26 +158,26 @@ def _environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["number"] = number
-    environment.filters["breakable"] = _breakable
-    environment.filters["chance"] = chance
+    environment.filters["number"] = format_number
+    environment.filters["breakable"] = _with_break_opportunities
+    environment.filters["chance"] = format_p_value
     return environment
 
 
 @dataclass(frozen=True)
-class Drawings:
+class PageCharts:
     """Charts by name, data of the explorer, and what the template needs to place them."""
 
     charts: dict[str, Chart]
     explorer: dict[str, Any] | None
-    places: dict[str, Any]
+    template_values: dict[str, Any]
 
 
-def _drawings(campaign: Results, content: Mapping[str, Any]) -> Drawings:
-    curves, averages = section_records.envelopes(campaign), consistency_section.charts(campaign)
-    bars = section_records.histograms(campaign, content)
+def _page_charts(campaign: CampaignResults, content: Mapping[str, Any]) -> PageCharts:
+    curves, averages = section_records.envelope_charts(campaign), consistency_section.charts(campaign)
+    bars = section_records.histogram_entries(campaign, content)
     settling = {} if content["convergence"] is None else convergence_section.charts(content["convergence"])
-    explorer = dispersion_section.explorer(campaign)
+    explorer = dispersion_section.scatter_explorer(campaign)
     charts: dict[str, Chart] = {f"envelope-{name}": chart for name, (_, chart) in curves.items()}
     charts |= {f"average-{name}": chart for name, (_, chart) in averages.items()}
     charts |= {f"histogram-{entry['name']}": entry["chart"] for entry in bars if entry["chart"] is not None}
@@ -187,15 +192,15 @@ def _drawings(campaign: Results, content: Mapping[str, Any]) -> Drawings:
         "convergence": [(name, title) for name, (title, _) in settling.items()],
         "explorer": explorer is not None,
     }
-    return Drawings(charts, explorer, places)
+    return PageCharts(charts, explorer, places)
 
 
-def _tables(campaign: Results, content: Mapping[str, Any]) -> dict[str, Any]:
+def _table_values(campaign: CampaignResults, content: Mapping[str, Any]) -> dict[str, Any]:
     found = content["consistency"]
     return {
-        "identity": section_records.identity(campaign, content),
-        "requirements": requirement_section.rows(content["requirements"]),
-        "tiles": section_records.tiles(content),
+        "identity": section_records.identity_lines(campaign, content),
+        "requirements": requirement_verdict_section.rows(content["requirements"]),
+        "tiles": section_records.headline_tiles(content),
         "metric_rows": section_records.metric_rows(campaign, content),
         "safety": safety_section.rows(content["safety"]),
         "entries": content["safety"]["entries"]["run_ids"],
@@ -205,31 +210,34 @@ def _tables(campaign: Results, content: Mapping[str, Any]) -> dict[str, Any]:
             "whiteness": consistency_section.whiteness_rows(found),
         },
         "sensitivity": content["sensitivity"],
-        "failures": section_records.failures(content),
-        "causes": [(one, failure_causes.rows(one), failure_causes.sentence(one)) for one in content["failure_causes"]],
-        "faults": {"rows": fault_section.by_kind(campaign), "headings": fault_section.headings()},
-        "worst": worst_runs.rows(content["worst_runs"]),
+        "failures": section_records.failure_table(content),
+        "causes": [
+            (one, failure_section.cause_rows(one), failure_section.cause_sentence(one))
+            for one in content["failure_causes"]
+        ],
+        "faults": {"rows": fault_section.fault_rows(campaign), "headings": fault_section.headings()},
+        "worst": worst_runs_section.rows(content["worst_runs"]),
     }
 
 
-def _one_run(campaign: Results, content: Mapping[str, Any], one: OneRun) -> dict[str, Any]:
+def _run_detail_values(campaign: CampaignResults, content: Mapping[str, Any], one: RunDetail) -> dict[str, Any]:
     return {
-        "shown": one.number,
-        "shown_metrics": [] if one.number is None else section_records.chosen_metrics(campaign, one.number),
-        "detections": detection_section.rows(content["detections"]),
+        "shown": one.run_id,
+        "shown_metrics": [] if one.run_id is None else section_records.run_metrics(campaign, one.run_id),
+        "detections": detection_section.table_cells(content["detections"]),
         "rendered": campaign.info.get("scenario", {}).get("camera", {}).get("model") == "rendered",
-        "film": "" if one.seen.strip is None else _data_url(one.seen.strip),
-        "no_film": one.seen.reason,
-        "film_command": shell_commands.film(campaign, one.number),
+        "film": "" if one.camera.path is None else _data_url(one.camera.path),
+        "no_film": one.camera.reason,
+        "film_command": shell_commands.film_command(campaign, one.run_id),
         "figures": [(_CAPTIONS[name], _data_url(path)) for name, path in one.figures.items()],
         "left_out": [
             f"{name} is left out: of this run the channels {', '.join(channels)} were not kept."
-            for name, channels in one.left_out.items()
+            for name, channels in one.missing_channels.items()
         ],
     }
 
 
-def _breakable(text: str) -> Markup:
+def _with_break_opportunities(text: str) -> Markup:
     """A name that breaks into lines after its underscores and dots, and nowhere else."""
     return Markup(re.sub(r"([_.])", r"\1<wbr>", str(escape(text))))
 

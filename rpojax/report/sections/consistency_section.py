@@ -6,25 +6,25 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.binomial_intervals import proportion_interval
+from rpojax.analysis.statistics.binomial_intervals import clopper_pearson_interval
 from rpojax.analysis.statistics.filter_consistency import average_nees, coverage_per_axis, nis_interval, whiteness_bound
-from rpojax.report.campaign_protocol import Results
-from rpojax.report.figures.plotly_charts import Chart, average
-from rpojax.report.labels import Channel, metric, number
-from rpojax.report.sections.design_caveat import independent
-from rpojax.report.sections.metric_statistics import interval_of_mean
+from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.figures.plotly_charts import Chart, average_nees_chart
+from rpojax.report.labels import ChannelLabel, format_number, metric_label
+from rpojax.report.metric_statistics import mean_confidence_interval
+from rpojax.report.run_independence import runs_are_independent
 
-_TRACES = (
-    (Channel("nees", "Average NEES of 12 position and velocity components", "", logarithmic=True), 12),
-    (Channel("nees_relative", "Average NEES of the 6 components of the relative state", "", logarithmic=True), 6),
+_NEES_CHANNELS = (
+    (ChannelLabel("nees", "Average NEES of 12 position and velocity components", "", logarithmic=True), 12),
+    (ChannelLabel("nees_relative", "Average NEES of the 6 components of the relative state", "", logarithmic=True), 6),
 )
 """Traces over time and how many components they are about."""
-_SIZES = {"nees_mean": 12, "nees_relative_mean": 6, "nis_gps_mean": 3, "nis_box_mean": 3}
+_COMPONENTS = {"nees_mean": 12, "nees_relative_mean": 6, "nis_gps_mean": 3, "nis_box_mean": 3}
 _COVERAGE = "sigma3_coverage"
 _WHITENESS = {"gps_innovation_lag1": "GPS", "box_innovation_lag1": "boxes"}
-_ROWS_OF_AN_UPDATE = 3
+_ROWS_PER_UPDATE = 3
 _EXPECTED_OUTSIDE = 0.05
-_SAYS = {
+_INTERPRETATIONS = {
     "nees": (
         "errors are larger than the covariance says: the filter is too sure of itself",
         "errors are smaller than the covariance says: the filter is cautious and gives measurements more weight than "
@@ -42,44 +42,49 @@ _SAYS = {
 
 
 @dataclass(frozen=True)
-class Row:
+class ConsistencyRow:
     """One line of a table: quantity, cells of text, and what the value says."""
 
     quantity: str
     cells: list[str]
-    says: str
+    interpretation: str
 
 
-def content(campaign: Results) -> dict[str, Any]:
+def content(campaign: CampaignResults) -> dict[str, Any]:
     """Part of report.json: `means` of NEES, NIS and coverage, `over_time` and `whiteness`, completed runs only."""
     return {
-        "means": [_mean(campaign, name) for name in (*_SIZES, _COVERAGE) if name in campaign.metrics],
-        "over_time": [entry for channel, size in _TRACES for entry in _over_time(campaign, channel.name, size)],
-        "whiteness": [_whiteness(campaign, name) for name in _WHITENESS if name in campaign.metrics],
+        "means": [_mean_entry(campaign, name) for name in (*_COMPONENTS, _COVERAGE) if name in campaign.metrics],
+        "over_time": [
+            entry for channel, size in _NEES_CHANNELS for entry in _over_time_entries(campaign, channel.name, size)
+        ],
+        "whiteness": [_whiteness_entry(campaign, name) for name in _WHITENESS if name in campaign.metrics],
     }
 
 
-def charts(campaign: Results) -> dict[str, tuple[Channel, Chart]]:
+def charts(campaign: CampaignResults) -> dict[str, tuple[ChannelLabel, Chart]]:
     """Channel and chart of every average NEES over time, by the name of its trace; no interval without independence."""
     completed = np.asarray(campaign.completed, dtype=bool)
     drawn = {}
-    for channel, components in _TRACES:
+    for channel, components in _NEES_CHANNELS:
         values = campaign.traces.get(channel.name)
         if values is not None and np.isfinite(values[completed]).any():
             found = average_nees(np.asarray(values[completed], dtype=np.float64), components)
-            drawn[channel.name] = (channel, average(channel, campaign.trace_time_s, found, independent(campaign)))
+            drawn[channel.name] = (
+                channel,
+                average_nees_chart(channel, campaign.trace_time_s, found, runs_are_independent(campaign)),
+            )
     return drawn
 
 
-def mean_rows(found: Mapping[str, Any]) -> list[Row]:
+def mean_rows(found: Mapping[str, Any]) -> list[ConsistencyRow]:
     """Lines about means: found, interval of the mean from the spread between runs, expected, and chi-square's."""
     return [
-        Row(
-            metric(entry["name"]).title,
+        ConsistencyRow(
+            metric_label(entry["name"]).title,
             [
-                number(entry["mean"]),
+                format_number(entry["mean"]),
                 _interval(entry["interval_95"]),
-                number(entry["expected"]),
+                format_number(entry["expected"]),
                 _interval(entry["chance_interval_95"]),
             ],
             entry["says"],
@@ -88,11 +93,11 @@ def mean_rows(found: Mapping[str, Any]) -> list[Row]:
     ]
 
 
-def time_rows(found: Mapping[str, Any]) -> list[Row]:
+def time_rows(found: Mapping[str, Any]) -> list[ConsistencyRow]:
     """Lines about instants: interval of the average over runs, and the shares of instants in, above and below it."""
     return [
-        Row(
-            metric(f"{entry['name']}_mean").title,
+        ConsistencyRow(
+            metric_label(f"{entry['name']}_mean").title,
             [_interval(entry["interval_95"]), *(_percent(entry[key]) for key in ("inside", "above", "below"))],
             entry["says"],
         )
@@ -100,16 +105,16 @@ def time_rows(found: Mapping[str, Any]) -> list[Row]:
     ]
 
 
-def whiteness_rows(found: Mapping[str, Any]) -> list[Row]:
+def whiteness_rows(found: Mapping[str, Any]) -> list[ConsistencyRow]:
     """Lines about innovations one tick apart: mean correlation, bound, share of runs beyond it with its interval."""
     return [
-        Row(
-            metric(entry["name"]).title,
+        ConsistencyRow(
+            metric_label(entry["name"]).title,
             [
-                number(entry["mean"], 2),
-                f"±{number(entry['bound'], 2)}",
+                format_number(entry["mean"], 2),
+                f"±{format_number(entry['bound'], 2)}",
                 _percent(entry["outside"]),
-                _shares(entry["outside_interval_95"]),
+                _percent_interval(entry["outside_interval_95"]),
             ],
             entry["says"],
         )
@@ -122,33 +127,37 @@ def _settled_from_s(time_s: np.ndarray) -> float:
     return min(1000.0, float(time_s[-1]) / 3.0)
 
 
-def _mean(campaign: Results, name: str) -> dict[str, Any]:
+def _mean_entry(campaign: CampaignResults, name: str) -> dict[str, Any]:
     """Mean over runs against its expectation; each run counts once, as its errors are correlated in time."""
     values = campaign.metrics[name]
     defined = np.asarray(values[np.isfinite(values)], dtype=np.float64)
     covers = name == _COVERAGE
     kind = "coverage" if covers else name.partition("_")[0]
-    expected = coverage_per_axis(3.0) if covers else float(_SIZES[name])
-    made = interval_of_mean(defined) if independent(campaign) else None
+    expected = coverage_per_axis(3.0) if covers else float(_COMPONENTS[name])
+    confidence = mean_confidence_interval(defined) if runs_are_independent(campaign) else None
     return {
         "name": name,
         "runs": len(defined),
         "mean": float(defined.mean()) if len(defined) else None,
-        "interval_95": None if made is None else made[0],
-        "interval_method": None if made is None else made[1],
+        "interval_95": None if confidence is None else confidence[0],
+        "interval_method": None if confidence is None else confidence[1],
         "expected": expected,
-        "chance_interval_95": None if covers or not independent(campaign) else _chance(campaign, name, len(defined)),
-        "says": _says(kind, made[0], expected) if made is not None else _silence(campaign),
+        "chance_interval_95": None
+        if covers or not runs_are_independent(campaign)
+        else _chi_square_interval(campaign, name, len(defined)),
+        "says": _interpret_mean(kind, confidence[0], expected)
+        if confidence is not None
+        else _no_interpretation(campaign),
     }
 
 
-def _chance(campaign: Results, name: str, runs: int) -> list[float] | None:
+def _chi_square_interval(campaign: CampaignResults, name: str, runs: int) -> list[float] | None:
     """Chi-square interval of the mean: an innovation of every update is independent, of NEES one instant of a run."""
-    updates = float(np.nansum(_updates(campaign, name))) if name.startswith("nis") else float(runs)
-    return list(nis_interval(_SIZES[name], round(updates))) if updates >= 1.0 else None
+    updates = float(np.nansum(_update_counts(campaign, name))) if name.startswith("nis") else float(runs)
+    return list(nis_interval(_COMPONENTS[name], round(updates))) if updates >= 1.0 else None
 
 
-def _updates(campaign: Results, name: str) -> np.ndarray:
+def _update_counts(campaign: CampaignResults, name: str) -> np.ndarray:
     """Number of updates of each completed run (runs,), NaN where it is not known."""
     scenario = campaign.info.get("scenario", {})
     ticks = float(scenario.get("duration_s", np.nan)) * float((scenario.get("rates") or {}).get("camera_hz", np.nan))
@@ -159,33 +168,33 @@ def _updates(campaign: Results, name: str) -> np.ndarray:
     return np.where(campaign.completed, ticks * shares, np.nan)
 
 
-def _silence(campaign: Results) -> str:
+def _no_interpretation(campaign: CampaignResults) -> str:
     """Why nothing is said where there is no interval."""
-    if independent(campaign):
+    if runs_are_independent(campaign):
         return "Nothing: too few runs to tell a departure from chance."
     return "Nothing, as the runs are not independent."
 
 
-def _says(kind: str, made: Sequence[float], expected: float) -> str:
-    low, high = made
+def _interpret_mean(kind: str, interval: Sequence[float], expected: float) -> str:
+    low, high = interval
     if low > expected:
-        return f"Above: {_SAYS[kind][0]}."
+        return f"Above: {_INTERPRETATIONS[kind][0]}."
     if high < expected:
-        return f"Below: {_SAYS[kind][1]}."
+        return f"Below: {_INTERPRETATIONS[kind][1]}."
     return "No departure can be told from the spread between runs."
 
 
-def _over_time(campaign: Results, name: str, components: int) -> list[dict[str, Any]]:
+def _over_time_entries(campaign: CampaignResults, name: str, components: int) -> list[dict[str, Any]]:
     """Average over independent runs at each settled instant against its chi-square interval, if there is any."""
     values, completed = campaign.traces.get(name), np.asarray(campaign.completed, dtype=bool)
-    if values is None or not completed.any() or not independent(campaign):
+    if values is None or not completed.any() or not runs_are_independent(campaign):
         return []
     settled = campaign.trace_time_s >= _settled_from_s(campaign.trace_time_s)
     of_runs = np.asarray(values[completed][:, settled], dtype=np.float64)
     found = average_nees(of_runs, components)
     if not np.isfinite(found.mean).any():
         return []
-    inside = 1.0 - found.share_above - found.share_below
+    inside = 1.0 - found.fraction_above - found.fraction_below
     return [
         {
             "name": name,
@@ -193,40 +202,42 @@ def _over_time(campaign: Results, name: str, components: int) -> list[dict[str, 
             "instants": int(np.isfinite(found.mean).sum()),
             "interval_95": [float(np.nanmin(found.low)), float(np.nanmax(found.high))],
             "inside": inside,
-            "above": found.share_above,
-            "below": found.share_below,
-            "says": _says_of_instants(found.share_above, found.share_below, _side(of_runs, components)),
+            "above": found.fraction_above,
+            "below": found.fraction_below,
+            "says": _interpret_instants(
+                found.fraction_above, found.fraction_below, _departure_side(of_runs, components)
+            ),
         }
     ]
 
 
-def _side(of_runs: np.ndarray, components: int) -> int | None:
+def _departure_side(of_runs: np.ndarray, components: int) -> int | None:
     """Where the mean of `of_runs` (runs, ticks) lies by the spread between runs: 0 above, 1 below, None if unknown."""
     known = of_runs[np.isfinite(of_runs).any(axis=1)]
-    made = interval_of_mean(np.nanmean(known, axis=1))
-    if made is None:
+    confidence = mean_confidence_interval(np.nanmean(known, axis=1))
+    if confidence is None:
         return None
-    low, high = made[0]
+    low, high = confidence[0]
     if low > components:
         return 0
     return 1 if high < components else None
 
 
-def _says_of_instants(above: float, below: float, side: int | None) -> str:
+def _interpret_instants(above: float, below: float, side: int | None) -> str:
     """A verdict only where the mean over runs agrees: instants share their errors, so their shares alone give none."""
     if side is not None and (above, below)[side] > max((above, below)[1 - side], 2.0 * _EXPECTED_OUTSIDE):
-        return f"Mostly {('above', 'below')[side]}: {_SAYS['nees'][side]}."
+        return f"Mostly {('above', 'below')[side]}: {_INTERPRETATIONS['nees'][side]}."
     return "No departure can be told from the shares of instants alone."
 
 
-def _whiteness(campaign: Results, name: str) -> dict[str, Any]:
+def _whiteness_entry(campaign: CampaignResults, name: str) -> dict[str, Any]:
     values = np.asarray(campaign.metrics[name], dtype=np.float64)
-    products = _ROWS_OF_AN_UPDATE * _updates(campaign, name)
+    products = _ROWS_PER_UPDATE * _update_counts(campaign, name)
     known = np.isfinite(values) & (products >= 1.0)
     bounds = np.array([whiteness_bound(count) for count in products[known].astype(int).tolist()])
     beyond = int(np.sum(np.abs(values[known]) > bounds))
     runs = int(known.sum())
-    interval = proportion_interval(beyond, runs) if runs and independent(campaign) else None
+    interval = clopper_pearson_interval(beyond, runs) if runs and runs_are_independent(campaign) else None
     mean = float(values[known].mean()) if runs else None
     return {
         "name": name,
@@ -236,13 +247,13 @@ def _whiteness(campaign: Results, name: str) -> dict[str, Any]:
         "outside": beyond / runs if runs else None,
         "outside_interval_95": None if interval is None else list(interval),
         "expected_outside": _EXPECTED_OUTSIDE,
-        "says": _silence(campaign)
+        "says": _no_interpretation(campaign)
         if mean is None or interval is None
-        else _says_of_whiteness(_WHITENESS[name], mean, interval),
+        else _interpret_whiteness(_WHITENESS[name], mean, interval),
     }
 
 
-def _says_of_whiteness(source: str, mean: float, interval: tuple[float, float]) -> str:
+def _interpret_whiteness(source: str, mean: float, interval: tuple[float, float]) -> str:
     if interval[0] <= _EXPECTED_OUTSIDE:
         return "No departure can be told from white innovations, beyond the bound in 5 % of runs."
     if mean > 0.0:
@@ -254,12 +265,12 @@ def _says_of_whiteness(source: str, mean: float, interval: tuple[float, float]) 
 
 
 def _interval(ends: Sequence[float | None] | None) -> str:
-    return number(None) if ends is None else f"{number(ends[0])} to {number(ends[1])}"
+    return format_number(None) if ends is None else f"{format_number(ends[0])} to {format_number(ends[1])}"
 
 
-def _shares(ends: Sequence[float] | None) -> str:
-    return number(None) if ends is None else " to ".join(map(_percent, ends))
+def _percent_interval(ends: Sequence[float] | None) -> str:
+    return format_number(None) if ends is None else " to ".join(map(_percent, ends))
 
 
 def _percent(share: float | None) -> str:
-    return number(None) if share is None else f"{100.0 * share:.1f}\N{NO-BREAK SPACE}%"
+    return format_number(None) if share is None else f"{100.0 * share:.1f}\N{NO-BREAK SPACE}%"

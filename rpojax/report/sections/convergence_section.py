@@ -4,32 +4,36 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.convergence import Convergence, converge, converge_rate
-from rpojax.report.campaign_protocol import Results
+from rpojax.analysis.statistics.convergence import MetricConvergence, metric_convergence, rate_convergence
+from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.colours import BLUE, VERMILLION
-from rpojax.report.figures.plotly_charts import Chart, band, compact, layout, line
-from rpojax.report.json_values import plain
-from rpojax.report.labels import Metric, metric
-from rpojax.report.sections.design_caveat import independent
-from rpojax.report.sections.key_metrics import leading_metrics
+from rpojax.report.figures.plotly_charts import Chart, band_traces, chart_layout, line_trace, rounded_values
+from rpojax.report.json_values import to_json_types
+from rpojax.report.key_metrics import select_key_metrics
+from rpojax.report.labels import MetricLabel, metric_label
+from rpojax.report.run_independence import runs_are_independent
 
-_FEWEST = 20
+_MIN_RUNS = 20
 _BAND = "rgba(0, 114, 178, 0.2)"
 
 
-def content(campaign: Results) -> dict[str, Any] | None:
+def content(campaign: CampaignResults) -> dict[str, Any] | None:
     """Part of report.json: over growing numbers of runs the failure rate, and medians and tails of leading metrics.
 
     Intervals are None where runs are not independent; all is None with fewer than twenty runs.
     """
     failed = ~np.asarray(campaign.completed, dtype=bool)
-    if len(failed) < _FEWEST:
+    if len(failed) < _MIN_RUNS:
         return None
-    rate, known = converge_rate(failed), independent(campaign)
-    found = {name: _converge(campaign, name, failed) for name in leading_metrics(campaign)}
-    entries = {name: _entry(name, one, known) for name, one in found.items()}
-    of_rate = {"rate": rate.rate, "low_95": rate.low if known else None, "high_95": rate.high if known else None}
-    return plain({"runs": rate.runs, "failure_rate": of_rate, "metrics": entries})
+    rate, independent = rate_convergence(failed), runs_are_independent(campaign)
+    found = {name: _converge(campaign, name, failed) for name in select_key_metrics(campaign)}
+    entries = {name: _entry(name, one, independent) for name, one in found.items()}
+    of_rate = {
+        "rate": rate.rate,
+        "low_95": rate.low if independent else None,
+        "high_95": rate.high if independent else None,
+    }
+    return to_json_types({"runs": rate.runs, "failure_rate": of_rate, "metrics": entries})
 
 
 def charts(found: dict[str, Any]) -> dict[str, tuple[str, Chart]]:
@@ -37,29 +41,29 @@ def charts(found: dict[str, Any]) -> dict[str, tuple[str, Chart]]:
     runs, rate = found["runs"], found["failure_rate"]
     drawn = {"failure_rate": ("Failure rate", _chart(runs, rate, "rate", ("low_95", "high_95"), None, "", ""))}
     for name, entry in found["metrics"].items():
-        shown = metric(name)
+        shown = metric_label(name)
         drawn[name] = (shown.title, _metric_chart(runs, entry, shown))
     return drawn
 
 
-def _converge(campaign: Results, name: str, failed: np.ndarray) -> Convergence:
+def _converge(campaign: CampaignResults, name: str, failed: np.ndarray) -> MetricConvergence:
     values = np.asarray(campaign.metrics[name], dtype=np.float64)
-    return converge(values, failed, metric(name).low_is_bad)
+    return metric_convergence(values, failed, metric_label(name).low_is_bad)
 
 
-def _entry(name: str, found: Convergence, known: bool) -> dict[str, Any]:
-    _, tail, bound, _ = metric(name).tail
+def _entry(name: str, found: MetricConvergence, independent: bool) -> dict[str, Any]:
+    _, tail, bound, _ = metric_label(name).tail_statistics
     return {
         "p50": found.median,
-        "p50_low_95": found.median_low if known else None,
-        "p50_high_95": found.median_high if known else None,
+        "p50_low_95": found.median_low if independent else None,
+        "p50_high_95": found.median_high if independent else None,
         tail: found.tail,
-        bound: found.tail_bound if known else None,
+        bound: found.tail_bound if independent else None,
     }
 
 
-def _metric_chart(runs: list[int], entry: dict[str, Any], shown: Metric) -> Chart:
-    _, tail, bound, _ = shown.tail
+def _metric_chart(runs: list[int], entry: dict[str, Any], shown: MetricLabel) -> Chart:
+    _, tail, bound, _ = shown.tail_statistics
     return _chart(runs, entry, "p50", ("p50_low_95", "p50_high_95"), (tail, bound), shown.unit, "median")
 
 
@@ -72,21 +76,21 @@ def _chart(
     unit: str,
     name: str,
 ) -> Chart:
-    x = compact(np.array(runs, dtype=np.float64))
+    x = rounded_values(np.array(runs, dtype=np.float64))
     traces: list[dict[str, Any]] = []
     if entry[ends[0]] is not None:
-        traces += band(x, _shortened(entry[ends[0]]), _shortened(entry[ends[1]]), "95 % interval", _BAND)
-    traces.append(line(x, _shortened(entry[middle]), name or "share of runs", BLUE, 2.0))
+        traces += band_traces(x, _rounded(entry[ends[0]]), _rounded(entry[ends[1]]), "95 % interval", _BAND)
+    traces.append(line_trace(x, _rounded(entry[middle]), name or "share of runs", BLUE, 2.0))
     if tail is not None:
-        traces.append(line(x, _shortened(entry[tail[0]]), tail[0], VERMILLION, 1.6))
+        traces.append(line_trace(x, _rounded(entry[tail[0]]), tail[0], VERMILLION, 1.6))
         if entry[tail[1]] is not None:
-            traces.append(line(x, _shortened(entry[tail[1]]), f"95 % bound of {tail[0]}", VERMILLION, 1.4, "dot"))
-    drawn = layout("runs", f"[{unit}]" if unit else "[-]")
+            traces.append(line_trace(x, _rounded(entry[tail[1]]), f"95 % bound of {tail[0]}", VERMILLION, 1.4, "dot"))
+    drawn = chart_layout("runs", f"[{unit}]" if unit else "[-]")
     drawn["xaxis"] |= {"type": "log", "tickformat": "~g", "dtick": "D2" if runs[-1] < 1000 * runs[0] else 1}
     drawn["margin"] = {"l": 56, "r": 10, "t": 6, "b": 40}
     drawn["legend"] = {"orientation": "h", "x": 0, "y": -0.28, "yanchor": "top", "font": {"size": 10.5}}
     return {"data": traces, "layout": drawn}
 
 
-def _shortened(values: list[float | None]) -> list[float | None]:
-    return compact(np.array(values, dtype=np.float64))
+def _rounded(values: list[float | None]) -> list[float | None]:
+    return rounded_values(np.array(values, dtype=np.float64))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.report.labels import number
+from rpojax.report.labels import format_number
 
 History = Mapping[str, np.ndarray]
 Frames = dict[str, np.ndarray]
@@ -16,44 +16,65 @@ _CHANNELS = (
     *("range_m", "mode", "observable", "box_present", "box_accepted", "box_outlier", "box_truncated"),
     *("box_px", "box_score", "outline_px"),
 )
-_STEPS_M = (0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 50.0, 70.0, 100.0, 150.0, 200.0, 300.0, 500.0, 1000.0)
-_FEWEST = 20
+_RANGE_EDGES_M = (
+    0.0,
+    5.0,
+    10.0,
+    15.0,
+    20.0,
+    25.0,
+    30.0,
+    35.0,
+    40.0,
+    50.0,
+    70.0,
+    100.0,
+    150.0,
+    200.0,
+    300.0,
+    500.0,
+    1000.0,
+)
+_MIN_FRAMES = 20
 """Frames in a range below which it is not worth a line, and boxes below which edges are not."""
-_AWAY = (Mode.TURN, Mode.BURN, Mode.TURN_BACK)
+_LOOK_AWAY_MODES = (Mode.TURN, Mode.BURN, Mode.TURN_BACK)
 _EDGES = ("left", "top", "right", "bottom")
-_SCORES = (5.0, 50.0, 95.0)
+_SCORE_PERCENTILES = (5.0, 50.0, 95.0)
 
 
-def by_range(histories: Iterable[History]) -> list[dict[str, Any]]:
+def detections_by_range(histories: Iterable[History]) -> list[dict[str, Any]]:
     """Boxes of histories in all and by range, as content of report.json; empty without histories.
 
     One that was stored before there were scores and true outlines is left out.
     """
-    frames = _frames([history for history in histories if all(name in history for name in _CHANNELS)])
+    frames = _concatenated_frames([history for history in histories if all(name in history for name in _CHANNELS)])
     if not frames:
         return []
-    lines = [{"range_m": None, **_line(frames)}]
-    bounds = (*_STEPS_M, np.inf)
+    lines = [{"range_m": None, **_range_entry(frames)}]
+    bounds = (*_RANGE_EDGES_M, np.inf)
     for low, high in pairwise(bounds):
         inside = (frames["range_m"] >= low) & (frames["range_m"] < high)
-        if inside.sum() >= _FEWEST:
+        if inside.sum() >= _MIN_FRAMES:
             part = {name: values[inside] for name, values in frames.items()}
-            lines.append({"range_m": [low, high if np.isfinite(high) else None], **_line(part)})
+            lines.append({"range_m": [low, high if np.isfinite(high) else None], **_range_entry(part)})
     # One range is all of them.
     return lines if len(lines) > 2 else lines[:1]
 
 
-def rows(lines: list[dict[str, Any]]) -> dict[str, list[list[str]]]:
+def table_cells(lines: list[dict[str, Any]]) -> dict[str, list[list[str]]]:
     """Cells of two tables of the page: `boxes`, and `edges` where enough whole true boxes tell something."""
     shares = ("boxes_per_frame", "accepted", "false_per_frame", "false_per_away_frame", "cut")
     boxes = [
-        [_range(line), str(line["frames"]), str(line["away_frames"]), str(line["boxes"])]
+        [_range_text(line), str(line["frames"]), str(line["away_frames"]), str(line["boxes"])]
         + [_percent(line[name]) for name in shares]
-        + [number(line["score"][key], 3) if line["score"] else number(None) for key in ("p5", "p50", "p95")]
+        + [
+            format_number(line["score"][key], 3) if line["score"] else format_number(None)
+            for key in ("p5", "p50", "p95")
+        ]
         for line in lines
     ]
     edges = [
-        [_range(line), str(line["edges"]["boxes"]), number(line["edges"]["side_px"], 3)]
+        [_range_text(line), str(line["edges"]["boxes"]), format_number(line["edges"]["side_px"], 3)]
         + [f"{line['edges'][edge]['bias_px']:+z.2f} ± {line['edges'][edge]['sigma_px']:.2f}" for edge in _EDGES]
         + [_percent(line["edges"]["overlap"])]
         for line in lines
@@ -62,7 +83,7 @@ def rows(lines: list[dict[str, Any]]) -> dict[str, list[list[str]]]:
     return {"boxes": boxes, "edges": edges}
 
 
-def _frames(histories: list[History]) -> Frames:
+def _concatenated_frames(histories: list[History]) -> Frames:
     """Channels of all frames before the end or the failure of their run."""
     if not histories:
         return {}
@@ -70,36 +91,36 @@ def _frames(histories: list[History]) -> Frames:
     return {name: np.concatenate([history[name] for history in histories])[alive] for name in _CHANNELS}
 
 
-def _line(frames: Frames) -> dict[str, Any]:
+def _range_entry(frames: Frames) -> dict[str, Any]:
     present, outlier, light = frames["box_present"], frames["box_outlier"], frames["observable"]
-    away = np.isin(frames["mode"], _AWAY)
+    away = np.isin(frames["mode"], _LOOK_AWAY_MODES)
     looking = light & ~away
     scores = frames["box_score"][present]
     return {
         "frames": int(looking.sum()),
         "away_frames": int((light & away).sum()),
         "boxes": int(present.sum()),
-        "boxes_per_frame": _share(present, looking),
-        "accepted": _share(frames["box_accepted"], present),
-        "false_per_frame": _share(outlier, looking),
-        "false_per_away_frame": _share(outlier, light & away),
-        "cut": _share(frames["box_truncated"], present),
-        "score": {f"p{q:.0f}": float(np.percentile(scores, q)) for q in _SCORES} if len(scores) else None,
-        "edges": _edges(frames, present & ~outlier & ~frames["box_truncated"]),
+        "boxes_per_frame": _fraction(present, looking),
+        "accepted": _fraction(frames["box_accepted"], present),
+        "false_per_frame": _fraction(outlier, looking),
+        "false_per_away_frame": _fraction(outlier, light & away),
+        "cut": _fraction(frames["box_truncated"], present),
+        "score": {f"p{q:.0f}": float(np.percentile(scores, q)) for q in _SCORE_PERCENTILES} if len(scores) else None,
+        "edges": _edge_errors(frames, present & ~outlier & ~frames["box_truncated"]),
     }
 
 
-def _edges(frames: Frames, chosen: np.ndarray) -> dict[str, Any] | None:
+def _edge_errors(frames: Frames, chosen: np.ndarray) -> dict[str, Any] | None:
     """Error of each edge [px] of the chosen boxes, to the right and down, and their mean overlap with the truth."""
     box, true = (_corners(frames[name][chosen].astype(float)) for name in ("box_px", "outline_px"))
-    if len(box) < _FEWEST:
+    if len(box) < _MIN_FRAMES:
         return None
     error = box - true
     sides = true[:, 2:] - true[:, :2]
     return {
         "boxes": len(box),
         "side_px": float(np.median(np.sqrt(sides.prod(axis=1)))),
-        "overlap": float(_overlap(box, true).mean()),
+        "overlap": float(_intersection_over_union(box, true).mean()),
         **{
             edge: {"bias_px": float(error[:, column].mean()), "sigma_px": float(error[:, column].std())}
             for column, edge in enumerate(_EDGES)
@@ -111,7 +132,7 @@ def _corners(boxes: np.ndarray) -> np.ndarray:
     return np.concatenate([boxes[:, :2], boxes[:, :2] + boxes[:, 2:]], axis=1)
 
 
-def _overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _intersection_over_union(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Intersection over union (n,) of boxes (n, 4)."""
     low, high = np.maximum(a[:, :2], b[:, :2]), np.minimum(a[:, 2:], b[:, 2:])
     both = np.maximum(high - low, 0.0).prod(axis=1)
@@ -119,11 +140,11 @@ def _overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return both / np.maximum(either, 1e-9)
 
 
-def _share(part: np.ndarray, whole: np.ndarray) -> float | None:
+def _fraction(part: np.ndarray, whole: np.ndarray) -> float | None:
     return float((part & whole).sum() / whole.sum()) if whole.any() else None
 
 
-def _range(line: Mapping[str, Any]) -> str:
+def _range_text(line: Mapping[str, Any]) -> str:
     if line["range_m"] is None:
         return "all"
     low, high = line["range_m"]
@@ -131,4 +152,4 @@ def _range(line: Mapping[str, Any]) -> str:
 
 
 def _percent(share: float | None) -> str:
-    return number(None) if share is None else f"{100.0 * share:.3g} %"
+    return format_number(None) if share is None else f"{100.0 * share:.3g} %"

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 
 from rpojax.physics.equipment_faults import KINDS
-from rpojax.report.campaign_protocol import Results
-from rpojax.report.labels import metric, number
+from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.labels import format_number, metric_label
 
-COLUMNS = (
+TABLE_COLUMNS = (
     ("formation_error_rms_m", 50.0),
     ("formation_error_rms_m", 95.0),
     ("min_range_m", 0.0),
@@ -18,25 +18,25 @@ COLUMNS = (
 """Metric and percentile of each column of the table."""
 
 
-def by_kind(campaign: Results) -> list[dict[str, Any]]:
+def fault_rows(campaign: CampaignResults) -> list[dict[str, Any]]:
     """One record for each kind of fault: runs, failed ones, percentiles of metrics. Empty if equipment cannot fail."""
-    kinds = _kinds(campaign)
-    return [_record(campaign, code, kinds == code) for code in sorted(set(kinds.tolist()))]
+    kinds = _fault_codes(campaign)
+    return [_fault_row(campaign, code, kinds == code) for code in sorted(set(kinds.tolist()))]
 
 
-def counts(campaign: Results) -> list[dict[str, Any]]:
+def content(campaign: CampaignResults) -> list[dict[str, Any]]:
     """Kind, runs and failed runs, for report.json."""
-    return [{key: row[key] for key in ("kind", "runs", "failed")} for row in by_kind(campaign)]
+    return [{key: row[key] for key in ("kind", "runs", "failed")} for row in fault_rows(campaign)]
 
 
 def headings() -> list[str]:
     """Headings of the table's columns after the counts."""
     shares = {0.0: "least", 50.0: "median", 95.0: "p95"}
-    shown = [(metric(name), shares[share]) for name, share in COLUMNS]
+    shown = [(metric_label(name), shares[share]) for name, share in TABLE_COLUMNS]
     return [f"{one.title}, {share}{f' [{one.unit}]' if one.unit else ''}" for one, share in shown]
 
 
-def _kinds(campaign: Results) -> np.ndarray:
+def _fault_codes(campaign: CampaignResults) -> np.ndarray:
     """Code of the fault of each run; none at all if equipment cannot fail."""
     scenario = campaign.info.get("scenario", {})
     if not scenario.get("effects", {}).get("faults"):
@@ -47,9 +47,9 @@ def _kinds(campaign: Results) -> np.ndarray:
     return np.round(drawn).astype(int)
 
 
-def _record(campaign: Results, code: int, chosen: np.ndarray) -> dict[str, Any]:
+def _fault_row(campaign: CampaignResults, code: int, chosen: np.ndarray) -> dict[str, Any]:
     values = []
-    for name, share in COLUMNS:
+    for name, share in TABLE_COLUMNS:
         column = campaign.metrics[name][chosen]
         defined = column[np.isfinite(column)]
         values.append(float(np.percentile(defined, share)) if defined.size else None)
@@ -57,5 +57,5 @@ def _record(campaign: Results, code: int, chosen: np.ndarray) -> dict[str, Any]:
         "kind": KINDS[code],
         "runs": int(chosen.sum()),
         "failed": int((~campaign.completed[chosen]).sum()),
-        "cells": ["-" if value is None else number(value) for value in values],
+        "cells": ["-" if value is None else format_number(value) for value in values],
     }

@@ -5,17 +5,17 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.binomial_intervals import proportion_interval
-from rpojax.report.campaign_protocol import Results
-from rpojax.report.labels import metric, number, with_unit
-from rpojax.report.sections.design_caveat import independent
-from rpojax.scenario.metric_catalogue import worst_rows
-from rpojax.simulation.closed_loop import FAILURES
+from rpojax.analysis.statistics.binomial_intervals import clopper_pearson_interval
+from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.labels import format_number, metric_label, with_unit
+from rpojax.report.run_independence import runs_are_independent
+from rpojax.scenario.metric_catalogue import worst_first
+from rpojax.simulation.closed_loop import FAILURE_REASONS
 
-_KEEP_OUT = FAILURES[2]
+_KEEP_OUT = FAILURE_REASONS[2]
 
 
-def content(campaign: Results) -> dict[str, Any]:
+def content(campaign: CampaignResults) -> dict[str, Any]:
     """Part of report.json: least ranges, entries of the keep-out sphere, and the longest times without a look.
 
     The least range counts failed runs too, up to their failure, as far as their traces say; of a run that entered the
@@ -28,33 +28,33 @@ def content(campaign: Results) -> dict[str, Any]:
         "keep_out_m": keep_out,
         "least_range": _least_range(campaign, keep_out, entered),
         "entries": {
-            **_share(campaign, entered, np.ones(len(entered), dtype=bool)),
+            **_proportion(campaign, entered, np.ones(len(entered), dtype=bool)),
             "run_ids": campaign.run_ids[entered].tolist(),
         },
-        "least_passive_range": _extreme(campaign, "passive_range_m"),
-        "passive_below_keep_out": _passive(campaign, keep_out, entered),
-        "longest_look_away": _extreme(campaign, "look_away_peak_s"),
-        "longest_unseen": _extreme(campaign, "longest_unseen_s"),
+        "least_passive_range": _worst_value(campaign, "passive_range_m"),
+        "passive_below_keep_out": _passive_range_violations(campaign, keep_out, entered),
+        "longest_look_away": _worst_value(campaign, "look_away_peak_s"),
+        "longest_unseen": _worst_value(campaign, "longest_unseen_s"),
     }
 
 
 def rows(found: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Quantity, value and remark of each line."""
     keep_out = found["keep_out_m"]
-    sphere = "" if keep_out is None else f" of {number(keep_out)} m"
+    sphere = "" if keep_out is None else f" of {format_number(keep_out)} m"
     drift = f"Runs whose free drift would enter the keep-out sphere{sphere}"
     lines = [
-        ("Least range of any run", *_extreme_texts(found["least_range"], "m")),
-        (f"Runs that entered the keep-out sphere{sphere}", *_share_texts(found["entries"])),
-        ("Least range of free drift, had thrust stopped", *_extreme_texts(found["least_passive_range"], "m")),
-        (drift, *_share_texts(found["passive_below_keep_out"])),
-        ("Longest look-away in a burn period", *_extreme_texts(found["longest_look_away"], "s")),
-        (metric("longest_unseen_s").title, *_extreme_texts(found["longest_unseen"], "s")),
+        ("Least range of any run", *_worst_value_texts(found["least_range"], "m")),
+        (f"Runs that entered the keep-out sphere{sphere}", *_proportion_texts(found["entries"])),
+        ("Least range of free drift, had thrust stopped", *_worst_value_texts(found["least_passive_range"], "m")),
+        (drift, *_proportion_texts(found["passive_below_keep_out"])),
+        ("Longest look-away in a burn period", *_worst_value_texts(found["longest_look_away"], "s")),
+        (metric_label("longest_unseen_s").title, *_worst_value_texts(found["longest_unseen"], "s")),
     ]
     return [(quantity, value, remark) for quantity, value, remark in lines if value]
 
 
-def _least_range(campaign: Results, keep_out: float | None, entered: np.ndarray) -> dict[str, Any] | None:
+def _least_range(campaign: CampaignResults, keep_out: float | None, entered: np.ndarray) -> dict[str, Any] | None:
     ranges = np.asarray(campaign.metrics.get("min_range_m", np.full(len(campaign.completed), np.nan)), dtype=np.float64)
     traced = campaign.traces.get("range_m")
     if traced is not None and traced.size:
@@ -63,31 +63,33 @@ def _least_range(campaign: Results, keep_out: float | None, entered: np.ndarray)
     radius = np.inf if keep_out is None else keep_out
     bounded = entered & np.isfinite(radius) & ~(ranges <= radius)
     ranges = np.where(bounded, radius, ranges).astype(np.float64)
-    rows = worst_rows("min_range_m", ranges)
+    rows = worst_first("min_range_m", ranges)
     if not len(rows):
         return None
     row = rows[0]
     return {"value": float(ranges[row]), "run_id": int(campaign.run_ids[row]), "at_most": bool(bounded[row])}
 
 
-def _extreme(campaign: Results, name: str) -> dict[str, Any] | None:
+def _worst_value(campaign: CampaignResults, name: str) -> dict[str, Any] | None:
     values = campaign.metrics.get(name)
-    if values is None or not len(rows := worst_rows(name, values)):
+    if values is None or not len(rows := worst_first(name, values)):
         return None
     return {"value": float(values[rows[0]]), "run_id": int(campaign.run_ids[rows[0]])}
 
 
-def _passive(campaign: Results, keep_out: float | None, entered: np.ndarray) -> dict[str, Any] | None:
+def _passive_range_violations(
+    campaign: CampaignResults, keep_out: float | None, entered: np.ndarray
+) -> dict[str, Any] | None:
     """Share of the runs with a known free drift, or an entry in earnest, that come below the sphere's radius."""
     values = campaign.metrics.get("passive_range_m")
     if values is None or keep_out is None:
         return None
-    return _share(campaign, entered | (values < keep_out), entered | np.isfinite(values))
+    return _proportion(campaign, entered | (values < keep_out), entered | np.isfinite(values))
 
 
-def _share(campaign: Results, events: np.ndarray, known: np.ndarray) -> dict[str, Any]:
+def _proportion(campaign: CampaignResults, events: np.ndarray, known: np.ndarray) -> dict[str, Any]:
     count, total = int(np.sum(events & known)), int(np.sum(known))
-    interval = proportion_interval(count, total) if total and independent(campaign) else None
+    interval = clopper_pearson_interval(count, total) if total and runs_are_independent(campaign) else None
     return {
         "count": count,
         "runs": total,
@@ -96,14 +98,14 @@ def _share(campaign: Results, events: np.ndarray, known: np.ndarray) -> dict[str
     }
 
 
-def _extreme_texts(found: Mapping[str, Any] | None, unit: str) -> tuple[str, str]:
+def _worst_value_texts(found: Mapping[str, Any] | None, unit: str) -> tuple[str, str]:
     if found is None:
         return "", ""
     bound = "at most " if found.get("at_most") else ""
-    return bound + with_unit(number(found["value"]), unit), f"run {found['run_id']}"
+    return bound + with_unit(format_number(found["value"]), unit), f"run {found['run_id']}"
 
 
-def _share_texts(found: Mapping[str, Any] | None) -> tuple[str, str]:
+def _proportion_texts(found: Mapping[str, Any] | None) -> tuple[str, str]:
     if found is None or not found["runs"]:
         return "", ""
     value, interval = f"{found['count']} of {found['runs']}", found["interval_95"]

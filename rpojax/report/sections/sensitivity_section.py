@@ -6,89 +6,94 @@ from typing import Any
 import numpy as np
 from markupsafe import escape
 
-from rpojax.analysis.statistics.rank_sensitivity import Ranking, rank_inputs
-from rpojax.report.campaign_protocol import Results
+from rpojax.analysis.statistics.rank_sensitivity import InputRanking, rank_inputs
+from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.colours import BLUE, GRID, ORANGE
-from rpojax.report.figures.plotly_charts import BLANK, Chart, compact, layout
-from rpojax.report.labels import metric
-from rpojax.report.sections.design_caveat import independent
-from rpojax.report.sections.dispersion_section import measured
-from rpojax.report.sections.key_metrics import leading_metrics
+from rpojax.report.figures.plotly_charts import EMPTY_TITLE, Chart, chart_layout, rounded_values
+from rpojax.report.key_metrics import select_key_metrics
+from rpojax.report.labels import metric_label
+from rpojax.report.run_independence import runs_are_independent
+from rpojax.report.sections.dispersion_section import rankable_scalars
 
-_MOST_BARS = 8
-_LEVEL = 0.05
-_GREATEST = 3
+_MAX_BARS = 8
+_SIGNIFICANCE_LEVEL = 0.05
+_LARGEST_COUNT = 3
 
 
-def content(campaign: Results) -> list[dict[str, Any]]:
+def content(campaign: CampaignResults) -> list[dict[str, Any]]:
     """Part of report.json: for each leading metric all inputs but codes, the strongest rank correlation first, and a
     sentence.
 
     P-values, corrected for the number of inputs, are None where runs are not independent; the leading inputs are then
     those of greatest size, and whether the methods disagree beyond chance is None.
     """
-    inputs = {key: values for key, values in measured(campaign).items() if np.isfinite(values).all()}
-    rankings = {name: rank_inputs(inputs, campaign.metrics[name]) for name in leading_metrics(campaign)}
-    known = independent(campaign)
-    return [_entry(name, ranking, known) for name, ranking in rankings.items() if ranking.inputs]
+    inputs = {key: values for key, values in rankable_scalars(campaign).items() if np.isfinite(values).all()}
+    rankings = {name: rank_inputs(inputs, campaign.metrics[name]) for name in select_key_metrics(campaign)}
+    independent = runs_are_independent(campaign)
+    return [_entry(name, ranking, independent) for name, ranking in rankings.items() if ranking.inputs]
 
 
 def chart(entry: Mapping[str, Any]) -> Chart:
     """Bars of both methods for the inputs that either finds strongest; pale where chance alone might do as much."""
-    strongest = _strongest(entry["inputs"])
+    strongest = _strongest_inputs(entry["inputs"])
     # Plotly takes markup in texts; names are none.
     names = [str(escape(one["name"])) for one in strongest]
     sides = (("spearman", "spearman_p", BLUE, "x"), ("hsic", "hsic_p", ORANGE, "x2"))
     bars = [_bars(names, strongest, value, chance, color, axis) for value, chance, color, axis in sides]
-    drawn = layout("Spearman rank correlation", "")
+    drawn = chart_layout("Spearman rank correlation", "")
     drawn |= {"showlegend": False, "bargap": 0.35, "margin": {"l": 20, "r": 14, "t": 6, "b": 44}}
     drawn["xaxis"] |= {"domain": [0.0, 0.48], "range": [-1.0, 1.0], "zeroline": True, "zerolinecolor": GRID}
-    drawn["xaxis2"] = {**drawn["xaxis"], "domain": [0.52, 1.0], "range": [0.0, _reach(strongest)], "anchor": "y"}
+    drawn["xaxis2"] = {
+        **drawn["xaxis"],
+        "domain": [0.52, 1.0],
+        "range": [0.0, _hsic_axis_end(strongest)],
+        "anchor": "y",
+    }
     drawn["xaxis2"]["title"] = {"text": "HSIC, normalised", "font": {"size": 12}}
-    drawn["yaxis"] |= {"automargin": True, "tickfont": {"size": 11}, "title": BLANK, "type": "category"}
+    drawn["yaxis"] |= {"automargin": True, "tickfont": {"size": 11}, "title": EMPTY_TITLE, "type": "category"}
     return {"data": bars, "layout": drawn}
 
 
-def _entry(name: str, ranking: Ranking, known: bool) -> dict[str, Any]:
+def _entry(name: str, ranking: InputRanking, independent: bool) -> dict[str, Any]:
     inputs = [
         {
             "name": one.name,
-            "spearman": one.correlation,
-            "spearman_p": one.correlation_p if known else None,
+            "spearman": one.spearman,
+            "spearman_p": one.spearman_p if independent else None,
             "hsic": one.hsic,
-            "hsic_p": one.hsic_p if known else None,
+            "hsic_p": one.hsic_p if independent else None,
         }
         for one in ranking.inputs
     ]
-    by_rank, by_hsic = list(ranking.by_correlation), list(ranking.by_hsic)
-    if not known:
-        by_rank, by_hsic = _greatest(inputs, "spearman"), _greatest(inputs, "hsic")
+    by_rank, by_hsic = list(ranking.leading_by_spearman), list(ranking.leading_by_hsic)
+    if not independent:
+        by_rank, by_hsic = _largest_inputs(inputs, "spearman"), _largest_inputs(inputs, "hsic")
     return {
         "metric": name,
-        "title": metric(name).title,
+        "title": metric_label(name).title,
         "runs": ranking.runs,
         "sampled": ranking.sampled,
         "inputs": inputs,
         "by_spearman": by_rank,
         "by_hsic": by_hsic,
-        "disagree": ranking.disagree if known else None,
-        "sentence": _sentence(by_rank, by_hsic) if known else _sentence_of_sizes(by_rank, by_hsic),
+        "disagree": ranking.disagree if independent else None,
+        "sentence": _agreement_sentence(by_rank, by_hsic) if independent else _size_sentence(by_rank, by_hsic),
     }
 
 
-def _greatest(inputs: Sequence[Mapping[str, Any]], key: str) -> list[str]:
+def _largest_inputs(inputs: Sequence[Mapping[str, Any]], key: str) -> list[str]:
     """Names of the few inputs of greatest size by one method."""
-    return [one["name"] for one in sorted(inputs, key=lambda one: -abs(one[key]))[:_GREATEST]]
+    return [one["name"] for one in sorted(inputs, key=lambda one: -abs(one[key]))[:_LARGEST_COUNT]]
 
 
-def _sentence_of_sizes(by_rank: Sequence[str], by_hsic: Sequence[str]) -> str:
+def _size_sentence(by_rank: Sequence[str], by_hsic: Sequence[str]) -> str:
     return (
         f"Greatest by rank correlation: {', '.join(by_rank)}; by HSIC: {', '.join(by_hsic)}. "
         "Whether chance would do as much is not told."
     )
 
 
-def _sentence(by_rank: Sequence[str], by_hsic: Sequence[str]) -> str:
+def _agreement_sentence(by_rank: Sequence[str], by_hsic: Sequence[str]) -> str:
     if not by_rank and not by_hsic:
         return "No influence of an input can be told from chance by either method."
     if set(by_rank) == set(by_hsic):
@@ -109,21 +114,21 @@ def _sentence(by_rank: Sequence[str], by_hsic: Sequence[str]) -> str:
     return " ".join(parts)
 
 
-def _strongest(inputs: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+def _strongest_inputs(inputs: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
     """The few inputs that are strongest by either method, each measured by its own strongest one, weakest first."""
     tops = {key: max(abs(one[key]) for one in inputs) or 1.0 for key in ("spearman", "hsic")}
-    return sorted(inputs, key=lambda one: max(abs(one[key]) / top for key, top in tops.items()))[-_MOST_BARS:]
+    return sorted(inputs, key=lambda one: max(abs(one[key]) / top for key, top in tops.items()))[-_MAX_BARS:]
 
 
 def _bars(
     names: list[str], shown: Sequence[Mapping[str, Any]], value: str, chance: str, color: str, axis: str
 ) -> dict[str, Any]:
-    sure = [one[chance] is None or one[chance] < _LEVEL for one in shown]
+    sure = [one[chance] is None or one[chance] < _SIGNIFICANCE_LEVEL for one in shown]
     texts = ["p not given" if one[chance] is None else f"p {one[chance]:.2g}" for one in shown]
     return {
         "type": "bar",
         "orientation": "h",
-        "x": compact(np.array([one[value] for one in shown])),
+        "x": rounded_values(np.array([one[value] for one in shown])),
         "y": names,
         "xaxis": axis,
         "yaxis": "y",
@@ -134,6 +139,6 @@ def _bars(
     }
 
 
-def _reach(shown: Sequence[Mapping[str, Any]]) -> float:
+def _hsic_axis_end(shown: Sequence[Mapping[str, Any]]) -> float:
     """End of HSIC's axis, so that small values can still be told apart."""
     return max(0.05, 1.1 * max(float(one["hsic"]) for one in shown))

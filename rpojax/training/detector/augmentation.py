@@ -4,13 +4,13 @@ import dataclasses
 
 import numpy as np
 
-from rpojax.training.synthetic_data.detection_dataset import Dataset
+from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 
 Rng = np.random.Generator
 
-MOST_BOXES = 8
-_LEAST_PX = 4.0
-_KEPT_AREA = 0.4
+MAX_BOXES = 8
+_MIN_SIDE_PX = 4.0
+_MIN_VISIBLE_FRACTION = 0.4
 _NOISE_SIDE = 512
 
 
@@ -29,45 +29,45 @@ class Batch:
     weight: np.ndarray
 
 
-def batch(data: Dataset, chosen: np.ndarray, rng: Rng, pieces: bool = False) -> Batch:
+def augment_batch(data: DetectionDataset, indices: np.ndarray, rng: Rng, crops: bool = False) -> Batch:
     """The pictures of some numbers, each changed at random.
 
     As `pieces` each becomes two of half the side: the whole of it, shrunk, and a part of it as it is.
     """
     noise = rng.normal(size=(_NOISE_SIDE, _NOISE_SIDE, 3)).astype(np.float32)
     images, boxes, weights = [], [], []
-    for index in chosen:
-        image, found = _geometry(rng, data, int(index))
-        for piece, inside in _pieces(rng, image, found) if pieces else ((image, found),):
-            images.append(_look(rng, piece, noise))
-            box, weight = _padded(inside)
+    for index in indices:
+        image, found = _augment_geometry(rng, data, int(index))
+        for piece, inside in _two_crops(rng, image, found) if crops else ((image, found),):
+            images.append(_augment_appearance(rng, piece, noise))
+            box, weight = _pad_boxes(inside)
             boxes.append(box)
             weights.append(weight)
     return Batch(np.stack(images), np.stack(boxes), np.stack(weights))
 
 
-def _padded(found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _pad_boxes(found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The largest boxes first, in arrays of fixed length; a spacecraft of a few pixels is neither right nor wrong."""
     side = np.max(found[:, 2:4] - found[:, :2], axis=1, initial=0.0)
-    order = np.argsort(-side)[:MOST_BOXES]
-    box, weight = np.zeros((MOST_BOXES, 4), np.float32), np.zeros(MOST_BOXES, np.float32)
+    order = np.argsort(-side)[:MAX_BOXES]
+    box, weight = np.zeros((MAX_BOXES, 4), np.float32), np.zeros(MAX_BOXES, np.float32)
     box[: len(order)] = found[order, :4]
-    weight[: len(order)] = np.where(side[order] >= _LEAST_PX, found[order, 4], -1.0)
+    weight[: len(order)] = np.where(side[order] >= _MIN_SIDE_PX, found[order, 4], -1.0)
     return box, weight
 
 
 # Where things are. Boxes (n, 5) are left, top, right, bottom [px] and the weight that `Batch` describes.
 
 
-def _geometry(rng: Rng, data: Dataset, index: int) -> tuple[np.ndarray, np.ndarray]:
+def _augment_geometry(rng: Rng, data: DetectionDataset, index: int) -> tuple[np.ndarray, np.ndarray]:
     if rng.random() < 0.1:
         others = rng.integers(0, len(data), 3)
-        return _mosaic([_turned(rng, data, int(i)) for i in (index, *others)])
-    image, boxes = _turned(rng, data, index)
-    return _enlarged(rng, image, boxes) if rng.random() < 0.4 else (image, boxes)
+        return _mosaic([_random_flip(rng, data, int(i)) for i in (index, *others)])
+    image, boxes = _random_flip(rng, data, index)
+    return _random_zoom(rng, image, boxes) if rng.random() < 0.4 else (image, boxes)
 
 
-def _turned(rng: Rng, data: Dataset, index: int) -> tuple[np.ndarray, np.ndarray]:
+def _random_flip(rng: Rng, data: DetectionDataset, index: int) -> tuple[np.ndarray, np.ndarray]:
     """A picture in one of the eight ways to turn and mirror a square."""
     image, size = data.images[index], data.images.shape[1]
     left, top, right, bottom = data.boxes[index].T
@@ -83,7 +83,7 @@ def _turned(rng: Rng, data: Dataset, index: int) -> tuple[np.ndarray, np.ndarray
     return np.ascontiguousarray(image), np.stack([left, top, right, bottom, np.ones_like(left)], axis=1)
 
 
-def _enlarged(rng: Rng, image: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _random_zoom(rng: Rng, image: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A smaller window at the size of the whole."""
     import cv2
 
@@ -94,15 +94,15 @@ def _enlarged(rng: Rng, image: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarra
     matrix = np.array([[zoom, 0.0, shift[0]], [0.0, zoom, shift[1]]])
     flags = cv2.INTER_LINEAR if rng.random() < 0.5 else cv2.INTER_CUBIC
     taken = cv2.warpAffine(image, matrix, (size, size), flags=flags, borderMode=cv2.BORDER_REFLECT)
-    return np.asarray(taken), _inside(boxes, corner, zoom, size)
+    return np.asarray(taken), _clip_to_window(boxes, corner, zoom, size)
 
 
-def _inside(boxes: np.ndarray, corner: np.ndarray, zoom: float, size: int) -> np.ndarray:
+def _clip_to_window(boxes: np.ndarray, corner: np.ndarray, zoom: float, size: int) -> np.ndarray:
     """Boxes cut to a window, enlarged; a scrap of a spacecraft is neither right nor wrong."""
     moved = (boxes[:, :4] - np.tile(corner, 2)) * zoom
     cut = np.clip(moved, 0.0, size)
     whole, left = (np.prod(np.maximum(b[:, 2:] - b[:, :2], 0.0), axis=1) for b in (moved, cut))
-    weight = np.where(left < _KEPT_AREA * whole, -1.0, boxes[:, 4])
+    weight = np.where(left < _MIN_VISIBLE_FRACTION * whole, -1.0, boxes[:, 4])
     return np.column_stack([cut, weight])[left > 0.0]
 
 
@@ -111,13 +111,13 @@ def _mosaic(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.
     half = parts[0][0].shape[0] // 2
     picture, boxes = np.empty_like(parts[0][0]), []
     for (top, left), (image, found) in zip(((0, 0), (0, half), (half, 0), (half, half)), parts, strict=True):
-        small, moved = _halved(image, found)
+        small, moved = _half_size(image, found)
         picture[top : top + half, left : left + half] = small
         boxes.append(moved + np.array([left, top, left, top, 0.0]))
     return picture, np.concatenate(boxes)
 
 
-def _halved(image: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _half_size(image: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     import cv2
 
     half = image.shape[0] // 2
@@ -125,7 +125,7 @@ def _halved(image: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return small, boxes * np.array([0.5, 0.5, 0.5, 0.5, 1.0])
 
 
-def _pieces(rng: Rng, image: np.ndarray, boxes: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+def _two_crops(rng: Rng, image: np.ndarray, boxes: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     """The whole picture at half its side, and a window of that side, mostly around a spacecraft."""
     half = image.shape[0] // 2
     corner = rng.integers(0, half + 1, 2)
@@ -134,19 +134,19 @@ def _pieces(rng: Rng, image: np.ndarray, boxes: np.ndarray) -> list[tuple[np.nda
         aim = 0.5 * (box[:2] + box[2:4]) - half * rng.uniform(0.15, 0.85, 2)
         corner = np.clip(np.round(aim), 0, half).astype(int)
     part = image[corner[1] : corner[1] + half, corner[0] : corner[0] + half]
-    return [_halved(image, boxes), (part, _inside(boxes, corner, 1.0, half))]
+    return [_half_size(image, boxes), (part, _clip_to_window(boxes, corner, 1.0, half))]
 
 
 # How things look.
 
 
-def _look(rng: Rng, image: np.ndarray, noise: np.ndarray) -> np.ndarray:
+def _augment_appearance(rng: Rng, image: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Codes (p, p, 3) in 0..1 float32 after changes of tone, glare, blur, noise and colour, each now and then."""
     import cv2
 
     values = np.ascontiguousarray(image).astype(np.float32) / np.float32(255.0)
     if rng.random() < 0.5:
-        values = _toned(rng, values)
+        values = _random_tone(rng, values)
     if rng.random() < 0.08:
         values = values + _glare(rng, values.shape[0])
     if rng.random() < 0.12:
@@ -158,7 +158,7 @@ def _look(rng: Rng, image: np.ndarray, noise: np.ndarray) -> np.ndarray:
         soft = cv2.GaussianBlur(values, (0, 0), 1.0)
         values = values + np.float32(rng.uniform(0.3, 1.2)) * (values - soft)
     if rng.random() < 0.3:
-        values = values + np.float32(np.exp(rng.uniform(np.log(0.004), np.log(0.05)))) * _piece(
+        values = values + np.float32(np.exp(rng.uniform(np.log(0.004), np.log(0.05)))) * _noise_crop(
             rng, noise, values.shape
         )
     if rng.random() < 0.25:
@@ -171,7 +171,7 @@ def _look(rng: Rng, image: np.ndarray, noise: np.ndarray) -> np.ndarray:
     return values.astype(np.float32)
 
 
-def _toned(rng: Rng, values: np.ndarray) -> np.ndarray:
+def _random_tone(rng: Rng, values: np.ndarray) -> np.ndarray:
     """Another exposure, contrast curve and balance of colours."""
     gain = np.float32(np.exp(rng.normal(scale=0.35)))
     tint = (1.0 + rng.normal(scale=0.06, size=3)).astype(np.float32)
@@ -188,6 +188,6 @@ def _glare(rng: Rng, size: int) -> np.ndarray:
     return light[..., None] * rng.uniform(0.7, 1.0, 3).astype(np.float32)
 
 
-def _piece(rng: Rng, noise: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def _noise_crop(rng: Rng, noise: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     row, column = rng.integers(0, _NOISE_SIDE - shape[0], 2)
     return noise[row : row + shape[0], column : column + shape[1]]

@@ -4,26 +4,26 @@ from collections.abc import Sequence
 
 import numpy as np
 
-THRESHOLDS = np.linspace(0.5, 0.95, 10)
+IOU_THRESHOLDS = np.linspace(0.5, 0.95, 10)
 _RECALLS = np.linspace(0.0, 1.0, 101)
 
 
-def overlaps(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def pairwise_iou(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Intersection over union (n, m) of boxes (n, 4) and (m, 4): left, top, right, bottom."""
     low = np.maximum(a[:, None, :2], b[None, :, :2])
     high = np.minimum(a[:, None, 2:], b[None, :, 2:])
-    both = np.prod(np.maximum(high - low, 0.0), axis=2)
-    either = np.prod(a[:, 2:] - a[:, :2], axis=1)[:, None] + np.prod(b[:, 2:] - b[:, :2], axis=1)[None, :] - both
-    return both / np.maximum(either, 1e-12)
+    intersection = np.prod(np.maximum(high - low, 0.0), axis=2)
+    union = np.prod(a[:, 2:] - a[:, :2], axis=1)[:, None] + np.prod(b[:, 2:] - b[:, :2], axis=1)[None, :] - intersection
+    return intersection / np.maximum(union, 1e-12)
 
 
 def average_precision(
     boxes: Sequence[np.ndarray],
     scores: Sequence[np.ndarray],
     truth: Sequence[np.ndarray],
-    ignored: Sequence[np.ndarray] | None = None,
-    unasked: Sequence[np.ndarray] | None = None,
-    thresholds: np.ndarray = THRESHOLDS,
+    ignored_truth: Sequence[np.ndarray] | None = None,
+    ignored_boxes: Sequence[np.ndarray] | None = None,
+    thresholds: np.ndarray = IOU_THRESHOLDS,
 ) -> np.ndarray:
     """Average precision at every threshold of IoU; NaN where there is nothing to find.
 
@@ -34,19 +34,21 @@ def average_precision(
     for threshold in thresholds:
         score, right, counted = [], [], []
         for index, real in enumerate(truth):
-            skip = np.zeros(len(real), bool) if ignored is None else ignored[index]
-            idle = np.zeros(len(boxes[index]), bool) if unasked is None else unasked[index]
+            skip = np.zeros(len(real), bool) if ignored_truth is None else ignored_truth[index]
+            idle = np.zeros(len(boxes[index]), bool) if ignored_boxes is None else ignored_boxes[index]
             order = np.argsort(-scores[index], kind="mergesort")
-            matched = _match(overlaps(boxes[index][order], real), skip, float(threshold))
+            matched = _match(pairwise_iou(boxes[index][order], real), skip, float(threshold))
             hit = matched >= 0
             of_ignored = np.append(skip, False)[matched]
             score.append(scores[index][order])
             right.append(hit & ~of_ignored)
             counted.append(np.where(hit, ~of_ignored, ~idle[order]))
         wanted = sum(len(real) for real in truth)
-        if ignored is not None:
-            wanted -= sum(int(skip.sum()) for skip in ignored)
-        results.append(_area(np.concatenate(score), np.concatenate(right), np.concatenate(counted), wanted))
+        if ignored_truth is not None:
+            wanted -= sum(int(skip.sum()) for skip in ignored_truth)
+        results.append(
+            _mean_interpolated_precision(np.concatenate(score), np.concatenate(right), np.concatenate(counted), wanted)
+        )
     return np.array(results)
 
 
@@ -70,7 +72,7 @@ def _match(overlap: np.ndarray, skip: np.ndarray, threshold: float) -> np.ndarra
     return found
 
 
-def _area(score: np.ndarray, right: np.ndarray, counted: np.ndarray, wanted: int) -> float:
+def _mean_interpolated_precision(score: np.ndarray, right: np.ndarray, counted: np.ndarray, wanted: int) -> float:
     """Mean over 101 recalls of the best precision at that recall or beyond."""
     if wanted == 0:
         return float("nan")

@@ -10,45 +10,47 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.training.detector.average_precision import average_precision, overlaps
-from rpojax.training.synthetic_data.detection_dataset import Dataset
-from rpojax.training.synthetic_data.ray_tracing import batches
-from rpojax.vision.detector.two_stage_detector import THRESHOLD, Detections, detect
+from rpojax.training.detector.average_precision import average_precision, pairwise_iou
+from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
+from rpojax.training.synthetic_data.ray_tracing import batch_slices
+from rpojax.vision.detector.two_stage_detector import SCORE_THRESHOLD, Detections, detect
 
-LEAST_SIDE_PX = 16.0
+MIN_SIDE_PX = 16.0
 """Long side from which a box counts in the headline."""
-SIZES_PX = (0.0, 8.0, 16.0, 24.0, 40.0, 64.0, 1e9)
-COUNT = 8
+SIZE_BINS_PX = (0.0, 8.0, 16.0, 24.0, 40.0, 64.0, 1e9)
+BOXES_PER_IMAGE = 8
 _BATCH = 50
 
 
 @dataclasses.dataclass(frozen=True)
-class Found:
+class ImageDetections:
     """What a detector found in pictures: for each boxes (k, 4) left, top, right, bottom [px] and scores (k,)."""
 
     boxes: list[np.ndarray]
     scores: list[np.ndarray]
 
 
-def find(params: Any, images: np.ndarray, detector: Callable[[Any, jax.Array, int], Detections] = detect) -> Found:
+def detect_images(
+    params: Any, images: np.ndarray, detector: Callable[[Any, jax.Array, int], Detections] = detect
+) -> ImageDetections:
     """Detections in pictures (n, p, p, 3) of 8 bit sRGB codes, by the whole detector or another one of its kind."""
     boxes, scores = [], []
-    for chosen in batches(len(images), _BATCH):
+    for chosen in batch_slices(len(images), _BATCH):
         part = images[chosen]
         # Always the same number of pictures, so that the program is compiled once.
         full = np.concatenate([part, np.zeros((_BATCH - len(part), *part.shape[1:]), np.uint8)])
-        result = _run(detector, params, jnp.asarray(full.astype(np.float32) / 255.0))
+        result = _detect(detector, params, jnp.asarray(full.astype(np.float32) / 255.0))
         for index in range(len(part)):
             score = np.asarray(result.score[index], np.float64)
             seen = score > 1e-3
             scores.append(score[seen])
             boxes.append(np.asarray(result.box_px[index], np.float64)[seen])
-    return Found(boxes, scores)
+    return ImageDetections(boxes, scores)
 
 
 @partial(jax.jit, static_argnums=0)
-def _run(detector: Callable[[Any, jax.Array, int], Detections], params: Any, images: jax.Array) -> Detections:
-    return detector(params, images, COUNT)
+def _detect(detector: Callable[[Any, jax.Array, int], Detections], params: Any, images: jax.Array) -> Detections:
+    return detector(params, images, BOXES_PER_IMAGE)
 
 
 def long_side(boxes: np.ndarray) -> np.ndarray:
@@ -56,67 +58,75 @@ def long_side(boxes: np.ndarray) -> np.ndarray:
     return np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0.0) if len(boxes) else np.zeros(0)
 
 
-def figures(found: Found, data: Dataset, least_px: float = LEAST_SIDE_PX, most_px: float = 1e9) -> dict[str, Any]:
+def detection_metrics(
+    found: ImageDetections, data: DetectionDataset, min_px: float = MIN_SIDE_PX, max_px: float = 1e9
+) -> dict[str, Any]:
     """Figures over the true boxes whose long side lies in a range [px].
 
     A box outside of the range is ignored: finding it is neither right nor wrong. `median_iou` and `recall` count
     misses as 0; `false_alarms_per_empty_frame` are boxes over the threshold where there is nothing.
     """
-    ignored = [_outside(boxes, least_px, most_px) for boxes in data.boxes]
-    unasked = [_outside(boxes, least_px, most_px) for boxes in found.boxes]
+    ignored = [_outside_size_range(boxes, min_px, max_px) for boxes in data.boxes]
+    unasked = [_outside_size_range(boxes, min_px, max_px) for boxes in found.boxes]
     precision = average_precision(found.boxes, found.scores, data.boxes, ignored, unasked)
     best = []
     for boxes, scores, real, skip in zip(found.boxes, found.scores, data.boxes, ignored, strict=True):
-        overlap = overlaps(boxes[scores >= THRESHOLD], real.astype(np.float64))
+        overlap = pairwise_iou(boxes[scores >= SCORE_THRESHOLD], real.astype(np.float64))
         best += list(np.max(overlap, axis=0, initial=0.0)[~skip])
-    empty = [int((s >= THRESHOLD).sum()) for s, real in zip(found.scores, data.boxes, strict=True) if len(real) == 0]
+    empty = [
+        int((s >= SCORE_THRESHOLD).sum()) for s, real in zip(found.scores, data.boxes, strict=True) if len(real) == 0
+    ]
     return {
         "boxes": len(best),
-        "map50": _number(precision[0]),
-        "map50_95": _number(precision.mean()),
-        "median_iou": _number(np.median(best)) if best else None,
-        "recall": _number(np.mean(np.array(best) >= 0.5)) if best else None,
+        "map50": _rounded(precision[0]),
+        "map50_95": _rounded(precision.mean()),
+        "median_iou": _rounded(np.median(best)) if best else None,
+        "recall": _rounded(np.mean(np.array(best) >= 0.5)) if best else None,
         "empty_frames": len(empty),
-        "false_alarms_per_empty_frame": _number(np.mean(empty)) if empty else None,
+        "false_alarms_per_empty_frame": _rounded(np.mean(empty)) if empty else None,
     }
 
 
-def report(found: Found, data: Dataset) -> dict[str, Any]:
+def evaluation_report(found: ImageDetections, data: DetectionDataset) -> dict[str, Any]:
     """The headline, and the same figures by apparent size, by background, and for the packaged target and others."""
     by_size = {}
-    for low, high in itertools.pairwise(SIZES_PX):
+    for low, high in itertools.pairwise(SIZE_BINS_PX):
         name = f"{low:g} to {high:g} px" if high < 1e9 else f"from {low:g} px"
-        by_size[name] = _rows(figures(found, data, low, high))
+        by_size[name] = _without_empty_frames(detection_metrics(found, data, low, high))
     return {
         "images": len(data),
-        "threshold": THRESHOLD,
-        "least_side_px": LEAST_SIDE_PX,
-        **figures(found, data),
+        "threshold": SCORE_THRESHOLD,
+        "least_side_px": MIN_SIDE_PX,
+        **detection_metrics(found, data),
         "by_size": by_size,
-        "by_background": _by(data.backgrounds, found, data),
-        "by_craft": {name: _rows(values) for name, values in _by(data.craft, found, data).items()},
+        "by_background": _metrics_by_name(data.backgrounds, found, data),
+        "by_craft": {
+            name: _without_empty_frames(values) for name, values in _metrics_by_name(data.craft, found, data).items()
+        },
     }
 
 
-def _by(names: tuple[str, ...], found: Found, data: Dataset) -> dict[str, dict[str, Any]]:
+def _metrics_by_name(
+    names: tuple[str, ...], found: ImageDetections, data: DetectionDataset
+) -> dict[str, dict[str, Any]]:
     """Figures of the pictures of each name."""
     parts = {}
     for name in sorted(set(names)):
         chosen = np.array([i for i, other in enumerate(names) if other == name])
-        part = Found([found.boxes[i] for i in chosen], [found.scores[i] for i in chosen])
-        parts[name] = figures(part, data.part(chosen))
+        part = ImageDetections([found.boxes[i] for i in chosen], [found.scores[i] for i in chosen])
+        parts[name] = detection_metrics(part, data.subset(chosen))
     return parts
 
 
-def _rows(values: dict[str, Any]) -> dict[str, Any]:
+def _without_empty_frames(values: dict[str, Any]) -> dict[str, Any]:
     """Without what does not depend on the size of boxes."""
     return {name: value for name, value in values.items() if "empty" not in name}
 
 
-def _outside(boxes: np.ndarray, least_px: float, most_px: float) -> np.ndarray:
+def _outside_size_range(boxes: np.ndarray, least_px: float, most_px: float) -> np.ndarray:
     side = long_side(boxes)
     return (side < least_px) | (side >= most_px)
 
 
-def _number(value: Any) -> float | None:
+def _rounded(value: Any) -> float | None:
     return round(float(value), 4) if np.isfinite(value) else None

@@ -13,32 +13,32 @@ from jaxtyping import Array
 
 _COEFFICIENTS = (3.4445, -4.7750, 2.0315)
 """Of an odd polynomial that, applied five times, takes singular values from 0.01 to 1 to near one."""
-_ROUNDS = 5
+_ITERATIONS = 5
 
 
-def scale_by_orthogonal(momentum: float) -> optax.GradientTransformation:
+def scale_by_muon(momentum: float) -> optax.GradientTransformation:
     """Steps along the orthogonalised gradient with Nesterov momentum, for kernels (..., in, out)."""
 
-    def start(params: Any) -> Any:
+    def initialize(params: Any) -> Any:
         return jax.tree.map(jnp.zeros_like, params)
 
     def update(updates: Any, state: Any, params: Any = None) -> tuple[Any, Any]:
         del params
         state = jax.tree.map(lambda m, g: momentum * m + g, state, updates)
-        step = jax.tree.map(lambda m, g: orthogonal(momentum * m + g), state, updates)
+        step = jax.tree.map(lambda m, g: orthogonalize(momentum * m + g), state, updates)
         return step, state
 
-    return optax.GradientTransformation(start, update)
+    return optax.GradientTransformation(initialize, update)
 
 
-def orthogonal(kernel: Array) -> Array:
+def orthogonalize(kernel: Array) -> Array:
     """A kernel (..., in, out), seen as a matrix of `out` columns, with singular values near one."""
     first, second, third = _COEFFICIENTS
     matrix = kernel.reshape(-1, kernel.shape[-1])
     tall = matrix.shape[0] >= matrix.shape[1]
     values = matrix.T if tall else matrix
     values = values / (jnp.sqrt(jnp.sum(values * values)) + 1e-7)
-    for _ in range(_ROUNDS):
+    for _ in range(_ITERATIONS):
         square = values @ values.T
         values = first * values + (second * square + third * square @ square) @ values
     return (values.T if tall else values).reshape(kernel.shape)

@@ -5,31 +5,31 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from rpojax.training.detector.giou_loss import giou
-from rpojax.vision.detector.proposal_network import NETWORK, STRIDE, to_maps
+from rpojax.training.detector.giou_loss import generalized_iou
+from rpojax.vision.detector.proposal_network import NETWORK, STRIDE, maps_from_channels
 
-_SPREAD = 0.12
-_LEAST_SPREAD_PX = 2.0
-_NEAR = 0.3
+_HEAT_SIGMA_FRACTION = 0.12
+_MIN_HEAT_SIGMA_PX = 2.0
+_MIN_EDGE_HEAT = 0.3
 
 
-def loss(
-    params: dict[str, Any], fixed: Any, key: jax.Array, images: jax.Array, boxes: jax.Array, weight: jax.Array
+def proposal_loss(
+    params: dict[str, Any], frozen: Any, key: jax.Array, images: jax.Array, boxes: jax.Array, weight: jax.Array
 ) -> jax.Array:
     """Loss of the network's parameters; see `descent.Loss`."""
-    del fixed, key
+    del frozen, key
     return maps_loss(NETWORK.apply({"params": params}, images), boxes, weight)  # pyright: ignore[reportArgumentType]
 
 
 def maps_loss(raw: jax.Array, boxes: jax.Array, weight: jax.Array) -> jax.Array:
     """Loss of the network's channels (n, y, x, 5) for boxes (n, m, 4) [px] with weights (n, m) as in `Batch`."""
-    maps = to_maps(raw)
-    heat, edges = jax.vmap(_picture_loss)(maps.heat, maps.edges, raw[..., 1:], boxes, weight)
+    maps = maps_from_channels(raw)
+    heat, edges = jax.vmap(_image_loss)(maps.heatmap, maps.edges, raw[..., 1:], boxes, weight)
     count = jnp.maximum(jnp.sum(jnp.where(weight > 0.0, 1.0, 0.0).astype(jnp.float32)), 1.0)
     return (jnp.sum(heat) + 2.0 * jnp.sum(edges)) / count
 
 
-def _picture_loss(
+def _image_loss(
     heat: jax.Array, edges: jax.Array, raw: jax.Array, boxes: jax.Array, weight: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
     rows, columns = heat.shape
@@ -40,7 +40,7 @@ def _picture_loss(
     bells, middles, covers = [], [], []
     for place, low, high in ((x, left, right), (y, top, bottom)):
         off = place - 0.5 * (low + high)
-        spread = jnp.maximum(_SPREAD * (high - low), _LEAST_SPREAD_PX)
+        spread = jnp.maximum(_HEAT_SIGMA_FRACTION * (high - low), _MIN_HEAT_SIGMA_PX)
         bells.append(jnp.exp(-0.5 * (off / spread) ** 2))
         middles.append((off >= -0.5 * STRIDE) & (off < 0.5 * STRIDE))
         covers.append((place > low - STRIDE) & (place < high + STRIDE))
@@ -50,21 +50,21 @@ def _picture_loss(
     positive = jnp.any(inside, axis=0)
     skipped = jnp.any(covers[1][:, :, None] & covers[0][:, None, :] & unsure, axis=0) & ~positive
     target = jnp.max(near, axis=0)
-    heat_loss = jnp.where(skipped, 0.0, _focal(heat, target, positive))
+    heat_loss = jnp.where(skipped, 0.0, _focal_loss(heat, target, positive))
     # Each cell learns the edges of the one box whose middle it is nearest to.
     near = jnp.where(inside, 1.0, near)
     owner = jax.nn.one_hot(jnp.argmax(near, axis=0), boxes.shape[0], axis=0, dtype=jnp.float32)
-    pull = owner * jnp.where(near >= _NEAR, near, 0.0)
+    pull = owner * jnp.where(near >= _MIN_EDGE_HEAT, near, 0.0)
     pull = jnp.sum(pull / jnp.maximum(jnp.sum(pull, axis=(1, 2), keepdims=True), 1e-6), axis=0)
     wanted = jnp.einsum("myx,mc->yxc", owner, boxes)
     middle = jnp.stack(jnp.broadcast_arrays(x, y.T, x, y.T), axis=-1)
     sign = jnp.array([-1.0, -1.0, 1.0, 1.0], jnp.float32)[None, None, :]
     distance = jnp.mean(jnp.abs(raw - jnp.arcsinh(sign * (wanted - middle) / STRIDE)), axis=-1)
-    edge_loss = (1.0 - giou(edges, wanted)) + distance
+    edge_loss = (1.0 - generalized_iou(edges, wanted)) + distance
     return jnp.sum(heat_loss), jnp.sum(pull * edge_loss)
 
 
-def _focal(logit: jax.Array, target: jax.Array, positive: jax.Array) -> jax.Array:
+def _focal_loss(logit: jax.Array, target: jax.Array, positive: jax.Array) -> jax.Array:
     """Focal loss of heat: full weight on middles, less on wrong heat the nearer it is to one."""
     p = jax.nn.sigmoid(logit)
     right = -((1.0 - p) ** 2) * jax.nn.log_sigmoid(logit)

@@ -8,85 +8,90 @@ from typing import Any
 import jax
 
 from rpojax.training.detector import evaluate_detector, proposal_loss, refinement_loss
-from rpojax.training.detector.training_loop import Recipe, Step, descend
-from rpojax.training.synthetic_data.detection_dataset import Dataset
+from rpojax.training.detector.training_loop import NetworkTrainingOptions, NetworkTrainingProgress, train_network
+from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 from rpojax.vision.detector import proposal_network
-from rpojax.vision.detector.two_stage_detector import Params, detect, fresh
+from rpojax.vision.detector.two_stage_detector import DetectorParams, detect, initialize
 
-OnStep = Callable[[str, Step], None]
+OnDetectorProgress = Callable[[str, NetworkTrainingProgress], None]
 """Called after every pass with the look that is trained."""
 
 
 def train(
-    data: Dataset,
-    held_out: Dataset,
-    first: Recipe,
-    second: Recipe,
+    data: DetectionDataset,
+    validation: DetectionDataset,
+    proposal_options: NetworkTrainingOptions,
+    refinement_options: NetworkTrainingOptions,
     checkpoint: Path | None = None,
-    on_step: OnStep = lambda look, step: None,
-    start: Params | None = None,
-) -> tuple[Params, dict[str, list[Step]]]:
+    on_progress: OnDetectorProgress = lambda look, step: None,
+    start: DetectorParams | None = None,
+) -> tuple[DetectorParams, dict[str, list[NetworkTrainingProgress]]]:
     """Trains both looks on a data set and returns them with the history of checks on another one.
 
     They begin with the weights `start`, or untrained. With a checkpoint an interrupted call goes on after the last
     finished pass, to the same result.
     """
-    start = start or fresh(jax.random.key(first.seed))
+    start = start or initialize(jax.random.key(proposal_options.seed))
     files = {look: checkpoint and checkpoint.with_name(f"{checkpoint.name}.{look}") for look in start}
 
-    def judge_first(params: Any) -> dict[str, Any]:
-        return evaluate_detector.figures(
-            evaluate_detector.find(params, held_out.images, proposal_network.detect), held_out
+    def evaluate_proposals(params: Any) -> dict[str, Any]:
+        return evaluate_detector.detection_metrics(
+            evaluate_detector.detect_images(params, validation.images, proposal_network.detect), validation
         )
 
-    wide, early = descend(
-        proposal_loss.loss,
+    proposal_params, proposal_history = train_network(
+        proposal_loss.proposal_loss,
         start["first"],
         (),
         data,
-        first,
-        judge_first,
+        proposal_options,
+        evaluate_proposals,
         files["first"],
-        lambda step: on_step("first", step),
+        lambda step: on_progress("first", step),
     )
 
-    def judge_both(params: Any) -> dict[str, Any]:
-        both = {"first": wide, "second": params}
-        return evaluate_detector.figures(evaluate_detector.find(both, held_out.images, detect), held_out)
+    def evaluate_detections(params: Any) -> dict[str, Any]:
+        both = {"first": proposal_params, "second": params}
+        return evaluate_detector.detection_metrics(
+            evaluate_detector.detect_images(both, validation.images, detect), validation
+        )
 
-    near, late = descend(
-        refinement_loss.loss,
+    refinement_params, refinement_history = train_network(
+        refinement_loss.refinement_loss,
         start["second"],
-        wide,
+        proposal_params,
         data,
-        second,
-        judge_both,
+        refinement_options,
+        evaluate_detections,
         files["second"],
-        lambda step: on_step("second", step),
+        lambda step: on_progress("second", step),
     )
-    return {"first": wide, "second": near}, {"first": early, "second": late}
+    return {"first": proposal_params, "second": refinement_params}, {
+        "first": proposal_history,
+        "second": refinement_history,
+    }
 
 
-def forget(checkpoint: Path) -> None:
+def remove_checkpoints(checkpoint: Path) -> None:
     """Removes the checkpoints of a training that is over."""
     for look in ("first", "second"):
         checkpoint.with_name(f"{checkpoint.name}.{look}").unlink(missing_ok=True)
 
 
-def card(
-    data: Dataset,
-    recipes: Mapping[str, Recipe],
-    history: Mapping[str, list[Step]],
-    figures: Mapping[str, Any],
+def model_card(
+    data: DetectionDataset,
+    options: Mapping[str, NetworkTrainingOptions],
+    history: Mapping[str, list[NetworkTrainingProgress]],
+    metrics: Mapping[str, Any],
     command: str,
 ) -> dict[str, Any]:
     """What to say about a detector: how it was made, and its figures on pictures held out."""
     return {
         "images": len(data),
         "size_px": int(data.images.shape[1]),
-        "recipe": {look: dataclasses.asdict(recipe) for look, recipe in recipes.items()},
+        "recipe": {look: dataclasses.asdict(recipe) for look, recipe in options.items()},
         "steps_done": {look: steps[-1].done if steps else 0 for look, steps in history.items()},
         "training_s": round(sum(steps[-1].elapsed_s for steps in history.values() if steps), 1),
-        "held_out": dict(figures),
+        "held_out": dict(metrics),
         "command": command,
     }

@@ -25,26 +25,26 @@ import optax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from rpojax.training import checkpoint as checkpoints
-from rpojax.training.detector.augmentation import Batch, batch
-from rpojax.training.detector.muon_optimizer import scale_by_orthogonal
-from rpojax.training.synthetic_data.detection_dataset import Dataset
+from rpojax.training.detector.augmentation import Batch, augment_batch
+from rpojax.training.detector.muon_optimizer import scale_by_muon
+from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 
-_DECAY = 0.999
-_LAST = "out"
+_AVERAGE_DECAY = 0.999
+_OUTPUT_LAYER = "out"
 _MOMENTUM = 0.9
-_KERNEL_RATE = 10.0
+_KERNEL_RATE_FACTOR = 10.0
 """Rate of kernels by that of the rest."""
 
 Params = dict[str, Any]
 """Arrays of one network by layer and name."""
 Loss = Callable[[Params, Any, jax.Array, jax.Array, jax.Array, jax.Array], jax.Array]
 """Of a network's parameters, what is not trained, a random key, pictures, boxes and weights as in `Batch`."""
-Judge = Callable[[Params], dict[str, Any]]
+Evaluate = Callable[[Params], dict[str, Any]]
 """Figures of a network's parameters on pictures held out."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Recipe:
+class NetworkTrainingOptions:
     """How a network is trained.
 
     Attributes:
@@ -65,7 +65,7 @@ class Recipe:
 
 
 @dataclasses.dataclass(frozen=True)
-class Step:
+class NetworkTrainingProgress:
     """How far training is: step of so many, figures on held-out pictures, seconds so far."""
 
     done: int
@@ -75,87 +75,97 @@ class Step:
     elapsed_s: float
 
 
-OnStep = Callable[[Step], None]
+OnNetworkProgress = Callable[[NetworkTrainingProgress], None]
 
 
 @dataclasses.dataclass(frozen=True)
-class State:
+class TrainingState:
     """What training carries: weights, their running mean, and the optimiser's state."""
 
     params: Params
-    mean: Params
-    optimiser: Any
+    averaged_params: Params
+    optimizer_state: Any
 
 
-def descend(
+def train_network(
     loss: Loss,
     start: Params,
-    fixed: Any,
-    data: Dataset,
-    recipe: Recipe,
-    judge: Judge,
+    frozen: Any,
+    data: DetectionDataset,
+    options: NetworkTrainingOptions,
+    evaluate: Evaluate,
     checkpoint: Path | None = None,
-    on_step: OnStep = lambda step: None,
-) -> tuple[Params, list[Step]]:
+    on_progress: OnNetworkProgress = lambda step: None,
+) -> tuple[Params, list[NetworkTrainingProgress]]:
     """Trains a network from `start` and returns the running mean of its weights with the history of checks.
 
     With a checkpoint an interrupted call goes on after the last finished pass, to the same result. A limit shortens
     the schedule: the rate has fallen to its end when the time is over.
     """
-    begin = time.monotonic()
-    per_epoch = max(1, len(data) // recipe.batch)
-    total = recipe.epochs * per_epoch
-    params = unfolded(start)
+    start_time = time.monotonic()
+    per_epoch = max(1, len(data) // options.batch)
+    total = options.epochs * per_epoch
+    params = with_channel_gains(start)
     optimiser = _optimiser()
-    state = State(params, params, optimiser.init(params))
-    history: list[Step] = []
-    done, share = 0, 0.0
-    key = _digest(data, recipe, (start, fixed))
-    if checkpoint and (found := checkpoints.read(checkpoint, key, _carried(state))):
-        state, history = State(*found[0]), [Step(**step) for step in found[1]]
+    state = TrainingState(params, params, optimiser.init(params))
+    history: list[NetworkTrainingProgress] = []
+    done, progress = 0, 0.0
+    key = _training_digest(data, options, (start, frozen))
+    if checkpoint and (found := checkpoints.read_checkpoint(checkpoint, key, _state_arrays(state))):
+        state, history = TrainingState(*found[0]), [NetworkTrainingProgress(**step) for step in found[1]]
         done = history[-1].done
-        begin -= history[-1].elapsed_s
-        share = _share(done, total, history[-1].elapsed_s, recipe.limit_s)
-    with _Prepared(data, recipe, per_epoch, done, share) as prepared:
-        while done < total and share < 1.0:
+        start_time -= history[-1].elapsed_s
+        progress = _progress_fraction(done, total, history[-1].elapsed_s, options.limit_s)
+    with _BatchPrefetcher(data, options, per_epoch, done, progress) as prepared:
+        while done < total and progress < 1.0:
             for _ in range(per_epoch):
-                prepared.share = share
+                prepared.progress = progress
                 settings = jnp.asarray(
-                    [recipe.rate * _schedule(share, done), min(_DECAY, (1.0 + done) / (10.0 + done))], jnp.float32
+                    [
+                        options.rate * _learning_rate_factor(progress, done),
+                        min(_AVERAGE_DECAY, (1.0 + done) / (10.0 + done)),
+                    ],
+                    jnp.float32,
                 )
-                state = _step(loss, optimiser, state, fixed, settings, jax.random.key(done), prepared.next())
+                state = _run_step(loss, optimiser, state, frozen, settings, jax.random.key(done), prepared.next())
                 done += 1
-                share = _share(done, total, time.monotonic() - begin, recipe.limit_s)
-                if share >= 1.0:
+                progress = _progress_fraction(done, total, time.monotonic() - start_time, options.limit_s)
+                if progress >= 1.0:
                     break
-            elapsed = time.monotonic() - begin
-            figures = judge(jax.device_get(folded(state.mean)))
-            history.append(Step(done, total, figures["map50"] or 0.0, figures["map50_95"] or 0.0, elapsed))
+            elapsed = time.monotonic() - start_time
+            figures = evaluate(jax.device_get(apply_channel_gains(state.averaged_params)))
+            history.append(
+                NetworkTrainingProgress(done, total, figures["map50"] or 0.0, figures["map50_95"] or 0.0, elapsed)
+            )
             if checkpoint:
-                checkpoints.write(checkpoint, key, _carried(state), [dataclasses.asdict(step) for step in history])
-            on_step(history[-1])
-    return folded(state.mean), history
+                checkpoints.write_checkpoint(
+                    checkpoint, key, _state_arrays(state), [dataclasses.asdict(step) for step in history]
+                )
+            on_progress(history[-1])
+    return apply_channel_gains(state.averaged_params), history
 
 
-def _carried(state: State) -> tuple[Params, Params, Any]:
-    return state.params, state.mean, state.optimiser
+def _state_arrays(state: TrainingState) -> tuple[Params, Params, Any]:
+    return state.params, state.averaged_params, state.optimizer_state
 
 
-def _step(
+def _run_step(
     loss: Loss,
     optimiser: optax.GradientTransformation,
-    state: State,
-    fixed: Any,
+    state: TrainingState,
+    frozen: Any,
     settings: jax.Array,
     key: jax.Array,
     made: Batch,
-) -> State:
-    arrays = _spread(made.images, made.boxes, made.weight)
+) -> TrainingState:
+    arrays = _shard(made.images, made.boxes, made.weight)
     # One step at a time: where several wait for few cores, the parts of one may wait for those of another for ever.
-    return State(*jax.block_until_ready(_advance(loss, optimiser, _carried(state), fixed, settings, key, *arrays)))
+    return TrainingState(
+        *jax.block_until_ready(_training_step(loss, optimiser, _state_arrays(state), frozen, settings, key, *arrays))
+    )
 
 
-def _spread(*arrays: np.ndarray) -> list[jax.Array]:
+def _shard(*arrays: np.ndarray) -> list[jax.Array]:
     """Arrays with their rows spread over the devices, as far as they can be."""
     count = math.gcd(len(arrays[0]), jax.device_count())
     mesh = Mesh(np.array(jax.devices()[:count]), ("pictures",))
@@ -163,11 +173,11 @@ def _spread(*arrays: np.ndarray) -> list[jax.Array]:
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def _advance(
+def _training_step(
     loss: Loss,
     optimiser: optax.GradientTransformation,
     carried: tuple[Params, Params, Any],
-    fixed: Any,
+    frozen: Any,
     settings: jax.Array,
     key: jax.Array,
     images: jax.Array,
@@ -177,35 +187,37 @@ def _advance(
     """One step; `settings` are the rate and how much of the running mean stays."""
     params, mean, state = carried
     rate, decay = settings[0], settings[1]
-    slope = jax.grad(lambda p: loss(folded(p), fixed, key, images, boxes, weight))(params)
+    gradient = jax.grad(lambda p: loss(apply_channel_gains(p), frozen, key, images, boxes, weight))(params)
     with jax.numpy_dtype_promotion("standard"):  # optax raises a number to the power of its count
-        change, state = optimiser.update(slope, state, params)
-    params = jax.tree.map(lambda p, c: p - rate * c, params, change)
+        update, state = optimiser.update(gradient, state, params)
+    params = jax.tree.map(lambda p, c: p - rate * c, params, update)
     mean = jax.tree.map(lambda m, p: decay * m + (1.0 - decay) * p, mean, params)
     return params, mean, state
 
 
-def _share(done: int, total: int, elapsed_s: float, limit_s: float | None) -> float:
+def _progress_fraction(done: int, total: int, elapsed_s: float, limit_s: float | None) -> float:
     """How much of the training is over, by steps or by time."""
     return max(done / total, 0.0 if limit_s is None else elapsed_s / limit_s)
 
 
-def _schedule(share: float, done: int) -> float:
+def _learning_rate_factor(progress: float, done: int) -> float:
     """Rate by its largest: a rise over 200 steps, then half a cosine down to a hundredth."""
-    return min(1.0, (done + 1) / 200.0) * (0.505 + 0.495 * float(np.cos(np.pi * min(share, 1.0))))
+    return min(1.0, (done + 1) / 200.0) * (0.505 + 0.495 * float(np.cos(np.pi * min(progress, 1.0))))
 
 
 def _optimiser() -> optax.GradientTransformation:
     """Orthogonal steps for kernels, Adam for the rest. The rate is applied outside, so that it may follow the clock."""
     rest = optax.scale_by_adam(b2=0.99, eps=1e-7)
-    kernels = optax.chain(scale_by_orthogonal(_MOMENTUM), optax.scale(_KERNEL_RATE))
-    return optax.chain(optax.clip_by_global_norm(5.0), optax.multi_transform({"kernel": kernels, "rest": rest}, _sorts))
+    kernels = optax.chain(scale_by_muon(_MOMENTUM), optax.scale(_KERNEL_RATE_FACTOR))
+    return optax.chain(
+        optax.clip_by_global_norm(5.0), optax.multi_transform({"kernel": kernels, "rest": rest}, _optimizer_labels)
+    )
 
 
-def _sorts(trained: Params) -> dict[str, dict[str, str]]:
+def _optimizer_labels(trained: Params) -> dict[str, dict[str, str]]:
     """Which way of stepping each array takes."""
     return {
-        layer: {name: "kernel" if name == "kernel" and layer != _LAST else "rest" for name in values}
+        layer: {name: "kernel" if name == "kernel" and layer != _OUTPUT_LAYER else "rest" for name in values}
         for layer, values in trained.items()
     }
 
@@ -213,18 +225,20 @@ def _sorts(trained: Params) -> dict[str, dict[str, str]]:
 # Batches, made beside the training.
 
 
-class _Prepared:
+class _BatchPrefetcher:
     """Batches from a step on, made ahead by a thread; without a limit on time a batch depends on seed and step alone.
 
     `share` is how much of the training is over; what it decides, pieces or whole pictures, holds a few steps later.
     """
 
-    def __init__(self, data: Dataset, recipe: Recipe, per_epoch: int, first: int, share: float) -> None:
-        self.share = share
+    def __init__(
+        self, data: DetectionDataset, recipe: NetworkTrainingOptions, per_epoch: int, first: int, share: float
+    ) -> None:
+        self.progress = share
         self._data, self._recipe, self._per_epoch, self._step = data, recipe, per_epoch, first
         self._made: queue.Queue[Batch] = queue.Queue(maxsize=4)
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._make, daemon=True)
+        self._thread = threading.Thread(target=self._run, daemon=True)
 
     def next(self) -> Batch:
         """The batch of the next step."""
@@ -235,9 +249,9 @@ class _Prepared:
                 if not self._thread.is_alive():
                     raise RuntimeError("the making of batches has ended") from None
 
-    def _make(self) -> None:
+    def _run(self) -> None:
         while not self._ended.is_set():
-            made = self._one(self._step)
+            made = self._prepare(self._step)
             self._step += 1
             while not self._ended.is_set():
                 try:
@@ -246,15 +260,15 @@ class _Prepared:
                 except queue.Full:
                     continue
 
-    def _one(self, step: int) -> Batch:
+    def _prepare(self, step: int) -> Batch:
         share = step / (self._recipe.epochs * self._per_epoch)
         if self._recipe.limit_s is not None:
-            share = max(share, self.share)
-        numbers = chosen(len(self._data), self._recipe, self._per_epoch, step)
+            share = max(share, self.progress)
+        numbers = image_indices(len(self._data), self._recipe, self._per_epoch, step)
         rng = np.random.default_rng([self._recipe.seed, 1, step])
-        return batch(self._data, numbers, rng, pieces=share < self._recipe.pieces_share)
+        return augment_batch(self._data, numbers, rng, crops=share < self._recipe.pieces_share)
 
-    def __enter__(self) -> "_Prepared":
+    def __enter__(self) -> "_BatchPrefetcher":
         self._thread.start()
         return self
 
@@ -263,44 +277,48 @@ class _Prepared:
         self._thread.join()
 
 
-def chosen(count: int, recipe: Recipe, per_epoch: int, step: int) -> np.ndarray:
+def image_indices(count: int, options: NetworkTrainingOptions, per_epoch: int, step: int) -> np.ndarray:
     """Numbers of the pictures of a step; a pass shows every picture once."""
     epoch, place = divmod(step, per_epoch)
-    order = np.random.default_rng([recipe.seed, 0, epoch]).permutation(count)
-    return order[place * recipe.batch : (place + 1) * recipe.batch]
+    order = np.random.default_rng([options.seed, 0, epoch]).permutation(count)
+    return order[place * options.batch : (place + 1) * options.batch]
 
 
 # Weights.
 
 
-def unfolded(params: Params) -> Params:
+def with_channel_gains(params: Params) -> Params:
     """What is trained: the parameters, and for every convolution but the last a gain for each channel."""
-    gains = {layer: {"gain": _length(values["kernel"])} for layer, values in params.items() if layer != _LAST}
+    gains = {
+        layer: {"gain": _channel_norm(values["kernel"])} for layer, values in params.items() if layer != _OUTPUT_LAYER
+    }
     return {layer: {**values, **gains.get(layer, {})} for layer, values in params.items()}
 
 
-def _length(kernel: jax.Array) -> jax.Array:
+def _channel_norm(kernel: jax.Array) -> jax.Array:
     """Length of every channel of a kernel, less its mean."""
     centered = kernel - jnp.mean(kernel, axis=(0, 1, 2), keepdims=True)
     return jnp.sqrt(jnp.sum(centered**2, axis=(0, 1, 2)) + 1e-8)
 
 
-def folded(trained: Params) -> Params:
+def apply_channel_gains(trained: Params) -> Params:
     """The network's parameters: kernels of zero mean and of the length that the gain says."""
-    return {layer: {"kernel": _kernel(values), "bias": values["bias"]} for layer, values in trained.items()}
+    return {
+        layer: {"kernel": _standardized_kernel(values), "bias": values["bias"]} for layer, values in trained.items()
+    }
 
 
-def _kernel(values: dict[str, jax.Array]) -> jax.Array:
+def _standardized_kernel(values: dict[str, jax.Array]) -> jax.Array:
     kernel = values["kernel"]
     if "gain" not in values:
         return kernel
     centered = kernel - jnp.mean(kernel, axis=(0, 1, 2), keepdims=True)
-    return centered / _length(kernel)[None, None, None, :] * values["gain"][None, None, None, :]
+    return centered / _channel_norm(kernel)[None, None, None, :] * values["gain"][None, None, None, :]
 
 
-def _digest(data: Dataset, recipe: Recipe, weights: Any) -> str:
+def _training_digest(data: DetectionDataset, options: NetworkTrainingOptions, weights: Any) -> str:
     """What tells this training from others."""
-    digest = hashlib.sha256(repr((dataclasses.replace(recipe, limit_s=None), len(data))).encode())
+    digest = hashlib.sha256(repr((dataclasses.replace(options, limit_s=None), len(data))).encode())
     for leaf in jax.tree.leaves(weights):
         digest.update(np.asarray(leaf).tobytes())
     digest.update(data.images[:: max(1, len(data) // 50)].tobytes())

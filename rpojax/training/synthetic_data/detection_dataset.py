@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.training.synthetic_data.backdrops import Globe
-from rpojax.training.synthetic_data.composites import SIZE_PX, composite
+from rpojax.training.synthetic_data.backdrops import EarthTextures
+from rpojax.training.synthetic_data.composites import SIZE_PX, random_composite
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
-from rpojax.training.synthetic_data.target_mesh import PACKAGED
+from rpojax.training.synthetic_data.target_mesh import PACKAGED_TARGET
 
 CATEGORY = "spacecraft"
 ANNOTATIONS = "annotations.json"
@@ -23,7 +23,7 @@ class DatasetError(RpojaxError):
 
 
 @dataclasses.dataclass(frozen=True)
-class Dataset:
+class DetectionDataset:
     """Pictures at the detector's size with their boxes.
 
     Attributes:
@@ -41,23 +41,23 @@ class Dataset:
     def __len__(self) -> int:
         return len(self.images)
 
-    def part(self, chosen: np.ndarray) -> "Dataset":
+    def subset(self, indices: np.ndarray) -> "DetectionDataset":
         """Only the pictures of some numbers."""
-        return Dataset(
-            self.images[chosen],
-            tuple(self.boxes[i] for i in chosen),
-            tuple(self.backgrounds[i] for i in chosen),
-            tuple(self.craft[i] for i in chosen) if self.craft else (),
+        return DetectionDataset(
+            self.images[indices],
+            tuple(self.boxes[i] for i in indices),
+            tuple(self.backgrounds[i] for i in indices),
+            tuple(self.craft[i] for i in indices) if self.craft else (),
         )
 
 
-def write(
+def write_dataset(
     folder: Path,
     count: int,
     seed: int,
     sprites: list[Sprite],
-    earth: Globe,
-    made: str = "",
+    earth: EarthTextures,
+    provenance: str = "",
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> None:
     """Writes `count` composites as PNG images with `annotations.json`; the annotations come last.
@@ -72,7 +72,7 @@ def write(
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
     for index in range(count):
-        one = composite(np.random.default_rng([seed, index]), sprites, earth)
+        one = random_composite(np.random.default_rng([seed, index]), sprites, earth)
         name = f"images/{index:06d}.png"
         if not cv2.imwrite(str(folder / name), one.image[..., ::-1]):
             raise OutputError(f"{folder / name}: cannot be written, expected a writable place")
@@ -84,7 +84,7 @@ def write(
             annotations.append(_annotation(len(annotations) + 1, index + 1, box, craft))
         on_progress(index + 1, count)
     content = {
-        "info": {"description": f"ray-traced spacecraft, seed {seed}", "made": made},
+        "info": {"description": f"ray-traced spacecraft, seed {seed}", "made": provenance},
         "categories": [{"id": 1, "name": CATEGORY}],
         "images": images,
         "annotations": annotations,
@@ -94,10 +94,10 @@ def write(
     partial.replace(folder / ANNOTATIONS)
 
 
-def is_made(folder: Path, made: str) -> bool:
+def is_complete(folder: Path, provenance: str) -> bool:
     """Whether a folder holds the whole of a data set that `write` was told the same of."""
     try:
-        return bool(json.loads((folder / ANNOTATIONS).read_text(encoding="utf-8"))["info"]["made"] == made)
+        return bool(json.loads((folder / ANNOTATIONS).read_text(encoding="utf-8"))["info"]["made"] == provenance)
     except (OSError, ValueError, KeyError, TypeError):
         return False
 
@@ -126,7 +126,7 @@ def summary(folder: Path) -> dict[str, int]:
     }
 
 
-def read(folder: Path, size_px: int = SIZE_PX, limit: int | None = None) -> Dataset:
+def read_dataset(folder: Path, size_px: int = SIZE_PX, limit: int | None = None) -> DetectionDataset:
     """The data set of a folder with COCO's `annotations.json`; pictures are shrunk and padded to squares.
 
     `limit` reads only so many of the first.
@@ -142,8 +142,8 @@ def read(folder: Path, size_px: int = SIZE_PX, limit: int | None = None) -> Data
         pictures.append(picture)
         scaled.append((found * scale).astype(np.float32))
     backgrounds = tuple(str(entry.get("background", "unknown")) for entry in images)
-    craft = tuple("target" if entry.get("craft") == PACKAGED else "other" for entry in images)
-    return Dataset(np.stack(pictures), tuple(scaled), backgrounds, craft)
+    craft = tuple("target" if entry.get("craft") == PACKAGED_TARGET else "other" for entry in images)
+    return DetectionDataset(np.stack(pictures), tuple(scaled), backgrounds, craft)
 
 
 def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray]]:
@@ -202,7 +202,7 @@ def _picture(path: Path, declared: tuple[int, int], size_px: int) -> tuple[np.nd
     return square, scale
 
 
-def drawn(images: np.ndarray, boxes: "tuple[np.ndarray, ...] | list[np.ndarray]", columns: int = 12) -> np.ndarray:
+def draw_boxes(images: np.ndarray, boxes: "tuple[np.ndarray, ...] | list[np.ndarray]", columns: int = 12) -> np.ndarray:
     """Pictures (n, p, p, 3) of 8 bit codes side by side with their boxes, three times enlarged (BGR)."""
     import cv2
 

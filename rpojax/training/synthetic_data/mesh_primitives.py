@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from rpojax.training.synthetic_data.target_mesh import Material, Part, TargetMesh
+from rpojax.training.synthetic_data.target_mesh import Material, MeshPart, TargetMesh
 
 
 @dataclasses.dataclass(frozen=True)
@@ -15,19 +15,19 @@ class Solid:
     vertices: np.ndarray
     faces: np.ndarray
 
-    def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Solid":
+    def translated(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Solid":
         """The same solid elsewhere."""
         return dataclasses.replace(self, vertices=self.vertices + np.array([x, y, z]))
 
-    def turned(self, axis: str, angle_deg: float) -> "Solid":
+    def rotated(self, axis: str, angle_deg: float) -> "Solid":
         """The same solid turned about an axis through the origin."""
-        return dataclasses.replace(self, vertices=self.vertices @ rotation(axis, angle_deg).T)
+        return dataclasses.replace(self, vertices=self.vertices @ rotation_matrix(axis, angle_deg).T)
 
 
-Craft = list[Solid]
+Solids = list[Solid]
 
 
-def rotation(axis: str, angle_deg: float) -> np.ndarray:
+def rotation_matrix(axis: str, angle_deg: float) -> np.ndarray:
     """Matrix (3, 3) of a right-handed turn about 'x', 'y' or 'z'."""
     first, second = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
     cosine, sine = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
@@ -37,14 +37,14 @@ def rotation(axis: str, angle_deg: float) -> np.ndarray:
     return matrix
 
 
-def moved(craft: Craft, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Craft:
+def translated(solids: Solids, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Solids:
     """All solids moved alike."""
-    return [solid.moved(x, y, z) for solid in craft]
+    return [solid.translated(x, y, z) for solid in solids]
 
 
-def turned(craft: Craft, axis: str, angle_deg: float) -> Craft:
+def rotated(solids: Solids, axis: str, angle_deg: float) -> Solids:
     """All solids turned alike about an axis through the origin."""
-    return [solid.turned(axis, angle_deg) for solid in craft]
+    return [solid.rotated(axis, angle_deg) for solid in solids]
 
 
 def box(material: Material, x: float, y: float, z: float) -> Solid:
@@ -61,9 +61,9 @@ def crinkled_box(rng: np.random.Generator, material: Material, x: float, y: floa
     dent = 0.012 * max(x, y, z)
     for axis, (u, v, w) in {"x": (y, z, x), "y": (z, x, y), "z": (x, y, z)}.items():
         for sign in (-1.0, 1.0):
-            sheet = _sheet(rng, material, u, v, dent).moved(z=0.5 * w)
-            pieces.append(_to_axis(sheet if sign > 0.0 else sheet.turned("x", 180.0), axis))
-    return joined(pieces)
+            sheet = _sheet(rng, material, u, v, dent).translated(z=0.5 * w)
+            pieces.append(_permute_axes(sheet if sign > 0.0 else sheet.rotated("x", 180.0), axis))
+    return merge_solids(pieces)
 
 
 def _sheet(rng: np.random.Generator, material: Material, x: float, y: float, dent: float) -> Solid:
@@ -76,7 +76,7 @@ def _sheet(rng: np.random.Generator, material: Material, x: float, y: float, den
     return Solid(material, vertices, _grid_faces(count, count))
 
 
-def _to_axis(solid: Solid, axis: str) -> Solid:
+def _permute_axes(solid: Solid, axis: str) -> Solid:
     """A solid along z, cyclically laid along another axis."""
     order = {"z": [0, 1, 2], "x": [2, 0, 1], "y": [1, 2, 0]}[axis]
     return dataclasses.replace(solid, vertices=solid.vertices[:, order])
@@ -89,7 +89,7 @@ def _grid_faces(rows: int, columns: int) -> np.ndarray:
     return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
 
 
-def revolved(material: Material, profile: list[tuple[float, float]], sections: int = 28) -> Solid:
+def surface_of_revolution(material: Material, profile: list[tuple[float, float]], sections: int = 28) -> Solid:
     """The surface that a profile of (radius, height along z) sweeps."""
     angle = np.linspace(0.0, 2.0 * np.pi, sections + 1)
     radius, height = np.array(profile).T
@@ -105,29 +105,31 @@ def revolved(material: Material, profile: list[tuple[float, float]], sections: i
     return Solid(material, vertices.reshape(-1, 3), _grid_faces(*shape))
 
 
-def tube(material: Material, radius: float, length: float, end: float | None = None, sections: int = 28) -> Solid:
+def frustum(
+    material: Material, radius: float, length: float, end_radius: float | None = None, sections: int = 28
+) -> Solid:
     """A closed cylinder, cone or prism along z around the origin; `end` is the radius at its +z side."""
-    other = radius if end is None else end
+    other = radius if end_radius is None else end_radius
     half = 0.5 * length
-    return revolved(material, [(0.0, -half), (radius, -half), (other, half), (0.0, half)], sections)
+    return surface_of_revolution(material, [(0.0, -half), (radius, -half), (other, half), (0.0, half)], sections)
 
 
-def crinkled_tube(rng: np.random.Generator, material: Material, radius: float, length: float) -> Solid:
+def crinkled_cylinder(rng: np.random.Generator, material: Material, radius: float, length: float) -> Solid:
     """A closed cylinder along z, dented as foil is."""
     rows = 14
     heights = np.linspace(-0.5 * length, 0.5 * length, rows)
-    solid = revolved(material, [(0.0, heights[0]), *((radius, h) for h in heights), (0.0, heights[-1])])
+    solid = surface_of_revolution(material, [(0.0, heights[0]), *((radius, h) for h in heights), (0.0, heights[-1])])
     dents = 0.015 * radius * rng.normal(size=solid.vertices.shape)
     return dataclasses.replace(solid, vertices=solid.vertices + dents)
 
 
-def dish(material: Material, radius: float, depth: float) -> Solid:
+def paraboloid(material: Material, radius: float, depth: float) -> Solid:
     """An open paraboloid with its apex at the origin and its rim at +z."""
     share = np.linspace(0.0, 1.0, 7)
-    return revolved(material, [(radius * s, depth * s * s) for s in share])
+    return surface_of_revolution(material, [(radius * s, depth * s * s) for s in share])
 
 
-def slab(material: Material, outline: list[tuple[float, float]], thickness: float) -> Solid:
+def extruded_polygon(material: Material, outline: list[tuple[float, float]], thickness: float) -> Solid:
     """A flat convex plate of an outline in x and y, around z = 0."""
     count = len(outline)
     points = np.array(outline)
@@ -143,18 +145,18 @@ def slab(material: Material, outline: list[tuple[float, float]], thickness: floa
     return Solid(material, np.concatenate(layers), np.array(fan + upper + rim))
 
 
-def joined(solids: list[Solid]) -> Solid:
+def merge_solids(solids: list[Solid]) -> Solid:
     """One solid of the first one's material."""
     offsets = np.cumsum([0, *(len(solid.vertices) for solid in solids[:-1])])
     faces = [solid.faces + offset for solid, offset in zip(solids, offsets, strict=True)]
     return Solid(solids[0].material, np.concatenate([solid.vertices for solid in solids]), np.concatenate(faces))
 
 
-def as_mesh(name: str, craft: Craft) -> TargetMesh:
+def as_mesh(name: str, solids: Solids) -> TargetMesh:
     """A target with one part for each material, its middle at the origin."""
     parts = []
-    for material in dict.fromkeys(solid.material for solid in craft):
-        whole = joined([solid for solid in craft if solid.material == material])
-        parts.append(Part(whole.vertices, whole.faces, material))
+    for material in dict.fromkeys(solid.material for solid in solids):
+        whole = merge_solids([solid for solid in solids if solid.material == material])
+        parts.append(MeshPart(whole.vertices, whole.faces, material))
     middle = TargetMesh(name, tuple(parts)).bounds.mean(axis=0)
     return TargetMesh(name, tuple(dataclasses.replace(part, vertices=part.vertices - middle) for part in parts))

@@ -9,19 +9,19 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rpojax.errors import RpojaxError
-from rpojax.optional import need
+from rpojax.optional import require_package
 
-UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
+METRES_PER_UNIT = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "ft": 0.3048}
 SUFFIXES = (".glb", ".obj", ".ply", ".stl")
-PACKAGED = "target"
+PACKAGED_TARGET = "target"
 FACE_LIMIT = 2_000_000
 _SPAN_LIMITS_M = (0.05, 200.0)
-_OFF_CENTER = 0.25
-_COLORS = 64
+_MAX_OFFSET_FRACTION = 0.25
+_MAX_COLOR_PARTS = 64
 """Most parts that one geometry's vertex or face colours make."""
 _COLOR_LIMITS = (0.0002, 0.9)
 """Nothing in space is blacker or whiter."""
-_SMOOTHEST = 0.2
+_MIN_ROUGHNESS = 0.2
 
 
 class MeshError(RpojaxError):
@@ -39,7 +39,7 @@ class Material:
 
 
 @dataclasses.dataclass(frozen=True)
-class Part:
+class MeshPart:
     """Triangles of one material: vertices (n, 3) [m], faces (m, 3), texture coordinates (n, 2) if there is one."""
 
     vertices: np.ndarray
@@ -53,7 +53,7 @@ class TargetMesh:
     """A target in body axes T, its parts by material."""
 
     name: str
-    parts: tuple[Part, ...]
+    parts: tuple[MeshPart, ...]
 
     @property
     def vertices(self) -> np.ndarray:
@@ -61,7 +61,7 @@ class TargetMesh:
         return np.concatenate([part.vertices for part in self.parts])
 
     @property
-    def faces(self) -> int:
+    def face_count(self) -> int:
         """Number of triangles."""
         return sum(len(part.faces) for part in self.parts)
 
@@ -89,10 +89,10 @@ class TargetMesh:
         return np.concatenate(points), np.concatenate(normals)
 
 
-def outline(mesh: TargetMesh, most: int = 64) -> np.ndarray:
+def outline_vertices(mesh: TargetMesh, max_vertices: int = 64) -> np.ndarray:
     """At most so many vertices (n, 3) [m] that span the outline: the farthest in directions all round."""
-    index = np.arange(most) + 0.5
-    height, azimuth = 1.0 - 2.0 * index / most, np.pi * (1.0 + np.sqrt(5.0)) * index
+    index = np.arange(max_vertices) + 0.5
+    height, azimuth = 1.0 - 2.0 * index / max_vertices, np.pi * (1.0 + np.sqrt(5.0)) * index
     level = np.sqrt(1.0 - height**2)
     away = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), height], axis=1)
     vertices = mesh.vertices
@@ -107,29 +107,31 @@ def apparent_size(points: np.ndarray) -> float:
     return float(np.exp(np.mean(np.log(width))))
 
 
-def load(source: str | Path, units: str | None = None, center: bool = False) -> TargetMesh:
+def load_mesh(source: str | Path, units: str | None = None, center: bool = False) -> TargetMesh:
     """The packaged target (`target`) or the mesh of a file, in metres; `center` moves its box's middle to the origin.
 
     Raises `MeshError` where the file cannot be read, is empty, or has a size that no spacecraft has.
     """
-    if str(source) == PACKAGED:
+    if str(source) == PACKAGED_TARGET:
         if units is not None or center:
-            raise MeshError(f"--units, --center: found with {PACKAGED!r}, expected only with a mesh file")
-        return packaged()
+            raise MeshError(f"--units, --center: found with {PACKAGED_TARGET!r}, expected only with a mesh file")
+        return packaged_target()
     path = Path(source)
     if not path.is_file():
-        raise MeshError(f"{path}: no such file, expected a mesh ({', '.join(SUFFIXES)}) or the name {PACKAGED!r}")
+        raise MeshError(
+            f"{path}: no such file, expected a mesh ({', '.join(SUFFIXES)}) or the name {PACKAGED_TARGET!r}"
+        )
     if path.suffix.lower() not in SUFFIXES:
         raise MeshError(f"{path}: found {path.suffix or 'no suffix'!r}, expected one of {', '.join(SUFFIXES)}")
-    if units is not None and units not in UNITS:
-        raise MeshError(f"--units: found {units!r}, expected one of {', '.join(UNITS)}")
-    need("trimesh")
-    parts = list(_parts(path, UNITS[units or "m"]))
+    if units is not None and units not in METRES_PER_UNIT:
+        raise MeshError(f"--units: found {units!r}, expected one of {', '.join(METRES_PER_UNIT)}")
+    require_package("trimesh")
+    parts = list(_read_parts(path, METRES_PER_UNIT[units or "m"]))
     if not parts:
         raise MeshError(f"{path}: found no triangles, expected a mesh with a surface")
     mesh = TargetMesh(path.stem, tuple(parts))
-    if mesh.faces > FACE_LIMIT:
-        raise MeshError(f"{path}: found {mesh.faces} triangles, expected at most {FACE_LIMIT}")
+    if mesh.face_count > FACE_LIMIT:
+        raise MeshError(f"{path}: found {mesh.face_count} triangles, expected at most {FACE_LIMIT}")
     if center:
         middle = mesh.bounds.mean(axis=0)
         moved = (dataclasses.replace(part, vertices=part.vertices - middle) for part in mesh.parts)
@@ -146,16 +148,16 @@ def _check_size(path: Path, mesh: TargetMesh, units: str | None) -> None:
         hint = "" if units else "; units are metres unless --units says otherwise, such as --units mm"
         raise MeshError(f"{path}: found a span of {span:.4g} m, expected {smallest} to {largest:g} m{hint}")
     offset = float(np.abs(0.5 * (low + high)).max())
-    if offset > _OFF_CENTER * span:
+    if offset > _MAX_OFFSET_FRACTION * span:
         raise MeshError(
             f"{path}: found its middle {offset:.3g} m from the origin, expected within a quarter of its span "
-            f"({_OFF_CENTER * span:.3g} m); --center moves it there"
+            f"({_MAX_OFFSET_FRACTION * span:.3g} m); --center moves it there"
         )
 
 
-def _parts(path: Path, scale: float) -> Iterable[Part]:
+def _read_parts(path: Path, scale: float) -> Iterable[MeshPart]:
     """Parts of a file with faces that have an area."""
-    trimesh = need("trimesh")
+    trimesh = require_package("trimesh")
     try:
         scene = trimesh.load_scene(path)
         geometries = scene.dump()
@@ -175,7 +177,7 @@ def _parts(path: Path, scale: float) -> Iterable[Part]:
             continue
         for material, uv, own in _materials(geometry.visual, faces, np.flatnonzero(area > 0.0)):
             used, inverse = np.unique(own, return_inverse=True)
-            yield Part(vertices[used], inverse.reshape(-1, 3), material, None if uv is None else uv[used])
+            yield MeshPart(vertices[used], inverse.reshape(-1, 3), material, None if uv is None else uv[used])
 
 
 def _materials(
@@ -191,11 +193,11 @@ def _materials(
     for shift in (0, 3, 4, 5, 6):
         _, group = np.unique(colors >> shift, axis=0, return_inverse=True)
         group = group.reshape(-1)
-        if group.max() < _COLORS:
+        if group.max() < _MAX_COLOR_PARTS:
             break
     for index in range(int(group.max()) + 1):
         mean = colors[group == index].mean(axis=0)
-        yield Material(color=_linear(mean)), None, faces[group == index]
+        yield Material(color=_linear_color(mean)), None, faces[group == index]
 
 
 def _material(visual: Any) -> tuple[Material, np.ndarray | None]:
@@ -209,7 +211,7 @@ def _material(visual: Any) -> tuple[Material, np.ndarray | None]:
         return Material(), None
     uv = getattr(visual, "uv", None)
     is_gltf = hasattr(found, "baseColorFactor")
-    material = _gltf(found) if is_gltf else _plain(found)
+    material = _gltf_material(found) if is_gltf else _obj_material(found)
     image = found.baseColorTexture if is_gltf else getattr(found, "image", None)
     if image is None or uv is None:
         return material, None
@@ -220,7 +222,7 @@ def _material(visual: Any) -> tuple[Material, np.ndarray | None]:
     return dataclasses.replace(material, texture=texture), np.asarray(uv, dtype=np.float64)
 
 
-def _gltf(found: Any) -> Material:
+def _gltf_material(found: Any) -> Material:
     """Material of glTF, whose factors are linear; trimesh holds them as 8 bit."""
     factor = np.full(3, 255.0) if found.baseColorFactor is None else np.asarray(found.baseColorFactor, np.float64)[:3]
     red, green, blue = np.clip(factor / 255.0, _COLOR_LIMITS[0], _COLOR_LIMITS[1])
@@ -233,19 +235,19 @@ def _gltf(found: Any) -> Material:
     return Material(
         color=(float(red), float(green), float(blue)),
         metallic=float(np.clip(metallic, 0.0, 1.0)),
-        roughness=float(np.clip(roughness, _SMOOTHEST, 1.0)),
+        roughness=float(np.clip(roughness, _MIN_ROUGHNESS, 1.0)),
     )
 
 
-def _plain(found: Any) -> Material:
+def _obj_material(found: Any) -> Material:
     """Material of OBJ and the like: a colour, and how shiny it is."""
     pbr = found.to_pbr()
-    color = Material().color if found.diffuse is None else _linear(np.asarray(found.diffuse, np.float64)[:3])
+    color = Material().color if found.diffuse is None else _linear_color(np.asarray(found.diffuse, np.float64)[:3])
     roughness = Material().roughness if pbr.roughnessFactor is None else float(pbr.roughnessFactor)
-    return Material(color=color, roughness=float(np.clip(roughness, _SMOOTHEST, 1.0)))
+    return Material(color=color, roughness=float(np.clip(roughness, _MIN_ROUGHNESS, 1.0)))
 
 
-def _linear(codes: np.ndarray) -> tuple[float, float, float]:
+def _linear_color(codes: np.ndarray) -> tuple[float, float, float]:
     """Linear colour of 8 bit sRGB codes."""
     red, green, blue = np.clip((codes / 255.0) ** 2.2, _COLOR_LIMITS[0], _COLOR_LIMITS[1])
     return float(red), float(green), float(blue)
@@ -260,7 +262,7 @@ DISH = Material(color=(0.65, 0.65, 0.68), roughness=0.5)
 STEEL = Material(color=(0.5, 0.5, 0.52), metallic=1.0, roughness=0.4)
 
 
-def packaged() -> TargetMesh:
+def packaged_target() -> TargetMesh:
     """The target of the packaged scenarios: bus 0.5 x 0.5 x 0.6 m, two panels along y, 1.6 m span."""
     pieces: list[tuple[Material, Any]] = [(FOIL, _box((0.0, 0.0, 0.0), (0.494, 0.494, 0.594)))]
     pieces += [(RADIATOR, _box((0.0, 0.0, 0.2985), (0.46, 0.46, 0.009)))]
@@ -270,15 +272,15 @@ def packaged() -> TargetMesh:
     for side in (-1.0, 1.0):
         pieces += _panel(side)
     pieces += [
-        (DISH, _turned(_cup(0.11, 0.05), "y", (0.0, 0.262, 0.15))),
-        (BLACK, _turned(_cylinder(0.012, 0.06), "y", (0.0, 0.28, 0.15))),
-        (STEEL, _turned(_cup(0.09, 0.11), "-x", (-0.157, 0.0, 0.06))),
-        (STEEL, _turned(_ring(0.15, 0.17, 0.02), "x", (-0.257, 0.0, 0.06))),
-        (BLACK, _turned(_cylinder(0.045, 0.04), "x", (0.246, -0.12, 0.14))),
-        (DISH, _turned(_cylinder(0.08, 0.02), "x", (0.257, 0.0, -0.18))),
+        (DISH, _along_axis(_open_paraboloid(0.11, 0.05), "y", (0.0, 0.262, 0.15))),
+        (BLACK, _along_axis(_cylinder(0.012, 0.06), "y", (0.0, 0.28, 0.15))),
+        (STEEL, _along_axis(_open_paraboloid(0.09, 0.11), "-x", (-0.157, 0.0, 0.06))),
+        (STEEL, _along_axis(_ring(0.15, 0.17, 0.02), "x", (-0.257, 0.0, 0.06))),
+        (BLACK, _along_axis(_cylinder(0.045, 0.04), "x", (0.246, -0.12, 0.14))),
+        (DISH, _along_axis(_cylinder(0.08, 0.02), "x", (0.257, 0.0, -0.18))),
         (DISH, _box((0.12, -0.12, 0.3105), (0.1, 0.14, 0.018))),
     ]
-    return TargetMesh(PACKAGED, tuple(_merged(pieces)))
+    return TargetMesh(PACKAGED_TARGET, tuple(_merge_by_material(pieces)))
 
 
 def _panel(side: float) -> list[tuple[Material, Any]]:
@@ -293,27 +295,29 @@ def _panel(side: float) -> list[tuple[Material, Any]]:
 
 
 def _box(middle: tuple[float, float, float], size: tuple[float, float, float]) -> Any:
-    box = need("trimesh").creation.box(extents=size)
+    box = require_package("trimesh").creation.box(extents=size)
     box.apply_translation(middle)
     return box
 
 
 def _cylinder(radius: float, height: float) -> Any:
-    return need("trimesh").creation.cylinder(radius=radius, height=height, sections=32)
+    return require_package("trimesh").creation.cylinder(radius=radius, height=height, sections=32)
 
 
 def _ring(inner: float, outer: float, height: float) -> Any:
-    return need("trimesh").creation.annulus(r_min=inner, r_max=outer, height=height, sections=40)
+    return require_package("trimesh").creation.annulus(r_min=inner, r_max=outer, height=height, sections=40)
 
 
-def _cup(radius: float, height: float) -> Any:
+def _open_paraboloid(radius: float, height: float) -> Any:
     """An open shell of revolution, apex at the origin, rim at +z."""
     share = np.linspace(0.1, 1.0, 8)
     rim = np.stack([radius * share, height * share**2], axis=1)
-    return need("trimesh").creation.revolve(np.concatenate([rim, rim[::-1] + np.array([0.0, 0.004])]), sections=32)
+    return require_package("trimesh").creation.revolve(
+        np.concatenate([rim, rim[::-1] + np.array([0.0, 0.004])]), sections=32
+    )
 
 
-def _turned(piece: Any, axis: str, middle: tuple[float, float, float]) -> Any:
+def _along_axis(piece: Any, axis: str, middle: tuple[float, float, float]) -> Any:
     """A piece of revolution about z, turned to another axis and moved."""
     turns = {
         "x": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]],
@@ -325,8 +329,8 @@ def _turned(piece: Any, axis: str, middle: tuple[float, float, float]) -> Any:
     return piece.apply_transform(transform)
 
 
-def _merged(pieces: list[tuple[Material, Any]]) -> Iterable[Part]:
+def _merge_by_material(pieces: list[tuple[Material, Any]]) -> Iterable[MeshPart]:
     """One part for each material, flat-shaded: no vertex is shared by faces of different pieces."""
     for material in dict.fromkeys(material for material, _ in pieces):
-        whole = need("trimesh").util.concatenate([piece for other, piece in pieces if other == material])
-        yield Part(np.asarray(whole.vertices), np.asarray(whole.faces), material)
+        whole = require_package("trimesh").util.concatenate([piece for other, piece in pieces if other == material])
+        yield MeshPart(np.asarray(whole.vertices), np.asarray(whole.faces), material)

@@ -6,12 +6,12 @@ from flax import linen
 
 def convolution(name: str, width: int, stride: int = 1, size: int = 3, padding: int | None = None) -> linen.Conv:
     """A square convolution in float32 to `width` channels; its output is as large as its input over the stride."""
-    around = size // 2 if padding is None else padding
+    zero_padding = size // 2 if padding is None else padding
     return linen.Conv(
         width,
         (size, size),
         (stride, stride),
-        padding=((around, around), (around, around)),
+        padding=((zero_padding, zero_padding), (zero_padding, zero_padding)),
         name=name,
         param_dtype=jnp.float32,
         kernel_init=linen.initializers.he_normal(),

@@ -15,25 +15,25 @@ from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
 from rpojax.vision.detector.convolution import convolution
-from rpojax.vision.detector.non_maximum_suppression import suppress
+from rpojax.vision.detector.non_maximum_suppression import suppress_overlapping
 
 STRIDE = 4
-MULTIPLE_PX = 32
+SIDE_MULTIPLE_PX = 32
 """Pictures have sides that are multiples of this."""
 SUPPRESSION_IOU = 0.5
-WINDOW = 5
+SOFT_WINDOW_CELLS = 5
 """Cells (odd) around a peak over which the soft box is taken."""
 _WIDTHS = (16, 32, 48, 64, 64)
-_TOP_DOWN = 48
-_HEAD = 32
-_PRIOR = -4.6
+_TOP_DOWN_WIDTH = 48
+_HEAD_WIDTH = 32
+_PRIOR_LOGIT = -4.6
 
 Params = dict[str, Any]
 Images = Float[Array, "n h w 3"]
 
 
 @pytree
-class Maps:
+class ProposalMaps:
     """What the network says of every cell of STRIDE x STRIDE pixels.
 
     Attributes:
@@ -41,7 +41,7 @@ class Maps:
         edges: (..., y, x, 4) left, top, right, bottom [px] of its box
     """
 
-    heat: Array
+    heatmap: Array
     edges: Array
 
 
@@ -58,7 +58,7 @@ class Detections:
     score: Array
 
 
-class Network(linen.Module):
+class ProposalNetwork(linen.Module):
     """Pictures (n, h, w, 3) in 0..1 to five channels (n, h/4, w/4, 5): heat, and four distances in asinh."""
 
     @linen.compact
@@ -69,14 +69,14 @@ class Network(linen.Module):
             values = linen.relu(convolution(f"down{index}", width, stride=2)(values))
             values = values + linen.relu(convolution(f"same{index}", width)(values))
             levels.append(values)
-        merged = convolution("top", _TOP_DOWN, size=1)(levels[-1])
+        merged = convolution("top", _TOP_DOWN_WIDTH, size=1)(levels[-1])
         for index in (2, 1, 0):
-            side = convolution(f"side{index}", _TOP_DOWN, size=1)(levels[index])
-            merged = linen.relu(_doubled(merged) + side)
+            side = convolution(f"side{index}", _TOP_DOWN_WIDTH, size=1)(levels[index])
+            merged = linen.relu(_upsample(merged) + side)
             if index > 0:
-                merged = merged + linen.relu(convolution(f"blend{index}", _TOP_DOWN)(merged))
-        values = linen.relu(convolution("head0", _HEAD)(merged))
-        values = values + linen.relu(convolution("head1", _HEAD)(values))
+                merged = merged + linen.relu(convolution(f"blend{index}", _TOP_DOWN_WIDTH)(merged))
+        values = linen.relu(convolution("head0", _HEAD_WIDTH)(merged))
+        values = values + linen.relu(convolution("head1", _HEAD_WIDTH)(values))
         return linen.Conv(
             5, (1, 1), name="out", param_dtype=jnp.float32, bias_init=_bias_init, kernel_init=_small_init
         )(values)
@@ -84,35 +84,35 @@ class Network(linen.Module):
 
 def _bias_init(key: Array, shape: tuple[int, ...], dtype: Any) -> Array:
     """Few cells hold a middle, and a usual spacecraft has its edges eight pixels away."""
-    return jnp.array([_PRIOR, 1.5, 1.5, 1.5, 1.5], dtype)
+    return jnp.array([_PRIOR_LOGIT, 1.5, 1.5, 1.5, 1.5], dtype)
 
 
 def _small_init(key: Array, shape: tuple[int, ...], dtype: Any) -> Array:
     return 0.02 * jax.random.normal(key, shape, dtype)
 
 
-def _doubled(values: Array) -> Array:
+def _upsample(values: Array) -> Array:
     """(n, y, x, c) to (n, 2y, 2x, c) by repetition."""
     n, y, x, c = values.shape
     return jnp.broadcast_to(values[:, :, None, :, None, :], (n, y, 2, x, 2, c)).reshape(n, 2 * y, 2 * x, c)
 
 
-NETWORK = Network()
+NETWORK = ProposalNetwork()
 
 
-def fresh(key: Array) -> Params:
+def initialize(key: Array) -> Params:
     """Untrained parameters."""
-    sample = jnp.zeros((1, MULTIPLE_PX, MULTIPLE_PX, 3), jnp.float32)
+    sample = jnp.zeros((1, SIDE_MULTIPLE_PX, SIDE_MULTIPLE_PX, 3), jnp.float32)
     return dict(NETWORK.init(key, sample)["params"])
 
 
-def forward(params: Params, images: Images) -> Maps:
+def forward(params: Params, images: Images) -> ProposalMaps:
     """Maps (n, h/4, w/4) of pictures of float32 sRGB codes in 0..1; h and w are multiples of `MULTIPLE_PX`."""
     raw = NETWORK.apply({"params": params}, images)
-    return to_maps(raw)  # pyright: ignore[reportArgumentType]
+    return maps_from_channels(raw)  # pyright: ignore[reportArgumentType]
 
 
-def to_maps(raw: Float[Array, "n y x 5"]) -> Maps:
+def maps_from_channels(raw: Float[Array, "n y x 5"]) -> ProposalMaps:
     """Maps of the network's channels."""
     rows, columns = raw.shape[1:3]
     x = (jnp.arange(columns, dtype=jnp.float32) + 0.5) * STRIDE
@@ -122,63 +122,65 @@ def to_maps(raw: Float[Array, "n y x 5"]) -> Maps:
     # Like a logarithm for far edges, but a neighbour of a small box's middle may say that an edge lies behind it.
     distance = STRIDE * jnp.sinh(jnp.clip(raw[..., 1:], -4.5, 4.5))
     sign = jnp.array([-1.0, -1.0, 1.0, 1.0], jnp.float32)
-    return Maps(heat=raw[..., 0], edges=middle[None] + sign[None, None, None, :] * distance)
+    return ProposalMaps(heatmap=raw[..., 0], edges=middle[None] + sign[None, None, None, :] * distance)
 
 
 def detect(params: Params, images: Images, count: int) -> Detections:
     """The `count` best boxes of each of a batch of pictures, by this look alone."""
     maps = forward(params, images)
-    return jax.vmap(lambda heat, edges: decode(Maps(heat=heat, edges=edges), count))(maps.heat, maps.edges)
+    return jax.vmap(lambda heat, edges: decode_boxes(ProposalMaps(heatmap=heat, edges=edges), count))(
+        maps.heatmap, maps.edges
+    )
 
 
-def decode(maps: Maps, count: int) -> Detections:
+def decode_boxes(maps: ProposalMaps, count: int) -> Detections:
     """The `count` best boxes of one picture's maps (y, x): peaks of heat, less those that overlap a better one.
 
     A box is the mean of those that the peak's cell and its neighbours name, by their heat: a vote has less noise.
     """
-    rows, columns = maps.heat.shape
-    score = jax.nn.sigmoid(maps.heat)
+    rows, columns = maps.heatmap.shape
+    score = jax.nn.sigmoid(maps.heatmap)
     around = jax.lax.reduce_window(score, -jnp.inf, jax.lax.max, (3, 3), (1, 1), "SAME")
     peaks = jnp.where(score >= around, score, 0.0).reshape(-1)
     candidates = min(3 * count + 2, rows * columns)
     best, place = jax.lax.top_k(peaks, candidates)
-    box = jax.vmap(lambda p: _vote(maps, p // columns, p % columns, 3, 1.0))(place)
-    kept = suppress(box, best, SUPPRESSION_IOU)
+    box = jax.vmap(lambda p: _weighted_mean_box(maps, p // columns, p % columns, 3, 1.0))(place)
+    kept = suppress_overlapping(box, best, SUPPRESSION_IOU)
     order = jnp.argsort(-kept)[: min(count, candidates)]
-    return Detections(box_px=clip(box[order], rows * STRIDE, columns * STRIDE), score=kept[order])
+    return Detections(box_px=clip_boxes(box[order], rows * STRIDE, columns * STRIDE), score=kept[order])
 
 
-def soft_decode(maps: Maps) -> tuple[Float[Array, "4"], Float[Array, ""]]:
+def soft_decode_box(maps: ProposalMaps) -> tuple[Float[Array, "4"], Float[Array, ""]]:
     """Box and score at the highest peak of one picture's maps (y, x), both differentiable in the maps.
 
     The box is the mean of a window of cells around the peak by their heat, the score a smooth maximum of the window.
     """
-    columns = maps.heat.shape[1]
-    peak = jnp.argmax(jax.lax.stop_gradient(maps.heat))
+    columns = maps.heatmap.shape[1]
+    peak = jnp.argmax(jax.lax.stop_gradient(maps.heatmap))
     row, column = peak // columns, peak % columns
-    box = _vote(maps, row, column, WINDOW, 1.0)
-    heat, _ = _window(maps, row, column, WINDOW)
+    box = _weighted_mean_box(maps, row, column, SOFT_WINDOW_CELLS, 1.0)
+    heat, _ = _window(maps, row, column, SOFT_WINDOW_CELLS)
     return box, jnp.sum(jax.nn.softmax(4.0 * heat) * jax.nn.sigmoid(heat))
 
 
-def _window(maps: Maps, row: Array, column: Array, size: int) -> tuple[Array, Array]:
+def _window(maps: ProposalMaps, row: Array, column: Array, size: int) -> tuple[Array, Array]:
     """Heat (size^2,) and edges (size^2, 4) of the cells around one; cells outside of the maps are cold."""
-    rows, columns = maps.heat.shape
+    rows, columns = maps.heatmap.shape
     offset = jnp.arange(size, dtype=row.dtype) - size // 2
     y = jnp.broadcast_to((row + offset)[:, None], (size, size)).reshape(-1)
     x = jnp.broadcast_to((column + offset)[None, :], (size, size)).reshape(-1)
     inside = (y >= 0) & (y < rows) & (x >= 0) & (x < columns)
     y, x = jnp.clip(y, 0, rows - 1), jnp.clip(x, 0, columns - 1)
-    return jnp.where(inside, maps.heat[y, x], -30.0), maps.edges[y, x]
+    return jnp.where(inside, maps.heatmap[y, x], -30.0), maps.edges[y, x]
 
 
-def _vote(maps: Maps, row: Array, column: Array, size: int, sharpness: float) -> Array:
+def _weighted_mean_box(maps: ProposalMaps, row: Array, column: Array, size: int, sharpness: float) -> Array:
     heat, edges = _window(maps, row, column, size)
     weight = jax.nn.softmax(sharpness * heat)
     return jnp.sum(weight[:, None] * edges, axis=0)
 
 
-def clip(boxes: Float[Array, "n 4"], height: int, width: int) -> Float[Array, "n 4"]:
+def clip_boxes(boxes: Float[Array, "n 4"], height: int, width: int) -> Float[Array, "n 4"]:
     """Boxes [px] cut to a picture."""
     high = jnp.array([width, height, width, height], jnp.float32)
     return jnp.clip(boxes, 0.0, high[None, :])

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.errors import OutputError
-from rpojax.vision.radiance_field.render_image import encode
+from rpojax.vision.radiance_field.render_image import linear_to_srgb
 
 BACKDROP = 0.02
 """Linear radiance behind a target that is shown to a person: sides in shadow stand out from it."""
@@ -21,12 +21,12 @@ _CODECS = ("vp09", "mp4v")
 """In order of preference: the first plays in browsers too, the second is in every build of OpenCV."""
 
 
-def before_backdrop(color: np.ndarray, alpha: np.ndarray) -> np.ndarray:
+def over_backdrop(color: np.ndarray, alpha: np.ndarray) -> np.ndarray:
     """Linear pictures (..., 3) on black with their alpha (...), before the backdrop."""
     return color.astype(np.float32) + BACKDROP * (1.0 - alpha.astype(np.float32)[..., None])
 
 
-def sheet_png(pictures: np.ndarray, columns: int, captions: Sequence[str] = ()) -> bytes:
+def contact_sheet_png(pictures: np.ndarray, columns: int, captions: Sequence[str] = ()) -> bytes:
     """PNG of linear pictures (n, p, p, 3) in rows of `columns`, each under its caption if there are any."""
     size = pictures.shape[1]
     top = _CAPTION_PX if captions else 0
@@ -42,7 +42,7 @@ def sheet_png(pictures: np.ndarray, columns: int, captions: Sequence[str] = ()) 
     return cv2.imencode(".png", sheet)[1].tobytes()
 
 
-def film_mp4(pictures: Iterable[np.ndarray], size_px: int, per_second: float = 24.0) -> bytes:
+def video_mp4(pictures: Iterable[np.ndarray], size_px: int, per_second: float = 24.0) -> bytes:
     """MP4 of linear pictures (p, p, 3); raises `OutputError` where this build of OpenCV has no codec for it."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
@@ -64,5 +64,5 @@ def _writer(path: Path, size_px: int, per_second: float) -> Any:
 
 
 def _pixels(linear: np.ndarray) -> np.ndarray:
-    codes = np.asarray(encode(jnp.asarray(linear, jnp.float32)))
+    codes = np.asarray(linear_to_srgb(jnp.asarray(linear, jnp.float32)))
     return np.round(255.0 * codes).astype(np.uint8)[..., ::-1]

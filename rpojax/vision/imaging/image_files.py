@@ -16,11 +16,11 @@ PIXEL_LIMIT = 50_000_000
 _FORMATS = ("JPEG", "MPO", "PNG")
 
 
-class PictureError(RpojaxError):
+class ImageFileError(RpojaxError):
     """A file is no picture that can be used."""
 
 
-def read(path: Path) -> np.ndarray:
+def read_image(path: Path) -> np.ndarray:
     """sRGB codes (h, w, 3) in 0..1 float32, upright as its EXIF orientation says, transparent parts black.
 
     Raises `PictureError` for what is no single JPEG or PNG picture of at most `PIXEL_LIMIT` pixels. Of a JPEG with
@@ -37,23 +37,23 @@ def read(path: Path) -> np.ndarray:
                 return _codes(image)
     except UnidentifiedImageError:
         found = "an empty file" if path.stat().st_size == 0 else "something else"
-        raise PictureError(f"{path}: found {found}, expected a JPEG or PNG picture") from None
+        raise ImageFileError(f"{path}: found {found}, expected a JPEG or PNG picture") from None
     except Image.DecompressionBombError:
-        raise PictureError(f"{path}: found too many pixels, expected at most {PIXEL_LIMIT}") from None
+        raise ImageFileError(f"{path}: found too many pixels, expected at most {PIXEL_LIMIT}") from None
     except (OSError, SyntaxError, ValueError, EOFError) as error:
         reason = " ".join(str(getattr(error, "strerror", None) or error).split())
-        raise PictureError(f"{path}: cannot be read ({reason}), expected a JPEG or PNG picture") from None
+        raise ImageFileError(f"{path}: cannot be read ({reason}), expected a JPEG or PNG picture") from None
 
 
 def _check(path: Path, image: "Image") -> None:
     if image.format not in _FORMATS:
-        raise PictureError(f"{path}: found {image.format}, expected a JPEG or PNG picture")
+        raise ImageFileError(f"{path}: found {image.format}, expected a JPEG or PNG picture")
     if image.width * image.height > PIXEL_LIMIT:
         found = f"{image.width} x {image.height} px"
-        raise PictureError(f"{path}: found {found}, expected at most {PIXEL_LIMIT} pixels")
+        raise ImageFileError(f"{path}: found {found}, expected at most {PIXEL_LIMIT} pixels")
     frames = getattr(image, "n_frames", 1)
     if frames > 1 and image.format != "MPO":
-        raise PictureError(f"{path}: found {frames} frames, expected a single picture")
+        raise ImageFileError(f"{path}: found {frames} frames, expected a single picture")
 
 
 def _codes(image: "Image") -> np.ndarray:

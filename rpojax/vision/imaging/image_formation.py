@@ -6,10 +6,10 @@ from jaxtyping import Array, Float
 from rpojax.core.pytree import pytree
 from rpojax.vision.imaging.exposure import Exposure, expose
 from rpojax.vision.imaging.stars_and_earth import Sky, background
-from rpojax.vision.pinhole import Lens
-from rpojax.vision.radiance_field.ray_budget import Sampling
-from rpojax.vision.radiance_field.render_image import compose, encode, render_frame
-from rpojax.vision.radiance_field.target_field import Field
+from rpojax.vision.pinhole import Intrinsics
+from rpojax.vision.radiance_field.ray_budget import RaySampling
+from rpojax.vision.radiance_field.render_image import alpha_composite, linear_to_srgb, render_target
+from rpojax.vision.radiance_field.target_field import RadianceField
 
 Image = Float[Array, "h w 3"]
 
@@ -34,13 +34,13 @@ class Scene:
     sun_T: Array
     sunlight: Array
     R_KN: Array
-    place_N: Array
+    position_N: Array
     sun_N: Array
-    earth_turn: Array
+    earth_rotation: Array
 
 
 @pytree
-class Window:
+class ImageWindow:
     """The part of a frame that is looked at, as a lens of its own.
 
     Attributes:
@@ -49,27 +49,44 @@ class Window:
         binning: () pixels of the frame along a side of one of the window's
     """
 
-    lens: Lens
+    intrinsics: Intrinsics
     corner_px: Array
     binning: Array
 
 
-def window(lens: Lens, corner_px: Float[Array, "2"], binning: Float[Array, ""]) -> Window:
+def image_window(intrinsics: Intrinsics, corner_px: Float[Array, "2"], binning: Float[Array, ""]) -> ImageWindow:
     """Window whose corner is at a pixel of the frame and whose pixels are `binning` times as large."""
-    own = Lens(focal_px=lens.focal_px / binning, center_px=(lens.center_px - corner_px) / binning)
-    return Window(lens=own, corner_px=corner_px, binning=binning)
+    window_intrinsics = Intrinsics(
+        focal_px=intrinsics.focal_px / binning, center_px=(intrinsics.center_px - corner_px) / binning
+    )
+    return ImageWindow(intrinsics=window_intrinsics, corner_px=corner_px, binning=binning)
 
 
-def take_picture(
-    field: Field, sky: Sky, exposure: Exposure, rays: Sampling, view: Window, size_px: int, scene: Scene, noise: Image
+def form_image(
+    field: RadianceField,
+    sky: Sky,
+    exposure: Exposure,
+    sampling: RaySampling,
+    window: ImageWindow,
+    size_px: int,
+    scene: Scene,
+    noise: Image,
 ) -> Image:
     """sRGB codes (size_px, size_px, 3) in 0..1 of a window; `noise` are standard normal numbers."""
-    frame = render_frame(
-        field, view.lens, size_px, size_px, rays, scene.r_KT_T, scene.R_KT, scene.sun_T, scene.sunlight
+    frame = render_target(
+        field, window.intrinsics, size_px, size_px, sampling, scene.r_KT_T, scene.R_KT, scene.sun_T, scene.sunlight
     )
-    binning = view.binning.astype(jnp.float32)
+    binning = window.binning.astype(jnp.float32)
     behind = background(
-        sky, view.lens, size_px, size_px, scene.R_KN, scene.place_N, scene.sun_N, scene.earth_turn, binning
+        sky,
+        window.intrinsics,
+        size_px,
+        size_px,
+        scene.R_KN,
+        scene.position_N,
+        scene.sun_N,
+        scene.earth_rotation,
+        binning,
     )
-    seen = expose(compose(frame, behind), exposure, noise, binning)
-    return encode(seen)
+    seen = expose(alpha_composite(frame, behind), exposure, noise, binning)
+    return linear_to_srgb(seen)

@@ -8,15 +8,15 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
-from rpojax.vision.pinhole import Lens
+from rpojax.vision.pinhole import Intrinsics
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
 Image = Float[Array, "h w 3"]
 
-STARS = 1500
+STAR_COUNT = 1500
 _SCALE_HEIGHT = 0.003
-_AIR = (0.25, 0.45, 0.9)
+_AIR_COLOR = (0.25, 0.45, 0.9)
 _HAZE = 0.06
 _DETAIL_PX = 256
 _DETAILS = ((36.0, 0.9), (288.0, 0.5))
@@ -36,13 +36,13 @@ class Sky:
     """
 
     star_N: Array
-    star_light: Array
+    star_radiance: Array
     earth: Array
     cloud: Array
     detail: Array
 
 
-def sky(seed: int = 0, cloud_share: float = 0.45) -> Sky:
+def random_sky(seed: int = 0, cloud_fraction: float = 0.45) -> Sky:
     """Random stars, as much more frequent the fainter as in the real sky, and an Earth under random clouds.
 
     The ground is NASA's Blue Marble (public domain), at 512 x 256 pixels. There are
@@ -53,18 +53,18 @@ def sky(seed: int = 0, cloud_share: float = 0.45) -> Sky:
     packed = np.frombuffer((resources.files("rpojax.vision") / "assets" / "earth.jpg").read_bytes(), np.uint8)
     ground = (np.asarray(cv2.imdecode(packed, cv2.IMREAD_COLOR))[..., ::-1] / 255.0) ** 2.2
     rng = np.random.default_rng(seed)
-    direction = rng.normal(size=(STARS, 3))
-    magnitude = 6.0 + 2.0 * np.log10(rng.uniform(1e-4, 1.0, STARS))
+    direction = rng.normal(size=(STAR_COUNT, 3))
+    magnitude = 6.0 + 2.0 * np.log10(rng.uniform(1e-4, 1.0, STAR_COUNT))
     return Sky(
         star_N=jnp.asarray(direction / np.linalg.norm(direction, axis=1, keepdims=True), jnp.float32),
-        star_light=jnp.asarray(0.3 * 10.0 ** (-0.4 * magnitude), jnp.float32),
+        star_radiance=jnp.asarray(0.3 * 10.0 ** (-0.4 * magnitude), jnp.float32),
         earth=jnp.asarray(ground, jnp.float32),
-        cloud=jnp.asarray(_clouds(rng, ground.shape[:2], cloud_share), jnp.float32),
-        detail=jnp.asarray(_tile(rng), jnp.float32),
+        cloud=jnp.asarray(_clouds(rng, ground.shape[:2], cloud_fraction), jnp.float32),
+        detail=jnp.asarray(_noise_tile(rng), jnp.float32),
     )
 
 
-def _clouds(rng: np.random.Generator, shape: tuple[int, ...], share: float) -> np.ndarray:
+def _clouds(rng: np.random.Generator, shape: tuple[int, ...], fraction: float) -> np.ndarray:
     """Thickness (y, x) of clouds, above 0 over a share: noise summed over octaves, that closes round the globe."""
     from scipy.ndimage import zoom  # a third of a second that only pictures need
 
@@ -75,10 +75,10 @@ def _clouds(rng: np.random.Generator, shape: tuple[int, ...], share: float) -> n
         noise = np.concatenate([noise, noise[:, :1]], axis=1)
         factors = (shape[0] / noise.shape[0], shape[1] / noise.shape[1])
         total = total + np.asarray(zoom(noise, factors, order=1))[: shape[0], : shape[1]] * 0.6**octave
-    return (total - np.quantile(total, 1.0 - share)) / total.std()
+    return (total - np.quantile(total, 1.0 - fraction)) / total.std()
 
 
-def _tile(rng: np.random.Generator) -> np.ndarray:
+def _noise_tile(rng: np.random.Generator) -> np.ndarray:
     """Noise of unit variance whose amplitude falls with frequency to the power 1.4, and that repeats at its edges."""
     rows, columns = np.fft.fftfreq(_DETAIL_PX)[:, None], np.fft.fftfreq(_DETAIL_PX)[None, :]
     frequency = np.hypot(rows, columns)
@@ -90,13 +90,13 @@ def _tile(rng: np.random.Generator) -> np.ndarray:
 
 def background(
     sky: Sky,
-    lens: Lens,
+    intrinsics: Intrinsics,
     width_px: int,
     height_px: int,
     R_KN: Matrix,
     position: Vector,
     sun_N: Vector,
-    turn: Array,
+    earth_rotation: Array,
     binning: Array | float = 1.0,
 ) -> Image:
     """Linear picture (h, w, 3) of stars and Earth; all arrays float32.
@@ -105,7 +105,7 @@ def background(
     angle [rad] by which the Earth has turned about its pole, Greenwich from N's x axis. A star's light is spread over
     `binning` squared of the detector's pixels, of which one of the picture's is the mean.
     """
-    center, focal = lens.center_px.astype(jnp.float32), lens.focal_px.astype(jnp.float32)
+    center, focal = intrinsics.center_px.astype(jnp.float32), intrinsics.focal_px.astype(jnp.float32)
     x = (jnp.arange(width_px, dtype=jnp.float32) + 0.5 - center[0]) / focal
     y = (jnp.arange(height_px, dtype=jnp.float32) + 0.5 - center[1]) / focal
     shape = (height_px, width_px)
@@ -114,12 +114,12 @@ def background(
     )
     rays_K = rays_K * jax.lax.rsqrt(jnp.sum(rays_K * rays_K, axis=0))[None]
     rays_N = jnp.einsum("ki,khw->ihw", R_KN, rays_K)
-    ground, cover = _earth(sky, rays_N, position, sun_N, turn)
+    ground, cover = _earth(sky, rays_N, position, sun_N, earth_rotation)
     stars = _stars(sky, center, focal, shape, R_KN)
     return ground + (stars / (binning * binning))[:, :, None] * (1.0 - cover)[:, :, None]
 
 
-def _earth(sky: Sky, rays_N: Array, position: Array, sun_N: Array, turn: Array) -> tuple[Array, Array]:
+def _earth(sky: Sky, rays_N: Array, position: Array, sun_N: Array, earth_rotation: Array) -> tuple[Array, Array]:
     """Light of the ground and of the air above the limb, and whether the ground is there."""
     along = jnp.sum(rays_N * position[:, None, None], axis=0)
     square = jnp.sum(position * position)
@@ -128,21 +128,21 @@ def _earth(sky: Sky, rays_N: Array, position: Array, sun_N: Array, turn: Array) 
     distance = -along - jnp.sqrt(jnp.where(hit, 1.0 - nearest, 0.0))
     point = position[:, None, None] + distance[None] * rays_N
     lit = jnp.maximum(jnp.sum(point * sun_N[:, None, None], axis=0), 0.0)
-    haze = _HAZE * jnp.asarray(_AIR, jnp.float32)[None, None, :]
-    ground = jnp.where(hit[:, :, None], (_surface(sky, point, hit, turn) + haze) * lit[:, :, None], 0.0)
+    haze = _HAZE * jnp.asarray(_AIR_COLOR, jnp.float32)[None, None, :]
+    ground = jnp.where(hit[:, :, None], (_surface(sky, point, hit, earth_rotation) + haze) * lit[:, :, None], 0.0)
     # Above the limb: light of the air at the height where the ray passes, as bright as the ground below would be.
     height = jnp.sqrt(nearest) - 1.0
     foot = position[:, None, None] - along[None] * rays_N
     above = jnp.maximum(jnp.sum(foot * sun_N[:, None, None], axis=0), 0.0)
     glow = jnp.where((along < 0.0) & ~hit, above * jnp.exp(-jnp.maximum(height, 0.0) / _SCALE_HEIGHT), 0.0)
-    air = 0.5 * glow[:, :, None] * jnp.asarray(_AIR, jnp.float32)[None, None, :]
+    air = 0.5 * glow[:, :, None] * jnp.asarray(_AIR_COLOR, jnp.float32)[None, None, :]
     return ground + air, hit.astype(jnp.float32)
 
 
-def _surface(sky: Sky, point: Array, hit: Array, turn: Array) -> Array:
+def _surface(sky: Sky, point: Array, hit: Array, earth_rotation: Array) -> Array:
     """Linear colour (h, w, 3) of ground and clouds under full light at points (3, h, w) of the unit sphere."""
     south = 0.5 - jnp.arcsin(jnp.clip(point[2], -1.0, 1.0)) / jnp.pi
-    east = (jnp.arctan2(point[1], jnp.where(hit, point[0], 1.0)) - turn) / (2.0 * jnp.pi) + 0.5
+    east = (jnp.arctan2(point[1], jnp.where(hit, point[0], 1.0)) - earth_rotation) / (2.0 * jnp.pi) + 0.5
     small = jnp.zeros_like(south)
     for times, strength in _DETAILS:
         # Meridians come together at the poles, and with them the pattern; no camera looks there for long.
@@ -180,7 +180,7 @@ def _stars(sky: Sky, center: Array, focal: Array, shape: tuple[int, int], R_KN: 
     first = jnp.floor(place)
     share = place - first
     column, row = first[:, 0].astype(jnp.int32), first[:, 1].astype(jnp.int32)
-    light = jnp.where(ahead, sky.star_light, 0.0)
+    light = jnp.where(ahead, sky.star_radiance, 0.0)
     picture = jnp.zeros(shape, jnp.float32)
     for dy in (0, 1):
         for dx in (0, 1):

@@ -6,36 +6,36 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.vision.imaging.contact_sheets import before_backdrop
-from rpojax.vision.pinhole import lens
-from rpojax.vision.radiance_field.ray_budget import sampling
-from rpojax.vision.radiance_field.render_image import render_frame
-from rpojax.vision.radiance_field.target_field import Field, bounding_ball
+from rpojax.vision.imaging.contact_sheets import over_backdrop
+from rpojax.vision.pinhole import pinhole_intrinsics
+from rpojax.vision.radiance_field.ray_budget import choose_ray_sampling
+from rpojax.vision.radiance_field.render_image import render_target
+from rpojax.vision.radiance_field.target_field import RadianceField, bounding_sphere
 
 _FIELD_OF_VIEW = np.radians(26.0)
 _FILL = 0.95
 
 
-def azimuths(frames: int, first_deg: float) -> np.ndarray:
+def camera_azimuths(frames: int, first_deg: float) -> np.ndarray:
     """Directions (frames,) of the cameras of a turntable, from the x axis towards y [deg]."""
     return (first_deg + 360.0 * np.arange(frames) / frames) % 360.0
 
 
-def turntable(
-    field: Field, azimuths_deg: np.ndarray, size_px: int, sun: np.ndarray, elevation_deg: float
+def render_turntable(
+    field: RadianceField, azimuths_deg: np.ndarray, size_px: int, sun: np.ndarray, elevation_deg: float
 ) -> Iterator[np.ndarray]:
     """Linear pictures (p, p, 3) from cameras round the field's z axis at one height, before a dim backdrop."""
-    middle, radius = (np.asarray(value) for value in bounding_ball(field))
+    middle, radius = (np.asarray(value) for value in bounding_sphere(field))
     distance = radius / (_FILL * np.tan(0.5 * _FIELD_OF_VIEW))
-    optics = lens(jnp.asarray(_FIELD_OF_VIEW), size_px, size_px)
-    rays = sampling(field, float(optics.focal_px), float(distance), oversampling=1.0)
+    optics = pinhole_intrinsics(jnp.asarray(_FIELD_OF_VIEW), size_px, size_px)
+    rays = choose_ray_sampling(field, float(optics.focal_px), float(distance), oversampling=1.0)
     light = jnp.asarray(sun / np.linalg.norm(sun), jnp.float32)
     elevation = np.radians(elevation_deg)
 
     @jax.jit
-    def one(field: Field, position: jax.Array, rotation: jax.Array) -> tuple[jax.Array, jax.Array]:
+    def one(field: RadianceField, position: jax.Array, rotation: jax.Array) -> tuple[jax.Array, jax.Array]:
         lit = jnp.ones((), jnp.float32)
-        frame = render_frame(field, optics, size_px, size_px, rays, position, rotation, light, lit)
+        frame = render_target(field, optics, size_px, size_px, rays, position, rotation, light, lit)
         return frame.color, frame.alpha
 
     for azimuth in np.radians(azimuths_deg):
@@ -43,4 +43,4 @@ def turntable(
         x = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
         rotation = np.stack([x, np.cross(-away, x), -away])
         color, alpha = one(field, *(jnp.asarray(v, jnp.float32) for v in (middle + distance * away, rotation)))
-        yield before_backdrop(np.asarray(color), np.asarray(alpha))
+        yield over_backdrop(np.asarray(color), np.asarray(alpha))

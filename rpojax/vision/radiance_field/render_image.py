@@ -5,9 +5,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
-from rpojax.vision.pinhole import Lens
-from rpojax.vision.radiance_field.ray_budget import Sampling, project_region, region_directions
-from rpojax.vision.radiance_field.target_field import Field, render_rays, touches
+from rpojax.vision.pinhole import Intrinsics
+from rpojax.vision.radiance_field.ray_budget import RaySampling, project_region, region_directions
+from rpojax.vision.radiance_field.target_field import RadianceField, intersects, render_rays
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
@@ -16,7 +16,7 @@ Image = Float[Array, "h w 3"]
 
 
 @pytree
-class Frame:
+class RenderedTarget:
     """A target in a frame.
 
     Attributes:
@@ -30,7 +30,7 @@ class Frame:
     depth: Array
 
 
-def encode(linear: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
+def linear_to_srgb(linear: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
     """sRGB code values of linear radiance, clipped to 0..1 (IEC 61966-2-1)."""
     clipped = jnp.clip(linear, 0.0, 1.0)
     root = 1.055 * jnp.maximum(clipped, 0.0031308) ** (1.0 / 2.4) - 0.055
@@ -46,49 +46,49 @@ def pixel_directions(size_px: int, field_of_view_deg: float) -> np.ndarray:
     return (directions / np.linalg.norm(directions, axis=2, keepdims=True)).astype(np.float32)
 
 
-def render_frame(
-    field: Field,
-    lens: Lens,
+def render_target(
+    field: RadianceField,
+    intrinsics: Intrinsics,
     width_px: int,
     height_px: int,
-    rays: Sampling,
+    sampling: RaySampling,
     r_KT_T: Vector,
     R_KT: Matrix,
     sun_T: Vector,
     sunlight: Scalar,
-) -> Frame:
+) -> RenderedTarget:
     """The target in a frame, from the camera's position [m] and axes, the direction of the Sun, all in T, and sunlight.
 
     `sunlight` is 0 in eclipse and 1 outside; arrays are float32. Differentiable in pose and Sun.
     """
-    corner, side, visible = project_region(field, lens, r_KT_T, R_KT)
-    direction = region_directions(lens, rays.side, corner, side, R_KT)
-    cells = _follow(field, rays, r_KT_T, direction, sun_T)
+    corner, side, visible = project_region(field, intrinsics, r_KT_T, R_KT)
+    direction = region_directions(intrinsics, sampling.side, corner, side, R_KT)
+    cells = _render_square(field, sampling, r_KT_T, direction, sun_T)
     cells = cells * jnp.stack([sunlight, sunlight, sunlight, *[jnp.ones_like(sunlight)] * 2])[None, :]
-    cells = jnp.where(visible, cells, 0.0).reshape(rays.side, rays.side, 5)
-    across = _overlaps(corner[0], side, rays.side, width_px)
-    down = _overlaps(corner[1], side, rays.side, height_px)
+    cells = jnp.where(visible, cells, 0.0).reshape(sampling.side, sampling.side, 5)
+    across = _pixel_coverage(corner[0], side, sampling.side, width_px)
+    down = _pixel_coverage(corner[1], side, sampling.side, height_px)
     frame = jnp.einsum("hr,rsc,ws->hwc", down, cells, across)
-    return Frame(color=frame[..., :3], alpha=frame[..., 3], depth=frame[..., 4])
+    return RenderedTarget(color=frame[..., :3], alpha=frame[..., 3], depth=frame[..., 4])
 
 
-def _follow(field: Field, rays: Sampling, origin: Array, directions: Array, sun: Array) -> Array:
+def _render_square(field: RadianceField, sampling: RaySampling, origin: Array, directions: Array, sun: Array) -> Array:
     """Colour, alpha and depth (n, 5) of all rays of the square; only those that come near matter are followed."""
 
-    def follow(directions: Array) -> Array:
+    def render(directions: Array) -> Array:
         origins, suns = (jnp.broadcast_to(v[None, :], directions.shape) for v in (origin, sun))
         found = render_rays(field, origins, directions, suns)
         return jnp.concatenate([found.color, found.alpha[:, None], found.depth[:, None]], axis=1)
 
-    if rays.rays >= len(directions):
-        return follow(directions)
-    near = touches(field, jnp.broadcast_to(origin[None, :], directions.shape), directions)
-    (chosen,) = jnp.nonzero(near, size=rays.rays, fill_value=len(directions))
-    found = follow(directions.at[chosen].get(mode="clip"))
+    if sampling.ray_count >= len(directions):
+        return render(directions)
+    near = intersects(field, jnp.broadcast_to(origin[None, :], directions.shape), directions)
+    (chosen,) = jnp.nonzero(near, size=sampling.ray_count, fill_value=len(directions))
+    found = render(directions.at[chosen].get(mode="clip"))
     return jnp.zeros((len(directions), 5), jnp.float32).at[chosen].set(found, mode="drop")
 
 
-def _overlaps(corner: Array, side: Array, cells: int, pixels: int) -> Array:
+def _pixel_coverage(corner: Array, side: Array, cells: int, pixels: int) -> Array:
     """(pixels, cells) share of each pixel that each cell of a row of `cells` covers."""
     width = side / cells
     start = corner + width * jnp.arange(cells, dtype=jnp.float32)
@@ -98,6 +98,6 @@ def _overlaps(corner: Array, side: Array, cells: int, pixels: int) -> Array:
     return jnp.maximum(last - first, 0.0)
 
 
-def compose(frame: Frame, background: Image) -> Image:
+def alpha_composite(frame: RenderedTarget, background: Image) -> Image:
     """Linear picture of a target before a background."""
     return frame.color + background * (1.0 - frame.alpha[:, :, None])

@@ -18,7 +18,7 @@ GAMMA = 2.2
 
 
 @pytree
-class Rays:
+class RenderedRays:
     """What rays bring back.
 
     Attributes:
@@ -34,10 +34,10 @@ class Rays:
     normal: Array
 
 
-def crossing(low: Array, high: Array, origin: Array, direction: Array) -> tuple[Array, Array]:
+def ray_box_intersection(low: Array, high: Array, origin: Array, direction: Array) -> tuple[Array, Array]:
     """Distances at which a ray enters and leaves a box; equal where it misses."""
-    steep = jnp.where(jnp.abs(direction) < TINY, TINY, direction)
-    first, second = (low - origin) / steep, (high - origin) / steep
+    safe_direction = jnp.where(jnp.abs(direction) < TINY, TINY, direction)
+    first, second = (low - origin) / safe_direction, (high - origin) / safe_direction
     near = jnp.maximum(jnp.max(jnp.minimum(first, second)), 0.0)
     return near, jnp.maximum(jnp.min(jnp.maximum(first, second)), near)
 
@@ -47,14 +47,14 @@ def normalized(vector: Array) -> Array:
     return vector * jax.lax.rsqrt(jnp.sum(vector * vector) + TINY)
 
 
-def encode_point(point: Array, frequencies: int) -> Array:
+def positional_encoding(point: Array, frequencies: int) -> Array:
     """Sines and cosines of a point (3,) at doubling frequencies."""
     scale = jnp.asarray(np.pi * 2.0 ** np.arange(frequencies), jnp.float32)
     angles = (scale[:, None] * point[None, :]).reshape(-1)
     return jnp.concatenate([jnp.sin(angles), jnp.cos(angles)])
 
 
-def new_layers(key: Array, widths: Sequence[int]) -> Layers:
+def initialize_layers(key: Array, widths: Sequence[int]) -> Layers:
     """Fresh layers between widths (He et al., 2015)."""
     layers = []
     for index, (fan_in, fan_out) in enumerate(itertools.pairwise(widths)):

@@ -6,28 +6,28 @@ import numpy as np
 import pytest
 
 from rpojax.analysis.calibration import camera_calibration
-from rpojax.analysis.calibration.camera_calibration import Outcomes
+from rpojax.analysis.calibration.camera_calibration import DetectionOutcomes
 from rpojax.core import quaternion
 from rpojax.scenario import scenario_file
 from rpojax.sensors import statistical_camera
-from rpojax.sensors.statistical_camera import FEATURES
+from rpojax.sensors.statistical_camera import FEATURE_COUNT
 
 COUNT = 8000
 SIDE = 30.0
 SIGMA = 0.04
 
 
-def known(seed: int) -> Outcomes:
+def known(seed: int) -> DetectionOutcomes:
     """Outcomes of a law: misses and bias depend on the first two features, one box in thirty is false."""
     rng = np.random.default_rng(seed)
-    features = rng.normal(size=(COUNT, FEATURES))
+    features = rng.normal(size=(COUNT, FEATURE_COUNT))
     outline = np.tile([40.0, 40.0, 40.0 + SIDE, 40.0 + SIDE], (COUNT, 1))
     seen = rng.random(COUNT) < probability(features)
     false = rng.random(COUNT) < 1.0 / 30.0
     error = SIDE * (bias(features)[:, None] + SIGMA * rng.normal(size=(COUNT, 4)))
     edges = np.where(false[:, None], [90.0, 90.0, 100.0, 99.0], outline + error)
     score = np.where(seen | false, 0.9 + 0.02 * rng.normal(size=COUNT), 0.1)
-    return Outcomes(features, outline, np.ones(COUNT, bool), edges, score)
+    return DetectionOutcomes(features, outline, np.ones(COUNT, bool), edges, score)
 
 
 def probability(features: np.ndarray) -> np.ndarray:
@@ -39,10 +39,10 @@ def bias(features: np.ndarray) -> np.ndarray:
 
 
 def test_the_fit_finds_the_law_behind_the_outcomes() -> None:
-    fit = camera_calibration.fit(known(0), 0.4)
-    features = np.random.default_rng(9).normal(size=(500, FEATURES))
+    fit = camera_calibration.fit_camera(known(0), 0.4)
+    features = np.random.default_rng(9).normal(size=(500, FEATURE_COUNT))
     yes = jnp.ones((), bool)
-    found = jax.vmap(lambda row: statistical_camera.outcome(fit.statistics, row, yes))(
+    found = jax.vmap(lambda row: statistical_camera.frame_distribution(fit.statistics, row, yes))(
         jnp.asarray(features, jnp.float32)
     )
     expected = probability(features) * (1.0 - 1.0 / 30.0)
@@ -59,7 +59,7 @@ def test_the_fit_finds_the_law_behind_the_outcomes() -> None:
 
 def test_drawn_views_are_lit_and_within_the_camera_limits() -> None:
     file = scenario_file.load("inspection")
-    views = camera_calibration.draw(file, 400, seed=2)
+    views = camera_calibration.sample_views(file, 400, seed=2)
     distance = np.linalg.norm(views.r_ST_N, axis=1)
     assert distance.min() >= 0.6 * 30.0
     assert distance.max() <= 1.5 * 50.0
@@ -70,7 +70,7 @@ def test_drawn_views_are_lit_and_within_the_camera_limits() -> None:
 
 
 def test_most_drawn_views_have_the_target_in_the_frame() -> None:
-    views = camera_calibration.draw(scenario_file.load("inspection"), 300, seed=3)
+    views = camera_calibration.sample_views(scenario_file.load("inspection"), 300, seed=3)
     pairs = zip(views.q_KN, views.r_ST_N, strict=True)
     seen = np.stack([quaternion.rotate(jnp.asarray(q), jnp.asarray(-r)) for q, r in pairs])
     angle = np.degrees(np.arctan2(np.linalg.norm(seen[:, :2], axis=1), seen[:, 2]))
@@ -79,6 +79,6 @@ def test_most_drawn_views_have_the_target_in_the_frame() -> None:
 
 def test_the_same_seed_draws_the_same_views() -> None:
     file = scenario_file.load("inspection")
-    one, other, third = (camera_calibration.draw(file, 20, seed) for seed in (5, 5, 6))
+    one, other, third = (camera_calibration.sample_views(file, 20, seed) for seed in (5, 5, 6))
     np.testing.assert_array_equal(one.q_KN, other.q_KN)
     assert not np.array_equal(one.q_KN, third.q_KN)

@@ -7,24 +7,24 @@ import numpy as np
 import pytest
 
 from rpojax.analysis.calibration import camera_calibration, error_correlation
-from rpojax.analysis.calibration.camera_calibration import Outcomes
+from rpojax.analysis.calibration.camera_calibration import DetectionOutcomes
 from rpojax.analysis.calibration.error_correlation import FRAMES
 from rpojax.core import quaternion
 from rpojax.scenario import scenario_file
-from rpojax.sensors.statistical_camera import FEATURES, WIDE
+from rpojax.sensors.statistical_camera import FEATURE_COUNT, WIDE_SIGMA_FACTOR
 
 SIDE = 30.0
 SIGMA = 0.04
 COUNT = 400
 
 
-def sequences(share: float, angle: float, turn: np.ndarray, wide: float = 0.0) -> Outcomes:
+def sequences(share: float, angle: float, turn: np.ndarray, wide: float = 0.0) -> DetectionOutcomes:
     """Boxes whose edges err by a lasting and a passing part, some three times as far; sides err alike by half."""
     rng = np.random.default_rng(5)
     lasting = rng.normal(size=(len(turn), 4))
     errors = []
     for _ in range(FRAMES):
-        width = np.where(rng.random((len(turn), 1)) < wide, WIDE, 1.0)
+        width = np.where(rng.random((len(turn), 1)) < wide, WIDE_SIGMA_FACTOR, 1.0)
         errors.append(width * (np.sqrt(share) * lasting + np.sqrt(1.0 - share) * rng.normal(size=lasting.shape)))
         kept = np.exp(-turn / angle)[:, None]
         lasting = kept * lasting + np.sqrt(1.0 - kept**2) * rng.normal(size=lasting.shape)
@@ -32,8 +32,8 @@ def sequences(share: float, angle: float, turn: np.ndarray, wide: float = 0.0) -
     error[:, 2] = 0.5 * error[:, 0] + np.sqrt(0.75) * error[:, 2]
     outline = np.tile([40.0, 40.0, 40.0 + SIDE, 40.0 + SIDE], (len(error), 1))
     score = np.where(rng.random(len(error)) < 0.05, 0.1, 0.9)
-    features = rng.normal(size=(len(error), FEATURES))
-    return Outcomes(features, outline, np.ones(len(error), bool), outline + SIDE * SIGMA * error, score)
+    features = rng.normal(size=(len(error), FEATURE_COUNT))
+    return DetectionOutcomes(features, outline, np.ones(len(error), bool), outline + SIDE * SIGMA * error, score)
 
 
 def alike(share: float, wide: float) -> float:
@@ -45,8 +45,8 @@ def alike(share: float, wide: float) -> float:
 def test_the_share_and_the_angle_are_found(share: float, angle_deg: float, wide: float) -> None:
     turn = np.radians(np.random.default_rng(1).uniform(0.1, 3.0, COUNT))
     made = sequences(share, np.radians(angle_deg), turn, wide)
-    fit = camera_calibration.fit(made, 0.4)
-    found = error_correlation.with_lasting_errors(fit.statistics, made, turn, 0.4)
+    fit = camera_calibration.fit_camera(made, 0.4)
+    found = error_correlation.with_error_correlation(fit.statistics, made, turn, 0.4)
     drawn = alike(float(found.lasting_share), float(found.wide_share))
     assert drawn == pytest.approx(alike(share, wide), abs=0.06)
     assert np.degrees(float(found.lasting_angle)) == pytest.approx(angle_deg, rel=0.2)
@@ -58,14 +58,14 @@ def test_the_share_and_the_angle_are_found(share: float, angle_deg: float, wide:
 def test_errors_that_do_not_last_have_no_share() -> None:
     turn = np.radians(np.random.default_rng(1).uniform(0.05, 3.0, COUNT))
     made = sequences(0.0, 1.0, turn)
-    fit = camera_calibration.fit(made, 0.4)
-    assert float(error_correlation.with_lasting_errors(fit.statistics, made, turn, 0.4).lasting_share) < 0.06
+    fit = camera_calibration.fit_camera(made, 0.4)
+    assert float(error_correlation.with_error_correlation(fit.statistics, made, turn, 0.4).lasting_share) < 0.06
 
 
 def test_a_sequence_turns_by_equal_angles_and_nothing_else_changes() -> None:
-    made = error_correlation.tumbling(scenario_file.load("inspection"), 6, seed=3)
+    made = error_correlation.sample_tumble_sequences(scenario_file.load("inspection"), 6, seed=3)
     q = made.views.q_TN.reshape(6, FRAMES, 4)
-    for rows, turn in zip(q, made.turn, strict=True):
+    for rows, turn in zip(q, made.turn_per_frame, strict=True):
         for one, other in itertools.pairwise(rows):
             step = quaternion.multiply(jnp.asarray(other), quaternion.conjugate(jnp.asarray(one)))
             assert 2.0 * np.arccos(min(1.0, abs(float(step[0])))) == pytest.approx(turn, rel=1e-6, abs=1e-7)

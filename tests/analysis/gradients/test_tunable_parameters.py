@@ -7,55 +7,55 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rpojax
-from rpojax.analysis.gradients import tunable_parameters, tuning
-from rpojax.analysis.gradients.tunable_parameters import GROUPS, TUNABLE, Between, Coordinate, Log
+from rpojax.analysis.gradients import gradient_descent, tunable_parameters
+from rpojax.analysis.gradients.tunable_parameters import GROUPS, TUNABLE, Coordinate, LogCoordinate, LogitCoordinate
 from rpojax.errors import ScenarioError
 from rpojax.scenario import params, schema
 
 INSPECTION = rpojax.load("inspection")
 
 
-@given(st.floats(1e-6, 1e6), st.sampled_from([Log(), Between(-1e-9, 2e6)]))
+@given(st.floats(1e-6, 1e6), st.sampled_from([LogCoordinate(), LogitCoordinate(-1e-9, 2e6)]))
 def test_a_coordinate_leads_back_to_its_value(value: float, coordinate: Coordinate) -> None:
-    there = coordinate.place(np.asarray([value]))
-    np.testing.assert_allclose(coordinate.value(jnp.asarray(there)), [value], rtol=1e-9)
+    there = coordinate.to_coordinate(np.asarray([value]))
+    np.testing.assert_allclose(coordinate.from_coordinate(jnp.asarray(there)), [value], rtol=1e-9)
 
 
 @given(st.floats(-30.0, 30.0))
 def test_every_coordinate_is_an_allowed_value(x: float) -> None:
-    assert float(Log().value(jnp.asarray(x))) > 0.0
-    assert 0.2 < float(Between(0.2, 3.0).value(jnp.asarray(0.5 * x))) < 3.0
+    assert float(LogCoordinate().from_coordinate(jnp.asarray(x))) > 0.0
+    assert 0.2 < float(LogitCoordinate(0.2, 3.0).from_coordinate(jnp.asarray(0.5 * x))) < 3.0
 
 
 @pytest.mark.parametrize("key", TUNABLE)
 def test_every_tunable_key_is_a_number_of_flight_software(key: str) -> None:
-    path, _ = params.locate(key)
+    path, _ = params.leaf_path_and_factor(key)
     assert path[0] == "flight"
-    assert schema.nominal(INSPECTION, key) is not None
+    assert schema.nominal_value(INSPECTION, key) is not None
 
 
 @pytest.mark.parametrize("group", GROUPS)
 def test_the_start_of_a_group_is_the_scenario_as_it_is(group: str) -> None:
-    chosen = tunable_parameters.choose(INSPECTION, [group])
-    assert len(chosen.names) == chosen.count == len(chosen.start)
-    for key, value in chosen.values(jnp.asarray(chosen.start)).items():
-        np.testing.assert_allclose(value, schema.nominal(INSPECTION, key), rtol=1e-12)
+    chosen = tunable_parameters.select_parameters(INSPECTION, [group])
+    assert len(chosen.names) == chosen.count == len(chosen.initial)
+    for key, value in chosen.values(jnp.asarray(chosen.initial)).items():
+        np.testing.assert_allclose(value, schema.nominal_value(INSPECTION, key), rtol=1e-12)
 
 
 def test_a_weight_of_zero_is_held_in_its_group() -> None:
-    assert tunable_parameters.choose(INSPECTION, ["formation"]).held == ("formation.velocity_weight",)
+    assert tunable_parameters.select_parameters(INSPECTION, ["formation"]).held_fixed == ("formation.velocity_weight",)
 
 
 @pytest.mark.parametrize("x", [-50.0, -1.0, 50.0])
 def test_however_far_a_walk_goes_its_look_away_fits_between_two_decisions(x: float) -> None:
-    chosen = tunable_parameters.choose(INSPECTION, ["formation.lead_s"])
+    chosen = tunable_parameters.select_parameters(INSPECTION, ["formation.lead_s"])
     lead = float(chosen.values(jnp.asarray([x]))["formation.lead_s"])
-    schema_file = tuning.tuned_scenario(INSPECTION, {"formation.lead_s": lead})
+    schema_file = gradient_descent.tuned_scenario(INSPECTION, {"formation.lead_s": lead})
     assert schema_file.formation.lead_s == lead
 
 
 def test_words_may_overlap() -> None:
-    both = tunable_parameters.choose(INSPECTION, ["navigation", "navigation.edge_noise_px"])
+    both = tunable_parameters.select_parameters(INSPECTION, ["navigation", "navigation.edge_noise_px"])
     assert list(both.nominal) == list(GROUPS["navigation"])
 
 
@@ -71,7 +71,7 @@ def test_words_may_overlap() -> None:
 )
 def test_what_cannot_be_tuned_is_refused_in_one_line(words: list[str], overrides: list[str], message: str) -> None:
     with pytest.raises(ScenarioError, match=message) as refused:
-        tunable_parameters.choose(rpojax.load("inspection", overrides), words)
+        tunable_parameters.select_parameters(rpojax.load("inspection", overrides), words)
     assert "\n" not in str(refused.value)
 
 
@@ -80,4 +80,4 @@ def test_a_dispersed_number_is_not_tuned() -> None:
     tables = INSPECTION.model_dump()
     dispersed = schema.ScenarioFile.model_validate({**tables, "dispersions": [*tables["dispersions"], entry]})
     with pytest.raises(ScenarioError, match=r"navigation.edge_noise_px: found 'a dispersion of it'"):
-        tunable_parameters.choose(dispersed, ["navigation"])
+        tunable_parameters.select_parameters(dispersed, ["navigation"])

@@ -5,26 +5,26 @@ import numpy as np
 import pytest
 
 import rpojax
-from rpojax.analysis.gradients.tuning_objective import NEEDS, Objective
+from rpojax.analysis.gradients.tuning_objective import PART_METRICS, Objective
 from rpojax.errors import ScenarioError
-from rpojax.simulation.running_metrics import FIGURES
+from rpojax.simulation.running_metrics import RUNNING_METRICS
 
 RNG = np.random.default_rng(2)
 
 
 def objective(**weights: float) -> Objective:
-    every = [f"tuning.{name}={weights.get(name, 0.0)}" for name in NEEDS]
+    every = [f"tuning.{name}={weights.get(name, 0.0)}" for name in PART_METRICS]
     return Objective(rpojax.load("inspection", every))
 
 
 def slope(made: Objective, figures: np.ndarray, there: np.ndarray | None = None) -> np.ndarray:
     counted = np.ones(len(figures)) if there is None else there
-    return np.asarray(made.slope(*map(jnp.asarray, (figures, figures, counted))))
+    return np.asarray(made.gradient(*map(jnp.asarray, (figures, figures, counted))))
 
 
 def test_all_parts_are_weights_of_the_scenario_and_need_figures_that_there_are() -> None:
-    assert set(NEEDS) == set(rpojax.load("inspection").tuning.model_dump())
-    assert {name for names in NEEDS.values() for name in names} <= set(FIGURES)
+    assert set(PART_METRICS) == set(rpojax.load("inspection").tuning.model_dump())
+    assert {name for names in PART_METRICS.values() for name in names} <= set(RUNNING_METRICS)
 
 
 def test_an_error_counts_by_its_logarithm() -> None:
@@ -62,8 +62,8 @@ def test_a_run_without_numbers_is_left_out() -> None:
 
 
 def test_a_run_that_fills_up_a_batch_does_not_count() -> None:
-    made = objective(**dict.fromkeys(NEEDS, 1.0))
-    figures = 1.0 + RNG.random((5, len(made.names)))
+    made = objective(**dict.fromkeys(PART_METRICS, 1.0))
+    figures = 1.0 + RNG.random((5, len(made.metric_names)))
     filled = np.concatenate([figures, figures[-1:], figures[-1:]])
     there = np.array([1.0] * 5 + [0.0] * 2)
     np.testing.assert_allclose(slope(made, filled, there)[:5], slope(made, figures), rtol=1e-12)
@@ -71,8 +71,8 @@ def test_a_run_that_fills_up_a_batch_does_not_count() -> None:
 
 
 def test_the_slope_is_that_of_the_value() -> None:
-    made = objective(**dict.fromkeys(NEEDS, 0.7))
-    figures = 1.0 + RNG.random((6, len(made.names)))
+    made = objective(**dict.fromkeys(PART_METRICS, 0.7))
+    figures = 1.0 + RNG.random((6, len(made.metric_names)))
     direction = RNG.standard_normal(figures.shape)
     up, down = (made(figures + sign * 1e-6 * direction)[0] for sign in (1.0, -1.0))
     assert np.sum(slope(made, figures) * direction) == pytest.approx((up - down) / 2e-6, rel=1e-6)

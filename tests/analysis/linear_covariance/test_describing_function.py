@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from rpojax.analysis.linear_covariance.describing_function import linearise, normal_points
+from rpojax.analysis.linear_covariance.describing_function import normal_points, statistical_linearisation
 
 # The edges of the dead zone fall between points: one point in 4096 on the wrong side moves a mean by about 1e-3.
 CLOSE = 3e-3
@@ -28,7 +28,7 @@ def closed_form(mean: float, sigma: float) -> tuple[float, float, float]:
 
 @pytest.mark.parametrize(("mean", "sigma"), [(0.0, 0.5), (0.0, 1.0), (0.0, 4.0), (0.7, 0.6), (-2.0, 0.5)])
 def test_a_normal_number_through_a_dead_zone(mean: float, sigma: float) -> None:
-    found = linearise(dead_zone, np.array([mean]), np.array([[sigma**2]]), normal_points(1, 12))
+    found = statistical_linearisation(dead_zone, np.array([mean]), np.array([[sigma**2]]), normal_points(1, 12))
     output, gain, square = closed_form(mean, sigma)
     assert found.mean[0] == pytest.approx(output, abs=CLOSE)
     assert found.gain[0, 0] == pytest.approx(gain, abs=2.0 * CLOSE / sigma)
@@ -39,21 +39,23 @@ def test_a_normal_number_through_a_dead_zone(mean: float, sigma: float) -> None:
 def test_a_linear_function_has_its_own_matrix_as_gain_and_no_residual() -> None:
     matrix = np.array([[1.0, -2.0, 0.5], [0.0, 3.0, 1.0]])
     root = np.array([[1.0, 0.0, 0.0], [0.3, 2.0, 0.0], [-0.2, 0.1, 0.5]])
-    found = linearise(lambda u: u @ matrix.T, np.array([1.0, 2.0, 3.0]), root @ root.T, normal_points(3, 6))
+    found = statistical_linearisation(
+        lambda u: u @ matrix.T, np.array([1.0, 2.0, 3.0]), root @ root.T, normal_points(3, 6)
+    )
     np.testing.assert_allclose(found.gain, matrix, atol=1e-12)
     np.testing.assert_allclose(found.mean, matrix @ [1.0, 2.0, 3.0], atol=1e-12)
     np.testing.assert_allclose(found.residual, 0.0, atol=1e-12)
 
 
 def test_a_square_of_a_centred_number_has_no_gain_and_all_of_its_variance_is_left() -> None:
-    found = linearise(np.square, np.zeros(1), np.array([[4.0]]), normal_points(1, 14))
+    found = statistical_linearisation(np.square, np.zeros(1), np.array([[4.0]]), normal_points(1, 14))
     assert found.mean[0] == pytest.approx(4.0, rel=1e-6)
     assert found.gain[0, 0] == pytest.approx(0.0, abs=0.02)
     assert found.residual[0, 0] == pytest.approx(2.0 * 4.0**2, rel=0.01)
 
 
 def test_a_direction_without_spread_has_no_gain() -> None:
-    found = linearise(lambda u: u, np.zeros(2), np.diag([1.0, 0.0]), normal_points(2, 6))
+    found = statistical_linearisation(lambda u: u, np.zeros(2), np.diag([1.0, 0.0]), normal_points(2, 6))
     np.testing.assert_allclose(found.gain, np.diag([1.0, 0.0]), atol=1e-12)
 
 

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.analysis.linear_covariance import noise_inputs, tumbling_target_outlines
-from rpojax.analysis.linear_covariance.deviation_vector import PENDING, layout
-from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS, Loop
+from rpojax.analysis.linear_covariance import target_outline_ensemble, tick_noise_vector
+from rpojax.analysis.linear_covariance.deviation_vector import PENDING_BURN, make_layout
+from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS, LinearisedLoop
 from rpojax.core.pytree import replace
 from rpojax.flight.computer import Stages
 from rpojax.scenario import params, scenario_file
@@ -18,7 +18,7 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.scenario_file import Scenario
 from rpojax.simulation import closed_loop
 from rpojax.simulation.closed_loop import State
-from rpojax.simulation.noise import StartNoise
+from rpojax.simulation.noise import InitialNoise
 
 CONSTANTS = (("plant", "thruster", "force_scale"), ("camera", "misalignment"), ("star_tracker", "misalignment"))
 STEP = 5e-5
@@ -40,25 +40,25 @@ Nominal = tuple[Scenario, Params, State]
 def nominal() -> Nominal:
     """The packaged scenario a little beside its mean, as it starts; box edges in pixels."""
     file = scenario_file.load("inspection", ["initial.relative_position_m=[1.0, -50.0, 2.0]"])
-    static = scenario_file.static(file)
-    base = params.build(file.model_dump(), static.width_px, static.height_px)
+    static = scenario_file.static_settings(file)
+    base = params.build_params(file.model_dump(), static.width_px, static.height_px)
     base = replace(base, camera=replace(base.camera, edge_noise=jnp.ones(())))
-    zero = StartNoise(
-        biases=jnp.zeros(6), box_edges=None, handover=jnp.zeros(12), star_tracker=jnp.zeros(3), gyro=jnp.zeros(3)
+    zero = InitialNoise(
+        biases=jnp.zeros(6), box_edge_errors=None, handover=jnp.zeros(12), star_tracker=jnp.zeros(3), gyro=jnp.zeros(3)
     )
     start = jax.jit(lambda key: closed_loop.init(static, base, key, zero))
     return static, base, start(closed_loop.run_key(0, 0))
 
 
 @pytest.fixture(scope="module")
-def loop(nominal: Nominal) -> Loop:
+def loop(nominal: Nominal) -> LinearisedLoop:
     static, base, state = nominal
-    return Loop(static, base, layout(state, base, CONSTANTS), Stages())
+    return LinearisedLoop(static, base, make_layout(state, base, CONSTANTS), Stages())
 
 
-def scales(loop: Loop) -> np.ndarray:
+def scales(loop: LinearisedLoop) -> np.ndarray:
     """Changes of the vector that mean about as much as each other."""
-    found = np.ones(loop.layout.size + loop.inputs.size)
+    found = np.ones(loop.layout.size + loop.noise_vector.size)
     for name, part in loop.layout.slices.items():
         quaternion = name.split(".")[-1].startswith("q_")
         small = quaternion or any(word in name for word in ("omega", "bias_B", "gyro_B", "misalignment", "remainder"))
@@ -67,35 +67,35 @@ def scales(loop: Loop) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def tick(nominal: Nominal, loop: Loop) -> tuple[Callable[[jax.Array], jax.Array], np.ndarray]:
+def tick(nominal: Nominal, loop: LinearisedLoop) -> tuple[Callable[[jax.Array], jax.Array], np.ndarray]:
     """The tick as a function of one vector, and the point of the nominal run."""
     _, base, state = nominal
-    own = tumbling_target_outlines.outline(loop.scenario, base, state.truth.q_TN, state.truth)
+    own = target_outline_ensemble.target_outline(loop.scenario, base, state.truth.q_TN, state.truth)
     larger = own + jnp.array([-2.0, -1.0, 3.0, 1.0])
-    drawn = noise_inputs.still(loop.scenario.substeps, larger - own, jnp.ones((), dtype=bool))
-    step = loop.step(state, drawn, tumbling_target_outlines.frame(own, larger))
-    return step, np.asarray(loop.point(state))
+    drawn = tick_noise_vector.zero_noise(loop.scenario.substeps, larger - own, jnp.ones((), dtype=bool))
+    step = loop.step(state, drawn, target_outline_ensemble.relative_box(own, larger))
+    return step, np.asarray(loop.nominal_vector(state))
 
 
-def test_unpacking_what_was_packed_changes_nothing(nominal: Nominal, loop: Loop) -> None:
+def test_unpacking_what_was_packed_changes_nothing(nominal: Nominal, loop: LinearisedLoop) -> None:
     _, base, state = nominal
     again = loop.layout.unpack(loop.layout.pack(state, base), state, base)
     for found, expected in zip(jax.tree.leaves(again), jax.tree.leaves((state, base)), strict=True):
         np.testing.assert_array_equal(found, expected)
 
 
-def test_quaternions_of_either_sign_are_told_to_be_the_same(nominal: Nominal, loop: Loop) -> None:
+def test_quaternions_of_either_sign_are_told_to_be_the_same(nominal: Nominal, loop: LinearisedLoop) -> None:
     _, base, state = nominal
     turned = replace(state, truth=replace(state.truth, q_BN=-state.truth.q_BN))
-    signs = loop.layout.signs(*(np.asarray(loop.layout.pack(each, base)) for each in (state, turned)))
+    signs = loop.layout.quaternion_signs(*(np.asarray(loop.layout.pack(each, base)) for each in (state, turned)))
     assert np.flatnonzero(signs < 0.0).tolist() == list(range(*loop.layout.slices["truth.q_BN"].indices(99)))
 
 
-def test_a_pending_burn_changes_truth_and_estimate_alike(loop: Loop) -> None:
+def test_a_pending_burn_changes_truth_and_estimate_alike(loop: LinearisedLoop) -> None:
     vector = np.zeros(loop.layout.size)
-    vector[loop.layout.slices[PENDING]] = [1.0, 2.0, 3.0, 4.0]
+    vector[loop.layout.slices[PENDING_BURN]] = [1.0, 2.0, 3.0, 4.0]
     after = loop.layout.burn_jump() @ vector
-    assert not np.any(after[loop.layout.slices[PENDING]])
+    assert not np.any(after[loop.layout.slices[PENDING_BURN]])
     for name, sign in (("truth.v_ST_N", 1.0), ("flight.orbit.servicer.v_SN_N", 1.0)):
         np.testing.assert_array_equal(after[loop.layout.slices[name]], sign * np.array([1.0, 2.0, 3.0]))
     np.testing.assert_array_equal(after[loop.layout.slices["flight.orbit.relative.v_TS_N"]], [-1.0, -2.0, -3.0])
@@ -105,22 +105,22 @@ def test_a_pending_burn_changes_truth_and_estimate_alike(loop: Loop) -> None:
 
 @pytest.mark.slow
 def test_a_tick_of_the_function_is_a_tick_of_the_loop(
-    nominal: Nominal, loop: Loop, tick: tuple[Callable[[jax.Array], jax.Array], np.ndarray]
+    nominal: Nominal, loop: LinearisedLoop, tick: tuple[Callable[[jax.Array], jax.Array], np.ndarray]
 ) -> None:
     static, base, state = nominal
     step, point = tick
     found = np.asarray(quick(step)(jnp.asarray(point)))
     shift = jnp.array([-2.0, -1.0, 3.0, 1.0])
-    drawn = noise_inputs.still(static.substeps, shift, jnp.ones((), dtype=bool))
+    drawn = tick_noise_vector.zero_noise(static.substeps, shift, jnp.ones((), dtype=bool))
     after, _ = quick(lambda state: closed_loop.tick(Stages(), static, base, state, drawn))(state)
     for path in loop.layout.states:
-        expected = np.ravel(params.get(after, path))
+        expected = np.ravel(params.get_leaf(after, path))
         part = found[loop.layout.slices[".".join(path)]]
         np.testing.assert_allclose(part, expected, rtol=1e-12, atol=1e-12 * (1.0 + np.abs(expected).max()))
 
 
 def test_directional_derivatives_of_the_tick_are_its_central_differences(
-    loop: Loop, tick: tuple[Callable[[jax.Array], jax.Array], np.ndarray]
+    loop: LinearisedLoop, tick: tuple[Callable[[jax.Array], jax.Array], np.ndarray]
 ) -> None:
     step, point = tick
     value = quick(step)

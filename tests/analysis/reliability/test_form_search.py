@@ -6,13 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from rpojax.analysis.gradients import evaluation_log
-from rpojax.analysis.gradients.evaluation_log import Effort
-from rpojax.analysis.reliability import form_search
+from rpojax.analysis.reliability import evaluation_log, form_search
+from rpojax.analysis.reliability.evaluation_log import SearchSettings
 
 COUNT = 26
 AXIS = np.arange(1.0, COUNT + 1.0) / np.linalg.norm(np.arange(1.0, COUNT + 1.0))
-AMPLE = Effort(starts=2, screened=16, budget=1000.0)
+AMPLE = SearchSettings(starts=2, screening_points=16, budget=1000.0)
 
 
 @dataclass
@@ -22,16 +21,16 @@ class Known:
     margin: Callable[[np.ndarray], float]
     slope: Callable[[np.ndarray], np.ndarray]
     gradient_cost: float = 8.0
-    batch: int = 1
+    batch_size: int = 1
     asked: float = 0.0
 
-    def margins(self, points: np.ndarray, lanes: np.ndarray) -> np.ndarray:
-        assert len(points) == len(lanes)
+    def margins(self, points: np.ndarray, replicates: np.ndarray) -> np.ndarray:
+        assert len(points) == len(replicates)
         self.asked += len(points)
         return np.array([self.margin(point) for point in points])
 
-    def gradients(self, points: np.ndarray, lanes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        margins = self.margins(points, lanes)
+    def gradients(self, points: np.ndarray, replicates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        margins = self.margins(points, replicates)
         self.asked += (self.gradient_cost - 1.0) * len(points)
         return margins, np.array([self.slope(point) for point in points])
 
@@ -56,39 +55,39 @@ def bowl(distance: float, curvature: float) -> Known:
 @pytest.mark.parametrize("distance", [0.5, 3.0, 5.5])
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_the_foot_of_a_plane_is_found(distance: float, seed: int) -> None:
-    found = form_search.search(plane(distance), COUNT, AMPLE, seed)
-    assert found.nearest is not None
-    assert found.first is not None
+    found = form_search.find_design_point(plane(distance), COUNT, AMPLE, seed)
+    assert found.nearest_violation is not None
+    assert found.first_violation is not None
     assert found.alignment is not None
-    assert (1.0 - 1e-9) * distance <= found.nearest.distance < 1.02 * distance
+    assert (1.0 - 1e-9) * distance <= found.nearest_violation.distance < 1.02 * distance
     assert found.alignment == pytest.approx(1.0, abs=1e-3)
-    assert found.first.spent <= 16 + 4 * 8 + 2 * (8 + 5)
+    assert found.first_violation.cost <= 16 + 4 * 8 + 2 * (8 + 5)
 
 
 @pytest.mark.parametrize("curvature", [-0.1, 0.05, 0.2])
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_the_nearest_point_of_a_curved_limit_is_found(curvature: float, seed: int) -> None:
-    found = form_search.search(bowl(3.0, curvature), COUNT, AMPLE, seed)
-    assert found.nearest is not None
+    found = form_search.find_design_point(bowl(3.0, curvature), COUNT, AMPLE, seed)
+    assert found.nearest_violation is not None
     # A surface bent by more than 1 / (2 distance) towards the origin is nearest off its axis.
     nearest = 3.0 if 2.0 * -curvature * 3.0 <= 1.0 else np.sqrt(3.0 / 0.1 - 1.0 / (4.0 * 0.1**2))
-    assert (1.0 - 1e-9) * nearest <= found.nearest.distance < 1.05 * nearest
+    assert (1.0 - 1e-9) * nearest <= found.nearest_violation.distance < 1.05 * nearest
 
 
 def test_a_limit_out_of_reach_is_not_found_but_approached() -> None:
-    found = form_search.search(plane(8.0), COUNT, AMPLE, 0)
-    assert found.nearest is None
-    assert found.first is None
+    found = form_search.find_design_point(plane(8.0), COUNT, AMPLE, 0)
+    assert found.nearest_violation is None
+    assert found.first_violation is None
     assert found.alignment is None
-    assert found.closest.distance == pytest.approx(6.0)
-    assert found.closest.margin == pytest.approx(2.0 * (8.0 - 6.0))
+    assert found.smallest_margin.distance == pytest.approx(6.0)
+    assert found.smallest_margin.margin == pytest.approx(2.0 * (8.0 - 6.0))
 
 
 def test_a_limit_that_is_broken_at_the_origin_takes_no_search() -> None:
-    found = form_search.search(plane(-1.0), COUNT, AMPLE, 0)
-    assert found.nearest is not None
-    assert found.nearest.distance == 0.0
-    assert (found.spent, found.gradients) == (16.0, 0)
+    found = form_search.find_design_point(plane(-1.0), COUNT, AMPLE, 0)
+    assert found.nearest_violation is not None
+    assert found.nearest_violation.distance == 0.0
+    assert (found.cost, found.gradient_evaluations) == (16.0, 0)
 
 
 def test_lost_runs_and_missing_derivatives_do_not_end_the_search() -> None:
@@ -99,21 +98,21 @@ def test_lost_runs_and_missing_derivatives_do_not_end_the_search() -> None:
         return np.full(COUNT, np.nan) if next(calls) % 3 == 1 else -AXIS
 
     lost = Known(lambda z: float(3.0 - AXIS @ z) if AXIS @ z < 3.0 else -np.inf, slope)
-    found = form_search.search(lost, COUNT, AMPLE, 0)
-    assert found.nearest is not None
-    assert found.nearest.margin == -np.inf
-    assert 3.0 - 1e-9 <= found.nearest.distance < 4.5
+    found = form_search.find_design_point(lost, COUNT, AMPLE, 0)
+    assert found.nearest_violation is not None
+    assert found.nearest_violation.margin == -np.inf
+    assert 3.0 - 1e-9 <= found.nearest_violation.distance < 4.5
 
 
 @pytest.mark.parametrize(("batch", "budget"), [(1, 60.0), (4, 100.0), (4, 200.0)])
 def test_the_budget_is_kept_and_everything_is_counted(batch: int, budget: float) -> None:
     limit = plane(5.0)
-    limit.batch = batch
-    found = form_search.search(limit, COUNT, Effort(starts=2, budget=budget), 1)
-    assert found.spent <= budget
-    assert limit.asked == found.margins + 8.0 * found.gradients
-    assert found.spent >= limit.asked
-    assert found.spent == limit.asked or batch > 1
+    limit.batch_size = batch
+    found = form_search.find_design_point(limit, COUNT, SearchSettings(starts=2, budget=budget), 1)
+    assert found.cost <= budget
+    assert limit.asked == found.margin_evaluations + 8.0 * found.gradient_evaluations
+    assert found.cost >= limit.asked
+    assert found.cost == limit.asked or batch > 1
 
 
 def test_every_start_is_on_a_lane_of_its_own() -> None:
@@ -121,17 +120,17 @@ def test_every_start_is_on_a_lane_of_its_own() -> None:
     limit = bowl(8.0, 0.05)
     margins, gradients = limit.margins, limit.gradients
 
-    def tried(points: np.ndarray, lanes: np.ndarray) -> np.ndarray:
-        screened.update(lanes.tolist())
-        return margins(points, lanes)
+    def tried(points: np.ndarray, replicates: np.ndarray) -> np.ndarray:
+        screened.update(replicates.tolist())
+        return margins(points, replicates)
 
-    def climbed(points: np.ndarray, lanes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        assert len(set(lanes.tolist())) == len(lanes)
-        return gradients(points, lanes)
+    def climbed(points: np.ndarray, replicates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        assert len(set(replicates.tolist())) == len(replicates)
+        return gradients(points, replicates)
 
     limit.margins, limit.gradients = tried, climbed  # type: ignore[method-assign]
-    found = form_search.search(limit, COUNT, AMPLE, 0)
-    assert found.gradients > 4
+    found = form_search.find_design_point(limit, COUNT, AMPLE, 0)
+    assert found.gradient_evaluations > 4
     assert screened == set(range(len(screened)))
     assert len(screened) > 2 * 16
 
@@ -152,9 +151,9 @@ def rough(scatter: float) -> Known:
 def test_shots_meet_a_rare_violation_that_derivatives_do_not_lead_to() -> None:
     spent = []
     for seed in range(20):
-        found = form_search.search(rough(0.8), COUNT, Effort(budget=400.0), seed)
-        assert found.first is not None
-        spent.append(found.first.spent)
+        found = form_search.find_design_point(rough(0.8), COUNT, SearchSettings(budget=400.0), seed)
+        assert found.first_violation is not None
+        spent.append(found.first_violation.cost)
     # One point in a thousand is beyond the limit: sqrt(1 + 0.8^2) sigmas are 1.28, and 4 are 3.1 of them.
     assert np.mean(spent) < 60.0
 
@@ -170,13 +169,13 @@ def ripples() -> Known:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_what_gradients_agree_on_leads_through_ripples(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    effort = Effort(starts=4, screened=16, budget=400.0)
-    monkeypatch.setattr(form_search, "_VOLLEYS", 0)
-    found = form_search.search(ripples(), COUNT, effort, seed)
-    assert found.nearest is not None
-    monkeypatch.setattr(evaluation_log.Book, "trend", lambda book: None)
-    alone = form_search.search(ripples(), COUNT, effort, seed)
-    assert alone.nearest is None or found.nearest.distance < alone.nearest.distance
+    effort = SearchSettings(starts=4, screening_points=16, budget=400.0)
+    monkeypatch.setattr(form_search, "_LINE_SEARCH_ROUNDS", 0)
+    found = form_search.find_design_point(ripples(), COUNT, effort, seed)
+    assert found.nearest_violation is not None
+    monkeypatch.setattr(evaluation_log.EvaluationLog, "mean_gradient", lambda book: None)
+    alone = form_search.find_design_point(ripples(), COUNT, effort, seed)
+    assert alone.nearest_violation is None or found.nearest_violation.distance < alone.nearest_violation.distance
 
 
 def test_a_mean_is_drawn_in_by_what_its_scatter_explains() -> None:

@@ -10,23 +10,23 @@ import numpy as np
 import pytest
 
 import rpojax
-from rpojax.analysis.gradients import run_derivatives
-from rpojax.analysis.gradients.evaluation_log import Effort
-from rpojax.analysis.gradients.run_derivatives import Flights
+from rpojax.analysis.gradients import rollout_evaluator
+from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
 from rpojax.analysis.reliability import metric_limit, worst_case, worst_case_record
-from rpojax.analysis.reliability.metric_limit import Bound
-from rpojax.analysis.reliability.worst_case import Costs, FlownLimit, Worst
+from rpojax.analysis.reliability.evaluation_log import SearchSettings
+from rpojax.analysis.reliability.metric_limit import MetricLimit
+from rpojax.analysis.reliability.worst_case import EvaluationCosts, SimulatedLimitState, WorstCase
 from rpojax.campaign import single_run
 from rpojax.cli import main
-from rpojax.dispersions import dispersed_values, standard_normal
+from rpojax.dispersions import dispersed_values, standard_normal_space
 from rpojax.errors import RpojaxError
-from rpojax.report.json_values import plain
+from rpojax.report.json_values import to_json_types
 from rpojax.scenario import scenario_file
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation import closed_loop, metrics
 
 NAMES = ("delta_v_m_s", "min_range_m")
-COSTS = Costs(batch=2, flight_s=0.1, gradient_s=0.71)
+COSTS = EvaluationCosts(batch_size=2, run_s=0.1, gradient_s=0.71)
 
 
 @pytest.fixture(scope="module")
@@ -35,53 +35,60 @@ def mission() -> ScenarioFile:
     return scenario_file.load("inspection")
 
 
-class Straight(Flights):
+class Straight(RolloutEvaluator):
     """Flights whose figures are linear in the numbers: 10 + 2 z0 and 30 - 3 z1; runs with z0 beyond 5 are lost."""
 
     slopes = np.array([[2.0, 0.0], [0.0, -3.0]])
     lost_beyond = 5.0
 
     def __init__(self, count: int) -> None:
-        self.names, self.count, self.compile_s = NAMES, count, 0.0
+        self.metric_names, self.input_count, self.compile_s = NAMES, count, 0.0
 
     @property
-    def capacity(self) -> int:
+    def batch_size(self) -> int:
         return 2
 
-    def values(self, numbers: np.ndarray, keys: np.ndarray) -> run_derivatives.Found:
-        assert keys.shape == (len(numbers), 2)
-        figures = np.array([10.0, 30.0]) + numbers[:, :2] @ self.slopes.T
-        lost, events = numbers[:, 0] > self.lost_beyond, np.zeros(len(numbers))
-        return run_derivatives.Found(figures=figures, jacobian=None, gradient=None, failed=lost, events=events)
+    def evaluate(self, inputs: np.ndarray, keys: np.ndarray) -> rollout_evaluator.RolloutResult:
+        assert keys.shape == (len(inputs), 2)
+        metrics = np.array([10.0, 30.0]) + inputs[:, :2] @ self.slopes.T
+        lost, events = inputs[:, 0] > self.lost_beyond, np.zeros(len(inputs))
+        return rollout_evaluator.RolloutResult(
+            metrics=metrics, jacobian=None, gradient=None, failed=lost, events=events
+        )
 
-    def reverse(
-        self, numbers: np.ndarray, keys: np.ndarray, weights: np.ndarray | None = None
-    ) -> run_derivatives.Found:
+    def gradient(
+        self, inputs: np.ndarray, keys: np.ndarray, weights: np.ndarray | None = None
+    ) -> rollout_evaluator.RolloutResult:
         assert weights is not None
-        found = self.values(numbers, keys)
-        gradient = np.zeros_like(numbers)
+        found = self.evaluate(inputs, keys)
+        gradient = np.zeros_like(inputs)
         gradient[:, :2] = weights @ self.slopes
         return replace(found, gradient=gradient)
 
 
-def searched(file: ScenarioFile, bound: Bound, budget: float = 400.0) -> Worst:
-    space = standard_normal.make(file)
-    effort = Effort(starts=2, screened=16, budget=budget)
-    return worst_case.search(space, bound, effort, seed=3, flights=Straight(space.count), costs=COSTS)
+def searched(file: ScenarioFile, bound: MetricLimit, budget: float = 400.0) -> WorstCase:
+    space = standard_normal_space.make_space(file)
+    effort = SearchSettings(starts=2, screening_points=16, budget=budget)
+    return worst_case.search_worst_case(space, bound, effort, seed=3, evaluator=Straight(space.dimension), costs=COSTS)
 
 
 @pytest.mark.parametrize(
     ("bound", "distance", "beyond"),
-    [(Bound("delta_v_m_s", "at most", 16.0), 3.0, 16.0), (Bound("min_range_m", "at least", 22.5), 2.5, 22.5)],
+    [
+        (MetricLimit("delta_v_m_s", "at most", 16.0), 3.0, 16.0),
+        (MetricLimit("min_range_m", "at least", 22.5), 2.5, 22.5),
+    ],
 )
 def test_the_nearest_violation_is_found_on_either_side(
-    mission: ScenarioFile, bound: Bound, distance: float, beyond: float
+    mission: ScenarioFile, bound: MetricLimit, distance: float, beyond: float
 ) -> None:
     worst = searched(mission, bound)
-    assert worst.found.nearest is not None
-    assert worst.shown.distance == pytest.approx(distance, rel=0.02)
-    content = plain(worst_case_record.content(worst, flown=bound.value(worst.shown.margin)))
-    assert bound.broken(content["value"])
+    assert worst.search.nearest_violation is not None
+    assert worst.reported_point.distance == pytest.approx(distance, rel=0.02)
+    content = to_json_types(
+        worst_case_record.worst_case_json(worst, simulated_value=bound.value_at_margin(worst.reported_point.margin))
+    )
+    assert bound.is_violated(content["value"])
     assert content["value"] == pytest.approx(beyond, rel=0.02)
     assert content["confirmed"]
     assert content["probability_first_order"] == pytest.approx(0.5 * math.erfc(distance / math.sqrt(2.0)), rel=0.3)
@@ -98,29 +105,29 @@ def test_the_nearest_violation_is_found_on_either_side(
 
 
 def test_what_is_found_can_be_flown(mission: ScenarioFile) -> None:
-    worst = searched(mission, Bound("delta_v_m_s", "at most", 16.0))
-    again = scenario_file.validate(worst.flyable.model_dump(mode="json"))
-    _, base = single_run.nominal(again)
-    drawn = dispersed_values.draw(again, closed_loop.run_key(worst.seed, worst.shown.lane), {})
-    chosen = dispersed_values.apply(base, drawn)
+    worst = searched(mission, MetricLimit("delta_v_m_s", "at most", 16.0))
+    again = scenario_file.validate(worst.pinned_scenario.model_dump(mode="json"))
+    _, base = single_run.nominal_parameters(again)
+    drawn = dispersed_values.draw(again, closed_loop.run_key(worst.seed, worst.reported_point.replicate), {})
+    chosen = dispersed_values.apply_to_params(base, drawn)
     expected = worst.values["initial.relative_position_m"]
     np.testing.assert_allclose(chosen.initial.relative_position, expected, rtol=1e-12)
     np.testing.assert_allclose(chosen.plant.servicer.mass, worst.values["servicer.mass_kg"], rtol=1e-12)
-    assert float(chosen.flight.onboard.mass) == mission.servicer.mass_kg
+    assert float(chosen.flight.vehicle.mass) == mission.servicer.mass_kg
 
 
 def test_a_lost_run_is_a_violation(mission: ScenarioFile) -> None:
-    worst = searched(mission, Bound("delta_v_m_s", "at most", 21.0))
-    assert worst.shown.margin == -math.inf
-    assert worst.shown.distance == pytest.approx(5.0, rel=0.06)
-    content = plain(worst_case_record.content(worst, flown=math.nan))
+    worst = searched(mission, MetricLimit("delta_v_m_s", "at most", 21.0))
+    assert worst.reported_point.margin == -math.inf
+    assert worst.reported_point.distance == pytest.approx(5.0, rel=0.06)
+    content = to_json_types(worst_case_record.worst_case_json(worst, simulated_value=math.nan))
     assert content["confirmed"]
     assert (content["value"], content["value_flown"]) == (None, None)
 
 
 def test_a_limit_out_of_reach_is_said_to_be(mission: ScenarioFile) -> None:
-    worst = searched(mission, Bound("min_range_m", "at least", 9.0))
-    content = plain(worst_case_record.content(worst, flown=12.0))
+    worst = searched(mission, MetricLimit("min_range_m", "at least", 9.0))
+    content = to_json_types(worst_case_record.worst_case_json(worst, simulated_value=12.0))
     assert not content["found"]
     assert not content["confirmed"]
     assert content["probability_first_order"] is None
@@ -129,20 +136,20 @@ def test_a_limit_out_of_reach_is_said_to_be(mission: ScenarioFile) -> None:
 
 
 def test_a_flight_that_keeps_the_limit_is_no_confirmation(mission: ScenarioFile) -> None:
-    worst = searched(mission, Bound("delta_v_m_s", "at most", 16.0))
-    assert not worst_case_record.content(worst, flown=15.9)["confirmed"]
+    worst = searched(mission, MetricLimit("delta_v_m_s", "at most", 16.0))
+    assert not worst_case_record.worst_case_json(worst, simulated_value=15.9)["confirmed"]
 
 
 def test_margins_turn_back_into_values() -> None:
-    for bound in (Bound("delta_v_m_s", "at most", 2.0), Bound("min_range_m", "at least", 2.0)):
+    for bound in (MetricLimit("delta_v_m_s", "at most", 2.0), MetricLimit("min_range_m", "at least", 2.0)):
         for value in (1.5, 2.0, 2.5):
             margin = float(bound.margins(np.array([value]))[0])
-            assert bound.value(margin) == pytest.approx(value)
-            assert (margin <= 0.0) == bound.broken(value)
+            assert bound.value_at_margin(margin) == pytest.approx(value)
+            assert (margin <= 0.0) == bound.is_violated(value)
 
 
 def test_a_gradient_costs_whole_flights() -> None:
-    assert FlownLimit(Straight(3), Bound("min_range_m", "at least", 1.0), COSTS, 0).gradient_cost == 8.0
+    assert SimulatedLimitState(Straight(3), MetricLimit("min_range_m", "at least", 1.0), COSTS, 0).gradient_cost == 8.0
 
 
 @pytest.mark.parametrize(
@@ -161,27 +168,27 @@ def test_a_gradient_costs_whole_flights() -> None:
 )
 def test_words_that_name_no_bound_are_refused(mission: ScenarioFile, arguments: Any, message: str) -> None:
     with pytest.raises(RpojaxError) as error:
-        metric_limit.bound_of(mission, *arguments, bound="at most")
+        metric_limit.select_limit(mission, *arguments, bound="at most")
     assert str(error.value).startswith(message)
 
 
 def test_a_side_that_is_none_is_refused(mission: ScenarioFile) -> None:
     with pytest.raises(RpojaxError, match=r"^--bound: found 'below', expected 'at most' or 'at least'$"):
-        metric_limit.bound_of(mission, None, "min_range_m", 3.0, "below")
+        metric_limit.select_limit(mission, None, "min_range_m", 3.0, "below")
 
 
 @pytest.mark.parametrize(
     ("effort", "message"),
     [
-        (Effort(starts=0), "--starts: found 0, expected 1 to 64"),
-        (Effort(starts=65), "--starts: found 65, expected 1 to 64"),
-        (Effort(budget=15.0), "--budget: found 15, expected at least the 16 first flights"),
-        (Effort(budget=math.nan), "--budget: found nan, expected at least the 16 first flights"),
+        (SearchSettings(starts=0), "--starts: found 0, expected 1 to 64"),
+        (SearchSettings(starts=65), "--starts: found 65, expected 1 to 64"),
+        (SearchSettings(budget=15.0), "--budget: found 15, expected at least the 16 first flights"),
+        (SearchSettings(budget=math.nan), "--budget: found nan, expected at least the 16 first flights"),
     ],
 )
-def test_efforts_that_find_nothing_are_refused(effort: Effort, message: str) -> None:
+def test_efforts_that_find_nothing_are_refused(effort: SearchSettings, message: str) -> None:
     with pytest.raises(RpojaxError) as error:
-        worst_case.check_effort(effort)
+        worst_case.check_settings(effort)
     assert str(error.value) == message
 
 
@@ -208,9 +215,9 @@ def test_the_verb_writes_a_scenario_that_is_the_point(
     flown: float,
     words: list[str],
 ) -> None:
-    monkeypatch.setattr(worst_case, "flights_of", lambda space, metrics, starts: Straight(space.count))
-    monkeypatch.setattr(worst_case, "measure", lambda flights: COSTS)
-    monkeypatch.setattr(worst_case, "fly", lambda worst, directory, force: flown)
+    monkeypatch.setattr(worst_case, "make_evaluator", lambda space, metrics, starts: Straight(space.dimension))
+    monkeypatch.setattr(worst_case, "measure_costs", lambda flights: COSTS)
+    monkeypatch.setattr(worst_case, "simulate_worst_case", lambda worst, directory, force: flown)
     out = tmp_path / "out"
     given = ["--metric", "delta_v_m_s", "--limit", str(limit), "--bound", "at most", "--out", str(out), "--seed", "5"]
     # The fake loses runs beyond 5 sigmas of one number, which counts as a violation.

@@ -4,22 +4,22 @@ import pytest
 from scipy.stats import binom, binomtest
 
 from rpojax.analysis.statistics.binomial_intervals import (
+    clopper_pearson_interval,
     jeffreys_interval,
     no_event_bound,
     probability_below,
-    proportion_interval,
     wilson_interval,
 )
 
 
 def test_clopper_pearson_against_worked_numbers() -> None:
-    assert proportion_interval(7, 1000) == pytest.approx((0.0028189, 0.0143692), abs=5e-8)
-    assert proportion_interval(0, 1000) == pytest.approx((0.0, 0.0036821), abs=5e-8)
-    assert proportion_interval(5, 5)[1] == 1.0
+    assert clopper_pearson_interval(7, 1000) == pytest.approx((0.0028189, 0.0143692), abs=5e-8)
+    assert clopper_pearson_interval(0, 1000) == pytest.approx((0.0, 0.0036821), abs=5e-8)
+    assert clopper_pearson_interval(5, 5)[1] == 1.0
 
 
 def test_at_the_ends_of_the_exact_interval_the_count_is_just_as_rare_as_said() -> None:
-    low, high = proportion_interval(7, 1000, 0.9)
+    low, high = clopper_pearson_interval(7, 1000, 0.9)
     assert binom.sf(6, 1000, low) == pytest.approx(0.05, rel=1e-9)
     assert binom.cdf(7, 1000, high) == pytest.approx(0.05, rel=1e-9)
 

@@ -4,16 +4,22 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rpojax.analysis.statistics.campaign_comparison import Runs, compare, count_outcomes, mcnemar_p, resampled_medians
+from rpojax.analysis.statistics.campaign_comparison import (
+    RunMetrics,
+    compare_paired_runs,
+    count_paired_events,
+    mcnemar_p,
+    resampled_medians,
+)
 from rpojax.errors import ResultError
 from rpojax.scenario.schema import RequirementSection
 
 ERROR = "formation_error_rms_m"
 
 
-def runs(ids: np.ndarray, values: np.ndarray, completed: np.ndarray | None = None) -> Runs:
+def runs(ids: np.ndarray, values: np.ndarray, completed: np.ndarray | None = None) -> RunMetrics:
     """A campaign with one metric."""
-    return Runs(ids, np.ones(len(ids), bool) if completed is None else completed, {ERROR: values})
+    return RunMetrics(ids, np.ones(len(ids), bool) if completed is None else completed, {ERROR: values})
 
 
 def test_mcnemar_against_a_worked_number() -> None:
@@ -25,10 +31,10 @@ def test_mcnemar_against_a_worked_number() -> None:
 def test_pairs_are_counted_by_who_has_the_event() -> None:
     first = np.repeat([True, True, False, False], [2, 15, 5, 30])
     second = np.repeat([True, False, True, False], [2, 15, 5, 30])
-    found = count_outcomes("failed", first, second, independent=True)
+    found = count_paired_events("failed", first, second, independent=True)
     assert (found.both, found.only_first, found.only_second, found.neither) == (2, 15, 5, 30)
     assert found.p_value == pytest.approx(0.0413895, abs=5e-8)
-    assert count_outcomes("failed", first, second, independent=False).p_value is None
+    assert count_paired_events("failed", first, second, independent=False).p_value is None
 
 
 def test_runs_are_paired_by_their_number_whatever_their_order() -> None:
@@ -36,7 +42,7 @@ def test_runs_are_paired_by_their_number_whatever_their_order() -> None:
     ids = np.arange(100, 140)
     turned = np.random.default_rng(1).permutation(40)
     later = runs(np.append(ids[turned], [7, 8]), np.append(values[turned] + 0.25, [0.0, 0.0]))
-    found = compare(runs(ids, values), later, [], independent=True)
+    found = compare_paired_runs(runs(ids, values), later, [], independent=True)
     assert (found.pairs, found.unpaired) == (40, 2)
     [change] = found.metrics
     assert change.first == pytest.approx(np.median(values))
@@ -51,7 +57,7 @@ def test_failures_and_violations_are_compared_run_by_run() -> None:
     ids = np.arange(6)
     first = runs(ids, np.array([1.0, 3.0, np.nan, 1.0, 3.0, 1.0]), np.array([1, 1, 0, 1, 1, 1], bool))
     second = runs(ids, np.array([1.0, 1.0, 1.0, 3.0, 3.0, np.nan]), np.array([1, 1, 1, 1, 1, 0], bool))
-    found = compare(first, second, [wanted], independent=True)
+    found = compare_paired_runs(first, second, [wanted], independent=True)
     assert (found.failures.only_first, found.failures.only_second, found.failures.neither) == (1, 1, 4)
     [violated] = found.requirements
     assert violated.event == "formation_error_rms_m at most 2"
@@ -75,7 +81,7 @@ def test_interval_of_the_difference_covers_as_often_as_it_says() -> None:
     for seed in range(60):
         common = rng.normal(size=60)
         first, second = (common + 0.5 * rng.normal(size=60) + shift for shift in (3.0, 3.4))
-        found = compare(runs(np.arange(60), first), runs(np.arange(60), second), [], True, seed).metrics[0]
+        found = compare_paired_runs(runs(np.arange(60), first), runs(np.arange(60), second), [], True, seed).metrics[0]
         ends = [found.difference.interval_90, found.difference.interval_95]
         inside = [low <= 0.4 <= high for low, high in (end for end in ends if end is not None)]
         covered = np.append(covered, [inside], axis=0)
@@ -89,7 +95,7 @@ def test_interval_of_the_difference_covers_as_often_as_it_says() -> None:
 def test_wider_levels_and_other_seeds() -> None:
     rng = np.random.default_rng(5)
     first, second = runs(np.arange(200), rng.normal(size=200)), runs(np.arange(200), rng.normal(size=200))
-    found, again, other = (compare(first, second, [], True, seed).metrics[0] for seed in (1, 1, 2))
+    found, again, other = (compare_paired_runs(first, second, [], True, seed).metrics[0] for seed in (1, 1, 2))
     assert found == again
     assert found != other
     narrow, wide = found.difference.interval_90, found.difference.interval_95
@@ -100,34 +106,34 @@ def test_wider_levels_and_other_seeds() -> None:
 
 def test_a_ratio_to_zero_is_undefined_and_has_no_interval() -> None:
     zeros, ones = runs(np.arange(30), np.zeros(30)), runs(np.arange(30), np.ones(30))
-    [found] = compare(zeros, ones, [], independent=True).metrics
+    [found] = compare_paired_runs(zeros, ones, [], independent=True).metrics
     assert (found.ratio.value, found.ratio.interval_95) == (None, None)
     assert found.difference.interval_95 == (1.0, 1.0)
     mixed = runs(np.arange(30), np.repeat([0.0, 1.0], [13, 17]))
-    [found] = compare(mixed, ones, [], independent=True).metrics
+    [found] = compare_paired_runs(mixed, ones, [], independent=True).metrics
     assert (found.ratio.value, found.ratio.interval_95) == (1.0, None)
 
 
 def test_without_enough_or_independent_pairs_there_are_no_intervals() -> None:
     few = runs(np.arange(9), np.arange(9.0))
-    assert compare(few, few, [], independent=True).metrics[0].difference.interval_90 is None
+    assert compare_paired_runs(few, few, [], independent=True).metrics[0].difference.interval_90 is None
     many = runs(np.arange(90), np.arange(90.0))
-    found = compare(many, many, [], independent=False)
+    found = compare_paired_runs(many, many, [], independent=False)
     assert found.metrics[0].difference.interval_90 is None
     assert found.metrics[0].difference.value == 0.0
     assert found.failures.p_value is None
     nothing = runs(np.arange(9), np.full(9, np.nan))
-    [undefined] = compare(nothing, few, [], independent=True).metrics
+    [undefined] = compare_paired_runs(nothing, few, [], independent=True).metrics
     assert (undefined.pairs, undefined.difference.value) == (0, None)
 
 
 def test_campaigns_of_other_runs_are_refused() -> None:
     with pytest.raises(ResultError, match="run numbers: found none"):
-        compare(runs(np.arange(3), np.ones(3)), runs(np.arange(3, 6), np.ones(3)), [], independent=True)
+        compare_paired_runs(runs(np.arange(3), np.ones(3)), runs(np.arange(3, 6), np.ones(3)), [], independent=True)
 
 
 def test_a_requirement_on_a_metric_that_a_campaign_lacks_is_refused() -> None:
     wanted = RequirementSection(metric="min_range_m", bound="at least", limit=2.0, probability=0.9, consumer_risk=0.1)
     one = runs(np.arange(3), np.ones(3))
     with pytest.raises(ResultError, match="found no 'min_range_m'"):
-        compare(one, one, [wanted], independent=True)
+        compare_paired_runs(one, one, [wanted], independent=True)

@@ -7,7 +7,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import truncnorm
 
-from rpojax.analysis.statistics.dispersion_marginals import Choice, fit_p, marginals, nominal
+from rpojax.analysis.statistics.dispersion_marginals import (
+    DiscreteDistribution,
+    declared_nominal,
+    drawn_marginals,
+    goodness_of_fit_p,
+)
 
 RUNS = 3000
 SCENARIO: dict[str, Any] = {
@@ -58,26 +63,26 @@ def _draw(rng: np.random.Generator, kind: str) -> tuple[dict[str, Any], np.ndarr
 def test_draws_follow_the_law_that_they_were_made_by_and_no_wider_one(kind: str) -> None:
     entry, values = _draw(np.random.default_rng(11), kind)
     key = entry.get("key", "servicer.mass_kg")
-    found = marginals({**SCENARIO, "dispersions": [entry]}, {key: values})
+    found = drawn_marginals({**SCENARIO, "dispersions": [entry]}, {key: values})
     assert found
     for one in found:
-        assert one.law is not None
+        assert one.distribution is not None
         # One in a thousand, for some twenty tests with this seed.
-        assert fit_p(one.values, one.law) > 1e-3
-        middle, spread = one.law.mean(), one.law.std()
+        assert goodness_of_fit_p(one.values, one.distribution) > 1e-3
+        middle, spread = one.distribution.mean(), one.distribution.std()
         assert np.mean(one.values) == pytest.approx(middle, abs=5.0 * spread / np.sqrt(RUNS))
         assert np.std(one.values) == pytest.approx(spread, rel=0.15)
-        assert fit_p(middle + 1.3 * (one.values - middle), one.law) < 1e-6
+        assert goodness_of_fit_p(middle + 1.3 * (one.values - middle), one.distribution) < 1e-6
 
 
 def test_a_turned_quaternion_is_shown_about_each_axis_whatever_its_sign() -> None:
     entry, values = _draw(np.random.default_rng(2), "small_rotation")
     scenario = {**SCENARIO, "dispersions": [entry]}
-    found = marginals(scenario, {"target.attitude": values})
+    found = drawn_marginals(scenario, {"target.attitude": values})
     assert [one.name for one in found] == [f"target.attitude[about {axis}, deg]" for axis in "xyz"]
-    flipped = marginals(scenario, {"target.attitude": -values})
+    flipped = drawn_marginals(scenario, {"target.attitude": -values})
     np.testing.assert_allclose(flipped[1].values, found[1].values, atol=1e-12)
-    still = marginals(scenario, {"target.attitude": np.array([SCENARIO["target"]["attitude"]])})
+    still = drawn_marginals(scenario, {"target.attitude": np.array([SCENARIO["target"]["attitude"]])})
     np.testing.assert_allclose([one.values[0] for one in still], 0.0, atol=1e-6)
 
 
@@ -87,7 +92,9 @@ def test_constants_derived_values_and_values_of_a_table_have_no_law() -> None:
         {"key": "servicer.mass_kg", "kind": "uniform", "low": 1.0, "high": 2.0},
     ]
     drawn = {"servicer.offset_m": np.zeros((4, 3)), "servicer.mass_kg": np.zeros(4), "unknown": np.zeros(4)}
-    known = {one.name: one.law is not None for one in marginals({**SCENARIO, "dispersions": entries}, drawn)}
+    known = {
+        one.name: one.distribution is not None for one in drawn_marginals({**SCENARIO, "dispersions": entries}, drawn)
+    }
     assert known == {
         "servicer.offset_m[0]": True,
         "servicer.offset_m[1]": False,
@@ -96,23 +103,26 @@ def test_constants_derived_values_and_values_of_a_table_have_no_law() -> None:
         "unknown": False,
     }
     tabled = {**SCENARIO, "dispersions": entries, "design": {"kind": "table", "values": {"servicer.mass_kg": [1.0]}}}
-    assert [one.law for one in marginals(tabled, drawn) if one.name == "servicer.mass_kg"] == [None]
+    assert [one.distribution for one in drawn_marginals(tabled, drawn) if one.name == "servicer.mass_kg"] == [None]
     derived = {"key": "servicer.mass_kg", "kind": "derived", "offset": 1.0, "terms": []}
-    assert marginals({**SCENARIO, "dispersions": [derived]}, {"servicer.mass_kg": np.ones(3)})[0].law is None
+    assert (
+        drawn_marginals({**SCENARIO, "dispersions": [derived]}, {"servicer.mass_kg": np.ones(3)})[0].distribution
+        is None
+    )
 
 
 def test_a_choice_counts_its_values_and_refuses_others() -> None:
-    law = Choice(np.array([0.0, 5.0]), np.array([0.25, 0.75]))
+    law = DiscreteDistribution(np.array([0.0, 5.0]), np.array([0.25, 0.75]))
     np.testing.assert_allclose(law.cdf(np.array([-1.0, 0.0, 4.9, 5.0])), [0.0, 0.25, 0.25, 1.0])
     assert (law.mean(), law.std()) == (3.75, pytest.approx(5.0 * np.sqrt(0.25 * 0.75)))
     # Pearson with one degree of freedom: (30 - 25)^2 / 25 + (70 - 75)^2 / 75 = 4/3, whose tail is 0.2482.
-    assert fit_p(np.repeat([0.0, 5.0], [30, 70]), law) == pytest.approx(0.2482, abs=5e-5)
-    assert fit_p(np.array([0.0, 5.0, 7.0]), law) == 0.0
+    assert goodness_of_fit_p(np.repeat([0.0, 5.0], [30, 70]), law) == pytest.approx(0.2482, abs=5e-5)
+    assert goodness_of_fit_p(np.array([0.0, 5.0, 7.0]), law) == 0.0
 
 
 def test_nominal_values_of_keys_components_and_kinds_of_faults() -> None:
-    assert nominal(SCENARIO, "servicer.mass_kg") == 24.0
-    assert nominal(SCENARIO, "servicer.offset_m[1]") == -2.0
-    assert nominal(SCENARIO, "fault.kind") == 0
-    assert nominal(SCENARIO, "servicer.offset_m[7]") is None
-    assert nominal(SCENARIO, "nothing.here") is None
+    assert declared_nominal(SCENARIO, "servicer.mass_kg") == 24.0
+    assert declared_nominal(SCENARIO, "servicer.offset_m[1]") == -2.0
+    assert declared_nominal(SCENARIO, "fault.kind") == 0
+    assert declared_nominal(SCENARIO, "servicer.offset_m[7]") is None
+    assert declared_nominal(SCENARIO, "nothing.here") is None

@@ -5,10 +5,10 @@ import pytest
 from scipy import stats
 
 from rpojax.analysis.statistics.order_statistics import (
+    allowed_failures,
     consumer_risk_reached,
-    failures_allowed,
     percentiles_over_runs,
-    quantile_ranks,
+    quantile_interval_ranks,
     quantile_upper_bound,
     rank_coverage,
     runs_for_bound,
@@ -56,20 +56,20 @@ def test_runs_whose_extremes_enclose_a_share_of_all(share: float, confidence: fl
     ("runs", "allowed"), [(0, None), (851, None), (852, 0), (1000, 0), (2000, 2), (3000, 4), (5000, 8), (10000, 19)]
 )
 def test_failures_allowed_of_three_sigma_at_a_tenth_of_risk(runs: int, allowed: int | None) -> None:
-    assert failures_allowed(runs, 0.9973, 0.1) == allowed
+    assert allowed_failures(runs, 0.9973, 0.1) == allowed
 
 
 @pytest.mark.parametrize(("runs", "rank"), [(2000, 1998), (10000, 9981)])
 def test_the_run_that_must_keep_the_limit_is_the_upper_bound_of_the_quantile(runs: int, rank: int) -> None:
-    allowed = failures_allowed(runs, 0.9973, 0.1)
+    allowed = allowed_failures(runs, 0.9973, 0.1)
     assert allowed is not None
     assert runs - allowed == rank == upper_bound_rank(runs, 0.9973, 0.9)
 
 
 def test_a_risk_that_is_met_exactly_is_met() -> None:
     # Two runs without violation of a fair coin: a quarter.
-    assert failures_allowed(2, 0.5, 0.25) == 0
-    assert failures_allowed(2, 0.5, 0.2499) is None
+    assert allowed_failures(2, 0.5, 0.25) == 0
+    assert allowed_failures(2, 0.5, 0.2499) is None
 
 
 def test_consumer_risk_against_a_worked_number() -> None:
@@ -78,10 +78,10 @@ def test_consumer_risk_against_a_worked_number() -> None:
 
 
 def test_ranks_that_enclose_a_99th_percentile_and_how_often_they_do() -> None:
-    assert quantile_ranks(1000, 0.99) == (983, 997)
+    assert quantile_interval_ranks(1000, 0.99) == (983, 997)
     assert rank_coverage(1000, 0.99, 983, 997) == pytest.approx(0.97609, abs=5e-6)
-    assert quantile_ranks(100, 0.99) == (97, None)
-    assert quantile_ranks(3, 0.5) == (None, None)
+    assert quantile_interval_ranks(100, 0.99) == (97, None)
+    assert quantile_interval_ranks(3, 0.5) == (None, None)
 
 
 def test_rank_is_the_smallest_that_reaches_the_confidence() -> None:

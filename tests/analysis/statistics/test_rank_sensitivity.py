@@ -5,32 +5,32 @@ import pytest
 from scipy import stats
 
 from rpojax.analysis.statistics.dependence_measures import (
-    contrast,
+    group_difference,
     hsic,
     kendall_correlation,
     kernel_factor,
-    rank_correlation,
-    rank_correlation_p,
+    spearman,
+    spearman_p,
 )
-from rpojax.analysis.statistics.rank_sensitivity import rank_inputs, separate, sobol_indices
+from rpojax.analysis.statistics.rank_sensitivity import rank_inputs, separate_failing_runs, sobol_indices
 
 STEPS = np.arange(1.0, 9.0)
 SWAPPED = np.array([2.0, 1.0, 4.0, 3.0, 6.0, 5.0, 8.0, 7.0])
 
 
 def test_rank_correlations_against_worked_numbers() -> None:
-    found = rank_correlation(STEPS, SWAPPED)
+    found = spearman(STEPS, SWAPPED)
     assert found == pytest.approx(0.9047619, abs=5e-8)
-    assert rank_correlation_p(np.array([found]), 8) == pytest.approx([0.0020083], abs=5e-8)
-    assert rank_correlation_p(np.array([1.0, 0.0]), 8) == pytest.approx([0.0, 1.0])
+    assert spearman_p(np.array([found]), 8) == pytest.approx([0.0020083], abs=5e-8)
+    assert spearman_p(np.array([1.0, 0.0]), 8) == pytest.approx([0.0, 1.0])
     assert kendall_correlation(STEPS, SWAPPED) == pytest.approx(0.7142857, abs=5e-8)
 
 
 def test_rank_correlation_agrees_with_scipy_with_ties_and_is_none_for_a_constant() -> None:
     rng = np.random.default_rng(2)
     x, y = rng.integers(0, 5, 200), rng.normal(size=200)
-    assert rank_correlation(x, y) == pytest.approx(stats.spearmanr(x, y)[0])
-    assert rank_correlation(np.ones(9), y[:9]) is None
+    assert spearman(x, y) == pytest.approx(stats.spearmanr(x, y)[0])
+    assert spearman(np.ones(9), y[:9]) is None
 
 
 def test_hsic_against_worked_numbers() -> None:
@@ -65,9 +65,9 @@ def test_hsic_of_a_quantity_that_hardly_varies() -> None:
 
 
 def test_failing_against_passing_inputs_against_worked_numbers() -> None:
-    found = contrast(np.arange(1.0, 6.0), np.arange(4.0, 9.0))
-    assert found.distance == pytest.approx(0.6, rel=1e-12)
-    assert found.distance_p == pytest.approx(0.357143, abs=5e-7)
+    found = group_difference(np.arange(1.0, 6.0), np.arange(4.0, 9.0))
+    assert found.ks_distance == pytest.approx(0.6, rel=1e-12)
+    assert found.ks_p == pytest.approx(0.357143, abs=5e-7)
     assert found.auc * 25.0 == pytest.approx(23.0, rel=1e-12)
     assert found.auc_p == pytest.approx(0.035579, abs=5e-7)
 
@@ -101,12 +101,12 @@ def points() -> np.ndarray:
 
 def test_the_two_methods_disagree_on_ishigamis_function_and_it_is_said(points: np.ndarray) -> None:
     found = rank_inputs(dict(zip("xyz", points.T, strict=True)), ishigami(points))
-    assert found.by_correlation == ("x",)
-    assert set(found.by_hsic) == {"x", "y", "z"}
+    assert found.leading_by_spearman == ("x",)
+    assert set(found.leading_by_hsic) == {"x", "y", "z"}
     assert found.disagree
     numbers = {one.name: one for one in found.inputs}
     # Over many draws: ranks .42, -.04, .01 and HSIC .144, .011, .027.
-    assert [numbers[name].correlation for name in "xyz"] == pytest.approx([0.42, -0.04, 0.01], abs=0.05)
+    assert [numbers[name].spearman for name in "xyz"] == pytest.approx([0.42, -0.04, 0.01], abs=0.05)
     assert [numbers[name].hsic for name in "xyz"] == pytest.approx([0.144, 0.011, 0.027], abs=0.01)
 
 
@@ -117,7 +117,7 @@ def test_a_monotonic_influence_leads_by_both_and_noise_by_neither() -> None:
     metric = np.exp(inputs["strong"]) + 0.7 * inputs["weak"] + 0.2 * rng.normal(size=1500)
     metric[::10] = np.nan
     found = rank_inputs(inputs, metric, seed=3)
-    assert found.by_correlation == found.by_hsic == ("strong", "weak")
+    assert found.leading_by_spearman == found.leading_by_hsic == ("strong", "weak")
     assert not found.disagree
     assert (found.runs, found.sampled) == (1350, 1000)
     assert [one.name for one in found.inputs[:2]] == ["strong", "weak"]
@@ -136,7 +136,7 @@ def test_p_values_of_unrelated_inputs_are_below_a_twentieth_seldom() -> None:
     false_alarms = 0
     for seed in range(40):
         found = rank_inputs({"a": rng.normal(size=60), "b": rng.normal(size=60)}, rng.normal(size=60), seed)
-        false_alarms += bool(found.by_hsic)
+        false_alarms += bool(found.leading_by_hsic)
     # At most a twentieth of forty; eight has a probability below 1e-3.
     assert false_alarms < 8
 
@@ -152,15 +152,15 @@ def test_what_sets_failing_runs_apart_comes_first_with_its_side() -> None:
     rng = np.random.default_rng(7)
     inputs = {f"noise{i}": rng.normal(size=400) for i in range(5)} | {"cause": rng.normal(size=400)}
     failing = inputs["cause"] < -1.5
-    first, *rest = separate(inputs, failing)
+    first, *rest = separate_failing_runs(inputs, failing)
     assert first.name == "cause"
-    assert (first.contrast.distance, first.contrast.auc) == (1.0, 0.0)
-    assert first.contrast.distance_p < 1e-6
-    assert all(one.contrast.distance_p > 0.05 and one.contrast.auc_p > 0.05 for one in rest)
-    alone = contrast(inputs["noise0"][~failing], inputs["noise0"][failing])
-    assert next(one for one in rest if one.name == "noise0").contrast.distance_p >= alone.distance_p
+    assert (first.difference.ks_distance, first.difference.auc) == (1.0, 0.0)
+    assert first.difference.ks_p < 1e-6
+    assert all(one.difference.ks_p > 0.05 and one.difference.auc_p > 0.05 for one in rest)
+    alone = group_difference(inputs["noise0"][~failing], inputs["noise0"][failing])
+    assert next(one for one in rest if one.name == "noise0").difference.ks_p >= alone.ks_p
 
 
 def test_without_failing_or_passing_runs_nothing_is_set_apart() -> None:
-    assert separate({"x": np.arange(4.0)}, np.zeros(4, bool)) == ()
-    assert separate({"x": np.arange(4.0)}, np.ones(4, bool)) == ()
+    assert separate_failing_runs({"x": np.arange(4.0)}, np.zeros(4, bool)) == ()
+    assert separate_failing_runs({"x": np.arange(4.0)}, np.ones(4, bool)) == ()

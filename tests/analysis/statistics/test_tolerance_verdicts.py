@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from rpojax.analysis.statistics.tolerance_verdicts import Judgement, Verdict, judge, success_interval, violations
+from rpojax.analysis.statistics.tolerance_verdicts import (
+    RequirementEvaluation,
+    Verdict,
+    evaluate_requirement,
+    success_interval,
+    violates,
+)
 from rpojax.scenario.schema import RequirementSection
 
 
@@ -16,13 +22,13 @@ def requirement(bound: Literal["at most", "at least"] = "at most", **changes: An
     return RequirementSection(metric="formation_error_rms_m", bound=bound, **content)
 
 
-def campaign(runs: int, violating: int, **changes: Any) -> Judgement:
+def campaign(runs: int, violating: int, **changes: Any) -> RequirementEvaluation:
     """Judgement of runs of which so many violate: 0.001, 0.002, ... and, in violation, 3, 4, ..."""
     values = np.arange(1, runs + 1) * 1e-3
     values[:violating] = 3.0 + np.arange(violating)
     assert runs < 2000
     wanted = requirement(**changes)
-    return judge(wanted, values, np.zeros(runs, bool), np.arange(runs), independent=True)
+    return evaluate_requirement(wanted, values, np.zeros(runs, bool), np.arange(runs), independent=True)
 
 
 # Fewest runs for 99 % at a tenth of risk: 230, 388, 531 with none, one, two violations.
@@ -60,7 +66,7 @@ def test_a_requirement_is_refuted_where_so_many_violations_are_as_rare_as_the_ri
 
 def test_the_numbers_of_a_judgement_by_hand() -> None:
     found = campaign(1000, 3)
-    assert (found.runs, found.violations, found.success) == (1000, 3, pytest.approx(0.997))
+    assert (found.runs, found.violations, found.success_fraction) == (1000, 3, pytest.approx(0.997))
     # 0.010073 is the worked number for 3 in 1000; with 5 it is 0.066, with 6 more than a tenth.
     assert found.risk_reached == pytest.approx(0.010073, abs=5e-7)
     assert (found.allowed, found.rank) == (5, 995)
@@ -75,7 +81,7 @@ def test_a_campaign_is_verified_just_if_the_order_statistic_keeps_the_limit() ->
     verdicts = set()
     for _ in range(60):
         values = rng.exponential(size=600) * rng.uniform(0.3, 0.45)
-        found = judge(requirement(), values, np.zeros(600, bool), np.arange(600), independent=True)
+        found = evaluate_requirement(requirement(), values, np.zeros(600, bool), np.arange(600), independent=True)
         assert found.order_statistic is not None
         assert (found.verdict is Verdict.VERIFIED) == (found.order_statistic <= 2.0)
         verdicts.add(found.verdict)
@@ -85,8 +91,8 @@ def test_a_campaign_is_verified_just_if_the_order_statistic_keeps_the_limit() ->
 def test_a_lower_bound_is_the_mirror_image() -> None:
     values = np.linspace(1.0, 20.0, 500)
     failed = np.zeros(500, bool)
-    low = judge(requirement("at least", limit=1.1), values, failed, np.arange(500), independent=True)
-    high = judge(requirement("at most", limit=-1.1), -values, failed, np.arange(500), independent=True)
+    low = evaluate_requirement(requirement("at least", limit=1.1), values, failed, np.arange(500), independent=True)
+    high = evaluate_requirement(requirement("at most", limit=-1.1), -values, failed, np.arange(500), independent=True)
     assert low.violations == high.violations == 3
     assert low.violating_ids == high.violating_ids == (0, 1, 2)
     assert (low.worst, high.worst) == (1.0, -1.0)
@@ -98,8 +104,8 @@ def test_a_lower_bound_is_the_mirror_image() -> None:
 
 def test_a_value_on_the_limit_keeps_it() -> None:
     nothing = np.zeros(3, bool)
-    assert not violations(requirement(), np.full(3, 2.0), nothing).any()
-    assert not violations(requirement("at least"), np.full(3, 2.0), nothing).any()
+    assert not violates(requirement(), np.full(3, 2.0), nothing).any()
+    assert not violates(requirement("at least"), np.full(3, 2.0), nothing).any()
 
 
 @pytest.mark.parametrize("bound", ["at most", "at least"])
@@ -108,17 +114,17 @@ def test_failed_and_undefined_runs_violate_and_come_first(bound: Literal["at mos
     values = np.array([good, np.nan, good, bad, good])
     failed = np.array([False, False, True, False, False])
     ids = np.array([10, 11, 12, 13, 14])
-    found = judge(requirement(bound), values, failed, ids, independent=True)
+    found = evaluate_requirement(requirement(bound), values, failed, ids, independent=True)
     assert found.violations == 3
     assert found.violating_ids == (11, 12, 13)
     assert found.worst == bad
-    assert found.success == pytest.approx(0.4)
+    assert found.success_fraction == pytest.approx(0.4)
 
 
 def test_the_run_of_the_order_statistic_may_have_no_value() -> None:
     values = np.full(300, 1.0)
     values[:5] = np.nan
-    found = judge(requirement(), values, np.zeros(300, bool), np.arange(300), independent=True)
+    found = evaluate_requirement(requirement(), values, np.zeros(300, bool), np.arange(300), independent=True)
     assert (found.rank, found.order_statistic, found.margin) == (300, None, None)
 
 
@@ -129,10 +135,10 @@ def test_at_most_twenty_violating_runs_are_named() -> None:
 def test_runs_that_are_not_independent_get_numbers_but_no_verdict() -> None:
     values = np.full(1000, 1.0)
     values[4] = 9.0
-    found = judge(requirement(), values, np.zeros(1000, bool), np.arange(1000), independent=False)
+    found = evaluate_requirement(requirement(), values, np.zeros(1000, bool), np.arange(1000), independent=False)
     assert found.verdict is Verdict.NOT_INDEPENDENT
     assert found.text == "not independent: no verdict"
-    assert (found.violations, found.success, found.worst, found.violating_ids) == (1, 0.999, 9.0, (4,))
+    assert (found.violations, found.success_fraction, found.worst, found.violating_ids) == (1, 0.999, 9.0, (4,))
     on_independence = (
         found.more_runs, found.allowed, found.rank, found.order_statistic, found.margin,
         found.success_interval, found.risk_reached,
@@ -141,9 +147,9 @@ def test_runs_that_are_not_independent_get_numbers_but_no_verdict() -> None:
 
 
 def test_without_runs_all_of_them_are_needed() -> None:
-    found = judge(requirement(), np.zeros(0), np.zeros(0, bool), np.zeros(0, int), independent=True)
+    found = evaluate_requirement(requirement(), np.zeros(0), np.zeros(0, bool), np.zeros(0, int), independent=True)
     assert found.text == "needs 230 more runs"
-    assert (found.success, found.worst, found.success_interval) == (None, None, (0.0, 1.0))
+    assert (found.success_fraction, found.worst, found.success_interval) == (None, None, (0.0, 1.0))
 
 
 def test_the_ends_of_the_interval_have_the_stated_risk() -> None:

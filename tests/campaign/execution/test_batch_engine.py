@@ -10,13 +10,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+import fast_compile_flags
 import jax
 import numpy as np
 import pytest
-import quick_compilation
 
 import rpojax
-from rpojax.campaign.execution.batch_engine import Engine
+from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.runtime import device_programs, trace_cache
 from rpojax.scenario.schema import ScenarioFile
@@ -30,22 +30,22 @@ Channels = dict[str, np.ndarray]
 
 
 @pytest.fixture(scope="module")
-def engine(mission: ScenarioFile) -> Engine:
+def engine(mission: ScenarioFile) -> BatchEngine:
     """One device that takes `BATCH` runs."""
-    engine = Engine(mission, BATCH, jax.devices()[:1])
+    engine = BatchEngine(mission, BATCH, jax.devices()[:1])
     engine.compile()
     return engine
 
 
-def fly(engine: Engine, ids: Sequence[int] | np.ndarray) -> Channels:
+def fly(engine: BatchEngine, ids: Sequence[int] | np.ndarray) -> Channels:
     """All channels (ticks, runs, ...) of the given runs."""
-    segments = list(engine.run(engine.prepare(0, np.asarray(ids))))
+    segments = list(engine.simulate(engine.prepare(0, np.asarray(ids))))
     assert [segment.first_tick for segment in segments] == [0, 200]
     return {name: np.concatenate([segment.channels[name] for segment in segments]) for name in segments[0].channels}
 
 
 @pytest.fixture(scope="module")
-def block(engine: Engine) -> Channels:
+def block(engine: BatchEngine) -> Channels:
     """Runs 0 to 63, in order."""
     return fly(engine, np.arange(BATCH))
 
@@ -59,7 +59,7 @@ def same(first: Channels, column: int, second: Channels, other: int) -> list[str
     ]
 
 
-def test_a_run_is_the_same_to_the_last_bit_alone_and_anywhere_in_a_block(engine: Engine, block: Channels) -> None:
+def test_a_run_is_the_same_to_the_last_bit_alone_and_anywhere_in_a_block(engine: BatchEngine, block: Channels) -> None:
     alone = fly(engine, np.arange(17, 17 + BATCH))
     assert same(block, 17, alone, 0) == []
     ids = 500 - 7 * np.arange(BATCH)  # other company, other order
@@ -69,18 +69,18 @@ def test_a_run_is_the_same_to_the_last_bit_alone_and_anywhere_in_a_block(engine:
 
 
 def test_another_block_size_changes_no_more_than_rounding(mission: ScenarioFile, block: Channels) -> None:
-    alone = fly(Engine(mission, 1, jax.devices()[:1]), [17])
+    alone = fly(BatchEngine(mission, 1, jax.devices()[:1]), [17])
     for name, values in alone.items():
         np.testing.assert_allclose(values[:, 0], block[name][:, 17], **OTHER_BLOCK_SIZE, err_msg=name)
 
 
-def test_another_seed_is_another_campaign(engine: Engine, block: Channels) -> None:
-    other = next(iter(engine.run(engine.prepare(1, np.arange(BATCH)))))
+def test_another_seed_is_another_campaign(engine: BatchEngine, block: Channels) -> None:
+    other = next(iter(engine.simulate(engine.prepare(1, np.arange(BATCH)))))
     assert not np.any(np.all(other.channels["rho_H"][0] == block["rho_H"][0], axis=1))
 
 
-def test_a_block_left_after_its_first_segment_leaves_nothing_behind(engine: Engine, block: Channels) -> None:
-    flying = engine.run(engine.prepare(0, np.arange(BATCH)))
+def test_a_block_left_after_its_first_segment_leaves_nothing_behind(engine: BatchEngine, block: Channels) -> None:
+    flying = engine.simulate(engine.prepare(0, np.arange(BATCH)))
     before = set(threading.enumerate())
     first = next(flying)
     flying.close()  # waits for the segment that the devices work on
@@ -95,22 +95,22 @@ def test_a_device_goes_on_while_another_is_late_but_not_far_ahead_of_the_caller(
 
     def quick() -> int:
         calls.append(next(counted))
-        if len(calls) == device_programs.AHEAD + 1:
+        if len(calls) == device_programs.CALLS_AHEAD + 1:
             third.set()
         return calls[-1]
 
     def late() -> bool:
         return released.wait(30.0)
 
-    results = device_programs.side_by_side([quick, late], 10)
+    results = device_programs.call_in_threads([quick, late], 10)
     begun = threading.Thread(target=next, args=(results,))
     begun.start()
     assert third.wait(30.0)  # though the other has not given its first result
     released.set()
     begun.join()
     results.close()
-    assert len(calls) == device_programs.AHEAD + 1
-    assert list(device_programs.side_by_side([lambda: next(counted)], 3)) == [[4], [5], [6]]
+    assert len(calls) == device_programs.CALLS_AHEAD + 1
+    assert list(device_programs.call_in_threads([lambda: next(counted)], 3)) == [[4], [5], [6]]
 
 
 def test_an_error_in_a_device_s_thread_is_the_caller_s() -> None:
@@ -119,7 +119,7 @@ def test_an_error_in_a_device_s_thread_is_the_caller_s() -> None:
 
     before = set(threading.enumerate())
     with pytest.raises(ValueError, match="device lost"):
-        next(device_programs.side_by_side([lambda: 1.0, lost], 4))
+        next(device_programs.call_in_threads([lambda: 1.0, lost], 4))
     assert set(threading.enumerate()) <= before
 
 
@@ -134,10 +134,10 @@ def test_a_campaign_of_many_blocks_traces_the_loop_once(
         return tick(*arguments)
 
     monkeypatch.setattr(closed_loop, "tick", counted)
-    monkeypatch.delenv(trace_cache.FOLDER, raising=False)
+    monkeypatch.delenv(trace_cache.FOLDER_VARIABLE, raising=False)
     anew = mission.model_copy(update={"name": "not compiled by another test"})
     result = run_campaign(anew, 3, tmp_path / "runs", block_size=1, devices=jax.devices()[:1])
-    assert result.missing() == []
+    assert result.missing_blocks() == []
     assert len(calls) == 1
 
 
@@ -149,9 +149,9 @@ def test_missions_with_segments_as_long_share_their_traces(
     monkeypatch.setattr(closed_loop, "tick", lambda *given: calls.append("tick") or tick(*given))
     monkeypatch.setattr(closed_loop, "init", lambda *given: calls.append("init") or init(*given))
 
-    def traced(duration_s: float) -> Engine:
-        engine = Engine(mission.model_copy(update={"duration_s": duration_s}), 1, jax.devices()[:1])
-        assert engine._loop.results is not None
+    def traced(duration_s: float) -> BatchEngine:
+        engine = BatchEngine(mission.model_copy(update={"duration_s": duration_s}), 1, jax.devices()[:1])
+        assert engine._loop_trace.outputs is not None
         return engine
 
     assert traced(400.0).segment_ticks == 200
@@ -174,19 +174,20 @@ def in_process_with_devices(count: int, *words: str, flags: str = "") -> str:
 EXCHANGE = """
 import jax
 import numpy as np
-from rpojax.campaign.execution.batch_engine import Engine
+from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.runtime import device_programs, trace_cache
 from rpojax.scenario import scenario_file
 
-engine = Engine(scenario_file.load("inspection", ["duration_s=200"]), 2)
-there, back = (next(engine.run(engine.prepare(0, np.array(ids)))).channels for ids in ([3, 4, 17, 18], [17, 18, 3, 4]))
+engine = BatchEngine(scenario_file.load("inspection", ["duration_s=200"]), 2)
+orders = [3, 4, 17, 18], [17, 18, 3, 4]
+there, back = (next(engine.simulate(engine.prepare(0, np.array(ids)))).channels for ids in orders)
 equal = [there[name].tobytes() == np.roll(back[name], 2, axis=1).tobytes() for name in there]
 print(len(engine.devices), len(equal), all(equal))
 """
 
 
 def test_a_run_is_the_same_to_the_last_bit_on_either_device() -> None:
-    flags = quick_compilation.FLAGS[0]
+    flags = fast_compile_flags.FLAGS[0]
     devices, channels, equal = in_process_with_devices(2, "-c", EXCHANGE, flags=flags).split()
     assert (devices, equal) == ("2", "True")
     assert int(channels) > 20

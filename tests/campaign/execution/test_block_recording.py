@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rpojax.campaign.execution.batch_engine import Segment
-from rpojax.campaign.execution.block_recording import Recorder
+from rpojax.campaign.execution.block_recording import ChannelRecorder
 from rpojax.scenario import scenario_file
 
 TICKS, RUNS, OF_FIRST = 5, 6, 4
@@ -31,9 +31,9 @@ def segments() -> list[Segment]:
 
 @pytest.mark.parametrize("rows", [[1, 3, 5], [5, 0], [4], []])
 def test_records_of_two_devices_are_those_of_one(rows: list[int]) -> None:
-    recorder = Recorder(TICKS, rows, lambda _: True)
+    recorder = ChannelRecorder(TICKS, rows, lambda _: True)
     for segment in segments():
-        recorder.add(segment)
+        recorder.add_segment(segment)
     assert set(recorder.records) == {"range_m", "rho_H"}
     for name, values in recorder.records.items():
         np.testing.assert_array_equal(values, WHOLE[name])

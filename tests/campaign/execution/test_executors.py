@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from campaign_folders import effort, new_campaign, results
+from empty_campaign_folders import empty_campaign, synthetic_block, synthetic_timing
 
 from rpojax.campaign.execution import block_runner, dask_executor, executors
-from rpojax.campaign.execution.executors import Workers
+from rpojax.campaign.execution.executors import ProcessExecutor
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError, UnfinishedError
 from rpojax.scenario.schema import ScenarioFile
@@ -39,7 +39,7 @@ for line in sys.stdin:
 @pytest.fixture
 def campaign(mission: ScenarioFile, tmp_path: Path) -> Campaign:
     """Eleven runs in six blocks."""
-    return new_campaign(tmp_path / "runs", mission, 7, 11, 0, 2)
+    return empty_campaign(tmp_path / "runs", mission, 7, 11, 0, 2)
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def tries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Folder in which stand-ins for workers, two on two cores each, note every try at a block."""
     folder = tmp_path / "tries"
     folder.mkdir()
-    monkeypatch.setattr(executors, "_cores", lambda: {0, 1, 2, 3})
+    monkeypatch.setattr(executors, "_available_cores", lambda: {0, 1, 2, 3})
     return folder
 
 
@@ -71,7 +71,7 @@ def test_blocks_of_a_worker_that_dies_are_done_by_another(
 ) -> None:
     behave(monkeypatch, tries, "clumsy")
     told: list[tuple[float, int, bool]] = []
-    assert Workers(campaign, 2).do(range(6), lambda *words: told.append(words)) == {}
+    assert ProcessExecutor(campaign, 2).run_blocks(range(6), lambda *words: told.append(words)) == {}
     counts = tried(tries)
     assert counts[2] == 3
     assert set(counts) == set(range(6))
@@ -84,7 +84,7 @@ def test_a_block_that_kills_three_workers_is_given_up_and_the_others_are_done(
     campaign: Campaign, tries: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     behave(monkeypatch, tries, "poison")
-    given_up = Workers(campaign, 2).do(range(6), lambda *_: None)
+    given_up = ProcessExecutor(campaign, 2).run_blocks(range(6), lambda *_: None)
     assert given_up.keys() == {2}
     assert "signal 9: what a mess" in given_up[2]
     counts = tried(tries)
@@ -97,35 +97,35 @@ def test_an_error_that_no_other_worker_could_avoid_ends_the_campaign(
 ) -> None:
     behave(monkeypatch, tries, "full")
     with pytest.raises(UnfinishedError, match="found no space"):
-        Workers(campaign, 2).do(range(6), lambda *_: None)
+        ProcessExecutor(campaign, 2).run_blocks(range(6), lambda *_: None)
     assert sum(tried(tries).values()) <= 2
 
 
 def test_cores_are_shared_out_evenly() -> None:
-    assert executors.shares([0, 1, 2, 3, 4], 2) == [[0, 2, 4], [1, 3]]
-    assert executors.shares([4, 5], 2) == [[4], [5]]
-    assert executors.shares([4, 5], 3) == [[4], [5], [4]]
+    assert executors.split_cores([0, 1, 2, 3, 4], 2) == [[0, 2, 4], [1, 3]]
+    assert executors.split_cores([4, 5], 2) == [[4], [5]]
+    assert executors.split_cores([4, 5], 3) == [[4], [5], [4]]
 
 
 def test_a_cluster_does_blocks_into_the_folder(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     distributed = pytest.importorskip("distributed")
     tries: dict[int, int] = {}
 
-    def do(result: Campaign, engine: None, wave: Sequence[int], during: block_runner.During) -> int:
+    def do(result: Campaign, engine: None, wave: Sequence[int], during: block_runner.BatchProgressCallback) -> int:
         tries[wave[0]] = tries.get(wave[0], 0) + 1
         if wave[0] == 2 or (wave[0] == 1 and tries[1] < 3):
             raise MemoryError("too little")
-        result.write_block(wave[0], results(wave[0]), effort())
+        result.write_block(wave[0], synthetic_block(wave[0]), synthetic_timing())
         return 1
 
-    monkeypatch.setattr(block_runner, "do_blocks", do)
-    monkeypatch.setattr(dask_executor, "_prepared", lambda directory, _: (Campaign(directory), None))
+    monkeypatch.setattr(block_runner, "simulate_and_store", do)
+    monkeypatch.setattr(dask_executor, "_campaign_and_engine", lambda directory, _: (Campaign(directory), None))
     told: list[tuple[float, int, bool]] = []
     settings = {"n_workers": 1, "threads_per_worker": 1, "processes": False, "dashboard_address": None}
     with distributed.LocalCluster(**settings) as local:
-        spread = dask_executor.Cluster(campaign, local.scheduler_address)
-        assert spread.do(range(6), lambda *words: told.append(words)) == {2: "too little"}
-    assert campaign.missing() == [2]
+        spread = dask_executor.DaskExecutor(campaign, local.scheduler_address)
+        assert spread.run_blocks(range(6), lambda *words: told.append(words)) == {2: "too little"}
+    assert campaign.missing_blocks() == [2]
     assert tries == {0: 1, 1: 3, 2: 3, 3: 1, 4: 1, 5: 1}
     assert told[-1] == (9.0, 5, True)
 
@@ -134,25 +134,25 @@ def test_a_cluster_does_blocks_into_the_folder(campaign: Campaign, monkeypatch: 
 def test_a_worker_computes_as_it_is_told_unless_it_knows_better(
     campaign: Campaign, monkeypatch: pytest.MonkeyPatch, own: str | None
 ) -> None:
-    monkeypatch.setattr(block_runner, "do_blocks", lambda *_: 0)
-    monkeypatch.setattr(dask_executor, "_prepared", lambda directory, _: (Campaign(directory), None))
+    monkeypatch.setattr(block_runner, "simulate_and_store", lambda *_: 0)
+    monkeypatch.setattr(dask_executor, "_campaign_and_engine", lambda directory, _: (Campaign(directory), None))
     monkeypatch.setenv("XLA_FLAGS", own or "")
     if own is None:
         monkeypatch.delenv("XLA_FLAGS")
-    assert dask_executor.do_block(str(campaign.directory), 0, {"XLA_FLAGS": "--xla_told=1"}) == ("done", 0)
+    assert dask_executor.simulate_block(str(campaign.directory), 0, {"XLA_FLAGS": "--xla_told=1"}) == ("done", 0)
     assert os.environ["XLA_FLAGS"] == (own or "--xla_told=1")
 
 
 def test_a_worker_understands_all_that_it_may_be_told(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(block_runner, "do_blocks", lambda *_: 0)
-    monkeypatch.setattr(dask_executor, "_prepared", lambda directory, _: (Campaign(directory), None))
+    monkeypatch.setattr(block_runner, "simulate_and_store", lambda *_: 0)
+    monkeypatch.setattr(dask_executor, "_campaign_and_engine", lambda directory, _: (Campaign(directory), None))
     heard: dict[str, object] = {}
     monkeypatch.setattr(dask_executor.jax.config, "update", heard.__setitem__)
-    told = dict.fromkeys(dask_executor._TOLD, "7")
+    told = dict.fromkeys(dask_executor._FORWARDED_VARIABLES, "7")
     for name in told:
         monkeypatch.setenv(name, "")
         monkeypatch.delenv(name)
-    assert dask_executor.do_block(str(campaign.directory), 0, told) == ("done", 0)
+    assert dask_executor.simulate_block(str(campaign.directory), 0, told) == ("done", 0)
     assert (os.environ["XLA_FLAGS"], os.environ["RPOJAX_TRACES"]) == ("7", "7")
     assert heard == {
         "jax_compilation_cache_dir": "7",
@@ -166,4 +166,4 @@ def test_a_worker_understands_all_that_it_may_be_told(campaign: Campaign, monkey
 def test_a_scheduler_that_is_not_there_is_named(campaign: Campaign) -> None:
     pytest.importorskip("distributed")
     with pytest.raises(RpojaxError, match=r"--scheduler: found 'nonsense://x'.*expected the address"):
-        dask_executor.Cluster(campaign, "nonsense://x").do([0], lambda *_: None)
+        dask_executor.DaskExecutor(campaign, "nonsense://x").run_blocks([0], lambda *_: None)

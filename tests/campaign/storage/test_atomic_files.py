@@ -44,7 +44,7 @@ def dead_process() -> int:
 
 
 def test_only_partial_files_whose_writers_are_gone_are_swept(tmp_path: Path) -> None:
-    here, elsewhere, dead = atomic_files.machine(), "0" * 8, dead_process()
+    here, elsewhere, dead = atomic_files.machine_id(), "0" * 8, dead_process()
     names = {
         "of the dead": f".a.{here}-{dead}-0.partial",
         "of the living": f".b.{here}-{os.getpid()}-0.partial",
@@ -59,7 +59,7 @@ def test_only_partial_files_whose_writers_are_gone_are_swept(tmp_path: Path) -> 
         (folder / name).touch()
     for name in ("of another machine, long ago", "of another tool, long ago", "no partial file"):
         os.utime(folder / names[name], times=(time.time() - 3600.0,) * 2)
-    atomic_files.sweep(tmp_path)
+    atomic_files.remove_stale_files(tmp_path)
     left = {name for name, file in names.items() if (folder / file).exists()}
     assert left == {"of the living", "of another machine", "of another tool, long ago", "no partial file"}
 
@@ -69,9 +69,9 @@ def test_a_path_through_a_link_is_refused_and_one_without_is_not(tmp_path: Path)
     (root / "inside").mkdir(parents=True)
     outside.mkdir()
     (root / "link").symlink_to(outside)
-    atomic_files.refuse_links(root, root / "inside" / "file")
+    atomic_files.check_no_links(root, root / "inside" / "file")
     with pytest.raises(ResultError, match="link: found a link that leads elsewhere"):
-        atomic_files.refuse_links(root, root / "link" / "file")
+        atomic_files.check_no_links(root, root / "link" / "file")
 
 
 @pytest.mark.parametrize("text", ["", "{", "[" * 100_000, '"\ud800', "9" * 5000])

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from campaign_folders import effort, new_campaign, results
+from empty_campaign_folders import empty_campaign, synthetic_block, synthetic_timing
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -29,8 +29,8 @@ ENTRY = Manifest("0f", 0, 2, 1, 1, {"x": 1}, {"metrics": "0" * 64}, 100.0, 10.0,
 @pytest.fixture(scope="module")
 def begun(tmp_path_factory: pytest.TempPathFactory, mission: ScenarioFile) -> Campaign:
     """Five runs in three blocks, the first done; tests put back what they change."""
-    made = new_campaign(tmp_path_factory.mktemp("begun") / "runs", mission, 7, 5, 10, 2)
-    made.write_block(0, results(0), effort())
+    made = empty_campaign(tmp_path_factory.mktemp("begun") / "runs", mission, 7, 5, 10, 2)
+    made.write_block(0, synthetic_block(0), synthetic_timing())
     return made
 
 
@@ -55,7 +55,7 @@ def read_with(begun: Campaign, name: str, key: str, value: Any) -> None:
         path.write_bytes(before)
 
 
-@given(key=st.sampled_from(sorted({*campaign_json._ENTRIES, "format"})), value=JSON)
+@given(key=st.sampled_from(sorted({*campaign_json._REQUIRED_ENTRIES, "format"})), value=JSON)
 def test_whatever_campaign_json_holds_is_read_or_refused_in_one_line(begun: Campaign, key: str, value: Any) -> None:
     read_with(begun, "campaign.json", key, value)
 
@@ -81,7 +81,7 @@ def test_the_manifest_of_another_block_is_refused(begun: Campaign, tmp_path: Pat
 def test_names_that_are_no_blocks_of_the_campaign_count_for_nothing(begun: Campaign, tmp_path: Path, name: str) -> None:
     copy = Path(shutil.copytree(begun.directory, tmp_path / "copy"))
     (copy / "manifest" / name).write_text("{}")
-    assert Campaign(copy).missing() == [1, 2]
+    assert Campaign(copy).missing_blocks() == [1, 2]
 
 
 @pytest.mark.parametrize("part", ["campaign.json", "manifest", "results.zarr", "results.zarr/metrics"])
@@ -94,7 +94,7 @@ def test_parts_that_are_links_are_neither_read_nor_written(begun: Campaign, tmp_
     with pytest.raises(ResultError, match="found a link that leads elsewhere"):
         read_all(copy)
     with pytest.raises(ResultError, match="found a link that leads elsewhere"):
-        Campaign(copy).write_block(1, results(1), effort())
+        Campaign(copy).write_block(1, synthetic_block(1), synthetic_timing())
     assert contents(outside) == before
 
 
@@ -109,14 +109,14 @@ def test_time_counts_once_where_blocks_are_done_at_once_and_not_in_between() -> 
 
 
 def test_attempts_are_counted_until_the_block_is_done(mission: ScenarioFile, tmp_path: Path) -> None:
-    made = new_campaign(tmp_path / "runs", mission, 7, 5, 10, 2)
+    made = empty_campaign(tmp_path / "runs", mission, 7, 5, 10, 2)
     for _ in range(2):
-        block_manifests.begin(made.directory, 1)
-    assert block_manifests.begun(made.directory, 3) == {1: 2}
+        block_manifests.record_attempt(made.directory, 1)
+    assert block_manifests.attempts_at_unfinished_blocks(made.directory, 3) == {1: 2}
     assert status(made.directory)["begun"] == [{"block": 1, "attempts": 2}]
-    made.write_block(1, results(1), effort())
+    made.write_block(1, synthetic_block(1), synthetic_timing())
     assert made.manifests[1].attempts == 2
-    assert block_manifests.begun(made.directory, 3) == {}
+    assert block_manifests.attempts_at_unfinished_blocks(made.directory, 3) == {}
 
 
 def test_the_status_counts_what_manifests_say(begun: Campaign) -> None:

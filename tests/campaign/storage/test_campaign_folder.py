@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zarr
-from campaign_folders import effort, new_campaign, results
+from empty_campaign_folders import empty_campaign, synthetic_block, synthetic_timing
 
 from rpojax.campaign.storage import atomic_files
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, ResultError
 from rpojax.scenario import scenario_file
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.closed_loop import FAILURES
+from rpojax.simulation.closed_loop import FAILURE_REASONS
 
 RUNS, BLOCK = 5, 2
 
@@ -23,7 +23,7 @@ RUNS, BLOCK = 5, 2
 @pytest.fixture
 def empty(mission: ScenarioFile, tmp_path: Path) -> Campaign:
     """A campaign of five runs in three blocks, none of them done."""
-    return new_campaign(tmp_path / "runs", mission, 7, RUNS, 10, BLOCK, [10])
+    return empty_campaign(tmp_path / "runs", mission, 7, RUNS, 10, BLOCK, [10])
 
 
 def test_a_new_folder_says_what_is_to_be_run_before_anything_is(empty: Campaign, mission: ScenarioFile) -> None:
@@ -31,33 +31,33 @@ def test_a_new_folder_says_what_is_to_be_run_before_anything_is(empty: Campaign,
     assert (info["seed"], info["runs"], info["first_run"], info["block_size"]) == (7, RUNS, 10, BLOCK)
     assert {"rpojax", "jax", "numpy", "python"} <= set(info["versions"])
     assert empty.file == mission
-    assert empty.missing() == [0, 1, 2]
+    assert empty.missing_blocks() == [0, 1, 2]
     assert empty.run_ids.tolist() == []
     assert empty.metrics == {}
     assert empty.history_ids == []
 
 
 def test_blocks_hold_consecutive_runs_and_the_last_is_padded_to_full_size(empty: Campaign) -> None:
-    assert [empty.block_ids(block).tolist() for block in range(empty.blocks)] == [[10, 11], [12, 13], [14, 15]]
+    assert [empty.block_run_ids(block).tolist() for block in range(empty.block_count)] == [[10, 11], [12, 13], [14, 15]]
 
 
 def test_rows_of_finished_blocks_are_read_back_whatever_order_they_came_in(empty: Campaign) -> None:
-    empty.write_block(2, results(2), effort())
-    empty.write_block(0, results(0), effort())
+    empty.write_block(2, synthetic_block(2), synthetic_timing())
+    empty.write_block(0, synthetic_block(0), synthetic_timing())
     read = Campaign(empty.directory)
-    assert read.missing() == [1]
+    assert read.missing_blocks() == [1]
     assert read.run_ids.tolist() == [10, 11, 14]
     np.testing.assert_array_equal(read.metrics["min_range_m"], [0.0, np.nan, 4.0])
     np.testing.assert_array_equal(read.drawn["target.tumble_axis"][:, 1], [0.0, -1.0, -4.0])
     np.testing.assert_array_equal(read.failed_at_s, [np.nan, 12.0, np.nan])
-    assert read.failure_reason.tolist() == ["", FAILURES[2], ""]
+    assert read.failure_reason.tolist() == ["", FAILURE_REASONS[2], ""]
     assert read.completed.tolist() == [True, False, True]
     assert read.traces["range_m"].dtype == np.float32
 
 
 def test_padding_is_not_stored(empty: Campaign, arrays: Callable[[Path], dict[str, np.ndarray]]) -> None:
     for block in range(3):
-        empty.write_block(block, results(block), effort())
+        empty.write_block(block, synthetic_block(block), synthetic_timing())
     assert all(len(values) == RUNS for values in arrays(empty.directory).values())
     manifest = json.loads((empty.directory / "manifest" / "000002.json").read_text())
     assert manifest.items() >= {"first": 4, "count": 1, "completed": 1, "failed": 0, "reasons": {}}.items()
@@ -73,11 +73,11 @@ def test_a_block_counts_only_once_its_manifest_is_there(empty: Campaign, monkeyp
     with monkeypatch.context() as patch:
         patch.setattr(atomic_files, "write_json", die)
         with pytest.raises(KeyboardInterrupt):
-            empty.write_block(0, results(0), effort())
+            empty.write_block(0, synthetic_block(0), synthetic_timing())
     read = Campaign(empty.directory)
-    assert read.missing() == [0, 1, 2]
+    assert read.missing_blocks() == [0, 1, 2]
     assert read.metrics == {}
-    empty.write_block(0, results(0), effort())
+    empty.write_block(0, synthetic_block(0), synthetic_timing())
     assert read.metrics["min_range_m"][0] == 0.0
 
 
@@ -102,7 +102,7 @@ def garbled(path: Path) -> str:
 def test_chunks_that_are_lost_or_garbled_are_never_read_as_results(
     empty: Campaign, group: str, spoil: Callable[[Path], str]
 ) -> None:
-    empty.write_block(0, results(0), effort())
+    empty.write_block(0, synthetic_block(0), synthetic_timing())
     chunk = next(path for path in (empty.directory / "results.zarr" / group).rglob("c/**/0") if path.is_file())
     words = spoil(chunk)
     read = Campaign(empty.directory)
@@ -112,7 +112,7 @@ def test_chunks_that_are_lost_or_garbled_are_never_read_as_results(
 
 
 def test_a_chunk_of_fill_values_alone_is_there_too(empty: Campaign) -> None:
-    empty.write_block(0, {**results(0), "metrics/time_to_acquire_s": np.full(2, np.nan)}, effort())
+    empty.write_block(0, {**synthetic_block(0), "metrics/time_to_acquire_s": np.full(2, np.nan)}, synthetic_timing())
     assert np.isnan(Campaign(empty.directory).metrics["time_to_acquire_s"]).all()
     empty.write_history(10, {"delta_v_m_s": np.zeros(3), "box_present": np.zeros(3, bool)})
     assert empty.history(10)["delta_v_m_s"].tolist() == [0.0, 0.0, 0.0]
@@ -122,7 +122,7 @@ def test_a_chunk_of_fill_values_alone_is_there_too(empty: Campaign) -> None:
 
 
 def test_a_status_that_was_never_written_is_unknown_and_no_success(empty: Campaign) -> None:
-    empty.write_block(0, results(0), effort())
+    empty.write_block(0, synthetic_block(0), synthetic_timing())
     status = zarr.open_group(str(empty.directory / "results.zarr"), mode="r+")["status/failure"]
     assert isinstance(status, zarr.Array)
     assert status.fill_value == -1
@@ -133,7 +133,7 @@ def test_a_status_that_was_never_written_is_unknown_and_no_success(empty: Campai
 
 def test_results_that_are_gone_are_missed_once_a_block_is_done(empty: Campaign) -> None:
     assert empty.metrics == {}
-    empty.write_block(0, results(0), effort())
+    empty.write_block(0, synthetic_block(0), synthetic_timing())
     shutil.rmtree(empty.directory / "results.zarr")
     for group in ("metrics", "drawn", "traces", "completed"):
         with pytest.raises(ResultError, match=r"results\.zarr"):
@@ -142,7 +142,7 @@ def test_results_that_are_gone_are_missed_once_a_block_is_done(empty: Campaign) 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"first": 0}'])
 def test_a_manifest_that_counts_nothing_is_refused(empty: Campaign, text: str) -> None:
-    empty.write_block(0, results(0), effort())
+    empty.write_block(0, synthetic_block(0), synthetic_timing())
     (empty.directory / "manifest" / "000000.json").write_text(text)
     with pytest.raises(ResultError, match="runs the block again"):
         _ = Campaign(empty.directory).completed
@@ -192,14 +192,14 @@ def test_a_folder_that_is_no_campaign_is_refused(tmp_path: Path, text: str | Non
 def test_an_existing_folder_is_left_alone_without_force(empty: Campaign, mission: ScenarioFile) -> None:
     before = (empty.directory / "campaign.json").read_bytes()
     with pytest.raises(OutputError, match="--force"):
-        new_campaign(empty.directory, mission, 8, 1, 0, 1)
+        empty_campaign(empty.directory, mission, 8, 1, 0, 1)
     assert (empty.directory / "campaign.json").read_bytes() == before
 
 
 def test_force_replaces_a_campaign_with_all_it_held(empty: Campaign, mission: ScenarioFile) -> None:
-    empty.write_block(0, results(0), effort())
+    empty.write_block(0, synthetic_block(0), synthetic_timing())
     (empty.directory / "report.html").write_text("old")
-    new = new_campaign(empty.directory, mission, 8, 1, 0, 1, force=True)
+    new = empty_campaign(empty.directory, mission, 8, 1, 0, 1, force=True)
     assert sorted(path.name for path in new.directory.iterdir()) == ["campaign.json", "scenario.toml"]
     assert new.info["seed"] == 8
 
@@ -212,10 +212,10 @@ def test_force_removes_nothing_but_campaigns(mission: ScenarioFile, tmp_path: Pa
     if text is not None:
         (folder / "campaign.json").write_text(text)
     with pytest.raises(OutputError, match="no campaign"):
-        new_campaign(folder, mission, 8, 1, 0, 1, force=True)
+        empty_campaign(folder, mission, 8, 1, 0, 1, force=True)
     assert (folder / "thesis.tex").read_text() == "years of work"
 
 
 def test_a_folder_that_cannot_be_made_is_an_error_of_its_own(mission: ScenarioFile, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="expected a folder to write to"):
-        new_campaign(tmp_path / ("x" * 300), mission, 8, 1, 0, 1)
+        empty_campaign(tmp_path / ("x" * 300), mission, 8, 1, 0, 1)

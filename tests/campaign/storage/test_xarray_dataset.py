@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from campaign_folders import effort, new_campaign, results
+from empty_campaign_folders import empty_campaign, synthetic_block, synthetic_timing
 
 import rpojax
 from rpojax.campaign.storage.campaign_folder import Campaign
@@ -15,9 +15,9 @@ from rpojax.scenario.schema import ScenarioFile
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory, mission: ScenarioFile) -> Campaign:
     """Five runs from number 10, of which the block in the middle is missing."""
-    made = new_campaign(tmp_path_factory.mktemp("dataset") / "runs", mission, 7, 5, 10, 2)
+    made = empty_campaign(tmp_path_factory.mktemp("dataset") / "runs", mission, 7, 5, 10, 2)
     for block in (0, 2):
-        made.write_block(block, results(block), effort())
+        made.write_block(block, synthetic_block(block), synthetic_timing())
     return made
 
 
@@ -33,7 +33,7 @@ def test_variables_are_labelled_and_have_units(written: Campaign) -> None:
     assert found["failure_reason"].values.tolist() == ["", "entered the keep-out sphere", ""]
     assert found["completed"].values.tolist() == [True, False, True]
     for key in ("scenario_hash", "seed", "runs", "block_size"):
-        assert found.attrs[key] == written.asked[key]
+        assert found.attrs[key] == written.configuration[key]
 
 
 def test_xarray_reads_the_groups_by_itself(written: Campaign) -> None:

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpojax.core.numerics import double_single
-from rpojax.core.numerics.double_single import TwoPart
+from rpojax.core.numerics.double_single import DoubleSingle
 from rpojax.simulation import single_precision
 
 add = jax.jit(double_single.add)
@@ -34,20 +34,20 @@ def test_nothing_is_lost_of_a_sum_whichever_part_is_larger(total: list[float], p
 def test_a_product_has_the_digits_of_two_singles(first: list[float], second: list[float]) -> None:
     one, two = np.array(first, np.float32), np.array(second, np.float32)
     kept = np.abs(one.astype(np.float64) * two) > 1e-20  # below, halves of what is kept fall out of single precision
-    found = jax.jit(double_single.product)(one, two)
-    both = exact(np.asarray(found.value), np.asarray(found.rest))
+    found = jax.jit(double_single.two_product)(one, two)
+    both = exact(np.asarray(found.high), np.asarray(found.low))
     np.testing.assert_allclose(both[kept], (one.astype(np.float64) * two)[kept], rtol=2.0**-44)
 
 
 @given(st.floats(1e-3, 1e15), st.floats(-1e7, 1e7))
 def test_numbers_in_two_parts_multiply_and_have_roots(square: float, other: float) -> None:
     @jax.jit
-    def both(a: TwoPart, b: TwoPart) -> tuple[TwoPart, TwoPart]:
-        return a * b, double_single.inverse_root(a)
+    def both(a: DoubleSingle, b: DoubleSingle) -> tuple[DoubleSingle, DoubleSingle]:
+        return a * b, double_single.inverse_sqrt(a)
 
-    with single_precision.single():
-        a, b = double_single.constant(square), double_single.constant(other)
-        times, root = ([np.asarray(part) for part in (each.value, each.rest)] for each in both(a, b))
+    with single_precision.tracing_in_single():
+        a, b = double_single.from_float(square), double_single.from_float(other)
+        times, root = ([np.asarray(part) for part in (each.high, each.low)] for each in both(a, b))
     np.testing.assert_allclose(exact(*times), square * other, rtol=2.0**-43, atol=1e-20)
     np.testing.assert_allclose(exact(*root), square**-0.5, rtol=2.0**-43)
 
@@ -68,8 +68,8 @@ def test_a_million_steps_far_below_the_last_digit_add_up() -> None:
 
 def test_what_two_positions_lack_enters_their_difference() -> None:
     r = np.array([7e6, 1.0, -2.0], np.float32)
-    found = double_single.apart(
+    found = double_single.subtract(
         jnp.asarray(r), jnp.full(3, 0.125, jnp.float32), jnp.asarray(r), jnp.full(3, 0.25, jnp.float32)
     )
     np.testing.assert_array_equal(found, np.full(3, -0.125))
-    np.testing.assert_array_equal(double_single.apart(jnp.asarray(r), None, jnp.zeros(3, jnp.float32), None), r)
+    np.testing.assert_array_equal(double_single.subtract(jnp.asarray(r), None, jnp.zeros(3, jnp.float32), None), r)

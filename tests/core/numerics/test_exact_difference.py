@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from reference import SEEDS, random_unit
+from numpy_reference import SEEDS, random_unit
 
-from rpojax.core.numerics.exact_difference import Difference, inverse_length
+from rpojax.core.numerics.exact_difference import Difference, inverse_norm
 
 EXACT = 1e-14  # a few roundings, although the two values themselves may agree in all sixteen digits
 
-inverse = jax.jit(inverse_length)
+inverse = jax.jit(inverse_norm)
 
 RULES: dict[str, Callable] = {
     "a + b": lambda a, b: a + b,

@@ -4,12 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.core.numerics.fusion_barrier import materialise
+from rpojax.core.numerics.fusion_barrier import fusion_barrier
 
 
 def test_a_stage_border_passes_values_and_derivatives_through() -> None:
     def kernel(x: jax.Array, marker: jax.Array) -> jax.Array:
-        stored = materialise({"a": x**2, "b": (3.0 * x,)}, marker)
+        stored = fusion_barrier({"a": x**2, "b": (3.0 * x,)}, marker)
         return jnp.sum(stored["a"] + stored["b"][0])
 
     x = np.array([1.0, -2.0])
@@ -21,5 +21,5 @@ def test_a_stage_border_passes_values_and_derivatives_through() -> None:
 
 def test_a_stage_border_passes_a_whole_batch_through() -> None:
     batch = np.arange(6.0).reshape(3, 2)
-    found = jax.jit(jax.vmap(lambda x: materialise(x, jnp.zeros((), dtype=jnp.int32))))(batch)
+    found = jax.jit(jax.vmap(lambda x: fusion_barrier(x, jnp.zeros((), dtype=jnp.int32))))(batch)
     np.testing.assert_array_equal(found, batch)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
-from reference import SEEDS
+from numpy_reference import SEEDS
 
 from rpojax.core.numerics import safe
 

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from reference import RADIUS
+from numpy_reference import RADIUS
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
@@ -180,7 +180,7 @@ def test_single_precision_has_the_penumbra_to_a_ten_thousandth() -> None:
     places = 7.0e6 * np.stack([-np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
     shares = jax.jit(jax.vmap(lambda r_N: eclipse.illumination(r_N, jnp.asarray(SUN, r_N.dtype))))
     double = np.asarray(shares(jnp.asarray(places)))
-    with single_precision.single():
+    with single_precision.tracing_in_single():
         found = np.asarray(shares(jnp.asarray(places, jnp.float32)))
     assert found.dtype == np.float32
     assert ((double > 0.01) & (double < 0.99)).sum() > 50

@@ -7,7 +7,7 @@ import pytest
 
 from rpojax.core.numerics import runge_kutta
 from rpojax.core.orbits import encke_reference
-from rpojax.core.orbits.orbital_mechanics import EARTH, Field
+from rpojax.core.orbits.orbital_mechanics import EARTH_GRAVITY, GravityField
 from rpojax.simulation import single_precision
 
 DEGREE = 2
@@ -19,24 +19,26 @@ def starts() -> tuple[np.ndarray, np.ndarray]:
     r = rng.normal(size=(8, 3))
     r *= rng.uniform(6.7e6, 7.4e6, (8, 1)) / np.linalg.norm(r, axis=1, keepdims=True)
     v = np.cross(r, rng.normal(size=(8, 3)))
-    return r, v * np.sqrt(EARTH.mu / np.linalg.norm(r, axis=1, keepdims=True)) / np.linalg.norm(
+    return r, v * np.sqrt(EARTH_GRAVITY.mu / np.linalg.norm(r, axis=1, keepdims=True)) / np.linalg.norm(
         v, axis=1, keepdims=True
     )
 
 
-ROUNDED = Field(mu=float(np.float32(EARTH.mu)), radius=EARTH.radius, zonals=EARTH.zonals)
+ROUNDED = GravityField(mu=float(np.float32(EARTH_GRAVITY.mu)), radius=EARTH_GRAVITY.radius, zonals=EARTH_GRAVITY.zonals)
 """Gravity with `mu` as single precision has it."""
 
 
 def step(r: jax.Array, v: jax.Array, residue: jax.Array | None, dt: float) -> tuple[jax.Array, ...]:
     """Position, velocity and what they lack `dt` [s] later."""
-    own = encke_reference.begin(ROUNDED, DEGREE, r, v, residue)
+    own = encke_reference.reference_orbit(ROUNDED, DEGREE, r, v, residue)
 
     def derivative(y: tuple[jax.Array, jax.Array], time: jax.Array | None) -> tuple[jax.Array, jax.Array]:
         return y[1], own.gravity(time, y[0], jnp.zeros(3)).value
 
-    change = runge_kutta.change("rk4", derivative, own.start, own.times(runge_kutta.NODES["rk4"], dt), dt)
-    return own.end(dt, *change)
+    change = runge_kutta.increment(
+        "rk4", derivative, own.integration_start, own.node_times(runge_kutta.NODES["rk4"], dt), dt
+    )
+    return own.final_state(dt, *change)
 
 
 def fly(r: np.ndarray, v: np.ndarray, dt: float, single: bool) -> tuple[np.ndarray, np.ndarray]:
@@ -50,7 +52,7 @@ def fly(r: np.ndarray, v: np.ndarray, dt: float, single: bool) -> tuple[np.ndarr
         return np.asarray(after[0]), np.asarray(after[1])
     near = r.astype(np.float32), v.astype(np.float32)
     residue = np.stack([r - near[0], v - near[1]], axis=1).astype(np.float32)
-    with single_precision.single():
+    with single_precision.tracing_in_single():
         found = [np.asarray(each, dtype=np.float64) for each in jax.jit(jax.vmap(whole))(*near, residue)]
     return found[0] + found[2][:, 0], found[1] + found[2][:, 1]
 
@@ -81,12 +83,14 @@ def test_orbits_are_those_of_double_precision(
 def test_where_a_craft_is_in_the_middle_of_a_step() -> None:
     r, v = (each[0] for each in starts())
     near = r.astype(np.float32), v.astype(np.float32)
-    with single_precision.single():
-        single = encke_reference.begin(EARTH, DEGREE, *map(jnp.asarray, near), jnp.zeros((2, 3), jnp.float32))
+    with single_precision.tracing_in_single():
+        single = encke_reference.reference_orbit(
+            EARTH_GRAVITY, DEGREE, *map(jnp.asarray, near), jnp.zeros((2, 3), jnp.float32)
+        )
         half = jnp.float32(0.5)
-        place, speed = single.at(half, *single.start)
-        other = single.gravity(half, single.start[0], jnp.asarray([3.0, -40.0, 5.0], dtype=jnp.float32))
-    double = encke_reference.begin(EARTH, DEGREE, jnp.asarray(r), jnp.asarray(v), None)
+        place, speed = single.full_state(half, *single.integration_start)
+        other = single.gravity(half, single.integration_start[0], jnp.asarray([3.0, -40.0, 5.0], dtype=jnp.float32))
+    double = encke_reference.reference_orbit(EARTH_GRAVITY, DEGREE, jnp.asarray(r), jnp.asarray(v), None)
     begin, then = (double.gravity(None, jnp.asarray(at), jnp.array([3.0, -40.0, 5.0])) for at in (r, r + 0.5 * v))
     np.testing.assert_allclose(place, r + 0.5 * v + 0.125 * np.asarray(begin.value), atol=0.6)
     np.testing.assert_allclose(speed, v + 0.5 * np.asarray(begin.value), atol=2e-3)

@@ -13,7 +13,7 @@ from rpojax.simulation import single_precision
 GOLDEN = np.loadtxt(Path(__file__).with_name("ephemeris_golden.csv"), delimiter=",", skiprows=1)
 """Seconds, Sun [m], Moon [m]; made by `make_ephemeris_golden.py`."""
 
-sun, moon = jax.jit(jax.vmap(sun_moon_ephemeris.sun)), jax.jit(jax.vmap(sun_moon_ephemeris.moon))
+sun, moon = jax.jit(jax.vmap(sun_moon_ephemeris.sun_position)), jax.jit(jax.vmap(sun_moon_ephemeris.moon_position))
 
 
 @pytest.fixture(scope="module")
@@ -57,11 +57,11 @@ def test_the_sun_is_at_the_vernal_equinox_in_march_2026() -> None:
 
 @pytest.mark.parametrize("body", ["sun", "moon"])
 def test_an_epoch_keeps_all_digits_in_single_precision(body: str) -> None:
-    place = getattr(sun_moon_ephemeris, body)
+    place = getattr(sun_moon_ephemeris, f"{body}_position")
     epoch, seconds = 827505999.184, 5432.1
     whole = np.asarray(place(jnp.float64(epoch + seconds)))
     np.testing.assert_allclose(place(jnp.float64(seconds), epoch), whole, rtol=1e-11)
-    with single_precision.single():
+    with single_precision.tracing_in_single():
         found = np.asarray(jax.jit(lambda after: place(after, epoch))(jnp.float32(seconds)), dtype=np.float64)
     # A fifth of a thousandth of the Sun from its middle to its edge; seconds since 2000 are rounded to 64 s.
     assert np.linalg.norm(found - whole) < 1e-6 * np.linalg.norm(whole)

@@ -5,18 +5,18 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
-from reference import IDENTITY, SEEDS, random_unit, rotation_between, turn
+from numpy_reference import IDENTITY, SEEDS, attitude_difference, axis_angle_quaternion, random_unit
 
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
 from rpojax.flight.control import attitude_control
 from rpojax.flight.control.attitude_control import AttitudeCommand
 from rpojax.flight.guidance import slew_profile
-from rpojax.flight.guidance.slew_profile import Reference
+from rpojax.flight.guidance.slew_profile import SlewReference
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
-from rpojax.flight.vehicle_model import Onboard
+from rpojax.flight.vehicle_model import VehicleModel
 from rpojax.physics import equipment_faults, plant
-from rpojax.physics.environment import Sky
+from rpojax.physics.environment import SunMoonPositions
 from rpojax.physics.plant import Truth
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario.params import Params
@@ -40,17 +40,17 @@ def at_rest(q_CN: np.ndarray) -> AttitudeCommand:
 
 
 @jax.jit
-def fly(params: Params, truth: Truth, reference: Reference) -> tuple[Truth, AttitudeCommand]:
+def simulate(params: Params, truth: Truth, reference: SlewReference) -> tuple[Truth, AttitudeCommand]:
     """Truth before each step of a minute under the controller, and what was commanded."""
     flight = params.flight
-    allocation = jnp.linalg.inv(flight.onboard.wheel_axes.T)
-    sky = Sky(sun_N=jnp.array([1.5e11, 0.0, 0.0]), moon_N=jnp.array([0.0, 3.8e8, 0.0]))
+    allocation = jnp.linalg.inv(flight.vehicle.wheel_axes.T)
+    sky = SunMoonPositions(sun_N=jnp.array([1.5e11, 0.0, 0.0]), moon_N=jnp.array([0.0, 3.8e8, 0.0]))
 
     def body(truth: Truth, t: jax.Array) -> tuple[Truth, tuple[Truth, AttitudeCommand]]:
         command = slew_profile.evaluate(reference, t)
         torque = attitude_control.wheel_torque(
             flight.attitude_control,
-            flight.onboard,
+            flight.vehicle,
             allocation,
             estimate(truth.q_BN, truth.omega_BN_B),
             command,
@@ -70,19 +70,19 @@ def start(params: Params) -> Truth:
     return replace(truth, omega_BN_B=jnp.zeros(3), wheel_speed=jnp.array([60.0, -40.0, 80.0]))
 
 
-def hold(q_EN: np.ndarray) -> Reference:
+def hold(q_EN: np.ndarray) -> SlewReference:
     """A fixed attitude."""
     zero, one = jnp.zeros(()), jnp.ones(())
-    return Reference(
+    return SlewReference(
         q_EN=jnp.asarray(q_EN), omega_EN_E=jnp.zeros(3), remainder=jnp.zeros(3), slew_age=one, slew_time=one + zero
     )
 
 
-def angles(flown: tuple[Truth, AttitudeCommand]) -> np.ndarray:
+def angles(simulated: tuple[Truth, AttitudeCommand]) -> np.ndarray:
     """Angle between body and command [rad] before each step."""
-    truth, command = flown
+    truth, command = simulated
     pairs = zip(np.asarray(truth.q_BN), np.asarray(command.q_CN), strict=True)
-    return np.array([rotation_between(body, wanted) for body, wanted in pairs])
+    return np.array([attitude_difference(body, wanted) for body, wanted in pairs])
 
 
 @given(SEEDS)
@@ -90,7 +90,7 @@ def test_the_wheels_together_give_the_wanted_torque_whatever_their_axes(params: 
     rng = np.random.default_rng(seed)
     axes = np.eye(3) + 0.3 * rng.uniform(-1.0, 1.0, (3, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    onboard: Onboard = replace(params.flight.onboard, wheel_axes=jnp.asarray(axes))
+    onboard: VehicleModel = replace(params.flight.vehicle, wheel_axes=jnp.asarray(axes))
     omega, wanted = 0.01 * rng.normal(size=3), 1e-3 * rng.normal(size=3)
     speed = 50.0 * rng.normal(size=3)
     command = AttitudeCommand(q_CN=IDENTITY, omega_CN_C=omega, acceleration_C=wanted)
@@ -109,10 +109,10 @@ def test_the_torque_limit_shortens_the_command_and_keeps_its_direction(params: P
     flight = params.flight
 
     def command(degrees: float) -> np.ndarray:
-        body = estimate(turn([0.3, -0.5, 0.8], np.deg2rad(degrees)), np.zeros(3))
+        body = estimate(axis_angle_quaternion([0.3, -0.5, 0.8], np.deg2rad(degrees)), np.zeros(3))
         allocation = np.eye(3)
         return np.asarray(
-            wheel_torque(flight.attitude_control, flight.onboard, allocation, body, at_rest(IDENTITY), np.zeros(3))
+            wheel_torque(flight.attitude_control, flight.vehicle, allocation, body, at_rest(IDENTITY), np.zeros(3))
         )
 
     small, large = command(1.0), command(40.0)
@@ -124,11 +124,11 @@ def test_the_torque_limit_shortens_the_command_and_keeps_its_direction(params: P
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_both_signs_of_a_quaternion_give_the_same_torque(params: Params, sign: float) -> None:
     flight = params.flight
-    body = estimate(turn([1.0, 0.0, 0.0], 0.1), np.zeros(3))
+    body = estimate(axis_angle_quaternion([1.0, 0.0, 0.0], 0.1), np.zeros(3))
     found = wheel_torque(
-        flight.attitude_control, flight.onboard, np.eye(3), body, at_rest(sign * IDENTITY), np.zeros(3)
+        flight.attitude_control, flight.vehicle, np.eye(3), body, at_rest(sign * IDENTITY), np.zeros(3)
     )
-    plain = wheel_torque(flight.attitude_control, flight.onboard, np.eye(3), body, at_rest(IDENTITY), np.zeros(3))
+    plain = wheel_torque(flight.attitude_control, flight.vehicle, np.eye(3), body, at_rest(IDENTITY), np.zeros(3))
     np.testing.assert_allclose(found, plain, atol=1e-18)
     assert np.max(np.abs(plain)) > 1e-3
 
@@ -138,7 +138,7 @@ def test_a_small_step_is_answered_as_a_damped_oscillator_of_the_given_bandwidth(
     params: Params, start: Truth, seed: int
 ) -> None:
     angle = np.deg2rad(0.3)
-    flown = fly(params, start, hold(turn(random_unit(np.random.default_rng(seed)), angle)))
+    flown = simulate(params, start, hold(axis_angle_quaternion(random_unit(np.random.default_rng(seed)), angle)))
     t = STEP * np.arange(STEPS)
     damped = 0.5 * np.sqrt(1.0 - 0.9**2)
     expected = np.exp(-0.45 * t) * (np.cos(damped * t) + 0.45 / damped * np.sin(damped * t))
@@ -148,7 +148,7 @@ def test_a_small_step_is_answered_as_a_damped_oscillator_of_the_given_bandwidth(
 
 def test_a_large_step_saturates_and_still_settles_with_a_small_overshoot(params: Params, start: Truth) -> None:
     axis = np.array([0.0, 0.6, 0.8])
-    flown = fly(params, start, hold(turn(axis, np.deg2rad(100.0))))
+    flown = simulate(params, start, hold(axis_angle_quaternion(axis, np.deg2rad(100.0))))
     assert angles(flown)[-1] < np.deg2rad(0.001)
     q_BN = np.asarray(flown[0].q_BN)
     turned = 2.0 * np.arctan2(q_BN[:, 1:] @ axis, q_BN[:, 0])
@@ -158,11 +158,11 @@ def test_a_large_step_saturates_and_still_settles_with_a_small_overshoot(params:
 
 def test_a_planned_slew_is_followed_closely_with_spinning_wheels(params: Params, start: Truth) -> None:
     angle = np.deg2rad(90.0)
-    end = turn([0.0, 0.6, 0.8], angle)
+    end = axis_angle_quaternion([0.0, 0.6, 0.8], angle)
     time = float(slew_profile.slew_duration(params.flight.pointing, jnp.float64(angle)))
     remainder = quaternion.log(quaternion.conjugate(jnp.asarray(end)))
     reference = replace(hold(end), remainder=remainder, slew_age=jnp.zeros(()), slew_time=jnp.float64(time))
-    flown = fly(params, start, reference)
+    flown = simulate(params, start, reference)
     assert time < STEP * STEPS
     # What is left is the half step by which the held torque lags the profile.
     assert angles(flown).max() < np.deg2rad(0.3)
@@ -172,6 +172,6 @@ def test_a_planned_slew_is_followed_closely_with_spinning_wheels(params: Params,
 def test_the_loop_follows_a_reference_that_turns_steadily(params: Params, start: Truth) -> None:
     rate = jnp.array([0.0, 0.0, 0.01])
     turning = replace(start, omega_BN_B=rate)
-    flown = fly(params, turning, replace(hold(IDENTITY), omega_EN_E=rate))
+    flown = simulate(params, turning, replace(hold(IDENTITY), omega_EN_E=rate))
     assert angles(flown).max() < np.deg2rad(0.01)
     np.testing.assert_allclose(flown[0].omega_BN_B[-1], rate, atol=1e-5)

@@ -10,10 +10,10 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_are
 
-from rpojax.core.orbits.orbital_mechanics import relative_transition
+from rpojax.core.orbits.orbital_mechanics import transition_matrix
 from rpojax.core.pytree import replace
 from rpojax.flight.control import formation_lqr
-from rpojax.flight.control.formation_lqr import Formation
+from rpojax.flight.control.formation_lqr import FormationTuning
 from rpojax.scenario.params import Params
 
 RATE = np.float64(1.1e-3)  # mean motion at 500 km
@@ -21,14 +21,14 @@ PERIOD = 200.0
 RICCATI = 1e-9  # both solvers are good to the conditioning of the solution, 1e6, times rounding
 
 lqr_gain = jax.jit(formation_lqr.lqr_gain, static_argnums=2)
-keep_station = jax.jit(formation_lqr.keep_station, static_argnums=2)
+solve_station_keeping = jax.jit(formation_lqr.solve_station_keeping, static_argnums=2)
 solve_riccati = jax.jit(formation_lqr.solve_riccati)
 
 Problem = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 def relative_motion(period: float, weights: tuple[float, float, float]) -> Problem:
-    A = np.asarray(relative_transition(jnp.asarray(RATE), jnp.asarray(period)))
+    A = np.asarray(transition_matrix(jnp.asarray(RATE), jnp.asarray(period)))
     position, velocity, delta_v = weights
     return A, A[:, 3:], np.diag([position] * 3 + [velocity] * 3), delta_v * np.eye(3)
 
@@ -56,8 +56,8 @@ def test_the_riccati_solution_is_scipys(problem: Problem) -> None:
     np.testing.assert_allclose(solve_riccati(*problem), expected, atol=RICCATI * np.max(np.abs(expected)))
 
 
-def closed_loop_radius(formation: Formation) -> float:
-    A = np.asarray(relative_transition(jnp.asarray(RATE), jnp.asarray(PERIOD)))
+def closed_loop_radius(formation: FormationTuning) -> float:
+    A = np.asarray(transition_matrix(jnp.asarray(RATE), jnp.asarray(PERIOD)))
     gain = np.asarray(lqr_gain(formation, RATE, PERIOD))
     return float(np.max(np.abs(np.linalg.eigvals(A - A[:, 3:] @ gain))))
 
@@ -86,7 +86,7 @@ WEIGHTS = ("position_weight", "velocity_weight", "delta_v_weight")
 
 
 @jax.jit
-def gain_of_weights(formation: Formation, weights: dict[str, jax.Array]) -> jax.Array:
+def gain_of_weights(formation: FormationTuning, weights: dict[str, jax.Array]) -> jax.Array:
     return formation_lqr.lqr_gain(replace(formation, **weights), jnp.asarray(RATE), PERIOD)
 
 
@@ -111,12 +111,12 @@ def test_the_gain_changes_with_the_weights_as_central_differences_say(
 def test_the_velocity_change_is_minus_the_gain_times_the_deviation() -> None:
     rng = np.random.default_rng(3)
     gain, deviation = rng.normal(size=(3, 6)), rng.normal(size=6)
-    found = formation_lqr.lqr(jnp.asarray(gain), jnp.asarray(deviation))
+    found = formation_lqr.lqr_feedback(jnp.asarray(gain), jnp.asarray(deviation))
     np.testing.assert_allclose(found, -gain @ deviation, rtol=1e-13)
 
 
 def test_burns_every_period_bring_the_servicer_to_its_place(params: Params) -> None:
-    A = np.asarray(relative_transition(jnp.asarray(RATE), jnp.asarray(PERIOD)))
+    A = np.asarray(transition_matrix(jnp.asarray(RATE), jnp.asarray(PERIOD)))
     gain = np.asarray(lqr_gain(params.flight.formation, RATE, PERIOD))
     state = np.array([0.0, -20.0, 0.0, 0.0, 0.0, 0.0])
     for _ in range(30):
@@ -136,7 +136,7 @@ def test_a_station_off_the_track_is_come_back_to_with_one_impulse_a_period(
     params: Params, place: tuple[float, float, float]
 ) -> None:
     formation = replace(params.flight.formation, desired_position=np.array(place))
-    station = keep_station(formation, RATE, PERIOD)
+    station = solve_station_keeping(formation, RATE, PERIOD)
     departure = np.asarray(station.arrival_velocity + station.impulse)
     start = np.concatenate([place, departure])
     found = solve_ivp(free_motion, (0.0, PERIOD), start, rtol=1e-11, atol=1e-11).y[:, -1]
@@ -145,6 +145,6 @@ def test_a_station_off_the_track_is_come_back_to_with_one_impulse_a_period(
 
 
 def test_a_station_on_the_track_needs_nothing(params: Params) -> None:
-    station = keep_station(params.flight.formation, RATE, PERIOD)
+    station = solve_station_keeping(params.flight.formation, RATE, PERIOD)
     np.testing.assert_array_equal(station.arrival_velocity, 0.0)
     np.testing.assert_array_equal(station.impulse, 0.0)

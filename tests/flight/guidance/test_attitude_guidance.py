@@ -6,42 +6,52 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import scene
+import rendezvous_scene
 from hypothesis import given
 from hypothesis import strategies as st
-from reference import MU, SEEDS, gravity, matrix, random_unit, rate_between, rotation_between, turn, unit
+from numpy_reference import (
+    MU,
+    SEEDS,
+    attitude_difference,
+    axis_angle_quaternion,
+    gravity,
+    random_unit,
+    rate_between,
+    rotation_matrix,
+    unit,
+)
 from scipy.integrate import solve_ivp
 
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.pytree import replace
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.control.attitude_control import AttitudeCommand
-from rpojax.flight.control.formation_lqr import Station
-from rpojax.flight.guidance import attitude_guidance, burn_timing, slew_profile, target_pointing
+from rpojax.flight.control.formation_lqr import StationKeeping
+from rpojax.flight.guidance import attitude_guidance, burn_planning, slew_profile, target_pointing
 from rpojax.flight.guidance.attitude_guidance import PointingState
-from rpojax.flight.guidance.burn_timing import BurnPlan
+from rpojax.flight.guidance.burn_planning import BurnPlan
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.flight.guidance.slew_profile import Reference
+from rpojax.flight.guidance.slew_profile import SlewReference
 from rpojax.flight.navigation.orbit_filter import OrbitEstimate
 from rpojax.scenario.params import Params
 
 EXACT = 1e-12  # roundings of unit vectors and angles
 GAIN = np.zeros((3, 6))
-STAYS = Station(arrival_velocity=np.zeros(3), impulse=np.zeros(3))
+STAYS = StationKeeping(arrival_velocity=np.zeros(3), impulse=np.zeros(3))
 YES, NO = jnp.asarray(True), jnp.asarray(False)
 SAMPLES = 5
 TIME = np.float64(1000.0)  # of the decision
 
-can_see = jax.jit(target_pointing.can_see)
+is_visible = jax.jit(target_pointing.is_visible)
 evaluate = jax.jit(slew_profile.evaluate)
 guide = jax.jit(attitude_guidance.guide, static_argnums=8)
 hill = jax.jit(hill_frame)
-inhibit = jax.jit(burn_timing.inhibit, static_argnums=4)
+inhibit = jax.jit(burn_planning.inhibit, static_argnums=4)
 look_attitude = jax.jit(target_pointing.look_attitude)
 to_hill = jax.jit(inertial_to_hill)
-plan_burn = jax.jit(burn_timing.plan_burn, static_argnums=0)
-range_uncertainty = jax.jit(target_pointing.range_uncertainty)
-bearing_uncertainty = jax.jit(target_pointing.bearing_uncertainty)
+plan_burn = jax.jit(burn_planning.plan_burn, static_argnums=0)
+range_uncertainty = jax.jit(target_pointing.relative_range_sigma)
+bearing_uncertainty = jax.jit(target_pointing.bearing_sigma)
 slew_duration = jax.jit(slew_profile.slew_duration)
 
 
@@ -86,27 +96,27 @@ def flight(params: Params) -> FlightParams:
 
 @pytest.fixture(scope="module")
 def known(flight: FlightParams) -> OrbitEstimate:
-    return scene.estimate(flight)
+    return rendezvous_scene.estimate(flight)
 
 
 def plan(law: object, flight: FlightParams, estimate: OrbitEstimate, allowed: bool = True) -> BurnPlan:
-    parts = (flight.formation, flight.pointing, flight.onboard, GAIN, STAYS, estimate)
-    q_look, _ = look_attitude(flight.onboard, estimate)
+    parts = (flight.formation, flight.pointing, flight.vehicle, GAIN, STAYS, estimate)
+    q_look, _ = look_attitude(flight.vehicle, estimate)
     found = plan_burn(law, *parts, q_look, np.asarray(allowed), TIME)
     return jax.tree.map(np.asarray, found)
 
 
 def boresight(flight: FlightParams, q_BN: np.ndarray) -> np.ndarray:
     """Direction in N that the camera looks along; the nominal mounting is along body x."""
-    return matrix(np.asarray(q_BN)).T @ np.array([1.0, 0.0, 0.0])
+    return rotation_matrix(np.asarray(q_BN)).T @ np.array([1.0, 0.0, 0.0])
 
 
 # Slew profile
 
 
-def slew_of(angle: float, end_rate: np.ndarray, flight: FlightParams, seed: int = 0) -> Reference:
+def slew_of(angle: float, end_rate: np.ndarray, flight: FlightParams, seed: int = 0) -> SlewReference:
     rng = np.random.default_rng(seed)
-    return Reference(
+    return SlewReference(
         q_EN=random_unit(rng, 4),
         omega_EN_E=end_rate,
         remainder=angle * random_unit(rng),
@@ -124,10 +134,10 @@ def test_a_slew_starts_and_ends_at_rest_relative_to_its_end_and_turns_by_its_ang
     for command in (first, last):
         np.testing.assert_allclose(command.omega_CN_C, np.zeros(3), atol=EXACT)
         np.testing.assert_allclose(command.acceleration_C, np.zeros(3), atol=EXACT)
-    np.testing.assert_allclose(rotation_between(np.asarray(first.q_CN), reference.q_EN), angle, atol=1e-7)
-    assert rotation_between(np.asarray(last.q_CN), reference.q_EN) < EXACT
+    np.testing.assert_allclose(attitude_difference(np.asarray(first.q_CN), reference.q_EN), angle, atol=1e-7)
+    assert attitude_difference(np.asarray(last.q_CN), reference.q_EN) < EXACT
     later = evaluate(reference, reference.slew_time + 20.0)
-    assert rotation_between(np.asarray(later.q_CN), reference.q_EN) < EXACT
+    assert attitude_difference(np.asarray(later.q_CN), reference.q_EN) < EXACT
 
 
 @given(st.floats(0.5, 3.1))
@@ -165,12 +175,12 @@ def test_the_camera_looks_at_the_target_with_its_x_axis_as_near_as_can_be_to_the
     params: Params, seed: int
 ) -> None:
     direction = random_unit(np.random.default_rng(seed))
-    known = scene.estimate(params.flight, 40.0 * direction)
-    q_BN, _ = look_attitude(params.flight.onboard, known)
-    q_KN = scene.camera_attitude(params.flight, known)
-    R_KN = matrix(q_KN)
+    known = rendezvous_scene.estimate(params.flight, 40.0 * direction)
+    q_BN, _ = look_attitude(params.flight.vehicle, known)
+    q_KN = rendezvous_scene.camera_attitude(params.flight, known)
+    R_KN = rotation_matrix(q_KN)
     np.testing.assert_allclose(R_KN[2], direction, atol=EXACT)
-    normal = unit(np.cross(scene.R_SN_N, scene.V_SN_N))
+    normal = unit(np.cross(rendezvous_scene.R_SN_N, rendezvous_scene.V_SN_N))
     np.testing.assert_allclose(R_KN[0] @ normal, np.sqrt(1.0 - (normal @ direction) ** 2), atol=1e-9)
     np.testing.assert_allclose(boresight(params.flight, q_BN), direction, atol=EXACT)
 
@@ -178,21 +188,21 @@ def test_the_camera_looks_at_the_target_with_its_x_axis_as_near_as_can_be_to_the
 @given(SEEDS)
 def test_the_look_rate_is_how_fast_the_look_attitude_turns(params: Params, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    normal = unit(np.cross(scene.R_SN_N, scene.V_SN_N))
+    normal = unit(np.cross(rendezvous_scene.R_SN_N, rendezvous_scene.V_SN_N))
     line = unit(np.cross(normal, random_unit(rng)) + 0.7 * rng.uniform(-1, 1) * normal)
     r, v, h = 30.0 * line, 0.1 * rng.normal(size=3), 0.01
-    pull = -MU * scene.R_SN_N / np.linalg.norm(scene.R_SN_N) ** 3
+    pull = -MU * rendezvous_scene.R_SN_N / np.linalg.norm(rendezvous_scene.R_SN_N) ** 3
 
     def at(t: float) -> OrbitEstimate:
-        known = scene.estimate(params.flight, r + t * v, v)
+        known = rendezvous_scene.estimate(params.flight, r + t * v, v)
         moved = replace(
             known.servicer,
-            r_SN_N=scene.R_SN_N + t * scene.V_SN_N + 0.5 * t * t * pull,
-            v_SN_N=scene.V_SN_N + t * pull,
+            r_SN_N=rendezvous_scene.R_SN_N + t * rendezvous_scene.V_SN_N + 0.5 * t * t * pull,
+            v_SN_N=rendezvous_scene.V_SN_N + t * pull,
         )
         return replace(known, servicer=moved)
 
-    (before, _), (_, omega), (after, _) = (look_attitude(params.flight.onboard, at(t)) for t in (-h, 0.0, h))
+    (before, _), (_, omega), (after, _) = (look_attitude(params.flight.vehicle, at(t)) for t in (-h, 0.0, h))
     expected = rate_between(np.asarray(before), np.asarray(after), 2 * h)
     np.testing.assert_allclose(omega, expected, atol=1e-8)  # truncation h^2 times the cube of a rate of 6e-3 rad/s
 
@@ -206,14 +216,17 @@ def test_the_deviation_is_predicted_to_the_middle_of_the_burn_in_the_hill_frame_
 ) -> None:
     rng = np.random.default_rng(seed)
     flight = params.flight
-    r_TS_N, v_TS_N = scene.AHEAD + 3.0 * rng.normal(size=3), np.cross(scene.HILL_RATE, scene.AHEAD)
+    r_TS_N, v_TS_N = (
+        rendezvous_scene.TARGET_AHEAD + 3.0 * rng.normal(size=3),
+        np.cross(rendezvous_scene.HILL_RATE, rendezvous_scene.TARGET_AHEAD),
+    )
     v_TS_N = v_TS_N + 0.01 * rng.normal(size=3)
-    known = scene.estimate(flight, r_TS_N, v_TS_N)
+    known = rendezvous_scene.estimate(flight, r_TS_N, v_TS_N)
     lead = 60.0
     orbits = []
     for start in (
-        np.concatenate([scene.R_SN_N, scene.V_SN_N]),
-        np.concatenate([scene.R_SN_N + r_TS_N, scene.V_SN_N + v_TS_N]),
+        np.concatenate([rendezvous_scene.R_SN_N, rendezvous_scene.V_SN_N]),
+        np.concatenate([rendezvous_scene.R_SN_N + r_TS_N, rendezvous_scene.V_SN_N + v_TS_N]),
     ):
         solution = solve_ivp(
             lambda _, y: np.concatenate([y[3:], gravity(y[:3])]), (0.0, lead), start, "DOP853", rtol=1e-13, atol=1e-8
@@ -243,9 +256,9 @@ def test_the_burn_is_centred_on_the_lead_and_lasts_as_long_as_its_velocity_chang
 @given(SEEDS)
 def test_the_burn_attitude_puts_the_thrust_along_the_velocity_change(params: Params, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    r_TS_N = scene.AHEAD + 5.0 * rng.normal(size=3)
-    found = plan(report_position, params.flight, scene.estimate(params.flight, r_TS_N))
-    thrust = matrix(found.q_burn).T @ np.asarray(params.flight.onboard.thrust_direction)
+    r_TS_N = rendezvous_scene.TARGET_AHEAD + 5.0 * rng.normal(size=3)
+    found = plan(report_position, params.flight, rendezvous_scene.estimate(params.flight, r_TS_N))
+    thrust = rotation_matrix(found.q_burn).T @ np.asarray(params.flight.vehicle.thrust_direction)
     np.testing.assert_allclose(thrust, unit(found.delta_v_N), atol=1e-9)
 
 
@@ -268,18 +281,18 @@ def test_there_is_no_burn_unless_it_is_allowed(flight: FlightParams, known: Orbi
 def test_there_is_no_burn_while_the_range_is_less_certain_than_a_fifth(
     flight: FlightParams, sigma: float, burns: bool
 ) -> None:
-    found = plan(push_back, flight, scene.estimate(flight, position_sigma=sigma))
+    found = plan(push_back, flight, rendezvous_scene.estimate(flight, position_sigma=sigma))
     assert (found.cutoff > found.ignition) is np.bool_(burns)
 
 
 def test_there_is_no_burn_shorter_than_the_thrusters_least_on_time(flight: FlightParams, known: OrbitEstimate) -> None:
-    slow = replace(flight, onboard=replace(flight.onboard, minimum_on_time=jnp.float64(1.2)))
+    slow = replace(flight, vehicle=replace(flight.vehicle, minimum_on_time=jnp.float64(1.2)))
     assert_no_burn(plan(push_briefly, slow, known))
 
 
 def test_uncertainties_are_those_along_and_across_the_line_of_sight(flight: FlightParams) -> None:
-    known = scene.estimate(flight)
-    line = unit(scene.AHEAD)
+    known = rendezvous_scene.estimate(flight)
+    line = unit(rendezvous_scene.TARGET_AHEAD)
     P = 0.01 * np.eye(3) + 8.99 * np.outer(line, line)
     covariance = known.relative.covariance.at[:3, :3].set(jnp.asarray(P))
     long = replace(known, relative=replace(known.relative, covariance=covariance))
@@ -291,7 +304,7 @@ def test_uncertainties_are_those_along_and_across_the_line_of_sight(flight: Flig
 
 
 @jax.jit
-def fly(
+def simulate(
     flight: FlightParams,
     estimate: OrbitEstimate,
     plan: BurnPlan,
@@ -313,7 +326,7 @@ def fly(
         looks = attitude_guidance.rotate(attitude_guidance.quaternion.conjugate(q_BN), jnp.array([1.0, 0.0, 0.0]))
         accepted = (jnp.sum(looks * line) > jnp.cos(jnp.deg2rad(5.0))) & ~blind
         state, mode = attitude_guidance.guide(
-            flight.pointing, flight.onboard, estimate, plan, state, accepted, visible, time, 1.0
+            flight.pointing, flight.vehicle, estimate, plan, state, accepted, visible, time, 1.0
         )
         ages = jnp.arange(SAMPLES, dtype=jnp.float64) / SAMPLES
         return state, (mode, jax.vmap(lambda age: slew_profile.evaluate(state.reference, age))(ages), accepted)
@@ -321,11 +334,13 @@ def fly(
     return jax.lax.scan(body, state, times)[1]
 
 
-def fly_plan(flight: FlightParams, known: OrbitEstimate, found: BurnPlan) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def simulate_plan(
+    flight: FlightParams, known: OrbitEstimate, found: BurnPlan
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times, modes and commanded attitudes (ticks, samples, 4) around a planned burn, starting on the target."""
     times = TIME + np.arange(300.0)
-    state = attitude_guidance.initial_pointing(flight.onboard, known)
-    modes, commands, _ = fly(flight, known, found, state, times, np.asarray(False))
+    state = attitude_guidance.initial_pointing(flight.vehicle, known)
+    modes, commands, _ = simulate(flight, known, found, state, times, np.asarray(False))
     return times, np.asarray(modes), np.asarray(commands.q_CN)
 
 
@@ -334,15 +349,15 @@ def test_the_camera_turns_away_burns_and_comes_back_within_the_limit(
     flight: FlightParams, known: OrbitEstimate, law: object
 ) -> None:
     found = plan(law, flight, known)
-    times, modes, attitudes = fly_plan(flight, known, found)
+    times, modes, attitudes = simulate_plan(flight, known, found)
     sequence = [Mode(mode) for mode, _ in itertools.groupby(modes)]
     assert sequence == [Mode.LOOK, Mode.TURN, Mode.BURN, Mode.TURN_BACK, Mode.LOOK]
     away = times[(modes != Mode.LOOK)]
     assert away[-1] + 1.0 - away[0] <= 110.0
     burning = (times >= found.ignition) & (times < found.cutoff)
     for q_CN in attitudes[burning].reshape(-1, 4):
-        assert rotation_between(q_CN, found.q_burn) < EXACT
-    line = unit(scene.AHEAD)
+        assert attitude_difference(q_CN, found.q_burn) < EXACT
+    line = unit(rendezvous_scene.TARGET_AHEAD)
     assert boresight(flight, attitudes[-1, -1]) @ line > np.cos(np.deg2rad(0.1))
     assert found.cutoff - found.ignition > 5.0
 
@@ -354,30 +369,30 @@ def test_a_burn_too_long_for_the_limit_is_shortened(flight: FlightParams, known:
 
 
 def test_the_commanded_attitude_never_jumps_during_the_schedule(flight: FlightParams, known: OrbitEstimate) -> None:
-    _, _, attitudes = fly_plan(flight, known, plan(push_back, flight, known))
+    _, _, attitudes = simulate_plan(flight, known, plan(push_back, flight, known))
     flat = attitudes.reshape(-1, 4)
-    steps = np.array([rotation_between(q, p) for q, p in itertools.pairwise(flat)])
+    steps = np.array([attitude_difference(q, p) for q, p in itertools.pairwise(flat)])
     peak = np.sqrt(2.0 * np.pi * 0.016 / np.pi)  # rad/s, twice the mean rate of the longest slew, half a turn
     assert steps.max() < peak / SAMPLES * 1.01
 
 
 def test_without_a_burn_the_camera_stays_on_the_target(flight: FlightParams, known: OrbitEstimate) -> None:
     found = plan(push_gently, flight, known)
-    _, modes, attitudes = fly_plan(flight, known, found)
+    _, modes, attitudes = simulate_plan(flight, known, found)
     assert set(modes.tolist()) == {Mode.LOOK}
-    off = [boresight(flight, q) @ unit(scene.AHEAD) for q in attitudes.reshape(-1, 4)]
+    off = [boresight(flight, q) @ unit(rendezvous_scene.TARGET_AHEAD) for q in attitudes.reshape(-1, 4)]
     assert min(off) > np.cos(np.deg2rad(0.1))
 
 
 # The search
 
 
-def fly_search(flight: FlightParams, position_sigma: float, ticks: int) -> tuple[np.ndarray, np.ndarray]:
+def simulate_search(flight: FlightParams, position_sigma: float, ticks: int) -> tuple[np.ndarray, np.ndarray]:
     """Modes and commanded attitudes (ticks, samples, 4) of a search for a target that is never seen."""
-    known = scene.estimate(flight, v_TS_N=np.zeros(3), position_sigma=position_sigma)
-    state = attitude_guidance.initial_pointing(flight.onboard, known)
-    modes, commands, _ = fly(
-        flight, known, burn_timing.no_burn(), state, TIME + np.arange(float(ticks)), np.asarray(True)
+    known = rendezvous_scene.estimate(flight, v_TS_N=np.zeros(3), position_sigma=position_sigma)
+    state = attitude_guidance.initial_pointing(flight.vehicle, known)
+    modes, commands, _ = simulate(
+        flight, known, burn_planning.no_burn(), state, TIME + np.arange(float(ticks)), np.asarray(True)
     )
     return np.asarray(modes), np.asarray(commands.q_CN)
 
@@ -386,10 +401,10 @@ def fly_search(flight: FlightParams, position_sigma: float, ticks: int) -> tuple
 def test_the_frames_of_a_search_cover_its_cone_without_gaps(flight: FlightParams, radius_deg: float) -> None:
     # The cone is three sigma of the bearing's uncertainty as guidance takes it, sqrt(2) of one axis.
     sigma = np.deg2rad(radius_deg) / 3.0 / np.sqrt(2.0) * 30.0
-    modes, attitudes = fly_search(flight, sigma, 300)
+    modes, attitudes = simulate_search(flight, sigma, 300)
     assert np.all(modes[5:] == Mode.SEARCH)
-    cameras = np.array([matrix(q) for q in attitudes[:, 0]])  # one frame a second
-    line = unit(scene.AHEAD)
+    cameras = np.array([rotation_matrix(q) for q in attitudes[:, 0]])  # one frame a second
+    line = unit(rendezvous_scene.TARGET_AHEAD)
     across = unit(np.cross(line, [0.0, 0.0, 1.0]))
     other = np.cross(line, across)
     rng = np.random.default_rng(1)
@@ -409,26 +424,26 @@ def test_the_search_starts_after_the_wait_for_acquisition_and_later_after_the_pa
     flight: FlightParams, known: OrbitEstimate
 ) -> None:
     # The first tick counts as the end of a slew, so a search begins one tick after the wait is over.
-    modes, _ = fly_search(flight, 3.0, 300)
+    modes, _ = simulate_search(flight, 3.0, 300)
     assert modes[:10].tolist() == [Mode.LOOK] * 4 + [Mode.SEARCH] * 6
-    acquired = replace(attitude_guidance.initial_pointing(flight.onboard, known), acquired=jnp.asarray(True))
+    acquired = replace(attitude_guidance.initial_pointing(flight.vehicle, known), acquired=jnp.asarray(True))
     times = TIME + np.arange(300.0)
-    later, _, _ = fly(flight, known, burn_timing.no_burn(), acquired, times, np.asarray(True))
+    later, _, _ = simulate(flight, known, burn_planning.no_burn(), acquired, times, np.asarray(True))
     assert np.asarray(later)[:70].tolist() == [Mode.LOOK] * 61 + [Mode.SEARCH] * 9
 
 
 def test_a_search_ends_when_the_target_is_seen(flight: FlightParams, known: OrbitEstimate) -> None:
-    state = attitude_guidance.initial_pointing(flight.onboard, known)
+    state = attitude_guidance.initial_pointing(flight.vehicle, known)
     searching = replace(state, unseen_time=jnp.float64(99.0), search_time=jnp.float64(4.0))
-    modes, _, accepted = fly(
-        flight, known, burn_timing.no_burn(), searching, TIME + np.arange(300.0), np.asarray(False)
+    modes, _, accepted = simulate(
+        flight, known, burn_planning.no_burn(), searching, TIME + np.arange(300.0), np.asarray(False)
     )
     assert accepted[0]
     assert np.all(np.asarray(modes) == Mode.LOOK)
 
 
 def test_the_search_moves_no_faster_than_its_centripetal_acceleration_allows(flight: FlightParams) -> None:
-    _, attitudes = fly_search(flight, 30.0 * np.deg2rad(45.0), 300)
+    _, attitudes = simulate_search(flight, 30.0 * np.deg2rad(45.0), 300)
     settled = [boresight(flight, q) for q in attitudes[20:200].reshape(-1, 4)]
     rates = np.array([np.arccos(np.clip(a @ b, -1, 1)) for a, b in itertools.pairwise(settled)]) * SAMPLES
     # At radius r the spiral is flown at sqrt(a r) rad/s; 45 deg is the largest radius.
@@ -438,9 +453,9 @@ def test_the_search_moves_no_faster_than_its_centripetal_acceleration_allows(fli
 def test_the_target_counts_as_lost_before_acquisition_and_after_a_minute_unseen(
     flight: FlightParams, known: OrbitEstimate
 ) -> None:
-    state = attitude_guidance.initial_pointing(flight.onboard, known)
+    state = attitude_guidance.initial_pointing(flight.vehicle, known)
     assert bool(attitude_guidance.is_lost(flight.pointing, state))
-    acquired = replace(state, acquired=jnp.asarray(True), sightings=jnp.float64(3.0))
+    acquired = replace(state, acquired=jnp.asarray(True), recent_detections=jnp.float64(3.0))
     assert not bool(attitude_guidance.is_lost(flight.pointing, acquired))
     unseen = replace(acquired, unseen_time=jnp.float64(60.5))
     assert bool(attitude_guidance.is_lost(flight.pointing, unseen))
@@ -458,14 +473,14 @@ def look(
     visible: jax.Array = YES,
 ) -> PointingState:
     """State after frames with ('x') and without ('.') an accepted box."""
-    state = attitude_guidance.initial_pointing(flight.onboard, known) if state is None else state
+    state = attitude_guidance.initial_pointing(flight.vehicle, known) if state is None else state
     for tick, frame in enumerate(frames):
         accepted = np.asarray(frame == "x")
         state, _ = guide(
             flight.pointing,
-            flight.onboard,
+            flight.vehicle,
             known,
-            burn_timing.no_burn() if plan is None else plan,
+            burn_planning.no_burn() if plan is None else plan,
             state,
             accepted,
             visible,
@@ -491,9 +506,9 @@ def test_sightings_fade_by_a_fifth_with_every_frame_that_looks_and_sees_nothing(
     flight: FlightParams, known: OrbitEstimate
 ) -> None:
     state = look(flight, known, "xxxx..")
-    np.testing.assert_allclose(state.sightings, 4.0 * 0.8**2, rtol=1e-12)
+    np.testing.assert_allclose(state.recent_detections, 4.0 * 0.8**2, rtol=1e-12)
     full = look(flight, known, 15 * "x")
-    assert full.sightings == 10.0
+    assert full.recent_detections == 10.0
     # From ten sightings on the target is doubted after the seventh empty frame, long before a search begins.
     assert not bool(attitude_guidance.is_lost(flight.pointing, look(flight, known, 6 * ".", full)))
     doubted = look(flight, known, 7 * ".", full)
@@ -510,7 +525,7 @@ def test_a_planned_look_away_forgets_no_sightings_and_counts_no_time(
     )
     before = look(flight, known, "xxxx")
     after = look(flight, known, 20 * ".", before, away)
-    assert after.sightings == before.sightings == 4.0
+    assert after.recent_detections == before.recent_detections == 4.0
     assert after.unseen_time == 0.0
 
 
@@ -530,12 +545,12 @@ def test_in_the_dark_nothing_is_searched_for_and_the_target_must_be_acquired_ane
     seen = look(flight, known, 5 * "x")
     assert bool(seen.acquired)
     dark = look(flight, known, ".", seen, visible=NO)
-    assert (float(dark.sightings), float(dark.unseen_time), bool(dark.acquired)) == (0.0, 0.0, False)
-    state = attitude_guidance.initial_pointing(flight.onboard, known)
+    assert (float(dark.recent_detections), float(dark.unseen_time), bool(dark.acquired)) == (0.0, 0.0, False)
+    state = attitude_guidance.initial_pointing(flight.vehicle, known)
     times = TIME + np.arange(300.0)
-    modes, commands, _ = fly(flight, known, burn_timing.no_burn(), state, times, YES, NO)
+    modes, commands, _ = simulate(flight, known, burn_planning.no_burn(), state, times, YES, NO)
     assert set(np.asarray(modes).tolist()) == {Mode.LOOK}
-    off = [boresight(flight, q) @ unit(scene.AHEAD) for q in np.asarray(commands.q_CN)[:, 0]]
+    off = [boresight(flight, q) @ unit(rendezvous_scene.TARGET_AHEAD) for q in np.asarray(commands.q_CN)[:, 0]]
     assert min(off) > np.cos(np.deg2rad(0.1))
     # The first light: a search only after the wait for acquisition.
     assert look(flight, known, "...", dark).search_time == 0.0
@@ -552,18 +567,18 @@ def test_a_search_under_way_ends_at_sunset(flight: FlightParams, known: OrbitEst
 def test_the_target_can_be_seen_in_the_light_unless_the_sun_is_behind_it_or_beside_the_view(
     flight: FlightParams, known: OrbitEstimate
 ) -> None:
-    line, up = unit(scene.AHEAD), unit(scene.R_SN_N)
+    line, up = unit(rendezvous_scene.TARGET_AHEAD), unit(rendezvous_scene.R_SN_N)
 
     def seen(phase_deg: float) -> bool:
         """The Sun at an angle from the direction target to servicer, leaning to the zenith."""
         phase = np.deg2rad(phase_deg)
         sun = 1.5e11 * (-np.cos(phase) * line + np.sin(phase) * up)
-        return bool(can_see(flight.onboard, known, sun))
+        return bool(is_visible(flight.vehicle, known, sun))
 
     assert seen(90.0)
     assert seen(149.9)
     assert not seen(150.1)  # both limits: a crescent, and the Sun 30 deg from the view
-    assert not bool(can_see(flight.onboard, known, scene.NIGHT))
+    assert not bool(is_visible(flight.vehicle, known, rendezvous_scene.SUN_BEHIND_EARTH))
 
 
 # Burns that are called off
@@ -574,8 +589,8 @@ def test_no_thrust_while_the_attitude_is_further_from_the_burns_than_the_limit(
     flight: FlightParams, known: OrbitEstimate, degrees: float, flown: bool
 ) -> None:
     found = plan(push_back, flight, known)
-    off = turn([0.3, -0.5, 0.8], np.deg2rad(degrees))
-    q_BN = np.asarray(scene.quaternion.multiply(jnp.asarray(off), jnp.asarray(found.q_burn)))
+    off = axis_angle_quaternion([0.3, -0.5, 0.8], np.deg2rad(degrees))
+    q_BN = np.asarray(rendezvous_scene.quaternion.multiply(jnp.asarray(off), jnp.asarray(found.q_burn)))
     for sign in (1.0, -1.0):
         after = inhibit(flight.pointing, found, sign * q_BN, found.ignition - 0.5, 1.0)
         assert (float(after.cutoff) > float(after.ignition)) is flown
@@ -587,7 +602,11 @@ def test_a_burn_called_off_halfway_keeps_what_was_flown_and_gives_no_more(
     flight: FlightParams, known: OrbitEstimate
 ) -> None:
     found = plan(push_back, flight, known)
-    tumbling = np.asarray(scene.quaternion.multiply(jnp.asarray(turn([0.0, 0.0, 1.0], 0.1)), jnp.asarray(found.q_burn)))
+    tumbling = np.asarray(
+        rendezvous_scene.quaternion.multiply(
+            jnp.asarray(axis_angle_quaternion([0.0, 0.0, 1.0], 0.1)), jnp.asarray(found.q_burn)
+        )
+    )
     halfway = found.ignition + 7.0
     after = inhibit(flight.pointing, found, tumbling, halfway, 1.0)
     assert (float(after.ignition), float(after.cutoff)) == (float(found.ignition), float(halfway))
@@ -599,7 +618,7 @@ def test_a_burn_called_off_halfway_keeps_what_was_flown_and_gives_no_more(
 def test_the_way_back_from_a_burn_that_was_called_off_is_no_search(flight: FlightParams, known: OrbitEstimate) -> None:
     found = plan(push_back, flight, known)
     off = replace(found, cutoff=found.ignition)
-    _, modes, _ = fly_plan(flight, known, off)
+    _, modes, _ = simulate_plan(flight, known, off)
     sequence = [Mode(mode) for mode, _ in itertools.groupby(modes)]
     assert sequence == [Mode.LOOK, Mode.TURN, Mode.TURN_BACK, Mode.LOOK]
 
@@ -608,8 +627,8 @@ def test_the_attitude_does_not_matter_long_before_a_burn_and_after_it(
     flight: FlightParams, known: OrbitEstimate
 ) -> None:
     found = plan(push_back, flight, known)
-    elsewhere = np.asarray(look_attitude(flight.onboard, known)[0])
-    assert rotation_between(elsewhere, found.q_burn) > 1.0
+    elsewhere = np.asarray(look_attitude(flight.vehicle, known)[0])
+    assert attitude_difference(elsewhere, found.q_burn) > 1.0
     for time in (found.ignition - 1.0, found.cutoff):
         after = inhibit(flight.pointing, found, elsewhere, time, 1.0)
         jax.tree.map(np.testing.assert_array_equal, after, found)

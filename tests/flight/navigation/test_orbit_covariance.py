@@ -4,13 +4,13 @@ import jax
 import numpy as np
 import pytest
 from hypothesis import given
-from reference import SEEDS, random_covariance, random_unit
+from numpy_reference import SEEDS, random_covariance, random_unit
 
 from rpojax.flight.navigation import orbit_covariance
 
 EXACT = 1e-13  # a few roundings relative to the standard deviations
 
-burn = jax.jit(orbit_covariance.burn)
+burn = jax.jit(orbit_covariance.burn_covariance)
 propagate = jax.jit(orbit_covariance.propagate, static_argnums=5)
 
 

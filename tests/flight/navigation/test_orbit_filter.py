@@ -4,18 +4,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import scene
-from reference import IDENTITY, gravity, matrix, random_covariance
+import rendezvous_scene
+from numpy_reference import IDENTITY, gravity, random_covariance, rotation_matrix
 from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
 from rpojax.core.pytree import replace
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.navigation import orbit_filter, outlier_gate
-from rpojax.flight.navigation.filter_tuning import GpsMeasurement, Navigation
+from rpojax.flight.navigation.filter_tuning import GpsMeasurement, OrbitFilterTuning
 from rpojax.flight.navigation.orbit_filter import OrbitEstimate
 from rpojax.physics import equipment_faults, plant
-from rpojax.physics.environment import Sky
+from rpojax.physics.environment import SunMoonPositions
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario.params import Params
 
@@ -35,7 +35,7 @@ update = jax.jit(orbit_filter.update, static_argnums=1)
 
 
 def coast(
-    tuning: Navigation,
+    tuning: OrbitFilterTuning,
     estimate: OrbitEstimate,
     delta_v_N: np.ndarray | None = None,
     burn_delta_v: float = 0.0,
@@ -61,7 +61,7 @@ def flight(params: Params) -> FlightParams:
 def estimate(flight: FlightParams) -> OrbitEstimate:
     """An estimate with correlated covariances and slow errors that are not zero."""
     rng = np.random.default_rng(1)
-    known = scene.estimate(flight, v_TS_N=np.array([0.05, -0.03, 0.02]))
+    known = rendezvous_scene.estimate(flight, v_TS_N=np.array([0.05, -0.03, 0.02]))
     servicer = replace(
         known.servicer, gps_error_N=rng.normal(size=3), covariance=random_covariance(rng, SERVICER_SIGMA)
     )
@@ -69,7 +69,7 @@ def estimate(flight: FlightParams) -> OrbitEstimate:
         known.relative,
         scale=0.1 * rng.normal(size=2),
         bearing_bias=5e-4 * rng.normal(size=2),
-        center=5e-3 * rng.normal(size=2),
+        center_offset=5e-3 * rng.normal(size=2),
         covariance=random_covariance(rng, RELATIVE_SIGMA),
     )
     return OrbitEstimate(servicer=servicer, relative=relative)
@@ -79,12 +79,12 @@ def means(estimate: OrbitEstimate) -> tuple[jax.Array, jax.Array]:
     s, r = estimate.servicer, estimate.relative
     return (
         jnp.concatenate([s.r_SN_N, s.v_SN_N, s.gps_error_N]),
-        jnp.concatenate([r.r_TS_N, r.v_TS_N, r.scale, r.bearing_bias, r.center]),
+        jnp.concatenate([r.r_TS_N, r.v_TS_N, r.scale, r.bearing_bias, r.center_offset]),
     )
 
 
 @jax.jit
-def transitions(tuning: Navigation, estimate: OrbitEstimate) -> tuple[jax.Array, jax.Array]:
+def transitions(tuning: OrbitFilterTuning, estimate: OrbitEstimate) -> tuple[jax.Array, jax.Array]:
     """Dense derivative over one second of each half's mean to itself."""
 
     def after(servicer: jax.Array, relative: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -96,7 +96,7 @@ def transitions(tuning: Navigation, estimate: OrbitEstimate) -> tuple[jax.Array,
                 v_TS_N=relative[3:6],
                 scale=relative[6:8],
                 bearing_bias=relative[8:10],
-                center=relative[10:],
+                center_offset=relative[10:],
             ),
         )
         return means(
@@ -137,7 +137,7 @@ def test_slow_errors_decay_with_their_time_constants(flight: FlightParams, estim
     np.testing.assert_allclose(found.servicer.gps_error_N, estimate.servicer.gps_error_N * np.exp(-1.0 / 700.0))
     np.testing.assert_allclose(found.relative.scale, estimate.relative.scale * np.exp([-1.0 / 600.0, -1.0 / 30.0]))
     np.testing.assert_array_equal(found.relative.bearing_bias, estimate.relative.bearing_bias)
-    np.testing.assert_allclose(found.relative.center, estimate.relative.center * np.exp(-1.0 / 60.0))
+    np.testing.assert_allclose(found.relative.center_offset, estimate.relative.center_offset * np.exp(-1.0 / 60.0))
 
 
 @pytest.mark.parametrize("half", ["servicer", "relative"])
@@ -197,7 +197,7 @@ def test_with_all_that_it_knows_the_filter_stays_with_the_truth_to_millimetres(
     params: Params, luni_solar: bool
 ) -> None:
     effects = Effects(zonal_degree=6, sun_gravity=True, moon_gravity=True)
-    sky = Sky(sun_N=jnp.array([1.2e11, 0.8e11, 0.3e11]), moon_N=jnp.array([-2.5e8, 2.6e8, 1.0e8]))
+    sky = SunMoonPositions(sun_N=jnp.array([1.2e11, 0.8e11, 0.3e11]), moon_N=jnp.array([-2.5e8, 2.6e8, 1.0e8]))
     truth = initial_truth(params.plant, params.orbit, jnp.array([5.0, -50.0, 3.0]), jnp.zeros(3), jnp.asarray(IDENTITY))
     tuning = params.flight.navigation
     found = initial(tuning, truth.r_TN_N + truth.r_ST_N, truth.v_TN_N + truth.v_ST_N, -truth.r_ST_N, -truth.v_ST_N)
@@ -214,7 +214,7 @@ def test_with_all_that_it_knows_the_filter_stays_with_the_truth_to_millimetres(
     assert np.linalg.norm(relative) < 1e-6
 
 
-def luni_solar_pull(r_N: jax.Array, sky: Sky) -> np.ndarray:
+def luni_solar_pull(r_N: jax.Array, sky: SunMoonPositions) -> np.ndarray:
     """Pull [m/s^2] of Sun and Moon on a craft less that on the Earth, by Battin's formula."""
     r = np.asarray(r_N)
     total = np.zeros(3)
@@ -250,8 +250,8 @@ def test_without_gps_the_servicers_mean_is_only_propagated_and_its_covariance_gr
     flight: FlightParams, estimate: OrbitEstimate
 ) -> None:
     """A minute without a fix, whatever the receiver's output says, against a minute with one."""
-    q_KN = scene.camera_attitude(flight, estimate)
-    absent = scene.box(flight, matrix(q_KN), scene.AHEAD, present=False)
+    q_KN = rendezvous_scene.camera_attitude(flight, estimate)
+    absent = rendezvous_scene.box(flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD, present=False)
 
     def minute(present: bool) -> list[OrbitEstimate]:
         known, history = estimate, [estimate]
@@ -259,7 +259,7 @@ def test_without_gps_the_servicers_mean_is_only_propagated_and_its_covariance_gr
             gps = fix(known.servicer.r_SN_N + (0.0 if present else 1e5), present)
             known = coast(flight.navigation, known)
             known, _, _ = update(
-                flight.navigation, True, flight.onboard.focal_px, known, outlier_gate.initial_track(), gps, q_KN, absent
+                flight.navigation, True, flight.vehicle.focal_px, known, outlier_gate.initial(), gps, q_KN, absent
             )
             history.append(known)
         return history
@@ -277,20 +277,20 @@ def test_without_gps_the_servicers_mean_is_only_propagated_and_its_covariance_gr
 def test_a_missing_box_leaves_the_relative_half_and_updates_the_servicer_by_gps(
     flight: FlightParams, estimate: OrbitEstimate
 ) -> None:
-    q_KN = scene.camera_attitude(flight, estimate)
-    absent = scene.box(flight, matrix(q_KN), scene.AHEAD, present=False)
-    present = scene.box(flight, matrix(q_KN), scene.AHEAD)
-    gps = fix(scene.R_SN_N + np.array([3.0, -2.0, 1.0]))
+    q_KN = rendezvous_scene.camera_attitude(flight, estimate)
+    absent = rendezvous_scene.box(flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD, present=False)
+    present = rendezvous_scene.box(flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD)
+    gps = fix(rendezvous_scene.R_SN_N + np.array([3.0, -2.0, 1.0]))
 
     def after(box: orbit_filter.BoxMeasurement) -> tuple[OrbitEstimate, orbit_filter.Innovation]:
         found, _, innovation = update(
-            flight.navigation, True, flight.onboard.focal_px, estimate, outlier_gate.initial_track(), gps, q_KN, box
+            flight.navigation, True, flight.vehicle.focal_px, estimate, outlier_gate.initial(), gps, q_KN, box
         )
         return found, innovation
 
     without, none = after(absent)
     jax.tree.map(np.testing.assert_array_equal, without.relative, estimate.relative)
-    assert np.max(np.abs(np.asarray(without.servicer.r_SN_N) - scene.R_SN_N)) > 0.1
+    assert np.max(np.abs(np.asarray(without.servicer.r_SN_N) - rendezvous_scene.R_SN_N)) > 0.1
     assert not none.accepted
     assert not none.rejected
     with_box, some = after(present)
@@ -300,17 +300,17 @@ def test_a_missing_box_leaves_the_relative_half_and_updates_the_servicer_by_gps(
 
 
 def test_the_log_likelihood_is_that_of_the_rows_that_were_used(flight: FlightParams, estimate: OrbitEstimate) -> None:
-    q_KN = scene.camera_attitude(flight, estimate)
+    q_KN = rendezvous_scene.camera_attitude(flight, estimate)
     for present in (True, False):
         _, _, innovation = update(
             flight.navigation,
             True,
-            flight.onboard.focal_px,
+            flight.vehicle.focal_px,
             estimate,
-            outlier_gate.initial_track(),
-            fix(scene.R_SN_N + 1.0),
+            outlier_gate.initial(),
+            fix(rendezvous_scene.R_SN_N + 1.0),
             q_KN,
-            scene.box(flight, matrix(q_KN), scene.AHEAD, present=present),
+            rendezvous_scene.box(flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD, present=present),
         )
         used = slice(0, 6 if present else 3)
         sigma = np.sqrt(np.asarray(innovation.variance))[used]

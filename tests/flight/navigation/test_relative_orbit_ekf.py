@@ -4,22 +4,22 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import scene
+import rendezvous_scene
 from hypothesis import given
-from reference import SEEDS, matrix, random_covariance, random_unit, turn, unit
+from numpy_reference import SEEDS, axis_angle_quaternion, random_covariance, random_unit, rotation_matrix, unit
 
 from rpojax.core.pytree import replace
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.navigation import outlier_gate, relative_orbit_ekf
 from rpojax.flight.navigation.filter_tuning import BoxMeasurement
-from rpojax.flight.navigation.outlier_gate import BoxTrack
+from rpojax.flight.navigation.outlier_gate import GateState
 from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
 from rpojax.scenario.params import Params
 
 TEXTBOOK = 1e-10  # conditioning of the joint innovation covariance times rounding
 
-box_model = jax.jit(relative_orbit_ekf.box_model)
-box_slope = jax.jit(jax.jacfwd(lambda *arguments: relative_orbit_ekf.box_model(*arguments).predicted, argnums=3))
+linearise_box = jax.jit(relative_orbit_ekf.linearise_box)
+box_slope = jax.jit(jax.jacfwd(lambda *arguments: relative_orbit_ekf.linearise_box(*arguments).predicted, argnums=3))
 update = jax.jit(relative_orbit_ekf.update, static_argnums=1)
 
 
@@ -31,17 +31,19 @@ def flight(params: Params) -> FlightParams:
 @pytest.fixture(scope="module")
 def known(flight: FlightParams) -> RelativeEstimate:
     """A target at 30 m known to 5 cm, two pixels of the bearing: little enough to believe a single box."""
-    return scene.estimate(flight, position_sigma=0.05).relative
+    return rendezvous_scene.estimate(flight, position_sigma=0.05).relative
 
 
 @pytest.fixture(scope="module")
 def q_KN(flight: FlightParams) -> np.ndarray:
     """A camera that looks at it."""
-    return scene.camera_attitude(flight, scene.estimate(flight))
+    return rendezvous_scene.camera_attitude(flight, rendezvous_scene.estimate(flight))
 
 
-def seen(flight: FlightParams, q_KN: np.ndarray, r_TS_N: np.ndarray = scene.AHEAD, **flags: bool) -> BoxMeasurement:
-    return scene.box(flight, matrix(q_KN), r_TS_N, **flags)
+def seen(
+    flight: FlightParams, q_KN: np.ndarray, r_TS_N: np.ndarray = rendezvous_scene.TARGET_AHEAD, **flags: bool
+) -> BoxMeasurement:
+    return rendezvous_scene.box(flight, rotation_matrix(q_KN), r_TS_N, **flags)
 
 
 def take(
@@ -49,15 +51,15 @@ def take(
     estimate: RelativeEstimate,
     q_KN: np.ndarray,
     box: BoxMeasurement,
-    track: BoxTrack | None = None,
+    track: GateState | None = None,
     gated: bool = True,
-) -> tuple[RelativeEstimate, BoxTrack, bool]:
+) -> tuple[RelativeEstimate, GateState, bool]:
     after, memory, _, used, _ = update(
         flight.navigation,
         gated,
-        flight.onboard.focal_px,
+        flight.vehicle.focal_px,
         estimate,
-        outlier_gate.initial_track() if track is None else track,
+        outlier_gate.initial() if track is None else track,
         q_KN,
         box,
     )
@@ -75,16 +77,16 @@ def test_a_box_is_used_as_far_from_where_it_is_expected_as_the_update_says(
     flight: FlightParams, q_KN: np.ndarray, share: float, used: bool, axis: int, truncated: bool
 ) -> None:
     # Off the boresight, so that the frame may cut the outline.
-    place = scene.AHEAD + matrix(q_KN).T @ np.array([2.3, 0.0, 0.0])
-    estimate = scene.estimate(flight, place, position_sigma=0.05).relative
-    estimate = replace(estimate, bearing_bias=jnp.array([3e-3, -2e-3]), center=jnp.array([0.1, 0.2]))
+    place = rendezvous_scene.TARGET_AHEAD + rotation_matrix(q_KN).T @ np.array([2.3, 0.0, 0.0])
+    estimate = rendezvous_scene.estimate(flight, place, position_sigma=0.05).relative
+    estimate = replace(estimate, bearing_bias=jnp.array([3e-3, -2e-3]), center_offset=jnp.array([0.1, 0.2]))
     box = seen(flight, q_KN, place, truncated=truncated)
-    memory = outlier_gate.initial_track()
-    arguments = (flight.navigation, True, flight.onboard.focal_px, estimate, memory, q_KN)
+    memory = outlier_gate.initial()
+    arguments = (flight.navigation, True, flight.vehicle.focal_px, estimate, memory, q_KN)
     expected = update(*arguments, box)[4]
     offset = share * flight.navigation.gate_sigma * jnp.sqrt(expected.variance[axis]) * jnp.eye(2)[axis]
     tried = replace(box, tangent=expected.values[:2] + offset, log_size=expected.values[2])
-    assert bool(expected.ahead)
+    assert bool(expected.in_front)
     assert bool(update(*arguments, tried)[3]) == used
 
 
@@ -95,25 +97,27 @@ def assert_same(found: RelativeEstimate, expected: RelativeEstimate) -> None:
 @given(SEEDS)
 def test_the_gradient_of_the_box_is_its_derivative_to_the_relative_position(params: Params, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    navigation, focal = params.flight.navigation, params.flight.onboard.focal_px
-    R_KN = matrix(random_unit(rng, 4))
+    navigation, focal = params.flight.navigation, params.flight.vehicle.focal_px
+    R_KN = rotation_matrix(random_unit(rng, 4))
     # Anywhere within 45 deg of the boresight; beyond 60 deg the model holds the depth on purpose.
     r_TS_N = rng.uniform(5.0, 100.0) * R_KN.T @ unit(np.array([*rng.uniform(-0.7, 0.7, 2), 1.0]))
-    box = scene.box(params.flight, R_KN, r_TS_N)
+    box = rendezvous_scene.box(params.flight, R_KN, r_TS_N)
 
-    model = box_model(navigation, focal, R_KN, r_TS_N, box)
-    np.testing.assert_allclose(model.gradient, box_slope(navigation, focal, R_KN, r_TS_N, box), atol=1e-14)
+    model = linearise_box(navigation, focal, R_KN, r_TS_N, box)
+    np.testing.assert_allclose(model.position_jacobian, box_slope(navigation, focal, R_KN, r_TS_N, box), atol=1e-14)
     r_K = R_KN @ r_TS_N
     expected = [r_K[0] / r_K[2], r_K[1] / r_K[2], np.log(1.063 / np.linalg.norm(r_TS_N))]
     np.testing.assert_allclose(model.predicted, expected, atol=1e-13)
 
 
 def test_the_noise_of_a_box_is_that_of_its_edges_and_of_the_camera(flight: FlightParams, q_KN: np.ndarray) -> None:
-    focal = float(flight.onboard.focal_px)
+    focal = float(flight.vehicle.focal_px)
 
     def noise(truncated: bool) -> np.ndarray:
         box = seen(flight, q_KN, truncated=truncated)
-        return np.asarray(box_model(flight.navigation, focal, matrix(q_KN), scene.AHEAD, box).variance)
+        return np.asarray(
+            linearise_box(flight.navigation, focal, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD, box).variance
+        )
 
     whole, cut = noise(False), noise(True)
     # Two edges of 1 px make a centre of 1/sqrt(2) px; 0.004 deg. The wandering centre is a state, not noise.
@@ -131,13 +135,15 @@ def test_a_box_near_its_prediction_updates_all_states_as_in_the_textbook(params:
     sigma = np.concatenate([np.full(3, 0.04), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4], [5e-3, 5e-3]])
     P = random_covariance(rng, sigma)
     q_KN = random_unit(rng, 4)
-    R_KN = matrix(q_KN)
+    R_KN = rotation_matrix(q_KN)
     r_TS_N = R_KN.T @ (rng.uniform(20.0, 60.0) * unit(np.array([*rng.uniform(-0.05, 0.05, 2), 1.0])))
     v_TS_N, scale, bias = 0.02 * rng.normal(size=3), 0.1 * rng.normal(size=2), 5e-4 * rng.normal(size=2)
     center = 5e-3 * rng.normal(size=2)
-    before = RelativeEstimate(r_TS_N=r_TS_N, v_TS_N=v_TS_N, scale=scale, bearing_bias=bias, center=center, covariance=P)
+    before = RelativeEstimate(
+        r_TS_N=r_TS_N, v_TS_N=v_TS_N, scale=scale, bearing_bias=bias, center_offset=center, covariance=P
+    )
     depth = (R_KN @ r_TS_N)[2]
-    ideal = scene.box(flight, R_KN, r_TS_N)
+    ideal = rendezvous_scene.box(flight, R_KN, r_TS_N)
     residual = rng.normal(size=3) * [1e-3, 1e-3, 0.05]
     box = replace(
         ideal,
@@ -145,19 +151,19 @@ def test_a_box_near_its_prediction_updates_all_states_as_in_the_textbook(params:
         log_size=ideal.log_size + float(np.sum(scale)) + residual[2],
     )
     after, _, result, used, _ = update(
-        flight.navigation, True, flight.onboard.focal_px, before, outlier_gate.initial_track(), q_KN, box
+        flight.navigation, True, flight.vehicle.focal_px, before, outlier_gate.initial(), q_KN, box
     )
     assert used
     H = np.zeros((3, 12))
-    H[:, :3] = box_slope(flight.navigation, flight.onboard.focal_px, R_KN, r_TS_N, box)
+    H[:, :3] = box_slope(flight.navigation, flight.vehicle.focal_px, R_KN, r_TS_N, box)
     H[2, 6:8] = 1.0
     H[0, 8] = H[1, 9] = 1.0
     H[0, 10] = H[1, 11] = 1.0 / depth
-    R = np.diag(np.asarray(box_model(flight.navigation, flight.onboard.focal_px, R_KN, r_TS_N, box).variance))
+    R = np.diag(np.asarray(linearise_box(flight.navigation, flight.vehicle.focal_px, R_KN, r_TS_N, box).variance))
     S = H @ P @ H.T + R
     K = np.linalg.solve(S, H @ P).T
     x = K @ residual
-    slices = {"r_TS_N": x[:3], "v_TS_N": x[3:6], "scale": x[6:8], "bearing_bias": x[8:10], "center": x[10:]}
+    slices = {"r_TS_N": x[:3], "v_TS_N": x[3:6], "scale": x[6:8], "bearing_bias": x[8:10], "center_offset": x[10:]}
     for name, part in slices.items():
         change = np.asarray(getattr(after, name)) - np.asarray(getattr(before, name))
         np.testing.assert_allclose(change, part, atol=TEXTBOOK * np.max(np.abs(x)), err_msg=name)
@@ -170,9 +176,9 @@ def test_a_box_near_its_prediction_updates_all_states_as_in_the_textbook(params:
 def test_a_sharp_bearing_against_a_wide_prior_squeezes_the_covariance_across_the_measured_direction(
     flight: FlightParams, q_KN: np.ndarray
 ) -> None:
-    wide = scene.estimate(flight, position_sigma=5.0).relative
+    wide = rendezvous_scene.estimate(flight, position_sigma=5.0).relative
     angle = np.deg2rad(4.0)
-    R_KN = matrix(q_KN)
+    R_KN = rotation_matrix(q_KN)
     line = R_KN.T @ np.array([np.sin(angle), 0.0, np.cos(angle)])
     box = seen(flight, q_KN, 30.0 * line)
     after, _, used = take(flight, wide, q_KN, box, gated=False)
@@ -190,10 +196,10 @@ def test_a_sharp_bearing_against_a_wide_prior_squeezes_the_covariance_across_the
 def test_a_good_box_is_accepted_and_pulls_the_estimate_towards_it(
     flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
 ) -> None:
-    box = moved(seen(flight, q_KN), 3.0, flight.onboard.focal_px)
+    box = moved(seen(flight, q_KN), 3.0, flight.vehicle.focal_px)
     after, track, used = take(flight, known, q_KN, box)
     assert used
-    shift = matrix(q_KN) @ np.asarray(after.r_TS_N - known.r_TS_N)
+    shift = rotation_matrix(q_KN) @ np.asarray(after.r_TS_N - known.r_TS_N)
     assert 0.02 < shift[0] < 3.0 / 731.0 * 30.0
     assert track.rejections == 0.0
 
@@ -203,7 +209,7 @@ def test_an_outlier_is_rejected_and_changes_nothing_but_the_memory(
     flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray, fault: str
 ) -> None:
     box = seen(flight, q_KN)
-    outlier = moved(box, 40.0, flight.onboard.focal_px)
+    outlier = moved(box, 40.0, flight.vehicle.focal_px)
     if fault == "size":
         outlier = replace(box, log_size=box.log_size + 1.2)
     after, track, used = take(flight, known, q_KN, outlier)
@@ -213,7 +219,7 @@ def test_an_outlier_is_rejected_and_changes_nothing_but_the_memory(
 
 
 def test_without_the_gate_an_outlier_is_used(flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray) -> None:
-    outlier = moved(seen(flight, q_KN), 40.0, flight.onboard.focal_px)
+    outlier = moved(seen(flight, q_KN), 40.0, flight.vehicle.focal_px)
     after, _, used = take(flight, known, q_KN, outlier, gated=False)
     assert used
     assert np.linalg.norm(after.r_TS_N - known.r_TS_N) > 0.1
@@ -231,7 +237,9 @@ def test_a_frame_without_a_box_changes_nothing(
 
 def turned(q_KN: np.ndarray, degrees: float, axis: tuple[float, float, float] = (0.0, 1.0, 0.0)) -> np.ndarray:
     """The camera turned about one of its own axes, to where the target lies so far off the boresight."""
-    found = scene.quaternion.multiply(jnp.asarray(turn(np.array(axis), np.deg2rad(degrees))), jnp.asarray(q_KN))
+    found = rendezvous_scene.quaternion.multiply(
+        jnp.asarray(axis_angle_quaternion(np.array(axis), np.deg2rad(degrees))), jnp.asarray(q_KN)
+    )
     return np.asarray(found)
 
 
@@ -243,7 +251,7 @@ def test_a_truncated_box_gives_its_bearing_but_not_its_size(
     wrong_size = replace(box, log_size=box.log_size - 1.0)
     after, _, used = take(flight, known, aside, wrong_size)
     assert used
-    line = unit(scene.AHEAD)
+    line = unit(rendezvous_scene.TARGET_AHEAD)
     before = line @ np.asarray(known.covariance)[:3, :3] @ line
     np.testing.assert_allclose(line @ np.asarray(after.covariance)[:3, :3] @ line, before, rtol=1e-9)
     np.testing.assert_array_equal(after.scale, known.scale)
@@ -255,35 +263,39 @@ def test_a_single_box_is_believed_up_to_three_of_its_sigmas_of_own_uncertainty(
     flight: FlightParams, q_KN: np.ndarray, share: float, believed: bool
 ) -> None:
     box = seen(flight, q_KN)
-    noise = float(box_model(flight.navigation, flight.onboard.focal_px, matrix(q_KN), scene.AHEAD, box).variance[0])
+    noise = float(
+        linearise_box(
+            flight.navigation, flight.vehicle.focal_px, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD, box
+        ).variance[0]
+    )
     # The bearing's bias and the place of the box centre take their shares.
     border = 30.0 * np.sqrt(3.0**2 * noise - np.deg2rad(0.03) ** 2 - (0.005 / 30.0) ** 2)
-    _, _, used = take(flight, scene.estimate(flight, position_sigma=share * border).relative, q_KN, box)
+    _, _, used = take(flight, rendezvous_scene.estimate(flight, position_sigma=share * border).relative, q_KN, box)
     assert used is believed
 
 
 def test_a_first_box_is_not_believed_while_the_prediction_is_wide_but_a_second_beside_it_is(
     flight: FlightParams, q_KN: np.ndarray
 ) -> None:
-    wide = scene.estimate(flight, position_sigma=3.0).relative
-    first = moved(seen(flight, q_KN), 10.0, flight.onboard.focal_px)
+    wide = rendezvous_scene.estimate(flight, position_sigma=3.0).relative
+    first = moved(seen(flight, q_KN), 10.0, flight.vehicle.focal_px)
     after, track, used = take(flight, wide, q_KN, first)
     assert not used
     assert_same(after, wide)
-    _, _, confirmed = take(flight, after, q_KN, moved(first, 3.0, flight.onboard.focal_px), track)
+    _, _, confirmed = take(flight, after, q_KN, moved(first, 3.0, flight.vehicle.focal_px), track)
     assert confirmed
-    _, _, elsewhere = take(flight, after, q_KN, moved(first, -30.0, flight.onboard.focal_px), track)
+    _, _, elsewhere = take(flight, after, q_KN, moved(first, -30.0, flight.vehicle.focal_px), track)
     assert not elsewhere
 
 
 def test_confirmation_follows_the_inertial_direction_when_the_camera_turns(
     flight: FlightParams, q_KN: np.ndarray
 ) -> None:
-    wide = scene.estimate(flight, position_sigma=3.0).relative
+    wide = rendezvous_scene.estimate(flight, position_sigma=3.0).relative
     _, track, _ = take(flight, wide, q_KN, seen(flight, q_KN))
-    R_turned = matrix(turn([0.0, 1.0, 0.0], np.deg2rad(2.0))) @ matrix(q_KN)
-    q_turned = np.asarray(scene.quaternion.from_matrix(jnp.asarray(R_turned)))
-    same_place = scene.box(flight, R_turned, scene.AHEAD)
+    R_turned = rotation_matrix(axis_angle_quaternion([0.0, 1.0, 0.0], np.deg2rad(2.0))) @ rotation_matrix(q_KN)
+    q_turned = np.asarray(rendezvous_scene.quaternion.from_matrix(jnp.asarray(R_turned)))
+    same_place = rendezvous_scene.box(flight, R_turned, rendezvous_scene.TARGET_AHEAD)
     _, _, same_target = take(flight, wide, q_turned, same_place, track)
     assert same_target
     _, _, same_pixel = take(flight, wide, q_turned, seen(flight, q_KN), track)
@@ -293,7 +305,7 @@ def test_confirmation_follows_the_inertial_direction_when_the_camera_turns(
 def test_a_target_predicted_behind_the_camera_accepts_no_box(
     flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
 ) -> None:
-    backwards = np.asarray(scene.quaternion.multiply(jnp.array([0.0, 1.0, 0.0, 0.0]), jnp.asarray(q_KN)))
+    backwards = np.asarray(rendezvous_scene.quaternion.multiply(jnp.array([0.0, 1.0, 0.0, 0.0]), jnp.asarray(q_KN)))
     _, _, used = take(flight, known, backwards, seen(flight, q_KN))
     assert not used
 
@@ -301,10 +313,12 @@ def test_a_target_predicted_behind_the_camera_accepts_no_box(
 def test_after_repeated_rejections_the_filter_doubts_itself_and_finds_the_target_again(
     flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
 ) -> None:
-    lost = scene.AHEAD + matrix(q_KN).T @ np.array([1.5, 0.0, 0.0])  # 50 sigma of a box away, still in view
+    lost = rendezvous_scene.TARGET_AHEAD + rotation_matrix(q_KN).T @ np.array(
+        [1.5, 0.0, 0.0]
+    )  # 50 sigma of a box away, still in view
     certain = replace(known, covariance=known.covariance * 0.01)
     truth = seen(flight, q_KN, lost)
-    estimate, track = certain, outlier_gate.initial_track()
+    estimate, track = certain, outlier_gate.initial()
     before = np.asarray(certain.covariance)
     for rejection in range(1, 7):
         estimate, track, used = take(flight, estimate, q_KN, truth, track)
@@ -315,16 +329,18 @@ def test_after_repeated_rejections_the_filter_doubts_itself_and_finds_the_target
     assert track.rejections == 0.0
     estimate, track, used = take(flight, estimate, q_KN, truth, track)
     assert used
-    off = matrix(q_KN) @ (np.asarray(estimate.r_TS_N) - lost)
+    off = rotation_matrix(q_KN) @ (np.asarray(estimate.r_TS_N) - lost)
     assert np.max(np.abs(off[:2])) < 0.1
 
 
 # Boxes that the frame cuts, and false boxes
 
 
-def seen_before() -> BoxTrack:
+def seen_before() -> GateState:
     """Memory of a box on the target one frame ago."""
-    return replace(outlier_gate.initial_track(), direction_N=jnp.asarray(unit(scene.AHEAD)), age=jnp.ones(()))
+    return replace(
+        outlier_gate.initial(), direction_N=jnp.asarray(unit(rendezvous_scene.TARGET_AHEAD)), age=jnp.ones(())
+    )
 
 
 @pytest.mark.parametrize(
@@ -333,7 +349,7 @@ def seen_before() -> BoxTrack:
 def test_a_truncated_box_is_only_possible_where_the_predicted_outline_reaches_the_edge_of_the_frame(
     flight: FlightParams, q_KN: np.ndarray, sigma: float, degrees: float, possible: bool
 ) -> None:
-    known = scene.estimate(flight, position_sigma=sigma).relative
+    known = rendezvous_scene.estimate(flight, position_sigma=sigma).relative
     for axis in ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)):  # sideways, up and down
         aside = turned(q_KN, degrees, axis)
         box = seen(flight, aside, truncated=True)
@@ -349,7 +365,9 @@ def test_a_truncated_box_larger_than_the_target_can_be_is_refused(
 ) -> None:
     aside = turned(q_KN, 4.5)
     box = seen(flight, aside, truncated=True)
-    model = box_model(flight.navigation, flight.onboard.focal_px, matrix(aside), scene.AHEAD, box)
+    model = linearise_box(
+        flight.navigation, flight.vehicle.focal_px, rotation_matrix(aside), rendezvous_scene.TARGET_AHEAD, box
+    )
     # The size's own noise, the target's two size errors, and the range.
     sigma = np.sqrt(model.variance[2] + 0.065**2 + 0.14**2 + (0.05 / 30.0) ** 2)
     for sigmas, believed in ((3.9, True), (4.1, False), (-9.0, True)):
@@ -360,15 +378,15 @@ def test_a_truncated_box_larger_than_the_target_can_be_is_refused(
 def test_a_single_truncated_box_is_not_believed_while_the_prediction_is_wide(
     flight: FlightParams, q_KN: np.ndarray
 ) -> None:
-    wide = scene.estimate(flight, position_sigma=1.5).relative
+    wide = rendezvous_scene.estimate(flight, position_sigma=1.5).relative
     # A false box as large as half the frame is as vague as the prior itself, which must not make the prior count as
     # certain enough.
     large = seen(flight, q_KN, truncated=True)
-    false = replace(moved(large, 40.0, flight.onboard.focal_px), side_px=jnp.float64(60.0))
+    false = replace(moved(large, 40.0, flight.vehicle.focal_px), side_px=jnp.float64(60.0))
     after, track, used = take(flight, wide, q_KN, false)
     assert not used
     assert_same(after, wide)
-    _, _, elsewhere = take(flight, wide, q_KN, moved(false, -80.0, flight.onboard.focal_px), track)
+    _, _, elsewhere = take(flight, wide, q_KN, moved(false, -80.0, flight.vehicle.focal_px), track)
     assert not elsewhere
     _, _, confirmed = take(flight, wide, q_KN, false, track)
     assert confirmed
@@ -377,9 +395,9 @@ def test_a_single_truncated_box_is_not_believed_while_the_prediction_is_wide(
 def test_isolated_false_boxes_leave_the_estimate_as_it_is_for_as_long_as_they_come(
     flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
 ) -> None:
-    false = moved(seen(flight, q_KN), 45.0, flight.onboard.focal_px)
+    false = moved(seen(flight, q_KN), 45.0, flight.vehicle.focal_px)
     none = seen(flight, q_KN, present=False)
-    estimate, track = known, outlier_gate.initial_track()
+    estimate, track = known, outlier_gate.initial()
     for frame in range(200):
         estimate, track, used = take(flight, estimate, q_KN, none if frame % 20 else false, track)
         assert not used
@@ -391,10 +409,11 @@ def test_the_drift_of_the_attitude_joins_the_bearing_bias_and_nothing_else(param
     rng = np.random.default_rng(seed)
     flight = params.flight
     sigma = np.concatenate([np.full(3, 0.04), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4], [5e-3, 5e-3]])
-    before = replace(scene.estimate(flight).relative, covariance=random_covariance(rng, sigma))
+    before = replace(rendezvous_scene.estimate(flight).relative, covariance=random_covariance(rng, sigma))
     drift = rng.uniform(0.1, 2.0) * 1e-6
     absent = replace(
-        scene.box(flight, np.eye(3), np.array([0.0, 0.0, 30.0]), present=False), attitude_drift=jnp.float64(drift)
+        rendezvous_scene.box(flight, np.eye(3), np.array([0.0, 0.0, 30.0]), present=False),
+        attitude_variance_change=jnp.float64(drift),
     )
     after, _, _ = take(flight, before, random_unit(rng, 4), absent)
     grown = np.asarray(after.covariance) - np.asarray(before.covariance)
@@ -404,8 +423,8 @@ def test_the_drift_of_the_attitude_joins_the_bearing_bias_and_nothing_else(param
 def test_a_box_under_attitude_drift_moves_the_bearing_bias_instead_of_the_target(
     flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
 ) -> None:
-    box = moved(seen(flight, q_KN), 3.0, flight.onboard.focal_px)
-    drifted = replace(box, attitude_drift=jnp.float64(0.01**2))
+    box = moved(seen(flight, q_KN), 3.0, flight.vehicle.focal_px)
+    drifted = replace(box, attitude_variance_change=jnp.float64(0.01**2))
     steady, _, _ = take(flight, known, q_KN, box, seen_before())
     drifting, _, used = take(flight, known, q_KN, drifted, seen_before())
     assert used

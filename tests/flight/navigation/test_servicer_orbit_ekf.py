@@ -3,12 +3,12 @@
 import jax
 import numpy as np
 from hypothesis import given
-from reference import SEEDS, random_covariance
-from scene import R_SN_N, V_SN_N
+from numpy_reference import SEEDS, random_covariance
+from rendezvous_scene import R_SN_N, V_SN_N
 
-from rpojax.core.kalman_update import Update
+from rpojax.core.kalman_update import KalmanUpdate
 from rpojax.flight.navigation import servicer_orbit_ekf
-from rpojax.flight.navigation.filter_tuning import GpsMeasurement, Navigation
+from rpojax.flight.navigation.filter_tuning import GpsMeasurement, OrbitFilterTuning
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
 from rpojax.scenario.params import Params
 
@@ -19,8 +19,8 @@ SIGMA = np.repeat([2.0, 0.02, 1.2], 3)
 
 @jax.jit
 def update(
-    tuning: Navigation, estimate: ServicerEstimate, gps_N: jax.Array, present: jax.Array
-) -> tuple[ServicerEstimate, Update]:
+    tuning: OrbitFilterTuning, estimate: ServicerEstimate, gps_N: jax.Array, present: jax.Array
+) -> tuple[ServicerEstimate, KalmanUpdate]:
     return servicer_orbit_ekf.update(tuning, estimate, GpsMeasurement(position_N=gps_N, present=present))
 
 

@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 
 from rpojax.interop.cosimulation import command_checks, live_topics
-from rpojax.interop.cosimulation.command_checks import Limits, Reason, Window
+from rpojax.interop.cosimulation.command_checks import BurnWindow, CommandLimits, RejectionReason
 from rpojax.interop.ros2 import message_builders
 from rpojax.interop.ros2.frame_names import ECI, HILL, SERVICER
-from rpojax.interop.ros2.message_builders import NANO
+from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S
 from rpojax.interop.ros2.message_types import deserialize, message_class, serialize
-from rpojax.interop.ros2.message_values import Motion
+from rpojax.interop.ros2.message_values import Odometry
 
 LIMIT = 0.025
-LIMITS = Limits(torque=np.full(3, LIMIT), minimum_on_time_s=0.5, longest_on_time_s=110.0)
-NOW = 200 * NANO
+LIMITS = CommandLimits(torque=np.full(3, LIMIT), minimum_on_time_s=0.5, maximum_on_time_s=110.0)
+NOW = 200 * NANOSECONDS_PER_S
 
 
-def wheels(torque: Any, names: tuple[str, ...] = message_builders.WHEELS) -> Any:
+def wheels(torque: Any, names: tuple[str, ...] = message_builders.WHEEL_JOINTS) -> Any:
     """A command as it comes from the wire."""
     message = message_class("sensor_msgs/msg/JointState")(
-        header=message_builders.header(NOW, ""),
+        header=message_builders.header_message(NOW, ""),
         name=list(names),
         position=np.zeros(0),
         velocity=np.zeros(0),
@@ -51,45 +51,45 @@ def test_torques_that_the_drive_cannot_give_are_still_commands() -> None:
 @pytest.mark.parametrize(
     ("message", "reason"),
     [
-        (wheels([0.0, np.nan, 0.0]), Reason.NOT_FINITE),
-        (wheels([0.0, -np.inf, 0.0]), Reason.NOT_FINITE),
-        (wheels([0.0, 0.0, -1000 * LIMIT]), Reason.BEYOND_LIMIT),
-        (wheels([1e308, 1e308, 1e308]), Reason.BEYOND_LIMIT),
-        (wheels([0.0, 0.0]), Reason.WRONG_LENGTH),
-        (wheels(np.zeros(100_000)), Reason.WRONG_LENGTH),
-        (wheels([]), Reason.WRONG_LENGTH),
-        (wheels(np.zeros(3), ("wheel_1", "wheel_2")), Reason.WRONG_LENGTH),
-        (wheels(np.zeros(3), ("wheel_1", "wheel_2", "wheel_4")), Reason.WRONG_NAMES),
-        (wheels(np.zeros(3), ("wheel_1", "wheel_1", "wheel_2")), Reason.WRONG_NAMES),
+        (wheels([0.0, np.nan, 0.0]), RejectionReason.NOT_FINITE),
+        (wheels([0.0, -np.inf, 0.0]), RejectionReason.NOT_FINITE),
+        (wheels([0.0, 0.0, -1000 * LIMIT]), RejectionReason.BEYOND_LIMIT),
+        (wheels([1e308, 1e308, 1e308]), RejectionReason.BEYOND_LIMIT),
+        (wheels([0.0, 0.0]), RejectionReason.WRONG_LENGTH),
+        (wheels(np.zeros(100_000)), RejectionReason.WRONG_LENGTH),
+        (wheels([]), RejectionReason.WRONG_LENGTH),
+        (wheels(np.zeros(3), ("wheel_1", "wheel_2")), RejectionReason.WRONG_LENGTH),
+        (wheels(np.zeros(3), ("wheel_1", "wheel_2", "wheel_4")), RejectionReason.WRONG_NAMES),
+        (wheels(np.zeros(3), ("wheel_1", "wheel_1", "wheel_2")), RejectionReason.WRONG_NAMES),
     ],
 )
-def test_what_is_no_torque_is_ignored(message: Any, reason: Reason) -> None:
+def test_what_is_no_torque_is_ignored(message: Any, reason: RejectionReason) -> None:
     assert command_checks.wheel_torque(message, LIMITS) == reason
 
 
 def burn(ignition_s: float, cutoff_s: float, **changes: Any) -> Any:
     """A burn as it comes from the wire."""
-    ignition, cutoff = round(ignition_s * NANO), round(cutoff_s * NANO)
+    ignition, cutoff = round(ignition_s * NANOSECONDS_PER_S), round(cutoff_s * NANOSECONDS_PER_S)
     message = message_builders.thruster_command(NOW, ignition, cutoff, 0.03)
     for name, value in changes.items():
         setattr(message, name, value)
     return deserialize(serialize(message), "trajectory_msgs/msg/JointTrajectory")
 
 
-def window(ignition_s: float, cutoff_s: float) -> Window:
-    return Window(round(ignition_s * NANO), round(cutoff_s * NANO))
+def window(ignition_s: float, cutoff_s: float) -> BurnWindow:
+    return BurnWindow(round(ignition_s * NANOSECONDS_PER_S), round(cutoff_s * NANOSECONDS_PER_S))
 
 
 def test_a_burn_counts_from_the_stamp_of_its_message() -> None:
-    assert command_checks.burn_window(burn(240.0, 262.5), LIMITS, NOW, Window()) == window(240.0, 262.5)
-    assert command_checks.burn_window(burn(0.0, 0.0), LIMITS, NOW, window(240.0, 262.5)) == Window()
+    assert command_checks.burn_window(burn(240.0, 262.5), LIMITS, NOW, BurnWindow()) == window(240.0, 262.5)
+    assert command_checks.burn_window(burn(0.0, 0.0), LIMITS, NOW, window(240.0, 262.5)) == BurnWindow()
 
 
 def test_a_burn_under_way_may_be_told_again_and_be_given_another_end() -> None:
     before = window(190.0, 220.0)
     assert command_checks.burn_window(burn(190.0, 220.0), LIMITS, NOW, before) == before
     assert command_checks.burn_window(burn(190.0, 205.0), LIMITS, NOW, before) == window(190.0, 205.0)
-    assert command_checks.burn_window(burn(190.0, 220.0), LIMITS, NOW, Window()) == Reason.IN_THE_PAST
+    assert command_checks.burn_window(burn(190.0, 220.0), LIMITS, NOW, BurnWindow()) == RejectionReason.IN_THE_PAST
 
 
 def test_a_burn_whose_times_are_rounded_anew_is_the_same_burn() -> None:
@@ -99,7 +99,7 @@ def test_a_burn_whose_times_are_rounded_anew_is_the_same_burn() -> None:
 
 def effort(value: float) -> list[Any]:
     """Two points, one with such an effort."""
-    points = message_builders.thruster_command(NOW, NOW + NANO, NOW + 9 * NANO, 0.03).points
+    points = message_builders.thruster_command(NOW, NOW + NANOSECONDS_PER_S, NOW + 9 * NANOSECONDS_PER_S, 0.03).points
     points[0].effort = np.array([value])
     return points
 
@@ -107,18 +107,18 @@ def effort(value: float) -> list[Any]:
 @pytest.mark.parametrize(
     ("message", "reason"),
     [
-        (burn(201.0, 209.0, points=effort(np.nan)), Reason.NOT_FINITE),
-        (burn(201.0, 209.0, points=effort(0.03)[:1]), Reason.WRONG_LENGTH),
-        (burn(201.0, 209.0, points=effort(0.03)[::-1]), Reason.TOO_SHORT),
-        (burn(201.0, 209.0, joint_names=["wheel_1"]), Reason.WRONG_NAMES),
-        (burn(201.0, 209.0, joint_names=["thruster", "thruster"]), Reason.WRONG_LENGTH),
-        (burn(240.0, 240.4), Reason.TOO_SHORT),
-        (burn(240.0, 240.0 + 1000.0 * 110.0), Reason.BEYOND_LIMIT),
-        (burn(199.9, 220.0), Reason.IN_THE_PAST),
+        (burn(201.0, 209.0, points=effort(np.nan)), RejectionReason.NOT_FINITE),
+        (burn(201.0, 209.0, points=effort(0.03)[:1]), RejectionReason.WRONG_LENGTH),
+        (burn(201.0, 209.0, points=effort(0.03)[::-1]), RejectionReason.TOO_SHORT),
+        (burn(201.0, 209.0, joint_names=["wheel_1"]), RejectionReason.WRONG_NAMES),
+        (burn(201.0, 209.0, joint_names=["thruster", "thruster"]), RejectionReason.WRONG_LENGTH),
+        (burn(240.0, 240.4), RejectionReason.TOO_SHORT),
+        (burn(240.0, 240.0 + 1000.0 * 110.0), RejectionReason.BEYOND_LIMIT),
+        (burn(199.9, 220.0), RejectionReason.IN_THE_PAST),
     ],
 )
-def test_what_is_no_burn_is_ignored(message: Any, reason: Reason) -> None:
-    assert command_checks.burn_window(message, LIMITS, NOW, Window()) == reason
+def test_what_is_no_burn_is_ignored(message: Any, reason: RejectionReason) -> None:
+    assert command_checks.burn_window(message, LIMITS, NOW, BurnWindow()) == reason
 
 
 def turned(xyzw: Any, frame: str = ECI) -> Any:
@@ -128,22 +128,22 @@ def turned(xyzw: Any, frame: str = ECI) -> Any:
 
 
 def test_an_orientation_is_made_a_unit_one() -> None:
-    found = command_checks.orientation(turned([0.0, 0.6 * 1.0001, 0.0, 0.8 * 1.0001]))
+    found = command_checks.unit_orientation(turned([0.0, 0.6 * 1.0001, 0.0, 0.8 * 1.0001]))
     np.testing.assert_allclose(found, [0.0, 0.6, 0.0, 0.8], rtol=1e-12)
 
 
 @pytest.mark.parametrize(
     ("message", "reason"),
     [
-        (turned([0.0, 0.0, 0.0, 0.0]), Reason.NO_ROTATION),
-        (turned([0.0, 0.0, 0.0, 1.1]), Reason.NO_ROTATION),
-        (turned([1e308, 1e308, 0.0, 1.0]), Reason.NO_ROTATION),
-        (turned([0.0, np.nan, 0.0, 1.0]), Reason.NOT_FINITE),
-        (turned([0.0, 0.0, 0.0, 1.0], HILL), Reason.WRONG_FRAME),
+        (turned([0.0, 0.0, 0.0, 0.0]), RejectionReason.NO_ROTATION),
+        (turned([0.0, 0.0, 0.0, 1.1]), RejectionReason.NO_ROTATION),
+        (turned([1e308, 1e308, 0.0, 1.0]), RejectionReason.NO_ROTATION),
+        (turned([0.0, np.nan, 0.0, 1.0]), RejectionReason.NOT_FINITE),
+        (turned([0.0, 0.0, 0.0, 1.0], HILL), RejectionReason.WRONG_FRAME),
     ],
 )
-def test_what_is_no_orientation_is_ignored(message: Any, reason: Reason) -> None:
-    assert command_checks.orientation(message) == reason
+def test_what_is_no_orientation_is_ignored(message: Any, reason: RejectionReason) -> None:
+    assert command_checks.unit_orientation(message) == reason
 
 
 def odometry(frame: str = HILL, position: Any = (0.0, -30.0, 0.0), **changes: Any) -> Any:
@@ -156,7 +156,7 @@ def odometry(frame: str = HILL, position: Any = (0.0, -30.0, 0.0), **changes: An
         "pose_covariance": np.eye(6),
         "twist_covariance": 1e-4 * np.eye(6),
     }
-    return message_builders.odometry(NOW, frame, SERVICER, Motion(**(motion | changes)))
+    return message_builders.odometry(NOW, frame, SERVICER, Odometry(**(motion | changes)))
 
 
 def with_variance(place: tuple[int, int], value: float) -> np.ndarray:
@@ -175,23 +175,23 @@ def test_an_estimate_counts_as_it_is() -> None:
 @pytest.mark.parametrize(
     ("message", "reason"),
     [
-        (odometry(ECI), Reason.WRONG_FRAME),
-        (odometry(position=(0.0, np.nan, 0.0)), Reason.NOT_FINITE),
-        (odometry(velocity=np.array([np.inf, 0.0, 0.0])), Reason.NOT_FINITE),
-        (odometry(pose_covariance=np.full((6, 6), np.nan)), Reason.NOT_FINITE),
-        (odometry(position=(0.0, 0.0, 0.0)), Reason.BEYOND_LIMIT),
-        (odometry(position=(0.0, 1e6, 0.0)), Reason.BEYOND_LIMIT),
-        (odometry(position=(1e308, 1e308, 0.0)), Reason.BEYOND_LIMIT),
-        (odometry(orientation=np.zeros(4)), Reason.NO_ROTATION),
-        (odometry(pose_covariance=np.zeros((6, 6))), Reason.NO_COVARIANCE),
-        (odometry(pose_covariance=with_variance((0, 1), 0.5)), Reason.NO_COVARIANCE),
-        (odometry(pose_covariance=with_variance((2, 2), -1.0)), Reason.NO_COVARIANCE),
-        (odometry(twist_covariance=with_variance((2, 2), 1e300)), Reason.NO_COVARIANCE),
+        (odometry(ECI), RejectionReason.WRONG_FRAME),
+        (odometry(position=(0.0, np.nan, 0.0)), RejectionReason.NOT_FINITE),
+        (odometry(velocity=np.array([np.inf, 0.0, 0.0])), RejectionReason.NOT_FINITE),
+        (odometry(pose_covariance=np.full((6, 6), np.nan)), RejectionReason.NOT_FINITE),
+        (odometry(position=(0.0, 0.0, 0.0)), RejectionReason.BEYOND_LIMIT),
+        (odometry(position=(0.0, 1e6, 0.0)), RejectionReason.BEYOND_LIMIT),
+        (odometry(position=(1e308, 1e308, 0.0)), RejectionReason.BEYOND_LIMIT),
+        (odometry(orientation=np.zeros(4)), RejectionReason.NO_ROTATION),
+        (odometry(pose_covariance=np.zeros((6, 6))), RejectionReason.NO_COVARIANCE),
+        (odometry(pose_covariance=with_variance((0, 1), 0.5)), RejectionReason.NO_COVARIANCE),
+        (odometry(pose_covariance=with_variance((2, 2), -1.0)), RejectionReason.NO_COVARIANCE),
+        (odometry(twist_covariance=with_variance((2, 2), 1e300)), RejectionReason.NO_COVARIANCE),
     ],
 )
-def test_what_is_no_estimate_is_ignored(message: Any, reason: Reason) -> None:
+def test_what_is_no_estimate_is_ignored(message: Any, reason: RejectionReason) -> None:
     assert command_checks.relative_odometry(message) == reason
 
 
 def test_an_orbit_inside_of_the_earth_is_ignored() -> None:
-    assert command_checks.servicer_odometry(odometry(ECI, (1e6, 0.0, 0.0))) == Reason.BEYOND_LIMIT
+    assert command_checks.servicer_odometry(odometry(ECI, (1e6, 0.0, 0.0))) == RejectionReason.BEYOND_LIMIT

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from experiment_files import load
+from experiment_modules import load_experiment
 from scipy.spatial import transform
 
-EXAMPLE = load("ros2_interop/rotation.py")
+EXAMPLE = load_experiment("ros2_interop/rotation.py")
 TURNS = [
     np.zeros(3),
     np.array([1e-9, 0.0, 0.0]),

@@ -10,14 +10,14 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import rerun.chunk as rrc
-from made_up_run import made_up as make_up
 from scipy.spatial.transform import Rotation
+from synthetic_run import synthetic_run as make_synthetic_run
 
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.interop.rerun_viewer import rerun_recording, scene_3d, time_plots
-from rpojax.interop.rerun_viewer.viewer_values import Shown
-from rpojax.interop.run_replay import Flight, Shot
+from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
+from rpojax.interop.run_replay import PosedPicture, ReplayedRun
 
 CAMERA = "/hill/servicer/camera"
 
@@ -53,22 +53,22 @@ class Read:
 def write(tmp_path: Path) -> Callable[..., Read]:
     """Writes a run and reads it back."""
 
-    def made(flight: Flight[Shown], shots: Iterable[Shot] | None = None) -> Read:
-        return Read(rerun_recording.write(flight, tmp_path / "run.rrd", shots).path)
+    def made(flight: ReplayedRun[ViewerChannels], shots: Iterable[PosedPicture] | None = None) -> Read:
+        return Read(rerun_recording.write_recording(flight, tmp_path / "run.rrd", shots).path)
 
     return made
 
 
 @pytest.fixture
-def read(write: Callable[..., Read], made_up: Flight[Shown]) -> Read:
-    return write(made_up)
+def read(write: Callable[..., Read], synthetic_run: ReplayedRun[ViewerChannels]) -> Read:
+    return write(synthetic_run)
 
 
-def test_there_is_simulation_time_and_no_other(read: Read, made_up: Flight[Shown]) -> None:
+def test_there_is_simulation_time_and_no_other(read: Read, synthetic_run: ReplayedRun[ViewerChannels]) -> None:
     for (path, static), batch in read.batches.items():
         indices = [field.name for field in batch.schema if (field.metadata or {}).get(b"rerun:kind") == b"index"]
         assert indices == ([] if static else ["sim_time"]), path
-    np.testing.assert_array_equal(read.time_s("/hill/servicer"), made_up.time_s)
+    np.testing.assert_array_equal(read.time_s("/hill/servicer"), synthetic_run.time_s)
 
 
 def test_no_number_of_a_row_comes_from_the_clock(read: Read) -> None:
@@ -77,8 +77,10 @@ def test_no_number_of_a_row_comes_from_the_clock(read: Read) -> None:
     assert highest == len(read.batches)
 
 
-def test_the_same_run_reads_back_the_same(read: Read, write: Callable[..., Read], made_up: Flight[Shown]) -> None:
-    again = write(made_up)
+def test_the_same_run_reads_back_the_same(
+    read: Read, write: Callable[..., Read], synthetic_run: ReplayedRun[ViewerChannels]
+) -> None:
+    again = write(synthetic_run)
     assert read.stores == again.stores
     assert read.batches.keys() == again.batches.keys()
     assert all(batch.equals(again.batches[key]) for key, batch in read.batches.items())
@@ -93,23 +95,25 @@ def test_an_arrangement_of_views_is_in_the_file_and_the_name_tells_the_run(read:
 
 
 def test_the_servicer_is_where_it_truly_was_and_its_belief_where_it_believed(
-    read: Read, made_up: Flight[Shown]
+    read: Read, synthetic_run: ReplayedRun[ViewerChannels]
 ) -> None:
     for path, name, channel in (
         ("/hill/servicer", "Transform3D:translation", "rho_H"),
         ("/hill/estimate", "Points3D:positions", "rho_estimate_H"),
     ):
-        np.testing.assert_allclose(read.only(path, name), made_up.values[channel], atol=1e-5)
+        np.testing.assert_allclose(read.only(path, name), synthetic_run.values[channel], atol=1e-5)
 
 
-def test_the_chain_of_poses_puts_the_target_in_the_middle_of_the_camera(read: Read, made_up: Flight[Shown]) -> None:
+def test_the_chain_of_poses_puts_the_target_in_the_middle_of_the_camera(
+    read: Read, synthetic_run: ReplayedRun[ViewerChannels]
+) -> None:
     """Servicer, camera and pinhole as the viewer composes them, with the camera looking at the target."""
     R_HB = Rotation.from_quat(read.only("/hill/servicer", "Transform3D:quaternion"))
     R_BK = Rotation.from_quat(read.only(CAMERA, "Transform3D:quaternion", True)[0])
     target_K = R_BK.inv().apply(R_HB.inv().apply(-read.only("/hill/servicer", "Transform3D:translation")))
     lens = read.only(CAMERA, "Pinhole:image_from_camera", True)[0].reshape(3, 3).T
     pixel = target_K @ lens.T
-    np.testing.assert_allclose(pixel[:, :2] / pixel[:, 2:], [[64.0, 64.0]] * made_up.ticks, atol=1e-3)
+    np.testing.assert_allclose(pixel[:, :2] / pixel[:, 2:], [[64.0, 64.0]] * synthetic_run.ticks, atol=1e-3)
     assert (target_K[:, 2] > 0.0).all()
     assert read.column(CAMERA, "Pinhole:resolution", True) == [[[128.0, 128.0]]]
     # The image's right is the orbit normal.
@@ -117,10 +121,12 @@ def test_the_chain_of_poses_puts_the_target_in_the_middle_of_the_camera(read: Re
     assert (right_H[:, 2] > 0.99).all()
 
 
-def test_the_target_turns_in_the_hill_frame_as_it_tumbles_and_orbits(read: Read, made_up: Flight[Shown]) -> None:
+def test_the_target_turns_in_the_hill_frame_as_it_tumbles_and_orbits(
+    read: Read, synthetic_run: ReplayedRun[ViewerChannels]
+) -> None:
     R_HT = Rotation.from_quat(read.only("/hill/target", "Transform3D:quaternion")).as_matrix()
-    R_TN = scene_3d.attitude(made_up.poses["q_TN"])
-    np.testing.assert_allclose(R_HT @ R_TN, made_up.values["R_HN"], atol=1e-6)
+    R_TN = scene_3d.attitude_matrices(synthetic_run.poses["q_TN"])
+    np.testing.assert_allclose(R_HT @ R_TN, synthetic_run.values["R_HN"], atol=1e-6)
     # It began along the Hill axes and turns about x by 1 deg/s.
     np.testing.assert_allclose(R_HT[30] @ [0.0, 1.0, 0.0], [0.0, np.cos(np.pi / 6), np.sin(np.pi / 6)], atol=1e-6)
 
@@ -133,15 +139,17 @@ def test_the_hull_of_the_target_faces_outwards(read: Read) -> None:
     assert (np.einsum("fci,fci->fc", corners, normals) > 0.0).all()
 
 
-def test_the_ellipsoid_is_the_covariance_at_three_sigma(read: Read, made_up: Flight[Shown]) -> None:
+def test_the_ellipsoid_is_the_covariance_at_three_sigma(read: Read, synthetic_run: ReplayedRun[ViewerChannels]) -> None:
     half = read.only("/hill/estimate/sigma3", "Ellipsoids3D:half_sizes")
     turns = Rotation.from_quat(read.only("/hill/estimate/sigma3", "Ellipsoids3D:quaternions")).as_matrix()
     found = np.einsum("tij,tj,tkj->tik", turns, (half / 3.0) ** 2, turns)
-    np.testing.assert_allclose(found, made_up.values["relative_covariance_H"], rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(found, synthetic_run.values["relative_covariance_H"], rtol=1e-4, atol=1e-6)
     assert np.abs(found[:, 0, 1]).min() > 1e-4
 
 
-def test_the_thruster_points_while_it_fires_and_not_else(read: Read, made_up: Flight[Shown]) -> None:
+def test_the_thruster_points_while_it_fires_and_not_else(
+    read: Read, synthetic_run: ReplayedRun[ViewerChannels]
+) -> None:
     vectors = read.column("/hill/servicer/thrust", "Arrows3D:vectors")
     assert [tick for tick, there in enumerate(vectors) if there] == [20, 21, 22, 23]
     # 1 mm/s in a second on 30 kg is the nominal force of 30 mN along x of the body: five metres.
@@ -159,9 +167,9 @@ def test_boxes_are_there_when_they_were_and_coloured_by_what_became_of_them(read
     assert read.column(f"{CAMERA}/true_outline", "Boxes2D:centers")[0] == [[65.5, 65.5]]
 
 
-def test_plots_hold_the_channels_in_their_units(read: Read, made_up: Flight[Shown]) -> None:
+def test_plots_hold_the_channels_in_their_units(read: Read, synthetic_run: ReplayedRun[ViewerChannels]) -> None:
     error = read.column("/plots/estimation_error/along_track", "Scalars:scalars")
-    seen = made_up.values
+    seen = synthetic_run.values
     # As in the scene: the estimated place of the servicer less the true one, between its bounds.
     np.testing.assert_allclose([row[0] for row in error], (seen["rho_estimate_H"] - seen["rho_H"])[:, 1], atol=1e-6)
     np.testing.assert_allclose([row[1:] for row in error], 3.0 * seen["relative_sigma_H"][:, 1:2] * [1.0, -1.0])
@@ -172,24 +180,24 @@ def test_plots_hold_the_channels_in_their_units(read: Read, made_up: Flight[Show
     np.testing.assert_allclose(speed, 628.0 * seen["wheel_speed_fraction"])
     np.testing.assert_allclose(torque, 1e3 * 0.0008 * np.diff(speed, axis=0))
     plotted = {path for path, static in read.batches if path.startswith("/plots/") and not static}
-    assert plotted == {f"/plots/{plot.name}" for plot in time_plots.plots(made_up)} | {"/plots/mode"}
+    assert plotted == {f"/plots/{plot.name}" for plot in time_plots.run_plots(synthetic_run)} | {"/plots/mode"}
 
 
 def test_the_mode_is_said_when_it_changes(read: Read) -> None:
     assert read.time_s("/plots/mode").tolist() == [0.0, 20.0, 24.0]
     assert read.column("/plots/mode", "StateChange:state") == [["look"], ["burn"], ["look"]]
-    assert set(time_plots._MODES) == set(Mode)
+    assert set(time_plots.MODE_STYLES) == set(Mode)
 
 
 def test_a_camera_without_pictures_has_an_empty_frame_of_its_size(write: Callable[..., Read]) -> None:
-    read = write(make_up("camera.width_px=96", "camera.height_px=64"))
+    read = write(make_synthetic_run("camera.width_px=96", "camera.height_px=64"))
     picture = _decoded(read.column(f"{CAMERA}/frame", "EncodedImage:blob", True)[0][0])
     assert picture.shape == (64, 96, 3)
     assert np.ptp(picture.reshape(-1, 3), axis=0).max() == 0
 
 
 def test_a_picture_lies_where_its_window_is_in_the_frame(write: Callable[..., Read]) -> None:
-    flight = make_up("camera.width_px=320", "camera.height_px=240")
+    flight = make_synthetic_run("camera.width_px=320", "camera.height_px=240")
     bright = np.full((128, 128, 3), 250, np.uint8)
 
     def shots() -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
@@ -211,29 +219,31 @@ def _decoded(blob: list[int] | bytes) -> np.ndarray:
     return cv2.imdecode(np.array(bytearray(blob), np.uint8), cv2.IMREAD_COLOR)
 
 
-def test_a_run_of_one_tick_can_be_shown(write: Callable[..., Read], made_up: Flight[Shown]) -> None:
-    values, poses = jax.tree.map(lambda each: each[:1], (made_up.values, made_up.poses))
-    short = dataclasses.replace(made_up, values=values, poses=poses)
+def test_a_run_of_one_tick_can_be_shown(write: Callable[..., Read], synthetic_run: ReplayedRun[ViewerChannels]) -> None:
+    values, poses = jax.tree.map(lambda each: each[:1], (synthetic_run.values, synthetic_run.poses))
+    short = dataclasses.replace(synthetic_run, values=values, poses=poses)
     assert len(write(short).time_s("/hill/servicer")) == 1
 
 
-def test_a_place_that_cannot_be_written_to_is_named_and_nothing_is_left(made_up: Flight[Shown], tmp_path: Path) -> None:
+def test_a_place_that_cannot_be_written_to_is_named_and_nothing_is_left(
+    synthetic_run: ReplayedRun[ViewerChannels], tmp_path: Path
+) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"found .*, expected a file that can be written"):
-        rerun_recording.write(made_up, tmp_path / "file" / "run.rrd")
+        rerun_recording.write_recording(synthetic_run, tmp_path / "file" / "run.rrd")
 
     def broken() -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
         raise RpojaxError("no more")
         yield
 
     with pytest.raises(RpojaxError, match="no more"):
-        rerun_recording.write(made_up, tmp_path / "run.rrd", broken())
+        rerun_recording.write_recording(synthetic_run, tmp_path / "run.rrd", broken())
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 def test_a_missing_package_is_named_with_the_line_that_installs_it(
-    made_up: Flight[Shown], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    synthetic_run: ReplayedRun[ViewerChannels], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(RpojaxError, match=r"^rerun: not installed, expected: pip install 'rpojax\[viz\]'$"):
-        rerun_recording.write(made_up, tmp_path / "run.rrd")
+        rerun_recording.write_recording(synthetic_run, tmp_path / "run.rrd")

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from rpojax.core import quaternion
 from rpojax.interop.ros2 import frame_names
-from rpojax.interop.ros2.message_values import Motion, motion, seen_in_hill
+from rpojax.interop.ros2.message_values import Odometry, estimated_odometry, hill_covariance
 
 SIDE = np.sqrt(0.5)
 
@@ -22,16 +22,16 @@ def test_the_orientation_of_a_body_turned_by_90_degrees_about_z() -> None:
     # The body's x axis lies along the parent's y: parent components (0, 1, 0) are body components (1, 0, 0).
     q_BA = jnp.array([SIDE, 0.0, 0.0, -SIDE])
     np.testing.assert_allclose(quaternion.rotate(q_BA, jnp.array([0.0, 1.0, 0.0])), [1.0, 0.0, 0.0], atol=1e-15)
-    xyzw = frame_names.orientation(q_BA)
+    xyzw = frame_names.orientation_from_quaternion(q_BA)
     np.testing.assert_allclose(xyzw, [0.0, 0.0, SIDE, SIDE], atol=1e-15)
     # As every ROS tool takes it: the child's axis in the parent.
     np.testing.assert_allclose(Rotation.from_quat(np.asarray(xyzw)).apply([1.0, 0.0, 0.0]), [0.0, 1.0, 0.0], atol=1e-15)
-    np.testing.assert_array_equal(frame_names.from_orientation(xyzw), q_BA)
+    np.testing.assert_array_equal(frame_names.quaternion_from_orientation(xyzw), q_BA)
 
 
-def turned_body() -> Motion:
+def turned_body() -> Odometry:
     """A body turned by 90 degrees about z that moves along the parent's y and is sure of little."""
-    return motion(
+    return estimated_odometry(
         position=jnp.array([1.0, 2.0, 3.0]),
         q_BA=jnp.array([SIDE, 0.0, 0.0, -SIDE]),
         velocity=jnp.array([0.0, 5.0, 0.0]),
@@ -56,7 +56,7 @@ def test_a_reader_who_turns_a_twist_back_gets_velocity_and_covariance_in_the_par
     rng = np.random.default_rng(seed)
     q = jnp.asarray(rng.normal(size=4))
     q, v, P = q / jnp.linalg.norm(q), jnp.asarray(rng.normal(size=3)), random_spd(seed, 6)
-    found = motion(jnp.zeros(3), q, v, jnp.zeros(3), P, random_spd(seed + 10, 3), random_spd(seed + 20, 3))
+    found = estimated_odometry(jnp.zeros(3), q, v, jnp.zeros(3), P, random_spd(seed + 10, 3), random_spd(seed + 20, 3))
     R = Rotation.from_quat(np.asarray(found.orientation)).as_matrix()
     np.testing.assert_allclose(R @ np.asarray(found.velocity), v, atol=1e-14)
     np.testing.assert_allclose(R @ np.asarray(found.twist_covariance[:3, :3]) @ R.T, P[3:, 3:], atol=1e-13)
@@ -69,7 +69,7 @@ def test_a_reader_who_turns_a_twist_back_gets_velocity_and_covariance_in_the_par
 def test_the_doubt_of_a_velocity_seen_in_a_turning_frame_has_a_share_of_the_doubt_in_position() -> None:
     rate, sigma = 0.25, 2.0
     P = jnp.diag(jnp.array([sigma**2, 0.0, 0.0, 0.0, 0.0, 0.01]))
-    found = seen_in_hill(jnp.eye(3), jnp.array([0.0, 0.0, rate]), P)
+    found = hill_covariance(jnp.eye(3), jnp.array([0.0, 0.0, rate]), P)
     # rho_dot = v - omega x r, so an error of x in r is one of -omega x in rho_dot's y.
     expected = np.zeros((6, 6))
     expected[0, 0], expected[4, 4], expected[5, 5] = sigma**2, (rate * sigma) ** 2, 0.01

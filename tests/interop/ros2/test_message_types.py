@@ -9,9 +9,9 @@ import pytest
 
 from rpojax.errors import RpojaxError
 from rpojax.interop.ros2 import message_builders, message_types
-from rpojax.interop.ros2.topics import TABLE
+from rpojax.interop.ros2.topics import ALL_TOPICS
 
-TYPES = sorted({topic.type for topic in TABLE})
+TYPES = sorted({topic.type for topic in ALL_TOPICS})
 
 
 def test_the_hash_of_odometry_is_the_one_that_nodes_of_ros_2_announce() -> None:

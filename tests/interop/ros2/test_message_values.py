@@ -9,20 +9,20 @@ from rpojax.flight.navigation.orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
 from rpojax.interop.ros2 import message_builders, message_values
-from rpojax.interop.ros2.message_values import Motion, TickValues
-from rpojax.interop.run_replay import Flight
+from rpojax.interop.ros2.message_values import Odometry, RosTickValues
+from rpojax.interop.run_replay import ReplayedRun
 
 MOTIONS = ("servicer", "relative", "target")
 
 
-def axes(motion: Motion) -> Rotation:
+def axes(motion: Odometry) -> Rotation:
     """Turns child components into parent components."""
     return Rotation.from_quat(np.asarray(motion.orientation))
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_twists_are_the_derivatives_of_poses(flight: Flight[TickValues], name: str) -> None:
-    found: Motion = getattr(flight.values, name)
+def test_twists_are_the_derivatives_of_poses(flight: ReplayedRun[RosTickValues], name: str) -> None:
+    found: Odometry = getattr(flight.values, name)
     R = axes(found)
     velocity, position = R.apply(np.asarray(found.velocity)), np.asarray(found.position)
     # Over one second: the mean of both ends' velocities, but for their curvature.
@@ -33,7 +33,7 @@ def test_twists_are_the_derivatives_of_poses(flight: Flight[TickValues], name: s
     assert np.abs(rate).max() > 5e-3
 
 
-def test_the_frames_of_tf_lead_to_the_odometries(flight: Flight[TickValues]) -> None:
+def test_the_frames_of_tf_lead_to_the_odometries(flight: ReplayedRun[RosTickValues]) -> None:
     values, origin = flight.values, np.asarray(flight.values.target.position)
     R_NH = Rotation.from_quat(np.asarray(values.hill_orientation))
     place = origin + R_NH.apply(np.asarray(values.relative.position))
@@ -51,7 +51,7 @@ def test_the_frames_of_tf_lead_to_the_odometries(flight: Flight[TickValues]) -> 
         np.testing.assert_allclose(R_NH.as_matrix()[:, :, axis], unit, atol=1e-12)
 
 
-def test_poses_are_those_of_the_truth(flight: Flight[TickValues]) -> None:
+def test_poses_are_those_of_the_truth(flight: ReplayedRun[RosTickValues]) -> None:
     q = flight.poses["q_BN"]
     np.testing.assert_array_equal(flight.values.servicer.orientation, np.concatenate([-q[:, 1:], q[:, :1]], axis=1))
     both = flight.poses["r_TN_N"] + flight.poses["r_ST_N"]
@@ -59,9 +59,11 @@ def test_poses_are_those_of_the_truth(flight: Flight[TickValues]) -> None:
 
 
 @pytest.mark.parametrize("name", ["servicer", "relative"])
-def test_estimates_are_as_far_from_the_truth_as_their_covariance_says(flight: Flight[TickValues], name: str) -> None:
-    true: Motion = getattr(flight.values, name)
-    estimate: Motion = getattr(flight.values, f"{name}_estimate")
+def test_estimates_are_as_far_from_the_truth_as_their_covariance_says(
+    flight: ReplayedRun[RosTickValues], name: str
+) -> None:
+    true: Odometry = getattr(flight.values, name)
+    estimate: Odometry = getattr(flight.values, f"{name}_estimate")
     place = np.asarray(estimate.position) - np.asarray(true.position)
     R = axes(estimate)
     # The filter cannot know the fixed misalignment of the star tracker, in body axes.
@@ -93,11 +95,11 @@ def test_the_estimated_hill_frame_doubts_as_much_as_sampled_orbits_do() -> None:
             v_TS_N=jnp.zeros(3),
             scale=jnp.zeros(2),
             bearing_bias=jnp.zeros(2),
-            center=jnp.zeros(2),
+            center_offset=jnp.zeros(2),
             covariance=jnp.zeros((12, 12)).at[:6, :6].set(P),
         ),
     )
-    found = message_values.target_estimate(orbit)
+    found = message_values.target_frame_estimate(orbit)
     samples = np.concatenate([r, v]) + rng.normal(size=(20000, 6)) @ A.T
     places, speeds = samples[:, :3], samples[:, 3:]
     normal = np.cross(places, speeds)
@@ -116,9 +118,9 @@ def test_the_estimated_hill_frame_doubts_as_much_as_sampled_orbits_do() -> None:
     np.testing.assert_allclose(found.rate, [0.0, 0.0, float(np.linalg.norm(np.cross(r, v)) / (r @ r))], atol=1e-15)
 
 
-def test_a_box_points_at_the_target_by_calibration_mounting_and_attitude(flight: Flight[TickValues]) -> None:
-    values, view = flight.values, flight.values.view
-    seen = np.asarray(values.accepted)
+def test_a_box_points_at_the_target_by_calibration_mounting_and_attitude(flight: ReplayedRun[RosTickValues]) -> None:
+    values, view = flight.values, flight.values.camera
+    seen = np.asarray(values.box_accepted)
     assert seen.sum() > 50
     ray = (np.asarray(view.box_center_px) - np.asarray(view.center_px)) / np.asarray(view.focal_px)[:, None]
     ray_K = np.concatenate([ray, np.ones((len(ray), 1))], axis=1)
@@ -132,7 +134,7 @@ def test_a_box_points_at_the_target_by_calibration_mounting_and_attitude(flight:
     assert 0.5 < np.median(size[seen] * np.linalg.norm(line, axis=1)) < 2.0
 
 
-def test_measurements_are_near_the_truth_and_not_the_truth(flight: Flight[TickValues]) -> None:
+def test_measurements_are_near_the_truth_and_not_the_truth(flight: ReplayedRun[RosTickValues]) -> None:
     values = flight.values
     gps = np.linalg.norm(np.asarray(values.gps) - values.servicer.position, axis=1)
     stars = (Rotation.from_quat(values.star_tracker) * axes(values.servicer).inv()).magnitude()
@@ -143,14 +145,14 @@ def test_measurements_are_near_the_truth_and_not_the_truth(flight: Flight[TickVa
     np.testing.assert_allclose(np.std(gyro) ** 2, values.gyro_variance[0], rtol=0.9)
 
 
-def test_the_valve_opens_when_the_velocity_changes(flight: Flight[TickValues]) -> None:
-    said = [message_builders.of_tick(flight.tick(number)) for number in range(flight.ticks)]
+def test_the_valve_opens_when_the_velocity_changes(flight: ReplayedRun[RosTickValues]) -> None:
+    said = [message_builders.tick_messages(flight.tick(number)) for number in range(flight.ticks)]
     commands = [next(make() for topic, make in tick if topic.name == "/servicer/thruster/command") for tick in said]
     ahead = [command for command in commands if command.points]
     assert 40 < len(ahead) < flight.ticks
     times = {
         tuple(
-            message_builders.NANO * (stamp.sec + each.sec) + stamp.nanosec + each.nanosec
+            message_builders.NANOSECONDS_PER_S * (stamp.sec + each.sec) + stamp.nanosec + each.nanosec
             for each in (point.time_from_start for point in command.points)
         )
         for command in ahead
@@ -159,8 +161,8 @@ def test_the_valve_opens_when_the_velocity_changes(flight: Flight[TickValues]) -
     [(opens, closes)] = times
     assert [point.effort.tolist() for point in ahead[0].points] == [[float(flight.values.thrust[0])], [0.0]]
     grows = np.diff(np.asarray(flight.values.delta_v)) > 0.0
-    begin = np.asarray(flight.values.time_s)[:-1] * message_builders.NANO
-    np.testing.assert_array_equal(grows, (begin + message_builders.NANO > opens) & (begin < closes))
+    begin = np.asarray(flight.values.time_s)[:-1] * message_builders.NANOSECONDS_PER_S
+    np.testing.assert_array_equal(grows, (begin + message_builders.NANOSECONDS_PER_S > opens) & (begin < closes))
     # While the valve is open, its opening lies before the stamp.
     assert grows[-1]
     assert ahead[-1].points[0].time_from_start.sec < 0
@@ -168,7 +170,7 @@ def test_the_valve_opens_when_the_velocity_changes(flight: Flight[TickValues]) -
 
 @pytest.mark.parametrize(("ignition", "cutoff"), [(3, 3), (5, 5), (1, 2), (1, 3)])
 def test_without_a_burn_and_after_it_there_is_nothing_ahead(ignition: int, cutoff: int) -> None:
-    nano = message_builders.NANO
+    nano = message_builders.NANOSECONDS_PER_S
     assert message_builders.thruster_command(3 * nano, ignition * nano, cutoff * nano, 0.03).points == []
 
 
@@ -178,7 +180,7 @@ def test_a_burn_is_two_points_from_the_stamp_on() -> None:
     assert told == [([0.03], -1, 500_000_000), ([0.0], 4, 750_000_001)]
 
 
-def test_wheels_give_what_they_are_told(flight: Flight[TickValues]) -> None:
+def test_wheels_give_what_they_are_told(flight: ReplayedRun[RosTickValues]) -> None:
     limit = np.asarray(flight.file.wheels.torque_limit_n_m)
     assert (np.abs(flight.values.wheel_command) <= limit * (1.0 + 1e-12)).all()
     np.testing.assert_array_equal(flight.values.wheel_torque, flight.values.wheel_command)

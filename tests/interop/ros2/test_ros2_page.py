@@ -5,10 +5,10 @@ import re
 from pathlib import Path
 
 from rpojax.cli.commands import export_bag
-from rpojax.interop.ros2 import bag_writing
-from rpojax.interop.ros2.bag_writing import Images
-from rpojax.interop.ros2.frame_names import FRAMES
-from rpojax.interop.ros2.topics import LATCHED, STREAM, TABLE
+from rpojax.interop.ros2 import mcap_sqlite3_writer
+from rpojax.interop.ros2.frame_names import FRAME_IDS
+from rpojax.interop.ros2.mcap_sqlite3_writer import ImageStorage
+from rpojax.interop.ros2.topics import ALL_TOPICS, LATCHED_QOS, STREAM_QOS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "ros2.md").read_text(encoding="utf-8")
 
@@ -25,32 +25,34 @@ def test_the_page_has_every_topic_with_type_frames_source_rate_and_meaning() -> 
         [
             f"`{topic.name}`",
             f"`{topic.type.replace('/msg/', '/')}`",
-            ", ".join(f"`{frame}`" for frame in (topic.frame, topic.child) if frame),
+            ", ".join(f"`{frame}`" for frame in (topic.frame_id, topic.child_frame_id) if frame),
             topic.source.value,
             topic.rate.value,
-            topic.holds,
+            topic.description,
         ]
-        for topic in TABLE
+        for topic in ALL_TOPICS
     ]
     assert rows("Topics") == expected
 
 
 def test_the_page_has_every_frame_and_topics_have_no_other() -> None:
-    assert [cells[0].strip("`") for cells in rows("Frames")] == list(FRAMES)
-    assert {frame for topic in TABLE for frame in (topic.frame, topic.child) if frame} <= set(FRAMES)
+    assert [cells[0].strip("`") for cells in rows("Frames")] == list(FRAME_IDS)
+    assert {frame for topic in ALL_TOPICS for frame in (topic.frame_id, topic.child_frame_id) if frame} <= set(
+        FRAME_IDS
+    )
 
 
 def test_names_of_topics_are_distinct_and_absolute() -> None:
-    names = [topic.name for topic in TABLE]
+    names = [topic.name for topic in ALL_TOPICS]
     assert len(set(names)) == len(names)
     assert all(re.fullmatch(r"(/[a-z][a-z0-9_]*)+", name) for name in names)
 
 
 def test_the_page_says_the_quality_of_service() -> None:
-    assert f"reliable, volatile, keep last {STREAM.depth};" in PAGE
-    assert f"transient local (latched), keep last {LATCHED.depth}." in PAGE
-    assert {topic.name for topic in TABLE if topic.qos.latched} == {"/tf_static"}
-    assert f"`metadata.yaml` is of version {bag_writing.METADATA_VERSION}:" in PAGE
+    assert f"reliable, volatile, keep last {STREAM_QOS.depth};" in PAGE
+    assert f"transient local (latched), keep last {LATCHED_QOS.depth}." in PAGE
+    assert {topic.name for topic in ALL_TOPICS if topic.qos.latched} == {"/tf_static"}
+    assert f"`metadata.yaml` is of version {mcap_sqlite3_writer.METADATA_VERSION}:" in PAGE
 
 
 def test_the_options_on_the_page_are_those_of_the_verb() -> None:
@@ -58,5 +60,5 @@ def test_the_options_on_the_page_are_those_of_the_verb() -> None:
     used = set(re.findall(r"--([a-z][a-z-]*)", "\n".join(commands)))
     known = {name.replace("_", "-") for name in inspect.signature(export_bag.export_bag).parameters}
     assert used <= known | {"format"}
-    for kind in Images:
+    for kind in ImageStorage:
         assert f"`--images {kind.value}`" in PAGE

@@ -6,7 +6,7 @@ import io
 import numpy as np
 import pytest
 
-from rpojax.training.detector.average_precision import average_precision, overlaps
+from rpojax.training.detector.average_precision import average_precision, pairwise_iou
 
 Boxes = list[np.ndarray]
 LEAST_PX = 16.0
@@ -94,4 +94,4 @@ def test_a_case_worked_by_hand() -> None:
 def test_nothing_to_find_has_no_precision_and_overlaps_are_as_worked_by_hand() -> None:
     assert np.isnan(average_precision([np.zeros((0, 4))], [np.zeros(0)], [np.zeros((0, 4))])).all()
     a, b = np.array([[0.0, 0.0, 2.0, 2.0]]), np.array([[1.0, 0.0, 3.0, 2.0], [5.0, 5.0, 6.0, 6.0]])
-    np.testing.assert_allclose(overlaps(a, b), [[1 / 3, 0.0]])
+    np.testing.assert_allclose(pairwise_iou(a, b), [[1 / 3, 0.0]])

@@ -8,18 +8,23 @@ import numpy as np
 import pytest
 
 from rpojax.training.detector import augmentation, evaluate_detector, refinement_loss, train_detector
-from rpojax.training.detector.evaluate_detector import Found
-from rpojax.training.detector.muon_optimizer import orthogonal
+from rpojax.training.detector.evaluate_detector import ImageDetections
+from rpojax.training.detector.muon_optimizer import orthogonalize
 from rpojax.training.detector.proposal_loss import maps_loss as loss
-from rpojax.training.detector.training_loop import Recipe, Step, folded, unfolded
-from rpojax.training.synthetic_data.detection_dataset import Dataset
-from rpojax.vision.detector.proposal_network import STRIDE, fresh
+from rpojax.training.detector.training_loop import (
+    NetworkTrainingOptions,
+    NetworkTrainingProgress,
+    apply_channel_gains,
+    with_channel_gains,
+)
+from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
+from rpojax.vision.detector.proposal_network import STRIDE, initialize
 
 SIZE = 128
 
 
 @pytest.fixture(scope="module")
-def plates() -> Dataset:
+def plates() -> DetectionDataset:
     """Bright plates on black, one in each of 40 pictures but the last, which is empty."""
     rng = np.random.default_rng(0)
     images, boxes = np.zeros((40, SIZE, SIZE, 3), np.uint8), []
@@ -28,18 +33,18 @@ def plates() -> Dataset:
         x, y = rng.integers(0, SIZE - width), rng.integers(0, SIZE - height)
         image[y : y + height, x : x + width] = rng.integers(120, 256, 3)
         boxes.append(np.array([[x, y, x + width, y + height]], np.float32))
-    return Dataset(images, (*boxes, np.zeros((0, 4), np.float32)), ("black",) * 40)
+    return DetectionDataset(images, (*boxes, np.zeros((0, 4), np.float32)), ("black",) * 40)
 
 
 @pytest.mark.parametrize("pieces", [False, True])
 def test_boxes_follow_their_pixels_through_every_change_of_place(
-    plates: Dataset, pieces: bool, monkeypatch: pytest.MonkeyPatch
+    plates: DetectionDataset, pieces: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def plain(rng: object, image: np.ndarray, noise: object) -> np.ndarray:
         return image.astype(np.float32) / 255.0
 
-    monkeypatch.setattr(augmentation, "_look", plain)
-    made = augmentation.batch(plates, np.arange(39), np.random.default_rng(1), pieces)
+    monkeypatch.setattr(augmentation, "_augment_appearance", plain)
+    made = augmentation.augment_batch(plates, np.arange(39), np.random.default_rng(1), pieces)
     side = SIZE // 2 if pieces else SIZE
     assert made.images.shape[1:] == (side, side, 3)
     assert len(made.images) == (78 if pieces else 39)
@@ -59,8 +64,8 @@ def test_boxes_follow_their_pixels_through_every_change_of_place(
     assert checked >= 39
 
 
-def test_changes_of_look_keep_codes_in_range(plates: Dataset) -> None:
-    made = augmentation.batch(plates, np.arange(40), np.random.default_rng(2))
+def test_changes_of_look_keep_codes_in_range(plates: DetectionDataset) -> None:
+    made = augmentation.augment_batch(plates, np.arange(40), np.random.default_rng(2))
     assert made.images.dtype == np.float32
     assert made.images.min() >= 0.0
     assert made.images.max() <= 1.0
@@ -101,27 +106,27 @@ def test_a_perfect_answer_has_no_loss_and_any_fault_has_some() -> None:
 
 
 def test_folded_kernels_have_no_mean_and_the_length_of_their_gain() -> None:
-    params = fresh(jax.random.key(0))
-    trained = unfolded(params)
+    params = initialize(jax.random.key(0))
+    trained = with_channel_gains(params)
     trained["down1"]["gain"] = trained["down1"]["gain"].at[3].set(0.25)
-    kernel = folded(trained)["down1"]["kernel"]
+    kernel = apply_channel_gains(trained)["down1"]["kernel"]
     np.testing.assert_allclose(kernel.mean(axis=(0, 1, 2)), 0.0, atol=1e-6)
     lengths = np.sqrt((np.asarray(kernel) ** 2).sum(axis=(0, 1, 2)))
     before = np.asarray(params["down1"]["kernel"])
     before = np.sqrt(((before - before.mean(axis=(0, 1, 2))) ** 2).sum(axis=(0, 1, 2)))
     np.testing.assert_allclose(np.delete(lengths, 3), np.delete(before, 3), rtol=1e-5)
     assert lengths[3] == pytest.approx(0.25, rel=1e-5)
-    np.testing.assert_array_equal(folded(trained)["out"]["kernel"], trained["out"]["kernel"])
+    np.testing.assert_array_equal(apply_channel_gains(trained)["out"]["kernel"], trained["out"]["kernel"])
     # What was trained before begins where it ended.
-    again = folded(unfolded(folded(trained)))
-    np.testing.assert_allclose(again["same1"]["kernel"], folded(trained)["same1"]["kernel"], atol=1e-6)
+    again = apply_channel_gains(with_channel_gains(apply_channel_gains(trained)))
+    np.testing.assert_allclose(again["same1"]["kernel"], apply_channel_gains(trained)["same1"]["kernel"], atol=1e-6)
 
 
 @pytest.mark.parametrize("shape", [(3, 3, 16, 32), (1, 1, 64, 48), (1, 1, 8, 64)])
 def test_an_orthogonal_step_has_like_singular_values_along_those_of_the_slope(shape: tuple[int, ...]) -> None:
     slope = np.random.default_rng(0).normal(size=shape).astype(np.float32)
     matrix = slope.reshape(-1, shape[-1])
-    step = np.asarray(orthogonal(jnp.asarray(slope))).reshape(matrix.shape)
+    step = np.asarray(orthogonalize(jnp.asarray(slope))).reshape(matrix.shape)
     left, values, right = np.linalg.svd(matrix, full_matrices=False)
     found = left.T @ step @ right.T
     # The polynomial trades exactness for speed: values end between 0.7 and 1.2.
@@ -138,7 +143,7 @@ def second_loss(asked: np.ndarray, named: np.ndarray, logit: float, weight: floa
     truth, weights = np.zeros((8, 4)), np.zeros(8)
     truth[0], weights[0] = (20.0, 20.0, 60.0, 60.0), weight
     arrays = (jnp.asarray(values, jnp.float32) for values in (raw, frame, asked[None], truth, weights))
-    edge, good, _ = refinement_loss._picture_loss(*arrays)
+    edge, good, _ = refinement_loss._image_loss(*arrays)
     return float(edge[0]), float(good[0])
 
 
@@ -159,7 +164,9 @@ def test_the_second_look_is_asked_about_named_true_and_random_boxes() -> None:
     boxes = jnp.zeros((8, 4), jnp.float32).at[0].set(jnp.array([60.0, 70.0, 100.0, 96.0], jnp.float32))
     weight = jnp.zeros(8, jnp.float32).at[0].set(1.0)
     keys = jax.vmap(jax.random.key)(jnp.arange(200))
-    asked = np.asarray(jax.jit(jax.vmap(lambda key: refinement_loss._asked(heat, edges, boxes, weight, key)))(keys))
+    asked = np.asarray(
+        jax.jit(jax.vmap(lambda key: refinement_loss._candidate_boxes(heat, edges, boxes, weight, key)))(keys)
+    )
     np.testing.assert_allclose(asked[:, 0].mean(axis=0), [30, 34, 54, 50], atol=0.5)
     np.testing.assert_allclose(asked[:, -2].mean(axis=0), boxes[0], atol=1.5)
     assert asked[:, -2].std() > asked[:, 0].std()
@@ -168,13 +175,16 @@ def test_the_second_look_is_asked_about_named_true_and_random_boxes() -> None:
 
 
 @pytest.mark.slow
-def test_a_training_that_was_interrupted_goes_on_to_the_same_weights(plates: Dataset, tmp_path: Path) -> None:
-    first, second = Recipe(epochs=3, batch=16, pieces_share=0.0), Recipe(epochs=2, batch=16, pieces_share=0.0)
-    check = plates.part(np.arange(4))
+def test_a_training_that_was_interrupted_goes_on_to_the_same_weights(plates: DetectionDataset, tmp_path: Path) -> None:
+    first, second = (
+        NetworkTrainingOptions(epochs=3, batch=16, pieces_share=0.0),
+        NetworkTrainingOptions(epochs=2, batch=16, pieces_share=0.0),
+    )
+    check = plates.subset(np.arange(4))
     whole, _ = train_detector.train(plates, check, first, second)
     checkpoint, seen = tmp_path / "checkpoint", []
 
-    def note(look: str, step: Step) -> None:
+    def note(look: str, step: NetworkTrainingProgress) -> None:
         seen.append((look, step.done))
         if len(seen) in (2, 4):
             raise KeyboardInterrupt
@@ -189,18 +199,23 @@ def test_a_training_that_was_interrupted_goes_on_to_the_same_weights(plates: Dat
     for a, b in zip(jax.tree.leaves(resumed), jax.tree.leaves(whole), strict=True):
         # Sums of a convolution's threads come in any order.
         np.testing.assert_allclose(a, b, atol=1e-3)
-    train_detector.forget(checkpoint)
+    train_detector.remove_checkpoints(checkpoint)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.slow
-def test_training_learns_to_find_plates(plates: Dataset) -> None:
-    second = Recipe(epochs=120, batch=20, pieces_share=0.0)
-    params, history = train_detector.train(plates, plates, Recipe(epochs=80, batch=20), second)
+def test_training_learns_to_find_plates(plates: DetectionDataset) -> None:
+    second = NetworkTrainingOptions(epochs=120, batch=20, pieces_share=0.0)
+    params, history = train_detector.train(plates, plates, NetworkTrainingOptions(epochs=80, batch=20), second)
     assert history["first"][0].map50 < 0.1
     assert history["first"][-1].map50 > 0.8
     assert history["second"][-1].map50_95 > history["first"][-1].map50_95
-    assert evaluate_detector.figures(evaluate_detector.find(params, plates.images), plates)["median_iou"] > 0.8
+    assert (
+        evaluate_detector.detection_metrics(evaluate_detector.detect_images(params, plates.images), plates)[
+            "median_iou"
+        ]
+        > 0.8
+    )
 
 
 def test_figures_count_misses_false_alarms_and_small_ones_as_they_say() -> None:
@@ -210,17 +225,17 @@ def test_figures_count_misses_false_alarms_and_small_ones_as_they_say() -> None:
         np.zeros((0, 4)),
         np.zeros((0, 4)),
     )
-    data = Dataset(np.zeros((4, SIZE, SIZE, 3), np.uint8), truth, ("black", "earth", "earth", "black"))
-    found = Found(
+    data = DetectionDataset(np.zeros((4, SIZE, SIZE, 3), np.uint8), truth, ("black", "earth", "earth", "black"))
+    found = ImageDetections(
         [truth[0], truth[1][1:], np.array([[0.0, 0.0, 30.0, 30.0]]), np.array([[0.0, 0.0, 30.0, 30.0]])],
         [np.array([0.9]), np.array([0.8]), np.array([0.7]), np.array([0.1])],
     )
-    figures = evaluate_detector.figures(found, data)
+    figures = evaluate_detector.detection_metrics(found, data)
     assert figures["boxes"] == 2  # the third is below 16 px, and finding it changes nothing
     assert figures["recall"] == figures["median_iou"] == 0.5
     assert figures["map50"] == pytest.approx(51 / 101, abs=1e-4)
     assert figures["false_alarms_per_empty_frame"] == 0.5  # one of two is over the threshold
-    report = evaluate_detector.report(found, data)
+    report = evaluate_detector.evaluation_report(found, data)
     assert report["by_size"]["0 to 8 px"]["recall"] == 1.0
     assert report["by_background"]["black"]["recall"] == 1.0
     assert report["by_background"]["earth"]["recall"] == 0.0

@@ -14,23 +14,23 @@ from rpojax.training.synthetic_data import (
     ray_tracing,
     spacecraft_sprites,
 )
-from rpojax.training.synthetic_data.backdrops import Globe, backdrop
-from rpojax.training.synthetic_data.composites import Sensor, composite, visible_box
-from rpojax.training.synthetic_data.detection_dataset import ANNOTATIONS, DatasetError, read, write
+from rpojax.training.synthetic_data.backdrops import EarthTextures, paint_backdrop
+from rpojax.training.synthetic_data.composites import ImageSensor, random_composite, visible_box
+from rpojax.training.synthetic_data.detection_dataset import ANNOTATIONS, DatasetError, read_dataset, write_dataset
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 
 cv2 = pytest.importorskip("cv2")
 
 
 @pytest.fixture(scope="module")
-def earth() -> Globe:
+def earth() -> EarthTextures:
     """A globe that is red at the longitudes of training and green at those held out, under noise."""
-    west, east = (round((longitude + 180.0) / 360.0 * 360) for longitude in backdrops.SEEN)
+    west, east = (round((longitude + 180.0) / 360.0 * 360) for longitude in backdrops.TRAINING_LONGITUDES_DEG)
     ground = np.zeros((180, 360, 3), np.uint8)
     ground[:, west:east, 0] = 255
     ground[:, east:, 1] = 255
     noise = np.random.default_rng(0).normal(size=(4, 1024, 1024)).astype(np.float32)
-    return Globe((ground,), backdrops.SEEN, tuple(noise))
+    return EarthTextures((ground,), backdrops.TRAINING_LONGITUDES_DEG, tuple(noise))
 
 
 @pytest.fixture(scope="module")
@@ -72,14 +72,14 @@ def test_what_is_weaker_than_the_noise_is_not_visible() -> None:
     cover = covered(3.0, 12.0)
     black = np.zeros((16, 16, 3))
     faint = laid(np.full((16, 16, 3), 0.006), black, cover)
-    assert visible_box(faint, black, cover, Sensor(1e5, 10.0)) is not None
-    assert visible_box(faint, black, cover, Sensor(1e3, 10.0)) is None
+    assert visible_box(faint, black, cover, ImageSensor(1e5, 10.0)) is not None
+    assert visible_box(faint, black, cover, ImageSensor(1e3, 10.0)) is None
 
 
-def test_the_box_of_a_composite_surrounds_the_bright_pixels(earth: Globe, white: Sprite) -> None:
+def test_the_box_of_a_composite_surrounds_the_bright_pixels(earth: EarthTextures, white: Sprite) -> None:
     seen = 0
     for index in range(120):
-        made = composite(np.random.default_rng([1, index]), [white], earth, 128)
+        made = random_composite(np.random.default_rng([1, index]), [white], earth, 128)
         assert made.image.dtype == np.uint8
         assert (made.boxes >= 0.0).all()
         assert (made.boxes <= 128.0).all()
@@ -101,34 +101,34 @@ def box_slice(box: np.ndarray) -> tuple[slice, slice]:
     return slice(top, bottom + 1), slice(left, right + 1)
 
 
-def test_a_fifth_of_the_frames_is_empty_and_some_hold_two(earth: Globe, white: Sprite) -> None:
-    numbers = [len(composite(np.random.default_rng([2, i]), [white], earth, 64).boxes) for i in range(250)]
+def test_a_fifth_of_the_frames_is_empty_and_some_hold_two(earth: EarthTextures, white: Sprite) -> None:
+    numbers = [len(random_composite(np.random.default_rng([2, i]), [white], earth, 64).boxes) for i in range(250)]
     # Four standard deviations of 250 draws; a few more are empty because a craft can vanish before its background.
     assert 0.1 <= np.mean(np.array(numbers) == 0) <= 0.34
     assert numbers.count(2) >= 3
 
 
-@pytest.mark.parametrize("kind", backdrops.KINDS)
-def test_backdrops_are_finite_and_the_same_for_the_same_seed(earth: Globe, kind: str) -> None:
-    pictures = [backdrop(np.random.default_rng([3, index]), kind, earth, 48) for index in range(6)]
+@pytest.mark.parametrize("kind", backdrops.BACKDROP_KINDS)
+def test_backdrops_are_finite_and_the_same_for_the_same_seed(earth: EarthTextures, kind: str) -> None:
+    pictures = [paint_backdrop(np.random.default_rng([3, index]), kind, earth, 48) for index in range(6)]
     assert all(p.shape == (48, 48, 3) and p.dtype == np.float32 and np.isfinite(p).all() for p in pictures)
     assert min(p.min() for p in pictures) >= -1e-6
     assert (kind == "black") == (max(p.max() for p in pictures) == 0.0)
-    np.testing.assert_array_equal(pictures[2], backdrop(np.random.default_rng([3, 2]), kind, earth, 48))
+    np.testing.assert_array_equal(pictures[2], paint_backdrop(np.random.default_rng([3, 2]), kind, earth, 48))
 
 
-def test_training_never_sees_the_longitudes_that_are_held_out(earth: Globe) -> None:
+def test_training_never_sees_the_longitudes_that_are_held_out(earth: EarthTextures) -> None:
     for index in range(20):
-        picture = backdrop(np.random.default_rng([4, index]), "earth", earth, 48)
+        picture = paint_backdrop(np.random.default_rng([4, index]), "earth", earth, 48)
         # Clouds are grey, the air is a blue that has a little more green than red.
         assert (picture[..., 1] - picture[..., 0]).max() < 0.15
-    other = Globe(earth.ground, backdrops.HELD_OUT, earth.noise)
-    greens = [backdrop(np.random.default_rng([4, i]), "earth", other, 48) for i in range(20)]
+    other = EarthTextures(earth.ground, backdrops.VALIDATION_LONGITUDES_DEG, earth.noise)
+    greens = [paint_backdrop(np.random.default_rng([4, i]), "earth", other, 48) for i in range(20)]
     assert max(float((p[..., 1] - p[..., 0]).max()) for p in greens) > 0.3
 
 
 def test_spacecraft_have_sizes_of_their_kind_and_every_seed_has_its_own() -> None:
-    meshes = [procedural_spacecraft.spacecraft([0, 0, index]) for index in range(40)]
+    meshes = [procedural_spacecraft.random_spacecraft([0, 0, index]) for index in range(40)]
     families = {mesh.name.split()[0] for mesh in meshes}
     assert len(families) >= 8
     for mesh in meshes:
@@ -136,7 +136,7 @@ def test_spacecraft_have_sizes_of_their_kind_and_every_seed_has_its_own() -> Non
         assert np.isfinite(mesh.vertices).all()
         assert 0.1 <= span.max() <= 15.0
         np.testing.assert_allclose(mesh.bounds.mean(axis=0), 0.0, atol=1e-9)
-    again = procedural_spacecraft.spacecraft([0, 0, 7])
+    again = procedural_spacecraft.random_spacecraft([0, 0, 7])
     np.testing.assert_array_equal(again.vertices, meshes[7].vertices)
     assert len({mesh.vertices.tobytes() for mesh in meshes}) == 40
 
@@ -144,34 +144,34 @@ def test_spacecraft_have_sizes_of_their_kind_and_every_seed_has_its_own() -> Non
 def test_sprites_are_kept_and_lie_in_their_silhouettes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mitsuba")
     pytest.importorskip("trimesh")
-    first = spacecraft_sprites.trace(tmp_path, 1, 2, 0, held_out=False)
+    first = spacecraft_sprites.trace_sprites(tmp_path, 1, 2, 0, held_out=False)
     assert len(first) == 3
     assert sum(sprite.craft == "target" for sprite in first) == 1
     for sprite in first:
         assert sprite.alpha.max() == 1.0
-        assert sprite.sun[sprite.alpha == 0.0].max(initial=0.0) == 0.0
+        assert sprite.sunlit[sprite.alpha == 0.0].max(initial=0.0) == 0.0
         # Light from all sides leaves nothing dark but the inside of tubes.
-        assert np.mean(sprite.shine[sprite.alpha == 1.0].max(axis=-1) > 0.003) > 0.9
-    monkeypatch.setattr(ray_tracing, "Tracer", None)
-    second = spacecraft_sprites.trace(tmp_path, 1, 2, 0, held_out=False)
+        assert np.mean(sprite.earth_shine[sprite.alpha == 1.0].max(axis=-1) > 0.003) > 0.9
+    monkeypatch.setattr(ray_tracing, "RayTracer", None)
+    second = spacecraft_sprites.trace_sprites(tmp_path, 1, 2, 0, held_out=False)
     for a, b in zip(first, second, strict=True):
-        np.testing.assert_allclose(a.sun, b.sun, atol=2e-3)  # kept in half precision
+        np.testing.assert_allclose(a.sunlit, b.sunlit, atol=2e-3)  # kept in half precision
 
 
 # Data sets.
 
 
 @pytest.fixture
-def folder(tmp_path: Path, earth: Globe, white: Sprite) -> Path:
+def folder(tmp_path: Path, earth: EarthTextures, white: Sprite) -> Path:
     """A data set of twelve composites."""
-    write(tmp_path / "set", 12, 5, [white], earth)
+    write_dataset(tmp_path / "set", 12, 5, [white], earth)
     return tmp_path / "set"
 
 
 def test_a_data_set_is_read_by_pycocotools_and_by_us_alike(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     coco = pytest.importorskip("pycocotools.coco").COCO(folder / ANNOTATIONS)
     capsys.readouterr()
-    data = read(folder)
+    data = read_dataset(folder)
     assert len(coco.imgs) == len(data) == 12
     assert [c["name"] for c in coco.cats.values()] == ["spacecraft"]
     for index, number in enumerate(sorted(coco.imgs)):
@@ -191,7 +191,7 @@ def test_pictures_of_other_sizes_are_shrunk_with_their_boxes(tmp_path: Path) -> 
         "annotations": [{"image_id": "x", "bbox": [40, 20, 80, 40]}],
     }
     (tmp_path / ANNOTATIONS).write_text(json.dumps(content))
-    data = read(tmp_path)
+    data = read_dataset(tmp_path)
     np.testing.assert_allclose(data.boxes[0], [[10.0, 5.0, 30.0, 15.0]])
     assert data.images[0, 10, 60].tolist() == [200, 200, 200]
     assert data.images[0, 30:].max() == 0
@@ -269,6 +269,6 @@ def test_a_faulty_data_set_is_an_error_of_one_line(folder: Path, change: Callabl
     if change not in (unreadable, missing):
         (folder / ANNOTATIONS).write_text(json.dumps(content))
     with pytest.raises(DatasetError, match="expected") as error:
-        read(folder)
+        read_dataset(folder)
     assert len(str(error.value).splitlines()) == 1
     assert str(folder) in str(error.value)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from jaxtyping import Array
 
-from rpojax.cli.commands.detector import detect
+from rpojax.cli.commands.detect import detect
 from rpojax.vision.detector import multiscale_detection
-from rpojax.vision.detector.multiscale_detection import Box
+from rpojax.vision.detector.multiscale_detection import ScoredBox
 from rpojax.vision.detector.two_stage_detector import Detections
 
 
@@ -58,7 +58,7 @@ def picture(height: int, width: int, *plates: tuple[int, int, int, int]) -> np.n
 def test_a_plate_is_found_once_in_its_own_pixels(
     by_brightness: None, shape: tuple[int, int], plate: tuple[int, int, int, int]
 ) -> None:
-    boxes = multiscale_detection.search({}, picture(*shape, plate))
+    boxes = multiscale_detection.detect_multiscale({}, picture(*shape, plate))
     assert len(boxes) == 1
     # A pixel of the window in which it was seen is at most so many of the picture's.
     coarse = max(1.0, max(shape) / 2048, max(plate[2] - plate[0], plate[3] - plate[1]) / 44.0)
@@ -68,11 +68,11 @@ def test_a_plate_is_found_once_in_its_own_pixels(
 
 def test_plates_far_apart_are_each_found_and_an_empty_picture_has_none(by_brightness: None) -> None:
     plates = [(50, 60, 90, 85), (800, 640, 850, 660)]
-    boxes = sorted(multiscale_detection.search({}, picture(700, 1000, *plates)), key=lambda box: box.left)
+    boxes = sorted(multiscale_detection.detect_multiscale({}, picture(700, 1000, *plates)), key=lambda box: box.left)
     assert len(boxes) == 2
     for plate, box in zip(plates, boxes, strict=True):
-        assert box.overlap(Box(*(float(edge) for edge in plate), score=1.0)) > 0.8
-    assert multiscale_detection.search({}, picture(300, 400)) == []
+        assert box.intersection_over_union(ScoredBox(*(float(edge) for edge in plate), score=1.0)) > 0.8
+    assert multiscale_detection.detect_multiscale({}, picture(300, 400)) == []
 
 
 def test_what_is_seen_in_one_view_alone_is_no_box(by_brightness: None, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -84,21 +84,21 @@ def test_what_is_seen_in_one_view_alone_is_no_box(by_brightness: None, monkeypat
         return Detections(box_px=found.box_px, score=jnp.asarray(np.where(first, found.score, 0.01), jnp.float32))
 
     image = picture(64, 100, (30, 10, 60, 25))
-    assert len(multiscale_detection.search({}, image)) == 1
+    assert len(multiscale_detection.detect_multiscale({}, image)) == 1
     monkeypatch.setattr(multiscale_detection, "_detect", once)
-    assert multiscale_detection.search({}, image) == []
-    assert len(multiscale_detection.search({}, image, threshold=0.001)) == 1
+    assert multiscale_detection.detect_multiscale({}, image) == []
+    assert len(multiscale_detection.detect_multiscale({}, image, threshold=0.001)) == 1
 
 
 @pytest.mark.parametrize("mirror", multiscale_detection._MIRRORS)
 def test_boxes_of_a_mirrored_window_come_back(mirror: tuple[int, int]) -> None:
     image = picture(multiscale_detection.WINDOW_PX, multiscale_detection.WINDOW_PX, (20, 30, 60, 44))
     seen = bright_boxes(image[:: mirror[1], :: mirror[0]])
-    np.testing.assert_array_equal(multiscale_detection._mirrored(np.array(seen, float), mirror), [[20, 30, 60, 44]])
+    np.testing.assert_array_equal(multiscale_detection._mirror_boxes(np.array(seen, float), mirror), [[20, 30, 60, 44]])
 
 
 def test_the_verb_tells_boxes_from_the_same_score_on() -> None:
-    assert inspect.signature(detect).parameters["threshold"].default == multiscale_detection.LEAST_SCORE
+    assert inspect.signature(detect).parameters["threshold"].default == multiscale_detection.SCORE_THRESHOLD
 
 
 @pytest.mark.parametrize("long_side", [1, 100, 128, 200, 300, 1024, 5000, 20_000])
@@ -106,8 +106,8 @@ def test_levels_go_from_one_window_to_the_finest(long_side: int) -> None:
     levels = [side for sides in multiscale_detection._levels(long_side) for side in sides]
     assert multiscale_detection.WINDOW_PX in levels
     assert levels == sorted(set(levels))
-    assert levels[-1] <= multiscale_detection.FINEST_PX
-    assert levels[-1] >= min(max(long_side, multiscale_detection.WINDOW_PX), multiscale_detection.FINEST_PX) / 1.4
+    assert levels[-1] <= multiscale_detection.MAX_SIDE_PX
+    assert levels[-1] >= min(max(long_side, multiscale_detection.WINDOW_PX), multiscale_detection.MAX_SIDE_PX) / 1.4
 
 
 @pytest.mark.parametrize("length", [128, 129, 200, 208, 209, 1000])
@@ -119,6 +119,6 @@ def test_windows_cover_every_pixel_and_overlap(length: int) -> None:
 
 
 def test_shares_and_overlaps_are_as_worked_by_hand() -> None:
-    a, b = Box(0.0, 0.0, 2.0, 2.0, 1.0), Box(1.0, 1.0, 3.0, 2.0, 1.0)
-    assert (a.area, a.shared(b)) == (4.0, 1.0)
-    assert a.overlap(b) == pytest.approx(1 / 5)
+    a, b = ScoredBox(0.0, 0.0, 2.0, 2.0, 1.0), ScoredBox(1.0, 1.0, 3.0, 2.0, 1.0)
+    assert (a.area, a.intersection_area(b)) == (4.0, 1.0)
+    assert a.intersection_over_union(b) == pytest.approx(1 / 5)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from rpojax.vision.detector import proposal_network
-from rpojax.vision.detector.proposal_network import STRIDE, Maps, decode, soft_decode
+from rpojax.vision.detector.proposal_network import STRIDE, ProposalMaps, decode_boxes, soft_decode_box
 
 CELLS = 32
 
 
-def maps_of(boxes: list[tuple[float, float, float, float]], heats: list[float]) -> Maps:
+def maps_of(boxes: list[tuple[float, float, float, float]], heats: list[float]) -> ProposalMaps:
     """Maps that a faultless network would give: heat falls off around each middle, edges are those of the box there."""
     place = (np.arange(CELLS) + 0.5) * STRIDE
     heat = np.full((CELLS, CELLS), -9.0)
@@ -22,7 +22,7 @@ def maps_of(boxes: list[tuple[float, float, float, float]], heats: list[float]) 
         here = near > heat
         heat[here] = near[here]
         edges[here] = box
-    return Maps(heat=jnp.asarray(heat, jnp.float32), edges=jnp.asarray(edges, jnp.float32))
+    return ProposalMaps(heatmap=jnp.asarray(heat, jnp.float32), edges=jnp.asarray(edges, jnp.float32))
 
 
 def sigmoid(value: float) -> float:
@@ -31,7 +31,7 @@ def sigmoid(value: float) -> float:
 
 def test_two_spacecraft_give_two_boxes_by_falling_score_and_nothing_else() -> None:
     first, second = (20.5, 30.0, 41.0, 44.5), (80.0, 70.0, 120.0, 110.0)
-    found = decode(maps_of([first, second], [2.0, 3.0]), 4)
+    found = decode_boxes(maps_of([first, second], [2.0, 3.0]), 4)
     np.testing.assert_allclose(found.box_px[:2], [second, first], atol=1e-3)
     # A middle lies up to half a cell off the cell that holds it.
     scores = np.asarray(found.score, np.float64)
@@ -42,33 +42,33 @@ def test_two_spacecraft_give_two_boxes_by_falling_score_and_nothing_else() -> No
 def test_of_two_peaks_on_one_spacecraft_the_better_stays() -> None:
     box = (40.0, 40.0, 100.0, 60.0)
     maps = maps_of([box, (42.0, 40.0, 100.0, 60.0)], [2.0, 1.0])
-    heat = maps.heat.at[12, 22].set(1.5)  # a second peak, three cells off
+    heat = maps.heatmap.at[12, 22].set(1.5)  # a second peak, three cells off
     edges = maps.edges.at[11:14, 21:24].set(jnp.array([41.0, 41.0, 101.0, 61.0], jnp.float32))
-    found = decode(Maps(heat=heat, edges=edges), 3)
+    found = decode_boxes(ProposalMaps(heatmap=heat, edges=edges), 3)
     np.testing.assert_allclose(found.box_px[0], box, atol=1.5)
     np.testing.assert_array_less(found.score[1:], 0.01)
 
 
 def test_a_box_beyond_the_frame_is_cut_to_it() -> None:
-    found = decode(maps_of([(-6.0, 50.0, 20.0, 140.0)], [3.0]), 1)
+    found = decode_boxes(maps_of([(-6.0, 50.0, 20.0, 140.0)], [3.0]), 1)
     np.testing.assert_allclose(found.box_px[0], [0.0, 50.0, 20.0, 128.0], atol=1e-3)
 
 
 def test_the_soft_box_has_the_gradient_of_finite_differences() -> None:
     maps = maps_of([(20.5, 30.0, 41.0, 44.5)], [2.0])
     noise = np.random.default_rng(0).normal(size=(CELLS, CELLS, 4))
-    maps = Maps(heat=maps.heat.astype(jnp.float64), edges=maps.edges.astype(jnp.float64) + noise)
+    maps = ProposalMaps(heatmap=maps.heatmap.astype(jnp.float64), edges=maps.edges.astype(jnp.float64) + noise)
 
     def readout(heat: jax.Array, edges: jax.Array) -> jax.Array:
-        box, score = soft_decode(Maps(heat=heat, edges=edges))
+        box, score = soft_decode_box(ProposalMaps(heatmap=heat, edges=edges))
         return jnp.sum(box * jnp.array([1.0, -0.5, 0.3, 0.8])) + 20.0 * score
 
-    slopes = jax.grad(readout, argnums=(0, 1))(maps.heat, maps.edges)
+    slopes = jax.grad(readout, argnums=(0, 1))(maps.heatmap, maps.edges)
     rng = np.random.default_rng(1)
     # The direction moves all cells; the step is small against the distance to the next peak.
-    for part, values in enumerate((maps.heat, maps.edges)):
+    for part, values in enumerate((maps.heatmap, maps.edges)):
         direction = jnp.asarray(rng.normal(size=values.shape))
-        pair = [(maps.heat, maps.edges) for _ in range(2)]
+        pair = [(maps.heatmap, maps.edges) for _ in range(2)]
         ahead, back = (
             readout(*(v + sign * 1e-5 * direction if i == part else v for i, v in enumerate(p)))
             for p, sign in zip(pair, (1.0, -1.0), strict=True)
@@ -79,18 +79,18 @@ def test_the_soft_box_has_the_gradient_of_finite_differences() -> None:
 
 def test_the_soft_box_is_the_hard_one_where_there_is_no_doubt() -> None:
     box = (20.0, 30.0, 60.0, 44.0)
-    found, score = soft_decode(maps_of([box], [4.0]))
+    found, score = soft_decode_box(maps_of([box], [4.0]))
     np.testing.assert_allclose(found, box, atol=1e-3)
     assert 0.8 < score < 1.0
 
 
 def test_a_batch_is_its_pictures_one_by_one_in_any_frame_that_fits() -> None:
-    params = proposal_network.fresh(jax.random.key(0))
+    params = proposal_network.initialize(jax.random.key(0))
     images = jax.random.uniform(jax.random.key(1), (3, 64, 96, 3), jnp.float32)
     maps = proposal_network.forward(params, images)
-    assert maps.heat.shape == (3, 16, 24)
-    assert maps.heat.dtype == maps.edges.dtype == jnp.float32
+    assert maps.heatmap.shape == (3, 16, 24)
+    assert maps.heatmap.dtype == maps.edges.dtype == jnp.float32
     one = proposal_network.forward(params, images[1:2])
     np.testing.assert_allclose(maps.edges[1], one.edges[0], atol=1e-3)
     mapped = jax.jit(jax.vmap(lambda image: proposal_network.forward(params, image[None])))(images)
-    np.testing.assert_allclose(mapped.heat[:, 0], maps.heat, atol=1e-4)
+    np.testing.assert_allclose(mapped.heatmap[:, 0], maps.heatmap, atol=1e-4)

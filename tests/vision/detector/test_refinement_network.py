@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from rpojax.vision.detector import refinement_network
-from rpojax.vision.detector.non_maximum_suppression import overlaps, suppress
-from rpojax.vision.detector.refinement_network import CUT_PX, cut, to_boxes
+from rpojax.vision.detector.non_maximum_suppression import pairwise_iou, suppress_overlapping
+from rpojax.vision.detector.refinement_network import CROP_PX, boxes_from_channels, crop_boxes
 
 SIZE = 96
 
 
 def cut_one(image: jax.Array, box: jax.Array) -> tuple[jax.Array, jax.Array]:
     """The cut around one box, and where it is."""
-    cuts, frames = cut(image, box[None])
+    cuts, frames = crop_boxes(image, box[None])
     return cuts[0], frames[0]
 
 
@@ -31,7 +31,7 @@ def test_a_cut_of_a_ramp_is_a_ramp_at_the_right_place(box: tuple[float, ...]) ->
     low, high = np.asarray(frame[:2]), np.asarray(frame[2:])
     assert (low < box[:2]).all()
     assert (high > box[2:]).all()
-    place = (np.arange(CUT_PX) + 0.5) / CUT_PX
+    place = (np.arange(CROP_PX) + 0.5) / CROP_PX
     x, y = ((low[i] + place * (high[i] - low[i])) / SIZE for i in (0, 1))
     expected = 2.0 * (0.6 * x[None, :] + 0.3 * y[:, None]) - 1.0
     np.testing.assert_allclose(found[..., 0], expected, atol=3e-3)
@@ -49,8 +49,8 @@ def test_nothing_is_missed_where_a_cut_is_coarser_than_the_picture() -> None:
 def test_beyond_the_picture_there_is_nothing_and_it_says_so() -> None:
     found, frame = cut_one(ramp(0.0, 0.0) + 0.9, jnp.asarray([80.0, 30.0, 120.0, 50.0], jnp.float32))
     low, high = float(frame[0]), float(frame[2])
-    x = low + (np.arange(CUT_PX) + 0.5) / CUT_PX * (high - low)
-    np.testing.assert_array_equal(np.asarray(found[CUT_PX // 2, :, 3]), (x < SIZE).astype(np.float32))
+    x = low + (np.arange(CROP_PX) + 0.5) / CROP_PX * (high - low)
+    np.testing.assert_array_equal(np.asarray(found[CROP_PX // 2, :, 3]), (x < SIZE).astype(np.float32))
     np.testing.assert_array_equal(np.asarray(found)[:, x > SIZE, :3], 0.0)
     np.testing.assert_allclose(np.asarray(found)[8:-8, x < SIZE - 2, :3], 0.8, atol=1e-5)
 
@@ -58,7 +58,7 @@ def test_beyond_the_picture_there_is_nothing_and_it_says_so() -> None:
 def test_a_cut_has_the_slope_of_finite_differences_in_the_box() -> None:
     image = jax.random.uniform(jax.random.key(0), (SIZE, SIZE, 3), jnp.float32)
     box = jnp.asarray([20.3, 31.1, 44.2, 52.9], jnp.float32)
-    weight = jax.random.normal(jax.random.key(1), (CUT_PX, CUT_PX, 4), jnp.float32)
+    weight = jax.random.normal(jax.random.key(1), (CROP_PX, CROP_PX, 4), jnp.float32)
 
     def readout(box: jax.Array) -> jax.Array:
         return jnp.sum(weight * cut_one(image, box)[0])
@@ -72,25 +72,25 @@ def test_a_cut_has_the_slope_of_finite_differences_in_the_box() -> None:
 
 def test_a_network_that_says_nothing_names_the_middle_of_the_cut() -> None:
     frame = jnp.asarray([[10.0, 20.0, 50.0, 100.0]], jnp.float32)
-    box, logit = to_boxes(jnp.zeros((1, 5), jnp.float32), frame)
+    box, logit = boxes_from_channels(jnp.zeros((1, 5), jnp.float32), frame)
     np.testing.assert_allclose(box[0], [18.0, 36.0, 42.0, 84.0], atol=1e-4)
     assert float(logit[0]) == 0.0
 
 
 def test_a_look_is_the_same_for_each_box_alone() -> None:
-    params = refinement_network.fresh(jax.random.key(0))
+    params = refinement_network.initialize(jax.random.key(0))
     image = jax.random.uniform(jax.random.key(1), (64, 96, 3), jnp.float32)
     boxes = jnp.asarray([[10.0, 10.0, 30.0, 20.0], [40.0, 5.0, 90.0, 60.0]], jnp.float32)
-    together, logits = refinement_network.look(params, image, boxes)
+    together, logits = refinement_network.refine_boxes(params, image, boxes)
     for index in range(2):
-        alone, logit = refinement_network.look(params, image, boxes[index : index + 1])
+        alone, logit = refinement_network.refine_boxes(params, image, boxes[index : index + 1])
         np.testing.assert_allclose(alone[0], together[index], atol=1e-3)
         assert float(logit[0]) == pytest.approx(float(logits[index]), abs=1e-4)
 
 
 def test_of_boxes_that_lie_over_each_other_the_first_stays() -> None:
     boxes = jnp.asarray([[0.0, 0.0, 10.0, 10.0], [1.0, 0.0, 11.0, 10.0], [20.0, 0.0, 30.0, 10.0]])
-    shared = overlaps(boxes, boxes)
+    shared = pairwise_iou(boxes, boxes)
     np.testing.assert_allclose(np.diag(shared), 1.0)
     assert float(shared[0, 1]) == pytest.approx(90.0 / 110.0)
-    np.testing.assert_allclose(suppress(boxes, jnp.asarray([0.9, 0.8, 0.1]), 0.5), [0.9, 0.0, 0.1])
+    np.testing.assert_allclose(suppress_overlapping(boxes, jnp.asarray([0.9, 0.8, 0.1]), 0.5), [0.9, 0.0, 0.1])

@@ -13,7 +13,7 @@ from rpojax.vision.detector import proposal_network, two_stage_detector
 from rpojax.vision.detector.two_stage_detector import (
     detect,
     load_detector,
-    packaged_detector,
+    packaged_detector_path,
     save_detector,
     soft_detect,
 )
@@ -31,11 +31,11 @@ def plate(left: int, top: int, right: int, bottom: int) -> np.ndarray:
 
 
 @pytest.fixture(scope="module")
-def packaged() -> two_stage_detector.Params:
+def packaged() -> two_stage_detector.DetectorParams:
     return load_detector()[0]
 
 
-def test_the_second_look_measures_a_box_more_closely(packaged: two_stage_detector.Params) -> None:
+def test_the_second_look_measures_a_box_more_closely(packaged: two_stage_detector.DetectorParams) -> None:
     rng = np.random.default_rng(4)
     find, first_find = (jax.jit(look, static_argnums=2) for look in (detect, proposal_network.detect))
     first_errors, errors = [], []
@@ -51,7 +51,7 @@ def test_the_second_look_measures_a_box_more_closely(packaged: two_stage_detecto
     assert np.median(errors) < 1.0
 
 
-def test_detections_come_by_falling_score_within_the_picture(packaged: two_stage_detector.Params) -> None:
+def test_detections_come_by_falling_score_within_the_picture(packaged: two_stage_detector.DetectorParams) -> None:
     images = jax.random.uniform(jax.random.key(2), (3, 64, 96, 3), jnp.float32)
     found = jax.jit(detect, static_argnums=2)(packaged, images, 4)
     assert found.box_px.shape == (3, 4, 4)
@@ -60,7 +60,7 @@ def test_detections_come_by_falling_score_within_the_picture(packaged: two_stage
     assert (np.asarray(found.box_px).reshape(-1, 4).max(axis=0) <= [96, 64, 96, 64]).all()
 
 
-def test_the_soft_box_has_the_slope_of_finite_differences(packaged: two_stage_detector.Params) -> None:
+def test_the_soft_box_has_the_slope_of_finite_differences(packaged: two_stage_detector.DetectorParams) -> None:
     image = jnp.asarray(cv2.GaussianBlur(plate(40, 50, 80, 76), (0, 0), 1.0))
     box, score = soft_detect(packaged, image)
     np.testing.assert_allclose(box, [40, 50, 80, 76], atol=3.0)
@@ -75,7 +75,7 @@ def test_the_soft_box_has_the_slope_of_finite_differences(packaged: two_stage_de
 
 
 def test_weights_come_back_from_their_file(tmp_path: Path) -> None:
-    params = two_stage_detector.fresh(jax.random.key(3))
+    params = two_stage_detector.initialize(jax.random.key(3))
     save_detector(params, tmp_path / "weights", {"command": "none"})
     loaded, card = load_detector(tmp_path / "weights")
     assert card == {"command": "none"}
@@ -85,13 +85,13 @@ def test_weights_come_back_from_their_file(tmp_path: Path) -> None:
 
 def test_the_packaged_weights_are_small_and_say_how_they_were_made() -> None:
     params, card = load_detector()
-    assert packaged_detector().stat().st_size <= 2e6
+    assert packaged_detector_path().stat().st_size <= 2e6
     assert 400_000 <= sum(leaf.size for leaf in jax.tree.leaves(params)) <= 900_000
     assert str(card["command"]).startswith("rpojax detector train")
 
 
 def test_weights_gone_astray_replace_nothing(tmp_path: Path) -> None:
-    params = two_stage_detector.fresh(jax.random.key(0))
+    params = two_stage_detector.initialize(jax.random.key(0))
     save_detector(params, tmp_path / "weights", {})
     before = (tmp_path / "weights").read_bytes()
     params["second"]["out"]["bias"] = jnp.full(5, 1e6, jnp.float32)  # beyond half precision
@@ -123,7 +123,7 @@ def add(tensors: Tensors) -> None:
 @pytest.mark.parametrize("change", [drop, widen, retype, spoil, add])
 def test_a_file_with_other_tensors_is_refused(tmp_path: Path, change: Callable[[Tensors], None]) -> None:
     path = tmp_path / "weights"
-    save_detector(two_stage_detector.fresh(jax.random.key(0)), path, {})
+    save_detector(two_stage_detector.initialize(jax.random.key(0)), path, {})
     tensors, metadata = read_tensors(path)
     change(tensors)
     write_tensors(path, tensors, metadata)
@@ -133,10 +133,10 @@ def test_a_file_with_other_tensors_is_refused(tmp_path: Path, change: Callable[[
 
 
 def test_a_field_is_no_detector_and_rubbish_is_nothing(tmp_path: Path) -> None:
-    from rpojax.vision.weight_files import packaged_field
+    from rpojax.vision.weight_files import packaged_field_path
 
     with pytest.raises(WeightsError, match="kind"):
-        load_detector(packaged_field())
+        load_detector(packaged_field_path())
     (tmp_path / "rubbish").write_bytes(b"\xff" * 8 + b"{}")
     with pytest.raises(WeightsError, match="cannot be read"):
         load_detector(tmp_path / "rubbish")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from rpojax.vision.imaging.image_files import PIXEL_LIMIT, PictureError, read
+from rpojax.vision.imaging.image_files import PIXEL_LIMIT, ImageFileError, read_image
 
 GREY = np.arange(20 * 30, dtype=np.uint8).reshape(20, 30)
 
@@ -28,7 +28,7 @@ def test_grey_palette_alpha_and_16_bit_are_the_same_codes(tmp_path: Path) -> Non
     for name, picture in pictures.items():
         path = tmp_path / f"{name}.png"
         picture.save(path)
-        codes = read(path)
+        codes = read_image(path)
         assert codes.dtype == np.float32
         np.testing.assert_allclose(codes, expected, atol=1e-4, err_msg=name)
 
@@ -38,7 +38,7 @@ def test_what_is_transparent_is_black(tmp_path: Path) -> None:
     pixels[:, :4, 3] = 0
     pixels[:, 4:, 3] = 255
     Image.fromarray(pixels).save(tmp_path / "a.png")
-    codes = read(tmp_path / "a.png")
+    codes = read_image(tmp_path / "a.png")
     assert codes[:, :4].max() == 0.0
     np.testing.assert_allclose(codes[:, 4:], 200 / 255, atol=1e-6)
 
@@ -49,7 +49,7 @@ def test_a_jpeg_is_upright_as_its_exif_says(tmp_path: Path) -> None:
     exif = Image.Exif()
     exif[0x0112] = 6  # to be turned by 90 degrees clockwise
     Image.fromarray(pixels).save(tmp_path / "a.jpg", exif=exif, quality=95)
-    codes = read(tmp_path / "a.jpg")
+    codes = read_image(tmp_path / "a.jpg")
     assert codes.shape == (40, 16, 3)
     assert codes[:6].min() > 0.9
     assert codes[12:].max() < 0.1
@@ -124,8 +124,8 @@ def test_what_is_no_single_picture_is_an_error_of_one_line(
 ) -> None:
     path = tmp_path / "picture.png"
     make(path)
-    with pytest.raises(PictureError, match=found) as error:
-        read(path)
+    with pytest.raises(ImageFileError, match=found) as error:
+        read_image(path)
     assert "expected" in str(error.value)
     assert len(str(error.value).splitlines()) == 1
 

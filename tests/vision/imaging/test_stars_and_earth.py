@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from rpojax.core.pytree import replace
-from rpojax.vision.imaging.stars_and_earth import Sky, background, sky
-from rpojax.vision.pinhole import lens
+from rpojax.vision.imaging.stars_and_earth import Sky, background, random_sky
+from rpojax.vision.pinhole import pinhole_intrinsics
 
 SIZE = 64
 ORBIT = 1.08
@@ -15,7 +15,7 @@ ORBIT = 1.08
 @pytest.fixture(scope="module")
 def around() -> Sky:
     """The sky of seed 0."""
-    return sky()
+    return random_sky()
 
 
 def picture(
@@ -26,7 +26,7 @@ def picture(
     x = np.cross(boresight, up)
     x /= np.linalg.norm(x)
     rotation = np.stack([x, np.cross(boresight, x), boresight])
-    optics = lens(jnp.asarray(np.radians(fov_deg)), SIZE, SIZE)
+    optics = pinhole_intrinsics(jnp.asarray(np.radians(fov_deg)), SIZE, SIZE)
     parts = [jnp.asarray(v, jnp.float32) for v in (rotation, np.array([ORBIT, 0.0, 0.0]), np.array(sun), 0.0)]
     return np.asarray(background(around, optics, SIZE, SIZE, *parts))
 
@@ -50,8 +50,8 @@ def test_the_limb_is_at_the_dip_of_the_horizon(around: Sky) -> None:
 
 
 def test_stars_keep_their_light_where_pixels_are_binned(around: Sky) -> None:
-    optics = lens(jnp.asarray(np.radians(40.0)), SIZE, SIZE)
-    coarse = lens(jnp.asarray(np.radians(40.0)), SIZE // 4, SIZE // 4)
+    optics = pinhole_intrinsics(jnp.asarray(np.radians(40.0)), SIZE, SIZE)
+    coarse = pinhole_intrinsics(jnp.asarray(np.radians(40.0)), SIZE // 4, SIZE // 4)
     place = [jnp.asarray(v, jnp.float32) for v in (np.eye(3), np.array([1e3, 0, 0]), np.array([-1.0, 0, 0]), 0.0)]
     fine = np.asarray(background(around, optics, SIZE, SIZE, *place))
     binned = np.asarray(background(around, coarse, SIZE // 4, SIZE // 4, *place, 4.0))
@@ -66,13 +66,13 @@ def test_the_poles_are_their_own_ground(around: Sky) -> None:
         rotation = np.array([[1.0, 0.0, 0.0], [0.0, -height, 0.0], [0.0, 0.0, -height]])
         position, sun = np.array([0.0, 0.0, height * ORBIT]), np.array([0.0, 0.0, height])
         parts = [jnp.asarray(v, jnp.float32) for v in (rotation, position, sun, 0.0)]
-        optics = lens(jnp.asarray(np.radians(2.0)), SIZE, SIZE)
+        optics = pinhole_intrinsics(jnp.asarray(np.radians(2.0)), SIZE, SIZE)
         seen = np.asarray(background(plain, optics, SIZE, SIZE, *parts))[..., 0]
         assert (seen[SIZE // 2, SIZE // 2] > 0.3) == bright
 
 
 def test_a_star_falls_on_the_pixel_of_its_direction(around: Sky) -> None:
-    brightest = int(np.argmax(np.asarray(around.star_light)))
+    brightest = int(np.argmax(np.asarray(around.star_radiance)))
     direction = np.asarray(around.star_N[brightest], np.float64)
     from_the_dark = np.asarray([-1.0, 0.0, 0.0]) @ direction
     if from_the_dark > 0.3:

@@ -6,20 +6,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from experiment_files import load
+from experiment_modules import load_experiment
 
 from rpojax.vision.imaging.exposure import Exposure, expose
-from rpojax.vision.pinhole import lens, project
+from rpojax.vision.pinhole import pinhole_intrinsics, project
 from rpojax.vision.radiance_field import render_image
-from rpojax.vision.radiance_field.ray_budget import SIDES, Sampling, project_region, region_side
-from rpojax.vision.radiance_field.target_field import Field, bounding_ball
+from rpojax.vision.radiance_field.ray_budget import REGION_SIDES, RaySampling, project_region, region_side
+from rpojax.vision.radiance_field.target_field import RadianceField, bounding_sphere
 from rpojax.vision.weight_files import load_field
 
 TIPS = np.array([[x, y, 0.0] for x in (-0.22, 0.22) for y in (-0.8, 0.8)])
 
 
 @pytest.fixture(scope="module")
-def field() -> Field:
+def field() -> RadianceField:
     """The packaged target's."""
     return load_field()[0]
 
@@ -27,15 +27,20 @@ def field() -> Field:
 @pytest.fixture(scope="module")
 def measure() -> ModuleType:
     """The script of the experiment."""
-    return load("radiance_field/measure.py")
+    return load_experiment("radiance_field/measure.py")
 
 
 def frame_of(
-    field: Field, position: np.ndarray, rotation: np.ndarray, region: int = 64, light: float = 1.0, size: int = 64
-) -> render_image.Frame:
-    optics = lens(jnp.asarray(np.radians(10.0)), size, size)
+    field: RadianceField,
+    position: np.ndarray,
+    rotation: np.ndarray,
+    region: int = 64,
+    light: float = 1.0,
+    size: int = 64,
+) -> render_image.RenderedTarget:
+    optics = pinhole_intrinsics(jnp.asarray(np.radians(10.0)), size, size)
     parts = [jnp.asarray(value, jnp.float32) for value in (position, rotation, np.array([0.0, 0.6, 0.8]), light)]
-    return render_image.render_frame(field, optics, size, size, Sampling.whole(region), *parts)
+    return render_image.render_target(field, optics, size, size, RaySampling.all_rays(region), *parts)
 
 
 DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
@@ -43,17 +48,17 @@ DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 @pytest.mark.parametrize("aside", [0.0, 0.7])
-def test_the_silhouette_is_where_the_pinhole_puts_the_panels(field: Field, aside: float) -> None:
+def test_the_silhouette_is_where_the_pinhole_puts_the_panels(field: RadianceField, aside: float) -> None:
     position = np.array([0.1, aside, 20.0])
     alpha = np.asarray(frame_of(field, position, DOWN, size=128).alpha)
-    optics = lens(jnp.asarray(np.radians(10.0)), 128, 128)
+    optics = pinhole_intrinsics(jnp.asarray(np.radians(10.0)), 128, 128)
     tips = np.asarray(project(optics, jnp.asarray((TIPS - position) @ DOWN.T)))
     rows = np.nonzero(alpha.max(axis=1) > 0.5)[0]
     assert abs(rows[0] - tips[1].min()) < 1.5
     assert abs(rows[-1] + 1 - tips[1].max()) < 1.5
 
 
-def test_averaging_keeps_the_light_whatever_the_pixels_are(field: Field) -> None:
+def test_averaging_keeps_the_light_whatever_the_pixels_are(field: RadianceField) -> None:
     position = np.array([0.0, 0.0, 60.0])
     fine = frame_of(field, position, DOWN, size=64)
     coarse = frame_of(field, position, DOWN, size=16)
@@ -61,27 +66,29 @@ def test_averaging_keeps_the_light_whatever_the_pixels_are(field: Field) -> None
     np.testing.assert_allclose(np.sum(fine.color) / 16.0, np.sum(coarse.color), rtol=2e-3)
 
 
-def test_a_target_in_eclipse_is_dark_and_still_hides_what_is_behind(field: Field) -> None:
+def test_a_target_in_eclipse_is_dark_and_still_hides_what_is_behind(field: RadianceField) -> None:
     found = frame_of(field, np.array([0.0, 0.0, 20.0]), DOWN, light=0.0)
     np.testing.assert_array_equal(found.color, 0.0)
     assert float(jnp.max(found.alpha)) > 0.95
-    picture = render_image.compose(found, jnp.ones_like(found.color))
+    picture = render_image.alpha_composite(found, jnp.ones_like(found.color))
     assert float(jnp.min(picture)) < 0.05
 
 
-def test_a_target_behind_the_camera_is_not_seen(field: Field) -> None:
+def test_a_target_behind_the_camera_is_not_seen(field: RadianceField) -> None:
     found = frame_of(field, np.array([0.0, 0.0, -20.0]), DOWN)
     np.testing.assert_array_equal(found.alpha, 0.0)
 
 
-def test_frames_batch_under_vmap(field: Field) -> None:
+def test_frames_batch_under_vmap(field: RadianceField) -> None:
     positions = jnp.asarray([[0.0, 0.0, 20.0], [0.2, 0.0, 30.0]], jnp.float32)
-    optics = lens(jnp.asarray(np.radians(10.0)), 32, 32)
+    optics = pinhole_intrinsics(jnp.asarray(np.radians(10.0)), 32, 32)
     rotation, sun = jnp.asarray(DOWN, jnp.float32), jnp.asarray([0.0, 0.6, 0.8], jnp.float32)
 
     def one(position: jax.Array) -> jax.Array:
         lit = jnp.ones((), jnp.float32)
-        return render_image.render_frame(field, optics, 32, 32, Sampling.whole(32), position, rotation, sun, lit).color
+        return render_image.render_target(
+            field, optics, 32, 32, RaySampling.all_rays(32), position, rotation, sun, lit
+        ).color
 
     together = jax.vmap(one)(positions)
     for index in range(2):
@@ -91,7 +98,7 @@ def test_frames_batch_under_vmap(field: Field) -> None:
 def test_the_region_is_chosen_by_the_least_range() -> None:
     assert region_side(732.0, 0.9, 30.0, 1.5) == 96
     assert region_side(732.0, 0.9, 100.0, 1.5) == 32
-    assert region_side(732.0, 0.9, 0.5, 1.5) == SIDES[-1]
+    assert region_side(732.0, 0.9, 0.5, 1.5) == REGION_SIDES[-1]
 
 
 def test_the_detector_has_the_noise_and_the_saturation_that_it_says() -> None:
@@ -125,9 +132,9 @@ def test_an_even_scene_stays_even_up_to_the_edge_of_the_frame() -> None:
 
 
 @pytest.mark.parametrize("aside_deg", [0.0, 10.0, 25.0, 35.0])
-def test_the_square_of_rays_holds_the_whole_ball_and_little_more(field: Field, aside_deg: float) -> None:
-    middle, radius = (np.asarray(value, np.float64) for value in bounding_ball(field))
-    optics = lens(jnp.asarray(np.radians(60.0)), 256, 256)
+def test_the_square_of_rays_holds_the_whole_ball_and_little_more(field: RadianceField, aside_deg: float) -> None:
+    middle, radius = (np.asarray(value, np.float64) for value in bounding_sphere(field))
+    optics = pinhole_intrinsics(jnp.asarray(np.radians(60.0)), 256, 256)
     angle, half = np.radians(aside_deg), np.radians(20.0)
     direction_K = np.array([np.sin(angle), 0.0, np.cos(angle)])
     r_KT_T = middle - radius / np.sin(half) * direction_K
@@ -153,9 +160,9 @@ def test_blur_keeps_the_light_and_spreads_it() -> None:
     assert np.sqrt((seen.sum(axis=0) * place**2).sum() / seen.sum()) == pytest.approx(1.0, abs=0.03)
 
 
-def test_the_gradient_of_a_silhouette_mends_a_wrong_pose(measure: ModuleType, field: Field) -> None:
+def test_the_gradient_of_a_silhouette_mends_a_wrong_pose(measure: ModuleType, field: RadianceField) -> None:
     # Fewer rays than the experiment follows.
-    found = measure.recover(field, seed=0, rays=Sampling(56, 1216))
+    found = measure.recover_pose(field, seed=0, rays=RaySampling(56, 1216))
     assert found.turn_deg[0] == pytest.approx(3.0, abs=1e-3)
     assert found.range_percent[0] == pytest.approx(3.0, abs=1e-3)
     # From 3 deg and 3 %, to a tenth of both.

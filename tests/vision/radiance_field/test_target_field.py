@@ -5,19 +5,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.vision.radiance_field.initial_grid import new_grid
-from rpojax.vision.radiance_field.nerf_field import new_point
-from rpojax.vision.radiance_field.target_field import Field, density, render_rays
+from rpojax.vision.radiance_field.initial_grid import initialize_grid
+from rpojax.vision.radiance_field.nerf_field import initialize_nerf
+from rpojax.vision.radiance_field.target_field import RadianceField, density, render_rays
 
 RADIUS = 0.5
 
 
 @pytest.fixture(scope="module")
-def ball() -> Field:
+def ball() -> RadianceField:
     """A fresh field round a ball of 1 m diameter."""
     points = np.random.default_rng(0).normal(size=(60_000, 3))
     normals = points / np.linalg.norm(points, axis=1, keepdims=True)
-    return new_grid(RADIUS * normals, normals, jax.random.key(0), 8000)
+    return initialize_grid(RADIUS * normals, normals, jax.random.key(0), 8000)
 
 
 def towards(offset: np.ndarray) -> tuple[jax.Array, jax.Array, jax.Array]:
@@ -29,7 +29,7 @@ def towards(offset: np.ndarray) -> tuple[jax.Array, jax.Array, jax.Array]:
     return jnp.asarray(origins, jnp.float32), jnp.asarray(directions, jnp.float32), jnp.asarray(suns, jnp.float32)
 
 
-def test_rays_end_on_the_ball_with_its_normal(ball: Field) -> None:
+def test_rays_end_on_the_ball_with_its_normal(ball: RadianceField) -> None:
     offset = np.random.default_rng(1).uniform(-0.28, 0.28, (200, 2))
     found = render_rays(ball, *towards(offset))
     height = np.sqrt(RADIUS**2 - np.sum(offset**2, axis=1))
@@ -40,7 +40,7 @@ def test_rays_end_on_the_ball_with_its_normal(ball: Field) -> None:
     assert np.sum(np.asarray(found.normal) * expected, axis=1).min() > 0.99
 
 
-def test_rays_that_pass_beside_the_ball_bring_nothing_back(ball: Field) -> None:
+def test_rays_that_pass_beside_the_ball_bring_nothing_back(ball: RadianceField) -> None:
     angle = np.linspace(0.0, 6.0, 20)
     beside = (RADIUS + 0.15) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     found = render_rays(ball, *towards(beside))
@@ -48,7 +48,7 @@ def test_rays_that_pass_beside_the_ball_bring_nothing_back(ball: Field) -> None:
     np.testing.assert_allclose(found.color, 0.0, atol=1e-3)
 
 
-def test_density_is_high_on_the_surface_and_zero_away_from_it(ball: Field) -> None:
+def test_density_is_high_on_the_surface_and_zero_away_from_it(ball: RadianceField) -> None:
     points = jnp.array([[RADIUS, 0.0, 0.0], [0.0, -RADIUS, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.7]], jnp.float32)
     found = np.asarray(density(ball, points))
     assert found[:2].min() > 50.0
@@ -56,8 +56,8 @@ def test_density_is_high_on_the_surface_and_zero_away_from_it(ball: Field) -> No
 
 
 @pytest.mark.parametrize("kind", ["grid", "point"])
-def test_colour_and_silhouette_have_finite_gradients_in_pose_and_sun(ball: Field, kind: str) -> None:
-    field = ball if kind == "grid" else new_point(-np.ones(3) * 0.5, np.ones(3) * 0.5, jax.random.key(0))
+def test_colour_and_silhouette_have_finite_gradients_in_pose_and_sun(ball: RadianceField, kind: str) -> None:
+    field = ball if kind == "grid" else initialize_nerf(-np.ones(3) * 0.5, np.ones(3) * 0.5, jax.random.key(0))
     offset = np.stack([np.linspace(0.3, 0.7, 21), np.zeros(21)], axis=1)
     origins, directions, suns = towards(offset)
 
@@ -74,7 +74,7 @@ def test_colour_and_silhouette_have_finite_gradients_in_pose_and_sun(ball: Field
         assert float(jnp.sum(edge[:, 0])) < -1.0
 
 
-def test_a_batch_is_its_rays_one_by_one(ball: Field) -> None:
+def test_a_batch_is_its_rays_one_by_one(ball: RadianceField) -> None:
     origins, directions, suns = towards(np.random.default_rng(2).uniform(-0.5, 0.5, (6, 2)))
     together = render_rays(ball, origins, directions, suns)
     for index in range(6):

@@ -1,0 +1,264 @@
+"""Runs of the closed loop as a function of a few numbers: figures of merit, and their derivatives in both modes.
+
+What the numbers mean is the caller's: gains to be tuned, or the coordinates from which dispersions are made. Runs are
+independent, so a derivative is one per run, and those of runs that were lost can be told apart.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import Mesh, PartitionSpec
+from jaxtyping import Array
+
+from rpojax.campaign import single_run
+from rpojax.campaign.execution.batch_engine import batch_transform, state_axes
+from rpojax.dispersions import dispersed_values
+from rpojax.dispersions.dispersed_values import Values
+from rpojax.flight.computer import Stages
+from rpojax.scenario.params import Params
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation import closed_loop, running_metrics
+from rpojax.simulation.closed_loop import State
+from rpojax.simulation.running_metrics import RunningSums
+
+InputFunction = Callable[[Array, Array], Values]
+"""Values in the user's units by scenario key, from the numbers (k,) and the random key of a run."""
+RunStatus = tuple[Array, Array]
+"""Of runs: failed or not, and the fingerprint of their events."""
+CotangentFunction = Callable[[Array, Array, Array], Array]
+"""Weights (runs, figures) from the figures of all runs of a batch, the weights given, and (runs,) 1 for runs that count
+and 0 for those that fill up the batch."""
+ProgramKind = Literal["values", "forward", "reverse"]
+
+RUNS_PER_DEVICE = 64
+"""Runs at a time on each device: more are no faster."""
+CHECKPOINT_MEMORY_BYTES = 2_000_000_000
+"""What the states kept for the reverse mode may take on each device before they are worked out twice instead [B]."""
+_RUN_AXIS = "runs"
+FORWARD_MODE_MAX_INPUTS = 4
+"""Numbers up to which the forward mode is the faster one (measured; see experiments/tuning)."""
+
+
+@dataclass(frozen=True)
+class RolloutResult:
+    """Figures of runs and what they depend on.
+
+    Attributes:
+        figures: (runs, figures)
+        jacobian: (runs, figures, k) from the forward mode, else None
+        gradient: (runs, k) of the weighted sum of figures, from the reverse mode, else None
+        failed: (runs,) bool, the run ended before its time
+        events: (runs,) the same number for the same boxes taken and refused and the same modes, at all ticks
+    """
+
+    metrics: np.ndarray
+    jacobian: np.ndarray | None
+    gradient: np.ndarray | None
+    failed: np.ndarray
+    events: np.ndarray
+
+
+def constant_weights(metrics: Array, weights: Array, mask: Array) -> Array:
+    """The slope of a sum of figures with the weights that are given."""
+    del metrics
+    return weights * mask[:, None]
+
+
+class RolloutEvaluator:
+    """Runs of a scenario as a function of numbers, compiled once for each kind of derivative that is asked for.
+
+    Attributes:
+        file: the scenario
+        names: of the figures, from `running_metrics.RUNNING_METRICS`
+        count: of the numbers
+        compile_s: time that compilation has taken so far [s]
+        memory_bytes: that the largest program takes beside its arguments, on all devices together
+    """
+
+    def __init__(
+        self,
+        file: ScenarioFile,
+        input_function: InputFunction,
+        input_count: int,
+        metric_names: Sequence[str],
+        runs: int,
+        stages: Stages | None = None,
+        cotangent: CotangentFunction = constant_weights,
+        checkpoint_memory_bytes: int = CHECKPOINT_MEMORY_BYTES,
+    ) -> None:
+        self.file, self.metric_names, self.input_count = file, tuple(metric_names), input_count
+        self.scenario, self._nominal = single_run.nominal_parameters(file)
+        self._input_function, self._stages, self._cotangent = input_function, stages or Stages(), cotangent
+        devices = jax.devices()[:runs]
+        self._mesh = Mesh(np.array(devices), (_RUN_AXIS,))
+        self.runs_per_device = min(RUNS_PER_DEVICE, -(-runs // len(devices)))
+        self.checkpoint_ticks = checkpoint_interval(
+            self.scenario.ticks, self._state_bytes(), self.runs_per_device, checkpoint_memory_bytes
+        )
+        self._programs: dict[ProgramKind, Any] = {}
+        self.compile_s = 0.0
+        self.program_memory_bytes = 0
+
+    @property
+    def batch_size(self) -> int:
+        """Runs that all devices take at once."""
+        return self.runs_per_device * self._mesh.size
+
+    def evaluate(self, inputs: np.ndarray, keys: np.ndarray) -> RolloutResult:
+        """Figures alone, for numbers (runs, k) and random keys (runs, 2) of runs."""
+        return self._run_batches("values", inputs, keys)
+
+    def jacobian(self, inputs: np.ndarray, keys: np.ndarray) -> RolloutResult:
+        """Figures and their Jacobian in forward mode: takes about 0.75 of a flight for each number."""
+        return self._run_batches("forward", inputs, keys)
+
+    def gradient(self, inputs: np.ndarray, keys: np.ndarray, weights: np.ndarray | None = None) -> RolloutResult:
+        """Figures, and the gradient of their weighted sum in reverse mode: about seven flights.
+
+        `weights` (runs, figures) are needed unless the flights have a slope of their own, which then is that of each
+        batch of runs.
+        """
+        chosen = np.zeros((len(inputs), len(self.metric_names))) if weights is None else weights
+        return self._run_batches("reverse", inputs, keys, chosen)
+
+    def _run_batches(self, kind: ProgramKind, *arrays: np.ndarray) -> RolloutResult:
+        """Runs in batches, each spread over all devices; the last one is filled up with its last run."""
+        program = self._compiled(kind)
+        runs = len(arrays[0])
+        parts = []
+        for first in range(0, runs, self.batch_size):
+            rows = np.minimum(np.arange(first, first + self.batch_size), runs - 1)
+            mask = (rows == np.arange(first, first + self.batch_size)).astype(np.float64)
+            # One batch at a time: two programs that span the same devices may wait for each other for ever.
+            parts.append(jax.tree.map(np.asarray, program(self._nominal, mask, *(array[rows] for array in arrays))))
+        metrics, failed, events, *derivative = (np.concatenate(column)[:runs] for column in zip(*parts, strict=True))
+        return RolloutResult(
+            metrics=metrics,
+            jacobian=derivative[0] if kind == "forward" else None,
+            gradient=derivative[0] if kind == "reverse" else None,
+            failed=failed,
+            events=events,
+        )
+
+    def _compiled(self, kind: ProgramKind) -> Any:
+        if kind not in self._programs:
+            begin = time.perf_counter()
+            function = {
+                "values": self._traced_metrics,
+                "forward": self._traced_jacobian,
+                "reverse": self._traced_gradient,
+            }[kind]
+            shapes = [(), (self.input_count,), (2,), (len(self.metric_names),)][: 4 if kind == "reverse" else 3]
+            types = [np.float64, np.float64, np.uint32, np.float64]
+            forms = zip(shapes, types, strict=False)
+            arguments = [jax.ShapeDtypeStruct((self.batch_size, *shape), dtype) for shape, dtype in forms]
+            sharded = jax.shard_map(
+                function,
+                mesh=self._mesh,
+                in_specs=(PartitionSpec(), *[PartitionSpec(_RUN_AXIS)] * len(arguments)),
+                out_specs=PartitionSpec(_RUN_AXIS),
+                check_vma=False,
+            )
+            program = jax.jit(sharded).lower(self._nominal, *arguments).compile()
+            self.compile_s += time.perf_counter() - begin
+            if needed := program.memory_analysis():
+                self.program_memory_bytes = max(self.program_memory_bytes, needed.temp_size_in_bytes * self._mesh.size)
+            self._programs[kind] = program
+        return self._programs[kind]
+
+    def _traced_metrics(self, nominal: Params, _: Array, inputs: Array, keys: Array) -> tuple[Array, ...]:
+        metrics, status = self._simulate_metrics(nominal, inputs, keys)
+        return metrics, *status
+
+    def _simulate_metrics(
+        self, nominal: Params, inputs: Array, keys: Array, checkpoint_ticks: int = 0
+    ) -> tuple[Array, RunStatus]:
+        """Figures (runs, figures), failures and events of runs; `chunk` 0 keeps nothing for a reverse mode."""
+        axes = state_axes(-1)
+        values = jax.vmap(self._input_function)(inputs, keys)
+
+        def begin(values: Values, key: Array) -> State:
+            return closed_loop.init(self.scenario, dispersed_values.apply_to_params(nominal, values), key)
+
+        def one(values: Values, state: State, sums: RunningSums) -> tuple[State, RunningSums]:
+            params = dispersed_values.apply_to_params(nominal, values)
+            after, seen = closed_loop.tick(self._stages, self.scenario, params, state)
+            return after, running_metrics.add_tick(self.metric_names, self.scenario, params, seen, sums)
+
+        batched_tick = batch_transform(self.scenario)(one, in_axes=(-1, axes, -1), out_axes=(axes, -1))
+        state = jax.vmap(begin, out_axes=axes)(values, keys)
+        sums = jax.vmap(lambda _: running_metrics.initial_sums(self.metric_names), out_axes=-1)(keys)
+        batched_values = {name: jnp.moveaxis(value, 0, -1) for name, value in values.items()}
+        state, sums = _checkpointed_scan(
+            lambda carry: batched_tick(batched_values, *carry), (state, sums), self.scenario.ticks, checkpoint_ticks
+        )
+        metrics = jax.vmap(partial(running_metrics.final_values, self.metric_names), in_axes=-1)(sums)
+        return metrics, (state.failure > 0, sums.event_hash)
+
+    def _traced_jacobian(self, nominal: Params, _: Array, inputs: Array, keys: Array) -> tuple[Array, ...]:
+        def along(direction: Array) -> tuple[Array, ...]:
+            tangent = jnp.broadcast_to(direction, inputs.shape)
+            figures, change, seen = jax.jvp(
+                lambda x: self._simulate_metrics(nominal, x, keys), (inputs,), (tangent,), has_aux=True
+            )
+            return figures, *seen, change
+
+        directions = jnp.eye(self.input_count, dtype=inputs.dtype)
+        return jax.vmap(along, out_axes=(None, None, None, 2))(directions)
+
+    def _traced_gradient(
+        self, nominal: Params, mask: Array, inputs: Array, keys: Array, weights: Array
+    ) -> tuple[Array, ...]:
+        metrics, pull_back, status = jax.vjp(
+            lambda x: self._simulate_metrics(nominal, x, keys, checkpoint_ticks=self.checkpoint_ticks),
+            inputs,
+            has_aux=True,
+        )
+        every = (jax.lax.all_gather(array, _RUN_AXIS, tiled=True) for array in (metrics, weights, mask))
+        own = jax.lax.axis_index(_RUN_AXIS) * self.runs_per_device
+        cotangents = jax.lax.dynamic_slice_in_dim(self._cotangent(*every), own, self.runs_per_device)
+        return metrics, *status, pull_back(cotangents)[0]
+
+    def _state_bytes(self) -> int:
+        """Size of what a run carries from tick to tick [B]."""
+        key = jax.ShapeDtypeStruct((2,), np.uint32)
+        state = jax.eval_shape(lambda key: closed_loop.init(self.scenario, self._nominal, key), key)
+        sums = jax.eval_shape(lambda: running_metrics.initial_sums(self.metric_names))
+        return sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves((state, sums)))
+
+
+def run_keys(seed: int, ids: np.ndarray) -> np.ndarray:
+    """Random keys (runs, 2) of the runs of a campaign with a given seed."""
+    return np.asarray(jax.vmap(partial(closed_loop.run_key, seed))(jnp.asarray(ids)))
+
+
+def checkpoint_interval(ticks: int, state_bytes: int, runs: int, memory_bytes: int) -> int:
+    """Ticks from one kept state to the next in reverse mode: 1 if all fit, else as many as make the least memory."""
+    if ticks * state_bytes * runs <= memory_bytes:
+        return 1
+    return max(2, round(ticks**0.5))
+
+
+def _checkpointed_scan(step: Callable[[Any], Any], start: Any, length: int, interval: int) -> Any:
+    """`step` applied `length` times; for the reverse mode one state in every `chunk` is kept, the rest worked out anew.
+
+    Within a tick nothing is kept at all: working it out once more is cheaper than the traffic to memory.
+    """
+    if interval == 0:
+        return jax.lax.scan(lambda carry, _: (step(carry), None), start, None, length=length)[0]
+    body = jax.checkpoint(step)
+
+    def stretch(carry: Any, count: int) -> Any:
+        return jax.lax.scan(lambda inner, _: (body(inner), None), carry, None, length=count)[0]
+
+    if interval == 1:
+        return stretch(start, length)
+    whole = jax.checkpoint(lambda carry: stretch(carry, interval))
+    carry = jax.lax.scan(lambda inner, _: (whole(inner), None), start, None, length=length // interval)[0]
+    return stretch(carry, length % interval)

@@ -1,0 +1,136 @@
+"""Arrays of a campaign folder on the host, none of them believed before its digest agrees."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+
+from rpojax.campaign.storage import atomic_files, campaign_json, zarr_encoding
+from rpojax.campaign.storage.block_manifests import Manifest
+from rpojax.errors import ResultError, RpojaxError
+
+
+def read_group(
+    directory: Path, configuration: Mapping[str, Any], name: str, manifests: Mapping[int, Manifest]
+) -> dict[str, np.ndarray]:
+    """Arrays of a group, rows of the blocks whose manifests are given.
+
+    Raises:
+        ResultError: something of it is lost, cannot be read or is not what was written.
+    """
+    if not any(name in entry.sha256 for entry in manifests.values()):
+        if name in ("drawn", "used") or not manifests:
+            return {}
+        raise ResultError(f"{directory / 'manifest'}: found no digest of {name!r}, expected one in every manifest")
+    folder = directory / "results.zarr" / name
+    arrays = {
+        path.name: _read_rows(directory, path, configuration, list(manifests))
+        for path in _array_folders(directory, folder)
+    }
+    first = 0
+    for block, entry in manifests.items():
+        rows = {key: values[first : first + entry.count] for key, values in arrays.items()}
+        if zarr_encoding.digest(rows) != entry.sha256.get(name):
+            raise ResultError(
+                f"{folder}: found other values in block {block}, expected those that its manifest names "
+                "(without the manifest, a resume runs the block again)"
+            )
+        first += entry.count
+    return arrays
+
+
+def read_history(directory: Path, run_id: int) -> dict[str, np.ndarray]:
+    """Channels of a kept run.
+
+    Raises:
+        ResultError: something of it is lost, cannot be read or is not what was written.
+    """
+    folder = directory / "results.zarr" / "histories" / str(run_id)
+    channels = {path.name: _read_array(directory, path) for path in _array_folders(directory, folder)}
+    content = atomic_files.read_json(folder / "zarr.json", "a group of channels", 1_000_000)
+    attributes = content.get("attributes") if isinstance(content, dict) else None
+    if not isinstance(attributes, dict) or attributes.get("sha256") != zarr_encoding.digest(channels):
+        raise ResultError(f"{folder}: found other values, expected readable arrays with the digest in its zarr.json")
+    return channels
+
+
+def stored_history_ids(directory: Path, first: int, runs: int) -> list[int]:
+    """Numbers of the runs in a range whose history is there in full: its group is written last."""
+    folder = directory / "results.zarr" / "histories"
+    atomic_files.check_no_links(directory, folder)
+    try:
+        names = [path.name for path in folder.iterdir() if (path / "zarr.json").is_file()]
+    except OSError:
+        return []
+    numbers = [int(name) for name in names if name.isdecimal() and name.isascii() and len(name) <= 10]
+    return sorted(number for number in numbers if str(number) in names and first <= number < first + runs)
+
+
+def _array_folders(directory: Path, folder: Path) -> list[Path]:
+    """Folders of the arrays of a group."""
+    atomic_files.check_no_links(directory, folder)
+    try:
+        paths = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
+    except OSError:
+        raise ResultError(f"{folder}: found nothing, expected the arrays of a campaign") from None
+    for path in paths:
+        atomic_files.check_no_links(directory, path)
+    return paths
+
+
+def _read_rows(directory: Path, path: Path, info: Mapping[str, Any], blocks: Sequence[int]) -> np.ndarray:
+    """Rows of some blocks, whose files must all be there."""
+    array = _open_array(path)
+    if array.ndim == 0 or array.shape[0] != info["runs"]:
+        raise ResultError(f"{path}: found shape {array.shape}, expected {info['runs']} rows")
+    for block in blocks:
+        _check_file(directory, path / zarr_encoding.chunk_key(array.ndim, block), f"the values of block {block}")
+    size = info["block_size"]
+    parts = [
+        _read_values(path, array, slice(low * size, high * size + campaign_json.runs_in_block(info, high)))
+        for low, high in _consecutive_ranges(blocks)
+    ]
+    return np.concatenate(parts)
+
+
+def _consecutive_ranges(blocks: Sequence[int]) -> list[tuple[int, int]]:
+    """First and last block of every unbroken row of blocks."""
+    ends = [i for i, block in enumerate(blocks) if i + 1 == len(blocks) or blocks[i + 1] != block + 1]
+    starts = [0, *(end + 1 for end in ends[:-1])]
+    return [(blocks[start], blocks[end]) for start, end in zip(starts, ends, strict=True)]
+
+
+def _read_array(directory: Path, path: Path) -> np.ndarray:
+    array = _open_array(path)
+    _check_file(directory, path / zarr_encoding.chunk_key(array.ndim, 0), "the values of a channel")
+    return _read_values(path, array, slice(None))
+
+
+def _check_file(directory: Path, path: Path, expected: str) -> None:
+    atomic_files.check_no_links(directory, path)
+    if not path.is_file():
+        raise ResultError(f"{path}: found nothing, expected {expected}")
+
+
+def _open_array(path: Path) -> Any:
+    try:
+        return zarr.open_array(str(path), mode="r")
+    # Each part of the store has exceptions of its own for bytes that it did not write.
+    except Exception as error:
+        raise _unreadable(path, error) from None
+
+
+def _read_values(path: Path, array: Any, rows: slice) -> np.ndarray:
+    try:
+        return np.asarray(array[rows])
+    except RpojaxError:
+        raise
+    except Exception as error:
+        raise _unreadable(path, error) from None
+
+
+def _unreadable(path: Path, error: Exception) -> ResultError:
+    reason = " ".join(str(error).split()) or type(error).__name__
+    return ResultError(f"{path}: found {reason:.200}, expected readable arrays")

@@ -1,0 +1,104 @@
+"""What commands print and write once runs have ended: tables, report, what is kept after an interrupt."""
+
+import json
+import shlex
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rpojax.cli import console
+from rpojax.cli.console import print_json
+from rpojax.cli.exit_status import Status
+from rpojax.errors import RpojaxError, UnfinishedError
+from rpojax.runtime.progress import busy
+
+if TYPE_CHECKING:
+    from rpojax.campaign.storage.campaign_folder import Campaign
+
+
+@contextmanager
+def keeping_results(directory: Path) -> Iterator[None]:
+    """On an interrupt or a full disk, says what is kept and how to go on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(_kept_blocks_sentence(directory)) from None
+    except UnfinishedError as error:
+        raise UnfinishedError(f"{error}; {_kept_blocks_sentence(directory)}") from None
+
+
+def _kept_blocks_sentence(directory: Path) -> str:
+    from rpojax.campaign.storage.campaign_folder import Campaign
+
+    try:
+        found = Campaign(directory)
+    except RpojaxError:
+        return "nothing was written"
+    missing, folder = len(found.missing_blocks()), shlex.quote(str(directory))
+    if missing == 0:
+        return (
+            f"all runs are kept; go on with: rpojax resume {folder}, or write the report with: rpojax report {folder}"
+        )
+    return f"{found.block_count - missing} of {found.block_count} blocks are kept; go on with: rpojax resume {folder}"
+
+
+def conclude(
+    result: "Campaign",
+    report: bool,
+    as_json: bool,
+    film: bool = True,
+    shared: bool = False,
+    more: dict[str, Any] | None = None,
+) -> int:
+    """Shows the results, writes the report if it is wanted and returns the exit status.
+
+    Where others work on the campaign too, only who finds nothing missing writes the report.
+    """
+    wanted = report and not (shared and result.missing_blocks())
+    show_results(result, lambda: write_campaign_report(result, as_json, film) if wanted else None, as_json, more)
+    if result.failed_blocks:
+        block, reason = next(iter(sorted(result.failed_blocks.items())))
+        raise UnfinishedError(
+            f"found {len(result.failed_blocks)} blocks given up, expected none; block {block}: {reason}"
+        )
+    if not shared and (missing := result.missing_blocks()):
+        raise UnfinishedError(f"found {len(missing)} blocks missing, expected none")
+    return Status.DONE if result.completed.all() else Status.SOME_FAILED
+
+
+def show_results(
+    result: "Campaign", report: Callable[[], Path | None], as_json: bool, more: dict[str, Any] | None = None
+) -> None:
+    """Shows the results; people see them before the report is written."""
+    from rpojax.report.page.campaign_summary import summarise
+
+    summary = summarise(result)
+    if as_json:
+        path = report()
+        place = {"directory": str(result.directory), "report": None if path is None else str(path)}
+        print_json({**place, **summary, **(more or {})})
+        return
+    console.show_campaign(summary)
+    console.show_places(result.directory, report())
+
+
+def write_campaign_report(result: "Campaign", as_json: bool, film: bool, run_id: int | None = None) -> Path:
+    from rpojax.report.page.html_report import write_report
+
+    with busy("writing the report", quiet=as_json):
+        return write_report(result, run_id, film=film)
+
+
+def has_whole_report(result: "Campaign") -> bool:
+    """Whether there is a report, and on all runs: it may have been written before the last ones, or not to its end."""
+    try:
+        content = json.loads((result.directory / "report.json").read_text(encoding="utf-8"))
+        return content["runs"]["missing"] == 0 and report_of(result) is not None
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def report_of(result: "Campaign") -> Path | None:
+    path = result.directory / "report.html"
+    return path if path.is_file() else None

@@ -1,0 +1,109 @@
+"""The command `rpojax detect`: boxes of spacecraft in pictures."""
+
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import Positional, arg
+
+from rpojax.errors import OutputError, RpojaxError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from rpojax.vision.detector.multiscale_detection import ScoredBox
+
+
+Force = Annotated[bool, arg(help="Replace what is there.")]
+
+
+AsJson = Annotated[bool, arg(name="json", help="JSON on stdout and no progress.")]
+
+
+Weights = Annotated[Path | None, arg(metavar="FILE", help="Weights; the packaged ones by default.")]
+
+
+def detect(
+    images: Annotated[Positional[tuple[Path, ...]], arg(metavar="IMAGE", help="JPEG or PNG pictures.")],
+    *,
+    weights: Weights = None,
+    threshold: Annotated[float, arg(metavar="P", help="Least score of a box.")] = 0.65,
+    drawn: Annotated[Path | None, arg(metavar="DIR", help="Write the pictures with their boxes here, as PNG.")] = None,
+    force: Annotated[bool, arg(help="Replace pictures that are there.")] = False,
+    as_json: AsJson = False,
+) -> int:
+    """Find spacecraft in pictures of any size; boxes are in pixels of the upright picture, x and y at the upper left.
+
+    A picture that cannot be used is named on stderr and the rest are searched; the exit status is then 3, or 2 if none
+    could be used.
+    """
+    if not images or not 0.0 < threshold < 1.0:
+        raise RpojaxError(f"IMAGE, --threshold: found {len(images)}, {threshold}, expected a picture and 0 to 1")
+    targets = [None] * len(images) if drawn is None else _targets(drawn, images)
+    given = {path.resolve() for path in images}
+    if taken := next((path for path in targets if path and path.resolve() in given), None):
+        raise OutputError(f"{taken}: is one of the pictures to search, expected --drawn in another folder")
+    if not force and (there := next((path for path in targets if path and path.exists()), None)):
+        raise OutputError(f"{there}: exists already; --force replaces it")
+    from rpojax.vision.detector.multiscale_detection import detect_multiscale
+    from rpojax.vision.detector.two_stage_detector import load_detector
+    from rpojax.vision.imaging import image_files
+
+    params, _ = load_detector(weights)
+    results = []
+    for path, target in zip(images, targets, strict=True):
+        try:
+            image = image_files.read_image(path)
+        except image_files.ImageFileError as error:
+            print(f"rpojax: error: {' '.join(str(error).split())}", file=sys.stderr)
+            continue
+        found = detect_multiscale(params, image, threshold)
+        results.append({"file": str(path), "boxes": [_entry(box) for box in found]})
+        if target:
+            _draw(image, found, target)
+        if not as_json:
+            _print_boxes(results[-1])
+    if as_json:
+        print(json.dumps(results, indent=2, allow_nan=False))
+    return 0 if len(results) == len(images) else 3 if results else 2
+
+
+def _targets(drawn: Path, images: tuple[Path, ...]) -> list[Path]:
+    """Where the drawn pictures go; of like names the later ones are numbered."""
+    taken: list[Path] = []
+    for path in images:
+        target, number = drawn / f"{path.stem}.png", 2
+        while target in taken:
+            target, number = drawn / f"{path.stem}-{number}.png", number + 1
+        taken.append(target)
+    return taken
+
+
+def _entry(box: "ScoredBox") -> dict[str, float]:
+    sides = {"x": box.left, "y": box.top, "w": box.right - box.left, "h": box.bottom - box.top}
+    return {**{name: round(value, 2) for name, value in sides.items()}, "score": round(box.score, 4)}
+
+
+def _print_boxes(result: dict[str, Any]) -> None:
+    print(f"{result['file']}: {len(result['boxes'])} found")
+    for box in result["boxes"]:
+        print(f"  x {box['x']:.1f}, y {box['y']:.1f}, w {box['w']:.1f}, h {box['h']:.1f}, score {box['score']:.2f}")
+
+
+def _draw(image: "np.ndarray", boxes: "list[ScoredBox]", path: Path) -> None:
+    import cv2
+    import numpy as np
+
+    shown = np.ascontiguousarray(np.round(255.0 * image).astype(np.uint8)[..., ::-1])
+    width = max(1, round(max(image.shape[:2]) / 400))
+    for box in boxes:
+        corners = [round(edge) for edge in (box.left, box.top, box.right, box.bottom)]
+        cv2.rectangle(shown, (corners[0], corners[1]), (corners[2], corners[3]), (0, 255, 0), width)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        done = cv2.imwrite(str(path), shown)
+    except OSError:
+        done = False
+    if not done:
+        raise OutputError(f"{path}: cannot be written, expected a writable place")

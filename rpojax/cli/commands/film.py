@@ -1,0 +1,91 @@
+"""The command `rpojax film`: what the rendered camera of a run saw."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import arg
+
+from rpojax.cli.arguments import Folder, NoCache
+from rpojax.cli.exit_status import Status
+from rpojax.cli.interruptible_work import with_progress
+from rpojax.errors import OutputError, RpojaxError
+from rpojax.runtime.jax_environment import prepare_jax
+from rpojax.runtime.progress import ProgressCallback, item_progress
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from rpojax.campaign.storage.campaign_folder import Campaign
+    from rpojax.report.figures.camera_film import CameraFrame
+    from rpojax.scenario.schema import ScenarioFile
+
+
+def film(
+    directory: Folder,
+    *,
+    out: Annotated[Path, arg(metavar="FILE", help="Film (.mp4) or sheet of twelve stills (.png).")],
+    run_id: Annotated[
+        int | None, arg(metavar="I", help="Run to show.", help_behavior_hint="(default: the first with a kept history)")
+    ] = None,
+    every: Annotated[int, arg(metavar="N", help="Ticks from one picture of a film to the next.")] = 10,
+    codec: Annotated[str, arg(metavar="KIND", help="Of a film: vp9, or h264 (extra viz).")] = "vp9",
+    force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
+    no_cache: NoCache = False,
+) -> int:
+    """What the rendered camera of a run saw, with the detector's boxes; a run without a kept history is flown again."""
+    suffix = out.suffix.lower()
+    if suffix not in (".png", ".mp4"):
+        raise OutputError(f"{out}: found suffix {out.suffix!r}, expected .png or .mp4")
+    if out.exists() and not force:
+        raise OutputError(f"{out}: exists already; --force replaces it")
+    if every < 1:
+        raise RpojaxError(f"--every: found {every}, expected at least 1")
+    prepare_jax(cache=not no_cache)
+    from rpojax.campaign import rerender
+    from rpojax.campaign.storage.campaign_folder import Campaign
+    from rpojax.dispersions.designs import recorded_run_range
+    from rpojax.report.atomic_output import write_atomically
+    from rpojax.report.figures import camera_film as drawing
+
+    drawing.check_codec(codec)
+    found = Campaign(directory)
+    file = rerender.rendered_scenario(found.info)
+    run, history = _history_of(found, file, run_id)
+    end = rerender.valid_tick_count(history)
+    ticks = drawing.select_stills(history, end) if suffix == ".png" else list(range(0, end, every))
+    with item_progress("taking pictures", quiet=False) as watch:
+        pictures = rerender.render_images(file, found.info["seed"], run, history, ticks, recorded_run_range(found.info))
+        shots = _counted(pictures, len(ticks), watch)
+        if suffix == ".png":
+            write_atomically(out, drawing.png_bytes(drawing.contact_sheet(shots)))
+        else:
+            drawing.write_film(shots, out, codec)
+    print(out)
+    return Status.DONE
+
+
+def _history_of(found: "Campaign", file: "ScenarioFile", run_id: int | None) -> "tuple[int, Mapping[str, np.ndarray]]":
+    """Number and full history of a run, flown again where none is kept."""
+    from rpojax.campaign import rerender
+    from rpojax.campaign.rerun import check_run_id
+
+    kept = found.history_ids
+    run = run_id if run_id is not None else (kept or [found.configuration["first_run"]])[0]
+    check_run_id(found, run)
+    if run in kept and rerender.is_renderable(history := found.history(run), file):
+        return run, history
+    flown: list[Mapping[str, np.ndarray]] = []
+
+    def work(watch: ProgressCallback) -> "Campaign":
+        flown.append(rerender.replay_run(file, found.info, run, watch))
+        return found
+
+    with_progress(work, file.duration_s, as_json=False)
+    return run, flown[0]
+
+
+def _counted(shots: "Iterable[CameraFrame]", total: int, watch: Callable[..., None]) -> "Iterator[CameraFrame]":
+    for count, shot in enumerate(shots):
+        yield shot
+        watch(count + 1, total)

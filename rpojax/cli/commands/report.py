@@ -1,0 +1,33 @@
+"""The command `rpojax report`: writes the report of a campaign anew."""
+
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import arg
+
+from rpojax.cli.arguments import AsJson, Folder, NoFilm
+from rpojax.cli.campaign_output import show_results, write_campaign_report
+from rpojax.cli.exit_status import Status
+from rpojax.runtime.jax_environment import prepare_jax
+
+if TYPE_CHECKING:
+    pass
+
+
+def report(
+    directory: Folder,
+    *,
+    run_id: Annotated[
+        int | None, arg(metavar="I", help="Run to show in detail.", help_behavior_hint="(default: the median one)")
+    ] = None,
+    no_film: NoFilm = False,
+    as_json: AsJson = False,
+) -> int:
+    """Write report.html, report.json and figures anew."""
+    prepare_jax(cache=True)
+    from rpojax.campaign.storage.campaign_folder import Campaign
+    from rpojax.report.page.campaign_summary import choose_run
+
+    found = Campaign(directory)
+    choose_run(found, run_id)
+    show_results(found, lambda: write_campaign_report(found, as_json, not no_film, run_id), as_json)
+    return Status.DONE

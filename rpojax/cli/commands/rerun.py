@@ -1,0 +1,58 @@
+"""The command `rpojax rerun`: one run of a campaign again, compared with what was recorded."""
+
+import sys
+from typing import TYPE_CHECKING, Annotated, Any
+
+from tyro.conf import arg
+
+from rpojax.cli.arguments import AsJson, Folder, Force, NoCache, NoFilm, Out
+from rpojax.cli.campaign_output import conclude, keeping_results
+from rpojax.cli.interruptible_work import with_progress
+from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
+from rpojax.runtime.progress import ProgressCallback
+
+if TYPE_CHECKING:
+    from rpojax.campaign.storage.campaign_folder import Campaign
+
+
+def rerun(
+    directory: Folder,
+    *,
+    run_id: Annotated[int, arg(metavar="I", help="Number of the run.")],
+    out: Out,
+    force: Force = False,
+    no_film: NoFilm = False,
+    as_json: AsJson = False,
+    no_cache: NoCache = False,
+) -> int:
+    """Fly one run of a campaign again, with its full history, and compare it with what was recorded."""
+    prepare_jax(cache=not no_cache)
+    from rpojax.campaign import rerun as again
+    from rpojax.campaign.storage.campaign_folder import Campaign
+
+    found = Campaign(directory)
+    set_loop_fusion_flag(rendered=found.file.camera.model == "rendered")
+    outcomes: list[again.RerunResult] = []
+
+    def work(watch: ProgressCallback) -> "Campaign":
+        outcomes.append(again.rerun(found, run_id, out, force=force, on_progress=watch))
+        return outcomes[0].campaign
+
+    with keeping_results(out):
+        flown = with_progress(work, float(found.configuration["scenario"]["duration_s"]), as_json)
+    [outcome] = outcomes
+    comparison = {"recorded": outcome.was_recorded, "different": sorted(outcome.differences)}
+    if not as_json:
+        print(f"rpojax: {_verdict(outcome)}", file=sys.stderr)
+    return conclude(flown, report=True, as_json=as_json, film=not no_film, more={"rerun": comparison})
+
+
+def _verdict(outcome: Any) -> str:
+    """How a run that was flown again compares with the campaign's."""
+    if not outcome.recorded:
+        return "the campaign has not recorded this run yet, so there is nothing to compare it with"
+    if not outcome.different:
+        return f"all {len(outcome.result.metrics)} metrics are those of the campaign, to the last bit"
+    name, (before, now) = next(iter(sorted(outcome.different.items())))
+    example = f"{name}: {before!r} there, {now!r} here"
+    return f"{len(outcome.different)} metrics are not those of the campaign, such as {example}"

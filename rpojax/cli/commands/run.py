@@ -1,0 +1,44 @@
+"""The command `rpojax run`: one run with its full history."""
+
+from typing import TYPE_CHECKING, Annotated
+
+from tyro.conf import arg
+
+from rpojax.cli.arguments import AsJson, Force, NoCache, NoFilm, Out, Overrides, Seed, Source, load
+from rpojax.cli.campaign_output import conclude, keeping_results
+from rpojax.cli.interruptible_work import with_progress
+from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
+from rpojax.runtime.progress import ProgressCallback
+
+if TYPE_CHECKING:
+    from rpojax.campaign.storage.campaign_folder import Campaign
+
+
+def run(
+    scenario: Source,
+    *,
+    out: Out,
+    seed: Seed = 0,
+    run_id: Annotated[int, arg(metavar="I", help="Number of the run in its campaign.")] = 0,
+    overrides: Overrides = (),
+    block_size: Annotated[
+        int, arg(metavar="N", help="That of the campaign, for the very same numbers to the last digit.")
+    ] = 1,
+    force: Force = False,
+    no_film: NoFilm = False,
+    as_json: AsJson = False,
+    no_cache: NoCache = False,
+) -> int:
+    """One run with its full history: a campaign of one run, with its report."""
+    file = load(scenario, overrides)
+    prepare_jax(cache=not no_cache)
+    set_loop_fusion_flag(rendered=file.camera.model == "rendered")
+    from rpojax.campaign import run_and_resume
+
+    def work(watch: ProgressCallback) -> "Campaign":
+        return run_and_resume.run_campaign(
+            file, 1, out, seed, first_run=run_id, block_size=block_size, force=force, on_progress=watch, report=True
+        )
+
+    with keeping_results(out):
+        return conclude(with_progress(work, file.duration_s, as_json), report=True, as_json=as_json, film=not no_film)

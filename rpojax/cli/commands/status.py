@@ -1,0 +1,23 @@
+"""The command `rpojax status`: how far a campaign is."""
+
+from typing import TYPE_CHECKING
+
+from rpojax.cli import console
+from rpojax.cli.arguments import AsJson, Folder
+from rpojax.cli.console import print_json
+from rpojax.cli.exit_status import Status
+
+if TYPE_CHECKING:
+    pass
+
+
+def status(directory: Folder, *, as_json: AsJson = False) -> int:
+    """Where a campaign is: blocks, runs, failures and speed so far; also while others work on it."""
+    from rpojax.campaign.status import status as look
+
+    found = look(directory)
+    if as_json:
+        print_json(found)
+    else:
+        console.show_status(found)
+    return Status.DONE

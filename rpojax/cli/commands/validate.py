@@ -1,0 +1,31 @@
+"""The command `rpojax validate`: checks a scenario without running it."""
+
+from typing import TYPE_CHECKING
+
+from rpojax.cli.arguments import AsJson, Overrides, Source, load
+from rpojax.cli.console import print_json
+from rpojax.cli.exit_status import Status
+
+if TYPE_CHECKING:
+    pass
+
+
+def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = False) -> int:
+    """Check a scenario without running it."""
+    from rpojax.scenario import dispersion_keys
+    from rpojax.scenario import scenario_file as scenarios
+
+    file = load(scenario, overrides)
+    content = {
+        "name": file.name,
+        "description": file.description,
+        "duration_s": file.duration_s,
+        "scenario_hash": scenarios.digest(file),
+        "dispersions": dispersion_keys.varied_keys(file),
+        "design": file.design.kind,
+    }
+    if as_json:
+        print_json(content)
+    else:
+        print(f"{file.name}: valid; {file.duration_s:g} s, {len(file.dispersions)} dispersions")
+    return Status.DONE

@@ -1,0 +1,43 @@
+"""Long work in a thread of its own, so that an interrupt ends it at once."""
+
+import os
+import sys
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rpojax.campaign.storage.campaign_folder import Campaign
+
+from rpojax.cli.exit_status import Status
+from rpojax.runtime.progress import ProgressCallback, run_progress
+
+_WORKER = "rpojax-worker"
+
+
+def with_progress(work: "Callable[[ProgressCallback], Campaign]", duration_s: float, as_json: bool) -> "Campaign":
+    """Result of `work`, which tells its progress and gives way to an interrupt at once, even while compiling."""
+    results: list[Campaign] = []
+    errors: list[BaseException] = []
+
+    def target(watch: ProgressCallback) -> None:
+        try:
+            results.append(work(watch))
+        except BaseException as error:
+            errors.append(error)
+
+    with run_progress(duration_s, quiet=as_json) as watch:
+        worker = threading.Thread(target=target, args=(watch,), name=_WORKER, daemon=True)
+        worker.start()
+        worker.join()
+    if errors:
+        raise errors[0]
+    return results[0]
+
+
+def abandon_worker() -> None:
+    """Ends the process if a worker is still busy; an orderly end would wait for the compiler, or crash in it."""
+    if any(thread.name == _WORKER for thread in threading.enumerate()):
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(Status.INTERRUPTED)

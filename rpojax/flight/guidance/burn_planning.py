@@ -1,0 +1,161 @@
+"""The next burn: when to turn, when to fire, in which attitude; and when to hold fire."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core import quaternion
+from rpojax.core.frames import apply_transposed, hill_frame, inertial_to_hill
+from rpojax.core.numerics import safe
+from rpojax.core.orbits.orbital_mechanics import mean_motion, semi_major_axis, transition_matrix
+from rpojax.core.pytree import pytree, replace, select
+from rpojax.core.quaternion import rotate
+from rpojax.flight.control.formation_lqr import FormationLaw, FormationTuning, StationKeeping
+from rpojax.flight.guidance.pointing_modes import PointingTuning
+from rpojax.flight.guidance.slew_profile import slew_duration
+from rpojax.flight.guidance.target_pointing import look_attitude, relative_range_sigma
+from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.vehicle_model import VehicleModel
+
+Vector = Float[Array, "3"]
+Scalar = Float[Array, ""]
+Flag = Bool[Array, ""]
+
+
+@pytree
+class BurnPlan:
+    """The burn decided last. Times count from the start of the run.
+
+    Attributes:
+        turn_start: () [s]
+        ignition: () [s]
+        cutoff: () equal to ignition when there is no burn [s]
+        delta_v_N: (3,) [m/s]
+        q_burn: (4,) attitude during the burn
+    """
+
+    turn_start: Array
+    ignition: Array
+    cutoff: Array
+    delta_v_N: Array
+    q_burn: Array
+
+
+def no_burn() -> BurnPlan:
+    """Plan before the first decision."""
+    zero = jnp.zeros((), dtype=jnp.float64)
+    identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
+    return BurnPlan(turn_start=zero, ignition=zero, cutoff=zero, delta_v_N=jnp.zeros(3), q_burn=identity)
+
+
+def plan_burn(
+    law: FormationLaw,
+    formation: FormationTuning,
+    pointing: PointingTuning,
+    vehicle: VehicleModel,
+    gain: Float[Array, "3 6"],
+    station_keeping: StationKeeping,
+    estimate: OrbitEstimate,
+    q_look: Float[Array, "4"],
+    allowed: Flag,
+    time: Scalar,
+) -> BurnPlan:
+    """Next burn: deviation predicted to the burn's middle, control law there, thrust axis, on-time, turn from `q_look`.
+
+    No burn inside the dead band, below the thruster's minimum on-time, while the range is too uncertain, or unless
+    `allowed`; a burn too long for the look-away limit is shortened.
+    """
+    deviation, R_CN = deviation_at_burn(formation, station_keeping, estimate)
+    delta_v_N = apply_transposed(R_CN, station_keeping.impulse + law(gain, deviation))
+    size, direction_N = safe.norm(delta_v_N), safe.normalize(delta_v_N)
+
+    thrust_now_N = rotate(quaternion.conjugate(q_look), vehicle.thrust_direction)
+    turn_N = quaternion.rotation_vector_between(thrust_now_N, direction_N)
+    turn_time = slew_duration(pointing, safe.norm(turn_N))
+
+    longest_on_time = pointing.look_away_limit - 2.0 * turn_time - pointing.settle_time - _SCHEDULE_MARGIN
+    on_time = jnp.minimum(size * vehicle.mass / vehicle.thrust, jnp.maximum(longest_on_time, 0.0))
+    above_dead_band = safe.gate(size - formation.dead_band, 0.05 * formation.dead_band + 1e-6)
+    possible = (
+        (on_time >= vehicle.minimum_on_time)
+        & (relative_range_sigma(estimate) < formation.range_uncertainty_limit)
+        & allowed
+    )
+    on_time = above_dead_band * jnp.where(possible, on_time, 0.0)
+    ignition = time + formation.lead - 0.5 * on_time
+    return BurnPlan(
+        # Without a burn there is no look-away: the turn "starts" when it is already over.
+        turn_start=jnp.where(on_time > 0.0, jnp.maximum(ignition - pointing.settle_time - turn_time, time), ignition),
+        ignition=ignition,
+        cutoff=ignition + on_time,
+        delta_v_N=on_time * vehicle.thrust / vehicle.mass * direction_N,
+        q_burn=quaternion.multiply(q_look, quaternion.exp(-turn_N)),
+    )
+
+
+_SCHEDULE_MARGIN = 3.0
+"""Turns begin on whole guidance ticks, which can add a second to each; one more for the target's own motion [s]."""
+
+
+def deviation_at_burn(
+    formation: FormationTuning, station_keeping: StationKeeping, estimate: OrbitEstimate
+) -> tuple[Float[Array, "6"], Float[Array, "3 3"]]:
+    """Deviation of (rho, rho_dot) predicted to the burn's middle [m, m/s], and the Hill frame `R_CN` there.
+
+    The motion is predicted and then compared, since a place off the along-track axis does not stay where it is.
+    """
+    r_TN_N, v_TN_N = (
+        estimate.servicer.r_SN_N + estimate.relative.r_TS_N,
+        estimate.servicer.v_SN_N + estimate.relative.v_TS_N,
+    )
+    R_HN, omega_HN_N = hill_frame(r_TN_N, v_TN_N)
+    rho, rho_dot = inertial_to_hill(-estimate.relative.r_TS_N, -estimate.relative.v_TS_N, R_HN, omega_HN_N)
+    n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
+    now = jnp.concatenate([rho, rho_dot])
+    desired = jnp.concatenate([formation.desired_position, station_keeping.arrival_velocity])
+    transition = transition_matrix(n, formation.lead)
+    angle = n * formation.lead
+    c, s = jnp.cos(angle), jnp.sin(angle)
+    R_CN = jnp.stack([c * R_HN[0] + s * R_HN[1], -s * R_HN[0] + c * R_HN[1], R_HN[2]])
+    return jnp.sum(transition * now[None, :], axis=1) - desired, R_CN
+
+
+def plan_from_command(
+    pointing: PointingTuning,
+    vehicle: VehicleModel,
+    estimate: OrbitEstimate,
+    before: BurnPlan,
+    ignition: Scalar,
+    cutoff: Scalar,
+    q_burn: Float[Array, "4"],
+    time: Scalar,
+) -> BurnPlan:
+    """The burn that somebody else has decided: valve times [s] from the start of the run, and the attitude meanwhile.
+
+    A burn with the ignition of the one `before` is that one with another end. Without on-time the valve closes now.
+    """
+    wanted = cutoff > ignition
+    q_look, _ = look_attitude(vehicle, estimate)
+    turn = quaternion.log(quaternion.multiply(q_burn, quaternion.conjugate(q_look)))
+    turn_start = jnp.maximum(ignition - pointing.settle_time - slew_duration(pointing, safe.norm(turn)), time)
+    direction_N = rotate(quaternion.conjugate(q_burn), vehicle.thrust_direction)
+    burn = BurnPlan(
+        turn_start=jnp.where(ignition == before.ignition, before.turn_start, turn_start),
+        ignition=ignition,
+        cutoff=cutoff,
+        delta_v_N=(cutoff - ignition) * vehicle.thrust / vehicle.mass * direction_N,
+        q_burn=q_burn,
+    )
+    stopped = jnp.minimum(before.ignition, time)
+    closed = replace(before, ignition=stopped, cutoff=jnp.clip(before.cutoff, stopped, time))
+    return select(wanted, burn, closed)
+
+
+def inhibit(pointing: PointingTuning, plan: BurnPlan, q_BN: Float[Array, "4"], time: Scalar, dt: float) -> BurnPlan:
+    """The plan, cut off now if the thruster is to push within the next `dt` [s] and the attitude is not the burn's."""
+    # Half the chord between the quaternions is the sine of a quarter of the angle; small angles suffice here.
+    half_angle_cosine = jnp.abs(jnp.sum(plan.q_burn * q_BN, axis=0))
+    mispointed = half_angle_cosine < jnp.cos(0.5 * pointing.burn_attitude_limit)
+    firing = (time + dt > plan.ignition) & (time < plan.cutoff)
+    stop = mispointed & firing
+    ignition = jnp.where(stop, jnp.minimum(plan.ignition, time), plan.ignition)
+    return replace(plan, ignition=ignition, cutoff=jnp.where(stop, jnp.maximum(ignition, time), plan.cutoff))

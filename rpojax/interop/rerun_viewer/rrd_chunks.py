@@ -1,0 +1,74 @@
+"""Columns of data for a rerun recording, numbered so that nothing in them depends on when they were made."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import rerun as rr
+import rerun.blueprint as rrb
+from rerun.chunk import Chunk
+
+TIMELINE = "sim_time"
+"""The one time line: seconds since the start of the run."""
+
+
+class RrdChunks:
+    """Chunks of one recording, in the order in which they were added."""
+
+    def __init__(self) -> None:
+        self.chunks: list[Chunk] = []
+
+    def add(self, path: str, time_s: np.ndarray, columns: Iterable[Any]) -> None:
+        """Columns of an entity over simulation time [s]."""
+        times = [rr.TimeColumn(TIMELINE, duration=np.asarray(time_s, dtype=np.float64))]
+        self._append(Chunk.from_columns(path, times, columns))
+
+    def add_static(self, path: str, *archetypes: rr.AsComponents) -> None:
+        """What an entity is at all times."""
+        batches = [batch for archetype in archetypes for batch in archetype.as_component_batches()]
+        columns = [batch.partition([len(batch.as_arrow_array())]) for batch in batches]
+        self._append(Chunk.from_columns(path, [], columns))
+
+    def add_name(self, name: str) -> None:
+        """How the viewer calls the recording."""
+        self._append(Chunk.from_property("RecordingInfo", rr.archetypes.RecordingInfo(name=name)))
+
+    def _append(self, chunk: Chunk) -> None:
+        """Rerun numbers chunks and rows by the clock; here they are counted."""
+        batch, number = chunk.to_record_batch(), len(self.chunks) + 1
+        kind = batch.schema.field(0).type
+        rows = pa.array([_row_id(number, row + 1) for row in range(batch.num_rows)], kind)
+        metadata = {**(batch.schema.metadata or {}), b"rerun:id": b"chunk_" + _row_id(number, 0).hex().encode()}
+        schema = batch.schema.with_metadata(metadata)
+        self.chunks += Chunk.from_record_batch(pa.RecordBatch.from_arrays([rows, *batch.columns[1:]], schema=schema))
+
+
+def _row_id(chunk: int, row: int) -> bytes:
+    return chunk.to_bytes(8, "big") + row.to_bytes(8, "big")
+
+
+def write_rrd(chunks: RrdChunks, path: Path, application: str, recording: str, blueprint: rrb.Blueprint) -> None:
+    """Writes chunks and the arrangement of the views, which opens with them, to a file."""
+    stream = rr.RecordingStream(application, recording_id=recording, send_properties=False)
+    try:
+        stream.save(path)
+        stream.send_blueprint(blueprint)
+        stream.flush()
+        stream.send_chunks(chunks.chunks)
+        stream.flush()
+    finally:
+        stream.disconnect()
+
+
+@contextmanager
+def rerun_strict_mode() -> Iterator[None]:
+    """What rerun cannot take is an error, and not a warning."""
+    before = rr.strict_mode()
+    rr.set_strict_mode(True)
+    try:
+        yield
+    finally:
+        rr.set_strict_mode(before)

@@ -1,0 +1,25 @@
+"""The few metrics that sensitivity, convergence and the worst runs are about."""
+
+import numpy as np
+
+from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.labels import in_display_order
+
+_DEFAULT_METRICS = {"formation_error_rms_m", "nav_relative_position_error_rms_m", "delta_v_m_s", "min_range_m"}
+_MIN_RUNS = 10
+_MAX_METRICS = 8
+
+
+def select_key_metrics(campaign: CampaignResults) -> list[str]:
+    """Names of at most eight metrics that vary over ten runs or more: those of requirements, and the usual ones."""
+    required = {str(entry["metric"]) for entry in campaign.info.get("scenario", {}).get("requirements") or []}
+    found = [name for name in in_display_order(campaign.metrics) if has_variation(campaign.metrics[name])]
+    chosen = [name for name in found if name in required][:_MAX_METRICS]
+    chosen += [name for name in found if name in _DEFAULT_METRICS - required][: _MAX_METRICS - len(chosen)]
+    return in_display_order(chosen)
+
+
+def has_variation(values: np.ndarray) -> bool:
+    """Whether enough runs have a metric, and not all the same."""
+    defined = values[np.isfinite(values)]
+    return len(defined) >= _MIN_RUNS and float(np.ptp(defined)) > 0.0

@@ -1,0 +1,161 @@
+"""The scenario's requirements, each with what the runs say of it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pydantic
+
+from rpojax.analysis.statistics.tolerance_verdicts import Verdict, evaluate_requirement
+from rpojax.errors import ResultError
+from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.labels import format_number, metric_label, with_unit
+from rpojax.report.run_independence import runs_are_independent
+from rpojax.scenario.schema import RequirementSection
+
+_CSS_CLASSES = {Verdict.VERIFIED: "good", Verdict.NOT_VERIFIED: "alert", Verdict.MORE_RUNS: "open"}
+
+
+@dataclass(frozen=True)
+class RequirementRow:
+    """One requirement as the page shows it: texts, a state for its colour, and the runs that violate it.
+
+    `cells` are of the table, each a text and a smaller one below it: worst value; run compared with the limit, and its
+    rank; margin; violations, and those allowed; share of success, and its bounds; consumer's risk, and that reached.
+    """
+
+    text: str
+    title: str
+    probability: str
+    verdict: str
+    css_class: str
+    note: str
+    cells: list[tuple[str, str]]
+    violating: list[int]
+    more_violating: int
+
+
+def content(campaign: CampaignResults, missing: int) -> list[dict[str, Any]]:
+    """Part of report.json: every requirement of the scenario with its judgement, None where runs allow no statement.
+
+    With `missing` runs there is no verdict.
+
+    Raises:
+        ResultError: the campaign has not the metric of a requirement, or its requirement is none.
+    """
+    entries = campaign.info.get("scenario", {}).get("requirements") or []
+    return [
+        _entry(campaign, _validated_requirement(campaign, index, entry), missing) for index, entry in enumerate(entries)
+    ]
+
+
+def rows(entries: Sequence[Mapping[str, Any]]) -> list[RequirementRow]:
+    """Lines of the table and tiles of the page."""
+    return [_row(entry) for entry in entries]
+
+
+def requirement_phrase(requirement: RequirementSection) -> str:
+    """A requirement as a phrase."""
+    shown = metric_label(requirement.metric)
+    limit = with_unit(f"{requirement.limit:g}", shown.unit)
+    return f"{shown.title} {requirement.bound} {limit} in at least {100.0 * requirement.probability:g} % of runs"
+
+
+def _validated_requirement(campaign: CampaignResults, index: int, entry: Mapping[str, Any]) -> RequirementSection:
+    try:
+        found = RequirementSection.model_validate(entry)
+    except pydantic.ValidationError as error:
+        reason = error.errors()[0]["msg"]
+        raise ResultError(f"requirements[{index}]: found {entry!r}, expected a requirement: {reason}") from None
+    if len(campaign.completed) and found.metric not in campaign.metrics:
+        raise ResultError(f"requirements[{index}]: found no metric {found.metric!r} in the campaign, expected it")
+    return found
+
+
+def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: int) -> dict[str, Any]:
+    values = np.asarray(campaign.metrics.get(requirement.metric, ()), dtype=np.float64)
+    failed = ~np.asarray(campaign.completed, dtype=bool)
+    found = evaluate_requirement(requirement, values, failed, campaign.run_ids, runs_are_independent(campaign), missing)
+    return {
+        "text": requirement_phrase(requirement),
+        **requirement.model_dump(),
+        "unit": metric_label(requirement.metric).unit or "-",
+        "verdict": str(found.verdict),
+        "verdict_text": found.text,
+        "more_runs": found.more_runs,
+        "runs": found.runs,
+        "violations": found.violations,
+        "allowed": found.allowed,
+        "rank": found.rank,
+        "order_statistic": found.order_statistic,
+        "margin": found.margin,
+        "without_value": found.without_value,
+        "worst": found.worst,
+        "success": found.success_fraction,
+        "risk_reached": found.risk_reached,
+        "success_interval": None if found.success_interval is None else list(found.success_interval),
+        "violating_ids": list(found.violating_ids),
+    }
+
+
+def _row(entry: Mapping[str, Any]) -> RequirementRow:
+    shown = metric_label(entry["metric"])
+    cells = _cells(entry)
+    side = "\N{LESS-THAN OR EQUAL TO}" if entry["bound"] == "at most" else "\N{GREATER-THAN OR EQUAL TO}"
+    return RequirementRow(
+        text=entry["text"],
+        title=f"{shown.title} {side} {with_unit(format(entry['limit'], 'g'), shown.unit)}",
+        probability=f"in at least {100.0 * entry['probability']:g} % of runs",
+        verdict=entry["verdict_text"],
+        css_class=_CSS_CLASSES.get(Verdict(entry["verdict"]), "open"),
+        note=f"{100.0 * entry['probability']:g} % of runs; {entry['violations']} of {entry['runs']} violate it"
+        + ("" if entry["margin"] is None else f"; margin {with_unit(_signed(entry['margin']), shown.unit)}"),
+        cells=cells,
+        violating=list(entry["violating_ids"]),
+        more_violating=entry["violations"] - len(entry["violating_ids"]),
+    )
+
+
+def _cells(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
+    interval = entry["success_interval"]
+    allowed = "too few runs" if entry["allowed"] is None else f"{entry['allowed']} allowed"
+    untold = str(entry["verdict"]).partition(":")[0]
+    valued = entry["runs"] - entry["without_value"]
+    return [
+        (format_number(entry["worst"]), f"of {valued} runs with a value" if valued < entry["runs"] else ""),
+        (_order_statistic_text(entry), "" if entry["rank"] is None else f"rank {entry['rank']} of {entry['runs']}"),
+        (_signed(entry["margin"]), ""),
+        (f"{entry['violations']} of {entry['runs']}", untold if interval is None else allowed),
+        (
+            format_number(None) if entry["success"] is None else _rounded_down(entry["success"]),
+            "" if interval is None else f"{_rounded_down(interval[0])} to {_rounded_up(interval[1])}",
+        ),
+        (f"{100.0 * entry['consumer_risk']:g} %", _risk_text(entry["risk_reached"])),
+    ]
+
+
+def _risk_text(reached: float | None) -> str:
+    if reached is None:
+        return ""
+    return "below 0.01 %" if reached < 1e-4 else f"{format_number(100.0 * reached, 2)} %"
+
+
+def _order_statistic_text(entry: Mapping[str, Any]) -> str:
+    """Value of the run to compare with the limit; a word where that run has none."""
+    if entry["order_statistic"] is None and entry["rank"] is not None:
+        return "run without value"
+    return format_number(entry["order_statistic"])
+
+
+def _signed(value: float | None) -> str:
+    return format_number(value) if value is None or value <= 0.0 else f"+{format_number(value)}"
+
+
+def _rounded_down(share: float) -> str:
+    """A probability rounded down, so that one below a requirement never looks as if it met it."""
+    return f"{np.floor(1e4 * share) / 1e4:.4f}"
+
+
+def _rounded_up(share: float) -> str:
+    return f"{np.ceil(1e4 * share) / 1e4:.4f}"

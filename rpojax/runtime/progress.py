@@ -1,0 +1,151 @@
+"""Progress of long work on stderr: a bar on a terminal, else a few lines."""
+
+import datetime
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+
+from rich.console import Console
+
+_COMPILING = "compiling (up to a minute, a few seconds the next time)"
+
+
+_PLAIN_SHARES = (0.25, 0.5, 0.75, 1.0)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a campaign is.
+
+    Attributes:
+        done: run-equivalents finished in this session, fractions of runs under way included
+        total: runs to do in this session
+        failed: runs failed so far in this session
+        compiled: the programs are compiled
+    """
+
+    done: float
+    total: int
+    failed: int
+    compiled: bool
+
+
+ProgressCallback = Callable[[Progress], None]
+
+
+@contextmanager
+def run_progress(duration_s: float, quiet: bool) -> Iterator[ProgressCallback]:
+    """Something to tell the progress of runs of `duration_s` [s] to: a bar on a terminal, else a few lines."""
+    if quiet:
+        yield lambda _: None
+    elif Console(stderr=True).is_terminal:
+        with _progress_bar(duration_s) as watch:
+            yield watch
+    else:
+        yield _PlainLines(duration_s)
+
+
+@contextmanager
+def item_progress(text: str, quiet: bool) -> Iterator[Callable[..., None]]:
+    """Something to tell `(done, total, note)` to: a bar on a terminal, else a line at every quarter."""
+    if quiet:
+        yield lambda done, total, note="": None
+        return
+    console = Console(stderr=True, highlight=False)
+    if not console.is_terminal:
+        shares = list(_PLAIN_SHARES)
+
+        def line(done: int, total: int, note: str = "") -> None:
+            while shares and done >= shares[0] * total:
+                shares.pop(0)
+                if not shares or done < shares[0] * total:
+                    console.print(f"rpojax: {text}, {done} of {total} {note}".rstrip(), soft_wrap=True)
+
+        yield line
+        return
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Display
+
+    columns = (TextColumn("{task.description}"), BarColumn(bar_width=20), TextColumn("{task.completed}/{task.total}"))
+    with Display(*columns, TimeRemainingColumn(), console=console) as display:
+        task = display.add_task(text, total=None)
+        yield lambda done, total, note="": display.update(
+            task, completed=done, total=total, description=f"{text} {note}".rstrip()
+        )
+
+
+@contextmanager
+def busy(text: str, quiet: bool) -> Iterator[None]:
+    """Says what is being done until it is done."""
+    console = Console(stderr=True, quiet=quiet, highlight=False)
+    if not console.is_terminal:
+        console.print(f"rpojax: {text}", soft_wrap=True)
+    with console.status(text) if console.is_terminal else nullcontext():
+        yield
+
+
+_SHORTEST_S = 0.05
+"""In less time than this no rate can be told."""
+
+
+class _Rate:
+    """How fast runs of a given duration are done, from when the programs were compiled."""
+
+    def __init__(self, duration_s: float) -> None:
+        self.duration_s = duration_s
+        self.begin: float | None = None
+
+    def describe(self, progress: Progress) -> str:
+        now = time.perf_counter()
+        if self.begin is None:
+            self.begin = now
+        elapsed = now - self.begin
+        if progress.done == 0.0:
+            return f"{count_runs(progress.total)} to do"
+        done = f"{progress.done:.0f}/{count_runs(progress.total)}"
+        if elapsed < _SHORTEST_S:
+            return f"{done}, {progress.failed} failed"
+        rate = progress.done / elapsed
+        left = datetime.timedelta(seconds=round((progress.total - progress.done) / rate))
+        speed = f"{rate:.3g}/s, {rate * self.duration_s:,.0f} run-s/s"
+        return f"{done}, {speed}, {left} left, {progress.failed} failed"
+
+
+def count_runs(runs: int) -> str:
+    return f"{runs} run{'' if runs == 1 else 's'}"
+
+
+class _PlainLines:
+    """A line when something begins, and at every quarter."""
+
+    def __init__(self, duration_s: float) -> None:
+        self._pace = _Rate(duration_s)
+        self._console = Console(stderr=True, highlight=False)
+        self._shares = list(_PLAIN_SHARES)
+
+    def __call__(self, progress: Progress) -> None:
+        text = self._pace.describe(progress) if progress.compiled else _COMPILING
+        if progress.done == 0.0:
+            self._console.print(f"rpojax: {text}", soft_wrap=True)
+        passed = [share for share in self._shares if progress.done >= share * progress.total]
+        if passed:
+            self._shares = self._shares[len(passed) :]
+            self._console.print(f"rpojax: {text}", soft_wrap=True)
+
+
+@contextmanager
+def _progress_bar(duration_s: float) -> Iterator[ProgressCallback]:
+    from rich.progress import BarColumn, SpinnerColumn, TextColumn
+    from rich.progress import Progress as Display
+
+    pace = _Rate(duration_s)
+    columns = (SpinnerColumn(), BarColumn(bar_width=10), TextColumn("{task.description}"))
+    with Display(*columns, console=Console(stderr=True, highlight=False)) as display:
+        task = display.add_task(_COMPILING, total=None)
+
+        def watch(progress: Progress) -> None:
+            if progress.compiled:
+                display.update(task, total=progress.total, completed=progress.done, description=pace.describe(progress))
+
+        yield watch

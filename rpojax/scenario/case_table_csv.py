@@ -1,0 +1,89 @@
+"""Tables of values for runs: CSV files, one row a run, with keys of the scenario as header."""
+
+import csv
+import io
+import math
+import re
+from pathlib import Path
+
+from rpojax.errors import ScenarioError
+
+MAX_BYTES = 64_000_000
+MAX_CELLS = 1_000_000
+MAX_COLUMNS = 1000
+
+TEXT_KEY = "fault.kind"
+"""The one key whose column holds names."""
+
+Columns = dict[str, list[float] | list[str]]
+
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,4})?", re.ASCII)
+
+
+def read_columns(path: Path) -> Columns:
+    """Columns of a table by their header.
+
+    Raises:
+        ScenarioError: the file cannot be read, is too large, or is no table of finite numbers under distinct keys.
+    """
+    rows = _rows(path, _text(path))
+    header, body = [cell.strip() for cell in rows[0]], rows[1:]
+    twice = [key for key in header if header.count(key) > 1 or not key]
+    if twice:
+        raise _table_error(path, 1, twice[0], "distinct keys of the scenario as header")
+    if not body:
+        raise _table_error(path, 2, "nothing", "a row for each run")
+    for number, row in enumerate(body, start=2):
+        if len(row) != len(header):
+            raise _table_error(path, number, f"{len(row)} fields", f"{len(header)} as in the header")
+    return {key: _column(path, key, [row[index].strip() for row in body]) for index, key in enumerate(header)}
+
+
+def _text(path: Path) -> str:
+    try:
+        if not path.is_file():
+            raise ScenarioError("design.file", str(path), "a CSV file")
+        with path.open("rb") as stream:
+            content = stream.read(MAX_BYTES + 1)
+        if len(content) > MAX_BYTES:
+            raise ScenarioError("design.file", str(path), f"a file of at most {MAX_BYTES} bytes")
+        return content.decode("utf-8-sig")
+    except (OSError, ValueError) as error:
+        reason = f"{path} ({type(error).__name__})"
+        raise ScenarioError("design.file", reason, "a readable CSV file in UTF-8") from None
+
+
+def _rows(path: Path, text: str) -> list[list[str]]:
+    """Rows of the file, empty lines at its end left out."""
+    rows: list[list[str]] = []
+    cells = 0
+    try:
+        for row in csv.reader(io.StringIO(text, newline=""), strict=True):
+            rows.append(row)
+            cells += max(1, len(row))
+            if cells > MAX_CELLS or len(row) > MAX_COLUMNS:
+                most = f"at most {MAX_COLUMNS} columns and {MAX_CELLS} values"
+                raise _table_error(path, len(rows), "more", most)
+    except csv.Error as error:
+        raise _table_error(path, len(rows) + 1, str(error), "comma-separated values") from None
+    while rows and not rows[-1]:
+        rows.pop()
+    if not rows or not rows[0]:
+        raise _table_error(path, 1, "nothing", "keys of the scenario as header")
+    return rows
+
+
+def _column(path: Path, key: str, cells: list[str]) -> list[float] | list[str]:
+    if key == TEXT_KEY:
+        return cells
+    values: list[float] = []
+    for number, cell in enumerate(cells, start=2):
+        value = float(cell) if _NUMBER.fullmatch(cell) else math.nan
+        if not math.isfinite(value):
+            raise _table_error(path, number, cell[:60], f"a finite number for {key}")
+        values.append(value)
+    return values
+
+
+def _table_error(path: Path, line: int, found: str, expected: str) -> ScenarioError:
+    return ScenarioError(f"{path} row {line}", found, expected)

@@ -1,0 +1,112 @@
+"""Checks of a scenario that span sections: rates that divide, a sane vehicle, dispersions that can be drawn."""
+
+import math
+
+from rpojax.errors import ScenarioError
+from rpojax.scenario.dispersion_checks import check_design, check_dispersions
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.sections import OrbitSection
+
+_MIN_PERIGEE_M = 6.47e6
+"""Some 100 km above the ground; nothing stays in orbit below [m]."""
+
+
+def check_consistency(file: ScenarioFile) -> None:
+    """Checks that span sections: rates that divide, sizes in order, dispersions of keys that exist.
+
+    Raises:
+        ScenarioError: naming the key, what was found and what was expected.
+    """
+    rates = file.rates
+    _check_whole_number(
+        rates.plant_hz / rates.camera_hz, "rates.plant_hz", rates.plant_hz, "a whole multiple of rates.camera_hz"
+    )
+    _check_whole_number(
+        rates.formation_period_s * rates.camera_hz,
+        "rates.formation_period_s",
+        rates.formation_period_s,
+        "a whole number of camera periods",
+    )
+    _check_whole_number(
+        file.duration_s * rates.camera_hz, "duration_s", file.duration_s, "a whole number of camera periods"
+    )
+    if file.camera.outlier_size_min_px > file.camera.outlier_size_max_px:
+        raise ScenarioError(
+            "camera.outlier_size_min_px", file.camera.outlier_size_min_px, "at most camera.outlier_size_max_px"
+        )
+    _check_orbit(file.orbit)
+    _check_vehicle(file)
+    _check_burn_timing(file)
+    distance = math.hypot(*file.formation.desired_position_m)
+    if distance <= file.limits.keep_out_m:
+        raise ScenarioError(
+            "formation.desired_position_m",
+            file.formation.desired_position_m,
+            f"a place farther from the target than limits.keep_out_m = {file.limits.keep_out_m:g}",
+        )
+    _check_precision(file)
+    check_dispersions(file)
+    check_design(file)
+
+
+def _check_precision(file: ScenarioFile) -> None:
+    """Single precision is for what it has been held against double precision with."""
+    if file.precision == "double":
+        return
+    model, integrator = file.camera.model, file.effects.integrator
+    plant_hz, duration_s = file.rates.plant_hz, file.duration_s
+    for key, found, known, expected in (
+        ("camera.model", model, model != "rendered", "'geometric' or 'statistical'"),
+        ("effects.integrator", integrator, integrator == "rk4", "'rk4'"),
+        ("rates.plant_hz", plant_hz, plant_hz <= _MAX_SINGLE_PLANT_HZ, f"at most {_MAX_SINGLE_PLANT_HZ:g}"),
+        ("duration_s", duration_s, duration_s <= _MAX_SINGLE_DURATION_S, f"at most {_MAX_SINGLE_DURATION_S:g}"),
+    ):
+        if not known:
+            raise ScenarioError(key, found, f"{expected} with precision = 'single'")
+
+
+_MAX_SINGLE_DURATION_S = 20000.0
+"""Duration [s] up to which both precisions have been held against each other; in a day their means come apart."""
+_MAX_SINGLE_PLANT_HZ = 50.0
+"""Rate [Hz] at which relative positions of 50 m are right to 0.1 mm; at 1000 Hz they are to 2 cm."""
+
+
+def _check_orbit(orbit: OrbitSection) -> None:
+    perigee = orbit.semi_major_axis_m * (1.0 - orbit.eccentricity)
+    if perigee <= _MIN_PERIGEE_M:
+        expected = f"a perigee above {_MIN_PERIGEE_M:g} m, and semi_major_axis_m makes it {perigee:.6g} m"
+        raise ScenarioError("orbit.eccentricity", orbit.eccentricity, expected)
+
+
+def _check_vehicle(file: ScenarioFile) -> None:
+    """Numbers of the vehicle that only together make sense."""
+    wheels, period = file.wheels, file.rates.formation_period_s
+    for speed, limit in zip(wheels.initial_speed_rad_s, wheels.speed_limit_rad_s, strict=True):
+        if abs(speed) > limit:
+            raise ScenarioError("wheels.initial_speed_rad_s", speed, f"at most the speed limit of {limit:g}")
+    least = min(wheels.torque_limit_n_m)
+    if wheels.torque_step_n_m > least:
+        raise ScenarioError("wheels.torque_step_n_m", wheels.torque_step_n_m, f"at most the torque limit of {least:g}")
+    for name in ("rise_time_s", "fall_time_s"):
+        if getattr(file.thruster, name) > 0.25 * period:
+            expected = f"at most a quarter of rates.formation_period_s = {period:g}"
+            raise ScenarioError(f"thruster.{name}", getattr(file.thruster, name), expected)
+    distance = math.hypot(*file.initial.relative_position_m)
+    if distance <= file.limits.keep_out_m:
+        expected = f"a start outside of limits.keep_out_m = {file.limits.keep_out_m:g}"
+        raise ScenarioError("initial.relative_position_m", file.initial.relative_position_m, expected)
+
+
+def _check_burn_timing(file: ScenarioFile) -> None:
+    """A look-away, centred on the burn, lies between two burn decisions."""
+    period, limit, lead = file.rates.formation_period_s, file.pointing.look_away_limit_s, file.formation.lead_s
+    if limit > period:
+        raise ScenarioError("pointing.look_away_limit_s", limit, f"at most rates.formation_period_s = {period:g}")
+    if not 0.5 * limit <= lead <= period - 0.5 * limit:
+        between = f"{0.5 * limit:g} to {period - 0.5 * limit:g}"
+        raise ScenarioError("formation.lead_s", lead, f"{between}, to fit pointing.look_away_limit_s = {limit:g} in")
+
+
+def _check_whole_number(ratio: float, key: str, found: float, expected: str) -> None:
+    if not 0.5 <= ratio < math.inf or not math.isclose(ratio, round(ratio), rel_tol=1e-9):
+        raise ScenarioError(key, found, expected)

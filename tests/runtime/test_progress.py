@@ -1,0 +1,43 @@
+"""Progress on stderr."""
+
+import pytest
+
+from rpojax.runtime import progress
+from rpojax.runtime.progress import Progress
+
+
+def tell(watch: progress.ProgressCallback) -> None:
+    watch(Progress(done=0.0, total=4, failed=0, compiled=False))
+    for done in (0.0, 1.0, 1.5, 3.0, 4.0):
+        watch(Progress(done=done, total=4, failed=int(done > 2.0), compiled=True))
+
+
+def test_lines_for_a_file_come_at_the_quarters(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress.run_progress(100.0, quiet=False) as watch:
+        tell(watch)
+    captured = capsys.readouterr()
+    starts = [line.split()[1] for line in captured.err.splitlines()]
+    assert starts == ["compiling", "4", "1/4", "3/4", "4/4"]
+    assert "1 failed" in captured.err.splitlines()[-1]
+    assert captured.out == ""
+
+
+def test_a_terminal_gets_a_bar(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "80")
+    with progress.run_progress(100.0, quiet=False) as watch:
+        tell(watch)
+    captured = capsys.readouterr()
+    assert "━" in captured.err
+    assert "4/4 runs" in captured.err
+    assert "1 failed" in captured.err
+    assert captured.out == ""
+
+
+def test_pace_counts_from_when_programs_were_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([100.0, 102.0])
+    monkeypatch.setattr(progress.time, "perf_counter", lambda: next(clock))
+    pace = progress._Rate(600.0)
+    assert pace.describe(Progress(done=0.0, total=10, failed=0, compiled=True)) == "10 runs to do"
+    text = pace.describe(Progress(done=4.0, total=10, failed=1, compiled=True))
+    assert text == "4/10 runs, 2/s, 1,200 run-s/s, 0:00:03 left, 1 failed"

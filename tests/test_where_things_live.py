@@ -1,0 +1,51 @@
+"""CONTRIBUTING.md says where things live; the tree and its docstrings decide."""
+
+import ast
+from pathlib import Path
+
+from test_import_directions import FLOORS, MODULES
+
+PAGE = (Path(__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+
+
+def summary(module: str) -> str:
+    """First paragraph of a module's docstring, in one line, without the floor that it may name first."""
+    text = ast.get_docstring(ast.parse(MODULES[module].read_text(encoding="utf-8"))) or ""
+    first = " ".join(text.split("\n\n")[0].split()).rstrip(".")
+    return first.split(": ", 1)[1] if first.startswith("Floor ") else first
+
+
+def row(module: str) -> str:
+    """Line of the table for a folder or a module at the top of the package."""
+    top, *below = module.split(".")
+    path = "rpojax/" + module.replace(".", "/")
+    path += "/" if MODULES[module].name == "__init__.py" else ".py"
+    return f"| {FLOORS[top] if not below else ''} | `{path}` | {summary(module)} |"
+
+
+def expected() -> list[str]:
+    """Rows from the highest floor down, each folder followed by its sub-folders."""
+    shown = [name for name, path in MODULES.items() if name and ("." not in name or path.name == "__init__.py")]
+    return [row(name) for name in sorted(shown, key=lambda name: (-FLOORS[name.partition(".")[0]], name))]
+
+
+def test_the_table_of_folders_is_that_of_the_tree() -> None:
+    found = [line for line in PAGE.splitlines() if "| `rpojax/" in line]
+    assert found == expected(), "expected:\n" + "\n".join(expected())
+
+
+def test_every_folder_and_module_says_what_it_is() -> None:
+    assert [name for name in MODULES if name and len(summary(name)) < 20] == []
+
+
+def test_a_folder_shows_its_ideas_at_a_glance() -> None:
+    folders = [name for name, path in MODULES.items() if path.name == "__init__.py"]
+    sizes = {
+        folder: len(
+            {name.removeprefix(f"{folder}.").split(".")[0] for name in MODULES if name.startswith(f"{folder}.")}
+        )
+        for folder in folders
+        if folder
+    }
+    large = {folder: size for folder, size in sizes.items() if size > 16 and folder != "cli.commands"}
+    assert large == {}
