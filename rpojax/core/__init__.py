@@ -1,4 +1,4 @@
-"""Floor 1: mathematics that all other floors share; knows nothing of vehicles, sensors or flight software."""
+"""Mathematics shared by truth, sensors and flight software: frames, attitude, orbits, estimation, random numbers."""
 
 import jax
 

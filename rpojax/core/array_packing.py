@@ -1,4 +1,4 @@
-"""Records of many small arrays as a few long ones: a compiled function's call costs by the array, whatever its size."""
+"""Records of many small arrays packed into a few long ones, since each argument of a compiled call costs time."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,13 +10,13 @@ import jax.numpy as jnp
 import numpy as np
 
 _LARGEST_PACKED_SIZE = 4096
-"""Arrays with more numbers than that stay on their own, since packing copies them."""
+"""Larger arrays are not packed, since packing copies them."""
 
 
 class PackedLayout:
-    """Where each array of a record lies in the packed ones: one for every dtype, then the large ones as they are.
+    """Position of each array of a record in the packed arrays: one for every dtype, then the large ones unchanged.
 
-    There is one layout of a kind, so that it is compared by its identity: `of` makes them.
+    Create layouts by `of`: equal layouts are the same object, and are compared by identity.
     """
 
     def __init__(self, tree: Any, shapes: tuple[tuple[int, ...], ...], dtypes: tuple[str, ...]) -> None:
@@ -45,11 +45,11 @@ class PackedLayout:
         return (*parts, *(leaves[index] for index in self._large))
 
     def unpack(self, packed: Sequence[Any]) -> Any:
-        """Record of packed arrays; of numpy's it holds views."""
+        """Record from its packed arrays, as views where these are of numpy."""
         leaves: list[Any] = [None] * len(self._shapes)
         count = len(self._slices)
-        for array, places in zip(packed[:count], self._slices, strict=True):
-            for index, begin, end, shape in places:
+        for array, slices in zip(packed[:count], self._slices, strict=True):
+            for index, begin, end, shape in slices:
                 leaves[index] = array[begin:end].reshape(shape)
         for array, index in zip(packed[count:], self._large, strict=True):
             leaves[index] = array
@@ -63,35 +63,40 @@ def _layout(tree: Any, shapes: tuple[tuple[int, ...], ...], dtypes: tuple[str, .
 
 @dataclass(frozen=True)
 class PackedRecord:
-    """A packed record."""
+    """A record in packed form.
+
+    Attributes:
+        layout: how the record is packed
+        arrays: packed arrays
+    """
 
     layout: PackedLayout
     arrays: tuple[Any, ...]
 
     @classmethod
     def of(cls, record: Any) -> "PackedRecord":
-        """A record, packed on the host."""
-        held = jax.tree.map(np.asarray, record)
-        layout = PackedLayout.of(held)
-        return cls(layout, layout.pack(held, np.concatenate))
+        """Packs a record on the host."""
+        on_host = jax.tree.map(np.asarray, record)
+        layout = PackedLayout.of(on_host)
+        return cls(layout, layout.pack(on_host, np.concatenate))
 
     def to_numpy(self) -> Any:
-        """The record, with numpy's arrays."""
+        """The record with numpy arrays."""
         return self.layout.unpack([np.asarray(array) for array in self.arrays])
 
 
 class PackedFunction:
-    """A function of records that returns a tuple of records, compiled as a function of bundles."""
+    """A function from records to a tuple of records, compiled as a function of packed records."""
 
     def __init__(self, function: Callable[..., tuple[Any, ...]]) -> None:
         self._function = function
         self._output_layouts: dict[tuple[PackedLayout, ...], tuple[PackedLayout, ...]] = {}
         self._compiled = jax.jit(self._call, static_argnums=0)
 
-    def __call__(self, *bundles: PackedRecord) -> tuple[PackedRecord, ...]:
-        """The records that come of those given."""
-        input_layouts = tuple(bundle.layout for bundle in bundles)
-        results = self._compiled(input_layouts, *(bundle.arrays for bundle in bundles))
+    def __call__(self, *arguments: PackedRecord) -> tuple[PackedRecord, ...]:
+        """Packed results for packed arguments."""
+        input_layouts = tuple(argument.layout for argument in arguments)
+        results = self._compiled(input_layouts, *(argument.arrays for argument in arguments))
         return tuple(PackedRecord(*pair) for pair in zip(self._output_layouts[input_layouts], results, strict=True))
 
     def _call(
@@ -99,6 +104,6 @@ class PackedFunction:
     ) -> tuple[tuple[jax.Array, ...], ...]:
         records = self._function(*(layout.unpack(each) for layout, each in zip(input_layouts, packed, strict=True)))
         output_layouts = tuple(PackedLayout.of(record) for record in records)
-        # Known from the tracing on, which comes before the first result.
+        # Set while tracing, so that it is there before the first result.
         self._output_layouts[input_layouts] = output_layouts
         return tuple(layout.pack(record) for layout, record in zip(output_layouts, records, strict=True))

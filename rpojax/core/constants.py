@@ -1,4 +1,4 @@
-"""Physical constants of the Earth, SI (EGM-96 and WGS-84 values as Basilisk and most flight software use them)."""
+"""Physical constants in SI units (of the Earth: EGM-96 and WGS-84, as in Basilisk and most flight software)."""
 
 from typing import Final
 
@@ -27,7 +27,7 @@ RADIUS_SUN: Final = 6.957e8
 """Radius of the Sun's visible disc [m]."""
 
 ASTRONOMICAL_UNIT: Final = 1.495978707e11
-"""Distance at which the solar flux is stated [m]."""
+"""Distance at which the solar flux is given [m]."""
 
 SPEED_OF_LIGHT: Final = 299792458.0
-"""[m/s]."""
+"""Speed of light in vacuum [m/s]."""

@@ -1,4 +1,4 @@
-"""The frames and letters of the project, and the Hill frame of an orbit.
+"""Reference frames and their letters; the Hill frame of an orbit and the frame of a camera.
 
 | letter | frame or point |
 |---|---|
@@ -26,7 +26,7 @@ Matrix = Float[Array, "3 3"]
 def hill_frame(r_TN_N: Vector, v_TN_N: Vector) -> tuple[Matrix, Vector]:
     """Hill frame of an orbit from its position [m] and velocity [m/s]: `R_HN` and `omega_HN_N` [rad/s].
 
-    The rate neglects the slow turn of the orbit plane by J2 (1e-7 rad/s), as the osculating frame does.
+    The rate is that of the osculating frame: it neglects the precession of the orbit plane by J2 (1e-7 rad/s).
     """
     momentum = cross(r_TN_N, v_TN_N)
     radial, normal = normalize(r_TN_N), normalize(momentum)
@@ -56,7 +56,7 @@ def hill_to_inertial(rho_H: Vector, rho_dot_H: Vector, R_HN: Matrix, omega_HN_N:
 
 
 def look_at(direction_N: Vector, right_N: Vector) -> Matrix:
-    """`R_KN` of a camera that looks along the unit vector `direction_N`, its x axis as near to `right_N` as can be."""
+    """`R_KN` of a camera that looks along the unit vector `direction_N`, its x axis nearest to `right_N`."""
     along = jnp.sum(right_N * direction_N, axis=0)
     x = normalize(right_N - along * direction_N)
     return jnp.stack([x, cross(direction_N, x), direction_N])

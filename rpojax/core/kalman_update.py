@@ -12,7 +12,7 @@ class MeasurementRows:
 
     Attributes:
         residual: (m,) measured less predicted at zero deviation
-        jacobian: (m, n) derivative of the measurement to the state
+        jacobian: (m, n) derivative of the measurement with respect to the state
         variance: (m,) of the noise
         weight: (m,) 1 where the row is used, 0 where it is not
     """
@@ -25,7 +25,7 @@ class MeasurementRows:
 
 @pytree
 class KalmanUpdate:
-    """Result of an update.
+    """Result of a measurement update.
 
     Attributes:
         deviation: (n,) correction of the state
@@ -53,9 +53,9 @@ def update(
 ) -> KalmanUpdate:
     """Processes the rows in order; the result equals the joint update (Bierman, Factorization Methods, 1977).
 
-    `crossed` is the product of Jacobian and `covariance`, where the caller knows a shorter way to it; `gained` are
-    variances that the state gets before the rows, `added` those that it gets after them. What each row leaves of the
-    covariance is worked out on the few vectors that the rows need, and on the matrix once.
+    `HP` is the product of Jacobian and `covariance`, for callers that have a shorter way to compute it.
+    `process_variance` is added to the diagonal of the covariance before the rows, `inflation_variance` after them.
+    Between rows only the vectors `P h` are updated; the covariance matrix is updated once, after the last row.
     """
     size = rows.jacobian.shape[1]
     none = jnp.zeros(size, dtype=covariance.dtype)
@@ -75,7 +75,7 @@ def update(
         innovation = rows.residual[index] - jnp.sum(h * deviation, axis=0)
         deviation = deviation + weight / s * innovation * Ph
         log_likelihood = log_likelihood - 0.5 * weight * (jnp.log(2.0 * jnp.pi * s) + innovation * innovation / s)
-        # The factor of Joseph's form for a weighted gain: 1 / s for a row that is used, and with that form's slope.
+        # The factor of Joseph's form for a weighted gain: 1 / s for a row that is used, with the same derivative.
         processed.append(((2.0 - weight) * weight / s, Ph))
         innovations.append(innovation)
         variances.append(s)

@@ -1,4 +1,4 @@
-"""Immutable records of arrays that JAX can map, scan and differentiate."""
+"""Frozen dataclasses of arrays that are JAX pytrees."""
 
 import contextlib
 import dataclasses
@@ -15,7 +15,7 @@ def pytree(cls: type[T]) -> type[T]:
     """Makes `cls` a frozen keyword-only dataclass whose every field is a pytree child."""
     frozen = dataclasses.dataclass(frozen=True, kw_only=True)(cls)
     record = jax.tree_util.register_dataclass(frozen)
-    # So that a traced function of such records can be kept on disk. A class that a notebook makes anew is not.
+    # Exported functions of such records can then be serialised. A class that a notebook defines again keeps the first.
     with contextlib.suppress(ValueError):
         name = f"{cls.__module__}.{cls.__qualname__}"
         register_pytree_node_serialization(
@@ -30,5 +30,5 @@ def replace(record: T, **changes: Any) -> T:
 
 
 def select(condition: jax.Array, if_true: T, if_false: T) -> T:
-    """Returns one of two like pytrees by a scalar boolean; both are evaluated."""
+    """Returns one of two pytrees of the same structure by a scalar boolean; both are evaluated."""
     return jax.tree.map(lambda a, b: jax.numpy.where(condition, a, b), if_true, if_false)

@@ -59,7 +59,7 @@ def to_matrix(q: Quaternion) -> Float[Array, "3 3"]:
 
 
 def from_matrix(matrix: Float[Array, "3 3"]) -> Quaternion:
-    """Unit quaternion of a direction cosine matrix; picks the best conditioned of Shepperd's four forms."""
+    """Unit quaternion of a direction cosine matrix, by the best conditioned of Shepperd's four forms."""
     m = matrix
     trace = m[0, 0] + m[1, 1] + m[2, 2]
     squares = jnp.stack([trace, m[0, 0], m[1, 1], m[2, 2]])
@@ -79,7 +79,7 @@ def from_matrix(matrix: Float[Array, "3 3"]) -> Quaternion:
 
 
 def exp(rotation: Vector) -> Quaternion:
-    """Quaternion that turns components by the rotation vector [rad], at most one full turn long.
+    """Quaternion of a rotation vector [rad] of at most one full turn.
 
     `R(exp(phi)) v` is v rotated by |phi| about phi.
     """
@@ -88,7 +88,7 @@ def exp(rotation: Vector) -> Quaternion:
 
 
 def log(q: Quaternion) -> Vector:
-    """Rotation vector [rad] of the shorter way round, inverse of `exp`."""
+    """Rotation vector [rad] of at most half a turn, inverse of `exp`."""
     sign = jnp.where(q[0] < 0.0, -1.0, 1.0)
     w, u = sign * q[0], sign * q[1:]
     square = jnp.sum(u * u, axis=0)
@@ -99,9 +99,9 @@ def log(q: Quaternion) -> Vector:
 
 
 def rotation_vector_between(a: Vector, b: Vector) -> Vector:
-    """Rotation vector [rad] of the smallest turn that takes unit vector `a` to unit vector `b`.
+    """Rotation vector [rad] of the smallest rotation that takes unit vector `a` to unit vector `b`.
 
-    Opposite vectors have no unique answer; the axis is then the one nearest to the coordinate axis most normal to `a`.
+    The axis for opposite vectors is not unique: it is chosen from the coordinate axis most normal to `a`.
     """
     axis = cross(a, b)
     sine, cosine = safe.norm(axis), jnp.sum(a * b, axis=0)
@@ -109,7 +109,7 @@ def rotation_vector_between(a: Vector, b: Vector) -> Vector:
     fallback = cross(a, jnp.where(jnp.arange(3) == least, 1.0, 0.0).astype(a.dtype))
     angle = arctan2(sine, cosine)
     small = sine < 1e-9
-    # Angle over sine tends to one for like vectors; for opposite ones the axis has to be chosen.
+    # Angle over sine tends to one for equal vectors.
     ratio = jnp.where(small, 1.0, angle / jnp.where(small, 1.0, sine))
     return jnp.where(small & (cosine < 0.0), angle * safe.normalize(fallback), ratio * axis)
 
@@ -121,5 +121,5 @@ def derivative(q_BN: Quaternion, omega_BN_B: Vector) -> Quaternion:
 
 
 def propagate(q_BN: Quaternion, omega_BN_B: Vector, dt: float | Float[Array, ""]) -> Quaternion:
-    """`q_BN` after `dt` [s] of the constant rate `omega_BN_B` [rad/s], exactly."""
+    """`q_BN` after `dt` [s] at the constant rate `omega_BN_B` [rad/s], exactly."""
     return multiply(exp(-dt * omega_BN_B), q_BN)

@@ -1,4 +1,4 @@
-"""Random streams: a run's draws depend on the master seed, the run's number and the stream's name alone."""
+"""Random number streams: the numbers of a run depend on master seed, run id and stream alone."""
 
 import enum
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ Keys = UInt32[Array, "n 2"]
 
 
 class Stream(enum.IntEnum):
-    """Fixed numbers of the random streams; new streams get new numbers, so that old results stay as they are."""
+    """Fixed numbers of the random streams; a new stream gets a new number, so that earlier results do not change."""
 
     DISPERSION = 1
     HANDOVER = 2
@@ -27,54 +27,55 @@ class Stream(enum.IntEnum):
 
 
 def master_key(seed: int) -> Key:
-    """Key of a campaign. Threefry always: under `vmap` other generators give a run other numbers than alone."""
+    """Key of a campaign. Always threefry: other generators give a run other numbers under `vmap` than alone."""
     return jax.random.key_data(jax.random.key(seed, impl="threefry2x32"))
 
 
 def fold_in(key: Key, number: int | Array) -> Key:
-    """Key derived from `key` by an integer: a run's number, a stream, a tick."""
+    """Key derived from `key` by an integer, such as a run id, a stream or a tick."""
     zero = jnp.zeros((), dtype=jnp.uint32)
     return jnp.stack(_threefry(key, zero, jnp.asarray(number).astype(jnp.uint32)))
 
 
 def select_keys(keys: Keys, indices: Sequence[int] | np.ndarray) -> UInt32[Array, "m 2"]:
-    """Some of several keys, in any order and as often as wanted."""
+    """The keys at some indices, which may repeat."""
     return keys.at[np.asarray(indices, dtype=np.int32)].get(mode="promise_in_bounds")
 
 
 def fold_in_per_key(keys: Keys, numbers: UInt32[Array, " n"]) -> Keys:
-    """Keys derived from each of several by a number of its own, as `fold_in` derives one."""
+    """`fold_in` of each key with its own number."""
     return jnp.stack(_threefry(keys.T, jnp.zeros_like(numbers), numbers), axis=1)
 
 
 def normal(key: Key, count: int) -> Float[Array, " {count}"]:
-    """Standard normal numbers, drawn in float32 (plenty for noise, at half the cost) and returned in float64."""
+    """Standard normal numbers, drawn in float32 (precise enough for noise, at half the cost), returned in float64."""
     return normal_per_key(key[None], [count])
 
 
 def uniform(key: Key, count: int) -> Float[Array, " {count}"]:
-    """Numbers uniform in [0, 1), drawn in float32 and returned in float64."""
+    """Uniform numbers in [0, 1), drawn in float32, returned in float64."""
     return _uniform_per_key(key[None], [count]).astype(jnp.float64)
 
 
 def normal_per_key(keys: Keys, counts: Sequence[int]) -> Float[Array, " total"]:
-    """The numbers that `normal` draws from each of several keys, one key's after the other's, in one go."""
+    """The numbers that `normal` draws from each of several keys, concatenated."""
     u = jnp.maximum(_SMALLEST_UNIFORM, _uniform_per_key(keys, counts) * (1.0 - _SMALLEST_UNIFORM) + _SMALLEST_UNIFORM)
     return (np.float32(np.sqrt(2.0)) * jax.lax.erf_inv(u)).astype(jnp.float64)
 
 
 _SMALLEST_UNIFORM = np.nextafter(np.float32(-1.0), np.float32(0.0))
-"""Least number whose inverse error function is finite."""
+"""Smallest float32 number whose inverse error function is finite."""
 
 _ROTATIONS = ((13, 15, 26, 6), (17, 29, 16, 24))
+"""Rotation distances of the threefry rounds [bit]."""
 
 
 def _uniform_per_key(keys: Keys, counts: Sequence[int]) -> Float[Array, " total"]:
-    """Numbers uniform in [0, 1) of the leading 23 of 32 random bits."""
+    """Uniform numbers in [0, 1) from the leading 23 of 32 random bits."""
     if len(counts) != keys.shape[0]:
         raise ValueError(f"counts: found {len(counts)}, expected one for each of {keys.shape[0]} keys")
     counter = jnp.asarray(np.concatenate([np.arange(count, dtype=np.uint32) for count in counts]))
-    # One key goes with all of its numbers as it is, without being repeated.
+    # A single key broadcasts and need not be repeated.
     key_columns = keys.T if len(counts) == 1 else select_keys(keys, np.repeat(np.arange(len(counts)), counts)).T
     first, second = _threefry(key_columns, jnp.zeros_like(counter), counter)
     mantissa = ((first ^ second) >> np.uint32(9)) | np.uint32(0x3F800000)
@@ -82,10 +83,10 @@ def _uniform_per_key(keys: Keys, counts: Sequence[int]) -> Float[Array, " total"
 
 
 def _threefry(key: UInt32[Array, "2 ..."], x: Array, y: Array) -> tuple[Array, Array]:
-    """Threefry-2x32 of a block (Salmon et al., Parallel random numbers: as easy as 1, 2, 3, 2011): JAX's own numbers.
+    """Threefry-2x32 of a block (Salmon et al., Parallel random numbers: as easy as 1, 2, 3, 2011); equal to JAX's.
 
-    `key` holds the halves of one key, or of one for each number. JAX runs the twenty rounds as loops of small steps on
-    a CPU; written out they are one loop over all runs.
+    `key` holds the halves of one key, or of one for each number. On a CPU JAX runs the twenty rounds as loops of small
+    steps; unrolled they compile to one loop over all runs.
     """
     schedule = (key[0], key[1], key[0] ^ key[1] ^ np.uint32(0x1BD11BDA))
     x, y = x + schedule[0], y + schedule[1]

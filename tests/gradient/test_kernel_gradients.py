@@ -19,8 +19,9 @@ from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.numerics import runge_kutta, safe
 from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.numerics.runge_kutta import NODES, Method
-from rpojax.core.orbits import eclipse, orbital_mechanics, sun_moon_ephemeris
-from rpojax.core.orbits.orbital_mechanics import EARTH_GRAVITY, KeplerianElements
+from rpojax.core.orbits import clohessy_wiltshire, eclipse, keplerian_elements, sun_moon_ephemeris, third_body_gravity, two_body_gravity, zonal_gravity
+from rpojax.core.orbits.keplerian_elements import KeplerianElements
+from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import replace
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.control import attitude_control, formation_lqr
@@ -148,22 +149,22 @@ def orbit_state(x: jax.Array) -> Any:
     elements = KeplerianElements(
         semi_major_axis=a, eccentricity=e, inclination=i, raan=raan, argument_of_perigee=w, true_anomaly=nu
     )
-    r_N, v_N = orbital_mechanics.state_from_elements(elements)
+    r_N, v_N = keplerian_elements.state_from_elements(elements)
     return r_N / 7e6, v_N / 7e3
 
 
 @jax.jit
 def gravities(x: jax.Array, r_N: jax.Array, d_N: jax.Array) -> Any:
     r = Difference(value=r_N + 1e6 * x[:3], change=d_N + 10.0 * x[3:])
-    pull = orbital_mechanics.gravity(EARTH_GRAVITY, 6, r)
-    moon = orbital_mechanics.third_body_acceleration(4.9028e12, 3.84e8 * jnp.asarray(W), r)
-    gradient = orbital_mechanics.gravity_gradient(r.value)
+    pull = zonal_gravity.gravity(EARTH_GRAVITY, 6, r)
+    moon = third_body_gravity.third_body_acceleration(4.9028e12, 3.84e8 * jnp.asarray(W), r)
+    gradient = two_body_gravity.gravity_gradient(r.value)
     return pull.value, 1e4 * pull.change, 1e6 * moon.value, 1e11 * moon.change, 1e6 * gradient
 
 
 @jax.jit
 def transition(x: jax.Array) -> Any:
-    phi = orbital_mechanics.transition_matrix(1e-3 * (1.0 + x[0]), 200.0 * (1.0 + x[1]))
+    phi = clohessy_wiltshire.transition_matrix(1e-3 * (1.0 + x[0]), 200.0 * (1.0 + x[1]))
     scale = jnp.repeat(jnp.array([1.0, 1e-2]), np.array([3, 3]), total_repeat_length=6)
     return phi * scale[None, :] / scale[:, None]
 
@@ -193,7 +194,7 @@ def harmonics(x: jax.Array, r_N: jax.Array) -> Any:
         zonals=jnp.asarray(EARTH_GRAVITY.zonals) + 1e-3 * x[4:],
     )
     r = Difference(value=r_N + 1e6 * x[:3], change=50.0 * jnp.asarray(V))
-    full, point = (orbital_mechanics.gravity(field, degree, r) for degree in (6, 0))
+    full, point = (zonal_gravity.gravity(field, degree, r) for degree in (6, 0))
     return 1e2 * (full.value - point.value), 1e6 * (full.change - point.change)
 
 

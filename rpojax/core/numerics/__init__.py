@@ -1,1 +1,1 @@
-"""Numerical methods: exact differences, double-single numbers, Runge-Kutta, gradient-safe primitives."""
+"""Numerical methods: Runge-Kutta, exact differences, double-single numbers, gradient-safe primitives."""

@@ -1,4 +1,4 @@
-"""Numbers that carry their own finite change, so that a difference of two nearly equal results never cancels."""
+"""Finite differences without cancellation: numbers that carry their own change from one point to another."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -8,11 +8,10 @@ from rpojax.core.pytree import pytree
 
 @pytree
 class Difference:
-    """A quantity at one point and its change on the way to another.
+    """A quantity at one point and its change to another.
 
-    The rules are those of finite differences, exact at any distance: `(a b)' - a b = a' db + da b`. A formula written
-    once with `+ - *` and `inverse_length` gives a value, and the difference of two values, each to full
-    relative precision.
+    The rules are those of finite differences, exact at any distance: `(a b)' - a b = a' db + da b`. A formula in
+    `+ - *` and `inverse_norm` gives a value and the difference of two values, both to full relative precision.
 
     Attributes:
         value: at the first point
@@ -36,7 +35,7 @@ class Difference:
         return Difference(value=self.value * other, change=self.change * other)
 
     def scale(self, vector: "Difference") -> "Difference":
-        """Product of this scalar and another scalar or a vector (3,)."""
+        """Product of this scalar with another scalar or a vector (3,)."""
         return Difference(
             value=self.value * vector.value,
             change=self.change * (vector.value + vector.change) + self.value * vector.change,
@@ -47,7 +46,7 @@ class Difference:
 
 
 def inverse_norm(vector: Difference) -> Difference:
-    """One over the length of a vector (3,)."""
+    """One over the norm of a vector (3,)."""
     square = jnp.sum(vector.value * vector.value, axis=0)
     growth = jnp.sum(vector.change * (2.0 * vector.value + vector.change), axis=0) / square
     root = jnp.sqrt(1.0 + growth)

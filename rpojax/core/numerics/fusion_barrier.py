@@ -1,4 +1,4 @@
-"""Stage borders that the compiler respects."""
+"""A barrier that XLA does not fuse across."""
 
 from typing import TypeVar
 
@@ -10,10 +10,10 @@ T = TypeVar("T")
 
 
 def fusion_barrier(tree: T, runtime_value: Array) -> T:
-    """Returns `tree` unchanged, computed once and stored, for any `marker` that is not negative.
+    """Returns `tree` unchanged, computed once and stored, for any `runtime_value` that is not negative.
 
-    XLA on CPU fuses a stage into each element of the stages that use it, and computes it anew for each: an
-    optimisation barrier does not stop it, a branch that it cannot decide does. `marker` must be a number known only at
-    run time and the same for all runs of a batch, such as the tick; else the branch becomes a cheap but useless select.
+    XLA on CPU fuses a computation into each of its uses and repeats it there. `lax.optimization_barrier` does not stop
+    it, a branch that it cannot decide does. `runtime_value` must be unknown at compile time and the same for all runs
+    of a batch, such as the tick; otherwise the branch becomes a select, which is no barrier.
     """
     return jax.lax.cond(runtime_value >= 0, lambda x: x, lambda x: jax.tree.map(jnp.zeros_like, x), tree)

@@ -1,4 +1,4 @@
-"""Fixed-step integration of pytrees: the classical fourth-order method, and one of eighth order to check it with."""
+"""Fixed-step Runge-Kutta integration of pytrees: the classical method of order four, and one of order eight."""
 
 import math
 from collections.abc import Callable
@@ -18,34 +18,34 @@ NODES: dict[Method, tuple[float, ...]] = {
     "rk4": (0.0, 0.5, 1.0),
     "rk8": (0.0, (7.0 - _SQRT_21) / 14.0, 0.5, (7.0 + _SQRT_21) / 14.0, 1.0),
 }
-"""Times within a step, as shares of it, at which a method asks for its inputs."""
+"""Fractions of a step at which a method evaluates its inputs."""
 
 
 def step(
     method: Method, derivative: Derivative[State], state: State, inputs: Any, dt: float | Float[Array, ""]
 ) -> State:
-    """State after one step of `dt` [s]; see `change`."""
+    """State after one step of `dt` [s]; see `increment`."""
     return _add(state, increment(method, derivative, state, inputs, dt))
 
 
 def rk4(derivative: Derivative[State], state: State, inputs: Any, dt: float | Float[Array, ""]) -> State:
-    """State after one step of the classical fourth-order Runge-Kutta method over `dt` [s]; see `change`."""
+    """State after one step of `dt` [s] by the classical fourth-order method; see `increment`."""
     return step("rk4", derivative, state, inputs, dt)
 
 
 def increment(
     method: Method, derivative: Derivative[State], state: State, inputs: Any, dt: float | Float[Array, ""]
 ) -> State:
-    """What one step of `dt` [s] adds to the state.
+    """Increment of the state over one step of `dt` [s].
 
-    `inputs` is a pytree whose leaves hold what `derivative` gets at each of the method's `NODES` along their first
+    The leaves of `inputs` hold the second argument of `derivative` at each of the method's `NODES`, along their first
     axis.
     """
     return _rk4(derivative, state, inputs, dt) if method == "rk4" else _rk8(derivative, state, inputs, dt)
 
 
 def _add(state: State, increment: State) -> State:
-    return jax.tree.map(lambda y, more: y + more, state, increment)
+    return jax.tree.map(lambda y, dy: y + dy, state, increment)
 
 
 def _rk4(derivative: Derivative[State], state: State, inputs: Any, dt: float | Float[Array, ""]) -> State:
@@ -60,11 +60,11 @@ def _rk4(derivative: Derivative[State], state: State, inputs: Any, dt: float | F
     )
 
     def stage(carry: tuple[State, State], inputs: tuple[Any, Array, Array]) -> tuple[tuple[State, State], None]:
-        at, total = carry
-        value, reach, weight = inputs
-        slope = derivative(at, value)
-        at = jax.tree.map(lambda y, k: y + reach * k, state, slope)
-        return (at, jax.tree.map(lambda y, k: y + weight * k, total, slope)), None
+        point, total = carry
+        value, offset, weight = inputs
+        slope = derivative(point, value)
+        point = jax.tree.map(lambda y, k: y + offset * k, state, slope)
+        return (point, jax.tree.map(lambda y, k: y + weight * k, total, slope)), None
 
     (_, total), _ = jax.lax.scan(stage, (state, jax.tree.map(jnp.zeros_like, state)), stages)
     return total
@@ -116,7 +116,7 @@ _RK8_COEFFICIENTS: dict[tuple[int, int], float] = {
 
 
 def _rk8(derivative: Derivative[State], state: State, inputs: Any, dt: float | Float[Array, ""]) -> State:
-    """Cooper and Verner's eleven-stage method of order eight.
+    """The eleven-stage method of order eight.
 
     Cooper and Verner, "Some explicit Runge-Kutta methods of high order", 1972.
     """
@@ -125,15 +125,15 @@ def _rk8(derivative: Derivative[State], state: State, inputs: Any, dt: float | F
     for (row, column), value in _RK8_COEFFICIENTS.items():
         coefficients[row, column] = value
 
-    def way(slopes: State, weights: Float[Array, " stages"]) -> State:
+    def combination(slopes: State, weights: Float[Array, " stages"]) -> State:
         return jax.tree.map(lambda k: dt * jnp.tensordot(weights, k, axes=1), slopes)
 
     def stage(slopes: State, plan: tuple[Array, Array, Array]) -> tuple[State, None]:
         number, weights, node = plan
-        slope = derivative(_add(state, way(slopes, weights)), jax.tree.map(lambda nodes: nodes[node], inputs))
+        slope = derivative(_add(state, combination(slopes, weights)), jax.tree.map(lambda nodes: nodes[node], inputs))
         return jax.tree.map(lambda k, new: k.at[number].set(new), slopes, slope), None
 
     none = jax.tree.map(lambda y: jnp.zeros((count, *y.shape), dtype=y.dtype), state)
     plan = (jnp.arange(count), jnp.asarray(coefficients), jnp.asarray(_RK8_NODE_INDICES))
     slopes, _ = jax.lax.scan(stage, none, plan)
-    return way(slopes, jnp.asarray(_RK8_WEIGHTS))
+    return combination(slopes, jnp.asarray(_RK8_WEIGHTS))

@@ -1,4 +1,4 @@
-"""Primitives whose derivative stays finite where the plain ones have none, and a gate with a smooth derivative."""
+"""Primitives with finite derivatives at their singular points, and a step function with a smooth derivative."""
 
 import jax
 import jax.numpy as jnp
@@ -33,10 +33,10 @@ def safe_div(numerator: Float[Array, "*shape"], denominator: Float[Array, "*shap
 
 @jax.custom_jvp
 def gate(margin: Float[Array, ""], width: Float[Array, ""]) -> Float[Array, ""]:
-    """1.0 where `margin` is positive and 0.0 elsewhere, with the derivative of a logistic step of the given width.
+    """Step function, 1.0 where `margin` is positive, with the derivative of a logistic step of the given width.
 
-    The value is the hard decision that flight software takes; the derivative lets a gradient see a decision that is
-    nearly taken. Far from the threshold (many widths) the derivative vanishes, as that of the hard step does.
+    The value is the hard decision of the flight software; the surrogate derivative lets a gradient see a decision that
+    is close. Many widths from the threshold it vanishes, as that of the hard step does.
     """
     del width
     return jnp.where(margin > 0.0, 1.0, 0.0)
@@ -50,7 +50,7 @@ def _gate_jvp(primals: tuple[Array, Array], tangents: tuple[Array, Array]) -> tu
 
 
 def is_finite(tree: object) -> Bool[Array, ""]:
-    """True when every number in the pytree is finite."""
-    # A sum propagates any inf or nan, and costs one comparison instead of one per element.
+    """True if every number in the pytree is finite."""
+    # A sum propagates any inf or nan, with one comparison instead of one per element.
     total = sum(jnp.sum(leaf * 0.0) for leaf in jax.tree.leaves(tree) if jnp.issubdtype(leaf.dtype, jnp.floating))
     return jnp.asarray(total) == 0.0

@@ -1,4 +1,4 @@
-"""Sine, cosine and arc tangent as power series: vectorised and branch-free, unlike library calls."""
+"""Sine, cosine and arc tangent as power series, which XLA vectorises, unlike library calls."""
 
 import math
 from typing import Final
@@ -23,7 +23,7 @@ def cos_sinc(square: Float[Array, "*shape"]) -> tuple[Float[Array, "*shape"], Fl
 
 
 def cos_sin(angle: Float[Array, "*shape"]) -> tuple[Float[Array, "*shape"], Float[Array, "*shape"]]:
-    """Cosine and sine of an angle [rad], to 1e-15 and a rounding of the angle."""
+    """Cosine and sine of an angle [rad], to 1e-15 plus the rounding of the angle."""
     within = angle - 2.0 * math.pi * jnp.round(angle / (2.0 * math.pi))
     cosine, sinc = cos_sinc(within * within)
     return cosine, within * sinc
@@ -40,7 +40,7 @@ def arctan2(y: Float[Array, "*shape"], x: Float[Array, "*shape"]) -> Float[Array
     A negative zero counts as zero.
     """
     larger, smaller = jnp.maximum(jnp.abs(x), jnp.abs(y)), jnp.minimum(jnp.abs(x), jnp.abs(y))
-    # The nearest of 0, 22.5 and 45 deg is taken off, so that the tangent of what is left is at most 0.2.
+    # The nearest of 0, 22.5 and 45 deg is subtracted, so that the tangent of the remainder is at most 0.2.
     multiple = jnp.where(smaller > math.tan(0.5 * _REDUCTION_ANGLE) * larger, 1.0, 0.0)
     multiple = jnp.where(smaller > math.tan(1.5 * _REDUCTION_ANGLE) * larger, 2.0, multiple)
     multiple_tangent = jnp.where(multiple > 1.5, 1.0, math.tan(_REDUCTION_ANGLE) * multiple)
@@ -60,6 +60,6 @@ def arctan2(y: Float[Array, "*shape"], x: Float[Array, "*shape"]) -> Float[Array
 def _arctan2_jvp(primals: tuple[Array, Array], tangents: tuple[Array, Array]) -> tuple[Array, Array]:
     y, x = primals
     square = x * x + y * y
-    somewhere = square != 0.0
-    moved = (x * tangents[0] - y * tangents[1]) / jnp.where(somewhere, square, 1.0)
-    return arctan2(y, x), jnp.where(somewhere, moved, 0.0)
+    nonzero = square != 0.0
+    slope = (x * tangents[0] - y * tangents[1]) / jnp.where(nonzero, square, 1.0)
+    return arctan2(y, x), jnp.where(nonzero, slope, 0.0)

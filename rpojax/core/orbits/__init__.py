@@ -1,1 +1,1 @@
-"""Orbits as truth and flight software both need them: gravity, relative motion, Sun and Moon, eclipse."""
+"""Orbital mechanics used by truth and flight software: gravity, relative motion, Sun and Moon, eclipse."""

@@ -1,4 +1,4 @@
-"""Sunlight as truth and flight software both need it: the Earth's shadow, and when a camera can see a target."""
+"""The Earth's shadow: how much of the Sun is visible from a position."""
 
 import jax
 import jax.numpy as jnp
@@ -6,7 +6,6 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.core.constants import RADIUS_EARTH, RADIUS_SUN
 from rpojax.core.numerics import safe
-from rpojax.core.numerics.safe import normalize
 from rpojax.core.numerics.trigonometric_series import arctan2
 
 Vector = Float[Array, "3"]
@@ -16,13 +15,13 @@ Scalar = Float[Array, ""]
 def illumination(
     r_N: Vector, r_sun_N: Vector, radius: float | Scalar = RADIUS_EARTH, radius_sun: float | Scalar = RADIUS_SUN
 ) -> Scalar:
-    """Share of the Sun's disc [-] that the Earth leaves free at an inertial position [m].
+    """Visible fraction of the Sun's disc [-] at an inertial position [m].
 
-    0 in the umbra, between in the penumbra, 1 in the light: overlap of the apparent discs (Montenbruck and Gill,
-    Satellite Orbits, section 3.4.2). The value is continuous, and so is its gradient.
+    0 in the umbra, 1 in sunlight; in the penumbra from the overlap of the apparent discs (Montenbruck and Gill,
+    Satellite Orbits, section 3.4.2). The value and its gradient are continuous.
     """
     sun_sine, earth_sine, cosine = _disc_geometry(r_N, r_sun_N, radius, radius_sun)
-    # The library's arc tangents: half of the result's digits hang on their last ones (see `_overlap`).
+    # jnp.arctan2, not the series: half of the result's digits depend on its last ones (see `_lens_as_published`).
     sun_angle = jnp.arctan2(sun_sine, _complementary_sine(sun_sine))
     earth_angle = jnp.arctan2(earth_sine, _complementary_sine(earth_sine))
     separation = jnp.arctan2(_complementary_sine(cosine), cosine)
@@ -40,7 +39,7 @@ def _disc_geometry(
 
 
 def _complementary_sine(sine: Scalar) -> Scalar:
-    """The cosine that belongs to a sine, or the other way round, of an angle for which it is not negative."""
+    """Cosine of an angle from its sine, or sine from cosine, where the result is not negative."""
     return safe.sqrt((1.0 - sine) * (1.0 + sine))
 
 
@@ -59,23 +58,23 @@ def _disc_overlap_area(a: Scalar, b: Scalar, c: Scalar) -> Scalar:
 
 
 def _lens_as_published(a: Scalar, b: Scalar, c: Scalar, crossing: Bool[Array, ""]) -> Scalar:
-    # As published, arc cosines and all: next to 1 they lose half of their digits, and the light is good to 5e-9
-    # (3e-7 at the very borders).
-    # Other simulators do the same, so with the same operations in the same order the values agree to 1e-13.
+    # The published formula with arc cosines, which lose half of their digits next to 1: the visible fraction is good
+    # to 5e-9 (3e-7 at the borders of the penumbra). Other simulators use the same operations in the same order, so that
+    # values agree to 1e-13.
     x = (c * c + a * a - b * b) / (2.0 * jnp.where(crossing, c, 1.0))
     angle_a, angle_b = _arc_cosine(jnp.clip(x / a, -1.0, 1.0)), _arc_cosine(jnp.clip((c - x) / b, -1.0, 1.0))
     return a * a * angle_a + b * b * angle_b - c * safe.sqrt(a * a - x * x)
 
 
 def _lens_from_chord(a: Scalar, b: Scalar, c: Scalar) -> Scalar:
-    """The same without arc cosines, for numbers that have no digits to lose."""
+    """Area of the lens without arc cosines, for single precision."""
     half_chord, angle_a, angle_b = _common_chord(a, b, c)
     return a * a * angle_a + b * b * angle_b - c * half_chord
 
 
 @_disc_overlap_area.defjvp
 def _overlap_jvp(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tuple[Array, Array]:
-    """The area grows with each radius by that disc's arc inside the other, and shrinks with distance by the chord."""
+    """Derivative to each radius: that disc's arc inside the other; to the distance: minus the common chord."""
     a, b, c = primals
     half_chord, angle_a, angle_b = _common_chord(a, b, c)
     inside = c <= jnp.abs(a - b)
@@ -86,11 +85,11 @@ def _overlap_jvp(primals: tuple[Array, ...], tangents: tuple[Array, ...]) -> tup
 
 
 def _common_chord(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar, Scalar]:
-    """Half the common chord of two circles and the half angles under which their centres see it; 0 if they miss."""
+    """Half the common chord of two circles and the half angles it subtends at their centres; 0 if they do not cross."""
     crossing = (c < a + b) & (c > jnp.abs(a - b))
     x = (c * c + (a - b) * (a + b)) / (2.0 * jnp.where(crossing, c, 1.0))
     half_chord = jnp.where(crossing, safe.sqrt((a - x) * (a + x)), 0.0)
-    # From sine and cosine: an arc cosine would spoil the slope next to the borders of the penumbra.
+    # From sine and cosine: an arc cosine loses the derivative near the borders of the penumbra.
     angle_a, angle_b = arctan2(half_chord, x), arctan2(half_chord, c - x)
     return half_chord, jnp.where(crossing, angle_a, 0.0), jnp.where(crossing, angle_b, 0.0)
 
@@ -98,22 +97,11 @@ def _common_chord(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar, Scal
 def is_lit(r_N: Vector, r_sun_N: Vector) -> Bool[Array, ""]:
     """True while more than half of the Sun's disc is visible.
 
-    The limb is curved, so half of the Sun is covered when its centre is `sun^2 / (6 earth)` inside of the Earth's disc,
-    by their apparent radii: to 1e-9 rad up to geostationary orbit, to 1e-6 rad up to the Moon's. Not for places so far
-    that the Earth's disc is the smaller one.
+    Because the limb is curved, half of the Sun is covered when its centre is `sun^2 / (6 earth)` inside of the Earth's
+    disc, in terms of the apparent radii: to 1e-9 rad up to geostationary orbit, to 1e-6 rad up to the Moon's. Not valid
+    where the apparent disc of the Earth is smaller than that of the Sun.
     """
     sun_sine, earth_sine, cosine = _disc_geometry(r_N, r_sun_N, RADIUS_EARTH, RADIUS_SUN)
     earth_cosine = _complementary_sine(earth_sine)
     half_covered_angle = sun_sine * sun_sine / (6.0 * arctan2(earth_sine, earth_cosine))
     return cosine < earth_cosine + earth_sine * half_covered_angle
-
-
-def is_observable(
-    r_TN_N: Vector, r_ST_N: Vector, r_sun_N: Vector, phase_limit: Scalar, sun_exclusion: Scalar
-) -> Bool[Array, ""]:
-    """True where a visible camera can see the target: lit, phase angle small enough, Sun far enough from the view.
-
-    `r_ST_N` is the servicer from the target [m], `phase_limit` and `sun_exclusion` [rad].
-    """
-    cos_phase = jnp.sum(normalize(r_ST_N) * normalize(r_sun_N), axis=0)
-    return is_lit(r_TN_N, r_sun_N) & (cos_phase >= jnp.cos(phase_limit)) & (-cos_phase <= jnp.cos(sun_exclusion))

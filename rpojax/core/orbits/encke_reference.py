@@ -1,10 +1,12 @@
-"""An orbit over one step of integration: as it is in double precision, about a parabola in single (Encke's method).
+"""Encke's method over one integration step, for orbits in single precision.
 
-The parabola goes on with the position, the velocity and the gravity of the step's beginning, known to twice the digits
-of single precision but for the harmonics, which are a thousandth. What is integrated is the deviation from it, 2 mm in
-a step of 1 s. Rounding then errs by 4e-10 m/s^2 for a point mass and 3e-9 m/s^2 with harmonics (root mean square; by
-3e-8 m/s^2 at worst, near the poles). It errs by 4e-7 m/s^2 where all of gravity is summed up in single precision, and
-alike for all runs of a campaign that are on nearly the same orbit, so that no average over runs is rid of it.
+The reference is a parabola from the position, velocity and gravity at the start of the step, in double-single numbers
+(zonal harmonics, a thousandth of gravity, in single ones). The integrated deviation from it is 2 mm in a step of 1 s.
+The rounding error is 4e-10 m/s^2 for a point mass and 3e-9 m/s^2 with harmonics (root mean square; at worst 3e-8 m/s^2,
+near the poles), against 4e-7 m/s^2 for all of gravity in single precision. The latter is equal for all runs of a
+campaign on nearly the same orbit, so that averages over runs do not remove it.
+
+In double precision there is no reference: position and velocity themselves are integrated.
 """
 
 from collections.abc import Sequence
@@ -16,8 +18,8 @@ from jaxtyping import Array, Float
 from rpojax.core.numerics import double_single
 from rpojax.core.numerics.double_single import DoubleSingle, LowOrder
 from rpojax.core.numerics.exact_difference import Difference
-from rpojax.core.orbits import orbital_mechanics
-from rpojax.core.orbits.orbital_mechanics import GravityField
+from rpojax.core.orbits import zonal_gravity
+from rpojax.core.orbits.zonal_gravity import GravityField
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -26,15 +28,15 @@ Time = Scalar | None
 
 @dataclass(frozen=True)
 class EnckeReference:
-    """What the position and the velocity that are integrated in a step are counted from.
+    """Reference orbit of one step, from which the integrated position and velocity deviate.
 
     Attributes:
         field: gravity
         degree: of its zonal harmonics
-        r: (3,) position at the beginning [m]
-        v: (3,) velocity there [m/s]
-        residue: (2, 3) what both lack; None in double precision
-        a: (3,) gravity there [m/s^2]; None in double precision, where position and velocity are counted from zero
+        r: (3,) position at the start of the step [m]
+        v: (3,) velocity at the start [m/s]
+        low: (2, 3) low-order parts of both; None in double precision
+        a: (3,) gravity at the start [m/s^2]; None in double precision, without a reference
     """
 
     field: GravityField
@@ -46,43 +48,41 @@ class EnckeReference:
 
     @property
     def integration_start(self) -> tuple[Vector, Vector]:
-        """Position [m] and velocity [m/s] to integrate from."""
+        """Initial position [m] and velocity [m/s] of the integration: zero deviations in single precision."""
         if self.a is None:
             return self.r, self.v
         return jnp.zeros_like(self.r), jnp.zeros_like(self.v)
 
     def node_times(self, nodes: Sequence[float], dt: float | Scalar) -> Float[Array, " nodes"] | None:
-        """Times [s] at which a method with these nodes asks for derivatives, as far as they matter."""
+        """Times [s] in the step at the nodes of a method; None in double precision, where they are not needed."""
         return None if self.a is None else dt * jnp.asarray(nodes, dtype=self.r.dtype)
 
     def full_state(self, time: Time, r: Vector, v: Vector) -> tuple[Vector, Vector]:
-        """Position [m] and velocity [m/s] in full, of those that are integrated."""
+        """Position [m] and velocity [m/s] from the integrated ones."""
         if self.a is None:
             return r, v
         assert time is not None
         return self.r + self._displacement(time, r), self.v + (time * self.a.high + v)
 
     def gravity(self, time: Time, r: Vector, r_other: Vector) -> Difference:
-        """Acceleration [m/s^2] to integrate at a position as it is integrated [m], as the value.
+        """Acceleration [m/s^2] to integrate, at an integrated position [m], as the value.
 
-        The change is the acceleration of another craft, so far from there [m], less that of this one.
+        The change is the gravity of another spacecraft at the relative position `r_other` [m], less that of this one.
         """
         if self.a is None:
-            return orbital_mechanics.gravity(self.field, self.degree, Difference(value=r, change=r_other))
+            return zonal_gravity.gravity(self.field, self.degree, Difference(value=r, change=r_other))
         assert time is not None
         displacement = self._displacement(time, r)
-        from_start = orbital_mechanics.gravity(self.field, self.degree, Difference(value=self.r, change=displacement))
-        here = orbital_mechanics.gravity(
-            self.field, self.degree, Difference(value=self.r + displacement, change=r_other)
-        )
+        from_start = zonal_gravity.gravity(self.field, self.degree, Difference(value=self.r, change=displacement))
+        here = zonal_gravity.gravity(self.field, self.degree, Difference(value=self.r + displacement, change=r_other))
         return Difference(value=from_start.change, change=here.change)
 
     def final_state(
         self, dt: float | Scalar, increment_r: Vector, increment_v: Vector
     ) -> tuple[Vector, Vector, LowOrder]:
-        """Position [m], velocity [m/s] and what they lack after a step of `dt` [s] with the changes of both.
+        """Position [m], velocity [m/s] and their low-order parts after a step of `dt` [s], from their increments.
 
-        In single precision `dt` is a number of Python's, of which more digits are known.
+        In single precision `dt` must be a Python number, which has the digits of double precision.
         """
         if self.a is None:
             return self.r + increment_r, self.v + increment_v, None
@@ -106,19 +106,19 @@ class EnckeReference:
 
 
 def reference_orbit(field: GravityField, degree: int, r: Vector, v: Vector, low: LowOrder) -> EnckeReference:
-    """Course of a step from a position [m] and a velocity [m/s] with what they lack in single precision."""
+    """Reference of a step from a position [m] and a velocity [m/s] with their low-order parts in single precision."""
     return EnckeReference(
         field, degree, r, v, low, None if low is None else _gravity_at_start(field, degree, r, low[0])
     )
 
 
 def _gravity_at_start(field: GravityField, degree: int, r: Vector, low: Vector) -> DoubleSingle:
-    zonal = orbital_mechanics.zonal_acceleration(field, degree, Difference(value=r, change=jnp.zeros_like(r)))
+    zonal = zonal_gravity.zonal_acceleration(field, degree, Difference(value=r, change=jnp.zeros_like(r)))
     return _two_body(field, DoubleSingle(high=r, low=low)) + double_single.from_single(zonal.value)
 
 
 def _two_body(field: GravityField, r: DoubleSingle) -> DoubleSingle:
-    """Gravity of a point mass [m/s^2], right to 1e-12 m/s^2 but for the rounding of `mu`, the same for all orbits."""
+    """Gravity of a point mass [m/s^2] to 1e-12 m/s^2, but for the rounding of `mu`, equal for all orbits."""
     squares = r * r
     inverse = double_single.inverse_sqrt(squares[0] + squares[1] + squares[2])
     mu = double_single.from_single(-jnp.asarray(field.mu, dtype=r.high.dtype))

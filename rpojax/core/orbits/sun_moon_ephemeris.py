@@ -1,6 +1,6 @@
-"""Where the Sun and the Moon are: analytic series in the mean equator and equinox of J2000.
+"""Positions of Sun and Moon by analytic series in the mean equator and equinox of J2000.
 
-The Sun is good to a hundredth of a degree and 1e-4 of its distance, the Moon to a tenth and 1e-3 (Montenbruck and Gill,
+The Sun is accurate to 0.01 deg and 1e-4 of its distance, the Moon to 0.1 deg and 1e-3 (Montenbruck and Gill,
 Satellite Orbits, section 3.3.2, with four more terms of the Moon's distance from Meeus, Astronomical Algorithms, table
 47.A).
 """
@@ -18,7 +18,8 @@ _CENTURY = 36525.0 * 86400.0
 _OBLIQUITY = 0.40909280
 _ARCSECOND = 4.84813681109536e-6
 
-# Moon: multiples of l, l', F, D; longitude of the series' sine [arcsec], or distance of its cosine [km].
+# Rows of the Moon's series: coefficient of the sine [arcsec] or, for the distance, of the cosine [km]; multiples of the
+# Delaunay arguments l, l', F, D.
 _MOON_LONGITUDE = (
     (22640, 1, 0, 0, 0),
     (769, 2, 0, 0, 0),
@@ -60,12 +61,6 @@ _MOON_DISTANCE = (
 )
 
 
-def earth_rotation_angle(seconds: Scalar) -> Scalar:
-    """Angle [rad] of Greenwich from the x axis of N (Earth rotation angle, IERS Conventions 2010, equation 5.15)."""
-    days = seconds / 86400.0
-    return 2.0 * jnp.pi * jnp.mod(0.7790572732640 + 0.00273781191135448 * days + jnp.mod(days, 1.0), 1.0)
-
-
 def sun_position(seconds: Scalar, epoch: float = 0.0) -> Vector:
     """Position [m] of the Sun from the Earth in N, `seconds` after `epoch` [s from 2000-01-01 12:00 terrestrial]."""
     anomaly = _mean_angle(357.5256, 35999.049, seconds, epoch)
@@ -97,9 +92,9 @@ def moon_position(seconds: Scalar, epoch: float = 0.0) -> Vector:
 
 
 def _mean_angle(start: float, rate: float, seconds: Scalar, epoch: float) -> Scalar:
-    """Angle [rad] of `start` [deg] in 2000 and a rate [deg per century]; whole turns before the epoch are left out.
+    """Angle [rad] from its value in 2000 `start` [deg] and its rate [deg per century].
 
-    So single precision has all of its digits for what is left.
+    Whole turns before the epoch are removed in double precision, so that single precision suffices for the rest.
     """
     at_epoch = math.fmod(start + rate * (epoch / _CENTURY), 360.0)
     return math.radians(at_epoch) + math.radians(rate) / _CENTURY * seconds
@@ -108,11 +103,13 @@ def _mean_angle(start: float, rate: float, seconds: Scalar, epoch: float) -> Sca
 def _series(
     rows: tuple[tuple[int, ...], ...], arguments: Float[Array, "4"], function: Callable[[Array], Array]
 ) -> Scalar:
+    """Sum of a trigonometric series."""
     table = jnp.array(rows, dtype=jnp.float64)
     return jnp.sum(table[:, 0] * function(jnp.sum(table[:, 1:] * arguments[None, :], axis=1)), axis=0)
 
 
 def _equatorial(longitude: Scalar, latitude: Scalar, distance: Scalar) -> Vector:
+    """Equatorial components of a position in ecliptic coordinates."""
     x = jnp.cos(latitude) * jnp.cos(longitude)
     y = jnp.cos(latitude) * jnp.sin(longitude)
     z = jnp.sin(latitude)

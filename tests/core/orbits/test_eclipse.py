@@ -8,7 +8,7 @@ from numpy_reference import RADIUS
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from rpojax.core.orbits import eclipse
+from rpojax.core.orbits import camera_visibility, eclipse
 from rpojax.simulation import single_precision
 
 SUN_DISTANCE, SUN_RADIUS = 1.496e11, 6.957e8
@@ -18,7 +18,7 @@ ORBITS = {"low orbit": 7.0e6, "geostationary": 4.2164e7, "the Moon's distance": 
 illumination = jax.jit(eclipse.illumination)
 gradient = jax.jit(jax.grad(eclipse.illumination))
 is_lit = jax.jit(eclipse.is_lit)
-is_observable = jax.jit(eclipse.is_observable)
+is_observable = jax.jit(camera_visibility.is_observable)
 
 
 def place(distance: float, angle: float) -> np.ndarray:

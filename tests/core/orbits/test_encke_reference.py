@@ -7,7 +7,7 @@ import pytest
 
 from rpojax.core.numerics import runge_kutta
 from rpojax.core.orbits import encke_reference
-from rpojax.core.orbits.orbital_mechanics import EARTH_GRAVITY, GravityField
+from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY, GravityField
 from rpojax.simulation import single_precision
 
 DEGREE = 2

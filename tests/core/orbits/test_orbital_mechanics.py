@@ -15,18 +15,19 @@ from scipy.linalg import expm
 
 from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.numerics.runge_kutta import rk4
-from rpojax.core.orbits import orbital_mechanics
-from rpojax.core.orbits.orbital_mechanics import EARTH_GRAVITY, KeplerianElements
+from rpojax.core.orbits import clohessy_wiltshire, keplerian_elements, two_body_gravity, zonal_gravity
+from rpojax.core.orbits.keplerian_elements import KeplerianElements
+from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 
 DEGREES = (0, 2, 3, 4, 5, 6)
 
-gravity_gradient = jax.jit(orbital_mechanics.gravity_gradient)
-mean_motion = jax.jit(orbital_mechanics.mean_motion)
-relative_transition = jax.jit(orbital_mechanics.transition_matrix)
-semi_major_axis = jax.jit(orbital_mechanics.semi_major_axis)
+gravity_gradient = jax.jit(two_body_gravity.gravity_gradient)
+mean_motion = jax.jit(keplerian_elements.mean_motion)
+relative_transition = jax.jit(clohessy_wiltshire.transition_matrix)
+semi_major_axis = jax.jit(keplerian_elements.semi_major_axis)
 
 
-_pull = jax.jit(orbital_mechanics.gravity, static_argnums=1)
+_pull = jax.jit(zonal_gravity.gravity, static_argnums=1)
 
 
 def pull(degree: int, r: np.ndarray, change: np.ndarray | None = None) -> Difference:
@@ -37,7 +38,7 @@ def pull(degree: int, r: np.ndarray, change: np.ndarray | None = None) -> Differ
 @jax.jit
 def state_from_elements(elements: jax.Array) -> tuple[jax.Array, jax.Array]:
     a, e, i, raan, w, nu = elements
-    return orbital_mechanics.state_from_elements(
+    return keplerian_elements.state_from_elements(
         KeplerianElements(
             semi_major_axis=a, eccentricity=e, inclination=i, raan=raan, argument_of_perigee=w, true_anomaly=nu
         )
@@ -104,7 +105,7 @@ def test_gravity_is_the_gradient_of_the_potential_with_zonal_harmonics(degree: i
 def test_each_harmonic_is_right_by_itself_and_at_the_poles_and_the_equator(n: int) -> None:
     """A millionth of gravity needs a test of its own: the harmonic alone, against the difference of two potentials."""
     alone = tuple(1e3 * J if k == n else 0.0 for k, J in enumerate(EARTH_GRAVITY.zonals, start=2))
-    field = orbital_mechanics.GravityField(mu=EARTH_GRAVITY.mu, radius=EARTH_GRAVITY.radius, zonals=alone)
+    field = zonal_gravity.GravityField(mu=EARTH_GRAVITY.mu, radius=EARTH_GRAVITY.radius, zonals=alone)
     for r in ([0.0, 0.0, 7e6], [0.0, 0.0, -7e6], [7e6, 0.0, 0.0], [3e6, -4e6, 5e6], [-2e6, 5e6, -4.5e6]):
         with sixty_digits():
             place = [Decimal(x) for x in r]
@@ -182,7 +183,7 @@ def fly(r: jax.Array, v: jax.Array) -> tuple[jax.Array, jax.Array]:
     none = jnp.zeros(3)
 
     def derivative(y: tuple[jax.Array, jax.Array], _: jax.Array) -> tuple[jax.Array, jax.Array]:
-        return y[1], orbital_mechanics.gravity(EARTH_GRAVITY, 2, Difference(value=y[0], change=none)).value
+        return y[1], zonal_gravity.gravity(EARTH_GRAVITY, 2, Difference(value=y[0], change=none)).value
 
     def body(y: tuple[jax.Array, jax.Array], _: None) -> tuple[tuple[jax.Array, jax.Array], None]:
         return rk4(derivative, y, none, 1.0), None

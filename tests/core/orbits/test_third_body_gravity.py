@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from numpy_reference import SEEDS, random_unit, relative_error
 
 from rpojax.core.numerics.exact_difference import Difference
-from rpojax.core.orbits import orbital_mechanics
+from rpojax.core.orbits import third_body_gravity
 
 BODIES = {"sun": (1.32712440018e20, 1.496e11), "moon": (4.9028e12, 3.84e8)}
 """Gravitational parameter [m^3/s^2] and distance [m]."""
 
-distant = jax.jit(orbital_mechanics.third_body_acceleration, static_argnums=0)
+distant = jax.jit(third_body_gravity.third_body_acceleration, static_argnums=0)
 
 
 def perturbation(mu: float, body: np.ndarray) -> Callable[[DecimalVector], DecimalVector]:

@@ -1,0 +1,22 @@
+"""When a visible-light camera can see its target."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core.numerics.safe import normalize
+from rpojax.core.orbits.eclipse import is_lit
+
+Vector = Float[Array, "3"]
+Scalar = Float[Array, ""]
+
+
+def is_observable(
+    r_TN_N: Vector, r_ST_N: Vector, r_sun_N: Vector, phase_limit: Scalar, sun_exclusion: Scalar
+) -> Bool[Array, ""]:
+    """True where the target is lit, its phase angle small enough, and the Sun far enough from the line of sight.
+
+    `r_TN_N` is the target's position and `r_ST_N` the servicer from the target [m]; `phase_limit` is the largest phase
+    angle, `sun_exclusion` the least angle between the line of sight and the Sun [rad].
+    """
+    cos_phase = jnp.sum(normalize(r_ST_N) * normalize(r_sun_N), axis=0)
+    return is_lit(r_TN_N, r_sun_N) & (cos_phase >= jnp.cos(phase_limit)) & (-cos_phase <= jnp.cos(sun_exclusion))
