@@ -12,20 +12,20 @@ if TYPE_CHECKING:
 
 Source = Annotated[Positional[str], arg(metavar="SCENARIO", help="Packaged name or TOML file.")]
 Folder = Annotated[Positional[Path], arg(metavar="DIR", help="Folder of a campaign.")]
-Out = Annotated[Path, arg(metavar="DIR", help="Folder to make for the results.")]
+Out = Annotated[Path, arg(metavar="DIR", help="Folder to create for the results.")]
 Overrides = Annotated[
     UseAppendAction[tuple[str, ...]],
-    arg(name="set", metavar="KEY=VALUE", help="Another value for a key of the scenario, in TOML; several may follow."),
+    arg(name="set", metavar="KEY=VALUE", help="Override a key of the scenario, in TOML; repeatable."),
 ]
 Seed = Annotated[int, arg(metavar="S", help="Master seed.")]
 Force = Annotated[bool, arg(help="Replace the folder if it holds a campaign.")]
 AsJson = Annotated[bool, arg(name="json", help="JSON on stdout and no progress.")]
-NoFilm = Annotated[bool, arg(help="Take no pictures of a rendered camera again for the report.")]
-NoCache = Annotated[bool, arg(help="Compile anew and keep nothing of it.")]
+NoFilm = Annotated[bool, arg(help="Do not render the camera of a run again for the report.")]
+NoCache = Annotated[bool, arg(help="Compile anew, without the cache of compiled programs.")]
 
 
 def load(source: str, overrides: Sequence[str]) -> "ScenarioFile":
-    """Scenario with its overrides."""
-    from rpojax.scenario import scenario_file
+    """Scenario file of a packaged name or path, with overrides `KEY=VALUE`."""
+    from rpojax.scenario.loading import scenario_loader
 
-    return scenario_file.load(source, overrides)
+    return scenario_loader.load(source, overrides)

@@ -1,4 +1,4 @@
-"""What commands print and write once runs have ended: tables, report, what is kept after an interrupt."""
+"""Output of commands that simulate campaigns: tables, report, exit status, and the hint after an interrupt."""
 
 import json
 import shlex
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def keeping_results(directory: Path) -> Iterator[None]:
-    """On an interrupt or a full disk, says what is kept and how to go on."""
+    """Adds to an interrupt or a full disk which blocks are stored and the command that continues."""
     try:
         yield
     except KeyboardInterrupt:
@@ -51,7 +51,7 @@ def conclude(
     shared: bool = False,
     more: dict[str, Any] | None = None,
 ) -> int:
-    """Shows the results, writes the report if it is wanted and returns the exit status.
+    """Prints the results, writes the report if wanted, and returns the exit status.
 
     Where others work on the campaign too, only who finds nothing missing writes the report.
     """
@@ -70,7 +70,7 @@ def conclude(
 def show_results(
     result: "Campaign", report: Callable[[], Path | None], as_json: bool, more: dict[str, Any] | None = None
 ) -> None:
-    """Shows the results; people see them before the report is written."""
+    """Prints the results as tables, or as JSON; tables come before the report is written."""
     from rpojax.report.page.campaign_summary import summarise
 
     summary = summarise(result)
@@ -91,7 +91,7 @@ def write_campaign_report(result: "Campaign", as_json: bool, film: bool, run_id:
 
 
 def has_whole_report(result: "Campaign") -> bool:
-    """Whether there is a report, and on all runs: it may have been written before the last ones, or not to its end."""
+    """Whether a complete report on all runs exists; an interrupted or earlier one does not count."""
     try:
         content = json.loads((result.directory / "report.json").read_text(encoding="utf-8"))
         return content["runs"]["missing"] == 0 and report_of(result) is not None

@@ -24,7 +24,7 @@ _KEY_METRICS = (
 
 
 def show_campaign(summary: Mapping[str, Any]) -> None:
-    """Table of key metrics, how many runs completed and why others did not, and what became of the requirements."""
+    """Prints key metrics, completed and failed runs with reasons, and the verdicts on requirements."""
     from rich.table import Table
     from rich.text import Text
 
@@ -33,7 +33,7 @@ def show_campaign(summary: Mapping[str, Any]) -> None:
     console = Console(highlight=False)
     runs = summary["runs"]
     ended = runs["completed"] + runs["failed"]
-    # A name is the user's text: in a Text, brackets are no markup.
+    # The name is user text: a Text does not interpret brackets as markup.
     table = Table(title=Text(f"{summary['provenance'].get('name', 'campaign')}, {count_runs(ended)}"))
     table.add_column("metric")
     table.add_column("unit")
@@ -57,7 +57,7 @@ def show_campaign(summary: Mapping[str, Any]) -> None:
 
 
 def show_places(directory: Path, report: Path | None) -> None:
-    """Where the results of a campaign are."""
+    """Prints the paths of results and report."""
     console = Console(highlight=False)
     console.print(f"results: {directory}", soft_wrap=True, markup=False)
     if report is not None:
@@ -65,7 +65,7 @@ def show_places(directory: Path, report: Path | None) -> None:
 
 
 def show_status(found: Mapping[str, Any]) -> None:
-    """Lines about a campaign that may be under way."""
+    """Prints progress, failures and speed of a campaign that may still be running."""
     console = Console(highlight=False)
     runs, blocks, timing = found["runs"], found["blocks"], found["timing"]
 
@@ -84,7 +84,7 @@ def show_status(found: Mapping[str, Any]) -> None:
 
 
 def _other_side(key: str) -> str:
-    """Name of a percentile that stands under the heading of the other side, because low values are the bad ones."""
+    """Prefix with the percentile's name where low values are bad and the column heading names the upper one."""
     return f"{key} " if key in ("p1", "p5") else ""
 
 
@@ -94,5 +94,5 @@ def _reasons(summary: Mapping[str, Any]) -> dict[str, int]:
 
 
 def print_json(content: object) -> None:
-    """JSON on stdout."""
+    """Prints JSON on stdout."""
     print(json.dumps(content, indent=2, allow_nan=False))

@@ -1,4 +1,4 @@
-"""What `rpojax campaign --dry-run` does: the plan of a campaign instead of the campaign."""
+"""Output of `rpojax campaign --dry-run`: what would be drawn, and the resources it would take."""
 
 import datetime
 import json
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def check(dry_run: bool, table: Path | None, speed: float | None, out: Path | None, force: bool) -> None:
-    """Refuses options that do not go together, before any work is done.
+    """Raises on options that contradict each other, before any work.
 
     Raises:
         RpojaxError: naming the option.
@@ -43,14 +43,14 @@ def show(
     speed: float | None,
     as_json: bool,
 ) -> None:
-    """Prints what a campaign would draw and take, and writes its table if that is asked for.
+    """Prints what a campaign would draw and need, and writes the table of runs if a path is given.
 
     Raises:
         RpojaxError: the campaign would be refused, or the table cannot be written.
     """
     from rpojax.campaign import dry_run as plans
     from rpojax.campaign import preflight
-    from rpojax.report.atomic_output import write_atomically
+    from rpojax.campaign.storage.output_files import write_atomically
 
     if out is not None:
         preflight.check_folder(out, force)

@@ -19,18 +19,18 @@ ShardText = Annotated[
 
 
 WorkerCount = Annotated[
-    int | None, arg(metavar="N", help="Processes that share the blocks; one that dies loses no other's work.")
+    int | None, arg(metavar="N", help="Number of worker processes; the crash of one does not affect the others.")
 ]
 
 
-ExecutorName = Annotated[str, arg(metavar="KIND", help="Who does the blocks: 'local', or 'dask' for a cluster.")]
+ExecutorName = Annotated[str, arg(metavar="KIND", help="Executor of the blocks: 'local', or 'dask' for a cluster.")]
 
 
-Scheduler = Annotated[str | None, arg(metavar="ADDRESS", help="Of the running Dask scheduler.")]
+Scheduler = Annotated[str | None, arg(metavar="ADDRESS", help="Address of the running Dask scheduler.")]
 
 
 def check_executor(executor: str, scheduler: str | None, workers: int | None, shard: str | None, force: bool) -> None:
-    """Refuses options that contradict each other, before anything is done."""
+    """Raises on options that contradict each other, before any work."""
     if executor not in ("local", "dask"):
         raise RpojaxError(f"--executor: found {executor!r}, expected 'local' or 'dask'")
     if (executor == "dask") != (scheduler is not None):
@@ -43,7 +43,7 @@ def check_executor(executor: str, scheduler: str | None, workers: int | None, sh
 
 
 def make_executor(name: str, scheduler: str | None, workers: int | None) -> "Callable[[Campaign], Executor] | None":
-    """What does the blocks of a campaign; None for this process."""
+    """Executor factory for the options, or None for this process."""
     if name == "dask":
         from rpojax.campaign.execution.dask_executor import DaskExecutor
 

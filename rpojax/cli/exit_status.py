@@ -4,7 +4,7 @@ import enum
 
 
 class Status(enum.IntEnum):
-    """Exit statuses; 1 is left to Python, for errors that nobody expected."""
+    """Exit statuses; 1 is Python's own for unexpected errors."""
 
     DONE = 0
     BAD_INPUT = 2

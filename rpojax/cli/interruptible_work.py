@@ -1,4 +1,4 @@
-"""Long work in a thread of its own, so that an interrupt ends it at once."""
+"""Long work in a separate thread, so that an interrupt takes effect at once."""
 
 import os
 import sys
@@ -16,7 +16,7 @@ _WORKER = "rpojax-worker"
 
 
 def with_progress(work: "Callable[[ProgressCallback], Campaign]", duration_s: float, as_json: bool) -> "Campaign":
-    """Result of `work`, which tells its progress and gives way to an interrupt at once, even while compiling."""
+    """Result of `work(on_progress)` with a progress display; an interrupt takes effect even while compiling."""
     results: list[Campaign] = []
     errors: list[BaseException] = []
 
@@ -36,7 +36,7 @@ def with_progress(work: "Callable[[ProgressCallback], Campaign]", duration_s: fl
 
 
 def abandon_worker() -> None:
-    """Ends the process if a worker is still busy; an orderly end would wait for the compiler, or crash in it."""
+    """Ends the process if a worker is still running; a normal exit would wait for the compiler, or crash in it."""
     if any(thread.name == _WORKER for thread in threading.enumerate()):
         sys.stdout.flush()
         sys.stderr.flush()

@@ -1,11 +1,11 @@
 """Monte Carlo simulation of vision-based spacecraft rendezvous.
 
-SCENARIO is the name of a packaged scenario, such as 'inspection', or a TOML file; `rpojax --version` tells the version.
+SCENARIO is the name of a packaged scenario, such as 'inspection', or a TOML file; `rpojax --version` shows the version.
 
 Exit status: 0 done, and all runs completed; 1 unexpected error; 2 bad input, nothing was written; 3 the campaign
 finished, but some of its runs failed, or some pictures could not be used; 4 the campaign is unfinished: its disk is
 full, or blocks were given up after three workers died of them; 130 interrupted. After 4 and 130 finished blocks are
-kept for `rpojax resume`.
+stored, and `rpojax resume` continues.
 
 Environment: compiled programs are kept in the user's cache folder unless RPOJAX_CACHE=off. There is one host device for
 each core unless XLA_FLAGS says how many.
@@ -87,7 +87,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return status
     except BrokenPipeError:
-        # The reader, such as `head`, has seen enough. What is still buffered would fail again when Python ends.
+        # The reader, such as `head`, closed the pipe; flushing what is buffered at exit would fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return Status.DONE
     except UnfinishedError as error:

@@ -1,4 +1,4 @@
-"""What verbs of the command line write: checked before any work is done for it."""
+"""Checks of output paths, made before any work."""
 
 import contextlib
 import os
@@ -9,7 +9,7 @@ from rpojax.errors import OutputError
 
 
 def claim(path: Path, force: bool, suffixes: tuple[str, ...] = ()) -> None:
-    """Raises `OutputError` where a file cannot be written, before any work is done for it."""
+    """Raises `OutputError` if a file cannot be written, or exists and `force` is not set."""
     if suffixes and path.suffix.lower() not in suffixes:
         raise OutputError(f"{path}: found suffix {path.suffix!r}, expected {' or '.join(suffixes)}")
     if path.is_dir():
@@ -22,7 +22,7 @@ def claim(path: Path, force: bool, suffixes: tuple[str, ...] = ()) -> None:
 
 
 def claim_folder(path: Path) -> None:
-    """Raises `OutputError` where a folder cannot be made or written to, before any work is done for it."""
+    """Raises `OutputError` if a folder cannot be created or written to."""
     home = next(folder for folder in (path.absolute(), *path.absolute().parents) if folder.exists())
     if not home.is_dir() or not os.access(home, os.W_OK | os.X_OK):
         raise OutputError(f"{path}: found {home}, expected a folder that can be written to")
@@ -30,7 +30,7 @@ def claim_folder(path: Path) -> None:
 
 @contextlib.contextmanager
 def resumable(work: Path) -> Iterator[None]:
-    """An interrupt says where the same command goes on from."""
+    """Adds to an interrupt that the same command continues from `work`."""
     try:
         yield
     except KeyboardInterrupt:

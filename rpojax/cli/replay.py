@@ -1,4 +1,4 @@
-"""What verbs that tell of one run share: it is flown again, and they say how far that is from what was recorded."""
+"""Replay of one recorded run for export commands, and its agreement with the record."""
 
 import dataclasses
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def replay_run(
     found: "Campaign", run_id: int, observe: "TickObserver", as_json: bool
 ) -> "tuple[ReplayedRun, ReplayAgreement | None]":
-    """A run of a campaign flown again, and how it compares with what the campaign recorded of it."""
+    """Replay of a campaign's run, and its agreement with what the campaign recorded (None if not yet recorded)."""
     from rpojax.interop import run_replay
 
     flights: list[ReplayedRun] = []
@@ -28,13 +28,13 @@ def replay_run(
 
 
 def content(agreement: "ReplayAgreement | None") -> dict[str, Any] | None:
-    """The comparison for other programs."""
+    """The agreement as JSON content."""
     return None if agreement is None else dataclasses.asdict(agreement)
 
 
 def sentence(flight: "ReplayedRun", agreement: "ReplayAgreement | None") -> str:
-    """The comparison for people."""
-    how = "flown again in double precision" if flight.file.precision == "single" else "flown again"
+    """The agreement in one sentence."""
+    how = "replayed in double precision" if flight.file.precision == "single" else "replayed"
     if agreement is None:
         return f"{how}; the campaign has not recorded this run yet"
     end = "the same end" if agreement.same_end else "ANOTHER END"

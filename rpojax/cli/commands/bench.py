@@ -1,4 +1,4 @@
-"""The verb `rpojax bench`: how fast this machine is, measured so that anyone can measure it again."""
+"""The command `rpojax bench`: speed of the closed loop, its kernels and the rendered camera on this machine."""
 
 import json
 import os
@@ -24,7 +24,7 @@ PARTS = {
     "kernels": "bare orbits and the orbit filter",
     "vision": "pictures and the detector",
 }
-"""What can be chosen, and what it measures."""
+"""Part of the benchmark -> what it measures."""
 
 
 def bench(
@@ -43,11 +43,14 @@ def bench(
     only: Annotated[str, arg(metavar="PARTS", help="Parts to measure.")] = ",".join(PARTS),
     as_json: AsJson = False,
 ) -> int:
-    """Measure the closed loop without metrics and storage, its kernels, and pictures; programs are compiled anew."""
+    """Measure the speed of the closed loop (without metrics and storage), its kernels and rendered pictures.
+
+    Programs are compiled anew.
+    """
     parts = _chosen_parts(only)
     file = load(scenario, (f"duration_s={duration_s}", *overrides))
     prepare_jax(cache=False)
-    # XLA is told once in a process how to join results; pictures want it otherwise.
+    # XLA reads its fusion options once per process, and rendering is faster with others.
     apart = len(parts) > 1 and "vision" in parts
     set_loop_fusion_flag(rendered=parts == ["vision"] or file.camera.model == "rendered")
     from rpojax.benchmark import closed_loop_speed, suite
@@ -67,7 +70,7 @@ def bench(
 
 
 def _vision_in_own_process() -> dict[str, Any]:
-    """What a process of its own measures of pictures and the detector."""
+    """Figures of rendering and detection, measured in a separate process."""
     flags = os.environ["XLA_FLAGS"].replace(LOOP_FUSION_FLAG, "")
     words = [sys.executable, "-m", "rpojax", "bench", "--only", "vision", "--json"]
     done = subprocess.run(words, env={**os.environ, "XLA_FLAGS": flags}, capture_output=True, text=True, check=False)
@@ -77,7 +80,7 @@ def _vision_in_own_process() -> dict[str, Any]:
 
 
 def _chosen_parts(only: str) -> list[str]:
-    """Names of the parts in a list with commas, each once, in the order in which they are measured."""
+    """Parts named in a comma-separated list, without repetition, in order of measurement."""
     names = [name.strip() for name in only.split(",")]
     for name in names:
         if name not in PARTS:
@@ -86,7 +89,7 @@ def _chosen_parts(only: str) -> list[str]:
 
 
 def show(found: Mapping[str, Any]) -> None:
-    """A table for each part that was measured, and where."""
+    """Prints one table per measured part, and the machine."""
     from rich.console import Console
 
     to = Console(highlight=False)
@@ -150,7 +153,7 @@ def _table(title: str, headings: Sequence[str]) -> "Table":
 
     table = Table(title=Text(title))
     for number, heading in enumerate(headings):
-        # Cells are short, headings may wrap; as plain text, since to rich a unit in brackets is markup.
+        # Headings may wrap; a Text, since rich would read a unit in brackets as markup.
         side = "left" if number == 0 and heading in ("kernel", "work") else "right"
         table.add_column(Text(heading), justify=side)
     return table

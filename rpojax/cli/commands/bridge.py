@@ -1,4 +1,4 @@
-"""The verb `rpojax bridge`: a run flown live with other people's ROS 2 nodes."""
+"""The command `rpojax bridge`: a run simulated live with external ROS 2 nodes."""
 
 import math
 import sys
@@ -17,41 +17,52 @@ if TYPE_CHECKING:
     from rpojax.scenario.schema import ScenarioFile
 
 
+RunId = Annotated[int, arg(metavar="I", help="Number of the run in its campaign.")]
+ExternalStages = Annotated[
+    str,
+    arg(metavar="A,B,...", help="Flight software left to external nodes: attitude, formation, navigation, all."),
+]
+DomainId = Annotated[int, arg(metavar="N", help="DDS domain, as ROS_DOMAIN_ID.")]
+OnLate = Annotated[
+    Literal["hold", "zero", "stop"],
+    arg(help="On a late command: hold the last one, use zero, or stop the run."),
+]
+Timeout = Annotated[float, arg(metavar="T", help="Wall-clock time after which a command is late [s].")]
+StartWait = Annotated[
+    float, arg(metavar="T", help="Time to wait for external nodes at the start [s]; 0 to start at once.")
+]
+Patience = Annotated[float, arg(metavar="T", help="Time without any command after which the run ends [s].")]
+RealTime = Annotated[
+    float | None,
+    arg(
+        metavar="FACTOR",
+        help="Follow the wall clock at this multiple of real time.",
+        help_behavior_hint="(default: in lockstep, as fast as the answers come)",
+    ),
+]
+NoPictures = Annotated[bool, arg(help="Send no pictures of a rendered camera.")]
+
+
 def bridge(
     scenario: Source,
     *,
     seed: Seed = 0,
-    run_id: Annotated[int, arg(metavar="I", help="Number of the run in its campaign.")] = 0,
+    run_id: RunId = 0,
     overrides: Overrides = (),
-    external: Annotated[
-        str,
-        arg(metavar="A,B,...", help="Flight software left to others: attitude, formation, navigation, all."),
-    ] = "none",
-    domain_id: Annotated[int, arg(metavar="N", help="DDS domain, as ROS_DOMAIN_ID.")] = 0,
-    on_late: Annotated[
-        Literal["hold", "zero", "stop"],
-        arg(help="What becomes of a late command: the last one holds, there is none, or the run stops."),
-    ] = "hold",
-    timeout_s: Annotated[float, arg(metavar="T", help="After which a command is late, by the wall clock [s].")] = 1.0,
-    wait_s: Annotated[
-        float, arg(metavar="T", help="How long to wait for the other side at the start [s]; 0 to start at once.")
-    ] = 30.0,
-    patience_s: Annotated[float, arg(metavar="T", help="Without any command for so long the run ends [s].")] = 30.0,
-    real_time: Annotated[
-        float | None,
-        arg(
-            metavar="FACTOR",
-            help="Follow the wall clock, so many times faster.",
-            help_behavior_hint="(default: in lockstep, as fast as the answers come)",
-        ),
-    ] = None,
-    no_pictures: Annotated[bool, arg(help="Send no pictures of a rendered camera.")] = False,
+    external: ExternalStages = "none",
+    domain_id: DomainId = 0,
+    on_late: OnLate = "hold",
+    timeout_s: Timeout = 1.0,
+    wait_s: StartWait = 30.0,
+    patience_s: Patience = 30.0,
+    real_time: RealTime = None,
+    no_pictures: NoPictures = False,
     as_json: AsJson = False,
     no_cache: NoCache = False,
 ) -> int:
-    """Fly one run live over DDS, in the words of ROS 2, with parts of the flight software left to other nodes.
+    """Simulate one run live over DDS with ROS 2 messages; external nodes replace parts of the flight software.
 
-    Exit status beside the usual: 3 the run failed, 4 it was not flown to its end, as the other side fell silent.
+    Exit status beside the usual: 3 the run failed, 4 it ended early because external nodes fell silent.
     """
     file = load(scenario, overrides)
     prepare_jax(cache=not no_cache)
@@ -89,9 +100,9 @@ def bridge(
 def _content(
     file: "ScenarioFile", seed: int, run_id: int, settings: "LiveSettings", outcome: "LiveRunResult"
 ) -> dict[str, Any]:
-    ledger = outcome.events
+    events = outcome.events
     ignored: dict[str, dict[str, int]] = {}
-    for (topic, reason), count in sorted(ledger.ignored.items()):
+    for (topic, reason), count in sorted(events.ignored.items()):
         ignored.setdefault(topic, {})[reason] = count
     return {
         "scenario": file.name,
@@ -109,9 +120,9 @@ def _content(
         "cpu_s": outcome.cpu_s,
         "times_real_time": outcome.simulated_s / outcome.wall_s if outcome.wall_s > 0.0 else None,
         "lag_s": outcome.lag_s,
-        "late": dict(sorted(ledger.late.items())),
+        "late": dict(sorted(events.late.items())),
         "ignored": ignored,
-        "limited": dict(sorted(ledger.limited.items())),
+        "limited": dict(sorted(events.limited.items())),
         "sent": {name: count for name, count in outcome.sent.items() if count},
         "unsent": outcome.unsent,
         "received": dict(outcome.received),
@@ -130,7 +141,7 @@ def _show(content: dict[str, Any]) -> None:
     from rpojax.report.labels import format_number, in_display_order, metric_label
 
     console = Console(highlight=False)
-    end = content["failure"] or content["stopped"] or "flown to its end"
+    end = content["failure"] or content["stopped"] or "completed"
     speed = content["times_real_time"] or 0.0
     console.print(f"{content['scenario']}: {content['simulated_s']:g} s, {speed:.0f} times real time, {end}")
     for topic, count in content["late"].items():

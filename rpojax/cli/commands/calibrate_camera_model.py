@@ -1,74 +1,88 @@
-"""The verb `rpojax calibrate-camera-model`."""
+"""The command `rpojax calibrate-camera-model`: fits the statistical camera to the rendered one."""
 
 import json
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-from tyro.conf import Positional, UseAppendAction, arg
+from tyro.conf import arg
 
+from rpojax.cli.arguments import AsJson, Overrides, Source
 from rpojax.cli.output_paths import claim
 from rpojax.errors import RpojaxError
 from rpojax.runtime.progress import busy, item_progress
 
-_UNTOLD = ("fitted_for", "made_with", "limits")
+if TYPE_CHECKING:
+    from rpojax.analysis.calibration.camera_calibration import CameraFit
+    from rpojax.scenario.schema import ScenarioFile
+    from rpojax.sensors.statistical_camera import CameraStatistics
+
+_NOT_PRINTED = ("fitted_for", "made_with", "limits")
 
 
 def calibrate_camera_model(
-    scenario: Annotated[Positional[str], arg(metavar="SCENARIO", help="Packaged name, or a TOML file.")],
+    scenario: Source,
     *,
     out: Annotated[Path, arg(metavar="FILE", help="File to write, such as target.camera.safetensors.")],
-    samples: Annotated[int, arg(metavar="N", help="Rendered views to fit to.")] = 16000,
-    sequences: Annotated[int, arg(metavar="N", help="Tumbling targets that show how long errors last.")] = 200,
+    samples: Annotated[int, arg(metavar="N", help="Rendered views for the fit.")] = 16000,
+    sequences: Annotated[
+        int, arg(metavar="N", help="Sequences of tumbling targets for the correlation time of errors.")
+    ] = 200,
     seed: Annotated[int, arg(metavar="S", help="Seed of the views and of the fit.")] = 0,
-    overrides: Annotated[
-        UseAppendAction[tuple[str, ...]],
-        arg(name="set", metavar="KEY=VALUE", help="Another value for a key of the scenario, in TOML."),
-    ] = (),
+    overrides: Overrides = (),
     force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
-    as_json: Annotated[bool, arg(name="json", help="JSON on stdout and no progress.")] = False,
+    as_json: AsJson = False,
 ) -> int:
-    """Fit the statistical camera to renderer and detector, for a scenario's camera and target."""
+    """Fit the statistical camera to renderer and detector, for the camera and target of a scenario."""
     if samples < 200 or sequences < 4:
         raise RpojaxError(f"--samples, --sequences: found {samples}, {sequences}, expected at least 200 and 4")
     claim(out, force)
-    from rpojax.scenario import scenario_file as scenarios
+    from rpojax.scenario.loading import scenario_loader as scenarios
 
     file = scenarios.load(scenario, overrides)
-    from rpojax.analysis.calibration import camera_calibration, error_correlation
+    from rpojax.analysis.calibration import camera_calibration
     from rpojax.scenario import trained_files
     from rpojax.sensors import statistical_camera_file
 
-    tables = file.model_dump()
-    with item_progress("rendering", quiet=as_json) as watch:
-        found = camera_calibration.detect_in_views(
-            file, camera_calibration.sample_views(file, samples, seed), seed, watch
-        )
-    threshold = file.imaging.score_threshold
-    with item_progress("rendering sequences", quiet=as_json) as watch:
-        turning = error_correlation.sample_tumble_sequences(file, sequences, seed + 1)
-        seen = camera_calibration.detect_in_views(file, turning.views, seed + 1, watch)
-    with busy("fitting", quiet=as_json):
-        fit = camera_calibration.fit_camera(found, threshold, seed)
-        statistics = error_correlation.with_error_correlation(fit.statistics, seen, turning.turn_per_frame, threshold)
+    fit, statistics, outcomes = _fit(file, samples, sequences, seed, as_json)
     numbers = f"--samples {samples} --sequences {sequences} --seed {seed}"
-    command = f"rpojax calibrate-camera-model {Path(scenario).name} --out {out.name} {numbers}"
+    tables = file.model_dump()
     card = {
         "scenario": file.name,
         "samples": samples,
         "sequences": sequences,
         "seed": seed,
-        **camera_calibration.outcome_summary(found, threshold),
+        **outcomes,
         "lasting_share": float(statistics.lasting_share),
         "lasting_angle_deg": math.degrees(float(statistics.lasting_angle)),
         "log_likelihood": fit.log_likelihood,
         "log_likelihood_held_out": fit.log_likelihood_held_out,
-        "command": command,
+        "command": f"rpojax calibrate-camera-model {Path(scenario).name} --out {out.name} {numbers}",
         "fitted_for": trained_files.fitted_for(tables),
         "made_with": trained_files.made_with(tables),
         "limits": camera_calibration.view_limits(file),
     }
     statistical_camera_file.save_statistics(statistics, out, card)
-    shown = {"file": str(out), **{name: value for name, value in card.items() if name not in _UNTOLD}}
+    shown = {"file": str(out), **{name: value for name, value in card.items() if name not in _NOT_PRINTED}}
     print(json.dumps(shown, indent=2) if as_json else "\n".join(f"{name}: {value}" for name, value in shown.items()))
     return 0
+
+
+def _fit(
+    file: "ScenarioFile", samples: int, sequences: int, seed: int, quiet: bool
+) -> "tuple[CameraFit, CameraStatistics, dict[str, Any]]":
+    """Fit to rendered views, its camera with the correlation of errors, and a summary of the detector's outcomes."""
+    from rpojax.analysis.calibration import camera_calibration, error_correlation
+
+    with item_progress("rendering", quiet=quiet) as watch:
+        found = camera_calibration.detect_in_views(
+            file, camera_calibration.sample_views(file, samples, seed), seed, watch
+        )
+    threshold = file.imaging.score_threshold
+    with item_progress("rendering sequences", quiet=quiet) as watch:
+        turning = error_correlation.sample_tumble_sequences(file, sequences, seed + 1)
+        seen = camera_calibration.detect_in_views(file, turning.views, seed + 1, watch)
+    with busy("fitting", quiet=quiet):
+        fit = camera_calibration.fit_camera(found, threshold, seed)
+        statistics = error_correlation.with_error_correlation(fit.statistics, seen, turning.turn_per_frame, threshold)
+    return fit, statistics, camera_calibration.outcome_summary(found, threshold)

@@ -1,4 +1,4 @@
-"""The verb `rpojax compare`: what changed between two campaigns of the same runs."""
+"""The command `rpojax compare`: what changed between two campaigns of the same runs."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from rpojax.cli.console import print_json
 from rpojax.runtime.jax_environment import prepare_jax
 
 if TYPE_CHECKING:
-    from rpojax.analysis.statistics.campaign_comparison import Comparison, IntervalEstimate
+    from rpojax.analysis.statistics.paired_comparison import Comparison, IntervalEstimate
     from rpojax.campaign.storage.campaign_folder import Campaign
 
 
@@ -24,17 +24,17 @@ def compare(
 ) -> int:
     """What changed from one campaign to another, run by run: run n had the same dispersions in both."""
     prepare_jax(cache=True)
-    from rpojax.analysis.statistics import campaign_comparison
+    from rpojax.analysis.statistics import paired_comparison
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.dispersions import designs
-    from rpojax.report.json_values import to_json_types
+    from rpojax.campaign.storage.json_types import to_json_types
+    from rpojax.dispersions.designs import experiment_design
 
     one, other = Campaign(first), Campaign(second)
     _check_paired(one, other)
     requirements = _requirements(one, other)
-    independent = designs.has_independent_runs(one.file) and designs.has_independent_runs(other.file)
-    runs = [campaign_comparison.RunMetrics(each.run_ids, each.completed, each.metrics) for each in (one, other)]
-    found = campaign_comparison.compare_paired_runs(runs[0], runs[1], requirements, independent)
+    independent = experiment_design.has_independent_runs(one.file) and experiment_design.has_independent_runs(other.file)
+    runs = [paired_comparison.RunMetrics(each.run_ids, each.completed, each.metrics) for each in (one, other)]
+    found = paired_comparison.compare_paired_runs(runs[0], runs[1], requirements, independent)
     changed = changes(one.info["scenario"], other.info["scenario"])
     if as_json:
         content = {"first": str(first), "second": str(second), "changed": changed, "independent": independent}

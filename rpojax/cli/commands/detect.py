@@ -70,7 +70,7 @@ def detect(
 
 
 def _targets(drawn: Path, images: tuple[Path, ...]) -> list[Path]:
-    """Where the drawn pictures go; of like names the later ones are numbered."""
+    """Paths of the pictures with boxes; repeated names are numbered."""
     taken: list[Path] = []
     for path in images:
         target, number = drawn / f"{path.stem}.png", 2

@@ -1,4 +1,4 @@
-"""The commands of `rpojax detector`."""
+"""The commands of `rpojax detector`: synthetic data, training, evaluation."""
 
 import json
 from pathlib import Path
@@ -36,7 +36,7 @@ def data(
     out: Annotated[Path, arg(metavar="DIR", help="Folder to make, with the folders training and validation.")],
     count: Annotated[int, arg(metavar="N", help="Pictures to train on.")] = 2000,
     validation: Annotated[
-        int, arg(metavar="N", help="Pictures to judge by, of other spacecraft and the packaged target.")
+        int, arg(metavar="N", help="Pictures for validation, of other spacecraft and the packaged target.")
     ] = 500,
     craft: Annotated[int, arg(metavar="N", help="Spacecraft beside the packaged target.")] = 72,
     views: Annotated[int, arg(metavar="N", help="Ray-traced views of each.")] = 14,
@@ -45,7 +45,7 @@ def data(
     force: Force = False,
     as_json: AsJson = False,
 ) -> int:
-    """Make pictures of ray-traced spacecraft with boxes; an interrupted call goes on where it was."""
+    """Make pictures of ray-traced spacecraft with boxes; an interrupted call continues."""
     if min(count, validation) < 1 or craft < 1 or views < 1:
         raise RpojaxError("--count, --validation, --craft, --views: expected at least 1 of each")
     claim_folder(out)
@@ -86,23 +86,19 @@ def train(
     dataset: Source,
     *,
     out: Annotated[Path, arg(metavar="FILE", help="File to write, such as detector.safetensors.")],
-    epochs: Annotated[int, arg(metavar="N", help="Passes over the data for the first look.")] = 100,
-    second_epochs: Annotated[int, arg(metavar="N", help="Passes for the second look.")] = 30,
-    minutes: Annotated[float | None, arg(metavar="T", help="End training after so long; the schedule adapts.")] = None,
-    start: Annotated[Path | None, arg(metavar="FILE", help="Weights to begin with, instead of untrained ones.")] = None,
-    rate: Annotated[float, arg(metavar="R", help="Largest rate of learning.")] = 5e-3,
+    epochs: Annotated[int, arg(metavar="N", help="Passes over the data for the proposal network.")] = 100,
+    second_epochs: Annotated[int, arg(metavar="N", help="Passes over the data for the refinement network.")] = 30,
+    minutes: Annotated[
+        float | None, arg(metavar="T", help="Time limit of the training [min]; the schedule adapts.")
+    ] = None,
+    start: Annotated[Path | None, arg(metavar="FILE", help="Initial weights, instead of random ones.")] = None,
+    rate: Annotated[float, arg(metavar="R", help="Peak learning rate.")] = 5e-3,
     seed: Seed = 0,
     force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
     as_json: AsJson = False,
 ) -> int:
-    """Train the detector on pictures with boxes; a call that was interrupted goes on where it was."""
-    if min(epochs, second_epochs) < 1 or (minutes is not None and not minutes > 0.0):
-        found = f"{epochs}, {second_epochs}, {minutes}"
-        raise RpojaxError(
-            f"--epochs, --second-epochs, --minutes: found {found}, expected 1 or more, and a time above 0"
-        )
-    if not 0.0 < rate < 1.0:
-        raise RpojaxError(f"--rate: found {rate}, expected a number between 0 and 1")
+    """Train the detector on pictures with boxes; an interrupted call continues."""
+    _check_training(epochs, second_epochs, minutes, rate)
     claim(out, force)
     prepare_jax(cache=True)
     from rpojax.training.detector import evaluate_detector, train_detector
@@ -128,7 +124,7 @@ def train(
     figures = evaluate_detector.detection_metrics(evaluate_detector.detect_images(params, unseen.images), unseen)
     limit = ("" if minutes is None else f" --minutes {minutes:g}") + (f" --start {start.name}" if start else "")
     passes = f"--epochs {epochs} --second-epochs {second_epochs}"
-    # A card names no folder of one machine.
+    # The record in the weights file holds no path of this machine.
     command = f"rpojax detector train {dataset.name} --out {out.name} {passes} --rate {rate:g} --seed {seed}{limit}"
     card = train_detector.model_card(known, recipes, history, figures, command)
     card["start"] = before.get("command")
@@ -138,10 +134,21 @@ def train(
     return 0
 
 
+def _check_training(epochs: int, second_epochs: int, minutes: float | None, rate: float) -> None:
+    """Raises `RpojaxError` on options outside of their ranges."""
+    if min(epochs, second_epochs) < 1 or (minutes is not None and not minutes > 0.0):
+        found = f"{epochs}, {second_epochs}, {minutes}"
+        raise RpojaxError(
+            f"--epochs, --second-epochs, --minutes: found {found}, expected 1 or more, and a time above 0"
+        )
+    if not 0.0 < rate < 1.0:
+        raise RpojaxError(f"--rate: found {rate}, expected a number between 0 and 1")
+
+
 def _recipes(
     epochs: int, second_epochs: int, seed: int, minutes: float | None, rate: float, pieces: bool
 ) -> "dict[str, NetworkTrainingOptions]":
-    """How each look is trained; of a limited time the second one gets a third. Only what is untrained sees pieces."""
+    """Training options of both networks; a third of a time limit is for refinement, crops are for untrained weights."""
     from rpojax.training.detector.training_loop import NetworkTrainingOptions
 
     limits = (None, None) if minutes is None else (40.0 * minutes, 20.0 * minutes)
@@ -156,7 +163,7 @@ def _recipes(
 
 @app.command
 def evaluate(dataset: Source, *, weights: Weights = None, as_json: AsJson = False) -> int:
-    """Judge a detector on pictures with boxes: average precision, boxes' accuracy, false alarms."""
+    """Evaluate a detector on pictures with boxes: average precision, accuracy of boxes, false alarms."""
     from rpojax.training.detector import evaluate_detector
     from rpojax.vision.detector.two_stage_detector import load_detector
 
@@ -169,7 +176,7 @@ def evaluate(dataset: Source, *, weights: Weights = None, as_json: AsJson = Fals
 
 
 def _training_and_validation(folder: Path, evaluate: bool = False) -> "tuple[DetectionDataset, DetectionDataset]":
-    """What to train on and what to judge by: two folders where there are two, else every tenth picture is held out."""
+    """Training and validation data: two folders if there are two, else every tenth picture is held out."""
     import numpy as np
 
     from rpojax.training.synthetic_data import detection_dataset

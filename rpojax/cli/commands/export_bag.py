@@ -1,4 +1,4 @@
-"""The verb `rpojax export-bag`: one run of a campaign as a ROS 2 bag."""
+"""The command `rpojax export-bag`: one run of a campaign as a ROS 2 bag."""
 
 import time
 from pathlib import Path
@@ -34,23 +34,23 @@ def export_bag(
     as_json: AsJson = False,
     no_cache: NoCache = False,
 ) -> int:
-    """One run of a campaign as a ROS 2 bag, without ROS; the run is flown again, alone."""
+    """Write one run of a campaign as a ROS 2 bag, without ROS; the run is replayed."""
     prepare_jax(cache=not no_cache)
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.interop.ros2 import mcap_sqlite3_writer, message_values
+    from rpojax.interop.ros2 import mcap_sqlite3_writer, message_values, run_bag
     from rpojax.interop.ros2.message_types import typestore
 
     typestore()
     mcap_sqlite3_writer.check_output(out, force)
     found = Campaign(directory)
-    kind = mcap_sqlite3_writer.resolve_image_storage(found.configuration["scenario"]["camera"]["model"], images)
+    kind = run_bag.resolve_image_storage(found.configuration["scenario"]["camera"]["model"], images)
     begin = time.perf_counter()
-    flight, agreement = replay.replay_run(found, run_id, message_values.observe_tick, as_json)
-    flown = time.perf_counter()
+    run, agreement = replay.replay_run(found, run_id, message_values.observe_tick, as_json)
+    replayed = time.perf_counter()
     with item_progress("writing ticks", quiet=as_json) as watch:
-        count = mcap_sqlite3_writer.write_run(flight, out, mcap_sqlite3_writer.BagFormat(form), kind, force, watch)
+        count = run_bag.write_run(run, out, mcap_sqlite3_writer.BagFormat(form), kind, force, watch)
     _print_result(
-        out, count, flight, agreement, {"fly_s": flown - begin, "write_s": time.perf_counter() - flown}, as_json
+        out, count, run, agreement, {"fly_s": replayed - begin, "write_s": time.perf_counter() - replayed}, as_json
     )
     return Status.DONE
 
@@ -58,15 +58,15 @@ def export_bag(
 def _print_result(
     out: Path,
     count: int,
-    flight: "ReplayedRun[RosTickValues]",
+    run: "ReplayedRun[RosTickValues]",
     agreement: "ReplayAgreement | None",
     took: dict[str, float],
     as_json: bool,
 ) -> None:
-    content: dict[str, Any] = {"bag": str(out), "run_id": flight.run_id, "ticks": flight.ticks, "messages": count}
+    content: dict[str, Any] = {"bag": str(out), "run_id": run.run_id, "ticks": run.ticks, "messages": count}
     if as_json:
         print_json({**content, "agreement": replay.content(agreement), **took})
         return
     print(out)
-    print(f"{count} messages of {flight.ticks} ticks")
-    print(replay.sentence(flight, agreement))
+    print(f"{count} messages of {run.ticks} ticks")
+    print(replay.sentence(run, agreement))

@@ -1,4 +1,4 @@
-"""The verb `rpojax export-rrd`: one run as a recording for the rerun viewer."""
+"""The command `rpojax export-rrd`: one run as a recording for the rerun viewer."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -30,7 +30,7 @@ def export_rrd(
     as_json: AsJson = False,
     no_cache: NoCache = False,
 ) -> int:
-    """One run for the rerun viewer: both craft, the camera and plots; the run is flown again, alone."""
+    """Write one run for the rerun viewer: both spacecraft, the camera and plots; the run is replayed."""
     claim(out, force, (".rrd",))
     if every < 1:
         raise RpojaxError(f"--every: found {every}, expected at least 1")
@@ -40,30 +40,30 @@ def export_rrd(
 
     rerun_recording.require_rerun()
     found = Campaign(directory)
-    flight, agreement = replay.replay_run(found, run_id, viewer_channels.observe_tick, as_json)
+    run, agreement = replay.replay_run(found, run_id, viewer_channels.observe_tick, as_json)
     with item_progress("taking pictures", quiet=as_json) as watch:
-        written = rerun_recording.write_recording(flight, out, _shots(flight, every, watch))
+        written = rerun_recording.write_recording(run, out, _shots(run, every, watch))
     if as_json:
         told = {"ticks": written.ticks, "pictures": written.pictures, "size_bytes": written.size_bytes}
         print_json({"file": str(out), "run_id": run_id, **told, "agreement": replay.content(agreement)})
     else:
         print(out)
-        print(replay.sentence(flight, agreement))
+        print(replay.sentence(run, agreement))
     return Status.DONE
 
 
 def _shots(
-    flight: "ReplayedRun[ViewerChannels]", every: int, watch: Callable[..., None]
+    run: "ReplayedRun[ViewerChannels]", every: int, watch: Callable[..., None]
 ) -> "Iterator[PosedPicture] | None":
-    """Pictures of a rendered camera, None of the others, which take none."""
-    if flight.file.camera.model != "rendered":
+    """Pictures of a rendered camera; None for other camera models."""
+    if run.file.camera.model != "rendered":
         return None
     from rpojax.interop import run_replay
 
-    ticks = range(0, flight.ticks, every)
+    ticks = range(0, run.ticks, every)
 
     def counted() -> "Iterator[PosedPicture]":
-        for count, shot in enumerate(run_replay.rerendered_pictures(flight, ticks)):
+        for count, shot in enumerate(run_replay.rerendered_pictures(run, ticks)):
             yield shot
             watch(count + 1, len(ticks))
 

@@ -1,4 +1,4 @@
-"""The verbs of `rpojax field`."""
+"""The commands of `rpojax field`: train, evaluate and render a radiance field."""
 
 import json
 import math
@@ -45,20 +45,15 @@ def train(
     center: Center = False,
     views: Annotated[int, arg(metavar="N", help="Ray-traced views.")] = 300,
     steps: Annotated[int, arg(metavar="N", help="Training steps at most.")] = 2000,
-    minutes: Annotated[float | None, arg(metavar="T", help="End training after so long.")] = None,
+    minutes: Annotated[float | None, arg(metavar="T", help="Time limit of the training [min].")] = None,
     seed: Seed = 0,
     kind: Annotated[str, arg(metavar="KIND", help="'grid', or 'point' for the slow reference network.")] = "grid",
     force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
     as_json: AsJson = False,
 ) -> int:
-    """Ray-trace views of a mesh and train a field on them; a call that was interrupted goes on where it was."""
-    if kind not in ("grid", "point"):
-        raise RpojaxError(f"--kind: found {kind!r}, expected 'grid' or 'point'")
-    if views < 16 or steps < 50:
-        raise RpojaxError(f"--views, --steps: found {views}, {steps}, expected at least 16 views and 50 steps")
+    """Ray-trace views of a mesh and train a field on them; an interrupted call continues."""
+    _check_training(kind, views, steps, minutes)
     _check_seed(seed)
-    if minutes is not None and not minutes > 0.0:
-        raise RpojaxError(f"--minutes: found {minutes}, expected more than 0")
     claim(out, force)
     from rpojax.training.radiance_field import train_field
     from rpojax.training.synthetic_data import ray_tracing, target_mesh
@@ -82,7 +77,7 @@ def train(
                 work / "checkpoint",
                 lambda step: watch(step.done, step.total, f"{step.psnr_db:.1f} dB"),
             )
-    # A card names no folder of one machine.
+    # The record in the weights file holds no path of this machine.
     placed = (f" --units {units}" if units else "") + (" --center" if center else "")
     command = f"rpojax field train {Path(mesh).name} --out {out.name}{placed}"
     command += f" --kind {kind} --views {views} --steps {steps} --seed {seed}"
@@ -161,7 +156,7 @@ def render(
         raise RpojaxError(f"--elevation-deg, --azimuth-deg: found {found}, expected -89 to 89 and a finite angle")
     import numpy as np
 
-    from rpojax.report.atomic_output import write_atomically
+    from rpojax.campaign.storage.output_files import write_atomically
     from rpojax.vision.imaging import contact_sheets
     from rpojax.vision.imaging.turntable import camera_azimuths, render_turntable
     from rpojax.vision.weight_files import load_field
@@ -197,7 +192,7 @@ def _mesh_and_field(
 
 
 def _check_same(mesh: "TargetMesh", field: "RadianceField") -> None:
-    """Raises where a mesh is not where a field is: another one, or other units."""
+    """Raises `RpojaxError` if a mesh and a field differ in place or size: another mesh, or other units."""
     import numpy as np
 
     from rpojax.vision.radiance_field.target_field import bounding_sphere
@@ -229,7 +224,7 @@ def _ray_trace_fresh_views(
     if not distance > least:
         how = "--fov-deg" if range_m is None else "--range-m"
         raise RpojaxError(f"{how}: found a range of {distance:.3g} m, expected the camera outside of {least:.3g} m")
-    # Training draws from the seed itself; these views are others.
+    # Training uses the seed itself, so these views are independent of it.
     shell = ray_tracing.ViewSampling(
         views, samples=samples, seed=1_000_003 + seed, range_m=range_m, field_of_view_deg=fov_deg
     )
@@ -242,13 +237,23 @@ def _ray_trace_fresh_views(
     return traced
 
 
+def _check_training(kind: str, views: int, steps: int, minutes: float | None) -> None:
+    """Raises `RpojaxError` on options outside of their ranges."""
+    if kind not in ("grid", "point"):
+        raise RpojaxError(f"--kind: found {kind!r}, expected 'grid' or 'point'")
+    if views < 16 or steps < 50:
+        raise RpojaxError(f"--views, --steps: found {views}, {steps}, expected at least 16 views and 50 steps")
+    if minutes is not None and not minutes > 0.0:
+        raise RpojaxError(f"--minutes: found {minutes}, expected more than 0")
+
+
 def _check_seed(seed: int) -> None:
     if not 0 <= seed < 2**31:
         raise RpojaxError(f"--seed: found {seed}, expected 0 to 2147483647")
 
 
 def _preview(path: Path, quiet: bool, rgb: "np.ndarray", alpha: "np.ndarray") -> None:
-    from rpojax.report.atomic_output import write_atomically
+    from rpojax.campaign.storage.output_files import write_atomically
     from rpojax.vision.imaging import contact_sheets
 
     write_atomically(path, contact_sheets.contact_sheet_png(contact_sheets.over_backdrop(rgb, alpha), columns=8))
@@ -257,10 +262,10 @@ def _preview(path: Path, quiet: bool, rgb: "np.ndarray", alpha: "np.ndarray") ->
 
 
 def _compare(path: Path, shown: "RenderedViews", traced: "Views", count: int = 8) -> None:
-    """Writes ray traces, the field's pictures and the differences of their codes as three rows."""
+    """Writes a sheet of three rows: ray traces, pictures of the field, and their differences."""
     import numpy as np
 
-    from rpojax.report.atomic_output import write_atomically
+    from rpojax.campaign.storage.output_files import write_atomically
     from rpojax.training.radiance_field import evaluate_field
     from rpojax.vision.imaging import contact_sheets
 

@@ -1,4 +1,4 @@
-"""The command `rpojax film`: what the rendered camera of a run saw."""
+"""The command `rpojax film`: pictures of the rendered camera of a run."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.report.figures.camera_film import CameraFrame
+    from rpojax.report.figures.camera.camera_film import CameraFrame
     from rpojax.scenario.schema import ScenarioFile
 
 
@@ -33,7 +33,7 @@ def film(
     force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
     no_cache: NoCache = False,
 ) -> int:
-    """What the rendered camera of a run saw, with the detector's boxes; a run without a kept history is flown again."""
+    """Film of the rendered camera of a run with the detector's boxes; a run without a stored history is replayed."""
     suffix = out.suffix.lower()
     if suffix not in (".png", ".mp4"):
         raise OutputError(f"{out}: found suffix {out.suffix!r}, expected .png or .mp4")
@@ -44,9 +44,9 @@ def film(
     prepare_jax(cache=not no_cache)
     from rpojax.campaign import rerender
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.dispersions.designs import recorded_run_range
-    from rpojax.report.atomic_output import write_atomically
-    from rpojax.report.figures import camera_film as drawing
+    from rpojax.campaign.storage.output_files import write_atomically
+    from rpojax.dispersions.designs.experiment_design import recorded_run_range
+    from rpojax.report.figures.camera import camera_film as drawing
 
     drawing.check_codec(codec)
     found = Campaign(directory)
@@ -66,7 +66,7 @@ def film(
 
 
 def _history_of(found: "Campaign", file: "ScenarioFile", run_id: int | None) -> "tuple[int, Mapping[str, np.ndarray]]":
-    """Number and full history of a run, flown again where none is kept."""
+    """Number and full history of a run, replayed if none is stored."""
     from rpojax.campaign import rerender
     from rpojax.campaign.rerun import check_run_id
 
@@ -75,14 +75,14 @@ def _history_of(found: "Campaign", file: "ScenarioFile", run_id: int | None) -> 
     check_run_id(found, run)
     if run in kept and rerender.is_renderable(history := found.history(run), file):
         return run, history
-    flown: list[Mapping[str, np.ndarray]] = []
+    replayed: list[Mapping[str, np.ndarray]] = []
 
     def work(watch: ProgressCallback) -> "Campaign":
-        flown.append(rerender.replay_run(file, found.info, run, watch))
+        replayed.append(rerender.replay_run(file, found.info, run, watch))
         return found
 
     with_progress(work, file.duration_s, as_json=False)
-    return run, flown[0]
+    return run, replayed[0]
 
 
 def _counted(shots: "Iterable[CameraFrame]", total: int, watch: Callable[..., None]) -> "Iterator[CameraFrame]":

@@ -1,4 +1,4 @@
-"""The verb `rpojax lincov`: mean and spread of a scenario's runs without sampling them."""
+"""The command `rpojax lincov`: mean and spread of a scenario's runs without sampling them."""
 
 import dataclasses
 import io
@@ -134,7 +134,7 @@ def _write(
 ) -> None:
     import numpy as np
 
-    from rpojax.report.atomic_output import write_atomically, write_json
+    from rpojax.campaign.storage.output_files import write_atomically, write_json
     from rpojax.report.figures import linear_covariance_figures as figures
 
     desired = np.asarray(file.formation.desired_position_m)

@@ -22,7 +22,7 @@ def report(
     no_film: NoFilm = False,
     as_json: AsJson = False,
 ) -> int:
-    """Write report.html, report.json and figures anew."""
+    """Write report.html, report.json and figures again."""
     prepare_jax(cache=True)
     from rpojax.campaign.storage.campaign_folder import Campaign
     from rpojax.report.page.campaign_summary import choose_run

@@ -25,7 +25,7 @@ def rerun(
     as_json: AsJson = False,
     no_cache: NoCache = False,
 ) -> int:
-    """Fly one run of a campaign again, with its full history, and compare it with what was recorded."""
+    """Repeat one run of a campaign with its full history, and compare it with the record."""
     prepare_jax(cache=not no_cache)
     from rpojax.campaign import rerun as again
     from rpojax.campaign.storage.campaign_folder import Campaign
@@ -39,16 +39,16 @@ def rerun(
         return outcomes[0].campaign
 
     with keeping_results(out):
-        flown = with_progress(work, float(found.configuration["scenario"]["duration_s"]), as_json)
+        simulated = with_progress(work, float(found.configuration["scenario"]["duration_s"]), as_json)
     [outcome] = outcomes
     comparison = {"recorded": outcome.was_recorded, "different": sorted(outcome.differences)}
     if not as_json:
         print(f"rpojax: {_verdict(outcome)}", file=sys.stderr)
-    return conclude(flown, report=True, as_json=as_json, film=not no_film, more={"rerun": comparison})
+    return conclude(simulated, report=True, as_json=as_json, film=not no_film, more={"rerun": comparison})
 
 
 def _verdict(outcome: Any) -> str:
-    """How a run that was flown again compares with the campaign's."""
+    """Agreement of the repeated run with the record, in one sentence."""
     if not outcome.recorded:
         return "the campaign has not recorded this run yet, so there is nothing to compare it with"
     if not outcome.different:

@@ -21,9 +21,7 @@ def run(
     seed: Seed = 0,
     run_id: Annotated[int, arg(metavar="I", help="Number of the run in its campaign.")] = 0,
     overrides: Overrides = (),
-    block_size: Annotated[
-        int, arg(metavar="N", help="That of the campaign, for the very same numbers to the last digit.")
-    ] = 1,
+    block_size: Annotated[int, arg(metavar="N", help="Block size of its campaign, for bit-equal numbers.")] = 1,
     force: Force = False,
     no_film: NoFilm = False,
     as_json: AsJson = False,

@@ -1,4 +1,4 @@
-"""The verb `rpojax sensitivity`: which dispersions make the spread of a metric, from derivatives."""
+"""The command `rpojax sensitivity`: which dispersions make the spread of a metric, from derivatives."""
 
 import dataclasses
 from pathlib import Path
@@ -51,9 +51,9 @@ def sensitivity(
     set_loop_fusion_flag(rendered=file.camera.model == "rendered")
     from rpojax.analysis.reliability import derivative_sensitivity as analysis
     from rpojax.campaign.storage.campaign_folder import Campaign
+    from rpojax.campaign.storage.json_types import to_json_types
+    from rpojax.campaign.storage.output_files import write_json
     from rpojax.dispersions import standard_normal_space
-    from rpojax.report.atomic_output import write_json
-    from rpojax.report.json_values import to_json_types
 
     metrics, space = analysis.select_metrics(file, metric), standard_normal_space.make_space(file)
     sampled = None if campaign is None else Campaign(campaign)

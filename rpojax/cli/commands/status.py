@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def status(directory: Folder, *, as_json: AsJson = False) -> int:
-    """Where a campaign is: blocks, runs, failures and speed so far; also while others work on it."""
+    """Progress of a campaign: blocks, runs, failures and speed so far; also while it is running."""
     from rpojax.campaign.status import status as look
 
     found = look(directory)

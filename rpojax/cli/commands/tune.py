@@ -1,4 +1,4 @@
-"""The verb `rpojax tune`: flight software tuned by gradient, judged on runs that the tuning has never seen."""
+"""The command `rpojax tune`: flight software tuned by gradient, judged on runs that the tuning has never seen."""
 
 import dataclasses
 import time
@@ -112,7 +112,7 @@ def story(
     file: "ScenarioFile", settings: "TuningSettings", tuned: "TuningResult", found: "Validation | None", total_s: float
 ) -> dict[str, Any]:
     """What happened, as plain numbers."""
-    from rpojax.report.json_values import to_json_types
+    from rpojax.campaign.storage.json_types import to_json_types
     from rpojax.scenario import schema
 
     changes = {key: {"from": schema.nominal_value(file, key), "to": value} for key, value in tuned.values.items()}
@@ -142,7 +142,7 @@ def story(
 def _write(out: Path, report: Path, better: "ScenarioFile", content: dict[str, Any]) -> None:
     import tomli_w
 
-    from rpojax.report.atomic_output import write_atomically, write_json
+    from rpojax.campaign.storage.output_files import write_atomically, write_json
 
     words = ", ".join(content["settings"]["parameters"])
     header = f"# {content['scenario']} with {words} tuned by gradient; {report.name} tells how, and how it was judged\n"

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = False) -> int:
     """Check a scenario without running it."""
     from rpojax.scenario import dispersion_keys
-    from rpojax.scenario import scenario_file as scenarios
+    from rpojax.scenario.loading import scenario_loader as scenarios
 
     file = load(scenario, overrides)
     content = {

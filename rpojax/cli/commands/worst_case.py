@@ -1,4 +1,4 @@
-"""The verb `rpojax worst-case`: the most likely combination of dispersions that breaks a requirement."""
+"""The command `rpojax worst-case`: the most likely combination of dispersions that breaks a requirement."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -45,9 +45,9 @@ def worst_case(
     from rpojax.analysis.reliability import metric_limit, worst_case_record
     from rpojax.analysis.reliability import worst_case as analysis
     from rpojax.analysis.reliability.evaluation_log import SearchSettings
+    from rpojax.campaign.storage.json_types import to_json_types
+    from rpojax.campaign.storage.output_files import write_atomically, write_json
     from rpojax.dispersions import standard_normal_space
-    from rpojax.report.atomic_output import write_atomically, write_json
-    from rpojax.report.json_values import to_json_types
 
     chosen = metric_limit.select_limit(file, requirement, metric, limit, bound)
     space = standard_normal_space.make_space(file)
