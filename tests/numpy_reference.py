@@ -22,6 +22,11 @@ def random_unit(rng: np.random.Generator, size: int = 3) -> np.ndarray:
     return unit(rng.normal(size=size))
 
 
+def random_position(rng: np.random.Generator) -> np.ndarray:
+    """Position [m] from low to geostationary orbit."""
+    return rng.uniform(6.6e6, 4.2e7) * random_unit(rng)
+
+
 def axis_angle_quaternion(axis: np.ndarray, angle: float) -> np.ndarray:
     """Quaternion that turns a vector by `angle` [rad] about `axis`."""
     return np.concatenate([[np.cos(0.5 * angle)], np.sin(0.5 * angle) * unit(np.asarray(axis, dtype=float))])

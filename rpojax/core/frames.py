@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.numerics.safe import normalize
-from rpojax.core.quaternion import cross
+from rpojax.core.vectors import apply, apply_transposed, cross
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
@@ -32,16 +32,6 @@ def hill_frame(r_TN_N: Vector, v_TN_N: Vector) -> tuple[Matrix, Vector]:
     radial, normal = normalize(r_TN_N), normalize(momentum)
     R_HN = jnp.stack([radial, cross(normal, radial), normal])
     return R_HN, momentum / jnp.sum(r_TN_N * r_TN_N, axis=0)
-
-
-def apply(matrix: Matrix, vector: Vector) -> Vector:
-    """Product of a 3x3 matrix and a 3-vector."""
-    return jnp.sum(matrix * vector[None, :], axis=1)
-
-
-def apply_transposed(matrix: Matrix, vector: Vector) -> Vector:
-    """Product of the transpose of a 3x3 matrix and a 3-vector, such as H components back to N components."""
-    return jnp.sum(matrix * vector[:, None], axis=0)
 
 
 def inertial_to_hill(r_N: Vector, v_N: Vector, R_HN: Matrix, omega_HN_N: Vector) -> tuple[Vector, Vector]:

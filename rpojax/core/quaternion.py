@@ -5,6 +5,7 @@ from jaxtyping import Array, Float
 
 from rpojax.core.numerics import safe
 from rpojax.core.numerics.trigonometric_series import arctan2, cos_sinc
+from rpojax.core.vectors import cross
 
 Quaternion = Float[Array, "4"]
 Vector = Float[Array, "3"]
@@ -39,11 +40,6 @@ def rotate(q: Quaternion, vector: Vector) -> Vector:
     u = q[1:]
     t = 2.0 * cross(u, vector)
     return vector + q[0] * t + cross(u, t)
-
-
-def cross(a: Vector, b: Vector) -> Vector:
-    """Cross product of two 3-vectors."""
-    return jnp.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 def to_matrix(q: Quaternion) -> Float[Array, "3 3"]:

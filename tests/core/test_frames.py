@@ -9,8 +9,6 @@ from rpojax.core import frames
 
 EXACT = 1e-14  # a few roundings of numbers near one
 
-apply = jax.jit(frames.apply)
-apply_transposed = jax.jit(frames.apply_transposed)
 hill_frame = jax.jit(frames.hill_frame)
 hill_to_inertial = jax.jit(frames.hill_to_inertial)
 inertial_to_hill = jax.jit(frames.inertial_to_hill)
@@ -83,11 +81,3 @@ def test_a_camera_looks_along_the_direction_with_its_x_axis_as_near_as_possible_
     np.testing.assert_allclose(R_KN[2], direction, atol=EXACT)
     across = right - (right @ direction) * direction
     np.testing.assert_allclose(R_KN[0] @ right, np.linalg.norm(across), atol=1e-12)
-
-
-@given(SEEDS)
-def test_applying_a_matrix_or_its_transpose_is_the_matrix_product(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    M, v = rng.normal(size=(3, 3)), rng.normal(size=3)
-    np.testing.assert_allclose(apply(M, v), M @ v, atol=EXACT * 10)
-    np.testing.assert_allclose(apply_transposed(M, v), M.T @ v, atol=EXACT * 10)

@@ -1,4 +1,4 @@
-"""The Earth's shadow against areas by quadrature, its borders, and when a camera can see a target."""
+"""The Earth's shadow against areas by quadrature, and its borders."""
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +8,7 @@ from numpy_reference import RADIUS
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
-from rpojax.core.orbits import camera_visibility, eclipse
+from rpojax.core.orbits import eclipse
 from rpojax.simulation import single_precision
 
 SUN_DISTANCE, SUN_RADIUS = 1.496e11, 6.957e8
@@ -18,7 +18,6 @@ ORBITS = {"low orbit": 7.0e6, "geostationary": 4.2164e7, "the Moon's distance": 
 illumination = jax.jit(eclipse.illumination)
 gradient = jax.jit(jax.grad(eclipse.illumination))
 is_lit = jax.jit(eclipse.is_lit)
-is_observable = jax.jit(camera_visibility.is_observable)
 
 
 def place(distance: float, angle: float) -> np.ndarray:
@@ -146,33 +145,6 @@ def test_more_than_half_of_the_disc_counts_as_light(distance: float, tolerance: 
     half = brentq(lambda angle: free_share(place(distance, angle)) - 0.5, inner, outer, xtol=1e-14)
     assert not bool(is_lit(place(distance, half - tolerance), SUN))
     assert bool(is_lit(place(distance, half + tolerance), SUN))
-
-
-DAY, NIGHT = np.array([7.0e6, 0.0, 0.0]), np.array([-7.0e6, 0.0, 0.0])
-
-
-def observable(r_TN_N: np.ndarray, r_ST_N: np.ndarray, phase_limit: float, sun_exclusion: float) -> bool:
-    return bool(is_observable(r_TN_N, r_ST_N, SUN, jnp.deg2rad(phase_limit), jnp.deg2rad(sun_exclusion)))
-
-
-@pytest.mark.parametrize(
-    ("r_TN_N", "phase_deg", "seen"),
-    [(DAY, 90.0, True), (DAY, 0.0, True), (DAY, 149.0, True), (DAY, 151.0, False), (NIGHT, 90.0, False)],
-    ids=["from the side", "Sun behind the camera", "thick enough a crescent", "too thin a crescent", "eclipse"],
-)
-def test_a_target_can_be_seen_where_it_is_lit_and_its_phase_is_small(
-    r_TN_N: np.ndarray, phase_deg: float, seen: bool
-) -> None:
-    phase = np.deg2rad(phase_deg)
-    r_ST_N = 40.0 * np.array([np.cos(phase), 0.6 * np.sin(phase), 0.8 * np.sin(phase)])
-    assert observable(r_TN_N, r_ST_N, 150.0, 20.0) is seen
-
-
-@pytest.mark.parametrize(("off_sun_deg", "seen"), [(29.0, False), (31.0, True)])
-def test_a_camera_is_blind_when_it_looks_near_the_sun(off_sun_deg: float, seen: bool) -> None:
-    angle = np.deg2rad(off_sun_deg)
-    r_ST_N = -40.0 * np.array([np.cos(angle), np.sin(angle), 0.0])
-    assert observable(DAY, r_ST_N, 180.0, 30.0) is seen  # every phase will do, so that only the exclusion counts
 
 
 def test_single_precision_has_the_penumbra_to_a_ten_thousandth() -> None:

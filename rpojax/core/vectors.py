@@ -1,0 +1,22 @@
+"""Products of 3-vectors and 3x3 matrices, written out: under `vmap` they stay loops over the batch."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+Vector = Float[Array, "3"]
+Matrix = Float[Array, "3 3"]
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """Cross product of two 3-vectors."""
+    return jnp.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def apply(matrix: Matrix, vector: Vector) -> Vector:
+    """Product of a 3x3 matrix and a 3-vector."""
+    return jnp.sum(matrix * vector[None, :], axis=1)
+
+
+def apply_transposed(matrix: Matrix, vector: Vector) -> Vector:
+    """Product of the transpose of a 3x3 matrix and a 3-vector, such as H components back to N components."""
+    return jnp.sum(matrix * vector[:, None], axis=0)
