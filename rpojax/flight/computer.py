@@ -1,4 +1,4 @@
-"""The flight computer: tuning, memory, and the stages of flight software in the order in which they run."""
+"""Flight computer: tuning, memory, and the stages of flight software in the order in which they run."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,23 +7,32 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
-from rpojax.core.frames import apply
 from rpojax.core.numerics import safe
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
-from rpojax.core.orbits.orbital_mechanics import mean_motion, semi_major_axis
+from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace, select
-from rpojax.flight.control import attitude_control, formation_lqr
+from rpojax.core.vectors import apply
+from rpojax.flight.control import (
+    attitude_control,
+    formation_law,
+    station_keeping,
+    wheel_torque_allocation,
+)
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
-from rpojax.flight.control.formation_lqr import FormationLaw, FormationTuning, StationKeeping
-from rpojax.flight.guidance import attitude_guidance, burn_planning, slew_profile, target_pointing
+from rpojax.flight.control.formation_law import FormationLaw
+from rpojax.flight.control.formation_tuning import FormationTuning
+from rpojax.flight.control.lqr_gain import lqr_gain
+from rpojax.flight.control.station_keeping import StationKeeping
+from rpojax.flight.guidance import attitude_guidance, burn_planning, slew_profile, target_visibility
 from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.guidance.burn_planning import BurnPlan
-from rpojax.flight.guidance.pointing_modes import PointingTuning
+from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.guidance.target_pointing import TargetPointing
 from rpojax.flight.navigation import attitude_ekf, orbit_filter, outlier_gate, thrust_estimator
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
-from rpojax.flight.navigation.filter_tuning import BoxMeasurement, GpsMeasurement, OrbitFilterTuning
 from rpojax.flight.navigation.orbit_filter import Innovation, OrbitEstimate
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.navigation.outlier_gate import GateState
 from rpojax.flight.navigation.thrust_estimator import ThrustEstimate
 from rpojax.flight.vehicle_model import VehicleModel
@@ -34,7 +43,7 @@ Scalar = Float[Array, ""]
 
 @pytree
 class FlightParams:
-    """Everything that is tuned on board, and the vehicle data base."""
+    """Tuning of all flight software, and its vehicle model."""
 
     vehicle: VehicleModel
     navigation: OrbitFilterTuning
@@ -50,16 +59,16 @@ class FlightMemory:
 
     Attributes:
         orbit: estimate of both orbits
-        track: memory of the gate
+        gate: state of the outlier gate
         attitude: estimate of the attitude
         attitude_variance: () of the camera across its boresight at the last frame [rad^2]
-        plan: the burn decided last
-        thrust: how hard the thruster pushes
+        plan: latest decided burn
+        thrust_estimate: estimated thrust
         thruster_failed_at: () when a burn last gave no thrust [s], minus infinity before
-        pointing: memory of the attitude guidance
+        pointing: state of the attitude guidance
         gain: (3, 6) of the formation controller, solved once at start
-        station: free motion and impulse that keep the station, solved once at start
-        allocation: (3, 3) body torque to wheel torques, solved once at start
+        station_keeping: free motion and impulse that keep the station, solved once at start
+        wheel_allocation: (3, 3) body torque to wheel torques, solved once at start
     """
 
     orbit: OrbitEstimate
@@ -77,7 +86,7 @@ class FlightMemory:
 
 @pytree
 class Measurements:
-    """What the sensors give at one camera tick.
+    """Measurements of one camera tick.
 
     Attributes:
         gps: position
@@ -104,18 +113,18 @@ WheelControl = Callable[
 
 @dataclass(frozen=True)
 class Stages:
-    """The replaceable parts of the flight software; pass functions of the same signature to put in your own.
+    """Replaceable parts of the flight software, as functions of the same signature.
 
     Attributes:
         orbit_update: filter update with GPS and box, as `orbit_filter.update`
         orbit_predict: filter propagation, as `orbit_filter.predict`
-        formation_law: velocity change from the predicted deviation, as `formation_control.lqr`
+        formation_law: velocity change from the predicted deviation, as `formation_law.lqr_feedback`
         wheel_torque: attitude control, as `attitude_control.wheel_torque`
     """
 
     orbit_update: OrbitUpdate = orbit_filter.update
     orbit_predict: OrbitPrediction = orbit_filter.predict
-    formation_law: FormationLaw = formation_lqr.lqr_feedback
+    formation_law: FormationLaw = formation_law.lqr_feedback
     wheel_torque: WheelControl = attitude_control.wheel_torque
 
 
@@ -139,20 +148,20 @@ def initial(
         thrust_estimate=thrust_estimator.initial(),
         thruster_failed_at=jnp.full((), -jnp.inf, dtype=jnp.float64),
         pointing=attitude_guidance.initial_pointing(params.vehicle, orbit),
-        gain=formation_lqr.lqr_gain(params.formation, n, period),
-        station_keeping=formation_lqr.solve_station_keeping(params.formation, n, period),
-        wheel_allocation=jnp.linalg.inv(params.vehicle.wheel_axes.T),
+        gain=lqr_gain(params.formation, n, period),
+        station_keeping=station_keeping.solve_station_keeping(params.formation, n, period),
+        wheel_allocation=wheel_torque_allocation.allocation_matrix(params.vehicle.wheel_axes),
     )
 
 
 def navigate(
     stages: Stages, params: FlightParams, gated: bool, memory: FlightMemory, measurements: Measurements, sun_N: Vector
 ) -> tuple[FlightMemory, Innovation]:
-    """Memory after the attitude and orbit filters have taken in one tick's measurements; the Sun is at `sun_N` [m].
+    """Memory after the updates of attitude and orbit filter, and the orbit filter's diagnostics.
 
-    A box of a target that lies in the dark is not one.
+    Boxes are ignored while the target should be dark, with the Sun at `sun_N` [m].
     """
-    visible = target_pointing.is_visible(params.vehicle, memory.orbit, sun_N, target_pointing.VISIBILITY_TOLERANCE)
+    visible = target_visibility.is_visible(params.vehicle, memory.orbit, sun_N, target_visibility.VISIBILITY_TOLERANCE)
     box = measurements.box
     attitude = attitude_ekf.update(
         params.attitude_filter,
@@ -173,7 +182,7 @@ def navigate(
         replace(
             box,
             present=box.present & visible,
-            # It goes back as well as it came: once the stars are seen again the learnt drift is wrong.
+            # Absolute: when the star tracker returns, the bearing bias learnt under drift is as wrong.
             attitude_variance_change=jnp.abs(variance - memory.attitude_variance),
         ),
     )
@@ -192,9 +201,9 @@ def _attitude_variance(vehicle: VehicleModel, estimate: AttitudeEstimate) -> Sca
 def plan_burn(
     stages: Stages, params: FlightParams, memory: FlightMemory, pointing: TargetPointing, time: Scalar
 ) -> FlightMemory:
-    """Memory with a newly decided burn: none while the target is lost or dark, or the thruster has just failed."""
+    """Memory with a new burn plan; no burn while the target is lost or dark, or soon after the thruster failed."""
     lost = attitude_guidance.is_lost(params.pointing, memory.pointing)
-    works = time >= memory.thruster_failed_at + params.formation.thruster_retry
+    thruster_works = time >= memory.thruster_failed_at + params.formation.thruster_retry
     plan = burn_planning.plan_burn(
         stages.formation_law,
         params.formation,
@@ -204,7 +213,7 @@ def plan_burn(
         memory.station_keeping,
         memory.orbit,
         pointing.q_BN,
-        pointing.visible & works & ~lost,
+        pointing.visible & thruster_works & ~lost,
         time,
     )
     return replace(memory, plan=plan)
@@ -218,9 +227,9 @@ def guide(
     time: Scalar,
     dt: float,
 ) -> tuple[FlightMemory, Array]:
-    """Memory with the attitude reference for the next `dt` [s], and the mode; the Sun is at `sun_N` [m]."""
+    """Memory with the attitude reference for the next `dt` [s], and the pointing mode; the Sun is at `sun_N` [m]."""
     plan = burn_planning.inhibit(params.pointing, memory.plan, memory.attitude.q_BN, time, dt)
-    visible = target_pointing.is_visible(params.vehicle, memory.orbit, sun_N)
+    visible = target_visibility.is_visible(params.vehicle, memory.orbit, sun_N)
     pointing, mode = attitude_guidance.guide(
         params.pointing, params.vehicle, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt
     )
@@ -242,10 +251,10 @@ def expected_delta_v(
 ) -> Vector:
     """Velocity change in N [m/s] that flight software expects over the next `dt` [s].
 
-    The valve is to be open from `ignition` to `cutoff`, both in [s] from now.
+    The valve is commanded open from `ignition` to `cutoff`, both in [s] from now.
     """
     on = jnp.clip(dt, ignition, cutoff) - jnp.clip(0.0, ignition, cutoff)
-    # A tie is split between two steps. That of an empty burn must not count: the step before the decision has no part.
+    # The derivative of a tie is split between two steps; that of an empty burn must not count.
     on = jnp.where(cutoff > ignition, on, 0.0)
     direction_N = quaternion.rotate(quaternion.conjugate(memory.attitude.q_BN), params.vehicle.thrust_direction)
     return on * params.vehicle.thrust / params.vehicle.mass * direction_N
@@ -263,7 +272,7 @@ def predict(
     end: Scalar,
     dt: float,
 ) -> FlightMemory:
-    """Memory with both filters carried over the `dt` [s] up to `end` [s] in which the thruster was to give `delta_v_N`.
+    """Memory with both filters propagated over the `dt` [s] up to `end` [s] with the expected change `delta_v_N` [m/s].
 
     `thrust_ratio` is the chamber pressure over its nominal value while the valve was open. A burn without thrust marks
     the thruster as failed.
@@ -293,7 +302,7 @@ def predict(
 
 
 _FAILED_THRUST_RATIO = 0.3
-"""Below this ratio of thrust to its nominal value the thruster counts as failed."""
+"""Ratio of thrust to its nominal value below which the thruster counts as failed."""
 
 
 __all__ = [

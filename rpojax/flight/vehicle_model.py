@@ -1,4 +1,4 @@
-"""What the flight software believes about its own vehicle: nominal values, whatever the truth is."""
+"""Flight software's model of its own vehicle, with nominal values."""
 
 from jaxtyping import Array
 
@@ -7,7 +7,7 @@ from rpojax.core.pytree import pytree
 
 @pytree
 class VehicleModel:
-    """Vehicle data base.
+    """Nominal properties of the servicer, which the true ones differ from.
 
     Attributes:
         mass: () [kg]

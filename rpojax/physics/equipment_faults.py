@@ -1,4 +1,4 @@
-"""What can go wrong with the servicer's equipment: one fault per run, of some kind, for some time."""
+"""Equipment faults of the servicer: one fault per run, of one kind, for some time."""
 
 from typing import Any, get_args
 
@@ -11,7 +11,7 @@ from rpojax.physics.plant_options import FaultKind
 Scalar = Float[Array, ""]
 
 KINDS: tuple[str, ...] = get_args(FaultKind)
-"""Kinds of fault; a fault's code is its place here."""
+"""Kinds of fault; a fault's code is its index here."""
 
 
 def kind_code(kind: object) -> Any:
@@ -20,19 +20,19 @@ def kind_code(kind: object) -> Any:
 
 
 SEIZURE_TIME_CONSTANT = 2.0
-"""A stuck wheel stops with this time constant [s]."""
+"""Time constant with which a stuck wheel stops [s]."""
 
 
 @pytree
 class Fault:
-    """A fault of one piece of equipment.
+    """Fault of one piece of equipment.
 
     Attributes:
-        kind: () its code, the place in `KINDS`
+        kind: () its code, the index in `KINDS`
         start: () [s]
         duration: () [s]
-        severity: () share of the thrust that a weak thruster lacks, or of the torque limit that friction takes [-]
-        wheel: () number of the wheel that a wheel fault strikes
+        severity: () fraction of thrust that a weak thruster loses, or of the torque limit that friction takes [-]
+        wheel: () index of the wheel that a wheel fault affects
     """
 
     kind: Array
@@ -44,11 +44,11 @@ class Fault:
 
 @pytree
 class Health:
-    """What works at the present time.
+    """State of the equipment at one time.
 
     Attributes:
-        thrust: () share of the thruster's force that is left [-]
-        wheel_friction: (3,) additional bearing friction, as a share of the torque limit [-]
+        thrust_fraction: () remaining fraction of the thruster's force [-]
+        wheel_friction: (3,) additional bearing friction, as a fraction of the torque limit [-]
         wheel_stuck: (3,) bool
         gps: () bool, works
         star_tracker: () bool, works
@@ -64,7 +64,7 @@ class Health:
 
 
 def healthy() -> Health:
-    """Everything works."""
+    """Health of equipment without any fault."""
     yes = jnp.ones((), dtype=bool)
     return Health(
         thrust_fraction=jnp.ones((), dtype=jnp.float64),
@@ -77,7 +77,7 @@ def healthy() -> Health:
 
 
 def health_at(fault: Fault, time: Scalar) -> Health:
-    """What works at `time` [s] from the start of the run."""
+    """Health of the equipment at `time` [s] from the start of the run."""
     active = (time >= fault.start) & (time < fault.start + fault.duration)
 
     def is_kind(name: str) -> Bool[Array, ""]:

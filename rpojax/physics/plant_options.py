@@ -1,4 +1,4 @@
-"""What the plant takes into account; static and free of jax, because it is part of a scenario."""
+"""Static options of the plant, free of JAX because a scenario holds them."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -6,18 +6,18 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Effects:
-    """Switches of the plant. What is off is not compiled.
+    """Switches of the plant's effects. What is off is not compiled.
 
     Attributes:
         integrator: "rk4", or "rk8" for checks
         zonal_degree: of the Earth's gravity; 0 for a point mass
-        sun_gravity: pull of the Sun
-        moon_gravity: pull of the Moon
+        sun_gravity: third-body gravity of the Sun
+        moon_gravity: third-body gravity of the Moon
         drag: force and torque of the air
         solar_pressure: force and torque of sunlight, with the Earth's shadow
-        gravity_gradient: torque of the gravity gradient
+        gravity_gradient: gravity-gradient torque
         wheel_friction: friction in the wheels' bearings
-        wheel_torque_steps: wheel drives give torque in steps
+        wheel_torque_steps: wheel drives quantise their torque
         thruster_ramps: thrust rises and falls in finite times
         center_of_mass_shift: propellant used moves the centre of mass
         faults: equipment can fail
@@ -47,4 +47,4 @@ FaultKind = Literal[
     "star_tracker_blind",
     "camera_blackout",
 ]
-"""Kinds of fault of the equipment."""
+"""Kinds of equipment faults."""

@@ -1,11 +1,10 @@
-"""Rotation of rigid bodies, with and without reaction wheels."""
+"""Rotational dynamics of rigid bodies, with and without reaction wheels."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core.frames import apply, apply_transposed
 from rpojax.core.pytree import pytree
-from rpojax.core.quaternion import cross
+from rpojax.core.vectors import apply, apply_transposed, cross
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
@@ -32,12 +31,12 @@ def inverse_3x3(matrix: Matrix) -> Matrix:
 
 
 def angular_acceleration(inertia: Matrix, inverse_inertia: Matrix, omega_B: Vector, torque_B: Vector) -> Vector:
-    """Euler's equation: `omega_dot` [rad/s^2] of a rigid body, body axes."""
+    """Angular acceleration `omega_dot` [rad/s^2] of a rigid body by Euler's equation, body axes."""
     return apply(inverse_inertia, torque_B - cross(omega_B, apply(inertia, omega_B)))
 
 
 def inverse_hub_inertia(inertia: Matrix, wheel_axes: Matrix, wheel_inertia: Vector) -> Matrix:
-    """Inverse [1/(kg m^2)] of the inertia less the part of the wheels that spins freely."""
+    """Inverse [1/(kg m^2)] of the body's inertia without the wheels' inertia about their spin axes."""
     return inverse_3x3(
         inertia - jnp.sum(wheel_inertia[:, None, None] * wheel_axes[:, :, None] * wheel_axes[:, None, :], 0)
     )
@@ -58,10 +57,10 @@ def accelerations_with_wheels(
     motor_torque: Vector,
     torque_B: Vector,
 ) -> tuple[Vector, Vector]:
-    """`omega_dot` and wheel accelerations [rad/s^2] of a body with balanced wheels.
+    """Angular accelerations [rad/s^2] of a body with balanced wheels and of the wheels relative to it.
 
-    `motor_torque` (3,) acts on the wheels, its reaction on the body; `wheel_speed` is relative to the body;
-    `inverse_hub` comes from `inverse_hub_inertia`. Schaub and Junkins, section 4.5, with momentum exchange.
+    `motor_torque` (3,) [N m] acts on the wheels, its reaction on the body; `wheel_speed` [rad/s] is relative to the
+    body; `inverse_hub` comes from `inverse_hub_inertia`. Schaub and Junkins, section 4.5, with momentum exchange.
     """
     momentum = apply(inertia, omega_B) + wheel_momentum(wheel_axes, wheel_inertia, wheel_speed)
     reaction = apply_transposed(wheel_axes, motor_torque)

@@ -1,4 +1,4 @@
-"""Pressure in the thruster's chamber: tells flight software how hard the thruster really pushes."""
+"""Pressure sensor in the thruster's chamber, from which flight software estimates the thrust."""
 
 from jaxtyping import Array, Float
 

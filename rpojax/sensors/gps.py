@@ -1,4 +1,4 @@
-"""GPS position of the servicer: white noise plus a slowly varying error."""
+"""GPS receiver: position of the servicer with white noise and a slowly varying error."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -10,7 +10,7 @@ Vector = Float[Array, "3"]
 
 @pytree
 class Gps:
-    """GPS receiver.
+    """Errors of the GPS receiver.
 
     Attributes:
         noise: () white noise, 1 sigma per axis [m]

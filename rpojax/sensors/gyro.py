@@ -1,4 +1,4 @@
-"""Rate gyro with white noise and a wandering bias."""
+"""Rate gyro with angle random walk and a bias that performs a random walk."""
 
 import math
 
@@ -11,7 +11,7 @@ Vector = Float[Array, "3"]
 
 @pytree
 class Gyro:
-    """Three-axis rate gyro.
+    """Errors of the three-axis rate gyro.
 
     Attributes:
         angle_random_walk: () [rad/s^0.5]

@@ -1,4 +1,4 @@
-"""Star tracker: inertial attitude of the body with noise and a fixed misalignment, blind near the Sun."""
+"""Star tracker: inertial attitude with noise and a fixed misalignment, not available near the Sun."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -11,13 +11,13 @@ Vector = Float[Array, "3"]
 
 @pytree
 class StarTracker:
-    """Star tracker.
+    """Mounting and errors of the star tracker.
 
     Attributes:
         noise: (3,) white noise about each body axis, 1 sigma [rad]
         misalignment: (3,) small rotation of its axes [rad]
-        boresight: (3,) where it looks in B, any length
-        sun_exclusion: () blind when the Sun is nearer than this [rad]
+        boresight: (3,) its direction in B, any length
+        sun_exclusion: () least angle between boresight and Sun [rad]
     """
 
     noise: Array

@@ -1,9 +1,9 @@
-"""The camera as a fitted distribution: what renderer and detector would make of a view, without a picture.
+"""Camera as a fitted distribution of what renderer and detector would yield, without rendering an image.
 
-A small network turns the geometry of a view into the parameters of a distribution: whether there is a box, whether
-it is a false one, and bias and spread of each edge. What the geometry does not tell does not change from frame to frame
-either: what the rendered camera gets wrong in one view it gets wrong in the next one, too. So a share of the edges'
-errors lasts, a Gauss-Markov process in the angle by which the target has turned.
+A small network maps the features of a view to the parameters of a distribution: whether there is a box, whether it is a
+false one, and bias and spread of each edge. What the rendered camera gets wrong in one view it gets wrong in the next
+one, too; so a fraction of the variance of the edge errors is correlated in time, a Gauss-Markov process in the angle by
+which the target has rotated.
 """
 
 import jax
@@ -11,40 +11,38 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.pytree import pytree
-from rpojax.sensors.geometric_camera import CameraFrame
+from rpojax.sensors.camera import CameraFrame
+from rpojax.sensors.view_features import features, is_in_frame, visible_outline
 from rpojax.vision import bounding_box
 from rpojax.vision.bounding_box import BoundingBox
 from rpojax.vision.imaging.image_formation import Scene
-from rpojax.vision.radiance_field.volume_rendering import Layers, apply_layers
+from rpojax.vision.multilayer_perceptron import Layers, apply_layers
 
-FEATURE_COUNT = 20
 OUTPUT_COUNT = 12
 NORMALS_PER_FRAME = 5
 """Standard normal numbers that one frame needs."""
 UNIFORMS_PER_FRAME = 7
 """Uniform numbers that one frame needs."""
-MIN_OUTLINE_PX = 2.0
-"""Edge errors are shares of the visible outline's size, and a smaller one counts as so large [px]."""
 _LOG_SIGMA_RANGE = (-5.5, 0.0)
-"""Edges are never better known than to a 250th of the target's size."""
+"""Range of the log of an edge's 1 sigma over the target's size; edges are never better known than to a 250th of it."""
 _FEATURE_CLIP_SIGMA = 4.0
-"""Features beyond so many sigma of the fit's views count as so far off."""
+"""Features are clipped to this many sigma of the views of the fit."""
 WIDE_SIGMA_FACTOR = 3.0
-"""How much wider the second of the two normal distributions of edge errors is."""
+"""Ratio of the sigmas of the two normal distributions whose mixture the edge errors are."""
 
 
 @pytree
 class CameraStatistics:
-    """A fitted camera.
+    """Parameters of a fitted camera.
 
     Attributes:
-        mean: (FEATURES,) of the features that it was fitted to
-        spread: (FEATURES,) 1 sigma of these
-        layers: network from standard features to the parameters of `Outcome`
-        wide_share: () share of boxes whose edge errors are WIDE times as wide
-        mixing: (4, 4) lower triangle that makes standard errors of the four edges of independent ones
-        lasting_share: () share of the edges' variance that lasts
-        lasting_angle: () turn of the target after which 1 / e of it is left [rad]
+        mean: (FEATURE_COUNT,) of the features of the fit
+        spread: (FEATURE_COUNT,) 1 sigma of these
+        layers: network from standardised features to the parameters of `FrameDistribution`
+        wide_share: () fraction of boxes whose edge errors are WIDE_SIGMA_FACTOR times as wide
+        mixing: (4, 4) lower triangular Cholesky factor of the correlation of the four edge errors
+        lasting_share: () fraction of the edges' variance that is correlated in time
+        lasting_angle: () rotation of the target after which its correlation is 1 / e [rad]
         false_log_side: (2,) mean and 1 sigma of the log of a false box's sides [log px]
         false_score: (2,) mean and 1 sigma of the logit of a false box's score
     """
@@ -68,7 +66,7 @@ class FrameDistribution:
         log_none: () logarithm of the probability of no box
         log_true: () of a box of the target
         log_false: () of a false box
-        bias: (4,) mean error of the edges, shares of the visible outline's size
+        bias: (4,) mean error of the edges, fractions of the visible outline's size
         log_sigma: (4,) logarithm of its 1 sigma
         score: (2,) mean and log of 1 sigma of the logit of a box's score
     """
@@ -81,69 +79,10 @@ class FrameDistribution:
     score: Array
 
 
-def features(scene: Scene, outline: Float[Array, "4"], size_px: tuple[int, int]) -> Float[Array, " features"]:
-    """What a view's outcome may depend on, from its geometry and the target's outline [px], which may leave the frame.
-
-    Attitude: directions of camera, Sun and image in target axes. Light: phase angle, direction of the Sun in the
-    image. Size and place in the frame. Background: whether the Earth is behind, and how bright its light is there.
-    """
-    away_T = scene.r_KT_T * jax.lax.rsqrt(jnp.sum(scene.r_KT_T**2) + 1e-12)
-    right_T, down_T = scene.R_KT[0], scene.R_KT[1]
-    visible, size = visible_outline(outline, size_px)
-    middle = bounding_box.box_center(visible)
-    half = 0.5 * jnp.array(size_px, jnp.float32)
-    behind, light = _earth_background(scene, away_T)
-    share = _area(visible) / jnp.maximum(_area(outline), 1e-6)
-    return jnp.concatenate(
-        [
-            away_T,
-            scene.sun_T,
-            right_T,
-            jnp.stack(
-                [
-                    jnp.sum(away_T * scene.sun_T),
-                    jnp.sum(right_T * scene.sun_T),
-                    jnp.sum(down_T * scene.sun_T),
-                    jnp.log(size),
-                    jnp.log(jnp.maximum(outline[2] - outline[0], 1.0) / jnp.maximum(outline[3] - outline[1], 1.0)),
-                    share,
-                    scene.sunlight,
-                    behind,
-                    light,
-                ]
-            ),
-            (middle - half) / half,
-        ]
-    )
-
-
-def visible_outline(outline: Float[Array, "4"], size_px: tuple[int, int]) -> tuple[Float[Array, "4"], Float[Array, ""]]:
-    """The outline cut to the frame, and the geometric mean of its sides [px]."""
-    visible, _ = bounding_box.clip_to_frame(outline, *size_px)
-    return visible, jnp.maximum(bounding_box.box_size(visible), MIN_OUTLINE_PX)
-
-
-def _area(edges: Array) -> Array:
-    sides = jnp.maximum(edges[2:] - edges[:2], 0.0)
-    return sides[0] * sides[1]
-
-
-def _earth_background(scene: Scene, away_T: Array) -> tuple[Array, Array]:
-    """Whether the Earth is behind the target, and the cosine of the Sun's zenith angle on the ground there."""
-    line_N = -jnp.sum(scene.R_KN * jnp.sum(scene.R_KT * away_T[None, :], axis=1)[:, None], axis=0)
-    along = jnp.sum(line_N * scene.position_N)
-    nearest = jnp.sum(scene.position_N**2) - along * along
-    hit = (along < 0.0) & (nearest < 1.0)
-    distance = -along - jnp.sqrt(jnp.where(hit, 1.0 - nearest, 0.0))
-    ground = scene.position_N + distance * line_N
-    light = jnp.where(hit, jnp.maximum(jnp.sum(ground * scene.sun_N), 0.0), 0.0)
-    return hit.astype(jnp.float32), light
-
-
 def frame_distribution(
     statistics: CameraStatistics, view_features: Float[Array, " features"], in_frame: Bool[Array, ""]
 ) -> FrameDistribution:
-    """Distribution of a view's outcome; a target that is not in the frame has no box."""
+    """Distribution of a frame for the features of its view; a target that is not in the frame has no box."""
     standard = jnp.clip(
         (view_features - statistics.mean) / statistics.spread, -_FEATURE_CLIP_SIGMA, _FEATURE_CLIP_SIGMA
     )
@@ -161,14 +100,8 @@ def frame_distribution(
 
 
 def _soft_clip(value: Array, low: float, high: float) -> Array:
-    """A value kept between two others, smoothly."""
+    """Value between two bounds by a sigmoid."""
     return low + (high - low) * jax.nn.sigmoid(4.0 * (value - 0.5 * (low + high)) / (high - low))
-
-
-def is_in_frame(outline: Float[Array, "4"], size_px: tuple[int, int]) -> Bool[Array, ""]:
-    """Whether enough of the outline is in the frame for a box to be one of the target."""
-    visible, _ = bounding_box.clip_to_frame(outline, *size_px)
-    return _area(visible) > 1.0
 
 
 def advance_correlated_error(
@@ -177,7 +110,7 @@ def advance_correlated_error(
     target_rotation: Float[Array, ""],
     normals: Float[Array, "4"],
 ) -> Float[Array, "4"]:
-    """What lasts of the edges' errors (independent, 1 sigma = 1) after the target has turned by an angle [rad]."""
+    """Correlated part of the edge errors (independent, 1 sigma = 1) after a rotation of the target [rad]."""
     kept = jnp.exp(-target_rotation / statistics.lasting_angle.astype(target_rotation.dtype))
     return kept * correlated_error + jnp.sqrt(jnp.maximum(1.0 - kept * kept, 0.0)) * normals
 
@@ -194,32 +127,25 @@ def measure(
     normals: Float[Array, "5"],
     uniforms: Float[Array, "7"],
 ) -> CameraFrame:
-    """Box of one exposure.
+    """Frame of one exposure, drawn from its distribution.
 
-    `outline` [px] is the target's, `observable` is the light, `working` the camera's health, `lasting` what `advance`
-    carries from frame to frame.
+    `outline` [px] is the target's, `observable` is the light, `working` the camera's health, `correlated_error` comes
+    from `advance_correlated_error`.
     """
     outline, correlated_error, normals, uniforms = (
         v.astype(jnp.float32) for v in (outline, correlated_error, normals, uniforms)
     )
     in_frame = in_front & is_in_frame(outline, size_px)
     distribution = frame_distribution(statistics, features(scene, outline, size_px), in_frame)
-    true = jnp.log(uniforms[0]) < distribution.log_true
-    false = ~true & (jnp.log(1.0 - uniforms[0]) < distribution.log_false)
+    true, false = _draw_kind(distribution, uniforms[0])
     visible, size = visible_outline(outline, size_px)
-    width = jnp.where(uniforms[1] < statistics.wide_share, WIDE_SIGMA_FACTOR, 1.0)
-    share = statistics.lasting_share
-    independent = jnp.sqrt(share) * correlated_error + jnp.sqrt(1.0 - share) * normals[:4]
-    standard = jnp.sum(statistics.mixing * independent[None, :], axis=1)
-    true_edges = visible + size * (distribution.bias + width * jnp.exp(distribution.log_sigma) * standard)
-    edges = jnp.where(false, _false_box(statistics, size_px, uniforms[2:]), true_edges)
+    target_edges = visible + size * _edge_errors(statistics, distribution, correlated_error, normals[:4], uniforms[1])
+    edges = jnp.where(false, _false_box(statistics, size_px, uniforms[2:]), target_edges)
     frame_size = jnp.array([*size_px, *size_px], jnp.float32)
     edges = jnp.concatenate([jnp.minimum(edges[:2], edges[2:]), jnp.maximum(edges[:2], edges[2:])])
     edges = jnp.clip(edges, 0.0, frame_size)
     present = (true | false) & observable & working
-    mean = jnp.where(false, statistics.false_score[0], distribution.score[0])
-    spread = jnp.where(false, statistics.false_score[1], jnp.exp(distribution.score[1]))
-    score = jax.nn.sigmoid(mean + spread * normals[4])
+    score = _draw_score(statistics, distribution, false, normals[4])
     return CameraFrame(
         box=BoundingBox(
             edges=edges.astype(jnp.float64),
@@ -234,8 +160,36 @@ def measure(
     )
 
 
+def _draw_kind(distribution: FrameDistribution, uniform: Array) -> tuple[Array, Array]:
+    """Whether there is a box of the target, and whether there is a false one, by a uniform number."""
+    true = jnp.log(uniform) < distribution.log_true
+    return true, ~true & (jnp.log(1.0 - uniform) < distribution.log_false)
+
+
+def _edge_errors(
+    statistics: CameraStatistics,
+    distribution: FrameDistribution,
+    correlated_error: Array,
+    normals: Array,
+    uniform: Array,
+) -> Array:
+    """Errors (4,) of the edges as fractions of the target's size: bias and a mixture of two normal distributions."""
+    width = jnp.where(uniform < statistics.wide_share, WIDE_SIGMA_FACTOR, 1.0)
+    fraction = statistics.lasting_share
+    independent = jnp.sqrt(fraction) * correlated_error + jnp.sqrt(1.0 - fraction) * normals
+    standard = jnp.sum(statistics.mixing * independent[None, :], axis=1)
+    return distribution.bias + width * jnp.exp(distribution.log_sigma) * standard
+
+
+def _draw_score(statistics: CameraStatistics, distribution: FrameDistribution, false: Array, normal: Array) -> Array:
+    """Score of a box, with distributions of their own for boxes of the target and false ones."""
+    mean = jnp.where(false, statistics.false_score[0], distribution.score[0])
+    spread = jnp.where(false, statistics.false_score[1], jnp.exp(distribution.score[1]))
+    return jax.nn.sigmoid(mean + spread * normal)
+
+
 def _false_box(statistics: CameraStatistics, size_px: tuple[int, int], uniforms: Array) -> Array:
-    """A false box: anywhere in the frame, its sides log-normal."""
+    """False box: centre uniform over the frame, sides log-normal."""
     center = jnp.array(size_px, jnp.float32) * uniforms[:2]
     # Normal numbers from uniform ones (Box and Muller).
     radius = jnp.sqrt(-2.0 * jnp.log(jnp.maximum(uniforms[2], 1e-12)))

@@ -1,4 +1,4 @@
-"""Fitted cameras in files: safetensors, checked before use, with what they were fitted for."""
+"""Files of fitted statistical cameras: safetensors with a model card, checked before use."""
 
 import itertools
 import json
@@ -8,7 +8,8 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.sensors.statistical_camera import FEATURE_COUNT, OUTPUT_COUNT, CameraStatistics
+from rpojax.sensors.statistical_camera import OUTPUT_COUNT, CameraStatistics
+from rpojax.sensors.view_features import FEATURE_COUNT
 from rpojax.vision.weight_files import (
     WeightsError,
     check_all_taken,
@@ -19,7 +20,7 @@ from rpojax.vision.weight_files import (
 )
 
 LAYER_WIDTHS = (FEATURE_COUNT, 32, 32, OUTPUT_COUNT)
-"""Of the network between features and outcome."""
+"""Widths of the network between features and the parameters of the distribution."""
 _FILE_KIND = "rpojax camera 3"
 _SHAPES = {
     "mean": (FEATURE_COUNT,),
@@ -35,7 +36,7 @@ _POSITIVE = ("spread", "lasting_angle")
 
 
 def save_statistics(statistics: CameraStatistics, path: Path, card: Mapping[str, object]) -> None:
-    """Writes a fitted camera with its card; the file is either whole or as it was before."""
+    """Writes a fitted camera with its model card atomically."""
     tensors = {name: np.asarray(getattr(statistics, name)) for name in _SHAPES}
     for index, (weight, bias) in enumerate(statistics.layers):
         tensors[f"layers.{index}.weight"], tensors[f"layers.{index}.bias"] = np.asarray(weight), np.asarray(bias)
@@ -43,7 +44,11 @@ def save_statistics(statistics: CameraStatistics, path: Path, card: Mapping[str,
 
 
 def load_statistics(path: Path) -> tuple[CameraStatistics, dict[str, object]]:
-    """A fitted camera and its card; raises `WeightsError` for a damaged or foreign file."""
+    """Fitted camera and its model card.
+
+    Raises:
+        WeightsError: the file is damaged or of another kind.
+    """
     tensors, metadata = read_tensors(path)
     if metadata.get("kind") != _FILE_KIND:
         found = metadata.get("kind", "")

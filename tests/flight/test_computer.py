@@ -13,12 +13,11 @@ from rpojax.core import quaternion
 from rpojax.core.pytree import replace
 from rpojax.flight import computer
 from rpojax.flight.computer import FlightMemory, FlightParams, Measurements, Stages
-from rpojax.flight.control import formation_lqr
+from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.flight.navigation.filter_tuning import BoxMeasurement, GpsMeasurement
 from rpojax.flight.navigation.orbit_filter import Innovation
-from rpojax.scenario.params import Params
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 
 expected_delta_v = jax.jit(computer.expected_delta_v)
 start = jax.jit(computer.initial, static_argnums=1)
@@ -37,11 +36,6 @@ def plan_burn(
 
 
 @pytest.fixture(scope="module")
-def flight(params: Params) -> FlightParams:
-    return params.flight
-
-
-@pytest.fixture(scope="module")
 def memory(flight: FlightParams) -> FlightMemory:
     return start(flight, 200.0, rendezvous_scene.estimate(flight), IDENTITY, np.zeros(3))
 
@@ -56,7 +50,7 @@ def test_the_gain_is_solved_for_the_targets_mean_motion_and_the_burn_period(
     flight: FlightParams, memory: FlightMemory
 ) -> None:
     n = np.sqrt(MU / np.linalg.norm(rendezvous_scene.R_SN_N) ** 3)
-    expected = formation_lqr.lqr_gain(flight.formation, jnp.float64(n), 200.0)
+    expected = lqr_gain(flight.formation, jnp.float64(n), 200.0)
     np.testing.assert_allclose(memory.gain, expected, rtol=1e-3)  # the target flies 30 m ahead, a hair faster
 
 

@@ -1,4 +1,4 @@
-"""The plant against conservation laws, exact burns, and scipy's integrators."""
+"""Plant step against conservation laws, exact burns and scipy's integrators."""
 
 import functools
 
@@ -8,18 +8,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy_reference import IDENTITY, gravity, random_unit, rotation_matrix
+from numpy_reference import IDENTITY, gravity, rotation_matrix
 from scipy.integrate import solve_ivp
 
-from rpojax.core.frames import hill_frame, inertial_to_hill
-from rpojax.core.orbits import orbital_mechanics
 from rpojax.core.pytree import replace
-from rpojax.physics import actuators, equipment_faults, plant
-from rpojax.physics.actuators import BurnError, StepThrust, ValveCommand
-from rpojax.physics.environment import SunMoonPositions
+from rpojax.physics import equipment_faults, plant, plant_state
+from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
-from rpojax.physics.plant import PlantParams, Truth
 from rpojax.physics.plant_options import Effects
+from rpojax.physics.plant_state import PlantParams, Truth
+from rpojax.physics.thruster import BurnError, StepThrust, ValveCommand, thrust_over_step
 from rpojax.scenario.params import Params
 from rpojax.simulation import single_precision
 
@@ -30,9 +28,8 @@ G0 = 9.80665
 EFFECTS = Effects()
 SKY = SunMoonPositions(sun_N=jnp.array([1.0e11, 1.1e11, 2.0e10]), moon_N=jnp.array([-3.0e8, 2.0e8, 1.0e8]))
 HEALTHY = equipment_faults.healthy()
-
 step = jax.jit(plant.step, static_argnums=(0, 7))
-initial_truth = jax.jit(plant.initial_truth)
+initial_truth = jax.jit(plant_state.initial_truth)
 
 
 @functools.partial(jax.jit, static_argnums=0)
@@ -75,7 +72,7 @@ def step_thrust(
     """The thruster open from `ignition` to `cutoff` [s] from the start of the step, without any error."""
     none = BurnError(magnitude=jnp.zeros(()), direction=jnp.zeros(3))
     burn = ValveCommand(ignition=jnp.float64(ignition), cutoff=jnp.float64(cutoff), burn_error=none)
-    return actuators.thrust_over_step(params.thruster, burn, effects.integrator, effects.thruster_ramps, STEP)
+    return thrust_over_step(params.thruster, burn, effects.integrator, effects.thruster_ramps, STEP)
 
 
 def advance(
@@ -259,22 +256,6 @@ def test_a_burn_off_the_centre_of_mass_turns_the_servicer_by_its_lever(params: P
     wheels = params.plant.wheels
     momentum = np.asarray(params.plant.servicer.inertia) @ after.omega_BN_B + wheels.inertia * after.wheel_speed
     np.testing.assert_allclose(momentum, torque * STEP, rtol=1e-6, atol=1e-12)  # the body hardly turns meanwhile
-
-
-def test_a_run_starts_with_the_relative_state_of_the_scenario(params: Params) -> None:
-    rng = np.random.default_rng(1)
-    rho, rho_dot, q = 40.0 * random_unit(rng), 0.02 * random_unit(rng), random_unit(rng, 4)
-    truth = initial_truth(params.plant, params.orbit, rho, rho_dot, q)
-    R_HN, omega_HN_N = hill_frame(truth.r_TN_N, truth.v_TN_N)
-    found = inertial_to_hill(truth.r_ST_N, truth.v_ST_N, R_HN, omega_HN_N)
-    np.testing.assert_allclose(found[0], rho, atol=1e-12)
-    np.testing.assert_allclose(found[1], rho_dot, atol=1e-14)
-    expected = orbital_mechanics.state_from_elements(params.orbit)
-    np.testing.assert_allclose(truth.r_TN_N, expected[0])
-    np.testing.assert_allclose(np.linalg.norm(truth.omega_TN_T), np.deg2rad(1.0))
-    np.testing.assert_allclose(truth.omega_BN_B, rotation_matrix(q) @ np.asarray(omega_HN_N), atol=1e-16)
-    assert truth.mass == 30.0
-    assert truth.delta_v == 0.0
 
 
 def test_a_minute_of_thrust_in_single_precision_is_that_in_double(params: Params, in_orbit: Truth) -> None:

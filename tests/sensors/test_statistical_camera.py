@@ -1,67 +1,19 @@
-"""The statistical camera draws what its distribution says, and its files are checked."""
-
-import itertools
-from pathlib import Path
+"""Statistical camera: frames follow the fitted distribution."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from synthetic_camera_statistics import MIXING, fitted, scene
 
-from rpojax.sensors import statistical_camera, statistical_camera_file
-from rpojax.sensors.geometric_camera import CameraFrame
-from rpojax.sensors.statistical_camera import (
-    FEATURE_COUNT,
-    NORMALS_PER_FRAME,
-    OUTPUT_COUNT,
-    UNIFORMS_PER_FRAME,
-    CameraStatistics,
-)
-from rpojax.vision.imaging.image_formation import Scene
-from rpojax.vision.weight_files import WeightsError
+from rpojax.sensors import statistical_camera
+from rpojax.sensors.camera import CameraFrame
+from rpojax.sensors.statistical_camera import NORMALS_PER_FRAME, UNIFORMS_PER_FRAME, CameraStatistics
 
 SIZE = (128, 128)
 DRAWS = 20_000
 OUTLINE = np.array([40.0, 50.0, 80.0, 74.0], np.float32)  # 40 x 24 px, geometric mean 31 px
-SHARE = 0.7
-MIXING = np.linalg.cholesky(np.array([[1.0, 0.5, 0, 0], [0.5, 1.0, 0, 0], [0, 0, 1.0, -0.4], [0, 0, -0.4, 1.0]]))
 MEAN_SIDE = np.sqrt(40.0 * 24.0)
-
-
-def scene(away: tuple[float, float, float] = (0.0, 0.0, -30.0)) -> Scene:
-    """A camera below the target that looks up, the Sun from the side."""
-    return Scene(
-        r_KT_T=jnp.asarray(away, jnp.float32),
-        R_KT=jnp.eye(3, dtype=jnp.float32),
-        sun_T=jnp.asarray([1.0, 0.0, 0.0], jnp.float32),
-        sunlight=jnp.ones((), jnp.float32),
-        R_KN=jnp.eye(3, dtype=jnp.float32),
-        position_N=jnp.asarray([1.08, 0.0, 0.0], jnp.float32),
-        sun_N=jnp.asarray([1.0, 0.0, 0.0], jnp.float32),
-        earth_rotation=jnp.zeros((), jnp.float32),
-    )
-
-
-def fitted(true: float, false: float, bias: float = 0.0, wide: float = 0.0) -> CameraStatistics:
-    """A camera whose distribution is the same for all views: only the last layer's constants differ from zero."""
-    last = np.zeros(OUTPUT_COUNT, np.float32)
-    none = 1.0 - true - false
-    last[0], last[1] = np.log(true / none), np.log(max(false, 1e-9) / none)
-    last[2:6] = bias / 0.1
-    widths = statistical_camera_file.LAYER_WIDTHS
-    layers = [(jnp.zeros((i, o), jnp.float32), jnp.zeros((o,), jnp.float32)) for i, o in itertools.pairwise(widths)]
-    layers[-1] = (layers[-1][0], jnp.asarray(last))
-    return CameraStatistics(
-        mean=jnp.zeros(FEATURE_COUNT, jnp.float32),
-        spread=jnp.ones(FEATURE_COUNT, jnp.float32),
-        layers=tuple(layers),
-        wide_share=jnp.asarray(wide, jnp.float32),
-        mixing=jnp.asarray(MIXING, jnp.float32),
-        lasting_share=jnp.asarray(SHARE, jnp.float32),
-        lasting_angle=jnp.asarray(0.2, jnp.float32),
-        false_log_side=jnp.asarray([np.log(10.0), 0.5], jnp.float32),
-        false_score=jnp.asarray([0.5, 0.1], jnp.float32),
-    )
 
 
 def drawn(statistics: CameraStatistics, outline: np.ndarray = OUTLINE, light: bool = True) -> CameraFrame:
@@ -157,41 +109,3 @@ def test_boxes_stay_in_the_frame_and_those_at_its_border_are_truncated() -> None
     cut = np.asarray(frame.box.truncated)[np.asarray(frame.box.present)]
     np.testing.assert_array_equal(cut, edges[:, 0] < 1.0)
     assert 0.2 < cut.mean() <= 1.0
-
-
-def test_features_tell_whether_the_earth_is_behind_and_lit() -> None:
-    size = (128, 128)
-    # The camera is above the x axis of N; its boresight is +z of the target, here also of N.
-    space = statistical_camera.features(scene(), jnp.asarray(OUTLINE), size)
-    turned = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]], np.float32)
-    down = statistical_camera.features(
-        Scene(**{**vars(scene()), "R_KN": jnp.asarray(turned)}), jnp.asarray(OUTLINE), size
-    )
-    np.testing.assert_allclose(space[16:18], [0.0, 0.0], atol=1e-6)
-    np.testing.assert_allclose(down[16:18], [1.0, 1.0], atol=1e-3)
-
-
-def test_a_fitted_camera_in_a_file_is_itself_again(tmp_path: Path) -> None:
-    path = tmp_path / "a.camera.safetensors"
-    statistics = fitted(0.7, 0.1, 0.02)
-    statistical_camera_file.save_statistics(statistics, path, {"samples": 3})
-    found, card = statistical_camera_file.load_statistics(path)
-    assert card == {"samples": 3}
-    for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(statistics), strict=True):
-        np.testing.assert_array_equal(a, b)
-
-
-@pytest.mark.parametrize(("content", "words"), [(b"", "cannot be read"), (b"x" * 400, "cannot be read")])
-def test_a_damaged_file_is_refused_in_one_line(tmp_path: Path, content: bytes, words: str) -> None:
-    path = tmp_path / "a.camera.safetensors"
-    path.write_bytes(content)
-    with pytest.raises(WeightsError, match=words) as error:
-        statistical_camera_file.load_statistics(path)
-    assert "\n" not in str(error.value)
-
-
-def test_a_file_of_something_else_is_refused(tmp_path: Path) -> None:
-    from rpojax.vision.weight_files import packaged_field_path
-
-    with pytest.raises(WeightsError, match="calibrate-camera-model"):
-        statistical_camera_file.load_statistics(packaged_field_path())

@@ -1,12 +1,13 @@
-"""Attitude control: quaternion-error feedback with rate damping and feed-forward, allocated to three wheels."""
+"""Attitude control: quaternion-error feedback with rate damping and feed-forward."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import quaternion
-from rpojax.core.frames import apply, apply_transposed
 from rpojax.core.pytree import pytree
-from rpojax.core.quaternion import cross, rotate
+from rpojax.core.quaternion import rotate
+from rpojax.core.vectors import apply, apply_transposed, cross
+from rpojax.flight.control import wheel_torque_allocation
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.vehicle_model import VehicleModel
 
@@ -15,7 +16,7 @@ Vector = Float[Array, "3"]
 
 @pytree
 class AttitudeControlTuning:
-    """Gains.
+    """Gains of the attitude controller.
 
     Attributes:
         bandwidth: () natural frequency of the closed loop [rad/s]
@@ -28,7 +29,7 @@ class AttitudeControlTuning:
 
 @pytree
 class AttitudeCommand:
-    """Where the body should be, now.
+    """Commanded attitude motion at one time.
 
     Attributes:
         q_CN: (4,) commanded attitude
@@ -51,9 +52,21 @@ def wheel_torque(
 ) -> Vector:
     """Motor torque command of each wheel [N m], within the torque limit with its direction kept.
 
-    `allocation` (3, 3) is the inverse of the matrix whose columns are the wheel axes; `wheel_speed` [rad/s] comes from
-    the tachometers.
+    `allocation` (3, 3) comes from `wheel_torque_allocation.allocation_matrix`; `wheel_speed` [rad/s] from the
+    tachometers.
     """
+    torque_B = body_torque(control, vehicle, estimate, command, wheel_speed)
+    return wheel_torque_allocation.allocate(allocation, torque_B, vehicle.wheel_torque_limit)
+
+
+def body_torque(
+    control: AttitudeControlTuning,
+    vehicle: VehicleModel,
+    estimate: AttitudeEstimate,
+    command: AttitudeCommand,
+    wheel_speed: Vector,
+) -> Vector:
+    """Torque on the body [N m] by feedback, feed-forward of the acceleration and gyroscopic compensation."""
     q_BC = quaternion.multiply(estimate.q_BN, quaternion.conjugate(command.q_CN))
     # Twice the vector part: the rotation vector for small errors, and bounded for large ones.
     attitude_error = -2.0 * jnp.where(q_BC[0] < 0.0, -q_BC[1:], q_BC[1:])
@@ -65,7 +78,4 @@ def wheel_torque(
         - 2.0 * control.damping * control.bandwidth * rate_error
     )
     momentum = apply(vehicle.inertia, omega) + apply_transposed(vehicle.wheel_axes, vehicle.wheel_inertia * wheel_speed)
-    torque_B = apply(vehicle.inertia, acceleration) + cross(omega, momentum)
-    motor_torque = -apply(allocation, torque_B)
-    excess = jnp.max(jnp.abs(motor_torque) / vehicle.wheel_torque_limit, axis=0)
-    return motor_torque / jnp.maximum(excess, 1.0)
+    return apply(vehicle.inertia, acceleration) + cross(omega, momentum)

@@ -1,4 +1,4 @@
-"""Attitude guidance: camera on the target, turn to the burn, burn, turn back; and a search when the target is lost.
+"""Attitude guidance: target tracking, turns to and from burns, and the search for a lost target.
 
 The pointing schedule follows Figure 5 of the re-implemented paper; its times come from the slew that the wheels can do.
 """
@@ -9,9 +9,10 @@ from jaxtyping import Array, Bool, Float
 from rpojax.core import quaternion
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
-from rpojax.flight.guidance import search_spiral, slew_profile
+from rpojax.flight.guidance import search_spiral, slew_profile, target_acquisition
 from rpojax.flight.guidance.burn_planning import BurnPlan
-from rpojax.flight.guidance.pointing_modes import Mode, PointingTuning
+from rpojax.flight.guidance.pointing_modes import Mode
+from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.guidance.slew_profile import SlewReference
 from rpojax.flight.guidance.target_pointing import look_attitude
 from rpojax.flight.navigation.orbit_filter import OrbitEstimate
@@ -27,10 +28,10 @@ class PointingState:
     """Memory of the attitude guidance.
 
     Attributes:
-        reference: the present reference
-        to_burn: () bool, the end attitude is the burn's
-        acquired: () bool, the target has been seen for sure since it last came into the light
-        sightings: () accepted boxes of late, fading with every frame that looks and sees none [-]
+        reference: attitude reference
+        burn_attitude_commanded: () bool, the end attitude is the burn's
+        acquired: () bool, the target has been acquired since it last came into the light
+        recent_detections: () accepted boxes, fading with every frame that should show the target and does not [-]
         unseen_time: () since the last accepted box, planned look-aways and darkness left out [s]
         search_time: () since the search began; 0 when not searching [s]
     """
@@ -44,7 +45,7 @@ class PointingState:
 
 
 def initial_pointing(vehicle: VehicleModel, estimate: OrbitEstimate) -> PointingState:
-    """Camera on the estimated target, no slew under way."""
+    """Pointing state with the camera on the estimated target and no slew under way."""
     q_EN, omega = look_attitude(vehicle, estimate)
     zero = jnp.zeros((), dtype=jnp.float64)
     reference = SlewReference(
@@ -62,11 +63,11 @@ def initial_pointing(vehicle: VehicleModel, estimate: OrbitEstimate) -> Pointing
 
 
 def is_lost(pointing: PointingTuning, state: PointingState) -> Flag:
-    """True when the target has not been seen for too long, or not yet since it came into the light."""
+    """True while the target is not acquired, or has not been seen for too long."""
     return (
         (state.unseen_time > pointing.search_after)
         | ~state.acquired
-        | (state.recent_detections < search_spiral.ACQUISITION_COUNT)
+        | (state.recent_detections < target_acquisition.ACQUISITION_COUNT)
     )
 
 
@@ -81,56 +82,72 @@ def guide(
     time: Scalar,
     dt: float,
 ) -> tuple[PointingState, Array]:
-    """Reference for the next `dt` [s] and the present mode; in the dark (not `visible`) nothing is searched for."""
+    """Pointing state with the reference for the next `dt` [s], and the pointing mode.
+
+    In the dark (not `visible`) there is no search.
+    """
     visible = visible | box_accepted
-    burn_attitude_commanded = (time >= plan.turn_start - _TIME_TOLERANCE) & (time < plan.cutoff)
-    looking_away = burn_attitude_commanded | (state.burn_attitude_commanded | _slewing_back(state)) & ~box_accepted
-    recent_detections = search_spiral.count_detections(state.recent_detections, box_accepted, visible, looking_away)
-    confirmed = box_accepted & (recent_detections > search_spiral.ACQUISITION_COUNT)
-    acquired = (state.acquired & visible) | confirmed
-    wait = jnp.where(acquired, pointing.search_after, pointing.acquisition_wait)
-    unseen_time = state.unseen_time + jnp.where(looking_away, 0.0, dt)
-    # One box may be false: it makes the camera stay for a while, the next one makes it believe.
-    unseen_time = jnp.where(
-        box_accepted, jnp.minimum(unseen_time, wait - search_spiral.SINGLE_BOX_HOLD_TIME), unseen_time
+    to_burn = (time >= plan.turn_start - _TIME_TOLERANCE) & (time < plan.cutoff)
+    looking_away = to_burn | (state.burn_attitude_commanded | _is_slewing_back(state)) & ~box_accepted
+    acquisition = target_acquisition.update_acquisition(
+        pointing,
+        state.recent_detections,
+        state.acquired,
+        state.unseen_time,
+        box_accepted,
+        visible,
+        looking_away,
+        dt,
     )
-    unseen_time = jnp.where(confirmed | ~visible, 0.0, unseen_time)
-    searching = (unseen_time > wait) & ~burn_attitude_commanded
+    searching = (acquisition.unseen_time > acquisition.wait) & ~to_burn
     search_time = jnp.where(searching, search_spiral.wrap_spiral_time(pointing, estimate, state.search_time + dt), 0.0)
 
+    q_target, omega_target = _target_attitude(pointing, vehicle, estimate, searching, search_time)
+    q_end = jnp.where(to_burn, plan.q_burn, q_target)
+    omega_end = jnp.where(to_burn, 0.0, omega_target)
+    changed = to_burn != state.burn_attitude_commanded
+    reference = slew_profile.retarget(pointing, state.reference, q_end, omega_end, changed, dt)
+    after = PointingState(
+        reference=reference,
+        burn_attitude_commanded=to_burn,
+        acquired=acquisition.acquired,
+        recent_detections=acquisition.recent_detections,
+        unseen_time=acquisition.unseen_time,
+        search_time=search_time,
+    )
+    return after, _pointing_mode(pointing, plan, reference, to_burn, searching, time)
+
+
+_TIME_TOLERANCE = 1e-6
+"""Rounding must not delay by a tick the turn to a burn of the longest duration, which begins on a whole tick [s]."""
+
+
+def _is_slewing_back(state: PointingState) -> Flag:
+    """True during a slew to the target."""
+    return ~state.burn_attitude_commanded & (state.reference.slew_age < state.reference.slew_time)
+
+
+def _target_attitude(
+    pointing: PointingTuning, vehicle: VehicleModel, estimate: OrbitEstimate, searching: Flag, search_time: Scalar
+) -> tuple[Float[Array, "4"], Vector]:
+    """Attitude `q_BN` towards the estimated target, or on the search spiral around it, and its rate [rad/s] in B."""
     q_look, omega_look = look_attitude(vehicle, estimate)
     offset_K, offset_rate_K = search_spiral.spiral_offset(pointing, search_time)
     q_BK = quaternion.conjugate(quaternion.normalize(vehicle.camera_mounting))
     q_search = quaternion.multiply(quaternion.exp(-rotate(q_BK, offset_K)), q_look)
     q_target = jnp.where(searching, q_search, q_look)
     omega_target = omega_look + jnp.where(searching, rotate(q_BK, offset_rate_K), 0.0)
-    q_end = jnp.where(burn_attitude_commanded, plan.q_burn, q_target)
-    omega_end = jnp.where(burn_attitude_commanded, 0.0, omega_target)
+    return q_target, omega_target
 
-    reference = slew_profile.retarget(
-        pointing, state.reference, q_end, omega_end, burn_attitude_commanded != state.burn_attitude_commanded, dt
-    )
+
+def _pointing_mode(
+    pointing: PointingTuning, plan: BurnPlan, reference: SlewReference, to_burn: Flag, searching: Flag, time: Scalar
+) -> Array:
+    """Pointing mode at `time` [s] from the start of the run."""
     slewing = reference.slew_age < reference.slew_time
     away_mode = jnp.where(time >= plan.ignition, Mode.BURN, Mode.TURN)
-    # A burn that was called off has a turn, too.
+    # An inhibited burn is followed by a turn back, too.
     after_burn = (plan.cutoff > plan.turn_start) & (time < plan.cutoff + pointing.look_away_limit)
     back_mode = jnp.where(after_burn, Mode.TURN_BACK, Mode.SEARCH)
     tracking_mode = jnp.where(searching, Mode.SEARCH, jnp.where(slewing, back_mode, Mode.LOOK))
-    mode = jnp.where(burn_attitude_commanded, away_mode, tracking_mode)
-    after = PointingState(
-        reference=reference,
-        burn_attitude_commanded=burn_attitude_commanded,
-        acquired=acquired,
-        recent_detections=recent_detections,
-        unseen_time=unseen_time,
-        search_time=search_time,
-    )
-    return after, mode
-
-
-_TIME_TOLERANCE = 1e-6
-"""The turn to a burn of the longest duration begins on a whole tick, and rounding must not put it off by one [s]."""
-
-
-def _slewing_back(state: PointingState) -> Flag:
-    return ~state.burn_attitude_commanded & (state.reference.slew_age < state.reference.slew_time)
+    return jnp.where(to_burn, away_mode, tracking_mode)

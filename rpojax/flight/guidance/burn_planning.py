@@ -1,18 +1,23 @@
-"""The next burn: when to turn, when to fire, in which attitude; and when to hold fire."""
+"""Burn planning: times of turn, ignition and cut-off, burn attitude, and inhibition of thrust."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
-from rpojax.core.frames import apply_transposed, hill_frame, inertial_to_hill
+from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.numerics import safe
-from rpojax.core.orbits.orbital_mechanics import mean_motion, semi_major_axis, transition_matrix
+from rpojax.core.orbits.clohessy_wiltshire import transition_matrix
+from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.quaternion import rotate
-from rpojax.flight.control.formation_lqr import FormationLaw, FormationTuning, StationKeeping
-from rpojax.flight.guidance.pointing_modes import PointingTuning
+from rpojax.core.vectors import apply_transposed
+from rpojax.flight.control.formation_law import FormationLaw
+from rpojax.flight.control.formation_tuning import FormationTuning
+from rpojax.flight.control.station_keeping import StationKeeping
+from rpojax.flight.guidance.line_of_sight_uncertainty import relative_range_sigma
+from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.guidance.slew_profile import slew_duration
-from rpojax.flight.guidance.target_pointing import look_attitude, relative_range_sigma
+from rpojax.flight.guidance.target_pointing import look_attitude
 from rpojax.flight.navigation.orbit_filter import OrbitEstimate
 from rpojax.flight.vehicle_model import VehicleModel
 
@@ -23,7 +28,7 @@ Flag = Bool[Array, ""]
 
 @pytree
 class BurnPlan:
-    """The burn decided last. Times count from the start of the run.
+    """Latest decided burn. Times count from the start of the run.
 
     Attributes:
         turn_start: () [s]
@@ -59,10 +64,10 @@ def plan_burn(
     allowed: Flag,
     time: Scalar,
 ) -> BurnPlan:
-    """Next burn: deviation predicted to the burn's middle, control law there, thrust axis, on-time, turn from `q_look`.
+    """Next burn by the control law at its predicted middle, with a turn from the look attitude `q_look` before it.
 
-    No burn inside the dead band, below the thruster's minimum on-time, while the range is too uncertain, or unless
-    `allowed`; a burn too long for the look-away limit is shortened.
+    There is no burn inside the dead band, below the thruster's minimum on-time, while the range is too uncertain, or
+    unless `allowed`; a burn too long for the look-away limit is shortened.
     """
     deviation, R_CN = deviation_at_burn(formation, station_keeping, estimate)
     delta_v_N = apply_transposed(R_CN, station_keeping.impulse + law(gain, deviation))
@@ -83,7 +88,7 @@ def plan_burn(
     on_time = above_dead_band * jnp.where(possible, on_time, 0.0)
     ignition = time + formation.lead - 0.5 * on_time
     return BurnPlan(
-        # Without a burn there is no look-away: the turn "starts" when it is already over.
+        # Without a burn there is no look-away: the turn starts when it is already over.
         turn_start=jnp.where(on_time > 0.0, jnp.maximum(ignition - pointing.settle_time - turn_time, time), ignition),
         ignition=ignition,
         cutoff=ignition + on_time,
@@ -101,7 +106,7 @@ def deviation_at_burn(
 ) -> tuple[Float[Array, "6"], Float[Array, "3 3"]]:
     """Deviation of (rho, rho_dot) predicted to the burn's middle [m, m/s], and the Hill frame `R_CN` there.
 
-    The motion is predicted and then compared, since a place off the along-track axis does not stay where it is.
+    The desired state is compared after the prediction, since a station off the along-track axis is no equilibrium.
     """
     r_TN_N, v_TN_N = (
         estimate.servicer.r_SN_N + estimate.relative.r_TS_N,
@@ -129,9 +134,9 @@ def plan_from_command(
     q_burn: Float[Array, "4"],
     time: Scalar,
 ) -> BurnPlan:
-    """The burn that somebody else has decided: valve times [s] from the start of the run, and the attitude meanwhile.
+    """Burn plan from an external command: valve times [s] from the start of the run, and the burn attitude.
 
-    A burn with the ignition of the one `before` is that one with another end. Without on-time the valve closes now.
+    A command with the ignition of the plan `before` only changes its cut-off. Without on-time the valve closes now.
     """
     wanted = cutoff > ignition
     q_look, _ = look_attitude(vehicle, estimate)
@@ -151,8 +156,8 @@ def plan_from_command(
 
 
 def inhibit(pointing: PointingTuning, plan: BurnPlan, q_BN: Float[Array, "4"], time: Scalar, dt: float) -> BurnPlan:
-    """The plan, cut off now if the thruster is to push within the next `dt` [s] and the attitude is not the burn's."""
-    # Half the chord between the quaternions is the sine of a quarter of the angle; small angles suffice here.
+    """Plan with thrust cut off if it is due within the next `dt` [s] and the attitude is too far from the burn's."""
+    # The scalar product of two unit quaternions is the cosine of half the angle between the attitudes.
     half_angle_cosine = jnp.abs(jnp.sum(plan.q_burn * q_BN, axis=0))
     mispointed = half_angle_cosine < jnp.cos(0.5 * pointing.burn_attitude_limit)
     firing = (time + dt > plan.ignition) & (time < plan.cutoff)

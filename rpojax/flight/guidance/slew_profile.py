@@ -1,4 +1,4 @@
-"""Commanded attitudes as functions of time: an end attitude that moves, and the remainder of a slew to it."""
+"""Cycloidal slew profile: commanded attitude as a moving end attitude and the remainder of a slew to it."""
 
 import math
 
@@ -11,7 +11,7 @@ from rpojax.core.numerics.trigonometric_series import cos_sinc
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
 from rpojax.flight.control.attitude_control import AttitudeCommand
-from rpojax.flight.guidance.pointing_modes import PointingTuning
+from rpojax.flight.guidance.pointing_tuning import PointingTuning
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -20,7 +20,7 @@ Flag = Bool[Array, ""]
 
 @pytree
 class SlewReference:
-    """Commanded attitude as a function of time: a moving end attitude and a remainder of a slew that dies out.
+    """Commanded attitude as a function of time: a moving end attitude and the decaying remainder of a slew.
 
     Attributes:
         q_EN: (4,) end attitude at the epoch of the reference
@@ -44,7 +44,7 @@ def slew_duration(pointing: PointingTuning, angle: Scalar) -> Scalar:
 
 
 def evaluate(reference: SlewReference, age: Scalar) -> AttitudeCommand:
-    """Command `age` [s] after the epoch of the reference."""
+    """Attitude command `age` [s] after the epoch of the reference."""
     q_EN = quaternion.propagate(reference.q_EN, reference.omega_EN_E, age)
     fraction = jnp.clip((reference.slew_age + age) / reference.slew_time, 0.0, 1.0)
     # The cycloid sin(2 pi f) with its argument shifted by pi, into the range of the series.
@@ -66,7 +66,10 @@ def evaluate(reference: SlewReference, age: Scalar) -> AttitudeCommand:
 def retarget(
     pointing: PointingTuning, before: SlewReference, q_end: Array, omega_end: Vector, changed: Flag, dt: float
 ) -> SlewReference:
-    """Reference with a new end attitude; a change of task or a jump of the end starts a new slew from the command."""
+    """Reference `dt` [s] later with a new end attitude.
+
+    If the end attitude has `changed` its purpose or jumps, a new slew starts from the present command.
+    """
     step = jnp.asarray(dt, dtype=jnp.float64)
     q_end_expected = quaternion.propagate(before.q_EN, before.omega_EN_E, dt)
     jump = safe.norm(quaternion.log(quaternion.multiply(q_end, quaternion.conjugate(q_end_expected))))
@@ -83,4 +86,4 @@ def retarget(
 
 
 _RESTART_ANGLE = math.radians(5.0)
-"""A larger step of the end attitude within one tick is flown as a slew [rad]."""
+"""Step of the end attitude within one tick above which a new slew starts [rad]."""

@@ -1,4 +1,4 @@
-"""Attitude and gyro bias from star tracker and gyro: a multiplicative extended Kalman filter.
+"""Multiplicative extended Kalman filter of attitude and gyro bias, with star tracker and gyro.
 
 The error `a` is a small rotation in body axes, `q_true = exp(a) q_estimate`; the second half of the error state is the
 gyro bias. Lefferts, Markley, Shuster, "Kalman Filtering for Spacecraft Attitude Estimation", 1982.
@@ -16,7 +16,7 @@ Vector = Float[Array, "3"]
 
 @pytree
 class AttitudeFilterTuning:
-    """Tuning.
+    """Noise model of the attitude filter.
 
     Attributes:
         star_tracker_noise: (3,) 1 sigma [rad]
@@ -33,7 +33,7 @@ class AttitudeFilterTuning:
 
 @pytree
 class AttitudeEstimate:
-    """Attitude as known on board.
+    """Estimated attitude, rate and gyro bias with their covariance.
 
     Attributes:
         q_BN: (4,)
@@ -63,7 +63,7 @@ def initial(tuning: AttitudeFilterTuning, q_BN: Float[Array, "4"], gyro_B: Vecto
 
 
 def integrate_gyro(estimate: AttitudeEstimate, gyro_B: Vector, dt: float) -> AttitudeEstimate:
-    """Carries the attitude over the `dt` [s] between two gyro samples with their mean."""
+    """Estimate with the attitude propagated over the `dt` [s] between two gyro samples by their mean."""
     mean_rate = 0.5 * (estimate.gyro_B + gyro_B) - estimate.bias_B
     return replace(
         estimate,
@@ -76,13 +76,13 @@ def integrate_gyro(estimate: AttitudeEstimate, gyro_B: Vector, dt: float) -> Att
 def predict_covariance(
     tuning: AttitudeFilterTuning, estimate: AttitudeEstimate, q_BN_before: Float[Array, "4"], dt: float
 ) -> AttitudeEstimate:
-    """Covariance after the `dt` [s] in which the attitude went from `q_before` to its present value."""
-    turn = quaternion.to_matrix(quaternion.multiply(estimate.q_BN, quaternion.conjugate(q_BN_before)))
+    """Estimate with its covariance propagated over `dt` [s], in which the attitude has left `q_BN_before`."""
+    rotation = quaternion.to_matrix(quaternion.multiply(estimate.q_BN, quaternion.conjugate(q_BN_before)))
     P = estimate.covariance
     bias = P[3:, 3:]
-    cross = _matrix_product(turn, P[:3, 3:]) + dt * bias
-    angle = _matrix_product(_matrix_product(turn, P[:3, :3]), turn.T)
-    half = dt * _matrix_product(turn, P[:3, 3:])
+    cross = _matrix_product(rotation, P[:3, 3:]) + dt * bias
+    angle = _matrix_product(_matrix_product(rotation, P[:3, :3]), rotation.T)
+    half = dt * _matrix_product(rotation, P[:3, 3:])
     identity = jnp.eye(3, dtype=P.dtype)
     angle = angle + half + half.T + dt * dt * bias + tuning.angle_random_walk**2 * dt * identity
     bias = bias + tuning.bias_walk**2 * dt * identity
@@ -97,7 +97,7 @@ def update(
     star_tracker_q_BN: Float[Array, "4"],
     present: Bool[Array, ""],
 ) -> AttitudeEstimate:
-    """Estimate after a star tracker measurement; without one the gyro carries on alone."""
+    """Estimate after a star tracker measurement; without one only the gyro counts."""
     residual = quaternion.log(quaternion.multiply(star_tracker_q_BN, quaternion.conjugate(estimate.q_BN)))
     rows = MeasurementRows(
         residual=residual,
@@ -118,4 +118,5 @@ def update(
 
 
 def _matrix_product(a: Float[Array, "3 3"], b: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+    """Matrix product as an explicit sum."""
     return jnp.sum(a[:, :, None] * b[None, :, :], axis=1)

@@ -1,7 +1,7 @@
-"""Orbit filter: servicer and target together, from GPS and bounding boxes.
+"""Orbit filter: two extended Kalman filters of servicer and relative orbit, with GPS and bounding boxes.
 
 The state is the servicer's orbit and the target relative to it, so no two 7000 km vectors are ever subtracted. GPS
-touches the first half, the box the second. The two halves are carried as two covariances: gravity does not couple
+updates the first half, the box the second. The two halves have separate covariances: gravity does not couple
 them (a metre of servicer error changes the relative acceleration by 1e-13 m/s^2), and the execution error of a burn,
 which enters both, is a tenth of a millimetre per second against the servicer's several. The target's own covariance is
 the sum of the two.
@@ -12,10 +12,11 @@ from jaxtyping import Array, Float
 
 from rpojax.core.numerics import runge_kutta
 from rpojax.core.orbits import encke_reference
-from rpojax.core.orbits.orbital_mechanics import EARTH_GRAVITY
+from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import pytree
-from rpojax.flight.navigation import orbit_covariance, relative_orbit_ekf, servicer_orbit_ekf
-from rpojax.flight.navigation.filter_tuning import BoxMeasurement, GpsMeasurement, OrbitFilterTuning
+from rpojax.flight.navigation import burn_execution_error, relative_orbit_ekf, servicer_orbit_ekf
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.navigation.outlier_gate import GateState
 from rpojax.flight.navigation.relative_orbit_ekf import ExpectedBox, RelativeEstimate
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
@@ -26,7 +27,7 @@ Scalar = Float[Array, ""]
 
 @pytree
 class OrbitEstimate:
-    """Both halves."""
+    """Estimates of the servicer's orbit and of the target relative to it."""
 
     servicer: ServicerEstimate
     relative: RelativeEstimate
@@ -38,12 +39,12 @@ class Innovation:
 
     Attributes:
         innovation: (6,)
-        variance: (6,) its variance as the filter sees it
+        variance: (6,) its variance by the filter
         weight: (6,) 1 for the rows that were used, 0 for the others
         log_likelihood: () of the rows used
         accepted: () bool, the box was used
         rejected: () bool, there was a box and it was not used
-        expected: where the box was expected
+        expected_box: box expected before the measurement
     """
 
     innovation: Array
@@ -56,7 +57,7 @@ class Innovation:
 
 
 def initial(tuning: OrbitFilterTuning, r_SN_N: Vector, v_SN_N: Vector, r_TS_N: Vector, v_TS_N: Vector) -> OrbitEstimate:
-    """Estimate at hand-over from given means [m, m/s]."""
+    """Estimate at hand-over with positions [m] and velocities [m/s] as means."""
     return OrbitEstimate(
         servicer=servicer_orbit_ekf.initial(tuning, r_SN_N, v_SN_N),
         relative=relative_orbit_ekf.initial(tuning, r_TS_N, v_TS_N),
@@ -75,8 +76,9 @@ def predict(
 ) -> OrbitEstimate:
     """Estimate `dt` [s] later, with the known velocity change [m/s] spread over the step.
 
-    `burn_delta_v` [m/s] is the size of the whole burn that `delta_v_N` is a part of, `doubt` a factor on the filter's
-    idea of how well burns are executed, `pull_N` [m/s^2] the pull of the Sun and the Moon on the servicer.
+    `burn_delta_v` [m/s] is the size of the whole burn that `delta_v_N` is a part of, `burn_sigma_inflation` [-] a
+    factor on the tuning's sigma of burn magnitude, `third_body_acceleration_N` [m/s^2] that of the servicer by Sun and
+    Moon.
     """
     acceleration = delta_v_N / dt
 
@@ -87,12 +89,12 @@ def predict(
 
     def derivative(y: tuple[Vector, ...], time: Scalar | None) -> tuple[Vector, ...]:
         r, v, d, d_dot = y
-        pull = reference.gravity(time, r, d)
+        gravity = reference.gravity(time, r, d)
         return (
             v,
-            pull.value + third_body_acceleration_N + acceleration,
+            gravity.value + third_body_acceleration_N + acceleration,
             d_dot,
-            pull.change - acceleration,
+            gravity.change - acceleration,
         )
 
     mean = (*reference.integration_start, relative.r_TS_N, relative.v_TS_N)
@@ -100,7 +102,7 @@ def predict(
     change_r, change_v, change_d, change_d_dot = runge_kutta.increment("rk4", derivative, mean, times, dt)
     r, v, orbit_low = reference.final_state(dt, change_r, change_v)
     d, d_dot = relative.r_TS_N + change_d, relative.v_TS_N + change_d_dot
-    burn_covariance = orbit_covariance.burn_covariance(
+    burn_covariance = burn_execution_error.burn_covariance(
         delta_v_N, burn_delta_v, burn_sigma_inflation * tuning.burn_magnitude_sigma, tuning.burn_direction_sigma
     )
     return OrbitEstimate(
@@ -119,9 +121,9 @@ def update(
     q_KN: Float[Array, "4"],
     box: BoxMeasurement,
 ) -> tuple[OrbitEstimate, GateState, Innovation]:
-    """Estimate after GPS, if there is any, and after the box, if it passes the gate.
+    """Estimate after GPS, if present, and after the box, if it passes the gate; state of the gate; diagnostics.
 
-    `q_KN` is the camera's attitude as known on board.
+    `q_KN` is the camera's attitude by the attitude filter.
     """
     servicer, gps_result = servicer_orbit_ekf.update(tuning, estimate.servicer, gps)
     relative, gate, box_result, used, expected = relative_orbit_ekf.update(

@@ -1,13 +1,14 @@
-"""Which boxes to believe: the gate, confirmation by a second box, and doubt after rejections."""
+"""Outlier gate for boxes: innovation test, confirmation by a second box, and recovery after rejections."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
-from rpojax.core.frames import apply
 from rpojax.core.numerics import safe
 from rpojax.core.pytree import pytree
-from rpojax.flight.navigation.filter_tuning import BoxMeasurement, OrbitFilterTuning
+from rpojax.core.vectors import apply
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -18,12 +19,12 @@ _GATE_WIDTH = 0.25
 
 
 _REJECTION_DECAY = 0.95
-"""What is left of the count of rejections after a frame without a box."""
+"""Factor on the count of rejections for a frame without a box."""
 
 
 @pytree
 class GateState:
-    """What the gate remembers.
+    """Memory of the gate.
 
     Attributes:
         direction_N: (3,) unit vector of the last box
@@ -37,7 +38,7 @@ class GateState:
 
 
 def initial() -> GateState:
-    """Memory before the first frame."""
+    """State before the first frame."""
     return GateState(
         direction_N=jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64),
         age=jnp.full((), 1e6, dtype=jnp.float64),
@@ -56,14 +57,14 @@ def accept(
     prior_is_wide: Bool[Array, ""],
     possible: Bool[Array, ""],
 ) -> Scalar:
-    """1 if the box lies within the projected covariance and, while that is wide, a recent box agrees with it; else 0.
+    """1 if the box is within the gate and, while the prior is wide, a recent box confirms it; else 0.
 
-    `residual` (tangents, log-size) has the given total `variance`; `wide` tells that the prior is much less certain
-    than a box, `possible` that such a box can come from the target as predicted.
+    `residual` (tangents, log-size) has the innovation `variance`; `prior_is_wide` means that the prior is much less
+    certain than a box, `possible` that the predicted target can have such a box.
     """
     ratio = residual**2 / variance
     bearing = jnp.maximum(ratio[0], ratio[1])
-    # The visible part of a cut target may be smaller than the target, but not larger.
+    # The visible part of a truncated target may be smaller than the target, but not larger.
     size = jnp.where(box.truncated & (residual[2] < 0.0), 0.0, ratio[2])
     worst = jnp.maximum(bearing, size)
     inside = safe.gate(tuning.gate_sigma**2 - worst, jnp.asarray(_GATE_WIDTH, dtype=worst.dtype))
@@ -85,10 +86,9 @@ def _is_confirmed(
 def update(
     tuning: OrbitFilterTuning, state: GateState, q_KN: Float[Array, "4"], box: BoxMeasurement, rejected: Bool[Array, ""]
 ) -> tuple[GateState, Bool[Array, ""]]:
-    """Memory after a frame, and whether so many boxes were rejected that the filter should doubt itself.
+    """State after a frame, and whether so many boxes were rejected that the covariance should be inflated.
 
-    A frame without a box says nothing for or against the filter; the count only fades, so that false boxes with long
-    gaps between them do not add up.
+    In frames without a box the count of rejections decays, so that isolated false boxes do not add up.
     """
     ray_K = jnp.concatenate([box.tangent, jnp.ones_like(box.tangent[:1])])
     direction_N = quaternion.rotate(quaternion.conjugate(q_KN), safe.normalize(ray_K))

@@ -1,6 +1,6 @@
-"""The servicer half of the orbit filter: its own orbit from GPS, with GPS's slowly varying error as a state.
+"""Extended Kalman filter of the servicer's orbit, with GPS positions as measurements.
 
-State (9): position and velocity of the servicer in N, GPS error (3).
+State (9): position and velocity of the servicer in N, slowly varying GPS error (3).
 """
 
 import jax.numpy as jnp
@@ -10,10 +10,11 @@ from rpojax.core import kalman_update
 from rpojax.core.kalman_update import KalmanUpdate, MeasurementRows
 from rpojax.core.numerics import double_single
 from rpojax.core.numerics.double_single import LowOrder
-from rpojax.core.orbits import orbital_mechanics
+from rpojax.core.orbits import two_body_gravity
 from rpojax.core.pytree import pytree, replace
 from rpojax.flight.navigation import orbit_covariance
-from rpojax.flight.navigation.filter_tuning import GpsMeasurement, OrbitFilterTuning
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
@@ -21,14 +22,14 @@ Matrix = Float[Array, "3 3"]
 
 @pytree
 class ServicerEstimate:
-    """Mean and covariance of the servicer half.
+    """Mean and covariance of the servicer's orbit.
 
     Attributes:
         r_SN_N: (3,) servicer position [m]
         v_SN_N: (3,) servicer velocity [m/s]
         gps_error_N: (3,) [m]
         covariance: (9, 9) in this order
-        residue: (2, 3) what position [m] and velocity [m/s] lack in single precision; else None
+        orbit_low: (2, 3) low-order parts of position [m] and velocity [m/s] in single precision; else None
     """
 
     r_SN_N: Array
@@ -50,7 +51,7 @@ def initial_sigma(tuning: OrbitFilterTuning) -> Float[Array, "9"]:
 
 
 def initial(tuning: OrbitFilterTuning, r_SN_N: Vector, v_SN_N: Vector) -> ServicerEstimate:
-    """Estimate at hand-over from given means [m, m/s]."""
+    """Estimate at hand-over with position [m] and velocity [m/s] as means."""
     return ServicerEstimate(
         r_SN_N=r_SN_N,
         v_SN_N=v_SN_N,
@@ -68,11 +69,11 @@ def predict(
     burn_covariance: Matrix,
     dt: float,
 ) -> ServicerEstimate:
-    """Estimate `dt` [s] later with its mean already propagated to `r_SN_N` [m], `v_SN_N` [m/s] and their `orbit_low`."""
+    """Estimate `dt` [s] later with its mean already propagated to `r_SN_N` [m], `v_SN_N` [m/s] and `orbit_low`."""
     decay = jnp.exp(-dt / tuning.gps_error_time_constant)
     gps_error_process_variance = tuning.gps_error_sigma**2 * (1.0 - decay**2)
     velocity_process_covariance = burn_covariance + tuning.acceleration_noise**2 * dt * jnp.eye(3, dtype=decay.dtype)
-    gravity_gradient = orbital_mechanics.gravity_gradient(estimate.r_SN_N)
+    gravity_gradient = two_body_gravity.gravity_gradient(estimate.r_SN_N)
     process_noise = velocity_process_covariance, jnp.full(3, gps_error_process_variance)
     return replace(
         estimate,
@@ -89,7 +90,7 @@ def predict(
 def update(
     tuning: OrbitFilterTuning, estimate: ServicerEstimate, gps: GpsMeasurement
 ) -> tuple[ServicerEstimate, KalmanUpdate]:
-    """Estimate after a GPS position; nothing changes when there is none."""
+    """Estimate after a GPS position, unchanged if there is none, and the result of the update."""
     position_low = None if estimate.orbit_low is None else estimate.orbit_low[0]
     difference = double_single.subtract(gps.position_N, gps.position_low_N, estimate.r_SN_N, position_low)
     identity = jnp.eye(3, dtype=difference.dtype)

@@ -1,4 +1,4 @@
-"""How hard the thruster pushes: its calibration, corrected second by second by the pressure in its chamber."""
+"""Scalar Kalman filter of the thrust: its calibration, corrected by the chamber pressure during burns."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -8,18 +8,18 @@ from rpojax.core.pytree import pytree
 Scalar = Float[Array, ""]
 
 PRESSURE_NOISE = 0.03
-"""Error of the pressure sensor, 1 sigma, as a share of the nominal pressure."""
+"""Error of the pressure sensor, 1 sigma, as a fraction of the nominal pressure."""
 CALIBRATION_SIGMA = 0.015
-"""Error of the calibration that a burn starts from, 1 sigma."""
+"""Error of the thruster's calibration, 1 sigma [-]."""
 THRUST_RANDOM_WALK = 0.01
-"""What the thrust may change by in a second of burning, 1 sigma."""
+"""Change of the thrust ratio in a second of burning, 1 sigma [-]."""
 JUMP_SIGMAS = 4.0
-"""A pressure this many sigma off means that something broke: what was known of the thrust is forgotten."""
+"""Innovations beyond this many sigma indicate a failure and reset the prior variance to 1."""
 
 
 @pytree
 class ThrustEstimate:
-    """Estimate of the thrust over its nominal value.
+    """Estimated thrust over its nominal value.
 
     Attributes:
         ratio: () [-]
@@ -31,14 +31,14 @@ class ThrustEstimate:
 
 
 def initial() -> ThrustEstimate:
-    """The thruster as calibrated."""
+    """Estimate from the calibration."""
     return ThrustEstimate(
         ratio=jnp.ones((), dtype=jnp.float64), variance=jnp.full((), CALIBRATION_SIGMA**2, dtype=jnp.float64)
     )
 
 
 def update(estimate: ThrustEstimate, pressure: Scalar) -> ThrustEstimate:
-    """Estimate after a second of burning with the given mean pressure over its nominal value."""
+    """Estimate after a second of burning with a mean chamber pressure over its nominal value [-]."""
     innovation = pressure - estimate.ratio
     prior = estimate.variance + THRUST_RANDOM_WALK**2
     noise = PRESSURE_NOISE**2
@@ -48,6 +48,6 @@ def update(estimate: ThrustEstimate, pressure: Scalar) -> ThrustEstimate:
 
 
 def sigma_inflation(estimate: ThrustEstimate) -> Scalar:
-    """How much less certain the thrust is than by calibration alone, at least 1 [-]."""
+    """Ratio of the thrust's sigma to that of a calibrated thruster, at least 1 [-]."""
     settled = 1.2 * CALIBRATION_SIGMA
     return jnp.maximum(jnp.sqrt(estimate.variance) / settled, 1.0)

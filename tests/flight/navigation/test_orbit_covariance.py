@@ -1,16 +1,13 @@
-"""Propagation of an orbit's covariance, and what a burn adds to it."""
+"""Covariance propagation against the dense transition."""
 
 import jax
 import numpy as np
-import pytest
 from hypothesis import given
-from numpy_reference import SEEDS, random_covariance, random_unit
+from numpy_reference import SEEDS, random_covariance
 
 from rpojax.flight.navigation import orbit_covariance
 
 EXACT = 1e-13  # a few roundings relative to the standard deviations
-
-burn = jax.jit(orbit_covariance.burn_covariance)
 propagate = jax.jit(orbit_covariance.propagate, static_argnums=5)
 
 
@@ -40,22 +37,3 @@ def test_the_kick_and_drift_of_an_orbit_preserve_volume() -> None:
     gradient = 1e-6 * np.diag([2.0, -1.0, -1.0])
     P = np.asarray(propagate(np.eye(6), gradient, np.zeros(0), np.zeros((3, 3)), np.zeros(0), 1.0))
     np.testing.assert_allclose(np.linalg.det(P), 1.0, rtol=1e-12)
-
-
-@given(SEEDS)
-def test_the_seconds_of_a_burn_add_up_to_the_covariance_of_one_draw_for_the_whole_burn(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    along = random_unit(rng)
-    shares = rng.uniform(0.1, 1.0, 9)
-    size = 0.02
-    delta_v = size * shares[:, None] / shares.sum() * along
-    found = sum(np.asarray(burn(share, np.float64(size), np.float64(0.015), np.float64(0.005))) for share in delta_v)
-    projection = np.outer(along, along)
-    expected = size**2 * (0.015**2 * projection + 0.005**2 * (np.eye(3) - projection))
-    np.testing.assert_allclose(found, expected, atol=EXACT * size**2)
-
-
-@pytest.mark.parametrize("whole", [0.0, 0.02])
-def test_a_second_without_thrust_adds_nothing(whole: float) -> None:
-    found = burn(np.zeros(3), np.float64(whole), np.float64(0.015), np.float64(0.005))
-    np.testing.assert_array_equal(found, np.zeros((3, 3)))

@@ -12,10 +12,11 @@ from scipy.stats import norm
 from rpojax.core.pytree import replace
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.navigation import orbit_filter, outlier_gate
-from rpojax.flight.navigation.filter_tuning import GpsMeasurement, OrbitFilterTuning
 from rpojax.flight.navigation.orbit_filter import OrbitEstimate
-from rpojax.physics import equipment_faults, plant
-from rpojax.physics.environment import SunMoonPositions
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
+from rpojax.physics import equipment_faults, plant, plant_state
+from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario.params import Params
 
@@ -28,7 +29,7 @@ FIRST_ORDER = 5e-6
 HEALTHY = equipment_faults.healthy()
 
 initial = jax.jit(orbit_filter.initial)
-initial_truth = jax.jit(plant.initial_truth)
+initial_truth = jax.jit(plant_state.initial_truth)
 step = jax.jit(plant.step, static_argnums=(0, 7))
 predict = jax.jit(orbit_filter.predict, static_argnums=(1, 7))
 update = jax.jit(orbit_filter.update, static_argnums=1)
@@ -50,11 +51,6 @@ def coast(
 
 def fix(position_N: np.ndarray, present: bool = True) -> GpsMeasurement:
     return GpsMeasurement(position_N=jnp.asarray(position_N), present=jnp.asarray(present))
-
-
-@pytest.fixture(scope="module")
-def flight(params: Params) -> FlightParams:
-    return params.flight
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,8 @@ from numpy_reference import IDENTITY, axis_angle_quaternion, unit
 
 from rpojax.core.pytree import replace
 from rpojax.flight.navigation import outlier_gate
-from rpojax.flight.navigation.filter_tuning import BoxMeasurement, OrbitFilterTuning
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.outlier_gate import GateState
 from rpojax.scenario.params import Params
 

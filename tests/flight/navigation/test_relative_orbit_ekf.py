@@ -1,4 +1,4 @@
-"""The target half of the orbit filter: its linearisation, the textbook update, and which boxes it takes."""
+"""Relative orbit filter: update against the textbook, gate, truncated and false boxes."""
 
 import jax
 import jax.numpy as jnp
@@ -10,34 +10,22 @@ from numpy_reference import SEEDS, axis_angle_quaternion, random_covariance, ran
 
 from rpojax.core.pytree import replace
 from rpojax.flight.computer import FlightParams
-from rpojax.flight.navigation import outlier_gate, relative_orbit_ekf
-from rpojax.flight.navigation.filter_tuning import BoxMeasurement
+from rpojax.flight.navigation import box_measurement_model, outlier_gate, relative_orbit_ekf
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.outlier_gate import GateState
 from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
 from rpojax.scenario.params import Params
 
 TEXTBOOK = 1e-10  # conditioning of the joint innovation covariance times rounding
-
-linearise_box = jax.jit(relative_orbit_ekf.linearise_box)
-box_slope = jax.jit(jax.jacfwd(lambda *arguments: relative_orbit_ekf.linearise_box(*arguments).predicted, argnums=3))
+linearise_box = jax.jit(box_measurement_model.linearise_box)
+box_slope = jax.jit(jax.jacfwd(lambda *arguments: box_measurement_model.linearise_box(*arguments).predicted, argnums=3))
 update = jax.jit(relative_orbit_ekf.update, static_argnums=1)
-
-
-@pytest.fixture(scope="module")
-def flight(params: Params) -> FlightParams:
-    return params.flight
 
 
 @pytest.fixture(scope="module")
 def known(flight: FlightParams) -> RelativeEstimate:
     """A target at 30 m known to 5 cm, two pixels of the bearing: little enough to believe a single box."""
     return rendezvous_scene.estimate(flight, position_sigma=0.05).relative
-
-
-@pytest.fixture(scope="module")
-def q_KN(flight: FlightParams) -> np.ndarray:
-    """A camera that looks at it."""
-    return rendezvous_scene.camera_attitude(flight, rendezvous_scene.estimate(flight))
 
 
 def seen(
@@ -92,40 +80,6 @@ def test_a_box_is_used_as_far_from_where_it_is_expected_as_the_update_says(
 
 def assert_same(found: RelativeEstimate, expected: RelativeEstimate) -> None:
     jax.tree.map(np.testing.assert_array_equal, found, expected)
-
-
-@given(SEEDS)
-def test_the_gradient_of_the_box_is_its_derivative_to_the_relative_position(params: Params, seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    navigation, focal = params.flight.navigation, params.flight.vehicle.focal_px
-    R_KN = rotation_matrix(random_unit(rng, 4))
-    # Anywhere within 45 deg of the boresight; beyond 60 deg the model holds the depth on purpose.
-    r_TS_N = rng.uniform(5.0, 100.0) * R_KN.T @ unit(np.array([*rng.uniform(-0.7, 0.7, 2), 1.0]))
-    box = rendezvous_scene.box(params.flight, R_KN, r_TS_N)
-
-    model = linearise_box(navigation, focal, R_KN, r_TS_N, box)
-    np.testing.assert_allclose(model.position_jacobian, box_slope(navigation, focal, R_KN, r_TS_N, box), atol=1e-14)
-    r_K = R_KN @ r_TS_N
-    expected = [r_K[0] / r_K[2], r_K[1] / r_K[2], np.log(1.063 / np.linalg.norm(r_TS_N))]
-    np.testing.assert_allclose(model.predicted, expected, atol=1e-13)
-
-
-def test_the_noise_of_a_box_is_that_of_its_edges_and_of_the_camera(flight: FlightParams, q_KN: np.ndarray) -> None:
-    focal = float(flight.vehicle.focal_px)
-
-    def noise(truncated: bool) -> np.ndarray:
-        box = seen(flight, q_KN, truncated=truncated)
-        return np.asarray(
-            linearise_box(flight.navigation, focal, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD, box).variance
-        )
-
-    whole, cut = noise(False), noise(True)
-    # Two edges of 1 px make a centre of 1/sqrt(2) px; 0.004 deg. The wandering centre is a state, not noise.
-    bearing = 0.5 / focal**2 + np.deg2rad(0.004) ** 2
-    np.testing.assert_allclose(whole[:2], bearing, rtol=1e-12)
-    side = focal * 1.063 / 30.0
-    assert 0.5 < whole[2] * side**2 < 2.0  # a pixel or so of a side
-    np.testing.assert_allclose(cut[:2], bearing + (0.5 * side / focal) ** 2, rtol=1e-12)
 
 
 @given(SEEDS)
@@ -331,9 +285,6 @@ def test_after_repeated_rejections_the_filter_doubts_itself_and_finds_the_target
     assert used
     off = rotation_matrix(q_KN) @ (np.asarray(estimate.r_TS_N) - lost)
     assert np.max(np.abs(off[:2])) < 0.1
-
-
-# Boxes that the frame cuts, and false boxes
 
 
 def seen_before() -> GateState:

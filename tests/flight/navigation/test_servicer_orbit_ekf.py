@@ -8,7 +8,8 @@ from rendezvous_scene import R_SN_N, V_SN_N
 
 from rpojax.core.kalman_update import KalmanUpdate
 from rpojax.flight.navigation import servicer_orbit_ekf
-from rpojax.flight.navigation.filter_tuning import GpsMeasurement, OrbitFilterTuning
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
 from rpojax.scenario.params import Params
 

@@ -1,4 +1,4 @@
-"""The formation controller against scipy, its own stability, and finite differences."""
+"""LQR gain against the textbook, stability of the closed loop, and derivatives against differences."""
 
 import itertools
 from collections.abc import Callable
@@ -7,23 +7,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 from scipy.linalg import solve_discrete_are
 
-from rpojax.core.orbits.orbital_mechanics import transition_matrix
+from rpojax.core.orbits.clohessy_wiltshire import transition_matrix
 from rpojax.core.pytree import replace
-from rpojax.flight.control import formation_lqr
-from rpojax.flight.control.formation_lqr import FormationTuning
+from rpojax.flight.control.formation_tuning import FormationTuning
+from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.scenario.params import Params
 
 RATE = np.float64(1.1e-3)  # mean motion at 500 km
 PERIOD = 200.0
 RICCATI = 1e-9  # both solvers are good to the conditioning of the solution, 1e6, times rounding
-
-lqr_gain = jax.jit(formation_lqr.lqr_gain, static_argnums=2)
-solve_station_keeping = jax.jit(formation_lqr.solve_station_keeping, static_argnums=2)
-solve_riccati = jax.jit(formation_lqr.solve_riccati)
-
+lqr_gain = jax.jit(lqr_gain, static_argnums=2)
 Problem = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -31,29 +26,6 @@ def relative_motion(period: float, weights: tuple[float, float, float]) -> Probl
     A = np.asarray(transition_matrix(jnp.asarray(RATE), jnp.asarray(period)))
     position, velocity, delta_v = weights
     return A, A[:, 3:], np.diag([position] * 3 + [velocity] * 3), delta_v * np.eye(3)
-
-
-def random_problem(seed: int, scale: float) -> Problem:
-    rng = np.random.default_rng(seed)
-    A = scale * rng.normal(size=(4, 4)) / 2.0
-    factor = rng.normal(size=(4, 4))
-    return A, rng.normal(size=(4, 2)), factor @ factor.T, np.diag(rng.uniform(0.1, 10.0, 2))
-
-
-PROBLEMS = {
-    "nominal": relative_motion(200.0, (1.0, 0.0, 3e4)),
-    "cheap control": relative_motion(200.0, (1.0, 1e3, 1.0)),
-    "dear control": relative_motion(200.0, (1.0, 0.0, 1e8)),
-    "short period": relative_motion(20.0, (1.0, 1e2, 1e5)),
-    "random, stable": random_problem(1, 0.5),
-    "random, unstable": random_problem(2, 2.0),
-}
-
-
-@pytest.mark.parametrize("problem", PROBLEMS.values(), ids=PROBLEMS.keys())
-def test_the_riccati_solution_is_scipys(problem: Problem) -> None:
-    expected = solve_discrete_are(*problem)
-    np.testing.assert_allclose(solve_riccati(*problem), expected, atol=RICCATI * np.max(np.abs(expected)))
 
 
 def closed_loop_radius(formation: FormationTuning) -> float:
@@ -87,7 +59,7 @@ WEIGHTS = ("position_weight", "velocity_weight", "delta_v_weight")
 
 @jax.jit
 def gain_of_weights(formation: FormationTuning, weights: dict[str, jax.Array]) -> jax.Array:
-    return formation_lqr.lqr_gain(replace(formation, **weights), jnp.asarray(RATE), PERIOD)
+    return lqr_gain(replace(formation, **weights), jnp.asarray(RATE), PERIOD)
 
 
 @pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev], ids=["forward", "reverse"])
@@ -108,13 +80,6 @@ def test_the_gain_changes_with_the_weights_as_central_differences_say(
         np.testing.assert_allclose(slope[:, :, axis], expected, atol=1e-6 * np.max(np.abs(slope)), err_msg=name)
 
 
-def test_the_velocity_change_is_minus_the_gain_times_the_deviation() -> None:
-    rng = np.random.default_rng(3)
-    gain, deviation = rng.normal(size=(3, 6)), rng.normal(size=6)
-    found = formation_lqr.lqr_feedback(jnp.asarray(gain), jnp.asarray(deviation))
-    np.testing.assert_allclose(found, -gain @ deviation, rtol=1e-13)
-
-
 def test_burns_every_period_bring_the_servicer_to_its_place(params: Params) -> None:
     A = np.asarray(transition_matrix(jnp.asarray(RATE), jnp.asarray(PERIOD)))
     gain = np.asarray(lqr_gain(params.flight.formation, RATE, PERIOD))
@@ -122,29 +87,3 @@ def test_burns_every_period_bring_the_servicer_to_its_place(params: Params) -> N
     for _ in range(30):
         state = A @ (state + np.concatenate([np.zeros(3), -gain @ state]))
     assert np.linalg.norm(state[:3]) < 0.01 * 20.0
-
-
-def free_motion(_: float, state: np.ndarray) -> np.ndarray:
-    """Clohessy and Wiltshire's equations."""
-    n = float(RATE)
-    x, _, z, u, v, w = state
-    return np.array([u, v, w, 3.0 * n * n * x + 2.0 * n * v, -2.0 * n * u, -n * n * z])
-
-
-@pytest.mark.parametrize("place", [(30.0, 0.0, 0.0), (0.0, 0.0, -20.0), (10.0, -25.0, 15.0)])
-def test_a_station_off_the_track_is_come_back_to_with_one_impulse_a_period(
-    params: Params, place: tuple[float, float, float]
-) -> None:
-    formation = replace(params.flight.formation, desired_position=np.array(place))
-    station = solve_station_keeping(formation, RATE, PERIOD)
-    departure = np.asarray(station.arrival_velocity + station.impulse)
-    start = np.concatenate([place, departure])
-    found = solve_ivp(free_motion, (0.0, PERIOD), start, rtol=1e-11, atol=1e-11).y[:, -1]
-    np.testing.assert_allclose(found[:3], place, atol=1e-7)
-    np.testing.assert_allclose(found[3:], station.arrival_velocity, atol=1e-9)
-
-
-def test_a_station_on_the_track_needs_nothing(params: Params) -> None:
-    station = solve_station_keeping(params.flight.formation, RATE, PERIOD)
-    np.testing.assert_array_equal(station.arrival_velocity, 0.0)
-    np.testing.assert_array_equal(station.impulse, 0.0)

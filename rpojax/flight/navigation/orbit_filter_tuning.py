@@ -1,4 +1,4 @@
-"""Tuning of the orbit filter and of its gate, and its measurements as it sees them."""
+"""Tuning of the orbit filter and of its outlier gate."""
 
 from jaxtyping import Array
 
@@ -7,15 +7,15 @@ from rpojax.core.pytree import pytree
 
 @pytree
 class OrbitFilterTuning:
-    """Tuning of the orbit filter and of its gate.
+    """Noise model of the orbit filter, and thresholds of its gate.
 
     Attributes:
         gps_noise: () white noise per axis, 1 sigma [m]
         gps_error_sigma: () slowly varying error per axis, 1 sigma [m]
         gps_error_time_constant: () [s]
         edge_noise: () of a box edge, 1 sigma [px]
-        center_sigma: () place of the box centre from the centre of mass, per axis, 1 sigma [m]
-        center_time_constant: () with which it wanders: a sixth of a tumble [s]
+        center_sigma: () offset of the box centre from the centre of mass, per axis, 1 sigma [m]
+        center_time_constant: () of that offset: a sixth of a tumble [s]
         target_size: () expected sqrt(width height) of the target's outline [m]
         scale_sigma: (2,) log-size error, slow and fast part, 1 sigma [-]
         scale_time_constant: (2,) [s]
@@ -23,15 +23,15 @@ class OrbitFilterTuning:
         attitude_sigma: () camera attitude noise per axis, 1 sigma [rad]
         acceleration_noise: () unmodelled absolute acceleration [m/s^2 per Hz^0.5]
         relative_acceleration_noise: () unmodelled relative acceleration [m/s^2 per Hz^0.5]
-        burn_magnitude_sigma: () share of a burn's velocity change along it, 1 sigma [-]
-        burn_direction_sigma: () share across it, per axis, 1 sigma [rad]
+        burn_magnitude_sigma: () fraction of a burn's velocity change along it, 1 sigma [-]
+        burn_direction_sigma: () fraction across it, per axis, 1 sigma [rad]
         gate_sigma: () boxes beyond this many sigma in bearing or log-range are rejected [-]
         confirm_tolerance: () two boxes closer than this confirm each other [px]
-        confirm_above: () confirmation is asked for when bearing is less certain than this many box sigmas [-]
-        confirm_frames: () and only so many frames later [-]
-        rejections_before_recovery: () rejections in a row after which the filter doubts itself [-]
-        recovery_position_sigma: () position doubt added then, as a share of the range [-]
-        recovery_velocity_sigma: () velocity doubt added then [m/s]
+        confirm_above: () confirmation is required when bearing is less certain than this many box sigmas [-]
+        confirm_frames: () largest number of frames between two boxes that confirm each other [-]
+        rejections_before_recovery: () rejections in a row that trigger covariance inflation [-]
+        recovery_position_sigma: () position sigma added then, as a fraction of the range [-]
+        recovery_velocity_sigma: () velocity sigma added then [m/s]
         initial_position_sigma: () servicer, per axis [m]
         initial_velocity_sigma: () servicer, per axis [m/s]
         initial_relative_position_sigma: () per axis [m]
@@ -64,41 +64,3 @@ class OrbitFilterTuning:
     initial_velocity_sigma: Array
     initial_relative_position_sigma: Array
     initial_relative_velocity_sigma: Array
-
-
-@pytree
-class GpsMeasurement:
-    """A GPS fix.
-
-    Attributes:
-        position_N: (3,) of the servicer [m]
-        present: () bool
-        residue_N: (3,) what the position lacks in single precision [m]; else None
-    """
-
-    position_N: Array
-    present: Array
-    position_low_N: Array | None = None
-
-
-@pytree
-class BoxMeasurement:
-    """A bounding box as the filter sees it.
-
-    Attributes:
-        tangent: (2,) of the ray through its centre in camera axes [-]
-        log_size: () log of its mean side over the focal length [-]
-        side_px: () mean side [px]
-        present: () bool
-        truncated: () bool, cut by the frame
-        half_frame: (2,) tangents of the edges of the frame [-]
-        attitude_drift: () how much the variance of the camera's attitude has changed since the last frame [rad^2]
-    """
-
-    tangent: Array
-    log_size: Array
-    side_px: Array
-    present: Array
-    truncated: Array
-    half_frame_tangent: Array
-    attitude_variance_change: Array

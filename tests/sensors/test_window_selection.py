@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.sensors import rendered_camera
+from rpojax.sensors import window_selection
 from rpojax.vision import pinhole
 from rpojax.vision.imaging.image_formation import ImageWindow
 from rpojax.vision.pinhole import Intrinsics
@@ -20,14 +20,14 @@ def large() -> Intrinsics:
 
 def chosen(expected: tuple[float, float], size: float, tracked: bool, side: int = 512) -> ImageWindow:
     optics = pinhole.pinhole_intrinsics(jnp.asarray(np.radians(10.0)), side, side)
-    return rendered_camera.choose_window(
+    return window_selection.choose_window(
         optics, side, side, jnp.asarray(expected), jnp.asarray(size), jnp.asarray(tracked)
     )
 
 
 @pytest.mark.parametrize(("side", "expected"), [(64, 64), (100, 128), (128, 128), (256, 128), (1024, 128)])
 def test_the_detector_gets_the_frame_or_a_window_of_128_px(side: int, expected: int) -> None:
-    assert rendered_camera.input_side(side, side) == expected
+    assert window_selection.input_side(side, side) == expected
 
 
 def test_a_small_frame_is_looked_at_as_a_whole() -> None:
@@ -57,7 +57,7 @@ def test_a_tracked_target_is_in_its_window_which_is_in_the_frame(expected: tuple
 
 def test_a_target_that_is_large_in_its_frame_is_binned() -> None:
     view = chosen((256.0, 256.0), 150.0, True)
-    assert 150.0 / float(view.binning) == pytest.approx(rendered_camera.TARGET_FRACTION * 128.0, abs=EXACT)
+    assert 150.0 / float(view.binning) == pytest.approx(window_selection.TARGET_FRACTION * 128.0, abs=EXACT)
 
 
 def test_pixels_of_a_window_are_those_of_the_frame() -> None:

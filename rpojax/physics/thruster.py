@@ -1,6 +1,5 @@
-"""Reaction wheels with limits and friction, and an on-time commanded thruster whose impulse in a step is exact."""
+"""Thruster commanded by on-time, with execution errors and an exact impulse in every integration step."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -15,57 +14,8 @@ Scalar = Float[Array, ""]
 
 
 @pytree
-class ReactionWheels:
-    """Three reaction wheels.
-
-    Attributes:
-        axes: (3, 3) spin axes in B, one a row
-        inertia: (3,) about the spin axis [kg m^2]
-        torque_limit: (3,) [N m]
-        speed_limit: (3,) relative to the body [rad/s]
-        initial_speed: (3,) [rad/s]
-        viscous_friction: (3,) torque per speed [N m s/rad]
-        coulomb_friction: (3,) torque of a turning wheel [N m]
-        stiction_speed: () below about this speed the Coulomb torque fades to zero [rad/s]
-        torque_step: () smallest difference of two torques that the drive can give [N m]
-    """
-
-    axes: Array
-    inertia: Array
-    torque_limit: Array
-    speed_limit: Array
-    initial_speed: Array
-    viscous_friction: Array
-    coulomb_friction: Array
-    stiction_speed: Array
-    torque_step: Array
-
-
-def quantise_torque(wheels: ReactionWheels, command: Vector) -> Vector:
-    """Torque command [N m] rounded to the drive's steps; the derivative is that of the command itself."""
-    rounded = wheels.torque_step * jnp.round(command / wheels.torque_step)
-    return command + jax.lax.stop_gradient(rounded - command)
-
-
-def bearing_friction(wheels: ReactionWheels, speed: Vector) -> Vector:
-    """Torque of the bearings on each wheel [N m] at its speed relative to the body [rad/s].
-
-    The Coulomb part follows the hyperbolic tangent of the speed, so that it has a derivative when the wheel reverses.
-    """
-    return -wheels.viscous_friction * speed - wheels.coulomb_friction * jnp.tanh(speed / wheels.stiction_speed)
-
-
-def limit_torque(wheels: ReactionWheels, command: Vector, speed: Vector, dt: float | Scalar) -> Vector:
-    """Motor torque on each wheel [N m] over the next `dt` [s]: the command within the torque and speed limits."""
-    torque = jnp.clip(command, -wheels.torque_limit, wheels.torque_limit)
-    up = wheels.inertia * (wheels.speed_limit - speed) / dt
-    down = wheels.inertia * (-wheels.speed_limit - speed) / dt
-    return jnp.clip(torque, jnp.minimum(down, 0.0), jnp.maximum(up, 0.0))
-
-
-@pytree
 class Thruster:
-    """One warm-gas thruster, as it is (flight software has its own idea of it).
+    """Warm-gas thruster with its true values; flight software has a vehicle model of its own.
 
     Attributes:
         force: () nominal force [N]
@@ -98,7 +48,7 @@ class Thruster:
 
 @pytree
 class BurnError:
-    """Execution error of the present burn.
+    """Execution error of one burn.
 
     Attributes:
         magnitude: () factor on the force, less one [-]
@@ -116,12 +66,12 @@ def draw_burn_error(thruster: Thruster, normals: Float[Array, "4"]) -> BurnError
 
 @pytree
 class ValveCommand:
-    """When the valve is open.
+    """Commanded opening of the thruster's valve, with the execution error of the burn.
 
     Attributes:
         ignition: () [s] from the start of the step
         cutoff: () [s] from the start of the step
-        error: execution error of this burn
+        burn_error: execution error of this burn
     """
 
     ignition: Array
@@ -131,13 +81,13 @@ class ValveCommand:
 
 @pytree
 class StepThrust:
-    """A thruster over one step.
+    """Thrust over one integration step.
 
     Attributes:
         force_B: (3,) when fully open [N]
         position_B: (3,) where it acts, from the centre of mass [m]
-        flow: () of propellant when fully open [kg/s]
-        opening: (nodes,) share of the full force at the integrator's nodes [-]
+        mass_flow: () of propellant when fully open [kg/s]
+        node_factors: (nodes,) fraction of the full force at the integrator's nodes [-]
     """
 
     force_B: Array
@@ -149,16 +99,16 @@ class StepThrust:
 def thrust_over_step(
     thruster: Thruster, command: ValveCommand, method: Method, ramps: bool, dt: float | Scalar
 ) -> StepThrust:
-    """What the thruster does in a step of `dt` [s]; with `ramps` the force rises and falls, else it is on or off.
+    """Thrust over a step of `dt` [s]; with `ramps` the force rises and falls, else it is on or off.
 
     Commands shorter than the minimum on-time give nothing.
     """
-    turn = quaternion.exp(thruster.misalignment + command.burn_error.direction)
+    rotation = quaternion.exp(thruster.misalignment + command.burn_error.direction)
     magnitude = thruster.force * thruster.force_scale * (1.0 + command.burn_error.magnitude)
-    # A hair of tolerance: the two times are differences from a step that moves along, and round differently in each.
+    # The tolerance covers rounding: both times are relative to a step that moves along.
     valid = command.cutoff - command.ignition >= thruster.minimum_on_time - 1e-9
     return StepThrust(
-        force_B=magnitude * quaternion.rotate(turn, quaternion.normalize(thruster.direction)),
+        force_B=magnitude * quaternion.rotate(rotation, quaternion.normalize(thruster.direction)),
         position_B=thruster.position,
         mass_flow=jnp.abs(magnitude) / (thruster.specific_impulse * STANDARD_GRAVITY),
         node_factors=jnp.where(valid, _node_factors(thruster, command, method, ramps, dt), 0.0),
@@ -166,14 +116,14 @@ def thrust_over_step(
 
 
 def center_of_mass_shift(thruster: Thruster, propellant_used: Scalar, mass: Scalar) -> Vector:
-    """Way of the centre of mass [m] in B once `mass_used` [kg] of propellant has left and `mass` [kg] remains."""
+    """Displacement of the centre of mass [m] in B after `propellant_used` [kg] while `mass` [kg] remains."""
     return -propellant_used / mass * thruster.tank_position
 
 
 def _node_factors(
     thruster: Thruster, command: ValveCommand, method: Method, ramps: bool, dt: float | Scalar
 ) -> Float[Array, " nodes"]:
-    """Factors at the integrator's nodes that make its quadrature exact for the true profile.
+    """Factors at the integrator's nodes with which its quadrature is exact for the true thrust profile.
 
     They reproduce the profile's impulse and its moments up to the degree that the nodes carry, so that velocity and
     position after the step are those of the true times, and both are smooth in the on-time.
@@ -188,7 +138,7 @@ def _node_factors(
     if ramps:
         rise = jnp.maximum(thruster.rise_time / dt, _SHORTEST_RAMP)
         peak = jnp.minimum((cutoff - ignition) / rise, 1.0)
-        # A short burn is cut before the force is up, and falls from where it got to.
+        # A short burn is cut before the force is up, and falls from the force reached.
         up = _ramp_moments(ignition, jnp.maximum(peak * rise, _SHORTEST_RAMP), nodes.size)
         down = _ramp_moments(cutoff, jnp.maximum(thruster.fall_time / dt, _SHORTEST_RAMP), nodes.size)
         moments = peak * (up - down)
@@ -198,7 +148,7 @@ def _node_factors(
 
 
 _SHORTEST_RAMP = 1e-9
-"""Shortest ramp, as a share of a step."""
+"""Shortest ramp, as a fraction of a step."""
 
 
 def _step_moments(begin: Scalar, count: int) -> Float[Array, " moments"]:
@@ -208,7 +158,7 @@ def _step_moments(begin: Scalar, count: int) -> Float[Array, " moments"]:
 
 
 def _ramp_moments(begin: Scalar, width: Scalar, count: int) -> Float[Array, " moments"]:
-    """Integrals over [0, 1] of t^k times a profile that climbs evenly from 0 at `begin` to 1 at `begin + width`."""
+    """Integrals over [0, 1] of t^k times a profile that rises linearly from 0 at `begin` to 1 at `begin + width`."""
     low, high = jnp.clip(begin, 0.0, 1.0), jnp.clip(begin + width, 0.0, 1.0)
     at_end = jnp.clip((1.0 - begin) / width, 0.0, 1.0)
     climbed = at_end - jnp.clip(-begin / width, 0.0, 1.0)

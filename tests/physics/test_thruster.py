@@ -1,4 +1,4 @@
-"""Wheel limits, friction and steps of torque; the thruster's force, and its exact impulse inside a step."""
+"""Thruster: force, execution errors, mass flow, and the exact impulse in a step."""
 
 import itertools
 
@@ -12,80 +12,26 @@ from scipy.integrate import quad
 
 from rpojax.core.numerics.runge_kutta import NODES, Method
 from rpojax.core.pytree import replace
-from rpojax.physics import actuators
-from rpojax.physics.actuators import BurnError, Thruster, ValveCommand
+from rpojax.physics.thruster import (
+    BurnError,
+    Thruster,
+    ValveCommand,
+    center_of_mass_shift,
+    draw_burn_error,
+    thrust_over_step,
+)
 from rpojax.scenario.params import Params
 
 EXACT = 1e-14  # a few roundings of numbers near one
 STEP = 0.2
 METHODS: tuple[Method, ...] = ("rk4", "rk8")
-
-friction = jax.jit(actuators.bearing_friction)
-limited_torque = jax.jit(actuators.limit_torque, static_argnums=3)
-quantised = jax.jit(actuators.quantise_torque)
-thrust = jax.jit(actuators.thrust_over_step, static_argnums=(2, 3, 4))
-center_of_mass_shift = jax.jit(actuators.center_of_mass_shift)
+thrust = jax.jit(thrust_over_step, static_argnums=(2, 3, 4))
+center_of_mass_shift = jax.jit(center_of_mass_shift)
 NO_ERROR = BurnError(magnitude=jnp.zeros(()), direction=jnp.zeros(3))
 
 
 def burn(ignition: float, cutoff: float, error: BurnError = NO_ERROR) -> ValveCommand:
     return ValveCommand(ignition=jnp.float64(ignition), cutoff=jnp.float64(cutoff), burn_error=error)
-
-
-def test_a_torque_command_within_the_limits_is_carried_out(params: Params) -> None:
-    command = np.array([0.01, -0.02, 0.0])
-    np.testing.assert_array_equal(limited_torque(params.plant.wheels, command, np.zeros(3), STEP), command)
-
-
-def test_a_torque_command_beyond_the_limit_is_cut_wheel_by_wheel(params: Params) -> None:
-    found = limited_torque(params.plant.wheels, np.array([1.0, -1.0, 0.01]), np.zeros(3), STEP)
-    np.testing.assert_array_equal(found, [0.025, -0.025, 0.01])
-
-
-def test_a_wheel_near_its_speed_limit_gets_just_the_torque_that_reaches_it(params: Params) -> None:
-    wheels = params.plant.wheels
-    speed = np.array([627.0, -627.0, 620.0])
-    found = np.asarray(limited_torque(wheels, np.array([0.02, -0.02, 0.02]), speed, STEP))
-    reached = speed + found * STEP / np.asarray(wheels.inertia)
-    np.testing.assert_allclose(reached[:2], [628.0, -628.0], rtol=EXACT)
-    assert found[2] == 0.02
-
-
-@pytest.mark.parametrize("speed", [628.0, 640.0])
-def test_a_wheel_at_or_beyond_its_speed_limit_can_only_slow_down(params: Params, speed: float) -> None:
-    speeds = np.array([speed, -speed, speed])
-    found = limited_torque(params.plant.wheels, np.array([0.02, -0.02, -0.02]), speeds, STEP)
-    np.testing.assert_array_equal(found, [0.0, 0.0, -0.02])
-
-
-def test_friction_opposes_the_speed_and_tells_no_direction_of_turning_from_the_other(params: Params) -> None:
-    wheels = params.plant.wheels
-    speed = np.array([100.0, -100.0, 2.0])
-    found = np.asarray(friction(wheels, speed))
-    assert np.all(found * speed < 0.0)
-    assert found[0] == -found[1]
-    np.testing.assert_array_equal(friction(wheels, -speed), -found)
-
-
-def test_a_fast_wheel_feels_its_viscous_torque_and_all_of_its_coulomb_torque(params: Params) -> None:
-    found = friction(params.plant.wheels, np.array([100.0, -600.0, 0.0]))
-    np.testing.assert_allclose(found, [-2e-4 - 3e-4, 1.2e-3 + 3e-4, 0.0], rtol=EXACT)
-
-
-def test_a_wheel_that_reverses_feels_a_torque_that_grows_evenly_from_zero(params: Params) -> None:
-    slope = jax.jacfwd(lambda speed: friction(params.plant.wheels, speed))(np.zeros(3))
-    np.testing.assert_allclose(slope, -(2e-6 + 3e-4 / 1.0) * np.eye(3), rtol=EXACT)
-
-
-def test_a_torque_command_is_rounded_to_whole_steps(params: Params) -> None:
-    step = 2e-5
-    found = quantised(params.plant.wheels, np.array([7.4 * step, 7.6 * step, -0.4 * step]))
-    np.testing.assert_allclose(found, [7 * step, 8 * step, 0.0], atol=1e-18)
-
-
-def test_rounding_a_torque_command_is_invisible_to_derivatives(params: Params) -> None:
-    slope = jax.jacrev(lambda command: quantised(params.plant.wheels, command))(np.array([1.3e-4, 0.0, -0.02]))
-    np.testing.assert_array_equal(slope, np.eye(3))
 
 
 def test_an_aligned_thruster_pushes_along_its_direction_with_its_true_force(params: Params) -> None:
@@ -103,7 +49,7 @@ def test_misalignment_and_burn_error_turn_and_scale_the_force(params: Params) ->
 
 
 def test_burn_errors_have_the_thrusters_standard_deviations(params: Params) -> None:
-    error = actuators.draw_burn_error(params.plant.thruster, jnp.array([1.0, -1.0, 2.0, 0.0]))
+    error = draw_burn_error(params.plant.thruster, jnp.array([1.0, -1.0, 2.0, 0.0]))
     np.testing.assert_allclose(error.magnitude, 0.01)
     np.testing.assert_allclose(error.direction, np.deg2rad([-0.2, 0.4, 0.0]))
 
@@ -118,9 +64,6 @@ def test_the_centre_of_mass_moves_away_from_a_tank_that_empties(params: Params) 
     # 28 kg are left of 30; the tank was at -0.1 m along x: 28 c = -2 (-0.1).
     found = center_of_mass_shift(params.plant.thruster, np.float64(2.0), np.float64(28.0))
     np.testing.assert_allclose(found, [0.2 / 28.0, 0.0, 0.0], rtol=EXACT)
-
-
-# Impulse in a step
 
 
 def opening_moments(
@@ -232,7 +175,7 @@ def _impulse(thruster: Thruster, ignition: jax.Array, on_time: jax.Array) -> jax
 
     def part(begin: jax.Array) -> jax.Array:
         cut = ValveCommand(ignition=ignition - begin, cutoff=ignition + on_time - begin, burn_error=NO_ERROR)
-        found = actuators.thrust_over_step(thruster, cut, "rk4", True, STEP)
+        found = thrust_over_step(thruster, cut, "rk4", True, STEP)
         return STEP / 6.0 * (found.node_factors @ jnp.array([1.0, 4.0, 1.0])) * found.force_B[0]
 
     return jnp.sum(jax.vmap(part)(STEP * jnp.arange(12, dtype=jnp.float64)))

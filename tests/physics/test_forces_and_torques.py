@@ -13,12 +13,12 @@ from numpy_reference import IDENTITY, axis_angle_quaternion, rotation_matrix
 from scipy.integrate import solve_ivp
 
 from rpojax.core.pytree import replace
-from rpojax.physics import actuators, equipment_faults, plant
-from rpojax.physics.actuators import BurnError, StepThrust, ValveCommand
-from rpojax.physics.environment import SunMoonPositions
+from rpojax.physics import equipment_faults, plant, plant_state
+from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
-from rpojax.physics.plant import PlantParams, Truth
 from rpojax.physics.plant_options import Effects
+from rpojax.physics.plant_state import PlantParams, Truth
+from rpojax.physics.thruster import BurnError, StepThrust, ValveCommand, thrust_over_step
 from rpojax.scenario.params import Params
 
 STEP = 0.2
@@ -48,7 +48,7 @@ ALONE: dict[str, Effects] = {
 """Each effect with no other beside it."""
 
 _step = jax.jit(plant.step, static_argnums=(0, 7))
-initial_truth = jax.jit(plant.initial_truth)
+initial_truth = jax.jit(plant_state.initial_truth)
 
 
 @functools.partial(jax.jit, static_argnums=0)
@@ -67,7 +67,7 @@ def simulate(
 def step_thrust(params: PlantParams, ignition: float = -1.0, cutoff: float = 1.0) -> StepThrust:
     none = BurnError(magnitude=jnp.zeros(()), direction=jnp.zeros(3))
     burn = ValveCommand(ignition=jnp.float64(ignition), cutoff=jnp.float64(cutoff), burn_error=none)
-    return actuators.thrust_over_step(params.thruster, burn, "rk4", False, STEP)
+    return thrust_over_step(params.thruster, burn, "rk4", False, STEP)
 
 
 def advance(
@@ -209,7 +209,7 @@ def test_an_effect_is_compiled_only_when_it_is_on(params: Params, in_orbit: Trut
 def test_ramps_are_compiled_only_when_they_are_on(params: Params) -> None:
     none = BurnError(magnitude=jnp.zeros(()), direction=jnp.zeros(3))
     burn = ValveCommand(ignition=jnp.zeros(()), cutoff=jnp.ones(()), burn_error=none)
-    lower = jax.jit(actuators.thrust_over_step, static_argnums=(2, 3, 4)).lower
+    lower = jax.jit(thrust_over_step, static_argnums=(2, 3, 4)).lower
     off, on = (lower(params.plant.thruster, burn, "rk4", ramps, STEP).as_text() for ramps in (False, True))
     assert on.count("stablehlo.") > off.count("stablehlo.")
 

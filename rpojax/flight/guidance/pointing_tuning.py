@@ -1,0 +1,36 @@
+"""Tuning of the attitude guidance."""
+
+from jaxtyping import Array
+
+from rpojax.core.pytree import pytree
+
+
+@pytree
+class PointingTuning:
+    """Slew and search parameters.
+
+    Attributes:
+        slew_acceleration: () peak angular acceleration of a planned slew [rad/s^2]
+        slew_minimum_time: () [s]
+        settle_time: () between the end of a slew and the burn [s]
+        look_away_limit: () from the start of the turn to the end of the turn back [s]
+        search_after: () time without an accepted box after which a search begins, look-aways left out [s]
+        acquisition_wait: () the same before the target is acquired [s]
+        search_pitch: () distance between turns of the search spiral [rad]
+        search_acceleration: () centripetal acceleration along the spiral [rad/s^2]
+        search_sigmas: () the spiral restarts beyond this many sigma of projected uncertainty [-]
+        search_radius_max: () largest radius of the spiral [rad]
+        burn_attitude_limit: () no thrust while the attitude is further from the burn's [rad]
+    """
+
+    slew_acceleration: Array
+    slew_minimum_time: Array
+    settle_time: Array
+    look_away_limit: Array
+    search_after: Array
+    acquisition_wait: Array
+    search_pitch: Array
+    search_acceleration: Array
+    search_sigmas: Array
+    search_radius_max: Array
+    burn_attitude_limit: Array

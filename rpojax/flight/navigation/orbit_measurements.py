@@ -1,0 +1,43 @@
+"""Measurements of the orbit filter: GPS positions and bounding boxes."""
+
+from jaxtyping import Array
+
+from rpojax.core.pytree import pytree
+
+
+@pytree
+class GpsMeasurement:
+    """GPS position of the servicer.
+
+    Attributes:
+        position_N: (3,) of the servicer [m]
+        present: () bool
+        position_low_N: (3,) low-order part of the position in single precision [m]; else None
+    """
+
+    position_N: Array
+    present: Array
+    position_low_N: Array | None = None
+
+
+@pytree
+class BoxMeasurement:
+    """Bounding box of the target as bearing and angular size.
+
+    Attributes:
+        tangent: (2,) of the ray through its centre in camera axes [-]
+        log_size: () log of its mean side over the focal length [-]
+        side_px: () mean side [px]
+        present: () bool
+        truncated: () bool, cut by the frame
+        half_frame_tangent: (2,) tangents of the edges of the frame [-]
+        attitude_variance_change: () absolute change of the camera attitude's variance since the last frame [rad^2]
+    """
+
+    tangent: Array
+    log_size: Array
+    side_px: Array
+    present: Array
+    truncated: Array
+    half_frame_tangent: Array
+    attitude_variance_change: Array

@@ -1,0 +1,115 @@
+"""True parameters and true state of servicer and target."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rpojax.core import quaternion
+from rpojax.core.frames import hill_frame, hill_to_inertial
+from rpojax.core.orbits import keplerian_elements
+from rpojax.core.orbits.zonal_gravity import GravityField
+from rpojax.core.pytree import pytree
+from rpojax.core.quaternion import rotate
+from rpojax.physics.environment.drag import Atmosphere
+from rpojax.physics.environment.solar_radiation_pressure import Sunlight
+from rpojax.physics.environment.surface import Surface
+from rpojax.physics.equipment_faults import Fault
+from rpojax.physics.reaction_wheels import ReactionWheels
+from rpojax.physics.rigid_body import Body
+from rpojax.physics.thruster import Thruster
+
+Vector = Float[Array, "3"]
+
+
+@pytree
+class Target:
+    """True properties of the target.
+
+    Attributes:
+        mass: () [kg]
+        inertia: (3, 3) [kg m^2]
+        hull: (n, 3) vertices that span its outline, from its centre of mass in T [m]
+        tumble_rate: () initial rate [rad/s]
+        tumble_axis: (3,) direction of the initial rate in T, any length
+        attitude: (4,) initial q_TN
+    """
+
+    mass: Array
+    inertia: Array
+    hull: Array
+    tumble_rate: Array
+    tumble_axis: Array
+    attitude: Array
+
+
+@pytree
+class PlantParams:
+    """True parameters of the two vehicles and their environment."""
+
+    servicer: Body
+    servicer_surface: Surface
+    target: Target
+    target_surface: Surface
+    thruster: Thruster
+    wheels: ReactionWheels
+    gravity: GravityField
+    atmosphere: Atmosphere
+    sunlight: Sunlight
+    fault: Fault
+
+
+@pytree
+class Truth:
+    """True state of both vehicles.
+
+    Attributes:
+        r_TN_N: (3,) target position [m]
+        v_TN_N: (3,) target velocity [m/s]
+        r_ST_N: (3,) servicer from target [m]
+        v_ST_N: (3,) its inertial derivative [m/s]
+        q_BN: (4,) servicer attitude
+        omega_BN_B: (3,) servicer rate [rad/s]
+        wheel_speed: (3,) relative to the body [rad/s]
+        q_TN: (4,) target attitude
+        omega_TN_T: (3,) target rate [rad/s]
+        mass: () servicer mass [kg]
+        delta_v: () velocity change applied by the thruster so far, summed in magnitude [m/s]
+        orbit_low: (2, 3) low-order parts of target position [m] and velocity [m/s] in single precision; else None
+        mass_low: () low-order part of the mass in single precision [kg]; else None
+    """
+
+    r_TN_N: Array
+    v_TN_N: Array
+    r_ST_N: Array
+    v_ST_N: Array
+    q_BN: Array
+    omega_BN_B: Array
+    wheel_speed: Array
+    q_TN: Array
+    omega_TN_T: Array
+    mass: Array
+    delta_v: Array
+    orbit_low: Array | None = None
+    mass_low: Array | None = None
+
+
+def initial_truth(
+    params: PlantParams, orbit: keplerian_elements.KeplerianElements, rho_H: Vector, rho_dot_H: Vector, q_BN: Array
+) -> Truth:
+    """Truth at the start of a run: servicer at `rho_H` [m], `rho_dot_H` [m/s], not rotating in H."""
+    r_TN_N, v_TN_N = keplerian_elements.state_from_elements(orbit)
+    R_HN, omega_HN_N = hill_frame(r_TN_N, v_TN_N)
+    r_ST_N, v_ST_N = hill_to_inertial(rho_H, rho_dot_H, R_HN, omega_HN_N)
+    zero = jnp.zeros_like(params.servicer.mass)
+    return Truth(
+        r_TN_N=r_TN_N,
+        v_TN_N=v_TN_N,
+        r_ST_N=r_ST_N,
+        v_ST_N=v_ST_N,
+        q_BN=q_BN,
+        omega_BN_B=rotate(q_BN, omega_HN_N),
+        wheel_speed=params.wheels.initial_speed,
+        q_TN=quaternion.normalize(params.target.attitude),
+        omega_TN_T=params.target.tumble_rate * quaternion.normalize(params.target.tumble_axis),
+        mass=params.servicer.mass,
+        delta_v=zero,
+    )

@@ -1,0 +1,13 @@
+"""Estimate of a servicer behind its target."""
+
+import pytest
+import rendezvous_scene
+
+from rpojax.flight.computer import FlightParams
+from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+
+
+@pytest.fixture(scope="session")
+def known(flight: FlightParams) -> OrbitEstimate:
+    """Estimate with the target 30 m ahead."""
+    return rendezvous_scene.estimate(flight)

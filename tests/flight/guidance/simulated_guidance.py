@@ -1,0 +1,126 @@
+"""Control laws, burn plans and simulated guidance for the tests."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import rendezvous_scene
+from numpy_reference import (
+    rotation_matrix,
+)
+
+from rpojax.flight.computer import FlightParams
+from rpojax.flight.control.attitude_control import AttitudeCommand
+from rpojax.flight.control.station_keeping import StationKeeping
+from rpojax.flight.guidance import (
+    attitude_guidance,
+    burn_planning,
+    slew_profile,
+    target_pointing,
+)
+from rpojax.flight.guidance.attitude_guidance import PointingState
+from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+
+GAIN = np.zeros((3, 6))
+STAYS = StationKeeping(arrival_velocity=np.zeros(3), impulse=np.zeros(3))
+YES, NO = jnp.asarray(True), jnp.asarray(False)
+SAMPLES = 5
+TIME = np.float64(1000.0)  # of the decision
+evaluate = jax.jit(slew_profile.evaluate)
+guide = jax.jit(attitude_guidance.guide, static_argnums=8)
+look_attitude = jax.jit(target_pointing.look_attitude)
+plan_burn = jax.jit(burn_planning.plan_burn, static_argnums=0)
+
+
+def push_back(gain: jax.Array, deviation: jax.Array) -> jax.Array:
+    """20 mm/s backwards along the track."""
+    return jnp.array([0.0, -0.02, 0.0])
+
+
+def push_hard(gain: jax.Array, deviation: jax.Array) -> jax.Array:
+    """1 m/s, more than can be done while the camera looks away."""
+    return jnp.array([0.0, -1.0, 0.0])
+
+
+def push_gently(gain: jax.Array, deviation: jax.Array) -> jax.Array:
+    """0.9 mm/s, inside the dead band."""
+    return jnp.array([0.0, 9e-4, 0.0])
+
+
+def plan(law: object, flight: FlightParams, estimate: OrbitEstimate, allowed: bool = True) -> BurnPlan:
+    parts = (flight.formation, flight.pointing, flight.vehicle, GAIN, STAYS, estimate)
+    q_look, _ = look_attitude(flight.vehicle, estimate)
+    found = plan_burn(law, *parts, q_look, np.asarray(allowed), TIME)
+    return jax.tree.map(np.asarray, found)
+
+
+def boresight(flight: FlightParams, q_BN: np.ndarray) -> np.ndarray:
+    """Direction in N that the camera looks along; the nominal mounting is along body x."""
+    return rotation_matrix(np.asarray(q_BN)).T @ np.array([1.0, 0.0, 0.0])
+
+
+@jax.jit
+def simulate(
+    flight: FlightParams,
+    estimate: OrbitEstimate,
+    plan: BurnPlan,
+    state: PointingState,
+    times: jax.Array,
+    blind: jax.Array,
+    visible: jax.Array = YES,
+) -> tuple[jax.Array, AttitudeCommand, jax.Array]:
+    """Modes, commands five times a second, and whether a box was accepted, tick by tick.
+
+    A box is accepted when the camera looks within 5 deg of the target, unless `blind`.
+    """
+    line = estimate.relative.r_TS_N / jnp.sqrt(jnp.sum(estimate.relative.r_TS_N**2))
+
+    def body(
+        state: PointingState, time: jax.Array
+    ) -> tuple[PointingState, tuple[jax.Array, AttitudeCommand, jax.Array]]:
+        q_BN = slew_profile.evaluate(state.reference, jnp.ones(())).q_CN
+        looks = attitude_guidance.rotate(attitude_guidance.quaternion.conjugate(q_BN), jnp.array([1.0, 0.0, 0.0]))
+        accepted = (jnp.sum(looks * line) > jnp.cos(jnp.deg2rad(5.0))) & ~blind
+        state, mode = attitude_guidance.guide(
+            flight.pointing, flight.vehicle, estimate, plan, state, accepted, visible, time, 1.0
+        )
+        ages = jnp.arange(SAMPLES, dtype=jnp.float64) / SAMPLES
+        return state, (mode, jax.vmap(lambda age: slew_profile.evaluate(state.reference, age))(ages), accepted)
+
+    return jax.lax.scan(body, state, times)[1]
+
+
+def simulate_search(flight: FlightParams, position_sigma: float, ticks: int) -> tuple[np.ndarray, np.ndarray]:
+    """Modes and commanded attitudes (ticks, samples, 4) of a search for a target that is never seen."""
+    known = rendezvous_scene.estimate(flight, v_TS_N=np.zeros(3), position_sigma=position_sigma)
+    state = attitude_guidance.initial_pointing(flight.vehicle, known)
+    modes, commands, _ = simulate(
+        flight, known, burn_planning.no_burn(), state, TIME + np.arange(float(ticks)), np.asarray(True)
+    )
+    return np.asarray(modes), np.asarray(commands.q_CN)
+
+
+def look(
+    flight: FlightParams,
+    known: OrbitEstimate,
+    frames: str,
+    state: PointingState | None = None,
+    plan: BurnPlan | None = None,
+    visible: jax.Array = YES,
+) -> PointingState:
+    """State after frames with ('x') and without ('.') an accepted box."""
+    state = attitude_guidance.initial_pointing(flight.vehicle, known) if state is None else state
+    for tick, frame in enumerate(frames):
+        accepted = np.asarray(frame == "x")
+        state, _ = guide(
+            flight.pointing,
+            flight.vehicle,
+            known,
+            burn_planning.no_burn() if plan is None else plan,
+            state,
+            accepted,
+            visible,
+            TIME + tick,
+            1.0,
+        )
+    return state

@@ -1,0 +1,46 @@
+"""Search spiral: coverage of the search cone and speed of the camera."""
+
+import itertools
+
+import numpy as np
+import pytest
+import rendezvous_scene
+from numpy_reference import (
+    rotation_matrix,
+    unit,
+)
+from simulated_guidance import SAMPLES, boresight, simulate_search
+
+from rpojax.flight.computer import FlightParams
+from rpojax.flight.guidance.pointing_modes import Mode
+
+
+@pytest.mark.parametrize("radius_deg", [8.0, 20.0, 44.0])
+def test_the_frames_of_a_search_cover_its_cone_without_gaps(flight: FlightParams, radius_deg: float) -> None:
+    # The cone is three sigma of the bearing's uncertainty as guidance takes it, sqrt(2) of one axis.
+    sigma = np.deg2rad(radius_deg) / 3.0 / np.sqrt(2.0) * 30.0
+    modes, attitudes = simulate_search(flight, sigma, 300)
+    assert np.all(modes[5:] == Mode.SEARCH)
+    cameras = np.array([rotation_matrix(q) for q in attitudes[:, 0]])  # one frame a second
+    line = unit(rendezvous_scene.TARGET_AHEAD)
+    across = unit(np.cross(line, [0.0, 0.0, 1.0]))
+    other = np.cross(line, across)
+    rng = np.random.default_rng(1)
+    # The last turn may end a pitch of 6.5 deg inside of the rim, and the view reaches 5 deg to each side.
+    distance = np.deg2rad(radius_deg - 1.5) * np.sqrt(rng.uniform(size=1000))[:, None]
+    around = rng.uniform(0.0, 2.0 * np.pi, (1000, 1))
+    targets = np.cos(distance) * line + np.sin(distance) * (np.cos(around) * across + np.sin(around) * other)
+    ahead, right, down = np.moveaxis(np.einsum("kij,nj->kni", cameras, targets), 2, 0)
+    half = np.tan(np.deg2rad(5.0)) * ahead
+    in_view = (ahead > 0.0) & (np.abs(right) < half) & (np.abs(down) < half)
+    assert np.all(np.any(in_view, axis=0))
+    farthest = np.rad2deg(np.arccos(np.clip(cameras[:, 0] @ line, -1.0, 1.0))).max()
+    assert farthest < radius_deg + 3.0  # the step of a second, at the speed of the outer turns
+
+
+def test_the_search_moves_no_faster_than_its_centripetal_acceleration_allows(flight: FlightParams) -> None:
+    _, attitudes = simulate_search(flight, 30.0 * np.deg2rad(45.0), 300)
+    settled = [boresight(flight, q) for q in attitudes[20:200].reshape(-1, 4)]
+    rates = np.array([np.arccos(np.clip(a @ b, -1, 1)) for a, b in itertools.pairwise(settled)]) * SAMPLES
+    # At radius r the spiral is flown at sqrt(a r) rad/s; 45 deg is the largest radius.
+    assert rates.max() < 1.1 * np.sqrt(0.012 * np.deg2rad(45.0))

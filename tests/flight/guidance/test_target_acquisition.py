@@ -1,0 +1,53 @@
+"""Target acquisition: confirmation by several boxes, and fading of the count of detections."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from simulated_guidance import look, plan, push_back
+
+from rpojax.core.pytree import replace
+from rpojax.flight.computer import FlightParams
+from rpojax.flight.guidance import (
+    attitude_guidance,
+)
+from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+
+
+@pytest.mark.parametrize(
+    ("frames", "seen"),
+    [("x", False), ("xx", False), ("xxx", True), ("x.x.x", False), ("x.xx", True), ("x" + 19 * "." + "x", False)],
+)
+def test_one_box_may_be_false_but_three_in_a_row_are_the_target(
+    flight: FlightParams, known: OrbitEstimate, frames: str, seen: bool
+) -> None:
+    state = look(flight, known, frames)
+    assert bool(state.acquired) is seen
+    assert bool(attitude_guidance.is_lost(flight.pointing, state)) is not seen
+
+
+def test_sightings_fade_by_a_fifth_with_every_frame_that_looks_and_sees_nothing(
+    flight: FlightParams, known: OrbitEstimate
+) -> None:
+    state = look(flight, known, "xxxx..")
+    np.testing.assert_allclose(state.recent_detections, 4.0 * 0.8**2, rtol=1e-12)
+    full = look(flight, known, 15 * "x")
+    assert full.recent_detections == 10.0
+    # From ten sightings on the target is doubted after the seventh empty frame, long before a search begins.
+    assert not bool(attitude_guidance.is_lost(flight.pointing, look(flight, known, 6 * ".", full)))
+    doubted = look(flight, known, 7 * ".", full)
+    assert bool(attitude_guidance.is_lost(flight.pointing, doubted))
+    assert bool(doubted.acquired)
+    assert doubted.search_time == 0.0
+
+
+def test_a_planned_look_away_forgets_no_sightings_and_counts_no_time(
+    flight: FlightParams, known: OrbitEstimate
+) -> None:
+    away = replace(
+        jax.tree.map(jnp.asarray, plan(push_back, flight, known)), turn_start=jnp.float64(0.0), cutoff=jnp.float64(1e6)
+    )
+    before = look(flight, known, "xxxx")
+    after = look(flight, known, 20 * ".", before, away)
+    assert after.recent_detections == before.recent_detections == 4.0
+    assert after.unseen_time == 0.0

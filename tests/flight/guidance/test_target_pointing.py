@@ -1,0 +1,57 @@
+"""Look attitude: camera on the target, roll towards the orbit normal, and its rate."""
+
+import numpy as np
+import rendezvous_scene
+from hypothesis import given
+from numpy_reference import (
+    MU,
+    SEEDS,
+    random_unit,
+    rate_between,
+    rotation_matrix,
+    unit,
+)
+from simulated_guidance import boresight, look_attitude
+
+from rpojax.core.pytree import replace
+from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.scenario.params import Params
+
+EXACT = 1e-12  # roundings of unit vectors and angles
+
+
+@given(SEEDS)
+def test_the_camera_looks_at_the_target_with_its_x_axis_as_near_as_can_be_to_the_orbit_normal(
+    params: Params, seed: int
+) -> None:
+    direction = random_unit(np.random.default_rng(seed))
+    known = rendezvous_scene.estimate(params.flight, 40.0 * direction)
+    q_BN, _ = look_attitude(params.flight.vehicle, known)
+    q_KN = rendezvous_scene.camera_attitude(params.flight, known)
+    R_KN = rotation_matrix(q_KN)
+    np.testing.assert_allclose(R_KN[2], direction, atol=EXACT)
+    normal = unit(np.cross(rendezvous_scene.R_SN_N, rendezvous_scene.V_SN_N))
+    np.testing.assert_allclose(R_KN[0] @ normal, np.sqrt(1.0 - (normal @ direction) ** 2), atol=1e-9)
+    np.testing.assert_allclose(boresight(params.flight, q_BN), direction, atol=EXACT)
+
+
+@given(SEEDS)
+def test_the_look_rate_is_how_fast_the_look_attitude_turns(params: Params, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    normal = unit(np.cross(rendezvous_scene.R_SN_N, rendezvous_scene.V_SN_N))
+    line = unit(np.cross(normal, random_unit(rng)) + 0.7 * rng.uniform(-1, 1) * normal)
+    r, v, h = 30.0 * line, 0.1 * rng.normal(size=3), 0.01
+    pull = -MU * rendezvous_scene.R_SN_N / np.linalg.norm(rendezvous_scene.R_SN_N) ** 3
+
+    def at(t: float) -> OrbitEstimate:
+        known = rendezvous_scene.estimate(params.flight, r + t * v, v)
+        moved = replace(
+            known.servicer,
+            r_SN_N=rendezvous_scene.R_SN_N + t * rendezvous_scene.V_SN_N + 0.5 * t * t * pull,
+            v_SN_N=rendezvous_scene.V_SN_N + t * pull,
+        )
+        return replace(known, servicer=moved)
+
+    (before, _), (_, omega), (after, _) = (look_attitude(params.flight.vehicle, at(t)) for t in (-h, 0.0, h))
+    expected = rate_between(np.asarray(before), np.asarray(after), 2 * h)
+    np.testing.assert_allclose(omega, expected, atol=1e-8)  # truncation h^2 times the cube of a rate of 6e-3 rad/s

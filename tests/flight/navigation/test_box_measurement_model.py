@@ -1,0 +1,55 @@
+"""Box measurement model: linearisation and noise."""
+
+import jax
+import numpy as np
+import rendezvous_scene
+from hypothesis import given
+from numpy_reference import SEEDS, random_unit, rotation_matrix, unit
+
+from rpojax.flight.computer import FlightParams
+from rpojax.flight.navigation import box_measurement_model
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.scenario.params import Params
+
+linearise_box = jax.jit(box_measurement_model.linearise_box)
+box_slope = jax.jit(jax.jacfwd(lambda *arguments: box_measurement_model.linearise_box(*arguments).predicted, argnums=3))
+
+
+def seen(
+    flight: FlightParams, q_KN: np.ndarray, r_TS_N: np.ndarray = rendezvous_scene.TARGET_AHEAD, **flags: bool
+) -> BoxMeasurement:
+    return rendezvous_scene.box(flight, rotation_matrix(q_KN), r_TS_N, **flags)
+
+
+@given(SEEDS)
+def test_the_gradient_of_the_box_is_its_derivative_to_the_relative_position(params: Params, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    navigation, focal = params.flight.navigation, params.flight.vehicle.focal_px
+    R_KN = rotation_matrix(random_unit(rng, 4))
+    # Anywhere within 45 deg of the boresight; beyond 60 deg the model holds the depth on purpose.
+    r_TS_N = rng.uniform(5.0, 100.0) * R_KN.T @ unit(np.array([*rng.uniform(-0.7, 0.7, 2), 1.0]))
+    box = rendezvous_scene.box(params.flight, R_KN, r_TS_N)
+
+    model = linearise_box(navigation, focal, R_KN, r_TS_N, box)
+    np.testing.assert_allclose(model.position_jacobian, box_slope(navigation, focal, R_KN, r_TS_N, box), atol=1e-14)
+    r_K = R_KN @ r_TS_N
+    expected = [r_K[0] / r_K[2], r_K[1] / r_K[2], np.log(1.063 / np.linalg.norm(r_TS_N))]
+    np.testing.assert_allclose(model.predicted, expected, atol=1e-13)
+
+
+def test_the_noise_of_a_box_is_that_of_its_edges_and_of_the_camera(flight: FlightParams, q_KN: np.ndarray) -> None:
+    focal = float(flight.vehicle.focal_px)
+
+    def noise(truncated: bool) -> np.ndarray:
+        box = seen(flight, q_KN, truncated=truncated)
+        return np.asarray(
+            linearise_box(flight.navigation, focal, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD, box).variance
+        )
+
+    whole, cut = noise(False), noise(True)
+    # Two edges of 1 px make a centre of 1/sqrt(2) px; 0.004 deg. The wandering centre is a state, not noise.
+    bearing = 0.5 / focal**2 + np.deg2rad(0.004) ** 2
+    np.testing.assert_allclose(whole[:2], bearing, rtol=1e-12)
+    side = focal * 1.063 / 30.0
+    assert 0.5 < whole[2] * side**2 < 2.0  # a pixel or so of a side
+    np.testing.assert_allclose(cut[:2], bearing + (0.5 * side / focal) ** 2, rtol=1e-12)
