@@ -8,6 +8,7 @@ import numpy as np
 
 from rpojax.campaign.history_retention import Retention
 from rpojax.campaign.storage import folder_creation
+from rpojax.campaign.storage.campaign_configuration import new_configuration
 from rpojax.campaign.storage.campaign_folder import BlockTiming, Campaign
 from rpojax.scenario.schema import ScenarioFile
 
@@ -27,9 +28,7 @@ def empty_campaign(
 ) -> Campaign:
     """A new folder in which no block is done."""
     kept = Retention.from_run_ids(history_ids).to_record()
-    folder_creation.create_folder(
-        directory, folder_creation.new_configuration(file, seed, runs, first_run, block_size, kept), force
-    )
+    folder_creation.create_folder(directory, new_configuration(file, seed, runs, first_run, block_size, kept), force)
     return Campaign(directory)
 
 

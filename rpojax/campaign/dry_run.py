@@ -1,4 +1,4 @@
-"""What a campaign would fly: the values of all its runs, drawn by the program that the campaign draws them with."""
+"""Plan of a campaign without simulating it: the dispersed values of all its runs, and the resources that it needs."""
 
 import csv
 import io
@@ -9,18 +9,19 @@ from typing import Any
 import jax
 import numpy as np
 
-from rpojax.campaign import preflight
+from rpojax.campaign import preflight, resource_estimates
 from rpojax.campaign.execution import batch_engine
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.dispersions import designs
-from rpojax.dispersions.designs import RunRange
+from rpojax.dispersions.designs import experiment_design
+from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.errors import RpojaxError
-from rpojax.scenario import dispersion_keys, scenario_file, schema
+from rpojax.scenario import dispersion_keys
+from rpojax.scenario.parameter_keys import component_columns, nominal_of_key
+from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
 
 TYPICAL_SPEEDS = {"geometric": 85_000.0, "statistical": 85_000.0, "rendered": 92.0}
 """Simulated seconds of all runs per second on a core of a CPU, measured with `inspection`; by `camera.model`."""
-
 
 MAX_PLAN_BYTES = 4_000_000_000
 """Memory that the values of a plan may take [B]."""
@@ -28,15 +29,15 @@ MAX_PLAN_BYTES = 4_000_000_000
 
 @dataclass(frozen=True)
 class ResourceEstimate:
-    """What a campaign would take, by a rough count.
+    """Rough estimate of what a campaign needs.
 
     Attributes:
-        memory_bytes: at most [B]
-        disk_bytes: at most [B]
-        simulated_s: duration of all runs, one after the other [s]
-        time_s: of flying, compilation and report left out [s]; None where no speed is known
-        run_seconds_per_s: speed that the time is worked out with
-        speed_source: where that speed comes from
+        memory_bytes: upper estimate [B]
+        disk_bytes: upper estimate [B]
+        simulated_s: simulated time summed over the runs [s]
+        time_s: computation time without compilation and report [s]; None if the speed is unknown
+        run_seconds_per_s: speed that `time_s` is computed with
+        speed_source: origin of that speed
     """
 
     memory_bytes: int
@@ -49,14 +50,14 @@ class ResourceEstimate:
 
 @dataclass(frozen=True)
 class Plan:
-    """Runs of a campaign before they fly.
+    """Runs of a campaign before they are simulated.
 
     Attributes:
         file: the scenario
-        seed: of all runs
-        run_ids: (runs,) numbers
+        seed: master seed
+        run_ids: (runs,) run numbers
         values: key -> (runs, ...) values that the runs will draw, in the user's units
-        estimate: what it would take
+        estimate: resources that the campaign needs
     """
 
     file: ScenarioFile
@@ -77,7 +78,9 @@ def plan_campaign(
     devices: Sequence[Any] | None = None,
     speed: float | None = None,
 ) -> Plan:
-    """Plan of the campaign of the same arguments; `speed` in simulated seconds of all runs per second.
+    """Plan of the campaign with the same arguments; `speed` in simulated seconds of all runs per second.
+
+    The values are drawn by the compiled program that the campaign itself uses, and are equal to the last bit.
 
     Raises:
         RpojaxError: a number is out of range, the design has fewer runs, or the plan does not fit into memory.
@@ -85,35 +88,37 @@ def plan_campaign(
     preflight.check_numbers(runs, first_run, seed, block_size)
     if speed is not None and not 0.0 < speed < float("inf"):
         raise RpojaxError(f"--speed: found {speed}, expected simulated seconds per second, above 0")
-    bytes_per_run = 8 * sum(np.size(schema.nominal_value(file, key)) for key in dispersion_keys.varied_keys(file))
+    bytes_per_run = 8 * sum(np.size(nominal_of_key(file, key)) for key in dispersion_keys.varied_keys(file))
     if runs * bytes_per_run > MAX_PLAN_BYTES:
         raise RpojaxError(f"--runs: found {runs}, expected at most {MAX_PLAN_BYTES // bytes_per_run} for a plan")
     size = block_size or batch_engine.default_block_size(file)
-    used = list(jax.devices() if devices is None else devices)[: -(-runs // size)]
-    population = RunRange(first_run, runs)
-    machine = BatchEngine(file, size, used, design=designs.make_design(file, seed, population))
-    blocks = [machine.draw_values(seed, first_run + begin + np.arange(size)) for begin in range(0, runs, size)]
+    used_devices = list(jax.devices() if devices is None else devices)[: -(-runs // size)]
+    design = experiment_design.make_design(file, seed, RunRange(first_run, runs))
+    engine = BatchEngine(file, size, used_devices, design=design)
+    blocks = [engine.draw_values(seed, first_run + begin + np.arange(size)) for begin in range(0, runs, size)]
     return Plan(
         file=file,
         seed=seed,
         run_ids=first_run + np.arange(runs),
         values={key: np.concatenate([block[key] for block in blocks])[:runs] for key in sorted(blocks[0])},
-        estimate=_estimate_resources(file, runs, size, used, history_count, speed),
+        estimate=_estimate_resources(file, runs, size, used_devices, history_count, speed),
     )
 
 
 def _estimate_resources(
-    file: ScenarioFile, runs: int, size: int, devices: Sequence[Any], histories: int, speed: float | None
+    file: ScenarioFile, runs: int, block_size: int, devices: Sequence[Any], history_count: int, speed: float | None
 ) -> ResourceEstimate:
     source, simulated_s = "given", runs * file.duration_s
     if speed is None:
-        kind = devices[0].platform
-        rough = TYPICAL_SPEEDS[file.camera.model] if kind == "cpu" else None
-        speed = None if rough is None else rough * len(devices)
-        source = f"none known for {kind}" if rough is None else f"rough figure for {len(devices)} x CPU core"
+        platform = devices[0].platform
+        speed_per_core = TYPICAL_SPEEDS[file.camera.model] if platform == "cpu" else None
+        if speed_per_core is None:
+            source = f"none known for {platform}"
+        else:
+            speed, source = speed_per_core * len(devices), f"rough figure for {len(devices)} x CPU core"
     return ResourceEstimate(
-        memory_bytes=preflight.memory_bytes(file, runs, size, len(devices), histories),
-        disk_bytes=preflight.disk_bytes(file, runs, histories),
+        memory_bytes=resource_estimates.memory_bytes(file, runs, block_size, len(devices), history_count),
+        disk_bytes=resource_estimates.disk_bytes(file, runs, history_count),
         simulated_s=simulated_s,
         time_s=None if speed is None else simulated_s / speed,
         run_seconds_per_s=speed,
@@ -122,24 +127,24 @@ def _estimate_resources(
 
 
 def csv_text(plan: Plan) -> str:
-    """Table of a plan, one row a run; numbers have all digits that they need to be read back as they were."""
-    found = dispersion_keys.component_columns(plan.values)
+    """Table of a plan with one row per run; numbers have all digits, so that they are read back exactly."""
+    columns = component_columns(plan.values)
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(["run_id", "seed", *found])
-    table = [values.tolist() for values in found.values()]
+    writer.writerow(["run_id", "seed", *columns])
+    table = [values.tolist() for values in columns.values()]
     for row, run_id in enumerate(plan.run_ids.tolist()):
         writer.writerow([run_id, plan.seed, *(column[row] for column in table)])
     return stream.getvalue()
 
 
 def as_json(plan: Plan) -> dict[str, Any]:
-    """The plan for machines."""
+    """The plan in the types of JSON."""
     return {
         "name": plan.file.name,
-        "scenario_hash": scenario_file.digest(plan.file),
+        "scenario_hash": scenario_digest(plan.file),
         "design": plan.file.design.kind,
-        "independent": designs.has_independent_runs(plan.file),
+        "independent": experiment_design.has_independent_runs(plan.file),
         "seed": plan.seed,
         "runs": len(plan.run_ids),
         "run_ids": plan.run_ids.tolist(),

@@ -1,4 +1,4 @@
-"""Which runs of a campaign keep a history, and how much of it: a rule such as `8+failures+worst:5:min_range_m`."""
+"""Rules for the runs of a campaign that keep a history, such as `8+failures+worst:5:min_range_m`, and its thinning."""
 
 import difflib
 from collections.abc import Mapping, Sequence
@@ -13,11 +13,21 @@ from rpojax.scenario.metric_catalogue import UNITS, worst_first
 RULE_FORMS = (
     "none, all, N (the first N), I,J,... (run numbers), every:N, failures, worst:K:METRIC, or several joined by '+'"
 )
+_ALWAYS_KEPT = ("time_s", "rho_desired_H")
 
 
 @dataclass(frozen=True)
 class Retention:
-    """Rule, channels (None: all) and the ticks from one kept sample to the next."""
+    """Retention rule of histories.
+
+    Attributes:
+        rule: which runs keep a history, one of `RULE_FORMS`
+        channels: which channels are kept, None for all
+        every: ticks from one kept sample to the next
+
+    Raises:
+        RpojaxError: the rule has none of the forms, or `every` is not positive.
+    """
 
     rule: str
     channels: tuple[str, ...] | None = None
@@ -31,58 +41,64 @@ class Retention:
 
     @classmethod
     def from_run_ids(cls, run_ids: Sequence[int]) -> "Retention":
-        """Rule that names runs by their numbers."""
+        """Rule that lists run numbers."""
         return cls(",".join(map(str, sorted(set(run_ids)))) + "," if len(run_ids) else "none")
 
     @classmethod
-    def from_record(cls, recorded: Mapping[str, Any]) -> "Retention":
-        """Rule as `campaign.json` records it."""
-        channels = recorded["channels"]
-        return cls(recorded["rule"], None if channels is None else tuple(channels), recorded["every"])
+    def from_record(cls, record: Mapping[str, Any]) -> "Retention":
+        """Rule from its record in `campaign.json`."""
+        channels = record["channels"]
+        return cls(record["rule"], None if channels is None else tuple(channels), record["every"])
 
     def to_record(self) -> dict[str, Any]:
-        """Entry of `campaign.json`."""
+        """Record for `campaign.json`."""
         channels = None if self.channels is None else list(self.channels)
         return {"rule": self.rule, "channels": channels, "every": self.every}
 
     def _terms(self) -> list[str]:
         return [term.strip() for term in self.rule.split("+")]
 
-    def check_run_ids(self, first: int, runs: int) -> None:
-        """Refuses numbers of runs that the campaign does not have.
+    def check_run_ids(self, first_run: int, runs: int) -> None:
+        """Refuses run numbers outside of the campaign.
 
         Raises:
             RpojaxError: naming the run.
         """
         for kind, numbers, _ in map(_parse_term, self._terms()):
             for number in numbers if kind == "runs" else ():
-                if not first <= number < first + runs:
+                if not first_run <= number < first_run + runs:
                     raise RpojaxError(f"--histories: found run {number}, expected runs of this campaign")
 
-    def unconditional_run_ids(self, first: int, runs: int) -> set[int]:
-        """Numbers of the runs that are kept whatever becomes of them."""
+    def unconditional_run_ids(self, first_run: int, runs: int) -> set[int]:
+        """Numbers of the runs whose histories are kept independently of their results."""
         kept: set[int] = set()
         for kind, numbers, _ in map(_parse_term, self._terms()):
             match kind:
                 case "all":
-                    kept.update(range(first, first + runs))
+                    kept.update(range(first_run, first_run + runs))
                 case "first":
-                    kept.update(range(first, first + min(numbers[0], runs)))
+                    kept.update(range(first_run, first_run + min(numbers[0], runs)))
                 case "every":
-                    kept.update(range(first, first + runs, numbers[0]))
+                    kept.update(range(first_run, first_run + runs, numbers[0]))
                 case "runs":
                     kept.update(numbers)
         return kept
 
     @property
     def depends_on_results(self) -> bool:
-        """Whether runs are kept for what became of them."""
+        """Whether some histories are kept because of the results of their runs."""
         return any(kind in ("failures", "worst") for kind, _, _ in map(_parse_term, self._terms()))
 
     def selected_by_result(
         self, run_ids: np.ndarray, completed: np.ndarray, metrics: Mapping[str, np.ndarray]
     ) -> set[int]:
-        """Numbers of the runs that are kept for what became of them: arguments are by row, metrics nan if undefined."""
+        """Numbers of the runs whose histories are kept because of their results.
+
+        Args:
+            run_ids: (runs,) run numbers
+            completed: (runs,) whether the run completed
+            metrics: name -> (runs,), nan if undefined
+        """
         kept: set[int] = set()
         for kind, numbers, metric in map(_parse_term, self._terms()):
             if kind == "failures":
@@ -92,30 +108,30 @@ class Retention:
         return kept
 
     def max_selected_by_result(self, runs: int) -> int:
-        """Number of the runs that `later` may add, failures left out."""
+        """Largest number of runs in `selected_by_result`, failures excluded."""
         terms = map(_parse_term, self._terms())
         return min(runs, sum(numbers[0] for kind, numbers, _ in terms if kind == "worst"))
 
-    def max_histories(self, first: int, runs: int) -> int:
-        """Number of the runs that may be kept, failures left out."""
-        return min(runs, len(self.unconditional_run_ids(first, runs)) + self.max_selected_by_result(runs))
+    def max_histories(self, first_run: int, runs: int) -> int:
+        """Largest number of histories, failures excluded."""
+        return min(runs, len(self.unconditional_run_ids(first_run, runs)) + self.max_selected_by_result(runs))
 
     def thin(self, history: Mapping[str, np.ndarray], ticks: int) -> dict[str, np.ndarray]:
-        """The part of a full history, `ticks` long, that is kept: `time_s` and `rho_desired_H` always."""
-        chosen = {name: values for name, values in history.items() if self.keeps_channel(name)}
-        timed = {name for name, values in chosen.items() if name != "rho_desired_H" and len(values) == ticks}
-        return {name: values[:: self.every] if name in timed else values for name, values in chosen.items()}
+        """Kept channels and samples of a full history of `ticks` ticks, always with `time_s` and `rho_desired_H`."""
+        channels = {name: values for name, values in history.items() if self.keeps_channel(name)}
+        sampled = {name for name, values in channels.items() if name != "rho_desired_H" and len(values) == ticks}
+        return {name: values[:: self.every] if name in sampled else values for name, values in channels.items()}
 
     def keeps_channel(self, channel: str) -> bool:
         """Whether a channel is kept."""
-        return self.channels is None or channel in ("time_s", "rho_desired_H", *self.channels)
+        return self.channels is None or channel in (*_ALWAYS_KEPT, *self.channels)
 
 
 def check_channels(channels: Sequence[str] | None, known: Sequence[str]) -> None:
     """Refuses channels that a history does not have.
 
     Raises:
-        RpojaxError: naming the channel, and one that is like it.
+        RpojaxError: naming the channel, and a known one with a similar name.
     """
     for name in channels or ():
         if name not in known:
@@ -128,7 +144,7 @@ def _parse_term(term: str) -> tuple[str, list[int], str]:
     """Kind of a term, its numbers and its metric.
 
     Raises:
-        RpojaxError: it is none of the forms.
+        RpojaxError: it has none of the forms.
     """
     kind, *rest = term.split(":")
     if term in ("none", "all", "failures"):

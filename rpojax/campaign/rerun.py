@@ -1,7 +1,7 @@
-"""One run of a campaign once more, as a campaign of its own, bit for bit at the recorded block size."""
+"""Rerun of one run of a campaign as a campaign of its own, equal to the last bit at the recorded block size."""
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,22 +9,24 @@ import jax
 import numpy as np
 
 from rpojax.campaign import run_and_resume
-from rpojax.campaign.execution import block_runner, executors
+from rpojax.campaign.execution import campaign_engine
+from rpojax.campaign.execution.local_executor import LocalExecutor
 from rpojax.campaign.history_retention import Retention
-from rpojax.campaign.storage import folder_creation
+from rpojax.campaign.storage import campaign_configuration, folder_creation
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.computer import Stages
+from rpojax.runtime.progress import ProgressCallback
 
 
 @dataclass(frozen=True)
 class RerunResult:
-    """What came of it.
+    """A run that was simulated again, compared with the recorded one.
 
     Attributes:
-        result: campaign of the one run, with its full history
-        recorded: whether the first campaign holds the run, so that it could be compared
-        different: metric -> (recorded, now), where they are not the same to the last bit
+        campaign: campaign of the one run, with its full history
+        was_recorded: whether the original campaign holds the run, so that it could be compared
+        differences: metric -> (recorded, rerun), for those that are not equal to the last bit
     """
 
     campaign: Campaign
@@ -33,10 +35,10 @@ class RerunResult:
 
 
 def check_run_id(campaign: Campaign, run_id: int) -> None:
-    """Refuses a run that a campaign does not have.
+    """Refuses a run number outside of a campaign.
 
     Raises:
-        RpojaxError: naming the runs that it has.
+        RpojaxError: naming the runs of the campaign.
     """
     first, runs = campaign.configuration["first_run"], campaign.configuration["runs"]
     if not first <= run_id < first + runs:
@@ -50,9 +52,9 @@ def rerun(
     *,
     force: bool = False,
     stages: Stages | None = None,
-    on_progress: Callable[[run_and_resume.Progress], None] | None = None,
+    on_progress: ProgressCallback | None = None,
 ) -> RerunResult:
-    """Flies a run again, in a block of the size that the campaign had, and compares its metrics with those recorded.
+    """Simulates a run again, in a block of the size that the campaign had, and compares its metrics with the recorded.
 
     Raises:
         RpojaxError: there is no such run, the scenario or the stages are not those of the campaign, or the new folder
@@ -60,31 +62,33 @@ def rerun(
     """
     check_run_id(campaign, run_id)
     _check_separate_folder(campaign.directory, out)
-    engine = block_runner.engine_from_configuration(campaign.configuration, jax.devices()[:1], stages)
-    asked = {
+    engine = campaign_engine.recreate_engine(campaign.configuration, jax.devices()[:1], stages)
+    configuration = {
         **campaign.configuration,
         "runs": 1,
         "first_run": run_id,
         "histories": Retention("all").to_record(),
         "report": True,
         "rerun_of": {key: campaign.configuration[key] for key in ("first_run", "runs")},
-        **folder_creation.provenance(1),
+        **campaign_configuration.provenance(1),
     }
-    folder_creation.create_folder(out, asked, force)
-    result = Campaign(out)
-    run_and_resume.simulate_missing_blocks(result, executors.LocalExecutor(result, engine), on_progress)
+    folder_creation.create_folder(out, configuration, force)
+    repeated = Campaign(out)
+    run_and_resume.simulate_missing_blocks(repeated, LocalExecutor(repeated, engine), on_progress)
     rows = np.flatnonzero(campaign.run_ids == run_id)
     recorded = {name: float(values[rows[0]]) for name, values in campaign.metrics.items()} if len(rows) else {}
-    return RerunResult(result, len(rows) > 0, _metric_differences(recorded, result.metrics))
+    return RerunResult(repeated, len(rows) > 0, _metric_differences(recorded, repeated.metrics))
 
 
 def _check_separate_folder(source: Path, out: Path) -> None:
-    """Refuses to make the new folder where the campaign itself is."""
+    """Refuses a new folder that is the campaign's own or contains it."""
     place, origin = Path(os.path.realpath(out)), Path(os.path.realpath(source))
     if place == origin or place in origin.parents:
         raise OutputError(f"--out: found {str(out)!r}, where the campaign itself is, expected another folder")
 
 
-def _metric_differences(recorded: Mapping[str, float], now: Mapping[str, np.ndarray]) -> dict[str, tuple[float, float]]:
-    pairs = {name: (value, float(now[name][0])) for name, value in recorded.items() if name in now}
+def _metric_differences(
+    recorded: Mapping[str, float], repeated: Mapping[str, np.ndarray]
+) -> dict[str, tuple[float, float]]:
+    pairs = {name: (value, float(repeated[name][0])) for name, value in recorded.items() if name in repeated}
     return {name: pair for name, pair in pairs.items() if not np.array_equal(*pair, equal_nan=True)}

@@ -1,60 +1,31 @@
-"""A campaign from start to finish: into a folder, through an executor, progress to whoever asks."""
+"""Campaigns of dispersed runs: start a new one, resume an interrupted one, keep the histories selected by results."""
 
-import re
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import jax
 
-from rpojax.campaign import history_retention, preflight, stage_provenance
-from rpojax.campaign.execution import batch_engine, block_runner, executors
+from rpojax.campaign import history_retention, preflight, resource_estimates, stage_provenance
+from rpojax.campaign.execution import batch_engine, campaign_engine, selected_histories
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.campaign.execution.executors import Executor
+from rpojax.campaign.execution.executor import Executor
+from rpojax.campaign.execution.local_executor import LocalExecutor
 from rpojax.campaign.history_retention import Retention
-from rpojax.campaign.storage import atomic_files, campaign_json, folder_creation
+from rpojax.campaign.job_shard import ALL_BLOCKS, Shard
+from rpojax.campaign.storage import campaign_configuration, campaign_json, folder_creation, stale_files
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.dispersions import designs
-from rpojax.dispersions.designs import RunRange
-from rpojax.errors import RpojaxError
+from rpojax.dispersions.designs import experiment_design
+from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.computer import Stages
-from rpojax.runtime.progress import Progress
+from rpojax.runtime.progress import Progress, ProgressCallback
 from rpojax.scenario.schema import ScenarioFile
 
 DEFAULT_HISTORIES = 8
-"""Full histories kept by default: those of the first runs."""
+"""Number of runs, from the first, that keep a full history by default."""
 
-
-ProgressCallback = Callable[[Progress], None]
 ExecutorFactory = Callable[[Campaign], Executor]
-
-
-@dataclass(frozen=True)
-class Shard:
-    """Part `number` of `count`, from 1: the blocks b with b % count == number - 1."""
-
-    number: int
-    count: int
-
-    @classmethod
-    def parse(cls, text: str) -> "Shard":
-        """Part written as `2/8`.
-
-        Raises:
-            RpojaxError: it is not written so, or there is no such part.
-        """
-        found = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text)
-        if not found or not 1 <= int(found[1]) <= int(found[2]):
-            raise RpojaxError(f"--shard: found {text!r}, expected i/n with i from 1 to n, such as 2/8")
-        return cls(int(found[1]), int(found[2]))
-
-    def select(self, blocks: Sequence[int]) -> list[int]:
-        """Those blocks that belong to this part."""
-        return [block for block in blocks if block % self.count == self.number - 1]
-
-
-ALL_BLOCKS = Shard(1, 1)
+"""Makes the executor of a campaign."""
 
 
 def run_campaign(
@@ -75,12 +46,11 @@ def run_campaign(
     executor: ExecutorFactory | None = None,
     report: bool = False,
 ) -> Campaign:
-    """Runs numbers `first_run` to `first_run + runs - 1` of a scenario into a new folder.
+    """Simulates runs `first_run` to `first_run + runs - 1` of a scenario and stores them in a new folder.
 
     With a `shard` the folder may be one that other shards of the same campaign have made, and only the shard's blocks
-    are run. `executor` says how; the default is on all devices of this process.
-    `population` are the runs that the design is made for, where they are more than these. `report` is noted in the
-    folder: whoever finishes the campaign with a verb writes one.
+    are simulated. By default the `executor` uses all devices of this process. `population` is the range of runs that
+    the design is made for, if larger than this one. `report` records in the folder that a report is wanted.
 
     Raises:
         RpojaxError: a number is out of range, the folder cannot be used, or memory or disk are too small.
@@ -89,42 +59,47 @@ def run_campaign(
     preflight.check_numbers(runs, first_run, seed, block_size)
     if shard is None:
         preflight.check_folder(Path(out), force)
-    kept = _retention(histories, first_run, runs)
-    kept.check_run_ids(first_run, runs)
+    retention = _as_retention(histories, first_run, runs)
+    retention.check_run_ids(first_run, runs)
     size = block_size or batch_engine.default_block_size(file)
-    used = _devices_for_blocks(devices, -(-runs // size))
-    expected = -(-kept.max_histories(first_run, runs) // kept.every)
-    preflight.check_resources(file, runs, size, len(used), expected, Path(out))
-    described = stage_provenance.replaced_stages(stages or Stages())
-    given = designs.make_design(file, seed, population or RunRange(first_run, runs))
-    asked = folder_creation.new_configuration(
-        file, seed, runs, first_run, size, kept.to_record(), described, given.record(), report
-    )
-    machine = BatchEngine(file, size, used, stages, given)
-    if kept.channels is not None:
-        history_retention.check_channels(kept.channels, machine.channel_names())
-    if shard is None:
-        folder_creation.create_folder(Path(out), asked, force)
-    else:
-        folder_creation.join_folder(Path(out), asked)
-    result = Campaign(out)
-    simulate_missing_blocks(
-        result, executor(result) if executor else executors.LocalExecutor(result, machine), on_progress, shard, stages
-    )
-    return result
+    used_devices = _devices_for_blocks(devices, -(-runs // size))
+    history_count = -(-retention.max_histories(first_run, runs) // retention.every)
+    resource_estimates.check_resources(file, runs, size, len(used_devices), history_count, Path(out))
+    design = experiment_design.make_design(file, seed, population or RunRange(first_run, runs))
+    records = (retention.to_record(), stage_provenance.replaced_stages(stages or Stages()), design.record())
+    configuration = campaign_configuration.new_configuration(file, seed, runs, first_run, size, *records, report)
+    engine = BatchEngine(file, size, used_devices, stages, design)
+    _check_channels(retention, engine)
+    campaign = _open_folder(Path(out), configuration, force, shared=shard is not None)
+    chosen = executor(campaign) if executor else LocalExecutor(campaign, engine)
+    simulate_missing_blocks(campaign, chosen, on_progress, shard, stages)
+    return campaign
 
 
-def _retention(histories: Sequence[int] | Retention | None, first_run: int, runs: int) -> Retention:
+def _as_retention(histories: Sequence[int] | Retention | None, first_run: int, runs: int) -> Retention:
     if isinstance(histories, Retention):
         return histories
-    return Retention.from_run_ids(
-        range(first_run, first_run + min(runs, DEFAULT_HISTORIES)) if histories is None else histories
-    )
+    run_ids = range(first_run, first_run + min(runs, DEFAULT_HISTORIES)) if histories is None else histories
+    return Retention.from_run_ids(run_ids)
 
 
 def _devices_for_blocks(devices: Sequence[Any] | None, blocks: int) -> list[Any]:
-    """As many of the devices as have a block to work on."""
+    """As many of the devices as there are blocks."""
     return list(jax.devices() if devices is None else devices)[:blocks]
+
+
+def _check_channels(retention: Retention, engine: BatchEngine) -> None:
+    if retention.channels is not None:
+        history_retention.check_channels(retention.channels, engine.channel_names())
+
+
+def _open_folder(directory: Path, configuration: Mapping[str, Any], force: bool, shared: bool) -> Campaign:
+    """Creates the folder of a campaign; a shared one may exist already."""
+    if shared:
+        folder_creation.join_folder(directory, configuration)
+    else:
+        folder_creation.create_folder(directory, configuration, force)
+    return Campaign(directory)
 
 
 def resume_campaign(
@@ -135,31 +110,32 @@ def resume_campaign(
     shard: Shard | None = None,
     executor: ExecutorFactory | None = None,
 ) -> Campaign:
-    """Runs whatever of a campaign is missing, with the stages it began with; a finished one is left as it is.
+    """Simulates the missing blocks and histories of a campaign; a complete one is not changed.
 
     Raises:
-        RpojaxError: the folder is no campaign, or `stages` are not those that it began with.
+        RpojaxError: the folder is no campaign, or `stages` are not those with which it began.
         UnfinishedError: the results cannot be written.
     """
-    result = Campaign(directory)
-    atomic_files.remove_stale_files(result.directory)
-    if blocks := (shard or ALL_BLOCKS).select(result.missing_blocks()):
-        stage_provenance.check_same_stages(result.configuration["stages"], stages or Stages())
+    campaign = Campaign(directory)
+    stale_files.remove_stale_files(campaign.directory)
+    blocks = (shard or ALL_BLOCKS).select(campaign.missing_blocks())
+    if blocks:
+        stage_provenance.check_same_stages(campaign.configuration["stages"], stages or Stages())
         if executor is None:
-            machine = block_runner.engine_from_configuration(
-                result.configuration, _devices_for_blocks(None, len(blocks)), stages
-            )
-            simulate_missing_blocks(result, executors.LocalExecutor(result, machine), on_progress, shard, stages)
+            devices = _devices_for_blocks(None, len(blocks))
+            engine = campaign_engine.recreate_engine(campaign.configuration, devices, stages)
+            chosen: Executor = LocalExecutor(campaign, engine)
         else:
-            simulate_missing_blocks(result, executor(result), on_progress, shard, stages)
-    elif not result.missing_blocks():
-        _simulate_selected_histories(result, on_progress or (lambda _: None), stages)
-    return result
+            chosen = executor(campaign)
+        simulate_missing_blocks(campaign, chosen, on_progress, shard, stages)
+    elif not campaign.missing_blocks():
+        _simulate_selected_histories(campaign, on_progress or _ignore_progress, stages)
+    return campaign
 
 
 def is_complete(campaign: Campaign) -> bool:
-    """Whether nothing of a campaign is missing, neither blocks nor histories of chosen runs."""
-    return not campaign.missing_blocks() and not block_runner.pending_histories(campaign)
+    """Whether a campaign has all its blocks, and all histories that its results select."""
+    return not campaign.missing_blocks() and not selected_histories.pending_histories(campaign)
 
 
 def simulate_missing_blocks(
@@ -169,38 +145,45 @@ def simulate_missing_blocks(
     shard: Shard | None = None,
     stages: Stages | None = None,
 ) -> None:
-    """Runs the missing blocks of a campaign, then flies runs again whose histories are to be kept for their results.
+    """Simulates the missing blocks of a campaign, and once none is missing the runs whose results select a history.
 
-    Blocks that the executor gives up are noted in `result.given_up`, and the others go on.
+    Blocks that the executor gives up are recorded in `campaign.failed_blocks`.
+
+    Raises:
+        UnfinishedError: the results cannot be written.
     """
     blocks = (shard or ALL_BLOCKS).select(campaign.missing_blocks())
-    tell = on_progress or (lambda _: None)
+    report_progress = on_progress or _ignore_progress
     total = sum(campaign_json.runs_in_block(campaign.configuration, block) for block in blocks)
 
-    def during(done: float, failed: int, compiled: bool) -> None:
-        tell(Progress(done=done, total=total, failed=failed, compiled=compiled))
+    def report_runs(done: float, failed: int, compiled: bool) -> None:
+        report_progress(Progress(done=done, total=total, failed=failed, compiled=compiled))
 
     if blocks:
-        campaign.failed_blocks.update(executor.run_blocks(blocks, during))
+        campaign.failed_blocks.update(executor.run_blocks(blocks, report_runs))
     if not campaign.missing_blocks():
-        _simulate_selected_histories(
-            campaign, tell, stages, executor.engine if isinstance(executor, executors.LocalExecutor) else None
-        )
+        engine = executor.engine if isinstance(executor, LocalExecutor) else None
+        _simulate_selected_histories(campaign, report_progress, stages, engine)
 
 
 def _simulate_selected_histories(
-    result: Campaign, tell: ProgressCallback, stages: Stages | None, machine: BatchEngine | None = None
+    campaign: Campaign, on_progress: ProgressCallback, stages: Stages | None, engine: BatchEngine | None = None
 ) -> None:
-    """Keeps the histories that depend on results, with the engine of the first pass where there is one."""
-    chosen = block_runner.pending_histories(result)
-    if not chosen:
+    """Stores the histories that depend on results, simulated with the engine of the blocks if it exists."""
+    run_ids = selected_histories.pending_histories(campaign)
+    if not run_ids:
         return
-    if machine is None:
-        tell(Progress(done=0.0, total=len(chosen), failed=0, compiled=False))
-        used = _devices_for_blocks(None, -(-len(chosen) // result.configuration["block_size"]))
-        machine = block_runner.engine_from_configuration(result.configuration, used, stages)
+    total = len(run_ids)
+    if engine is None:
+        on_progress(Progress(done=0.0, total=total, failed=0, compiled=False))
+        devices = _devices_for_blocks(None, -(-total // campaign.configuration["block_size"]))
+        engine = campaign_engine.recreate_engine(campaign.configuration, devices, stages)
 
-    def during(done: float) -> None:
-        tell(Progress(done=done, total=len(chosen), failed=0, compiled=True))
+    def report_runs(done: float) -> None:
+        on_progress(Progress(done=done, total=total, failed=0, compiled=True))
 
-    block_runner.simulate_histories(result, machine, chosen, during)
+    selected_histories.simulate_histories(campaign, engine, run_ids, report_runs)
+
+
+def _ignore_progress(_: Progress) -> None:
+    pass

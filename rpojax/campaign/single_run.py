@@ -1,4 +1,4 @@
-"""One dispersed run in memory, for looking around and for gradients."""
+"""One run of a scenario in memory: its parameters, its initial state, and its simulation without a campaign folder."""
 
 from functools import partial
 
@@ -7,43 +7,47 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.dispersions import designs, dispersed_values
-from rpojax.dispersions.designs import RunRange
+from rpojax.dispersions import dispersed_values
+from rpojax.dispersions.designs import experiment_design
+from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.computer import Stages
-from rpojax.scenario import params, scenario_file
+from rpojax.scenario import params
 from rpojax.scenario.params import Params
-from rpojax.scenario.scenario_file import Scenario
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation import closed_loop, telemetry
-from rpojax.simulation.closed_loop import State
+from rpojax.scenario.static_settings import Scenario, static_settings
+from rpojax.simulation import initial_state
+from rpojax.simulation.channels import Channels, compute_channels
+from rpojax.simulation.noise import run_key
+from rpojax.simulation.state import State
+from rpojax.simulation.step import step
 
 
 def nominal_parameters(file: ScenarioFile) -> tuple[Scenario, Params]:
-    """Static settings and undispersed numbers of a scenario."""
-    static = scenario_file.static_settings(file)
-    return static, params.build_params(file.model_dump(), static.width_px, static.height_px)
-
-
-def initialise_run(
-    file: ScenarioFile, seed: int = 0, run_id: int = 0, population: RunRange | None = None
-) -> tuple[Scenario, Params, State]:
-    """Static settings, dispersed numbers and initial state of one run of a campaign.
-
-    `population` are the runs of the campaign, on which the values of a Latin hypercube depend; by default this one.
-    """
-    static, chosen, key = dispersed_parameters(file, seed, run_id, population)
-    return static, chosen, closed_loop.init(static, chosen, key)
+    """Static settings and nominal Params of a scenario."""
+    scenario = static_settings(file)
+    return scenario, params.build_params(file.model_dump(), scenario.width_px, scenario.height_px)
 
 
 def dispersed_parameters(
-    file: ScenarioFile, seed: int = 0, run_id: int = 0, population: RunRange | None = None
+    file: ScenarioFile, seed: int = 0, run_id: int = 0, run_range: RunRange | None = None
 ) -> tuple[Scenario, Params, Array]:
-    """Static settings, dispersed numbers and random key of one run of a campaign, before anything is started."""
-    static, base = nominal_parameters(file)
-    key = closed_loop.run_key(seed, run_id)
-    rows = designs.make_design(file, seed, population or RunRange(run_id, 1)).for_runs(np.array([run_id]))
-    given = {name: jnp.asarray(values[0]) for name, values in rows.items()}
-    return static, dispersed_values.apply_to_params(base, dispersed_values.draw(file, key, given)), key
+    """Static settings, dispersed Params and random key of one run of a campaign.
+
+    `run_range` is that of the campaign, on which designs such as a Latin hypercube depend; by default this run alone.
+    """
+    scenario, nominal = nominal_parameters(file)
+    key = run_key(seed, run_id)
+    design = experiment_design.make_design(file, seed, run_range or RunRange(run_id, 1))
+    assigned = {name: jnp.asarray(rows[0]) for name, rows in design.for_runs(np.array([run_id])).items()}
+    return scenario, dispersed_values.apply_to_params(nominal, dispersed_values.draw(file, key, assigned)), key
+
+
+def initialise_run(
+    file: ScenarioFile, seed: int = 0, run_id: int = 0, run_range: RunRange | None = None
+) -> tuple[Scenario, Params, State]:
+    """Static settings, dispersed Params and initial state of one run of a campaign."""
+    scenario, dispersed, key = dispersed_parameters(file, seed, run_id, run_range)
+    return scenario, dispersed, initial_state.init(scenario, dispersed, key)
 
 
 def simulate(
@@ -53,20 +57,23 @@ def simulate(
     stages: Stages | None = None,
     population: RunRange | None = None,
 ) -> dict[str, np.ndarray]:
-    """All channels of one run at every camera tick, time first, as a campaign's history holds them."""
-    static, chosen, state = initialise_run(file, seed, run_id, population)
-    channels = jax.tree.map(np.asarray, _simulate_ticks(static, stages or Stages(), chosen, state))
+    """Channels of one run at every camera tick, time first, as in a history of a campaign.
+
+    `population` is the range of runs of the campaign, by default this run alone.
+    """
+    scenario, dispersed, state = initialise_run(file, seed, run_id, population)
+    channels = jax.tree.map(np.asarray, _simulate_ticks(scenario, stages or Stages(), dispersed, state))
     return {
-        "time_s": np.arange(static.ticks) * static.tick_s,
+        "time_s": np.arange(scenario.ticks) * scenario.tick_s,
         "rho_desired_H": np.asarray(file.formation.desired_position_m),
         **channels,
     }
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def _simulate_ticks(static: Scenario, stages: Stages, chosen: Params, state: State) -> telemetry.Channels:
-    def body(carry: State, _: None) -> tuple[State, telemetry.Channels]:
-        after, seen = closed_loop.tick(stages, static, chosen, carry)
-        return after, telemetry.compute_channels(static, chosen, seen)
+def _simulate_ticks(scenario: Scenario, stages: Stages, params: Params, state: State) -> Channels:
+    def tick(carry: State, _: None) -> tuple[State, Channels]:
+        after, seen = step(scenario, params, carry, stages)
+        return after, compute_channels(scenario, params, seen)
 
-    return jax.lax.scan(body, state, None, length=static.ticks)[1]
+    return jax.lax.scan(tick, state, None, length=scenario.ticks)[1]

@@ -1,4 +1,4 @@
-"""Which stages of the flight software a campaign replaced, as text that can be written down and compared."""
+"""Provenance of replaced flight-software stages: records of names and sources, and comparison with a campaign's."""
 
 import hashlib
 import inspect
@@ -15,16 +15,16 @@ StageRecords = dict[str, dict[str, str | None]]
 def replaced_stages(stages: Stages) -> StageRecords:
     """Name of each stage that is not the default -> its function, and the SHA-256 of its source (None if unknown)."""
     default = Stages()
-    replaced = {field.name: getattr(stages, field.name) for field in fields(Stages)}
+    functions = {field.name: getattr(stages, field.name) for field in fields(Stages)}
     return {
         name: {"function": _qualified_name(function), "source_sha256": _source_digest(function)}
-        for name, function in replaced.items()
+        for name, function in functions.items()
         if function is not getattr(default, name)
     }
 
 
 def _qualified_name(function: Any) -> str:
-    """Module and qualified name; of the class where an object is called."""
+    """Module and qualified name of a function, or of the class of a callable object."""
     named = function if hasattr(function, "__qualname__") else type(function)
     return f"{named.__module__}.{named.__qualname__}"
 
@@ -38,14 +38,14 @@ def _source_digest(function: Any) -> str | None:
 
 
 def check_same_stages(recorded: Mapping[str, Any], stages: Stages) -> None:
-    """Refuses to go on with other stages than those that a campaign began with.
+    """Refuses stages that differ from those with which a campaign began.
 
     Raises:
         RpojaxError: naming the stage, and what was found and expected there.
     """
-    given = replaced_stages(stages)
-    for name in sorted({*recorded, *given}):
-        found, expected = given.get(name), recorded.get(name)
+    replaced = replaced_stages(stages)
+    for name in sorted({*recorded, *replaced}):
+        found, expected = replaced.get(name), recorded.get(name)
         if found != expected:
             raise RpojaxError(
                 f"stages: found {format_stage(found)} for {name}, expected {format_stage(expected)}, with which "
@@ -54,7 +54,7 @@ def check_same_stages(recorded: Mapping[str, Any], stages: Stages) -> None:
 
 
 def format_stage(record: Mapping[str, Any] | None) -> str:
-    """One stage for a reader."""
+    """Record of one stage as text."""
     if record is None:
         return "the default"
     source = record.get("source_sha256")

@@ -1,5 +1,6 @@
-"""Where a campaign is, told from its manifests alone: at once, while others write, and free of jax."""
+"""Status of a campaign from its manifests alone: fast, also while other processes write, and free of jax."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -7,37 +8,35 @@ from rpojax.campaign.storage import block_manifests, campaign_json
 
 
 def status(directory: Path) -> dict[str, Any]:
-    """Blocks and runs done and missing, failures by reason, speed, and the report's path, None while there is none.
+    """Blocks and runs done and missing, failures by reason, speed, and the path of the report, None without one.
 
     Raises:
-        ResultError: the folder is no campaign, or a manifest of it cannot be read.
+        ResultError: the folder is no campaign, or one of its manifests cannot be read.
     """
-    asked = campaign_json.read(directory)
-    blocks = campaign_json.block_count(asked)
-    done = block_manifests.finished_blocks(directory, blocks)
-    entries = block_manifests.read_all(directory, asked, done)
+    configuration = campaign_json.read(directory)
+    blocks = campaign_json.block_count(configuration)
+    finished = block_manifests.finished_blocks(directory, blocks)
+    entries = block_manifests.read_all(directory, configuration, finished)
     page = directory / "report.html"
     ended = sum(entry.count for entry in entries)
+    attempts = block_manifests.attempts_at_unfinished_blocks(directory, blocks)
     return {
         "directory": str(directory),
-        "name": asked["name"],
-        "blocks": {"total": blocks, "done": len(done), "missing": blocks - len(done)},
+        "name": configuration["name"],
+        "blocks": {"total": blocks, "done": len(finished), "missing": blocks - len(finished)},
         "runs": {
-            "requested": asked["runs"],
+            "requested": configuration["runs"],
             "completed": sum(entry.completed for entry in entries),
             "failed": sum(entry.failed for entry in entries),
-            "missing": asked["runs"] - ended,
+            "missing": configuration["runs"] - ended,
         },
         "reasons": block_manifests.count_failure_reasons(entries),
-        "begun": [
-            {"block": block, "attempts": attempts}
-            for block, attempts in block_manifests.attempts_at_unfinished_blocks(directory, blocks).items()
-        ],
-        "timing": block_manifests.timing(entries, _duration_s(asked)),
+        "begun": [{"block": block, "attempts": count} for block, count in attempts.items()],
+        "timing": block_manifests.timing(entries, _duration_s(configuration)),
         "report": str(page) if page.is_file() else None,
     }
 
 
-def _duration_s(asked: dict[str, Any]) -> float:
-    found = asked["scenario"].get("duration_s", 0.0)
+def _duration_s(configuration: Mapping[str, Any]) -> float:
+    found = configuration["scenario"].get("duration_s", 0.0)
     return float(found) if isinstance(found, int | float) else 0.0

@@ -15,9 +15,15 @@ from rpojax.campaign import dry_run, single_run
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.core import random_streams
-from rpojax.dispersions import designs, dispersed_values
+from rpojax.dispersions import dispersed_values
+from rpojax.dispersions.designs import experiment_design
+from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
 from rpojax.errors import ResultError, RpojaxError
-from rpojax.scenario import dispersion_keys, scenario_file, schema
+from rpojax.scenario import dispersion_keys
+from rpojax.scenario.design_kinds import Design
+from rpojax.scenario.dispersion_kinds import Dispersion
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.parameter_keys import component_columns
 from rpojax.scenario.schema import ScenarioFile
 
 ONE_DEVICE = jax.devices()[:1]
@@ -74,7 +80,7 @@ CASES: dict[str, tuple[list[dict[str, Any]], dict[str, Any]]] = {
 def case(mission: ScenarioFile, kind: str) -> ScenarioFile:
     """`mission` with one of the cases."""
     entries, settings = CASES[kind]
-    return scenario_file.validate(mission.model_dump() | {"dispersions": entries, "design": settings})
+    return scenario_loader.validate(mission.model_dump() | {"dispersions": entries, "design": settings})
 
 
 def same_bits(found: dict[str, np.ndarray], expected: dict[str, np.ndarray]) -> None:
@@ -87,15 +93,15 @@ def test_the_cases_have_every_kind_of_dispersion_and_of_design(mission: Scenario
     def kinds(union: Any) -> set[str]:
         return {get_args(model.model_fields["kind"].annotation)[0] for model in get_args(get_args(union)[0])}
 
-    assert set(CASES) == kinds(schema.Design)
-    assert {entry["kind"] for entries, _ in CASES.values() for entry in entries} == kinds(schema.Dispersion)
+    assert set(CASES) == kinds(Design)
+    assert {entry["kind"] for entries, _ in CASES.values() for entry in entries} == kinds(Dispersion)
     for kind in CASES:
         assert set(dispersion_keys.varied_keys(case(mission, kind))) == set(dispersion_keys.varied_keys(mission))
 
 
 def held_alone(file: ScenarioFile, run_id: int) -> dict[str, np.ndarray]:
     """The values that the Params of a run hold that is prepared alone."""
-    _, chosen, _ = single_run.initialise_run(file, 5, run_id, designs.RunRange(0, RUNS))
+    _, chosen, _ = single_run.initialise_run(file, 5, run_id, RunRange(0, RUNS))
     return jax.tree.map(np.asarray, dispersed_values.read_back(chosen, dispersion_keys.varied_keys(file)))
 
 
@@ -118,11 +124,11 @@ def check_campaign(file: ScenarioFile, out: Path) -> Campaign:
         first_run=2,
         block_size=1,
         devices=ONE_DEVICE,
-        population=designs.RunRange(0, RUNS),
+        population=RunRange(0, RUNS),
     )
     same_bits(again.drawn, {key: values[2:3] for key, values in flown.drawn.items()})
     same_bits(again.metrics, {key: values[2:3] for key, values in flown.metrics.items()})
-    assert designs.recorded_run_range(again.info) == designs.RunRange(0, RUNS)
+    assert recorded_run_range(again.info) == RunRange(0, RUNS)
     return flown
 
 
@@ -162,7 +168,7 @@ def test_a_campaign_whose_design_is_no_longer_the_same_is_not_resumed(
 @pytest.fixture(scope="module")
 def grid_plan(mission: ScenarioFile) -> dry_run.Plan:
     """Plan of a grid of four runs, two of which are asked for."""
-    file = scenario_file.validate(mission.model_dump() | {"dispersions": ALWAYS[:1], "design": CASES["grid"][1]})
+    file = scenario_loader.validate(mission.model_dump() | {"dispersions": ALWAYS[:1], "design": CASES["grid"][1]})
     return dry_run.plan_campaign(file, 2, 5, first_run=1, block_size=2, devices=ONE_DEVICE, speed=400.0)
 
 
@@ -176,7 +182,7 @@ def test_values_of_a_grid_and_of_derived_keys_are_those_of_the_formula(grid_plan
 
 def drawn_at_once(file: ScenarioFile, runs: int) -> dict[str, np.ndarray]:
     """Values that the first runs draw."""
-    given = designs.make_design(file, 0, designs.RunRange(0, runs)).assigned
+    given = experiment_design.make_design(file, 0, RunRange(0, runs)).assigned
 
     def one(run_id: jax.Array, row: dispersed_values.Values) -> dispersed_values.Values:
         return dispersed_values.draw(file, random_streams.fold_in(random_streams.master_key(0), run_id), row)
@@ -216,7 +222,7 @@ def test_derived_keys_follow_what_they_are_derived_from(mission: ScenarioFile) -
         "kind": "table",
         "values": {"gps.bias_sigma_m": [1.0, 2.0, 3.0], "formation.desired_position_m[1]": [-40.0, -30.0, -20.0]},
     }
-    file = scenario_file.validate(mission.model_dump() | {"dispersions": entries, "design": settings})
+    file = scenario_loader.validate(mission.model_dump() | {"dispersions": entries, "design": settings})
     values = drawn_at_once(file, 3)
     told = 0.1 + 1.5 * values["gps.noise_m"] - 0.25 * np.array([1.0, 2.0, 3.0]) + 0.01 * 30.0
     np.testing.assert_allclose(values["navigation.gps_noise_m"], told, rtol=1e-14)
@@ -228,7 +234,7 @@ def test_derived_keys_follow_what_they_are_derived_from(mission: ScenarioFile) -
 def test_a_plans_table_can_be_read_back_to_the_last_bit(grid_plan: dry_run.Plan) -> None:
     rows = list(csv.DictReader(io.StringIO(dry_run.csv_text(grid_plan))))
     assert [(row["run_id"], row["seed"]) for row in rows] == [("1", "5"), ("2", "5")]
-    for name, values in dispersion_keys.component_columns(grid_plan.values).items():
+    for name, values in component_columns(grid_plan.values).items():
         assert [float(row[name]) for row in rows] == values.tolist()
     assert "initial.relative_position_m[2]" in rows[0]
     content = json.loads(json.dumps(dry_run.as_json(grid_plan), allow_nan=False))

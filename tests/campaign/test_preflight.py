@@ -8,7 +8,7 @@ import jax
 import numpy as np
 import pytest
 
-from rpojax.campaign import preflight
+from rpojax.campaign import preflight, resource_estimates
 from rpojax.campaign.execution import block_recording
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.storage.campaign_folder import Campaign
@@ -61,10 +61,10 @@ def test_a_link_that_leads_nowhere_is_not_overwritten(tmp_path: Path) -> None:
 def test_too_little_memory_is_refused_with_how_much_and_what_to_lower(
     mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(preflight, "_available_memory", lambda: 2e9)
-    preflight.check_resources(mission, 1000, 256, 2, 8, tmp_path / "runs")
+    monkeypatch.setattr(resource_estimates, "_available_memory", lambda: 2e9)
+    resource_estimates.check_resources(mission, 1000, 256, 2, 8, tmp_path / "runs")
     with pytest.raises(RpojaxError, match=r"memory: found 2\.0 GB available, expected 10.*lower --block-size"):
-        preflight.check_resources(mission, 100_000, 100_000, 1, 8, tmp_path / "runs")
+        resource_estimates.check_resources(mission, 100_000, 100_000, 1, 8, tmp_path / "runs")
 
 
 def test_too_little_disk_is_refused_with_how_much_and_what_to_lower(
@@ -72,9 +72,9 @@ def test_too_little_disk_is_refused_with_how_much_and_what_to_lower(
 ) -> None:
     usage = shutil.disk_usage(tmp_path)._replace(free=50_000_000)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
-    preflight.check_resources(mission, 1000, 256, 1, 8, tmp_path / "runs")
+    resource_estimates.check_resources(mission, 1000, 256, 1, 8, tmp_path / "runs")
     with pytest.raises(RpojaxError, match=r"disk: found 50 MB free, expected .*lower --runs, duration_s"):
-        preflight.check_resources(mission, 100_000, 256, 1, 8, tmp_path / "runs")
+        resource_estimates.check_resources(mission, 100_000, 256, 1, 8, tmp_path / "runs")
 
 
 def test_the_estimate_of_memory_covers_the_records_by_little(mission: ScenarioFile) -> None:
@@ -82,9 +82,9 @@ def test_the_estimate_of_memory_covers_the_records_by_little(mission: ScenarioFi
     segment = next(iter(engine.simulate(engine.prepare(0, np.zeros(1, int)))))
     sizes = {name: values.nbytes / len(values) for name, values in segment.channels.items()}
     recorded = sum(sizes[name] for name in block_recording.RECORDED_CHANNELS)
-    assert recorded <= preflight.RECORD_BYTES_PER_TICK <= 1.3 * recorded
+    assert recorded <= resource_estimates.RECORD_BYTES_PER_TICK <= 1.3 * recorded
     whole = sum(sizes.values()) + 8.0  # and the time
-    assert whole <= preflight.HISTORY_BYTES_PER_TICK <= 1.3 * whole
+    assert whole <= resource_estimates.HISTORY_BYTES_PER_TICK <= 1.3 * whole
 
 
 def test_the_estimate_of_memory_covers_the_evaluation_of_a_block(mission: ScenarioFile) -> None:
@@ -98,11 +98,11 @@ def test_the_estimate_of_memory_covers_the_evaluation_of_a_block(mission: Scenar
     metrics.evaluate(mission, records)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert peak < preflight.EVALUATION_BYTES_PER_TICK * runs * ticks
+    assert peak < resource_estimates.EVALUATION_BYTES_PER_TICK * runs * ticks
 
 
 def test_the_estimate_of_disk_covers_what_is_stored(three_runs: Campaign, mission: ScenarioFile) -> None:
     files = [path for path in three_runs.directory.rglob("*") if path.is_file()]
-    per_run = preflight._RUN_BYTES + mission.duration_s * preflight._TRACE_BYTES_PER_S
-    histories = 2 * 400 * preflight.HISTORY_BYTES_PER_TICK
-    assert sum(path.stat().st_size for path in files) < preflight._REPORT_BYTES + 3 * per_run + histories
+    per_run = resource_estimates._RUN_BYTES + mission.duration_s * resource_estimates._TRACE_BYTES_PER_S
+    histories = 2 * 400 * resource_estimates.HISTORY_BYTES_PER_TICK
+    assert sum(path.stat().st_size for path in files) < resource_estimates._REPORT_BYTES + 3 * per_run + histories

@@ -12,12 +12,17 @@ import pytest
 from empty_campaign_folders import empty_campaign
 
 from rpojax.campaign import rerender, single_run
+from rpojax.campaign.history_replay import replay_history
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import ResultError, RpojaxError
 from rpojax.flight.computer import Stages
-from rpojax.scenario import scenario_file
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation import camera_models, closed_loop, noise, telemetry
+from rpojax.simulation import camera_models, noise
+from rpojax.simulation.channels import compute_channels
+from rpojax.simulation.state import State
+from rpojax.simulation.step import step
+from rpojax.simulation.step_stages import sun_and_moon_at
 
 TICKS = 6
 SEED, RUN = 5, 3
@@ -42,16 +47,16 @@ class Flown:
 
 @pytest.fixture(scope="session")
 def flown() -> Flown:
-    file = scenario_file.load("inspection", ("camera.model=rendered", f"duration_s={TICKS}", *FRAME))
+    file = scenario_loader.load("inspection", ("camera.model=rendered", f"duration_s={TICKS}", *FRAME))
     static, chosen, start = single_run.initialise_run(file, SEED, RUN)
 
-    def tick(state: closed_loop.State, _: None) -> tuple[closed_loop.State, Any]:
-        after, seen = closed_loop.tick(Stages(), static, chosen, state)
+    def tick(state: State, _: None) -> tuple[State, Any]:
+        after, seen = step(static, chosen, state, Stages())
         view = camera_models.detector_window(static, chosen, state.flight)
-        sky = closed_loop.sky_at(static, state.tick.astype(jnp.float64) * static.tick_s)
+        sky = sun_and_moon_at(static, state.tick.astype(jnp.float64) * static.tick_s)
         key = noise.camera_key(state.keys, state.tick)
         picture = camera_models.render_picture(static, chosen, view, state.truth, sky, key, state.tick)
-        return after, (telemetry.compute_channels(static, chosen, seen), picture)
+        return after, (compute_channels(static, chosen, seen), picture)
 
     _, (channels, pictures) = jax.jit(lambda state: jax.lax.scan(tick, state, None, length=TICKS))(start)
     history = {"time_s": np.arange(TICKS) * static.tick_s, **jax.tree.map(np.asarray, channels)}
@@ -128,12 +133,12 @@ def test_other_trained_files_than_the_campaigns_are_refused(folder: Campaign) ->
 def test_a_run_with_replaced_stages_cannot_be_flown_again(folder: Campaign, flown: Flown) -> None:
     stages = {"update_orbit": {"function": "mine", "source_sha256": None}}
     with pytest.raises(RpojaxError, match=r"run 1: found replaced stages \['update_orbit'\]"):
-        rerender.replay_run(flown.file, folder.info | {"stages": stages}, 1)
+        replay_history(flown.file, folder.info | {"stages": stages}, 1)
 
 
 @pytest.mark.slow
 def test_a_run_without_a_history_is_flown_again_with_its_own_numbers(folder: Campaign, flown: Flown) -> None:
-    again = rerender.replay_run(flown.file, folder.info, RUN)
+    again = replay_history(flown.file, folder.info, RUN)
     np.testing.assert_allclose(again["rho_H"], flown.history["rho_H"], rtol=1e-4)
     np.testing.assert_allclose(again["box_score"], flown.history["box_score"], atol=0.01)
 

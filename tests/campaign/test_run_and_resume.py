@@ -16,9 +16,10 @@ from rpojax.campaign.storage import atomic_files
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, ResultError, RpojaxError
 from rpojax.flight.computer import Stages
-from rpojax.flight.control import formation_lqr
+from rpojax.flight.control import formation_law
 from rpojax.runtime.progress import Progress
-from rpojax.scenario import metric_catalogue, scenario_file
+from rpojax.scenario import metric_catalogue
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation import trace_channels
 
@@ -124,7 +125,7 @@ def test_resuming_what_is_no_campaign_is_refused(tmp_path: Path) -> None:
 
 def cautious(gain: jax.Array, deviation: jax.Array) -> jax.Array:
     """A law of one's own."""
-    return 0.5 * formation_lqr.lqr_feedback(gain, deviation)
+    return 0.5 * formation_law.lqr_feedback(gain, deviation)
 
 
 def test_a_campaign_goes_on_only_with_the_stages_it_began_with(
@@ -202,7 +203,7 @@ def dangerous(mission: ScenarioFile) -> ScenarioFile:
             key = entry["key"]
             entry.clear()
             entry.update({"key": key, **replaced[key]})
-    return scenario_file.validate(tables)
+    return scenario_loader.validate(tables)
 
 
 @pytest.fixture(scope="module")

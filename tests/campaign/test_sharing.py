@@ -15,10 +15,12 @@ from empty_campaign_folders import empty_campaign, synthetic_block, synthetic_ti
 
 import rpojax
 from rpojax.campaign import rerun
-from rpojax.campaign.execution import block_runner
+from rpojax.campaign.execution.campaign_engine import check_versions
 from rpojax.campaign.history_retention import Retention
-from rpojax.campaign.run_and_resume import Shard, resume_campaign
-from rpojax.campaign.storage import atomic_files, folder_creation
+from rpojax.campaign.job_shard import Shard
+from rpojax.campaign.run_and_resume import resume_campaign
+from rpojax.campaign.storage import atomic_files, folder_creation, stale_files
+from rpojax.campaign.storage.campaign_configuration import new_configuration, package_versions
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, ResultError, RpojaxError, UnfinishedError
 from rpojax.scenario.schema import ScenarioFile
@@ -66,7 +68,7 @@ def test_two_writers_of_all_blocks_one_of_them_killed_leave_what_one_alone_leave
     other.communicate()
     assert (killed.returncode, other.returncode) == (-signal.SIGKILL, 0)
     assert shared.missing_blocks() == []
-    atomic_files.remove_stale_files(shared.directory)
+    stale_files.remove_stale_files(shared.directory)
     assert list(shared.directory.rglob("*.partial")) == []
     found, expected = contents(shared.directory / "results.zarr"), contents(alone.directory / "results.zarr")
     assert found == expected
@@ -111,7 +113,7 @@ def test_rows_of_more_than_one_sample_are_in_shards_with_named_dimensions(
 
 
 def asked(mission: ScenarioFile, seed: int = 7) -> dict[str, object]:
-    return folder_creation.new_configuration(mission, seed, 5, 0, BLOCK, {"rule": "none", "channels": None, "every": 1})
+    return new_configuration(mission, seed, 5, 0, BLOCK, {"rule": "none", "channels": None, "every": 1})
 
 
 def test_the_first_to_come_makes_the_folder_and_others_join_if_they_agree(
@@ -188,14 +190,14 @@ def test_a_shard_with_nothing_left_leaves_the_second_pass_to_the_last_one(
     mission: ScenarioFile, tmp_path: Path
 ) -> None:
     kept = Retention("worst:1:min_range_m")
-    asked = folder_creation.new_configuration(mission, 0, 4, 0, 2, kept.to_record())
+    asked = new_configuration(mission, 0, 4, 0, 2, kept.to_record())
     folder_creation.create_folder(tmp_path / "runs", asked, force=False)
     assert resume_campaign(tmp_path / "runs", shard=Shard.parse("3/3")).missing_blocks() == [0, 1]
 
 
 def test_blocks_are_not_added_with_another_version() -> None:
     with pytest.raises(RpojaxError, match=r"jax: found version .*, expected 0\.1\.2, with which the campaign began"):
-        block_runner.check_versions(folder_creation.package_versions() | {"jax": "0.1.2"})
+        check_versions(package_versions() | {"jax": "0.1.2"})
 
 
 def test_a_run_is_not_flown_again_onto_its_own_campaign(mission: ScenarioFile, tmp_path: Path) -> None:

@@ -11,14 +11,14 @@ from rpojax.analysis.gradients import tuning_validation
 from rpojax.campaign import single_run
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.errors import RpojaxError
-from rpojax.scenario import scenario_file
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation import single_precision
 
 
 def mission(duration_s: float, kind: str, name: str = "inspection") -> ScenarioFile:
     """A packaged mission, shortened, in a precision."""
-    return scenario_file.load(name, [f"duration_s={duration_s}", f"precision={kind}"])
+    return scenario_loader.load(name, [f"duration_s={duration_s}", f"precision={kind}"])
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def test_what_is_rounded_and_what_it_lacks_are_the_state() -> None:
 )
 def test_what_single_precision_is_not_made_for_is_refused(override: str, named: str) -> None:
     with pytest.raises(RpojaxError, match=rf"^{named}: found .* expected .*single"):
-        scenario_file.load("inspection", ["precision=single", override])
+        scenario_loader.load("inspection", ["precision=single", override])
 
 
 def test_one_run_in_memory_is_refused_in_single_precision() -> None:

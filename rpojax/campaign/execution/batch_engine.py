@@ -1,11 +1,11 @@
-"""Many runs through two compiled programs: one prepares a block of runs, one carries it through a stretch of time."""
+"""Batched simulation of runs by two compiled programs: one prepares runs, one advances them by a segment of time."""
 
 import contextlib
 import dataclasses
 import functools
 import itertools
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -15,30 +15,33 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.batching import vmap_last_axis
+from rpojax.campaign.execution.tick_batching import batch_transform, state_axes
 from rpojax.core import random_streams
 from rpojax.dispersions import dispersed_values
-from rpojax.dispersions.designs import Design, has_independent_runs
+from rpojax.dispersions.designs.experiment_design import Design, has_independent_runs
 from rpojax.dispersions.dispersed_values import Values
 from rpojax.errors import RpojaxError
 from rpojax.flight.computer import Stages
 from rpojax.runtime import compiler_options, device_programs, trace_cache
 from rpojax.runtime.trace_cache import Trace
-from rpojax.scenario import dispersion_keys, params, scenario_file
+from rpojax.scenario import dispersion_keys, params
 from rpojax.scenario.params import Params
-from rpojax.scenario.scenario_file import Scenario
+from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation import closed_loop, single_precision, telemetry
-from rpojax.simulation.closed_loop import State
+from rpojax.scenario.static_settings import static_settings
+from rpojax.simulation import initial_state, single_precision
+from rpojax.simulation.channels import Channels, compute_channels
+from rpojax.simulation.state import State
+from rpojax.simulation.step import step
 
 SEGMENT_TICKS = 200
-"""About so many ticks run on the device before the host looks at them."""
+"""Approximate length of a segment: ticks that run on the device before the host gets their channels."""
 
 
 def default_block_size(file: ScenarioFile) -> int:
     """Runs per device and block for this kind of device and camera: on a CPU as many as its cache holds.
 
-    A picture fills a CPU by itself, and a small block wastes little where few runs are asked for.
+    A rendered image occupies a CPU core by itself, and a small block wastes little when few runs are wanted.
     """
     rendered = file.camera.model == "rendered"
     if jax.default_backend() == "cpu":
@@ -48,13 +51,13 @@ def default_block_size(file: ScenarioFile) -> int:
 
 @dataclass(frozen=True)
 class PreparedRuns:
-    """Runs after preparation.
+    """Dispersed runs at their initial states, on the devices.
 
     Attributes:
-        ids: (runs,) run numbers
+        run_ids: (runs,) run numbers
         drawn: values drawn for every dispersed key, in the user's units
-        used: values that the runs really hold, read back
-        shares: for each device the nominal Params, the dispersed values and the states at the start
+        used: values read back from the runs' Params, in the user's units
+        device_inputs: for each device the nominal Params, the dispersed values and the initial states
     """
 
     run_ids: np.ndarray
@@ -65,13 +68,13 @@ class PreparedRuns:
 
 @dataclass(frozen=True)
 class Segment:
-    """Channels of a stretch of time.
+    """Channels of all runs over one segment of time.
 
     Attributes:
         first_tick: number of its first tick
-        shares: of each device, name -> (ticks, ..., runs of the device), as the loop lays them out
-        failure: (runs,) failure code so far
-        failed_at: (runs,) [s], infinite while all is well
+        device_channels: for each device, name -> (ticks, ..., runs of the device), in the layout of the loop
+        failure: (runs,) failure code at the end of the segment
+        failed_at: (runs,) [s], infinite for a run that has not failed
     """
 
     first_tick: int
@@ -86,11 +89,21 @@ class Segment:
 
 
 class BatchEngine:
-    """A scenario compiled for blocks of a fixed size; one trace, however many blocks.
+    """A scenario compiled for batches of a fixed size, with one trace for any number of batches.
 
-    Every device runs the same single-device program on `size` runs, so a run's numbers are the same to the last bit
-    however many devices there are. (One program sharded over the devices is compiled differently for each number of
-    them, and its last bits differ.) The cores of a CPU count as devices, and run one program in threads.
+    Every device runs the same single-device program on `runs_per_device` runs, so the results of a run are the same to
+    the last bit for any number of devices. (One program sharded over the devices is compiled differently for each
+    number of them, and its last bits differ.) The cores of a CPU count as devices, and run one program in threads.
+
+    Args:
+        file: the scenario
+        runs_per_device: batch size of a device, by default `default_block_size`
+        devices: all of the process by default
+        stages: stages of the flight software
+        design: values assigned to the runs; needed unless they are independent draws
+
+    Raises:
+        RpojaxError: the runs depend on a design, and there is none.
     """
 
     def __init__(
@@ -105,17 +118,16 @@ class BatchEngine:
             raise RpojaxError(f"design: found none, expected that of the campaign for {file.design.kind!r}")
         self.design = design
         self.file = file
-        self.scenario = scenario_file.static_settings(file, allow_single=True)
+        self.scenario = static_settings(file, allow_single=True)
         self.is_single_precision = file.precision == "single"
         self.runs_per_device = runs_per_device or default_block_size(file)
         self.devices = list(devices if devices is not None else jax.devices())
         self.stages = stages or Stages()
         self.dispersed_keys = dispersion_keys.varied_keys(file)
         self.compile_s = self.loop_compile_s = 0.0
-        count = -(-self.scenario.ticks // SEGMENT_TICKS)
-        self.segment_ticks = -(-self.scenario.ticks // count)
-        self.segment_count = count
-        # What is compiled knows of one segment alone: missions whose segments are as long share it.
+        self.segment_count = -(-self.scenario.ticks // SEGMENT_TICKS)
+        self.segment_ticks = -(-self.scenario.ticks // self.segment_count)
+        # Programs depend on the length of a segment, not of the mission, so that missions of other lengths share them.
         self._segment_file = file.model_copy(update={"duration_s": self.segment_ticks * self.scenario.tick_s})
         self._segment_scenario = dataclasses.replace(self.scenario, ticks=self.segment_ticks)
         nominal = params.build_params(file.model_dump(), self.scenario.width_px, self.scenario.height_px)
@@ -130,30 +142,35 @@ class BatchEngine:
     def compile(self) -> None:
         """Compiles both programs, once.
 
-        `compile_s` then tells the time it took [s], tracing included, `loop_compile_s` what of it XLA took for the loop
-        once that was traced.
+        Sets `compile_s`, the time that it took with tracing [s], and `loop_compile_s`, XLA's part of it for the loop.
         """
         if self._programs is not None:
             return
         begin = time.perf_counter()
         with ThreadPoolExecutor(len(self.devices) + 1) as pool:
-            # The preparation is compiled while the loop, which needs its shapes, is traced.
+            # The preparation is compiled while the loop, which needs its output shapes, is traced.
             arguments = self._loop_arguments()
-            preparing = pool.submit(lambda: self._compiled_preparation)
+            preparation = pool.submit(lambda: self._compiled_preparation)
             loop = self._loop_trace
-            with self._precision():
-                wanted = device_programs.lower_for_devices(loop, arguments, self.devices, donate=(2,))
+            with self._tracing_precision():
+                lowered = device_programs.lower_for_devices(loop, arguments, self.devices, donate=(2,))
             traced = time.perf_counter()
             compiled = pool.map(
-                lambda each: compiler_options.compile_with_options(each, compiler_options.LOOP_OPTIONS), wanted.values()
+                lambda each: compiler_options.compile_with_options(each, compiler_options.LOOP_OPTIONS),
+                lowered.values(),
             )
-            loops = dict(zip(wanted, compiled, strict=True))
+            loops = dict(zip(lowered, compiled, strict=True))
             self.loop_compile_s = time.perf_counter() - traced
-            self._programs = (
-                preparing.result(),
-                [loops[home] for home in device_programs.compilation_devices(self.devices)],
-            )
+            device_loops = [loops[device] for device in device_programs.compilation_devices(self.devices)]
+            self._programs = (preparation.result(), device_loops)
         self.compile_s = time.perf_counter() - begin
+
+    @property
+    def loop_program(self) -> Any:
+        """Compiled loop of the first device, for its HLO text and cost analysis."""
+        self.compile()
+        assert self._programs is not None
+        return self._programs[1][0]
 
     @functools.cached_property
     def _compiled_preparation(self) -> Any:
@@ -164,23 +181,23 @@ class BatchEngine:
     @functools.cached_property
     def _preparation_trace(self) -> Trace:
         return trace_cache.load_or_trace(
-            self._prepare, self._example_inputs(), f"prepare {scenario_file.digest(self._segment_file)}"
+            self._prepare, self._example_inputs(), f"prepare {scenario_digest(self._segment_file)}"
         )
 
     @functools.cached_property
     def _loop_trace(self) -> Trace:
-        # What is kept is for the kind of device that JAX takes by default, and for the packaged stages.
-        usual = self.stages == Stages() and all(each.platform == jax.default_backend() for each in self.devices)
-        meaning = f"advance {self._segment_scenario!r}" if usual else None
+        # Cached traces are for the default kind of device and for the packaged stages.
+        cacheable = self.stages == Stages() and all(each.platform == jax.default_backend() for each in self.devices)
+        identity = f"advance {self._segment_scenario!r}" if cacheable else None
         arguments = self._loop_arguments()
-        with self._precision():
-            return trace_cache.load_or_trace(self._advance, arguments, meaning)
+        with self._tracing_precision():
+            return trace_cache.load_or_trace(self._advance, arguments, identity)
 
-    def _precision(self) -> contextlib.AbstractContextManager[None]:
+    def _tracing_precision(self) -> contextlib.AbstractContextManager[None]:
         return single_precision.tracing_in_single() if self.is_single_precision else contextlib.nullcontext()
 
     def _loop_arguments(self) -> tuple[Any, Any, Any]:
-        """Numbers of the nominal run, and shapes of what the preparation hands to the loop."""
+        """Nominal Params, and the shapes of the dispersed values and states that the preparation returns."""
         drawn, _, state = self._preparation_trace.outputs
         if not self.is_single_precision:
             return self._nominal, drawn, state
@@ -191,32 +208,31 @@ class BatchEngine:
         )
 
     def _example_inputs(self) -> tuple[Params, Array, np.ndarray, dict[str, np.ndarray]]:
-        """Arguments of the preparation, of which only the shapes count."""
+        """Arguments of the preparation of which only the shapes matter."""
         return self._preparation_inputs(0, np.zeros(self.runs_per_device, dtype=np.int64))
 
     def _preparation_inputs(
-        self, seed: int, ids: np.ndarray
+        self, seed: int, run_ids: np.ndarray
     ) -> tuple[Params, Array, np.ndarray, dict[str, np.ndarray]]:
-        given = self.design.for_runs(ids) if self.design else {}
-        return self._nominal, _master_key(seed), ids.astype(np.int32), given
+        assigned = self.design.for_runs(run_ids) if self.design else {}
+        return self._nominal, jnp.asarray(random_streams.master_key(seed)), run_ids.astype(np.int32), assigned
 
     def draw_values(self, seed: int, run_ids: np.ndarray) -> dict[str, np.ndarray]:
-        """Values drawn for `size` runs: those of `prepare`, from the same program, without compiling the loop."""
+        """Dispersed values of `runs_per_device` runs, equal to those of `prepare`, without compiling the loop."""
         drawn, _, _ = self._compiled_preparation(*self._preparation_inputs(seed, run_ids))
         return {name: np.asarray(values) for name, values in drawn.items()}
 
     def channel_names(self) -> list[str]:
-        """Names of the channels that the engine gives, without compiling anything."""
+        """Names of the telemetry channels, without compiling anything."""
         return sorted(self._loop_trace.outputs[1])
 
     def prepare(self, seed: int, run_ids: np.ndarray) -> PreparedRuns:
         """Dispersed values and initial states of `capacity` runs."""
         self.compile()
         assert self._programs is not None
-        parts = [
-            self._programs[0](*self._preparation_inputs(seed, share)) for share in np.split(run_ids, len(self.devices))
-        ]
-        placed = [
+        prepare = self._programs[0]
+        parts = [prepare(*self._preparation_inputs(seed, ids)) for ids in np.split(run_ids, len(self.devices))]
+        device_inputs = [
             jax.device_put((*self._loop_inputs(drawn), state), device)
             for (drawn, _, state), device in zip(parts, device_programs.compilation_devices(self.devices), strict=True)
         ]
@@ -224,78 +240,80 @@ class BatchEngine:
             run_ids=run_ids,
             drawn=_concatenated([drawn for drawn, _, _ in parts], axis=0),
             used=_concatenated([used for _, used, _ in parts], axis=0),
-            device_inputs=[(nominal, values, state) for nominal, values, state in placed],
+            device_inputs=[(nominal, values, state) for nominal, values, state in device_inputs],
         )
 
     def _loop_inputs(self, drawn: Values) -> tuple[Params, Values]:
-        """Nominal and dispersed numbers as the loop takes them."""
-        numbers = (self._nominal, drawn)
-        return single_precision.round_to_single(numbers) if self.is_single_precision else numbers
+        """Nominal Params and dispersed values in the precision of the loop."""
+        inputs = (self._nominal, drawn)
+        return single_precision.round_to_single(inputs) if self.is_single_precision else inputs
 
     def simulate(self, prepared: PreparedRuns) -> Iterator[Segment]:
-        """Carries a block to the end of the scenario, segment by segment; the last one is cut at the end.
+        """Simulates prepared runs to the end of the scenario, segment by segment; the last one is cut at the end.
 
-        The devices work on the next segments while the caller looks at this one. A block can be flown once: its states
-        are given up to the loop.
+        The devices work on the next segments while the caller handles this one. Prepared runs can be simulated once:
+        their states are donated to the loop.
         """
         assert self._programs is not None
-        flights = [
-            _DeviceBatch(program, *share)
-            for program, share in zip(self._programs[1], prepared.device_inputs, strict=True)
+        batches = [
+            _DeviceBatch(program, *inputs)
+            for program, inputs in zip(self._programs[1], prepared.device_inputs, strict=True)
         ]
-        stretches = device_programs.call_in_threads([each.advance for each in flights], self.segment_count)
-        with contextlib.closing(stretches):
-            # Nothing here holds a device's records while the caller looks at what was made of them.
-            yield from map(self._segment, itertools.count(), stretches)
+        segments = device_programs.call_in_threads([batch.advance for batch in batches], self.segment_count)
+        with contextlib.closing(segments):
+            # A map, not a loop: no local variable keeps a device's records alive while the caller works.
+            yield from map(self._segment, itertools.count(), segments)
 
     def _segment(self, number: int, parts: Sequence["_DeviceSegment"]) -> Segment:
         first = number * self.segment_ticks
-        keep = min(self.segment_ticks, self.scenario.ticks - first)
+        kept_ticks = min(self.segment_ticks, self.scenario.ticks - first)
         return Segment(
             first_tick=first,
             device_channels=[
-                {name: np.asarray(value)[:keep] for name, value in part.channels.items()} for part in parts
+                {name: np.asarray(value)[:kept_ticks] for name, value in part.channels.items()} for part in parts
             ],
             failure=np.concatenate([part.failure for part in parts]),
             failed_at=np.concatenate([part.failed_at for part in parts]),
         )
 
-    def _prepare(self, nominal: Params, key: Array, ids: Array, given: Values) -> tuple[Values, Values, State]:
-        def one(run_id: Array, given: Values) -> tuple[Values, Values, State]:
+    def _prepare(self, nominal: Params, key: Array, run_ids: Array, assigned: Values) -> tuple[Values, Values, State]:
+        def prepare_run(run_id: Array, assigned: Values) -> tuple[Values, Values, State]:
             run_key = random_streams.fold_in(key, run_id)
-            drawn = dispersed_values.draw(self._segment_file, run_key, given)
+            drawn = dispersed_values.draw(self._segment_file, run_key, assigned)
             dispersed = dispersed_values.apply_to_params(nominal, drawn)
             used = dispersed_values.read_back(dispersed, self.dispersed_keys)
-            state = closed_loop.init(self._segment_scenario, dispersed, run_key)
+            state = initial_state.init(self._segment_scenario, dispersed, run_key)
             return drawn, used, single_precision.round_state_to_single(state) if self.is_single_precision else state
 
-        return jax.vmap(one, out_axes=(0, 0, state_axes(-1)))(ids, given)
+        return jax.vmap(prepare_run, out_axes=(0, 0, state_axes(-1)))(run_ids, assigned)
 
-    def _advance(self, nominal: Params, values: Values, state: State) -> tuple[State, telemetry.Channels]:
-        def one(values: Values, state: State) -> tuple[State, telemetry.Channels]:
+    def _advance(self, nominal: Params, values: Values, state: State) -> tuple[State, Channels]:
+        def tick(values: Values, state: State) -> tuple[State, Channels]:
             dispersed = dispersed_values.apply_to_params(nominal, values)
-            after, seen = closed_loop.tick(self.stages, self._segment_scenario, dispersed, state)
-            return after, telemetry.compute_channels(self._segment_scenario, dispersed, seen)
+            after, seen = step(self._segment_scenario, dispersed, state, self.stages)
+            return after, compute_channels(self._segment_scenario, dispersed, seen)
 
         axes = state_axes(-1)
-        every = batch_transform(self._segment_scenario)(one, in_axes=(-1, axes), out_axes=(axes, -1))
-        own = {name: jnp.moveaxis(value, 0, -1) for name, value in values.items()}
-        after, seen = jax.lax.scan(lambda carry, _: every(own, carry), state, None, length=self.segment_ticks)
-        return after, seen
+        batched_tick = batch_transform(self._segment_scenario)(tick, in_axes=(-1, axes), out_axes=(axes, -1))
+        runs_last = {name: jnp.moveaxis(value, 0, -1) for name, value in values.items()}
+        after, channels = jax.lax.scan(
+            lambda carry, _: batched_tick(runs_last, carry), state, None, length=self.segment_ticks
+        )
+        return after, channels
 
 
 @dataclass(frozen=True)
 class _DeviceSegment:
-    """What a device made of a stretch of time, and how its runs fared."""
+    """Channels of one device's runs over a segment, and their failures so far."""
 
-    channels: telemetry.Channels
+    channels: Channels
     failure: np.ndarray
     failed_at: np.ndarray
 
 
 @dataclass
 class _DeviceBatch:
-    """A device's share of a block under way."""
+    """Runs of one device while they are simulated."""
 
     program: Any
     nominal: Params
@@ -303,31 +321,12 @@ class _DeviceBatch:
     state: State
 
     def advance(self) -> _DeviceSegment:
-        """Carries the runs through one more segment."""
-        self.state, seen = jax.block_until_ready(self.program(self.nominal, self.values, self.state))
-        # Copies: what they are made of is given up to the next segment.
-        return _DeviceSegment(seen, np.array(self.state.failure), np.array(self.state.failed_at))
-
-
-def _master_key(seed: int) -> Array:
-    return jnp.asarray(random_streams.master_key(seed))
+        """Advances the runs by one segment."""
+        self.state, channels = jax.block_until_ready(self.program(self.nominal, self.values, self.state))
+        # Copies: the state itself is donated to the next segment.
+        return _DeviceSegment(channels, np.array(self.state.failure), np.array(self.state.failed_at))
 
 
 def _concatenated(parts: Sequence[Mapping[str, Array | np.ndarray]], axis: int = -1) -> dict[str, np.ndarray]:
-    """The devices' shares of each array, one after the other along the axis of the runs."""
+    """Each array of all devices, concatenated along the axis of the runs."""
     return {name: np.concatenate([np.asarray(part[name]) for part in parts], axis=axis) for name in parts[0]}
-
-
-def batch_transform(scenario: Scenario) -> Callable[..., Callable[..., Any]]:
-    """What makes many runs' tick of one run's: `jax.vmap`, or its like that keeps runs in the last axis."""
-    # Pictures are made by convolutions and lookups, which JAX batches best itself.
-    return jax.vmap if scenario.camera_model == "rendered" else vmap_last_axis.vmap
-
-
-def state_axes(axis: int) -> State:
-    """Batch axis of each field of State: `axis`, but none for the tick, which all runs have in common.
-
-    That makes the burn decision a true branch, taken on one tick in two hundred.
-    """
-    axes: dict[str, Any] = {field.name: axis for field in dataclasses.fields(State)}
-    return State(**{**axes, "tick": None})

@@ -1,4 +1,7 @@
-"""What is kept of runs under way: channels that metrics need of all, all wanted channels of a few."""
+"""Recording of a batch: of every run the channels that metrics and traces need, of runs with a history all channels.
+
+`block_arrays` turns the records into the arrays that a block stores.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -7,19 +10,18 @@ import numpy as np
 from rpojax.campaign.execution.batch_engine import PreparedRuns, Segment
 from rpojax.campaign.storage import campaign_folder
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation import metrics
-from rpojax.simulation import trace_channels as decimated
+from rpojax.simulation import metrics, trace_channels
 
 RECORDED_CHANNELS = (*metrics.REQUIRED_CHANNELS, "running")
 """Channels that are recorded of every run."""
 
 
 class ChannelRecorder:
-    """Collects channels segment by segment: those in `RECORDED` of all runs, those wanted of the runs in `rows`.
+    """Collects channels segment by segment: `RECORDED_CHANNELS` of all runs, and all kept channels of `history_rows`.
 
     Attributes:
         records: name -> (ticks, ..., runs), in the layout of the loop, so that they are copied in long rows
-        full: name -> (rows, ticks, ...)
+        histories: name -> (history rows, ticks, ...)
     """
 
     def __init__(self, ticks: int, history_rows: Sequence[int], keeps_channel: Callable[[str], bool]) -> None:
@@ -30,34 +32,35 @@ class ChannelRecorder:
         self.histories: dict[str, np.ndarray] = {}
 
     def add_segment(self, segment: Segment) -> None:
-        """Takes the channels of the next stretch of time."""
+        """Copies the channels of the next segment."""
         begin = 0
-        for share in segment.device_channels:
-            length, *_, count = next(iter(share.values())).shape
+        for channels in segment.device_channels:
+            length, *_, count = next(iter(channels.values())).shape
             ticks = slice(segment.first_tick, segment.first_tick + length)
-            self._record(share, ticks, slice(begin, begin + count), len(segment.failure))
-            self._keep(share, ticks, slice(begin, begin + count))
+            runs = slice(begin, begin + count)
+            self._add_records(channels, ticks, runs, len(segment.failure))
+            self._add_histories(channels, ticks, runs)
             begin += count
 
-    def _record(self, share: Mapping[str, np.ndarray], ticks: slice, runs: slice, all_runs: int) -> None:
-        for name, values in share.items():
+    def _add_records(self, channels: Mapping[str, np.ndarray], ticks: slice, runs: slice, all_runs: int) -> None:
+        for name, values in channels.items():
             if name in RECORDED_CHANNELS:
                 shape = (self.ticks, *values.shape[1:-1], all_runs)
                 _allocated(self.records, name, shape, values.dtype)[ticks, ..., runs] = values
 
-    def _keep(self, share: Mapping[str, np.ndarray], ticks: slice, runs: slice) -> None:
+    def _add_histories(self, channels: Mapping[str, np.ndarray], ticks: slice, runs: slice) -> None:
         places = slice(*np.searchsorted(self.history_rows, (runs.start, runs.stop)))
-        chosen = self.history_rows[places] - runs.start
-        if len(chosen) == 0:
+        columns = self.history_rows[places] - runs.start
+        if len(columns) == 0:
             return
-        for name, values in share.items():
+        for name, values in channels.items():
             if name != "running" and self.keeps_channel(name):
                 shape = (len(self.history_rows), self.ticks, *values.shape[1:-1])
-                kept = np.moveaxis(values[..., chosen], -1, 0)
+                kept = np.moveaxis(values[..., columns], -1, 0)
                 _allocated(self.histories, name, shape, values.dtype)[places, ticks] = kept
 
     def history(self, row: int, file: ScenarioFile, failure: int, failed_at: float) -> dict[str, np.ndarray]:
-        """Wanted channels of one run, time first, nan after its failure."""
+        """Kept channels of one run, time first, nan after its failure."""
         place = int(np.searchsorted(self.history_rows, row))
         channels = {name: values[place].copy() for name, values in self.histories.items()}
         time_s = np.arange(self.ticks) / file.rates.camera_hz
@@ -69,7 +72,7 @@ class ChannelRecorder:
 
 
 def _allocated(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
-    """The array of that name, made at its first use."""
+    """The array of that name, allocated at its first use."""
     if name not in arrays:
         arrays[name] = np.empty(shape, dtype)
     return arrays[name]
@@ -83,17 +86,21 @@ def block_arrays(
     failed_at: np.ndarray,
     rows: slice,
 ) -> dict[str, np.ndarray]:
-    """Arrays of one block as they are stored; metrics of failed runs are undefined."""
+    """Arrays of one block as `Campaign.write_block` stores them: `group/name` -> (runs, ...).
+
+    Metrics of failed runs are nan, and so are traces after the failure.
+    """
     records = {name: np.moveaxis(values[..., rows], -1, 0) for name, values in recorder.records.items()}
     failed = failure[rows] > 0
+    stride = campaign_folder.trace_stride(file)
     arrays: dict[str, np.ndarray] = {}
     with np.errstate(invalid="ignore"):
         for name, values in metrics.evaluate(file, records).items():
             arrays[f"metrics/{name}"] = np.where(failed, np.nan, values)
-        time_s = np.arange(recorder.ticks)[:: campaign_folder.trace_stride(file)] / file.rates.camera_hz
-        gone = failed[:, None] & (time_s > failed_at[rows][:, None])
-        for name, values in decimated.decimated_traces(file, records, campaign_folder.trace_stride(file)).items():
-            arrays[f"traces/{name}"] = np.where(gone, np.float32(np.nan), values)
+        time_s = np.arange(recorder.ticks)[::stride] / file.rates.camera_hz
+        after_failure = failed[:, None] & (time_s > failed_at[rows][:, None])
+        for name, values in trace_channels.decimated_traces(file, records, stride).items():
+            arrays[f"traces/{name}"] = np.where(after_failure, np.float32(np.nan), values)
     arrays["status/failure"] = failure[rows].astype(np.int8)
     arrays["status/failed_at_s"] = np.where(failed, failed_at[rows], np.nan)
     for group, values in (("drawn", prepared.drawn), ("used", prepared.used)):

@@ -1,57 +1,33 @@
-"""Blocks of a campaign through the engine and into the folder; runs flown a second time for their histories."""
+"""Simulation of blocks of a campaign, one per device at a time, and storing of their results in the campaign folder."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from rpojax.campaign import stage_provenance
 from rpojax.campaign.execution import block_recording
 from rpojax.campaign.execution.batch_engine import BatchEngine, PreparedRuns
 from rpojax.campaign.execution.block_recording import ChannelRecorder
+from rpojax.campaign.execution.campaign_engine import check_versions
 from rpojax.campaign.history_retention import Retention
-from rpojax.campaign.storage import block_manifests, campaign_json, folder_creation
+from rpojax.campaign.storage import block_manifests, campaign_json
+from rpojax.campaign.storage.campaign_configuration import device_description
 from rpojax.campaign.storage.campaign_folder import BlockTiming, Campaign
-from rpojax.dispersions import designs
-from rpojax.errors import RpojaxError
-from rpojax.flight.computer import Stages
-from rpojax.scenario import scenario_file
-
-_REPRODUCIBILITY_PACKAGES = ("rpojax", "jax")
-"""Packages that a run's last digits depend on."""
 
 BatchProgressCallback = Callable[[float, int], None]
-"""Told the share of a batch of runs that is done, and how many of them have failed."""
-
-
-def engine_from_configuration(
-    configuration: Mapping[str, Any], devices: Sequence[Any], stages: Stages | None = None
-) -> BatchEngine:
-    """The engine of a campaign that was begun, as its `campaign.json` asks for it.
-
-    Raises:
-        RpojaxError: the scenario, its trained files or the stages are not those of the campaign.
-    """
-    file = scenario_file.validate(configuration["scenario"])
-    if scenario_file.digest(file) != configuration["scenario_hash"]:
-        raise RpojaxError(
-            "scenario: found another content or trained files, expected those that the campaign began with"
-        )
-    stage_provenance.check_same_stages(configuration["stages"], stages or Stages())
-    return BatchEngine(file, configuration["block_size"], devices, stages, designs.recreate_design(file, configuration))
+"""Called with the finished fraction of a batch of runs, and with the number of its runs that have failed."""
 
 
 @dataclass(frozen=True)
 class SimulatedBatch:
-    """A batch of runs at their end.
+    """A batch of runs after simulation.
 
     Attributes:
-        block: the runs as they were prepared
+        prepared: the runs at their initial states
         recorder: their channels
-        failure: (runs,) code of failure
-        failed_at: (runs,) [s]
+        failure: (runs,) failure code
+        failed_at: (runs,) time of failure [s]
     """
 
     prepared: PreparedRuns
@@ -60,11 +36,11 @@ class SimulatedBatch:
     failed_at: np.ndarray
 
     def history(self, row: int, engine: BatchEngine) -> dict[str, np.ndarray]:
-        """Wanted channels of one run."""
+        """Kept channels of one run."""
         return self.recorder.history(row, engine.file, int(self.failure[row]), float(self.failed_at[row]))
 
     def block_arrays(self, rows: slice, engine: BatchEngine) -> dict[str, np.ndarray]:
-        """Arrays of a block as they are stored."""
+        """Arrays of one block as they are stored."""
         return block_recording.block_arrays(
             engine.file, self.prepared, self.recorder, self.failure, self.failed_at, rows
         )
@@ -79,43 +55,39 @@ def simulate_batch(
     retention: Retention,
     on_progress: BatchProgressCallback,
 ) -> SimulatedBatch:
-    """Carries `engine.capacity` runs to their end; `kept` rows have a history, `counted` ones are no padding."""
-    block = engine.prepare(seed, run_ids)
+    """Simulates `engine.capacity` runs to their end.
+
+    Args:
+        engine: compiled for the scenario
+        seed: master seed
+        run_ids: (capacity,) run numbers
+        history_rows: rows of the runs that keep a history
+        unpadded_rows: rows of the runs that are no padding, or a mask of them
+        retention: which channels are kept
+        on_progress: called after every segment
+    """
+    prepared = engine.prepare(seed, run_ids)
     recorder = ChannelRecorder(engine.scenario.ticks, history_rows, retention.keeps_channel)
     last = None
-    for number, segment in enumerate(engine.simulate(block)):
+    for number, segment in enumerate(engine.simulate(prepared)):
         recorder.add_segment(segment)
         last = segment
         on_progress((number + 1) / engine.segment_count, int((segment.failure[unpadded_rows] > 0).sum()))
     assert last is not None
     failure = np.where(last.failed_at < engine.file.duration_s, last.failure, 0)
-    return SimulatedBatch(block, recorder, failure, last.failed_at)
-
-
-def check_versions(recorded: Mapping[str, str]) -> None:
-    """Refuses to add blocks with other packages than those that a campaign began with: their last digits may differ.
-
-    Raises:
-        RpojaxError: naming the package.
-    """
-    here = folder_creation.package_versions()
-    for name in _REPRODUCIBILITY_PACKAGES:
-        if recorded.get(name) != here[name]:
-            raise RpojaxError(
-                f"{name}: found version {here[name]}, expected {recorded.get(name)}, with which the campaign began"
-            )
+    return SimulatedBatch(prepared, recorder, failure, last.failed_at)
 
 
 @dataclass(frozen=True)
 class BlockResults:
-    """Blocks that were flown at once, to be stored.
+    """Blocks that were simulated at once, to be stored.
 
     Attributes:
         blocks: their numbers
-        flown: their runs, padded to a full batch
-        effort: what they took
-        kept: rows that have a history
-        failures: how many of their runs failed
+        batch: their runs, padded to the capacity of the engine
+        timing: computation time of each
+        history_rows: rows of the runs that keep a history
+        failed_runs: number of their runs that failed
     """
 
     blocks: Sequence[int]
@@ -128,88 +100,58 @@ class BlockResults:
 def simulate_and_store(
     campaign: Campaign, engine: BatchEngine, blocks: Sequence[int], on_progress: BatchProgressCallback
 ) -> int:
-    """Flies some blocks at once, one a device, and stores them; returns how many of their runs failed.
+    """Simulates some blocks at once, one per device, and stores them; returns the number of runs that failed.
 
     Raises:
         UnfinishedError: they cannot be stored.
     """
-    landed = simulate_blocks(campaign, engine, blocks, on_progress)
-    store_blocks(campaign, engine, landed)
-    return landed.failed_runs
+    results = simulate_blocks(campaign, engine, blocks, on_progress)
+    store_blocks(campaign, engine, results)
+    return results.failed_runs
 
 
 def simulate_blocks(
     campaign: Campaign, engine: BatchEngine, blocks: Sequence[int], on_progress: BatchProgressCallback
 ) -> BlockResults:
-    """Flies some blocks at once, one a device."""
-    check_versions(campaign.configuration["versions"])
+    """Simulates some blocks at once, one per device."""
+    configuration = campaign.configuration
+    check_versions(configuration["versions"])
     engine.compile()
     for block in blocks:
         block_manifests.record_attempt(campaign.directory, block)
     began_s = time.time()
-    # A device without a block of its own repeats the last one: shapes, and so the program, stay the same.
+    # A device without a block of its own repeats the last one, so that shapes and thereby programs stay the same.
     padded = [*blocks, *[blocks[-1]] * (len(engine.devices) - len(blocks))]
-    ids = np.concatenate([campaign.block_run_ids(block) for block in padded])
-    size, retention = engine.runs_per_device, Retention.from_record(campaign.configuration["histories"])
-    counts = [campaign_json.runs_in_block(campaign.configuration, block) for block in blocks]
-    counted = np.concatenate([np.arange(count) + place * size for place, count in enumerate(counts)])
-    known = retention.unconditional_run_ids(campaign.configuration["first_run"], campaign.configuration["runs"])
-    kept = [row for row in counted.tolist() if int(ids[row]) in known]
-    flown = simulate_batch(engine, campaign.configuration["seed"], ids, kept, counted, retention, on_progress)
-    # Storing is left out: meanwhile the next blocks are flown.
+    run_ids = np.concatenate([campaign.block_run_ids(block) for block in padded])
+    unpadded_rows = _unpadded_rows(campaign, engine, blocks)
+    retention = Retention.from_record(configuration["histories"])
+    kept_run_ids = retention.unconditional_run_ids(configuration["first_run"], configuration["runs"])
+    history_rows = [row for row in unpadded_rows.tolist() if int(run_ids[row]) in kept_run_ids]
+    batch = simulate_batch(engine, configuration["seed"], run_ids, history_rows, unpadded_rows, retention, on_progress)
+    # Without the time to store, which overlaps with the simulation of the next blocks.
     wall_s = max(0.0, time.time() - began_s)
-    effort = BlockTiming(began_s, wall_s, engine.compile_s, folder_creation.device_description(len(engine.devices)))
-    return BlockResults(blocks, flown, effort, kept, int((flown.failure[counted] > 0).sum()))
+    timing = BlockTiming(began_s, wall_s, engine.compile_s, device_description(len(engine.devices)))
+    return BlockResults(blocks, batch, timing, history_rows, int((batch.failure[unpadded_rows] > 0).sum()))
+
+
+def _unpadded_rows(campaign: Campaign, engine: BatchEngine, blocks: Sequence[int]) -> np.ndarray:
+    """Rows of a batch that hold runs of the campaign."""
+    counts = [campaign_json.runs_in_block(campaign.configuration, block) for block in blocks]
+    return np.concatenate([np.arange(count) + place * engine.runs_per_device for place, count in enumerate(counts)])
 
 
 def store_blocks(campaign: Campaign, engine: BatchEngine, results: BlockResults) -> None:
-    """Stores blocks that were flown.
+    """Stores simulated blocks in the campaign folder.
 
     Raises:
         UnfinishedError: they cannot be stored.
     """
-    size, retention, flown = (
-        engine.runs_per_device,
-        Retention.from_record(campaign.configuration["histories"]),
-        results.batch,
-    )
+    size, batch = engine.runs_per_device, results.batch
+    retention = Retention.from_record(campaign.configuration["histories"])
     for place, block in enumerate(results.blocks):
         rows = slice(place * size, place * size + size)
         for row in results.history_rows:
             if rows.start <= row < rows.stop:
-                history = retention.thin(flown.history(row, engine), engine.scenario.ticks)
-                campaign.write_history(int(flown.prepared.run_ids[row]), history)
-        campaign.write_block(block, flown.block_arrays(rows, engine), results.timing)
-
-
-def pending_histories(campaign: Campaign) -> list[int]:
-    """Runs whose history is to be kept for what became of them, and is not there yet; once all blocks are done."""
-    retention = Retention.from_record(campaign.configuration["histories"])
-    if not retention.depends_on_results:
-        return []
-    return sorted(
-        retention.selected_by_result(campaign.run_ids, campaign.completed, campaign.metrics) - set(campaign.history_ids)
-    )
-
-
-def simulate_histories(
-    campaign: Campaign, engine: BatchEngine, run_ids: Sequence[int], on_progress: Callable[[float], None]
-) -> None:
-    """Flies some runs a second time, in blocks of the size of the first, and stores their histories.
-
-    Raises:
-        UnfinishedError: they cannot be stored.
-    """
-    retention = Retention.from_record(campaign.configuration["histories"])
-    engine.compile()
-    for first in range(0, len(run_ids), engine.capacity):
-        batch = list(run_ids[first : first + engine.capacity])
-        ids = np.array(batch + [batch[-1]] * (engine.capacity - len(batch)))
-        rows = np.arange(len(batch))
-
-        def during(share: float, _: int, first: int = first, count: int = len(batch)) -> None:
-            on_progress(first + share * count)
-
-        flown = simulate_batch(engine, campaign.configuration["seed"], ids, rows.tolist(), rows, retention, during)
-        for row, run_id in enumerate(batch):
-            campaign.write_history(run_id, retention.thin(flown.history(row, engine), engine.scenario.ticks))
+                history = retention.thin(batch.history(row, engine), engine.scenario.ticks)
+                campaign.write_history(int(batch.prepared.run_ids[row]), history)
+        campaign.write_block(block, batch.block_arrays(rows, engine), results.timing)

@@ -1,40 +1,47 @@
-"""Blocks of a campaign on a running Dask cluster, whose workers see the campaign's folder under the same path."""
+"""Executor that simulates blocks on a Dask cluster, whose workers see the campaign folder under the same path."""
 
 import functools
 import os
 import threading
 import uuid
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import jax
 
-from rpojax.campaign.execution import block_runner, executors
+from rpojax.campaign.execution import block_runner, campaign_engine
+from rpojax.campaign.execution.executor import MAX_ATTEMPTS, ExecutorProgressCallback, check_default_stages
 from rpojax.campaign.storage import campaign_json
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError, UnfinishedError
 from rpojax.runtime import trace_cache
 
 _LOCK = threading.Lock()
+"""Held while a block is simulated: the threads of a Dask worker take turns."""
 _FORWARDED_VARIABLES = (
     *("XLA_FLAGS", "JAX_COMPILATION_CACHE_DIR", "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"),
     *("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", trace_cache.FOLDER_VARIABLE),
 )
-"""What workers are told of the environment, unless they know better."""
+"""Environment variables that are sent to workers, for those that do not set them."""
 
 
 @dataclass(frozen=True)
 class DaskExecutor:
-    """Workers of a Dask scheduler, such as `tcp://10.0.0.1:8786`."""
+    """Submits one task per block to a Dask scheduler.
+
+    Attributes:
+        campaign: where results are stored
+        scheduler: address, such as `tcp://10.0.0.1:8786`
+    """
 
     campaign: Campaign
     scheduler: str
 
-    def run_blocks(self, blocks: Sequence[int], on_progress: executors.ExecutorProgressCallback) -> dict[int, str]:
-        """Does some blocks, each a task; Dask does those again whose worker died, until it suspects them of it."""
-        executors.check_default_stages(self.campaign)
+    def run_blocks(self, blocks: Sequence[int], on_progress: ExecutorProgressCallback) -> dict[int, str]:
+        """Simulates some blocks; Dask repeats those whose worker died, within its limit `allowed-failures`."""
+        check_default_stages(self.campaign)
         distributed = _import_distributed()
         on_progress(0.0, 0, False)
         try:
@@ -44,33 +51,36 @@ class DaskExecutor:
             expected = "the address of a Dask scheduler that answers, such as tcp://10.0.0.1:8786"
             raise RpojaxError(f"--scheduler: found {self.scheduler!r} ({reason:.120}), expected {expected}") from None
         with client:
-            return self._collect(distributed, client, blocks, on_progress)
+            return self._collect(distributed, client, self._submit(client, blocks), on_progress)
 
-    def _collect(
-        self, distributed: Any, client: Any, blocks: Sequence[int], tell: executors.ExecutorProgressCallback
-    ) -> dict[int, str]:
+    def _submit(self, client: Any, blocks: Sequence[int]) -> dict[Any, int]:
+        """Task -> block."""
         folder, token = str(self.campaign.directory.resolve()), uuid.uuid4().hex[:8]
-        told = {name: os.environ[name] for name in _FORWARDED_VARIABLES if name in os.environ}
-        retries = executors.MAX_ATTEMPTS - 1
-        tasks = {
-            client.submit(
-                simulate_block, folder, block, told, key=f"rpojax-{token}-{block}", pure=False, retries=retries
-            ): block
+        environment = {name: os.environ[name] for name in _FORWARDED_VARIABLES if name in os.environ}
+        options = {"pure": False, "retries": MAX_ATTEMPTS - 1}
+        return {
+            client.submit(simulate_block, folder, block, environment, key=f"rpojax-{token}-{block}", **options): block
             for block in blocks
         }
+
+    def _collect(
+        self, distributed: Any, client: Any, tasks: Mapping[Any, int], on_progress: ExecutorProgressCallback
+    ) -> dict[int, str]:
+        """Waits for all tasks; block given up -> reason."""
         done, failed = 0, 0
-        given_up: dict[int, str] = {}
+        failed_blocks: dict[int, str] = {}
         for task in distributed.as_completed(tasks, loop=client.loop):
             block = tasks[task]
             if task.status != "finished":
-                given_up[block] = " ".join(str(task.exception()).split())[:300]
+                failed_blocks[block] = " ".join(str(task.exception()).split())[:300]
                 continue
             kind, answer = task.result()
             if kind != "done":
                 raise UnfinishedError(answer) if kind == "UnfinishedError" else RpojaxError(answer)
-            done, failed = done + campaign_json.runs_in_block(self.campaign.configuration, block), failed + answer
-            tell(float(done), failed, True)
-        return given_up
+            done += campaign_json.runs_in_block(self.campaign.configuration, block)
+            failed += answer
+            on_progress(float(done), failed, True)
+        return failed_blocks
 
 
 def _import_distributed() -> Any:
@@ -84,27 +94,32 @@ def _import_distributed() -> Any:
 
 
 def simulate_block(directory: str, block: int, environment: dict[str, str]) -> tuple[str, Any]:
-    """On a worker: does one block; answers `done` and its failed runs, or the kind and text of an error."""
+    """Task of a worker: simulates one block.
+
+    Returns:
+        `done` and the number of failed runs, or the kind and text of an error
+    """
     for name, value in environment.items():
         if name in os.environ:
             continue
         if not name.startswith("JAX_"):
-            # Read when the first thing is computed: the same program as at home, so that numbers are the same.
+            # Read when the first program is compiled: equal flags give equal programs and thereby equal numbers.
             os.environ[name] = value
         else:
-            # Said to jax itself, which has read the environment already.
+            # jax has read its variables when it was imported.
             kind = {"DIR": str, "SECS": float, "BYTES": int}[name.rpartition("_")[2]]
             jax.config.update(name.lower(), kind(value))
     try:
         with _LOCK:
-            result, engine = _campaign_and_engine(directory, Path(directory, campaign_json.FILE_NAME).read_bytes())
-            return "done", block_runner.simulate_and_store(result, engine, [block], lambda share, failures: None)
+            content = Path(directory, campaign_json.FILE_NAME).read_bytes()
+            campaign, engine = _campaign_and_engine(directory, content)
+            return "done", block_runner.simulate_and_store(campaign, engine, [block], lambda fraction, failures: None)
     except RpojaxError as error:
         return type(error).__name__, str(error)
 
 
 @functools.lru_cache(maxsize=1)
 def _campaign_and_engine(directory: str, content: bytes) -> tuple[Campaign, Any]:
-    """Folder and engine; the same ones as long as its `campaign.json` has the same content."""
-    result = Campaign(directory)
-    return result, block_runner.engine_from_configuration(result.configuration, jax.devices()[:1])
+    """Folder and engine, reused while its `campaign.json` has the same content."""
+    campaign = Campaign(directory)
+    return campaign, campaign_engine.recreate_engine(campaign.configuration, jax.devices()[:1])

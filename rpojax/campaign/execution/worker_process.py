@@ -1,8 +1,8 @@
-"""A worker process, `python -m rpojax.campaign.execution.worker_process DIR CORES`: simulates blocks that it is given.
+"""A worker process, `python -m rpojax.campaign.execution.worker_process DIR CORES`, that simulates batches of blocks.
 
-It reads lists of block numbers in JSON from its standard input, a line each, and answers in lines of JSON: `["ready"]`
-once programs are compiled, `["during", share, failed]`, `["done", failed]`, or `["error", kind, text]` at its end.
-When its input ends, so does it, whatever it is doing: its blocks are not finished, and done again.
+It reads lists of block numbers in JSON from its standard input, one per line, and writes messages as lines of JSON:
+`["ready"]` once its programs are compiled, `["progress", fraction, failed]`, `["done", failed]`, or
+`["error", kind, text]` before it ends. When its input ends, it ends at once, and unfinished blocks are left to others.
 """
 
 import json
@@ -15,45 +15,44 @@ from collections.abc import Sequence
 from rpojax.errors import RpojaxError
 
 
-def send(*words: object) -> None:
-    """Answers with a line."""
-    print(json.dumps(words), flush=True)
+def send(*message: object) -> None:
+    """Writes a message to standard output."""
+    print(json.dumps(message), flush=True)
 
 
-def read_batches(waves: "queue.SimpleQueue[list[int]]") -> None:
-    """Takes in waves of blocks until there are no more, and then ends the process."""
+def read_batches(batches: "queue.SimpleQueue[list[int]]") -> None:
+    """Queues the batches of blocks from standard input, and ends the process when it ends."""
     for line in sys.stdin:
-        waves.put(json.loads(line))
+        batches.put(json.loads(line))
     os._exit(0)
 
 
 def serve(directory: str) -> None:
-    """Does waves of blocks as they come in."""
-    waves: queue.SimpleQueue[list[int]] = queue.SimpleQueue()
-    threading.Thread(target=read_batches, args=(waves,), daemon=True).start()
+    """Simulates and stores batches of blocks in the order of their arrival."""
+    batches: queue.SimpleQueue[list[int]] = queue.SimpleQueue()
+    threading.Thread(target=read_batches, args=(batches,), daemon=True).start()
     import jax
 
-    from rpojax.campaign.execution import block_runner
+    from rpojax.campaign.execution import block_runner, campaign_engine
     from rpojax.campaign.storage.campaign_folder import Campaign
 
-    result = Campaign(directory)
-    engine = block_runner.engine_from_configuration(result.configuration, jax.devices())
+    campaign = Campaign(directory)
+    engine = campaign_engine.recreate_engine(campaign.configuration, jax.devices())
     engine.compile()
     send("ready")
     while True:
-        wave = waves.get()
         failed = block_runner.simulate_and_store(
-            result, engine, wave, lambda share, failures: send("during", share, failures)
+            campaign, engine, batches.get(), lambda fraction, failures: send("progress", fraction, failures)
         )
         send("done", failed)
 
 
-def main(words: Sequence[str]) -> None:
-    """Works on the folder `words[0]`, on the cores listed in `words[1]`."""
+def main(arguments: Sequence[str]) -> None:
+    """Serves the campaign folder `arguments[0]` on the cores listed in `arguments[1]`."""
     if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {int(core) for core in words[1].split(",")})
+        os.sched_setaffinity(0, {int(core) for core in arguments[1].split(",")})
     try:
-        serve(words[0])
+        serve(arguments[0])
     except RpojaxError as error:
         send("error", type(error).__name__, str(error))
 

@@ -1,4 +1,4 @@
-"""What is finished of a campaign: one manifest per block, written last; free of jax, so that it is read at once.
+"""Manifests of finished blocks: one JSON file per block, written after its arrays. Free of jax, to be read fast.
 
 Beside them, `manifest/000007.attempts` has a line for every attempt at a block that is not finished.
 """
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rpojax.campaign.preflight import MAX_RUN_ID
-from rpojax.campaign.storage import atomic_files, campaign_json
+from rpojax.campaign.storage import atomic_files, campaign_json, safe_paths
 from rpojax.errors import ResultError
 
 _LARGEST_BYTES = 1_000_000
@@ -21,22 +21,22 @@ _RESUME_HINT = "(without the file, a resume runs the block again)"
 
 @dataclass(frozen=True)
 class Manifest:
-    """One finished block.
+    """Record of one finished block.
 
     Attributes:
         campaign: `id` of the campaign that it belongs to
         first: row of its first run
         count: number of its runs
-        completed: how many of them reached their end
-        failed: how many did not
+        completed: runs that reached their end
+        failed: runs that did not
         reasons: reason of failure -> number of runs
         sha256: group of arrays -> digest of the block's values in it
         began_s: when its computation began, seconds since 1970 [s]
-        wall_s: time from then until its runs had ended, shared with the blocks computed at once with it [s]
+        wall_s: time from then until its runs had ended, shared with the blocks computed at the same time [s]
         compile_s: time to compile the programs that computed it [s]
         attempts: how often it was begun
-        device: what computed it
-        versions: of which packages
+        device: description of the devices that computed it
+        versions: versions of the packages that computed it
     """
 
     campaign: str
@@ -55,47 +55,32 @@ class Manifest:
 
 
 def manifest_path(directory: Path, block: int) -> Path:
-    """Where the manifest of a block is."""
+    """Path of a block's manifest."""
     return directory / "manifest" / f"{block:06d}.json"
 
 
 def write(directory: Path, block: int, manifest: Manifest) -> None:
-    """Declares a block finished.
+    """Writes a block's manifest, which declares the block finished.
 
     Raises:
         UnfinishedError: it cannot be written.
-        ResultError: the way there is a link that leads elsewhere.
+        ResultError: its path contains a symbolic link.
     """
     path = manifest_path(directory, block)
-    make_folder(directory, path.parent)
+    safe_paths.make_folder(directory, path.parent)
     atomic_files.write_json(path, asdict(manifest))
     _attempts_path(directory, block).unlink(missing_ok=True)
 
 
-def make_folder(directory: Path, folder: Path) -> None:
-    """Makes a folder inside of a campaign's.
-
-    Raises:
-        UnfinishedError: it cannot be made.
-        ResultError: the way there is a link that leads elsewhere.
-    """
-    atomic_files.check_no_links(directory, folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise atomic_files.write_error(folder, error) from None
-
-
 def finished_blocks(directory: Path, blocks: int) -> list[int]:
-    """Blocks with a manifest, in order.
+    """Numbers of the blocks with a manifest, in order.
 
     Raises:
-        ResultError: the folder of manifests is a link that leads elsewhere.
+        ResultError: the folder of manifests is a symbolic link.
     """
     folder = directory / "manifest"
-    atomic_files.check_no_links(directory, folder)
-    numbers = _numbered_files(folder, ".json")
-    return sorted(number for number in numbers if number < blocks)
+    safe_paths.check_no_links(directory, folder)
+    return sorted(number for number in _numbered_files(folder, ".json") if number < blocks)
 
 
 def _numbered_files(folder: Path, suffix: str) -> list[int]:
@@ -107,13 +92,13 @@ def _numbered_files(folder: Path, suffix: str) -> list[int]:
 
 
 def read(directory: Path, configuration: Mapping[str, Any], block: int) -> Manifest:
-    """Manifest of a finished block, its form and range checked against `campaign.json`.
+    """Manifest of a finished block, checked against `campaign.json`.
 
     Raises:
-        ResultError: it is no manifest, or that of something else.
+        ResultError: it is no manifest, or that of another campaign or block.
     """
     path = manifest_path(directory, block)
-    atomic_files.check_no_links(directory, path)
+    safe_paths.check_no_links(directory, path)
     expected = f"the manifest of a finished block {_RESUME_HINT}"
     content = atomic_files.read_json(path, expected, _LARGEST_BYTES)
     for field in fields(Manifest):
@@ -122,13 +107,12 @@ def read(directory: Path, configuration: Mapping[str, Any], block: int) -> Manif
             raise ResultError(f"{path}: found {value!r:.60} for {field.name!r}, expected {expected}")
     found = Manifest(**{field.name: content[field.name] for field in fields(Manifest)})
     if found.campaign != configuration["id"]:
-        raise ResultError(
-            f"{path}: found campaign {found.campaign:.40}, expected {configuration['id']:.40} {_RESUME_HINT}"
-        )
-    whole = (block * configuration["block_size"], campaign_json.runs_in_block(configuration, block))
-    if (found.first, found.count) != whole:
+        expected_id = f"{configuration['id']:.40}"
+        raise ResultError(f"{path}: found campaign {found.campaign:.40}, expected {expected_id} {_RESUME_HINT}")
+    rows = (block * configuration["block_size"], campaign_json.runs_in_block(configuration, block))
+    if (found.first, found.count) != rows:
         text = f"first {found.first}, count {found.count}"
-        raise ResultError(f"{path}: found {text}, expected first {whole[0]}, count {whole[1]} {_RESUME_HINT}")
+        raise ResultError(f"{path}: found {text}, expected first {rows[0]}, count {rows[1]} {_RESUME_HINT}")
     if found.completed + found.failed != found.count or sum(found.reasons.values()) != found.failed:
         text = f"{found.completed} completed and {found.failed} failed runs"
         raise ResultError(f"{path}: found {text} of {found.count}, expected all of them once {_RESUME_HINT}")
@@ -165,10 +149,9 @@ def read_all(directory: Path, configuration: Mapping[str, Any], blocks: Iterable
 
 
 def timing(manifests: Sequence[Manifest], duration_s: float) -> dict[str, float]:
-    """How long finished blocks of runs of `duration_s` [s] took; empty without any.
+    """Computation time and speed of finished blocks of runs of `duration_s` [s]; empty without any.
 
-    Time counts once in which several were computed at once, and not at all in which none was. `devices` is the
-    largest number of blocks at once.
+    `run_s` is the time in which at least one block was computed, `devices` the largest number of blocks at once.
     """
     if not manifests:
         return {}
@@ -203,12 +186,17 @@ def _attempts_path(directory: Path, block: int) -> Path:
 
 
 def record_attempt(directory: Path, block: int) -> None:
-    """Notes an attempt at a block."""
+    """Appends a line to the block's file of attempts.
+
+    Raises:
+        UnfinishedError: it cannot be written.
+        ResultError: its path contains a symbolic link.
+    """
     path = _attempts_path(directory, block)
-    make_folder(directory, path.parent)
-    atomic_files.check_no_links(directory, path)
+    safe_paths.make_folder(directory, path.parent)
+    safe_paths.check_no_links(directory, path)
     try:
-        # A line so short is appended whole, whoever else appends.
+        # So short a line is appended whole, also when several processes append.
         with path.open("ab") as stream:
             stream.write(f"{atomic_files.machine_id()}\n".encode())
     except OSError as error:
@@ -218,7 +206,7 @@ def record_attempt(directory: Path, block: int) -> None:
 def count_attempts(directory: Path, block: int) -> int:
     """How often an unfinished block was begun."""
     path = _attempts_path(directory, block)
-    atomic_files.check_no_links(directory, path)
+    safe_paths.check_no_links(directory, path)
     try:
         return path.read_bytes().count(b"\n")
     except OSError:
@@ -226,7 +214,7 @@ def count_attempts(directory: Path, block: int) -> int:
 
 
 def attempts_at_unfinished_blocks(directory: Path, blocks: int) -> dict[int, int]:
-    """Unfinished block that was begun -> how often."""
+    """Unfinished block -> how often it was begun, for blocks that were."""
     finished = set(finished_blocks(directory, blocks))
     numbers = [number for number in _numbered_files(directory / "manifest", ".attempts") if number < blocks]
     return {number: count_attempts(directory, number) for number in sorted(set(numbers) - finished)}

@@ -1,4 +1,4 @@
-"""`campaign.json`: what a campaign asks for, written once before anything is compiled and never again; free of jax."""
+"""`campaign.json`, the configuration of a campaign: written once before anything is compiled; free of jax."""
 
 import re
 from collections.abc import Mapping
@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from rpojax.campaign.preflight import MAX_BLOCKS, MAX_RUN_ID, MAX_SEED
-from rpojax.campaign.storage import atomic_files
+from rpojax.campaign.storage import atomic_files, safe_paths
 from rpojax.errors import ResultError
 
 FORMAT_VERSION = 3
+"""Version of the layout of a campaign folder."""
 FILE_NAME = "campaign.json"
 
 _LARGEST_BYTES = 64_000_000
@@ -29,7 +30,7 @@ _REQUIRED_ENTRIES: dict[str, type] = {
     "id": str,
     "versions": dict,
 }
-"""What `campaign.json` must hold, and in which form."""
+"""Entries that `campaign.json` must hold, with their types."""
 _RANGES = {
     "seed": (0, MAX_SEED),
     "runs": (1, MAX_RUN_ID),
@@ -37,34 +38,34 @@ _RANGES = {
     "block_size": (1, MAX_RUN_ID),
 }
 _SHARED_ENTRIES = ("scenario_hash", "seed", "runs", "first_run", "block_size", "histories", "stages", "design")
-"""What those who share one folder must ask for alike."""
+"""Entries that must be equal for processes that share one folder."""
 
 
 def read(directory: Path) -> dict[str, Any]:
-    """Content of a folder's `campaign.json`, its form checked.
+    """Content of a folder's `campaign.json`, with types and ranges checked.
 
     Raises:
         ResultError: the folder is no campaign, or not one that this version reads.
     """
     path = directory / FILE_NAME
-    atomic_files.check_no_links(directory, path)
-    info = atomic_files.read_json(path, "a campaign folder", _LARGEST_BYTES)
-    found = info.get("format") if isinstance(info, dict) else None
+    safe_paths.check_no_links(directory, path)
+    content = atomic_files.read_json(path, "a campaign folder", _LARGEST_BYTES)
+    found = content.get("format") if isinstance(content, dict) else None
     if found != FORMAT_VERSION:
         raise ResultError(f"{directory}: found format {found!r:.60}, expected {FORMAT_VERSION}")
     for key, form in _REQUIRED_ENTRIES.items():
-        if not _is_valid_entry(key, info.get(key), form):
+        if not _is_valid_entry(key, content.get(key), form):
             raise ResultError(
-                f"{path}: found {info.get(key)!r:.60} for {key!r}, expected the {form.__name__} of a campaign"
+                f"{path}: found {content.get(key)!r:.60} for {key!r}, expected the {form.__name__} of a campaign"
             )
-    if block_count(info) > MAX_BLOCKS:
-        raise ResultError(f"{path}: found {block_count(info)} blocks, expected at most {MAX_BLOCKS}")
-    return info
+    if block_count(content) > MAX_BLOCKS:
+        raise ResultError(f"{path}: found {block_count(content)} blocks, expected at most {MAX_BLOCKS}")
+    return content
 
 
 def _is_valid_entry(key: str, value: Any, form: type) -> bool:
-    fits = isinstance(value, form) and isinstance(value, bool) == (form is bool)
-    if not fits:
+    has_type = isinstance(value, form) and isinstance(value, bool) == (form is bool)
+    if not has_type:
         return False
     if key == "histories":
         return _is_valid_retention(value)
@@ -81,17 +82,17 @@ def _is_valid_retention(value: Mapping[str, Any]) -> bool:
 
 
 def block_count(configuration: Mapping[str, Any]) -> int:
-    """Number of blocks."""
+    """Number of blocks of a campaign."""
     return -(-configuration["runs"] // configuration["block_size"])
 
 
 def runs_in_block(configuration: Mapping[str, Any], block: int) -> int:
-    """Number of runs of a block, padding left out."""
+    """Number of runs of a block, without padding."""
     return min(configuration["block_size"], configuration["runs"] - block * configuration["block_size"])
 
 
 def check_compatible(directory: Path, found: Mapping[str, Any], expected: Mapping[str, Any]) -> None:
-    """Refuses to join a campaign that asks for something else.
+    """Refuses to share the folder of a campaign with another configuration.
 
     Raises:
         ResultError: naming the entry that differs.

@@ -1,11 +1,12 @@
-"""A campaign as one labelled dataset, for those who have xarray."""
+"""A campaign as an `xarray.Dataset` with named dimensions and units."""
 
 import importlib
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rpojax.campaign.storage.campaign_folder import Campaign, array_units
+from rpojax.campaign.storage.array_units import array_units
+from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.zarr_encoding import dimension_names
 from rpojax.errors import RpojaxError
 
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 
 _PREFIXES = {"metrics": "", "traces": "trace.", "drawn": "drawn.", "used": "used."}
-"""What tells variables of one name apart: `delta_v_m_s` is a metric and a trace."""
+"""Prefix of the variables of each group: some names, such as `delta_v_m_s`, occur in several."""
 
 
 def open_campaign(path: Path | str) -> "xarray.Dataset":
@@ -33,23 +34,29 @@ def open_campaign(path: Path | str) -> "xarray.Dataset":
         raise RpojaxError(
             "open_campaign: found no xarray, expected the package (pip install 'rpojax[xarray]')"
         ) from None
-    found = Campaign(path)
+    campaign = Campaign(path)
     variables: dict[str, Any] = {
-        "failed_at_s": ("run", found.failed_at_s, {"units": "s"}),
-        "failure_reason": ("run", found.failure_reason.astype(object), {"units": "1"}),
-        "completed": ("run", found.completed, {"units": "1"}),
+        "failed_at_s": ("run", campaign.failed_at_s, {"units": "s"}),
+        "failure_reason": ("run", campaign.failure_reason.astype(object), {"units": "1"}),
+        "completed": ("run", campaign.completed, {"units": "1"}),
     }
-    groups = {"metrics": found.metrics, "traces": found.traces, "drawn": found.drawn, "used": found.used}
+    groups = {
+        "metrics": campaign.metrics,
+        "traces": campaign.traces,
+        "drawn": campaign.drawn,
+        "used": campaign.used,
+    }
     for group, arrays in groups.items():
         for name, values in arrays.items():
-            shown = _PREFIXES[group] + name
-            variables[shown] = (dimension_names(group, values), values, {"units": array_units(group, name)})
-    coordinates = {"run": ("run", found.run_ids), "time": ("time", found.trace_time_s, {"units": "s"})}
-    return labelled.Dataset(variables, coordinates, _identity(found))
+            units = {"units": array_units(group, name)}
+            variables[_PREFIXES[group] + name] = (dimension_names(group, values), values, units)
+    coordinates = {"run": ("run", campaign.run_ids), "time": ("time", campaign.trace_time_s, {"units": "s"})}
+    return labelled.Dataset(variables, coordinates, _dataset_attributes(campaign))
 
 
-def _identity(found: Campaign) -> dict[str, Any]:
-    """What tells the campaign from others, in types that every file format takes."""
+def _dataset_attributes(campaign: Campaign) -> dict[str, Any]:
+    """Configuration of the campaign, in types that every file format can hold."""
+    configuration = campaign.configuration
     keys = ("name", "description", "scenario_hash", "seed", "runs", "first_run", "block_size", "device", "created")
-    plain = {key: found.configuration[key] for key in keys if key in found.configuration}
-    return plain | {key: json.dumps(found.configuration[key]) for key in ("scenario", "versions", "stages")}
+    plain = {key: configuration[key] for key in keys if key in configuration}
+    return plain | {key: json.dumps(configuration[key]) for key in ("scenario", "versions", "stages")}

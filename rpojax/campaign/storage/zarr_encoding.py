@@ -1,6 +1,6 @@
-"""Arrays as the files of a Zarr 3 store, made in memory: a file is then written once, whole, without looking at others.
+"""Encoding of arrays as the files of a Zarr 3 store in memory, so that each file can be written once and whole.
 
-Two workers that encode the same values make the same bytes, so it does not matter which of them is the last to write.
+Equal values are encoded as equal bytes by every process, so several may write the same block.
 """
 
 import hashlib
@@ -14,19 +14,19 @@ import zarr
 from zarr.storage import MemoryStore
 
 _MAX_CHUNK_RUNS = 64
-"""Runs in an inner chunk of a shard, at most: one of them is read without the others of its block."""
-INTEGER_FILL_VALUE = -1
-"""Fill value of whole numbers: that of a run that was never written."""
+"""Largest number of runs in an inner chunk of a shard, which can be read without the rest of the block."""
+_INTEGER_FILL_VALUE = -1
+"""Fill value of integers, for runs that were never written."""
 
 
 @dataclass(frozen=True)
 class ArrayLayout:
-    """How one array is laid out.
+    """Shape, chunks and metadata of one array.
 
     Attributes:
         shape: of the whole array
-        block: runs, or samples, in one file
-        dtype: type of its values, as text
+        rows_per_file: runs, or samples, in one file
+        dtype: NumPy's code of the data type
         dimensions: name of each axis
         attributes: pairs of name and text
     """
@@ -39,27 +39,27 @@ class ArrayLayout:
 
 
 def per_run_layout(runs: int, block_size: int, group: str, values: np.ndarray, units: str) -> ArrayLayout:
-    """Layout of an array with one row per run: a file per block, a shard for rows over time."""
+    """Layout of an array with one row per run: one file per block, a shard if the rows are time series."""
     shape, names = (runs, *values.shape[1:]), dimension_names(group, values)
     return ArrayLayout(shape, min(block_size, runs), values.dtype.str, names, (("units", units),))
 
 
 def dimension_names(group: str, values: np.ndarray) -> tuple[str, ...]:
-    """Names of the axes of an array of a group, with one row per run."""
-    long = ("time",) if group == "traces" else tuple(f"axis{i}_{n}" for i, n in enumerate(values.shape[1:], start=1))
-    return ("run", *long)
+    """Names of the axes of an array with one row per run."""
+    components = tuple(f"axis{i}_{n}" for i, n in enumerate(values.shape[1:], start=1))
+    return ("run", *(("time",) if group == "traces" else components))
 
 
-def history_layout(name: str, values: np.ndarray, timed: bool) -> ArrayLayout:
+def history_layout(name: str, values: np.ndarray, is_time_series: bool) -> ArrayLayout:
     """Layout of a channel of one run, in one file."""
-    first = ("time",) if timed else ()
-    rest = tuple(f"axis{i}_{n}" for i, n in enumerate(values.shape) if not (timed and i == 0))
-    block = values.shape[0] if values.ndim else 1
-    return ArrayLayout(values.shape, block, values.dtype.str, (*first, *rest), (("long_name", name),))
+    first = ("time",) if is_time_series else ()
+    rest = tuple(f"axis{i}_{n}" for i, n in enumerate(values.shape) if not (is_time_series and i == 0))
+    rows = values.shape[0] if values.ndim else 1
+    return ArrayLayout(values.shape, rows, values.dtype.str, (*first, *rest), (("long_name", name),))
 
 
 class ArrayEncoder:
-    """Encodes blocks of arrays; arrays of the same layout share what zarr prepares for it."""
+    """Encodes blocks of arrays; arrays of the same layout share one zarr array in memory."""
 
     def __init__(self) -> None:
         self._templates: dict[ArrayLayout, tuple[dict[str, Any], Any]] = {}
@@ -79,22 +79,23 @@ class ArrayEncoder:
         return key, stored.pop(key).to_bytes()
 
     def _template(self, layout: ArrayLayout) -> tuple[dict[str, Any], Any]:
+        """Files of an array in memory, and the array."""
         if layout not in self._templates:
             stored: dict[str, Any] = {}
-            whole = (layout.rows_per_file, *layout.shape[1:])
+            block_shape = (layout.rows_per_file, *layout.shape[1:])
             sharded = _is_sharded(layout)
             array = zarr.create_array(
                 MemoryStore(stored),
                 shape=layout.shape,
-                chunks=(_chunk_runs(layout.rows_per_file), *whole[1:]) if sharded else whole,
-                shards=whole if sharded else None,
-                # Small files are not worth it.
+                chunks=(_chunk_runs(layout.rows_per_file), *block_shape[1:]) if sharded else block_shape,
+                shards=block_shape if sharded else None,
+                # Compression does not pay for small files.
                 compressors="auto" if sharded else None,
                 dtype=np.dtype(layout.dtype),
                 fill_value=_fill_value(layout),
                 dimension_names=layout.dimensions,
                 attributes=dict(layout.attributes),
-                # Chunks of nothing but the fill value are written too: one that is not there is one that was lost.
+                # Chunks that hold only the fill value are written too, so that a missing file means lost data.
                 config={"write_empty_chunks": True},
             )
             self._templates[layout] = (stored, array)
@@ -107,23 +108,22 @@ def _is_sharded(layout: ArrayLayout) -> bool:
 
 
 def _fill_value(layout: ArrayLayout) -> Any:
-    """Value of what was never written."""
+    """Value of elements that were never written."""
     dtype = np.dtype(layout.dtype)
-    return np.nan if dtype.kind == "f" else dtype.type(INTEGER_FILL_VALUE if dtype.kind == "i" else 0)
+    return np.nan if dtype.kind == "f" else dtype.type(_INTEGER_FILL_VALUE if dtype.kind == "i" else 0)
 
 
 def _uncompressed(layout: ArrayLayout, values: np.ndarray) -> bytes:
-    """A block without compression, as Zarr's codec `bytes` has it: little-endian, filled up to the full size."""
-    whole = np.full(
-        (layout.rows_per_file, *layout.shape[1:]), _fill_value(layout), dtype=np.dtype(layout.dtype).newbyteorder("<")
-    )
-    whole[: len(values)] = values
-    return whole.tobytes()
+    """A block as Zarr's codec `bytes` encodes it: little-endian, without compression, padded to the full size."""
+    shape, dtype = (layout.rows_per_file, *layout.shape[1:]), np.dtype(layout.dtype).newbyteorder("<")
+    padded = np.full(shape, _fill_value(layout), dtype=dtype)
+    padded[: len(values)] = values
+    return padded.tobytes()
 
 
-def _chunk_runs(block: int) -> int:
-    """Largest divisor of a block's size that is at most the runs of an inner chunk."""
-    return next(size for size in range(min(_MAX_CHUNK_RUNS, block), 0, -1) if block % size == 0)
+def _chunk_runs(block_size: int) -> int:
+    """Largest divisor of the block size that is at most `_MAX_CHUNK_RUNS`."""
+    return next(size for size in range(min(_MAX_CHUNK_RUNS, block_size), 0, -1) if block_size % size == 0)
 
 
 def chunk_key(dimensions: int, block: int) -> str:

@@ -1,4 +1,4 @@
-"""Arrays of a campaign folder on the host, none of them believed before its digest agrees."""
+"""Verified reading of `results.zarr`: every array is compared with the digest that was recorded when it was written."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import zarr
 
-from rpojax.campaign.storage import atomic_files, campaign_json, zarr_encoding
+from rpojax.campaign.storage import atomic_files, campaign_json, safe_paths, zarr_encoding
 from rpojax.campaign.storage.block_manifests import Manifest
 from rpojax.errors import ResultError, RpojaxError
 
@@ -15,10 +15,10 @@ from rpojax.errors import ResultError, RpojaxError
 def read_group(
     directory: Path, configuration: Mapping[str, Any], name: str, manifests: Mapping[int, Manifest]
 ) -> dict[str, np.ndarray]:
-    """Arrays of a group, rows of the blocks whose manifests are given.
+    """Arrays of a group, with the rows of the blocks in `manifests`.
 
     Raises:
-        ResultError: something of it is lost, cannot be read or is not what was written.
+        ResultError: an array is missing, cannot be read or is not what was written.
     """
     if not any(name in entry.sha256 for entry in manifests.values()):
         if name in ("drawn", "used") or not manifests:
@@ -42,10 +42,10 @@ def read_group(
 
 
 def read_history(directory: Path, run_id: int) -> dict[str, np.ndarray]:
-    """Channels of a kept run.
+    """Channels of a run with a stored history.
 
     Raises:
-        ResultError: something of it is lost, cannot be read or is not what was written.
+        ResultError: a channel is missing, cannot be read or is not what was written.
     """
     folder = directory / "results.zarr" / "histories" / str(run_id)
     channels = {path.name: _read_array(directory, path) for path in _array_folders(directory, folder)}
@@ -56,47 +56,47 @@ def read_history(directory: Path, run_id: int) -> dict[str, np.ndarray]:
     return channels
 
 
-def stored_history_ids(directory: Path, first: int, runs: int) -> list[int]:
-    """Numbers of the runs in a range whose history is there in full: its group is written last."""
+def stored_history_ids(directory: Path, first_run: int, runs: int) -> list[int]:
+    """Numbers of the runs with a complete history: one whose group metadata, written last, exists."""
     folder = directory / "results.zarr" / "histories"
-    atomic_files.check_no_links(directory, folder)
+    safe_paths.check_no_links(directory, folder)
     try:
         names = [path.name for path in folder.iterdir() if (path / "zarr.json").is_file()]
     except OSError:
         return []
     numbers = [int(name) for name in names if name.isdecimal() and name.isascii() and len(name) <= 10]
-    return sorted(number for number in numbers if str(number) in names and first <= number < first + runs)
+    return sorted(number for number in numbers if str(number) in names and first_run <= number < first_run + runs)
 
 
 def _array_folders(directory: Path, folder: Path) -> list[Path]:
     """Folders of the arrays of a group."""
-    atomic_files.check_no_links(directory, folder)
+    safe_paths.check_no_links(directory, folder)
     try:
         paths = sorted(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
     except OSError:
         raise ResultError(f"{folder}: found nothing, expected the arrays of a campaign") from None
     for path in paths:
-        atomic_files.check_no_links(directory, path)
+        safe_paths.check_no_links(directory, path)
     return paths
 
 
-def _read_rows(directory: Path, path: Path, info: Mapping[str, Any], blocks: Sequence[int]) -> np.ndarray:
-    """Rows of some blocks, whose files must all be there."""
+def _read_rows(directory: Path, path: Path, configuration: Mapping[str, Any], blocks: Sequence[int]) -> np.ndarray:
+    """Rows of some blocks of an array; zarr would read the fill value where a file is missing."""
     array = _open_array(path)
-    if array.ndim == 0 or array.shape[0] != info["runs"]:
-        raise ResultError(f"{path}: found shape {array.shape}, expected {info['runs']} rows")
+    if array.ndim == 0 or array.shape[0] != configuration["runs"]:
+        raise ResultError(f"{path}: found shape {array.shape}, expected {configuration['runs']} rows")
     for block in blocks:
         _check_file(directory, path / zarr_encoding.chunk_key(array.ndim, block), f"the values of block {block}")
-    size = info["block_size"]
+    size = configuration["block_size"]
     parts = [
-        _read_values(path, array, slice(low * size, high * size + campaign_json.runs_in_block(info, high)))
+        _read_values(path, array, slice(low * size, high * size + campaign_json.runs_in_block(configuration, high)))
         for low, high in _consecutive_ranges(blocks)
     ]
     return np.concatenate(parts)
 
 
 def _consecutive_ranges(blocks: Sequence[int]) -> list[tuple[int, int]]:
-    """First and last block of every unbroken row of blocks."""
+    """First and last block of every range of consecutive blocks."""
     ends = [i for i, block in enumerate(blocks) if i + 1 == len(blocks) or blocks[i + 1] != block + 1]
     starts = [0, *(end + 1 for end in ends[:-1])]
     return [(blocks[start], blocks[end]) for start, end in zip(starts, ends, strict=True)]
@@ -109,7 +109,7 @@ def _read_array(directory: Path, path: Path) -> np.ndarray:
 
 
 def _check_file(directory: Path, path: Path, expected: str) -> None:
-    atomic_files.check_no_links(directory, path)
+    safe_paths.check_no_links(directory, path)
     if not path.is_file():
         raise ResultError(f"{path}: found nothing, expected {expected}")
 
@@ -117,7 +117,7 @@ def _check_file(directory: Path, path: Path, expected: str) -> None:
 def _open_array(path: Path) -> Any:
     try:
         return zarr.open_array(str(path), mode="r")
-    # Each part of the store has exceptions of its own for bytes that it did not write.
+    # zarr and its codecs raise many kinds of exceptions for corrupt bytes.
     except Exception as error:
         raise _unreadable(path, error) from None
 

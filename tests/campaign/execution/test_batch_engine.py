@@ -16,11 +16,13 @@ import numpy as np
 import pytest
 
 import rpojax
+from rpojax.campaign.execution import batch_engine
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.runtime import device_programs, trace_cache
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation import closed_loop
+from rpojax.simulation import initial_state
+from rpojax.simulation.step import step
 
 BATCH = 64
 OTHER_BLOCK_SIZE = {"rtol": 1e-5, "atol": 1e-5}
@@ -127,13 +129,13 @@ def test_a_campaign_of_many_blocks_traces_the_loop_once(
     mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls = []
-    tick = closed_loop.tick
+    simulate_tick = step
 
     def counted(*arguments: Any) -> Any:
         calls.append(len(arguments))
-        return tick(*arguments)
+        return simulate_tick(*arguments)
 
-    monkeypatch.setattr(closed_loop, "tick", counted)
+    monkeypatch.setattr(batch_engine, "step", counted)
     monkeypatch.delenv(trace_cache.FOLDER_VARIABLE, raising=False)
     anew = mission.model_copy(update={"name": "not compiled by another test"})
     result = run_campaign(anew, 3, tmp_path / "runs", block_size=1, devices=jax.devices()[:1])
@@ -145,9 +147,9 @@ def test_missions_with_segments_as_long_share_their_traces(
     mission: ScenarioFile, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls = []
-    tick, init = closed_loop.tick, closed_loop.init
-    monkeypatch.setattr(closed_loop, "tick", lambda *given: calls.append("tick") or tick(*given))
-    monkeypatch.setattr(closed_loop, "init", lambda *given: calls.append("init") or init(*given))
+    simulate_tick, init = step, initial_state.init
+    monkeypatch.setattr(batch_engine, "step", lambda *arguments: calls.append("step") or simulate_tick(*arguments))
+    monkeypatch.setattr(initial_state, "init", lambda *arguments: calls.append("init") or init(*arguments))
 
     def traced(duration_s: float) -> BatchEngine:
         engine = BatchEngine(mission.model_copy(update={"duration_s": duration_s}), 1, jax.devices()[:1])
@@ -176,9 +178,9 @@ import jax
 import numpy as np
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.runtime import device_programs, trace_cache
-from rpojax.scenario import scenario_file
+from rpojax.scenario.loading import scenario_loader
 
-engine = BatchEngine(scenario_file.load("inspection", ["duration_s=200"]), 2)
+engine = BatchEngine(scenario_loader.load("inspection", ["duration_s=200"]), 2)
 orders = [3, 4, 17, 18], [17, 18, 3, 4]
 there, back = (next(engine.simulate(engine.prepare(0, np.array(ids)))).channels for ids in orders)
 equal = [there[name].tobytes() == np.roll(back[name], 2, axis=1).tobytes() for name in there]

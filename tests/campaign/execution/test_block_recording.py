@@ -5,7 +5,7 @@ import pytest
 
 from rpojax.campaign.execution.batch_engine import Segment
 from rpojax.campaign.execution.block_recording import ChannelRecorder
-from rpojax.scenario import scenario_file
+from rpojax.scenario.loading import scenario_loader
 
 TICKS, RUNS, OF_FIRST = 5, 6, 4
 WHOLE = {
@@ -37,7 +37,7 @@ def test_records_of_two_devices_are_those_of_one(rows: list[int]) -> None:
     assert set(recorder.records) == {"range_m", "rho_H"}
     for name, values in recorder.records.items():
         np.testing.assert_array_equal(values, WHOLE[name])
-    file = scenario_file.load("inspection")
+    file = scenario_loader.load("inspection")
     for row in rows:
         history = recorder.history(row, file, 0, np.inf)
         for name, values in WHOLE.items():

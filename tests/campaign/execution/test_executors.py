@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from empty_campaign_folders import empty_campaign, synthetic_block, synthetic_timing
 
-from rpojax.campaign.execution import block_runner, dask_executor, executors
-from rpojax.campaign.execution.executors import ProcessExecutor
+from rpojax.campaign.execution import block_runner, dask_executor, process_executor
+from rpojax.campaign.execution.process_executor import ProcessExecutor
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError, UnfinishedError
 from rpojax.scenario.schema import ScenarioFile
@@ -31,7 +31,7 @@ for line in sys.stdin:
         if block == 2 and ({behaviour!r} == "poison" or tries < 3):
             print("what a mess", file=sys.stderr, flush=True)
             os.kill(os.getpid(), 9)
-    print(json.dumps(["during", 0.5, 0]), flush=True)
+    print(json.dumps(["progress", 0.5, 0]), flush=True)
     print(json.dumps(["done", len(blocks)]), flush=True)
 """
 
@@ -47,19 +47,19 @@ def tries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Folder in which stand-ins for workers, two on two cores each, note every try at a block."""
     folder = tmp_path / "tries"
     folder.mkdir()
-    monkeypatch.setattr(executors, "_available_cores", lambda: {0, 1, 2, 3})
+    monkeypatch.setattr(process_executor, "_available_cores", lambda: {0, 1, 2, 3})
     return folder
 
 
 def behave(monkeypatch: pytest.MonkeyPatch, folder: Path, behaviour: str) -> None:
     """Has a stand-in of a certain behaviour started for every worker."""
-    popen = executors.subprocess.Popen
+    popen = process_executor.subprocess.Popen
 
     def start(words: Sequence[str], **settings: Any) -> Any:
         assert "--xla_force_host_platform_device_count=2" in settings["env"]["XLA_FLAGS"]
         return popen([sys.executable, "-c", WORKER.format(folder=str(folder), behaviour=behaviour)], **settings)
 
-    monkeypatch.setattr(executors.subprocess, "Popen", start)
+    monkeypatch.setattr(process_executor.subprocess, "Popen", start)
 
 
 def tried(folder: Path) -> dict[int, int]:
@@ -102,9 +102,9 @@ def test_an_error_that_no_other_worker_could_avoid_ends_the_campaign(
 
 
 def test_cores_are_shared_out_evenly() -> None:
-    assert executors.split_cores([0, 1, 2, 3, 4], 2) == [[0, 2, 4], [1, 3]]
-    assert executors.split_cores([4, 5], 2) == [[4], [5]]
-    assert executors.split_cores([4, 5], 3) == [[4], [5], [4]]
+    assert process_executor.split_cores([0, 1, 2, 3, 4], 2) == [[0, 2, 4], [1, 3]]
+    assert process_executor.split_cores([4, 5], 2) == [[4], [5]]
+    assert process_executor.split_cores([4, 5], 3) == [[4], [5], [4]]
 
 
 def test_a_cluster_does_blocks_into_the_folder(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rpojax.campaign.storage import atomic_files
+from rpojax.campaign.storage import atomic_files, safe_paths, stale_files
 from rpojax.errors import ResultError, UnfinishedError
 
 
@@ -59,7 +59,7 @@ def test_only_partial_files_whose_writers_are_gone_are_swept(tmp_path: Path) -> 
         (folder / name).touch()
     for name in ("of another machine, long ago", "of another tool, long ago", "no partial file"):
         os.utime(folder / names[name], times=(time.time() - 3600.0,) * 2)
-    atomic_files.remove_stale_files(tmp_path)
+    stale_files.remove_stale_files(tmp_path)
     left = {name for name, file in names.items() if (folder / file).exists()}
     assert left == {"of the living", "of another machine", "of another tool, long ago", "no partial file"}
 
@@ -69,9 +69,9 @@ def test_a_path_through_a_link_is_refused_and_one_without_is_not(tmp_path: Path)
     (root / "inside").mkdir(parents=True)
     outside.mkdir()
     (root / "link").symlink_to(outside)
-    atomic_files.check_no_links(root, root / "inside" / "file")
+    safe_paths.check_no_links(root, root / "inside" / "file")
     with pytest.raises(ResultError, match="link: found a link that leads elsewhere"):
-        atomic_files.check_no_links(root, root / "link" / "file")
+        safe_paths.check_no_links(root, root / "link" / "file")
 
 
 @pytest.mark.parametrize("text", ["", "{", "[" * 100_000, '"\ud800', "9" * 5000])

@@ -13,9 +13,9 @@ from empty_campaign_folders import empty_campaign, synthetic_block, synthetic_ti
 from rpojax.campaign.storage import atomic_files
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, ResultError
-from rpojax.scenario import scenario_file
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.closed_loop import FAILURE_REASONS
+from rpojax.simulation.failure import FAILURE_REASONS
 
 RUNS, BLOCK = 5, 2
 
@@ -84,7 +84,7 @@ def test_a_block_counts_only_once_its_manifest_is_there(empty: Campaign, monkeyp
 def test_the_scenario_lies_beside_the_results_as_a_file_that_loads_to_the_same(
     empty: Campaign, mission: ScenarioFile
 ) -> None:
-    assert scenario_file.load(empty.directory / "scenario.toml") == mission
+    assert scenario_loader.load(empty.directory / "scenario.toml") == mission
 
 
 def lost(path: Path) -> str:

@@ -1,0 +1,49 @@
+"""Engine of a campaign that exists already, recreated from its `campaign.json` and checked against it."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from rpojax.campaign import stage_provenance
+from rpojax.campaign.execution.batch_engine import BatchEngine
+from rpojax.campaign.storage.campaign_configuration import package_versions
+from rpojax.dispersions.designs import experiment_design
+from rpojax.errors import RpojaxError
+from rpojax.flight.computer import Stages
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.scenario_digest import scenario_digest
+
+_REPRODUCIBILITY_PACKAGES = ("rpojax", "jax")
+"""Packages whose versions change the last digits of a run."""
+
+
+def recreate_engine(
+    configuration: Mapping[str, Any], devices: Sequence[Any], stages: Stages | None = None
+) -> BatchEngine:
+    """Engine with the scenario, block size, design and stages of a campaign's `campaign.json`.
+
+    Raises:
+        RpojaxError: the scenario, its trained files or the stages are not those of the campaign.
+    """
+    file = scenario_loader.validate(configuration["scenario"])
+    if scenario_digest(file) != configuration["scenario_hash"]:
+        raise RpojaxError(
+            "scenario: found another content or trained files, expected those that the campaign began with"
+        )
+    stage_provenance.check_same_stages(configuration["stages"], stages or Stages())
+    return BatchEngine(
+        file, configuration["block_size"], devices, stages, experiment_design.recreate_design(file, configuration)
+    )
+
+
+def check_versions(recorded: Mapping[str, str]) -> None:
+    """Refuses package versions that differ from those of the campaign: the last digits of its runs may differ.
+
+    Raises:
+        RpojaxError: naming the package.
+    """
+    installed = package_versions()
+    for name in _REPRODUCIBILITY_PACKAGES:
+        if recorded.get(name) != installed[name]:
+            raise RpojaxError(
+                f"{name}: found version {installed[name]}, expected {recorded.get(name)}, with which the campaign began"
+            )

@@ -1,0 +1,18 @@
+"""Units of the arrays that a campaign stores."""
+
+from rpojax.scenario import key_units, metric_catalogue
+from rpojax.simulation import trace_channels
+
+
+def array_units(group: str, name: str) -> str:
+    """Unit of an array of a group as text; 1 for dimensionless quantities."""
+    match group:
+        case "metrics":
+            unit = metric_catalogue.UNITS.get(name, "-")
+        case "traces":
+            unit = trace_channels.TRACE_UNITS.get(name, "-")
+        case "status":
+            unit = "s" if name.endswith("_s") else "-"
+        case _:
+            unit = key_units.unit_symbol(name)
+    return "1" if unit == "-" else unit

@@ -1,0 +1,27 @@
+"""Writing files so that a reader never meets half of one."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+from rpojax.campaign.storage import atomic_files
+from rpojax.errors import OutputError
+
+
+def write_atomically(path: Path, content: bytes) -> Path:
+    """Writes `content` to a temporary file beside `path`, flushes it to disk and renames it; returns `path`.
+
+    Raises:
+        OutputError: there cannot be such a file.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        atomic_files.replace_file(path, content, sync=True)
+    except OSError as error:
+        raise OutputError(f"{path}: found {error.strerror or error}, expected a file that can be written") from None
+    return path
+
+
+def write_json(path: Path, content: Any) -> Path:
+    """Writes JSON in the same way."""
+    return write_atomically(path, json.dumps(content, indent=2, allow_nan=False).encode() + b"\n")

@@ -1,0 +1,69 @@
+"""Writing of `results.zarr`: rows of finished blocks and histories, each file whole, with groups and array metadata."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from rpojax.campaign.storage import atomic_files, safe_paths, zarr_encoding
+from rpojax.campaign.storage.array_units import array_units
+from rpojax.campaign.storage.zarr_encoding import ArrayEncoder, ArrayLayout
+
+
+class ZarrWriter:
+    """Writes the Zarr group of a campaign of `runs` runs in blocks of `block_size`.
+
+    Several processes may write to one group: metadata and the rows of a block have the same bytes from each of them.
+    """
+
+    def __init__(self, directory: Path, runs: int, block_size: int) -> None:
+        self.directory = directory
+        self.runs = runs
+        self.block_size = block_size
+        self._encoder = ArrayEncoder()
+        self._written_metadata: set[Path] = set()
+
+    def write_rows(self, group: str, block: int, arrays: Mapping[str, np.ndarray]) -> None:
+        """Writes a block's rows of the arrays of a group, name -> (runs of the block, ...).
+
+        Raises:
+            UnfinishedError: they cannot be written.
+        """
+        self._write_group_metadata(Path(group))
+        for name, values in arrays.items():
+            units = array_units(group, name)
+            layout = zarr_encoding.per_run_layout(self.runs, self.block_size, group, values, units)
+            self._write_array(Path(group, name), layout, block, values)
+
+    def write_history(self, run_id: int, channels: Mapping[str, np.ndarray]) -> None:
+        """Writes the channels of one run; the metadata of their group, written last, says that they are complete.
+
+        Raises:
+            UnfinishedError: they cannot be written.
+        """
+        path = Path("histories", str(run_id))
+        self._write_group_metadata(path.parent)
+        samples = len(channels["time_s"]) if "time_s" in channels else -1
+        for name, values in channels.items():
+            layout = zarr_encoding.history_layout(name, values, values.ndim > 0 and len(values) == samples)
+            self._written_metadata.discard(path / name)
+            self._write_array(path / name, layout, 0, values)
+        self._write_file(path / "zarr.json", zarr_encoding.group_metadata({"sha256": zarr_encoding.digest(channels)}))
+
+    def _write_array(self, path: Path, layout: ArrayLayout, block: int, values: np.ndarray) -> None:
+        if path not in self._written_metadata:
+            self._write_file(path / "zarr.json", self._encoder.metadata(layout))
+            self._written_metadata.add(path)
+        key, content = self._encoder.encode_block(layout, block, values)
+        self._write_file(path / key, content)
+
+    def _write_group_metadata(self, path: Path) -> None:
+        for part in (Path(), *reversed(path.parents[:-1]), path):
+            if part not in self._written_metadata:
+                self._write_file(part / "zarr.json", zarr_encoding.group_metadata())
+                self._written_metadata.add(part)
+
+    def _write_file(self, path: Path, content: bytes) -> None:
+        full = self.directory / "results.zarr" / path
+        safe_paths.make_folder(self.directory, full.parent)
+        atomic_files.write(full, content, sync=True)
