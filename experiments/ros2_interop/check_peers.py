@@ -1,4 +1,4 @@
-"""Messages to another DDS library and back: Cyclone DDS in C, compiled here.
+"""Round trip of messages to another DDS library: Cyclone DDS in C, compiled here.
 
     apt-get install cyclonedds-dev cyclonedds-tools
     python experiments/ros2_interop/check_peers.py
@@ -21,9 +21,10 @@ from rosbags.interfaces import Nodetype
 from rpojax.interop.cosimulation import live_topics
 from rpojax.interop.ros2 import message_builders
 from rpojax.interop.ros2.dds_participant import LOOPBACK, Participant
-from rpojax.interop.ros2.frame_names import ECI, SERVICER
+from rpojax.interop.ros2.frame_ids import ECI, SERVICER
 from rpojax.interop.ros2.message_types import message_class, serialize, typestore
-from rpojax.interop.ros2.message_values import CameraFrame, Odometry
+from rpojax.interop.ros2.message_values import DetectorImage
+from rpojax.interop.ros2.odometry import Odometry
 from rpojax.interop.ros2.topics import Topic, TopicRate, TopicSource
 
 HERE = Path(__file__).parent
@@ -48,7 +49,7 @@ _BASES = {
 
 
 def idl(name: str, extensibility: str) -> str:
-    """IDL of a message type and of all that it is made of, as ROS 2 names it."""
+    """IDL of a message type and its nested types, with the names of ROS 2."""
     return "\n".join(_structs(name, extensibility, set()))
 
 
@@ -95,7 +96,7 @@ def _call(command: list[Any], folder: Path) -> None:
 
 
 def samples(name: str) -> Iterator[Any]:
-    """Messages with numbers that change, as the bridge makes them."""
+    """Messages of random numbers, as the live run builds them."""
     random = np.random.default_rng(0)
     at = 0
     while True:
@@ -118,7 +119,7 @@ def samples(name: str) -> Iterator[Any]:
             case "vision_msgs/msg/Detection2DArray":
                 view: dict[str, Any] = {"size_px": np.array([128, 128]), "focal_px": 700.0, "center_px": np.zeros(2)}
                 view |= {"box_center_px": a[:2], "box_size_px": b[:2], "score": c[0], "present": True}
-                yield message_builders.detections(at, CameraFrame(**view))
+                yield message_builders.detections(at, DetectorImage(**view))
             case "sensor_msgs/msg/Image":
                 yield message_builders.image(at, random.integers(0, 256, (48, 64, 3), dtype=np.uint8))
             case _:
@@ -136,7 +137,7 @@ TYPES = (
 
 
 def check(name: str, program: Path, count: int) -> tuple[int, int, float, float]:
-    """How many came back, how many of them equal, and round trips at the median and the 99th percentile [ms]."""
+    """Number returned, number equal, and round-trip time at the median and the 99th percentile [ms]."""
     there = Topic("/check/there", name, "", "", TopicSource.TRUTH, TopicRate.TICK, "")
     back = Topic("/check/back", name, "", "", TopicSource.TRUTH, TopicRate.TICK, "")
     participant = Participant(DOMAIN)
@@ -145,7 +146,7 @@ def check(name: str, program: Path, count: int) -> tuple[int, int, float, float]
     until = time.monotonic() + 60.0
     while not (publisher.subscriber_count and subscriber.publisher_count):
         if peer.poll() is not None or time.monotonic() > until:
-            raise SystemExit(f"{name}: the peer has not come")
+            raise SystemExit(f"{name}: the peer was not found")
         time.sleep(0.05)
     time.sleep(1.0)
     came, equal, trips = 0, 0, []
@@ -164,12 +165,12 @@ def check(name: str, program: Path, count: int) -> tuple[int, int, float, float]
 
 
 def main() -> int:
-    """Prints a table; 0 if all came back equal."""
+    """Prints a table; 0 if all messages returned equal."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--types", nargs="+", default=TYPES, metavar="TYPE")
     options = parser.parse_args()
-    print("| type | sent | came back | equal | p50 [ms] | p99 [ms] |\n|---|---|---|---|---|---|")
+    print("| type | sent | returned | equal | p50 [ms] | p99 [ms] |\n|---|---|---|---|---|---|")
     good = True
     for name in options.types:
         message_class(name)

@@ -1,11 +1,11 @@
-"""A node that flies formation and attitude of `rpojax bridge`, worked out with numpy and scipy alone.
+"""Example node for `rpojax bridge`: formation and attitude control, with numpy and scipy alone.
 
     rpojax bridge inspection --external formation,attitude &
     python example_node.py
 
-It reads the estimates of the flight software, decides every 200 s on a burn by an LQR of its own, turns the body there
-and back, and commands the wheels five times a second. `--stages attitude` leaves burns and pointing to the simulator,
-whose attitude reference it then follows.
+It receives the estimates of the flight software, plans a burn every 200 s with its own LQR, slews to the burn attitude
+and back, and commands the wheels at 5 Hz. With `--stages attitude`, burns and pointing stay with the simulator, and the
+node follows its attitude reference.
 """
 
 import argparse
@@ -31,7 +31,7 @@ ORBIT, RELATIVE, ATTITUDE, WHEELS, REFERENCE = INTERFACE
 
 
 class Vehicle:
-    """The vehicle data base, as in the packaged scenario `inspection`."""
+    """Vehicle model, as in the packaged scenario `inspection`."""
 
     mass = 30.0
     thrust = 0.03
@@ -40,12 +40,12 @@ class Vehicle:
     inertia = np.array([[1.05, 0.01, 0.0], [0.01, 0.95, 0.01], [0.0, 0.01, 0.85]])
     wheel_inertia = 8e-4
     wheel_limit = 0.025
-    # Turns body into camera components: the camera looks along +x of the body.
+    # From body into camera components: the boresight is +x of the body.
     camera = Rotation.from_quat([-0.5, -0.5, -0.5, 0.5])
 
 
 class Tuning:
-    """Tuning, as in the packaged scenario."""
+    """Controller parameters, as in the packaged scenario."""
 
     station = np.array([0.0, -30.0, 0.0])
     period = 200.0
@@ -69,7 +69,7 @@ class Tuning:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What the flight software knows at a tick, out of its two odometry messages."""
+    """Estimate of the flight software at a tick, from its two odometry messages."""
 
     A_NB: Rotation
     A_NH: Rotation
@@ -101,7 +101,7 @@ class Estimate:
         return float(np.sqrt(MU / a**3))
 
     def target_pointing(self) -> tuple[Rotation, np.ndarray]:
-        """A_EN with the camera on the target, its x axis towards the orbit normal, and its rate [rad/s] in E."""
+        """A_EN with the boresight at the target and camera x towards the orbit normal, and its rate [rad/s] in E."""
         h_N = cross(self.r_SN_N, self.v_SN_N)
         normal = h_N / np.linalg.norm(h_N)
         omega_HN_N = h_N / (self.r_SN_N @ self.r_SN_N)
@@ -119,7 +119,7 @@ class Estimate:
 
 
 def clohessy_wiltshire_transition(n: float, t: float) -> np.ndarray:
-    """Clohessy and Wiltshire's transition of (rho, rho_dot) over `t` [s]."""
+    """Clohessy-Wiltshire state transition matrix of (rho, rho_dot) over `t` [s]."""
     a, s, c = n * t, np.sin(n * t), np.cos(n * t)
     return np.array(
         [
@@ -134,7 +134,7 @@ def clohessy_wiltshire_transition(n: float, t: float) -> np.ndarray:
 
 
 def lqr_gain(n: float) -> np.ndarray:
-    """Of the LQR with one impulse a period: `x' = Phi (x + [0; dv])`."""
+    """Gain of the LQR with one impulse per period: `x' = Phi (x + [0; dv])`."""
     A = clohessy_wiltshire_transition(n, Tuning.period)
     B, Q, R = A[:, 3:], np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]), Tuning.delta_v_weight * np.eye(3)
     P = solve_discrete_are(A, B, Q, R)
@@ -142,13 +142,13 @@ def lqr_gain(n: float) -> np.ndarray:
 
 
 def slew_time(angle: float) -> float:
-    """Of a cycloidal slew [s]."""
+    """Duration of a cycloidal slew [s]."""
     return max(float(np.sqrt(2.0 * np.pi * angle / Tuning.slew_acceleration)), Tuning.shortest_slew_time)
 
 
 @dataclass(frozen=True)
 class Burn:
-    """Times [ns] from the start of the run, and the attitude A_BN meanwhile."""
+    """Times [ns] from the start of the run, and the burn attitude A_BN."""
 
     slew_start: int = 0
     ignition: int = 0
@@ -157,19 +157,19 @@ class Burn:
 
 
 def plan_burn(K: np.ndarray, time_ns: int, estimate: Estimate, estimate_count: int) -> Burn:
-    """The burn of this period: none inside the dead band, while the range is in doubt, or before the target has been
-    `watched` for a few ticks: what was seen once may have been something else."""
+    """The burn of this period; none inside the dead band, with an uncertain range, or after too few estimates (a first
+    detection may be false)."""
     n = estimate.mean_motion
     deviation = clohessy_wiltshire_transition(n, Tuning.lead) @ np.concatenate([estimate.rho, estimate.rho_dot])
     deviation[:3] -= Tuning.station
-    # Where the burn will be the Hill frame has turned on about the orbit normal.
+    # At the burn the Hill frame has rotated on about the orbit normal.
     delta_v_N = estimate.A_NH.apply(Rotation.from_rotvec([0.0, 0.0, n * Tuning.lead]).apply(-K @ deviation))
     size = float(np.linalg.norm(delta_v_N))
     A_EN, _ = estimate.target_pointing()
     thrust_N = A_EN.inv().apply(Vehicle.thrust_direction)
-    turn_N = smallest_rotation(thrust_N, delta_v_N / size)
-    turning = slew_time(float(np.linalg.norm(turn_N)))
-    longest = Tuning.longest_look_away - 2.0 * turning - Tuning.settle - 3.0
+    slew_N = smallest_rotation(thrust_N, delta_v_N / size)
+    slew_s = slew_time(float(np.linalg.norm(slew_N)))
+    longest = Tuning.longest_look_away - 2.0 * slew_s - Tuning.settle - 3.0
     on_time = min(size * Vehicle.mass / Vehicle.thrust, max(longest, 0.0))
     if (
         size < Tuning.dead_band
@@ -179,12 +179,12 @@ def plan_burn(K: np.ndarray, time_ns: int, estimate: Estimate, estimate_count: i
     ):
         return Burn()
     ignition = time_ns + round((Tuning.lead - 0.5 * on_time) * NANO)
-    turn = max(ignition - round((Tuning.settle + turning) * NANO), time_ns)
-    return Burn(turn, ignition, ignition + round(on_time * NANO), A_EN * Rotation.from_rotvec(-turn_N))
+    slew_start = max(ignition - round((Tuning.settle + slew_s) * NANO), time_ns)
+    return Burn(slew_start, ignition, ignition + round(on_time * NANO), A_EN * Rotation.from_rotvec(-slew_N))
 
 
 def smallest_rotation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Rotation vector of the smallest turn from unit vector `a` to `b`; for opposite ones, any."""
+    """Rotation vector of the smallest rotation from unit vector `a` to `b`; any for opposite ones."""
     axis, cosine = cross(a, b), float(a @ b)
     sine = float(np.linalg.norm(axis))
     if sine < 1e-9:
@@ -196,7 +196,7 @@ def smallest_rotation(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 @dataclass
 class AttitudeGuidance:
-    """The attitude command as a function of time: a moving end and a cycloidal remainder of the slew to it."""
+    """Attitude command over time: a moving target attitude and the remaining cycloidal slew to it."""
 
     at: int
     A_EN: Rotation
@@ -219,7 +219,7 @@ class AttitudeGuidance:
         return A_CE * A_EN, rate * self.remainder + A_CE.apply(self.omega_E), acceleration * self.remainder
 
     def retarget(self, at: int, A_EN: Rotation, omega_E: np.ndarray, burning: bool) -> None:
-        """Goes on to a new end; a change of task, or a jump of the end, is flown as a slew."""
+        """Sets a new target attitude; a change of task or a jump of the target starts a slew."""
         expected = Rotation.from_rotvec(-(at - self.at) / NANO * self.omega_E) * self.A_EN
         jump = np.linalg.norm((A_EN * expected.inv()).as_rotvec())
         if burning != self.burning or jump > Tuning.retarget_jump:
@@ -244,7 +244,7 @@ def wheel_torque(
 
 
 class Controller:
-    """Answers what the simulator says, each stamp once."""
+    """Computes commands from the simulator's messages, once per stamp."""
 
     def __init__(self, node: Node, stages: set[str]) -> None:
         self.node, self.formation, self.attitude = node, "formation" in stages, "attitude" in stages
@@ -265,14 +265,14 @@ class Controller:
             self.publish_wheel_torque = node.publisher("/servicer/wheels/command", "sensor_msgs/msg/JointState")
 
     def run(self, patience_s: float) -> None:
-        """Until the simulator has gone, or has not come."""
+        """Answers messages until the simulator has ended, or none was found."""
         for topic, message in self.node.messages(patience_s):
             self.counts[topic] += 1
             self.latest[topic] = message
             self.answer()
 
     def answer(self) -> None:
-        """Says what can be said with what has come so far."""
+        """Publishes the commands that the messages received so far allow."""
         if self.formation and (at := self.common_stamp(ORBIT, RELATIVE)) > self.decided:
             self.decided = at
             self.control_formation(at, Estimate.read(self.latest[ORBIT], self.latest[RELATIVE]))
@@ -285,22 +285,22 @@ class Controller:
             self.control_attitude(at)
 
     def has_attitude_reference(self, at: int) -> bool:
-        """By its own plan, or by the simulator's reference of this tick, which may come after the estimate."""
+        """Whether there is an own plan, or the simulator's reference for this time, which may follow the estimate."""
         if self.pointing is not None or REFERENCE not in self.latest:
             return self.pointing is not None
         return 0 <= self.reference_index(at) < len(self.latest[REFERENCE].points)
 
     def reference_index(self, at: int) -> int:
-        """Number of the plant step in the simulator's reference."""
+        """Index of the plant step in the simulator's reference."""
         return round((at - stamp_ns(self.latest[REFERENCE])) / NANO / Tuning.step)
 
     def common_stamp(self, *topics: str) -> int:
-        """Stamp [ns] that all these topics have come with, or -1."""
+        """Common stamp [ns] of the latest messages of the topics, or -1."""
         stamps = {stamp_ns(self.latest[topic]) if topic in self.latest else -1 for topic in topics}
         return stamps.pop() if len(stamps) == 1 else -1
 
     def control_formation(self, at: int, now: Estimate) -> None:
-        """Once a tick: a burn each period, and where to point."""
+        """Plans a burn each period and the attitude, once per tick."""
         if self.K is None:
             self.K = lqr_gain(now.mean_motion)
         if at % round(Tuning.period * NANO) == 0:
@@ -310,7 +310,7 @@ class Controller:
         if burning:
             A_EN, omega_E = self.burn.A_BN, np.zeros(3)
         if self.pointing is None:
-            # From wherever the body is: this node may have been started in the middle of a run.
+            # From the current attitude, as this node may be started during a run.
             remainder = (now.A_NB.inv() * A_EN.inv()).as_rotvec()
             slew_s = slew_time(float(np.linalg.norm(remainder)))
             self.pointing = AttitudeGuidance(at, A_EN, omega_E, remainder, at, slew_s, burning)
@@ -334,7 +334,7 @@ class Controller:
         )
 
     def control_attitude(self, at: int) -> None:
-        """At every plant step: torques of the wheels."""
+        """Publishes wheel torques, at every plant step."""
         estimate, wheels = self.latest[ATTITUDE], self.latest[WHEELS]
         command = self.pointing.command(at) if self.pointing else self.received_reference(at)
         omega = xyz(estimate.angular_velocity)
@@ -351,7 +351,7 @@ class Controller:
         )
 
     def received_reference(self, at: int) -> tuple[Rotation, np.ndarray, np.ndarray]:
-        """The simulator's own reference at this step of its tick."""
+        """The simulator's reference at this plant step."""
         point = self.latest[REFERENCE].points[self.reference_index(at)]
         return (
             rotation(point.transforms[0].rotation).inv(),
@@ -364,13 +364,13 @@ def xyz(vector: Any) -> np.ndarray:
     return np.array([vector.x, vector.y, vector.z])
 
 
-def rotation(turn: Any) -> Rotation:
-    """Turns the child's into the parent's components."""
-    return Rotation.from_quat([turn.x, turn.y, turn.z, turn.w])
+def rotation(quaternion: Any) -> Rotation:
+    """Rotation from child into parent components."""
+    return Rotation.from_quat([quaternion.x, quaternion.y, quaternion.z, quaternion.w])
 
 
-def orientation(turn: Rotation) -> Any:
-    x, y, z, w = turn.as_quat()
+def orientation(rotation: Rotation) -> Any:
+    x, y, z, w = rotation.as_quat()
     return make("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w)
 
 
@@ -395,7 +395,7 @@ def valve_point(after: int, force: float) -> Any:
 
 
 def main() -> None:
-    """Flies until the simulator has gone, and says how many messages have come."""
+    """Controls the run until the simulator has ended; prints the number of received messages."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--domain-id", type=int, default=0)
     parser.add_argument("--stages", default="formation,attitude")

@@ -1,4 +1,4 @@
-"""Bags of a run with pictures: what flying, rendering and writing take, how large they are, and whether two are alike.
+"""Bags of a run with images: time for replay, rendering and writing, size, and whether two bags are equal.
 
 python experiments/ros2_interop/measure_bags.py --out out/bags
 python experiments/ros2_interop/measure_bags.py --out out/bags --campaign out/inspection --run-id 3
@@ -19,11 +19,13 @@ import numpy as np
 import rpojax
 from rpojax.campaign.history_retention import Retention
 from rpojax.campaign.storage import folder_creation
+from rpojax.campaign.storage.campaign_configuration import new_configuration
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.interop import run_replay
-from rpojax.interop.ros2 import mcap_sqlite3_writer, message_values
-from rpojax.interop.ros2.mcap_sqlite3_writer import BagFormat, ImageStorage
+from rpojax.interop.ros2 import mcap_sqlite3_writer, message_values, run_bag
+from rpojax.interop.ros2.mcap_sqlite3_writer import BagFormat
 from rpojax.interop.ros2.message_values import RosTickValues
+from rpojax.interop.ros2.run_bag import ImageStorage
 from rpojax.interop.run_replay import ReplayedRun
 
 T = TypeVar("T")
@@ -32,7 +34,7 @@ LONGEST_S = 10.0
 
 @dataclass(frozen=True)
 class Duration:
-    """Time on the wall and of the processor [s]."""
+    """Elapsed and processor time [s]."""
 
     wall_s: float
     cpu_s: float
@@ -42,18 +44,16 @@ class Duration:
 
 
 def timed(work: Callable[[], T]) -> tuple[T, Duration]:
-    """Result of `work` and how long it took."""
+    """Result of `work` and its duration."""
     wall, cpu = time.perf_counter(), time.process_time()
     result = work()
     return result, Duration(time.perf_counter() - wall, time.process_time() - cpu)
 
 
 def empty_campaign(out: Path, duration_s: float) -> Campaign:
-    """A campaign with a rendered camera of which no run is flown: an export flies its run itself."""
+    """A campaign with a rendered camera without any results; an export simulates its run itself."""
     file = rpojax.load("inspection", ["camera.model=rendered", f"duration_s={duration_s}"])
-    folder_creation.create_folder(
-        out, folder_creation.new_configuration(file, 0, 8, 0, 1, Retention("none").to_record()), force=True
-    )
+    folder_creation.create_folder(out, new_configuration(file, 0, 8, 0, 1, Retention("none").to_record()), force=True)
     return Campaign(out)
 
 
@@ -64,12 +64,12 @@ def digest(bag: Path) -> str:
 
 
 def write_bag(
-    flight: ReplayedRun[RosTickValues], pictures: list[np.ndarray], out: Path, form: BagFormat, images: ImageStorage
+    run: ReplayedRun[RosTickValues], pictures: list[np.ndarray], out: Path, form: BagFormat, images: ImageStorage
 ) -> int:
     """Writes a bag; returns the number of messages."""
-    told = mcap_sqlite3_writer.run_messages(flight, images, pictures)
+    messages = run_bag.run_messages(run, images, pictures)
     return mcap_sqlite3_writer.write_bag(
-        out, form, mcap_sqlite3_writer.bag_topics(images), told, mcap_sqlite3_writer.provenance(flight), force=True
+        out, form, run_bag.bag_topics(images), messages, run_bag.provenance(run), force=True
     )
 
 
@@ -82,14 +82,12 @@ def main() -> int:
     options = parser.parse_args()
     found = Campaign(options.campaign) if options.campaign else empty_campaign(options.out / "runs", options.duration_s)
 
-    flight, took = timed(lambda: run_replay.replay(found, options.run_id, message_values.observe_tick))
-    print(
-        f"{flight.ticks} ticks flown in {took}, compiling included; {run_replay.compare_with_campaign(flight, found)}",
-        flush=True,
-    )
-    rendered = flight.file.camera.model == "rendered"
-    pictures, took = timed(lambda: list(mcap_sqlite3_writer.rerendered_images(flight)) if rendered else [])
-    print(f"{len(pictures)} pictures taken again in {took}, compiling included", flush=True)
+    run, took = timed(lambda: run_replay.replay(found, options.run_id, message_values.observe_tick))
+    agreement = run_replay.compare_with_campaign(run, found)
+    print(f"{run.ticks} ticks replayed in {took}, compiling included; {agreement}", flush=True)
+    rendered = run.file.camera.model == "rendered"
+    pictures, took = timed(lambda: list(run_bag.rerendered_images(run)) if rendered else [])
+    print(f"{len(pictures)} images rendered in {took}, compiling included", flush=True)
 
     holds = True
     print("| format | images | messages | size [MB] | written in | written again | same bytes |")
@@ -97,12 +95,12 @@ def main() -> int:
     for form in BagFormat:
         for images in ImageStorage if rendered else (ImageStorage.NONE,):
             places = [options.out / order / "bag" for order in ("first", "second")]
-            results = [timed(partial(write_bag, flight, pictures, place, form, images)) for place in places]
+            results = [timed(partial(write_bag, run, pictures, place, form, images)) for place in places]
             (count, first), (_, second) = results
             size = sum(path.stat().st_size for path in places[0].iterdir())
-            alike = digest(places[0]) == digest(places[1])
-            holds &= alike and min(first.wall_s, second.wall_s) <= LONGEST_S
-            cells = form.value, images.value, count, f"{size / 1e6:.1f}", first, second, "yes" if alike else "**no**"
+            equal = digest(places[0]) == digest(places[1])
+            holds &= equal and min(first.wall_s, second.wall_s) <= LONGEST_S
+            cells = form.value, images.value, count, f"{size / 1e6:.1f}", first, second, "yes" if equal else "**no**"
             print(f"| {' | '.join(map(str, cells))} |", flush=True)
     return 0 if holds else 1
 

@@ -1,6 +1,6 @@
-"""The live loop, measured: `rpojax bridge` and example_node.py, two processes on the loopback interface.
+"""Measurement of live runs: `rpojax bridge` and example_node.py, two processes on the loopback interface.
 
-    python experiments/ros2_interop/measure_live.py --case fly
+    python experiments/ros2_interop/measure_live.py --case run
     python experiments/ros2_interop/measure_live.py --case restart --set duration_s=600
     python experiments/ros2_interop/measure_live.py --case hostile --set duration_s=600
 
@@ -44,26 +44,26 @@ def start_node(options: argparse.Namespace) -> "subprocess.Popen[str]":
 
 
 def wait_for_summary(bridge: "subprocess.Popen[str]") -> dict[str, Any]:
-    """What the simulator says at its end, its exit status with it."""
+    """Summary of the simulator and its exit status."""
     output, _ = bridge.communicate()
     return {**json.loads(output), "status": bridge.returncode}
 
 
 def internal_metrics(options: argparse.Namespace) -> dict[str, float]:
-    """Metrics of the same run flown by the packaged flight software."""
+    """Metrics of the same run with the packaged flight software."""
     from rpojax.campaign import single_run
-    from rpojax.scenario import scenario_file
-    from rpojax.simulation import metrics
+    from rpojax.scenario.loading import scenario_loader
+    from rpojax.simulation.metrics import recorded_metrics
 
-    file = scenario_file.load(options.scenario, options.overrides)
+    file = scenario_loader.load(options.scenario, options.overrides)
     channels = single_run.simulate(file, options.seed, 0)
     ticks = len(channels["time_s"])
     records = {name: value[None] for name, value in channels.items() if value.shape[:1] == (ticks,)}
-    return {name: float(value[0]) for name, value in metrics.evaluate(file, records).items()}
+    return {name: float(value[0]) for name, value in recorded_metrics.evaluate(file, records).items()}
 
 
 def simulate_with_node(options: argparse.Namespace) -> list[tuple[str, str, bool]]:
-    """The example node flies the scenario."""
+    """The example node controls the run."""
     bridge = start_bridge(options)
     node = start_node(options)
     end = wait_for_summary(bridge)
@@ -78,14 +78,14 @@ def simulate_with_node(options: argparse.Namespace) -> list[tuple[str, str, bool
     speed = end["times_real_time"]
     bound = end["simulated_s"] / end["cpu_s"]
     rows.append(("times real time", f"{speed:.1f} by the wall, {bound:.0f} by its own processor time", speed >= 100.0))
-    heard = sum(received.values()) + sum(end["received"].values())
-    rows.append(("messages lost", f"{lost} of {heard} in {end['steps']} steps", lost == 0 and end["unsent"] == 0))
+    total = sum(received.values()) + sum(end["received"].values())
+    rows.append(("messages lost", f"{lost} of {total} in {end['steps']} steps", lost == 0 and end["unsent"] == 0))
     rows.append(("commands late or ignored", f"{end['late']} {end['ignored']}", not end["late"] and not end["ignored"]))
     return rows
 
 
 def restart(options: argparse.Namespace) -> list[tuple[str, str, bool]]:
-    """The node is killed in the middle of the run, and another takes its place."""
+    """The node is killed during the run, and another one replaces it."""
     bridge = start_bridge(options, "--timeout-s", "0.2", "--patience-s", "120")
     first = start_node(options)
     time.sleep(options.kill_after_s)
@@ -103,7 +103,7 @@ def restart(options: argparse.Namespace) -> list[tuple[str, str, bool]]:
 
 
 def hostile(options: argparse.Namespace) -> list[tuple[str, str, bool]]:
-    """The node flies while another floods the topics of commands with nonsense."""
+    """The node controls the run while another one floods the command topics with invalid messages."""
     bridge = start_bridge(options, "--timeout-s", "20")
     command = [sys.executable, __file__, "--case", "flood", "--domain-id", str(options.domain_id)]
     flooder = subprocess.Popen(command)
@@ -124,13 +124,13 @@ def hostile(options: argparse.Namespace) -> list[tuple[str, str, bool]]:
 
 
 def flood(options: argparse.Namespace) -> None:
-    """Nonsense on the wheels' topic, as fast as it goes: nan, a thousand times the limit, stamps of old and to come."""
+    """Publishes invalid wheel commands as fast as possible: nan, 1000 times the limit, past and future stamps."""
     from example_node import header
     from ros_wire import Node, make
 
     node = Node(options.domain_id)
     wheels = node.publisher("/servicer/wheels/command", "sensor_msgs/msg/JointState")
-    stranger = node.publisher("/servicer/thruster/command", "geometry_msgs/msg/PointStamped")
+    mismatched = node.publisher("/servicer/thruster/command", "geometry_msgs/msg/PointStamped")
     none = np.zeros(0)
     while True:
         for at, torque in ((0, 0.0), (10**9, np.nan), (10**15, 0.0), (0, 25.0)):
@@ -144,17 +144,17 @@ def flood(options: argparse.Namespace) -> None:
             )
             wheels(message)
         point = make("geometry_msgs/msg/Point", x=0.0, y=0.0, z=0.0)
-        stranger(make("geometry_msgs/msg/PointStamped", header=header(0, "eci"), point=point))
+        mismatched(make("geometry_msgs/msg/PointStamped", header=header(0, "eci"), point=point))
         time.sleep(options.pause_s)
 
 
-CASES = {"fly": simulate_with_node, "restart": restart, "hostile": hostile}
+CASES = {"run": simulate_with_node, "restart": restart, "hostile": hostile}
 
 
 def main() -> int:
     """Prints the table of a case."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--case", choices=[*CASES, "flood"], default="fly")
+    parser.add_argument("--case", choices=[*CASES, "flood"], default="run")
     parser.add_argument("--scenario", default="inspection")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--set", dest="overrides", action="append", default=[], metavar="KEY=VALUE")

@@ -3,8 +3,8 @@
     rpojax bridge inspection --external navigation &
     python navigation_node.py
 
-It has no filter: it says the truth with white noise, and the covariance of that noise. Who has a filter puts it in the
-place of `blur`, and listens to what sensors say.
+It has no filter: it publishes the truth with white noise and the covariance of that noise. A real filter would replace
+`add_noise` and subscribe to the sensor topics.
 """
 
 import argparse
@@ -22,12 +22,12 @@ PAIRS = {
 }
 SIGMA = {"/servicer/estimate/odometry": (1.0, 1e-3), "/servicer/estimate/relative_odometry": (0.1, 1e-4)}
 """Of position [m] and velocity [m/s] along each axis."""
-TURN_SIGMA = 1e-4
+ATTITUDE_SIGMA = 1e-4
 RATE_SIGMA = 1e-5
 
 
 def add_noise(truth: Any, sigma: tuple[float, float], random: np.random.Generator) -> Any:
-    """The odometry with noise, and with its covariance."""
+    """Odometry with noise and its covariance."""
     (position, velocity), pose, twist = sigma, truth.pose.pose, truth.twist.twist
     return make(
         ODOMETRY,
@@ -40,7 +40,7 @@ def add_noise(truth: Any, sigma: tuple[float, float], random: np.random.Generato
                 position=noisy_vector("Point", pose.position, position, random),
                 orientation=pose.orientation,
             ),
-            covariance=diagonal(position, TURN_SIGMA),
+            covariance=diagonal(position, ATTITUDE_SIGMA),
         ),
         twist=make(
             "geometry_msgs/msg/TwistWithCovariance",
@@ -64,20 +64,20 @@ def diagonal(first: float, second: float) -> np.ndarray:
 
 
 def main() -> None:
-    """Answers every truth until the simulator has gone, and says how many there were and when the last one was."""
+    """Answers every true odometry until the simulator has ended; prints their number and the last stamp."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--domain-id", type=int, default=0)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--patience-s", type=float, default=60.0, help="silence after which the node ends")
     options = parser.parse_args()
     node, random = Node(options.domain_id), np.random.default_rng(options.seed)
-    say = {topic: node.publisher(topic, ODOMETRY) for topic in PAIRS.values()}
+    publishers = {topic: node.publisher(topic, ODOMETRY) for topic in PAIRS.values()}
     for topic in PAIRS:
         node.subscribe(topic, ODOMETRY)
     received, last = dict.fromkeys(PAIRS, 0), -1
     for topic, truth in node.messages(options.patience_s):
         estimate = PAIRS[topic]
-        say[estimate](add_noise(truth, SIGMA[estimate], random))
+        publishers[estimate](add_noise(truth, SIGMA[estimate], random))
         received[topic] += 1
         last = stamp_ns(truth)
     print(json.dumps({"received": received, "last_s": last / 1e9}))

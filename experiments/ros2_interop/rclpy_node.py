@@ -1,9 +1,9 @@
-"""The controller of example_node.py as a node of rclpy. Not tried: no ROS 2 was at hand where it was written.
+"""The controller of example_node.py as an rclpy node. Not tested: written without a ROS 2 installation.
 
     RMW_IMPLEMENTATION=rmw_cyclonedds_cpp ROS_DOMAIN_ID=0 python3 rclpy_node.py
 
-It needs ROS 2 Humble or later, and what example_node.py imports; messages and transport are those of ROS alone. The
-settings with which DDS finds the simulator are in docs/ros2_live.md.
+It needs ROS 2 Humble or later and the imports of example_node.py; messages and transport are those of ROS. The DDS
+settings for finding the simulator are in docs/ros2_live.md.
 """
 
 from collections.abc import Callable
@@ -23,25 +23,25 @@ def ros_class(name: str) -> Any:
 
 
 def make(name: str, /, **fields: Any) -> Any:
-    """A message of ROS; its sequences take lists."""
+    """A ROS message; arrays become lists."""
     return ros_class(name)(
         **{field: value.tolist() if hasattr(value, "tolist") else value for field, value in fields.items()}
     )
 
 
 class Adapter:
-    """What the controller asks of a node, out of one of rclpy's."""
+    """Interface of `ros_wire.Node` on an rclpy node."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
-        self.hear: Callable[[str, Any], None] = lambda topic, message: None
+        self.on_message: Callable[[str, Any], None] = lambda topic, message: None
 
     def subscribe(self, topic: str, name: str) -> None:
-        """Listens to a topic."""
-        self.node.create_subscription(ros_class(name), topic, lambda message: self.hear(topic, message), 10)
+        """Subscribes to a topic."""
+        self.node.create_subscription(ros_class(name), topic, lambda message: self.on_message(topic, message), 10)
 
     def publisher(self, topic: str, name: str) -> Callable[[Any], None]:
-        """Speaks on a topic."""
+        """Function that publishes on a topic."""
         return self.node.create_publisher(ros_class(name), topic, 10).publish
 
 
@@ -53,12 +53,12 @@ def main() -> None:
     adapter: Any = Adapter(node)
     controller = Controller(adapter, {"formation", "attitude"})
 
-    def hear(topic: str, message: Any) -> None:
+    def on_message(topic: str, message: Any) -> None:
         controller.counts[topic] += 1
         controller.latest[topic] = message
         controller.answer()
 
-    adapter.hear = hear
+    adapter.on_message = on_message
     assert set(controller.counts) == set(INTERFACE)
     rclpy.spin(node)
 

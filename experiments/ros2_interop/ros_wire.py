@@ -1,4 +1,4 @@
-"""ROS 2 topics without ROS: a few lines on cyclonedds and rosbags, to be copied. Nothing of rpojax is needed here."""
+"""ROS 2 topics without ROS, on cyclonedds and rosbags alone; meant to be copied, independent of rpojax."""
 
 import os
 from collections.abc import Iterator
@@ -31,7 +31,7 @@ VISION = {
     "vision_msgs/BoundingBox2D bbox\nstring id",
     "Detection2DArray": "std_msgs/Header header\nvision_msgs/Detection2D[] detections",
 }
-"""Of vision_msgs 4, for `/servicer/camera/detections`; rosbags does not bring them."""
+"""Definitions of vision_msgs 4, for `/servicer/camera/detections`; rosbags does not bring them."""
 STORE = get_typestore(Stores.ROS2_JAZZY)
 for short, text in VISION.items():
     STORE.register(get_types_from_msg(text, f"vision_msgs/msg/{short}"))
@@ -47,7 +47,7 @@ def make(name: str, /, **fields: Any) -> Any:
 
 @cache
 def struct(name: str) -> Any:
-    """The type as DDS knows it. Its samples carry a message; the bytes are made and read by rosbags."""
+    """DDS type whose samples hold a message that rosbags serializes."""
     package, kind, short = name.split("/")
     fields = {field: _type(what) for field, what in STORE.fielddefs[name][1]}
     made: Any = make_idl_struct(f"{short}_", f"{package}.{kind}.dds_.{short}_", fields, dataclassify=False)
@@ -79,7 +79,7 @@ def _type(descriptor: Any) -> Any:
 
 
 class Node:
-    """A participant with publishers and subscriptions, as a ROS node has them."""
+    """DDS participant with publishers and subscriptions, like a ROS node."""
 
     def __init__(self, domain_id: int = 0) -> None:
         self._domain = None if "CYCLONEDDS_URI" in os.environ else Domain(domain_id, LOOPBACK)
@@ -88,7 +88,7 @@ class Node:
         self._readers: dict[str, DataReader] = {}
 
     def subscribe(self, topic: str, name: str) -> None:
-        """Listens to a topic of a type."""
+        """Subscribes to a topic."""
         reader = DataReader(self._participant, Topic(self._participant, "rt" + topic, struct(name)), _qos(name, 100))
         self._waitset.attach(ReadCondition(reader, ANY_STATE))
         self._readers[topic] = reader
@@ -100,22 +100,22 @@ class Node:
         return lambda message: writer.write(made(message))
 
     def take(self, seconds: float) -> list[tuple[str, Any]]:
-        """What has come on all topics, waited for so long [s]; oldest first on each."""
+        """Messages received on all topics within a time [s]; oldest first for each topic."""
         self._waitset.wait(round(seconds * 1e9))
         taken = ((topic, sample) for topic, reader in self._readers.items() for sample in reader.take(100))
         return [(topic, sample.message) for topic, sample in taken if getattr(sample, "message", None) is not None]
 
     def messages(self, patience_s: float) -> Iterator[tuple[str, Any]]:
-        """What comes on all topics, until those who have spoken are gone, or nobody has come for so long [s]."""
-        silent, met = 0.0, False
-        while silent < patience_s and not (met and silent and all(map(self.is_alone, self._readers))):
-            heard = self.take(0.5)
-            silent = 0.0 if heard else silent + 0.5
-            met = met or bool(heard)
-            yield from heard
+        """Messages of all topics, until their publishers have left or there was none for `patience_s` [s]."""
+        silent, started = 0.0, False
+        while silent < patience_s and not (started and silent and all(map(self.has_no_publisher, self._readers))):
+            received = self.take(0.5)
+            silent = 0.0 if received else silent + 0.5
+            started = started or bool(received)
+            yield from received
 
-    def is_alone(self, topic: str) -> bool:
-        """Nobody speaks on a topic that this node listens to."""
+    def has_no_publisher(self, topic: str) -> bool:
+        """Whether a subscribed topic has no publisher."""
         return not self._readers[topic].get_matched_publications()
 
 

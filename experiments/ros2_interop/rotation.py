@@ -1,7 +1,6 @@
-"""Rotations by unit quaternions in plain numbers: a controller turns a few vectors at a time, and each call counts.
+"""Rotations by unit quaternions in plain floats.
 
-SciPy's `Rotation` says the same and takes some twenty times as long for a single one; what differs from it is only that
-vectors come one by one.
+The interface is that of SciPy's `Rotation` for single rotations and vectors, and about twenty times as fast for those.
 """
 
 import math
@@ -36,12 +35,12 @@ class Rotation:
         """From the axis times the angle [rad]."""
         a, b, c = map(float, vector)
         angle = math.hypot(a, b, c)
-        share = math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
-        return cls(share * a, share * b, share * c, math.cos(0.5 * angle))
+        scale = math.sin(0.5 * angle) / angle if angle > 0.0 else 0.5
+        return cls(scale * a, scale * b, scale * c, math.cos(0.5 * angle))
 
     @classmethod
     def from_matrix(cls, matrix: np.ndarray) -> "Rotation":
-        """From a matrix (3, 3) of directions, by the largest of its four numbers (Shepperd 1978)."""
+        """From a direction cosine matrix (3, 3), by the largest quaternion component (Shepperd 1978)."""
         (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
         squares = 1.0 + a - e - i, 1.0 - a + e - i, 1.0 - a - e + i, 1.0 + a + e + i
         largest = max(range(4), key=squares.__getitem__)
@@ -54,7 +53,7 @@ class Rotation:
         return cls.from_quat(rows[largest])
 
     def __mul__(self, first: "Rotation") -> "Rotation":
-        """First the other one, then this one."""
+        """Composition: first the other rotation, then this one."""
         a, b, c, d = self.x, self.y, self.z, self.w
         x, y, z, w = first.x, first.y, first.z, first.w
         return Rotation(
@@ -65,11 +64,11 @@ class Rotation:
         )
 
     def inv(self) -> "Rotation":
-        """The way back."""
+        """Inverse rotation."""
         return Rotation(-self.x, -self.y, -self.z, self.w)
 
     def apply(self, vector: np.ndarray) -> np.ndarray:
-        """A vector (3,), turned."""
+        """Rotated vector (3,)."""
         x, y, z, w = self.x, self.y, self.z, self.w
         a, b, c = vector.tolist()
         # v + 2 q x (q x v + w v)
@@ -81,7 +80,7 @@ class Rotation:
         return self.x, self.y, self.z, self.w
 
     def as_rotvec(self) -> np.ndarray:
-        """The axis times the angle [rad], by the shorter way."""
+        """Axis times angle [rad], with the smaller angle."""
         sine = math.hypot(self.x, self.y, self.z)
         angle = 2.0 * math.atan2(math.copysign(sine, self.w), abs(self.w))
         return (angle / sine if sine > 0.0 else 2.0) * np.array([self.x, self.y, self.z])

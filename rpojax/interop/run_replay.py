@@ -1,9 +1,8 @@
-"""A run of a campaign flown once more, alone, with all that somebody wants to know of its ticks.
+"""Replay of one run of a campaign from its seed and run id, with any values observed at every tick.
 
-A stored history has what a report needs, in single precision; messages and the viewer say more: both attitudes,
-covariances, what every sensor gave, commands. So the run is flown again from its seed and number. Alone its last digits
-are others than in the campaign's batch, and what hangs on a threshold may then go another way: how far the flight is
-from what the campaign recorded is found out, and said.
+A stored history has what a report needs, in single precision; ROS messages and the viewer need attitudes, covariances,
+measurements and commands. A run simulated alone differs in its last digits from the same run in the campaign's batch,
+and a decision at a threshold may then differ: `compare_with_campaign` tells by how much.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -16,28 +15,30 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.campaign import rerender, run_and_resume, single_run
-from rpojax.campaign.execution import block_runner
+from rpojax.campaign import rerender, single_run
+from rpojax.campaign.execution import campaign_engine
 from rpojax.campaign.rerun import check_run_id
 from rpojax.campaign.storage.campaign_folder import Campaign, trace_stride
 from rpojax.core.numerics import safe
-from rpojax.dispersions import designs
+from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
 from rpojax.flight.computer import Stages
+from rpojax.runtime.progress import Progress, ProgressCallback
 from rpojax.scenario.params import Params
-from rpojax.scenario.scenario_file import Scenario
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation import closed_loop
-from rpojax.simulation.closed_loop import State, Telemetry
+from rpojax.scenario.static_settings import Scenario
+from rpojax.simulation.state import State
+from rpojax.simulation.step import step
+from rpojax.simulation.telemetry import Telemetry
 
 Values = TypeVar("Values")
 TickObserver = Callable[[Stages, Scenario, Params, Telemetry], Any]
-"""What is kept of a tick: arrays in a structure. A function of a module, as programs are kept by it."""
+"""Function that returns the arrays to keep of a tick. One of a module, as compiled functions are cached by it."""
 _TickRecord = tuple[Any, dict[str, Array], Array]
 PosedPicture = tuple[np.ndarray, Mapping[str, np.ndarray]]
-"""A picture (p, p, 3), uint8 sRGB codes, and the poses that it was taken with."""
+"""Image (p, p, 3), uint8 sRGB codes, and the poses it was rendered with."""
 
 _TICKS_PER_SEGMENT = 200
-"""About so many ticks are flown between two reports of progress."""
+"""Approximate number of ticks between two reports of progress."""
 
 
 @dataclass(frozen=True)
@@ -45,20 +46,20 @@ class ReplayedRun(Generic[Values]):
     """One run, up to its end or its failure.
 
     Attributes:
-        file: scenario of the campaign; the run is flown in double precision whatever it asks for
+        file: scenario of the campaign; a replay is in double precision, whatever precision the scenario has
         seed: master seed
         run_id: number of the run
-        population: runs that its design was made for
-        chosen: its dispersed numbers
-        failed_at_s: when it failed [s], nan for a completed run
+        run_range: runs that the design of experiments covers
+        params: dispersed parameters
+        failed_at_s: time of failure [s], nan for a completed run
         values: what was observed, ticks first
-        poses: `time_s`, `range_m` and what a picture can be taken again from, ticks first, as a history has it
+        poses: `time_s`, `range_m` and the poses for rendering images again, ticks first, as in a history
     """
 
     file: ScenarioFile
     seed: int
     run_id: int
-    population: designs.RunRange
+    run_range: RunRange
     params: Params
     failed_at_s: float
     values: Values
@@ -81,11 +82,11 @@ class ReplayedRun(Generic[Values]):
 
 @dataclass(frozen=True)
 class ReplayAgreement:
-    """How a flight compares with the samples of the range that a campaign keeps of every run.
+    """Comparison of a replay with the samples of the range that a campaign stores of every run.
 
     Attributes:
-        samples: that both have
-        range_difference_m: largest difference
+        samples: number of samples that both have
+        range_difference_m: largest difference [m]
         same_end: both completed, or both failed at the same time
     """
 
@@ -99,32 +100,31 @@ def replay(
     run_id: int,
     observe_tick: TickObserver,
     stages: Stages | None = None,
-    on_progress: run_and_resume.ProgressCallback | None = None,
+    on_progress: ProgressCallback | None = None,
 ) -> ReplayedRun:
-    """Flies a run of a campaign again.
+    """Simulates a run of a campaign again.
 
     Raises:
         RpojaxError: there is no such run, or scenario, trained files or stages are not those of the campaign.
     """
     check_run_id(campaign, run_id)
-    file = block_runner.engine_from_configuration(campaign.configuration, jax.devices()[:1], stages).file
-    # A run alone is flown in double precision; how far that is from the campaign is found out in any case.
+    file = campaign_engine.recreate_engine(campaign.configuration, jax.devices()[:1], stages).file
     in_double = file.model_copy(update={"precision": "double"})
-    population = designs.recorded_run_range(campaign.configuration)
-    scenario, params, state = single_run.initialise_run(in_double, campaign.configuration["seed"], run_id, population)
+    run_range = recorded_run_range(campaign.configuration)
+    scenario, params, state = single_run.initialise_run(in_double, campaign.configuration["seed"], run_id, run_range)
     segments = -(-scenario.ticks // _TICKS_PER_SEGMENT)
     segment_ticks = -(-scenario.ticks // segments)
     records = []
     for number in range(segments):
         if on_progress:
-            on_progress(run_and_resume.Progress(number / segments, 1, 0, compiled=number > 0))
+            on_progress(Progress(number / segments, 1, 0, compiled=number > 0))
         state, record = _simulate_segment(scenario, stages or Stages(), observe_tick, segment_ticks, params, state)
         records.append(jax.tree.map(np.asarray, record))
-    # The last segment may go beyond the end of the scenario.
+    # The last segment may extend beyond the end of the scenario.
     failed_at = float(state.failed_at) if float(state.failed_at) < file.duration_s else np.nan
     *record, running = jax.tree.map(lambda *each: np.concatenate(each)[: scenario.ticks], *records)
     values, poses = jax.tree.map(lambda each: each[: int(running.sum())], record)
-    return ReplayedRun(file, campaign.configuration["seed"], run_id, population, params, failed_at, values, poses)
+    return ReplayedRun(file, campaign.configuration["seed"], run_id, run_range, params, failed_at, values, poses)
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2, 3))
@@ -132,8 +132,9 @@ def _simulate_segment(
     scenario: Scenario, stages: Stages, observe_tick: TickObserver, ticks: int, params: Params, state: State
 ) -> tuple[State, _TickRecord]:
     def body(carry: State, _: None) -> tuple[State, _TickRecord]:
-        after, seen = closed_loop.tick(stages, scenario, params, carry)
-        return after, (observe_tick(stages, scenario, params, seen), _recorded_poses(scenario, seen), seen.running)
+        after, telemetry = step(scenario, params, carry, stages)
+        observed = observe_tick(stages, scenario, params, telemetry)
+        return after, (observed, _recorded_poses(scenario, telemetry), telemetry.running)
 
     return jax.lax.scan(body, state, None, length=ticks)
 
@@ -152,19 +153,19 @@ def _recorded_poses(scenario: Scenario, telemetry: Telemetry) -> dict[str, Array
 
 
 def rerendered_pictures(run: ReplayedRun, ticks: Sequence[int]) -> Iterator[PosedPicture]:
-    """Pictures (p, p, 3), uint8 sRGB codes, with the poses, that a rendered camera took in some ticks, taken again."""
-    return rerender.render_images(run.file, run.seed, run.run_id, run.poses, ticks, run.population)
+    """Images of a rendered camera at some ticks, rendered again, each with its poses."""
+    return rerender.render_images(run.file, run.seed, run.run_id, run.poses, ticks, run.run_range)
 
 
 def compare_with_campaign(run: ReplayedRun, campaign: Campaign) -> ReplayAgreement | None:
-    """How far a flight is from what the campaign recorded of the run; None where it has not recorded it yet."""
+    """Comparison of a replay with the campaign's record of the run; None where there is no record yet."""
     rows = np.flatnonzero(campaign.run_ids == run.run_id)
     if not len(rows):
         return None
     recorded = campaign.traces["range_m"][rows[0]]
     replayed = run.poses["range_m"][:: trace_stride(run.file)]
     samples = min(int(np.isfinite(recorded).sum()), len(replayed))
-    # The trace is kept in single precision, so that of the flight is rounded likewise.
+    # The stored trace is in single precision, so the replayed one is rounded too.
     difference = np.abs(
         recorded[:samples].astype(np.float64) - replayed[:samples].astype(np.float32).astype(np.float64)
     )

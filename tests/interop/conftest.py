@@ -1,4 +1,4 @@
-"""A short flight with a burn, observed for bags and for the viewer at once, and a made-up run."""
+"""A short run with a burn, replayed once with the values of messages and of the viewer, and a synthetic run."""
 
 import dataclasses
 from typing import Any
@@ -16,23 +16,23 @@ from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
 from rpojax.interop.ros2 import message_values
 from rpojax.interop.ros2.message_values import RosTickValues
 from rpojax.interop.run_replay import ReplayedRun, TickObserver
-from rpojax.scenario import scenario_file
+from rpojax.scenario.loading import scenario_loader
 
 SEED, RUN = 5, 3
-SHORT = ("duration_s=180", "rates.formation_period_s=115")
-"""Long enough for the second decision, the first with the target in sight, and its burn."""
+OVERRIDES = ("duration_s=180", "rates.formation_period_s=115")
+"""Long enough for the second burn decision, the first with the target in sight, and its burn."""
 
 
 @pytest.fixture(scope="session")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
+def campaign(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
     """A campaign folder in which no block is done."""
-    file = scenario_file.load("inspection", SHORT)
+    file = scenario_loader.load("inspection", OVERRIDES)
     return empty_campaign(tmp_path_factory.mktemp("interop") / "runs", file, SEED, 4, 0, 1)
 
 
 @pytest.fixture(scope="session")
 def observe_both() -> TickObserver:
-    """What messages and the viewer say of a tick, so that one program is compiled for both."""
+    """Observer of both kinds of values, so that one function is compiled for all tests."""
 
     def observe(*tick: Any) -> tuple[RosTickValues, dict]:
         return message_values.observe_tick(*tick), viewer_channels.observe_tick(*tick)
@@ -41,37 +41,37 @@ def observe_both() -> TickObserver:
 
 
 @pytest.fixture(scope="session")
-def both(folder: Campaign, observe_both: TickObserver) -> ReplayedRun[tuple[RosTickValues, ViewerChannels]]:
-    """One of its runs, flown again."""
-    return run_replay.replay(folder, RUN, observe_both)
+def observed_run(campaign: Campaign, observe_both: TickObserver) -> ReplayedRun[tuple[RosTickValues, ViewerChannels]]:
+    """Replay of a run of that campaign."""
+    return run_replay.replay(campaign, RUN, observe_both)
 
 
 @pytest.fixture(scope="session")
-def flight(both: ReplayedRun) -> ReplayedRun[RosTickValues]:
-    """That run with everything that messages say."""
-    return dataclasses.replace(both, values=both.values[0])
+def ros_run(observed_run: ReplayedRun) -> ReplayedRun[RosTickValues]:
+    """That run with the values of messages."""
+    return dataclasses.replace(observed_run, values=observed_run.values[0])
 
 
 @pytest.fixture(scope="session")
-def shown(both: ReplayedRun) -> ReplayedRun[ViewerChannels]:
-    """That run with everything that the viewer shows."""
-    return dataclasses.replace(both, values=both.values[1])
+def viewer_run(observed_run: ReplayedRun) -> ReplayedRun[ViewerChannels]:
+    """That run with the channels of the viewer."""
+    return dataclasses.replace(observed_run, values=observed_run.values[1])
 
 
 @pytest.fixture(scope="session")
-def around_burn(flight: ReplayedRun[RosTickValues]) -> ReplayedRun[RosTickValues]:
-    """The part of it with the decision and the burn."""
-    values, poses = jax.tree.map(lambda each: each[112:180:4], (flight.values, flight.poses))
-    return dataclasses.replace(flight, values=values, poses=poses)
+def burn_interval(ros_run: ReplayedRun[RosTickValues]) -> ReplayedRun[RosTickValues]:
+    """Every fourth tick around the burn decision and the burn."""
+    values, poses = jax.tree.map(lambda each: each[112:180:4], (ros_run.values, ros_run.poses))
+    return dataclasses.replace(ros_run, values=values, poses=poses)
 
 
 @pytest.fixture(scope="session")
-def shots(around_burn: ReplayedRun) -> np.ndarray:
-    """A picture of noise for every tick of that part; the camera of the flight takes none."""
-    return np.random.default_rng(1).integers(0, 256, (around_burn.ticks, 6, 8, 3), dtype=np.uint8)
+def noise_images(burn_interval: ReplayedRun) -> np.ndarray:
+    """An image of noise for every tick of that interval; the geometric camera of the run takes none."""
+    return np.random.default_rng(1).integers(0, 256, (burn_interval.ticks, 6, 8, 3), dtype=np.uint8)
 
 
 @pytest.fixture
 def synthetic_run() -> ReplayedRun[ViewerChannels]:
-    """A made-up run through the geometric camera."""
+    """A synthetic run with the geometric camera."""
     return make_synthetic_run()

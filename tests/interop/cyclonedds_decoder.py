@@ -1,4 +1,4 @@
-"""The second reader of a bag's bytes: cyclonedds, with classes made from the definitions of the types."""
+"""Independent decoder of a bag's messages: cyclonedds classes made from the message definitions."""
 
 from functools import cache
 from importlib import import_module
@@ -13,7 +13,7 @@ _BASES = {"bool": bool, "string": str, "byte": types.uint8, "char": types.uint8,
 
 @cache
 def message_class(name: str) -> Any:
-    """Class of a message type."""
+    """Cyclonedds class of a message type."""
     fields = {field: _type(kind) for field, kind in typestore().fielddefs[name][1]}
     return make_idl_struct(name.rpartition("/")[2] + "_", name.replace("/", "."), fields)
 

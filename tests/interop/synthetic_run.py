@@ -1,24 +1,24 @@
-"""A made-up run as the viewer shows it, so that nothing has to be flown."""
+"""Synthetic run with the channels of the viewer, without a simulation."""
 
 import jax.numpy as jnp
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from rpojax.campaign import single_run
-from rpojax.dispersions.designs import RunRange
+from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
 from rpojax.interop.run_replay import ReplayedRun
-from rpojax.scenario import scenario_file
-from rpojax.sensors import geometric_camera
+from rpojax.scenario.loading import scenario_loader
+from rpojax.sensors import camera_geometry
 
 TICKS = 60
 NO_BOX, REJECTED = 5, 7
 BURN = slice(20, 24)
 
 
-def look_at_target(rho_H: np.ndarray, R_KB: np.ndarray) -> np.ndarray:
-    """Attitudes R_BH (ticks, 3, 3) in which the camera looks at the origin, its x axis along the orbit normal."""
+def target_pointing_attitude(rho_H: np.ndarray, R_KB: np.ndarray) -> np.ndarray:
+    """Attitudes R_BH (ticks, 3, 3) with the camera pointing at the origin, its x axis along the orbit normal."""
     z = -rho_H / np.linalg.norm(rho_H, axis=1, keepdims=True)
     x = np.array([0.0, 0.0, 1.0]) - z[:, 2:] * z
     x /= np.linalg.norm(x, axis=1, keepdims=True)
@@ -32,7 +32,7 @@ def scalar_first(R: np.ndarray) -> np.ndarray:
 
 
 def channels_of(R_HN: np.ndarray) -> dict[str, np.ndarray]:
-    """What is shown of a run from 50 m to 40 m with a burn, a tick without a box and one with a rejected box."""
+    """Channels of an approach from 50 m to 40 m with a burn, a tick without a box and one with a rejected box."""
     time, none = np.arange(TICKS) * 1.0, np.arange(TICKS) == NO_BOX
     rho = np.stack([0.3 * np.sin(time / 20.0), -50.0 + 10.0 * time / TICKS, 0.2 * np.cos(time / 30.0)], axis=1)
     burning = np.zeros(TICKS)
@@ -67,7 +67,7 @@ def channels_of(R_HN: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def poses_of(values: ViewerChannels, R_KB: np.ndarray) -> dict[str, np.ndarray]:
-    """Poses of the same run: the camera looks at the target, which turns about its x axis by 1 deg/s."""
+    """Poses of the same run: the camera points at the target, which turns about its x axis by 1 deg/s."""
     time, R_HN, rho = np.arange(TICKS) * 1.0, values["R_HN"], values["rho_H"]
     tumble = Rotation.from_rotvec(np.deg2rad(1.0) * time[:, None] * np.array([1.0, 0.0, 0.0])).inv().as_matrix()
     return {
@@ -76,7 +76,7 @@ def poses_of(values: ViewerChannels, R_KB: np.ndarray) -> dict[str, np.ndarray]:
         "r_TN_N": 7e6 * R_HN[:, 0],
         "r_ST_N": np.einsum("tji,tj->ti", R_HN, rho),
         "q_TN": scalar_first(tumble @ R_HN),
-        "q_BN": scalar_first(look_at_target(rho, R_KB) @ R_HN),
+        "q_BN": scalar_first(target_pointing_attitude(rho, R_KB) @ R_HN),
         "window_px": np.tile([0.0, 0.0, 128.0], (TICKS, 1)),
     }
 
@@ -89,11 +89,11 @@ def orbit_frames() -> np.ndarray:
 
 
 def synthetic_run(*overrides: str) -> ReplayedRun[ViewerChannels]:
-    """The run, with overrides of the scenario."""
-    file = scenario_file.load("inspection", overrides)
-    chosen = single_run.nominal_parameters(file)[1]
+    """The synthetic run, with overrides of the scenario."""
+    file = scenario_loader.load("inspection", overrides)
+    params = single_run.nominal_parameters(file)[1]
     identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
-    q_KB = np.asarray(geometric_camera.camera_attitude(chosen.camera, identity))
+    q_KB = np.asarray(camera_geometry.camera_attitude(params.camera, identity))
     values = channels_of(orbit_frames())
     poses = poses_of(values, Rotation.from_quat(np.roll(q_KB, -1)).as_matrix())
-    return ReplayedRun(file, 1, 4, RunRange(0, 8), chosen, np.nan, values, poses)
+    return ReplayedRun(file, 1, 4, RunRange(0, 8), params, np.nan, values, poses)

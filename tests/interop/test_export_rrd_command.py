@@ -1,4 +1,4 @@
-"""The verb that writes recordings for the viewer."""
+"""The command that writes recordings for the viewer."""
 
 import json
 from collections.abc import Callable
@@ -16,27 +16,27 @@ Export = Callable[..., tuple[int, str]]
 
 @pytest.fixture
 def export(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], shown: ReplayedRun[ViewerChannels]
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], viewer_run: ReplayedRun[ViewerChannels]
 ) -> Export:
-    """The verb in this process, with a run that has been flown: exit status and what it said."""
+    """The command in this process, with a given replay: exit status and output."""
     from rpojax.cli import main
 
-    monkeypatch.setattr(run_replay, "replay", lambda *_, **__: shown)
+    monkeypatch.setattr(run_replay, "replay", lambda *_, **__: viewer_run)
 
-    def run(*words: object) -> tuple[int, str]:
+    def run(*arguments: object) -> tuple[int, str]:
         capsys.readouterr()
-        status = main.main(["export-rrd", *map(str, words)])
-        said = capsys.readouterr()
-        return status, said.err if status else said.out
+        status = main.main(["export-rrd", *map(str, arguments)])
+        output = capsys.readouterr()
+        return status, output.err if status else output.out
 
     return run
 
 
-def test_the_verb_tells_what_it_wrote(folder: Campaign, export: Export, tmp_path: Path) -> None:
+def test_a_recording_is_written_and_described(campaign: Campaign, export: Export, tmp_path: Path) -> None:
     out = tmp_path / "new" / "run.rrd"
-    status, said = export(folder.directory, "--run-id", 3, "--out", out, "--json")
+    status, output = export(campaign.directory, "--run-id", 3, "--out", out, "--json")
     assert status == 0
-    assert json.loads(said) == {
+    assert json.loads(output) == {
         "file": str(out),
         "run_id": 3,
         "ticks": 180,
@@ -45,17 +45,19 @@ def test_the_verb_tells_what_it_wrote(folder: Campaign, export: Export, tmp_path
         "agreement": None,
     }
     refused = f"rpojax: error: {out}: exists already; --force replaces it\n"
-    assert export(folder.directory, "--run-id", 3, "--out", out) == (2, refused)
-    again = f"{out}\nflown again; the campaign has not recorded this run yet\n"
-    assert export(folder.directory, "--run-id", 3, "--out", out, "--force") == (0, again)
+    assert export(campaign.directory, "--run-id", 3, "--out", out) == (2, refused)
+    again = f"{out}\nreplayed; the campaign has not recorded this run yet\n"
+    assert export(campaign.directory, "--run-id", 3, "--out", out, "--force") == (0, again)
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("arguments", "error"),
     [
         (["--out", "run.mp4"], "run.mp4: found suffix '.mp4', expected .rrd"),
         (["--out", "r.rrd", "--every", "0"], "--every: found 0, expected at least 1"),
     ],
 )
-def test_the_verb_refuses_in_one_line(folder: Campaign, export: Export, words: list[str], said: str) -> None:
-    assert export(folder.directory, "--run-id", 3, *words) == (2, f"rpojax: error: {said}\n")
+def test_invalid_arguments_are_refused_in_one_line(
+    campaign: Campaign, export: Export, arguments: list[str], error: str
+) -> None:
+    assert export(campaign.directory, "--run-id", 3, *arguments) == (2, f"rpojax: error: {error}\n")

@@ -1,54 +1,54 @@
-"""When a live run goes on: as soon as its commands are there, or when the wall clock says so."""
+"""Clocks of a live run: lockstep with the commands, or real time."""
 
 import time
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from rpojax.interop.cosimulation.message_exchange import CommandCheck, CommandSubscription, T
+from rpojax.interop.cosimulation.command_subscription import CommandCheck, CommandSubscription, T
 from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S
 
 
 class Clock(Protocol):
-    """How long a command is waited for, and how long a step takes."""
+    """Policy for how long to wait for commands and at the end of steps."""
 
     def wait_for_command(self, subscription: CommandSubscription, time_ns: int, check: CommandCheck[T]) -> T | None:
-        """The command for the time `at` [ns], None if it is late."""
+        """Command for simulation time `time_ns`, None if it is late."""
         ...
 
     def wait_until(self, time_ns: int) -> None:
-        """Waits until the step that ends at a time [ns] may end."""
+        """Waits until the step that ends at simulation time `time_ns` may end."""
         ...
 
 
 @dataclass
 class LockstepClock:
-    """Every command carries the very stamp that it answers, and the run waits for it.
+    """Clock that waits for the command with exactly the stamp of the current step.
 
     Attributes:
-        timeout_s: but no longer
+        timeout_s: time after which a command is late, in real time
     """
 
     timeout_s: float
 
     def wait_for_command(self, subscription: CommandSubscription, time_ns: int, check: CommandCheck[T]) -> T | None:
-        """The command with this stamp."""
+        """Command with this stamp, None if it is late."""
         found = subscription.wait_for_command(time_ns, True, check, time.monotonic() + self.timeout_s)
         return None if found is None else found[1]
 
     def wait_until(self, time_ns: int) -> None:
-        """Goes on at once."""
+        """Returns at once."""
 
 
 @dataclass
 class RealTimeClock:
-    """Steps begin and end by the wall clock; a command counts from its coming until a newer one, or until it is old.
+    """Clock that follows the wall clock; a command is valid until a newer one arrives or its age is `timeout_s`.
 
     Attributes:
         factor: simulated over real time
-        step_ns: of the plant [ns]
-        timeout_s: age at which a command is old, in real time
+        step_ns: plant step [ns]
+        timeout_s: largest age of a command, in real time
         started: monotonic time of the start [s]
-        lag_s: by how much the run was behind at worst, in real time
+        lag_s: largest delay of the run behind the wall clock, in real time
     """
 
     factor: float
@@ -59,7 +59,7 @@ class RealTimeClock:
     _latest: dict[str, tuple[int, Any]] = field(default_factory=dict)
 
     def wait_for_command(self, subscription: CommandSubscription, time_ns: int, check: CommandCheck[T]) -> T | None:
-        """The newest command that has come until the end of the step that begins at `at` [ns]."""
+        """Newest command received before the end of the step that begins at `time_ns`, None if it is too old."""
         found = subscription.wait_for_command(time_ns, False, check, self._wall_time(time_ns + self.step_ns))
         if found is not None:
             self._latest[subscription.topic.name] = found
@@ -69,7 +69,7 @@ class RealTimeClock:
         return content
 
     def wait_until(self, time_ns: int) -> None:
-        """Sleeps until it is time."""
+        """Sleeps until the wall clock has reached `time_ns`."""
         remaining_s = self._wall_time(time_ns) - time.monotonic()
         self.lag_s = max(self.lag_s, -remaining_s)
         if remaining_s > 0.0:

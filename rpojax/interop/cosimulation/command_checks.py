@@ -1,6 +1,6 @@
-"""Commands from outside, checked before they count: nothing that a node says may break a run.
+"""Checks of received commands: finite, within limits, right lengths, names and frames.
 
-Each check gives what the command says, or the reason why it is ignored.
+Each check returns the content of the command, or the reason why it is ignored.
 """
 
 import enum
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rpojax.core.constants import RADIUS_EARTH
-from rpojax.interop.ros2.frame_names import ECI, HILL, SERVICER
+from rpojax.interop.ros2.frame_ids import ECI, HILL, SERVICER
 from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S, THRUSTER_JOINT, WHEEL_JOINTS
 
 
@@ -34,12 +34,12 @@ class RejectionReason(enum.StrEnum):
 
 @dataclass(frozen=True)
 class CommandLimits:
-    """What is still taken for a command.
+    """Limits within which a command is accepted.
 
     Attributes:
         torque: (3,) of the wheels [N m]
         minimum_on_time_s: of the thruster
-        longest_on_time_s: of the thruster
+        maximum_on_time_s: of the thruster
     """
 
     torque: np.ndarray
@@ -49,19 +49,19 @@ class CommandLimits:
 
 @dataclass(frozen=True)
 class BurnWindow:
-    """When the valve is open, counted from the start of the run [ns]; a burn without length is none."""
+    """Times of opening and closing the valve, from the start of the run [ns]; equal ones are no burn."""
 
     ignition_ns: int = 0
     cutoff_ns: int = 0
 
 
 TORQUE_REJECTION_FACTOR = 10.0
-"""A torque command so many times beyond the limit is no command; below, the drive gives what it can."""
+"""Multiple of the torque limit from which a command is rejected; below it, the drive limits the torque."""
 
 _TIME_TOLERANCE_NS = 1000
 _UNIT_NORM_TOLERANCE = 1e-3
 _LARGEST_RANGE_M = 1e5
-"""From the target; the linear motion that formation control counts on ends long before."""
+"""From the target, far beyond the range where the linear motion of formation control is valid."""
 _SMALLEST_RANGE_M = 0.1
 _LARGEST_ORBIT_RADIUS_M = 1e9
 _LARGEST_VARIANCE = 1e18
@@ -88,9 +88,9 @@ def wheel_torque(message: Any, limits: CommandLimits) -> np.ndarray | RejectionR
 
 
 def burn_window(message: Any, limits: CommandLimits, now_ns: int, previous: BurnWindow) -> BurnWindow | RejectionReason:
-    """Opening of the valve that a `trajectory_msgs/JointTrajectory` asks for `now` [ns], after the one `before`.
+    """Burn commanded by a `trajectory_msgs/JointTrajectory` at time `now_ns`; without points there is none.
 
-    Without points there is none. A valve that is to be open already is that of the burn before, told again.
+    An ignition in the past is accepted only where it is that of the `previous` burn, repeated.
     """
     points = list(message.points)
     if len(points) not in (0, 2) or len(message.joint_names) > 1:
@@ -102,7 +102,7 @@ def burn_window(message: Any, limits: CommandLimits, now_ns: int, previous: Burn
     if not points:
         return BurnWindow()
     switch_times = [header_stamp_ns(message) + _duration_ns(point.time_from_start) for point in points]
-    # Who works out the times anew every second may be off by a rounding.
+    # Nodes that compute the times anew at every tick may differ by rounding.
     ignition, cutoff = (
         known if abs(time - known) < _TIME_TOLERANCE_NS else time
         for time, known in zip(switch_times, (previous.ignition_ns, previous.cutoff_ns), strict=True)
@@ -124,20 +124,20 @@ def unit_orientation(message: Any) -> np.ndarray | RejectionReason:
 
 
 def servicer_odometry(message: Any) -> Any | RejectionReason:
-    """The `nav_msgs/Odometry` itself, if it can be the servicer's in `eci`."""
+    """The `nav_msgs/Odometry` itself, if it is plausible for the servicer in `eci`."""
     return _odometry(message, ECI, (RADIUS_EARTH, _LARGEST_ORBIT_RADIUS_M))
 
 
 def relative_odometry(message: Any) -> Any | RejectionReason:
-    """The `nav_msgs/Odometry` itself, if it can be the servicer's from the target."""
+    """The `nav_msgs/Odometry` itself, if it is plausible for the servicer relative to the target."""
     return _odometry(message, HILL, (_SMALLEST_RANGE_M, _LARGEST_RANGE_M))
 
 
 def _odometry(message: Any, frame: str, distance_range: tuple[float, float]) -> Any | RejectionReason:
     if message.header.frame_id != frame or message.child_frame_id != SERVICER:
         return RejectionReason.WRONG_FRAME
-    place, velocity = message.pose.pose.position, message.twist.twist.linear
-    position = np.array([place.x, place.y, place.z])
+    center, velocity = message.pose.pose.position, message.twist.twist.linear
+    position = np.array([center.x, center.y, center.z])
     covariances = (np.asarray(message.pose.covariance), np.asarray(message.twist.covariance))
     if not np.isfinite([*position, velocity.x, velocity.y, velocity.z, *covariances[0], *covariances[1]]).all():
         return RejectionReason.NOT_FINITE
@@ -146,20 +146,20 @@ def _odometry(message: Any, frame: str, distance_range: tuple[float, float]) -> 
         return RejectionReason.BEYOND_LIMIT
     if isinstance(quaternion := _normalized(message.pose.pose.orientation), RejectionReason):
         return quaternion
-    if not all(_is_covariance(doubt.reshape(6, 6)[:3, :3]) for doubt in covariances):
+    if not all(_is_covariance(P.reshape(6, 6)[:3, :3]) for P in covariances):
         return RejectionReason.NO_COVARIANCE
     return message
 
 
 def _is_covariance(P: np.ndarray) -> bool:
-    """Whether a matrix is symmetric and positive definite, so that the filter can go on from it."""
+    """Whether a matrix is symmetric and positive definite, as the filter needs it."""
     if np.abs(P).max() > _LARGEST_VARIANCE or not np.allclose(P, P.T, rtol=1e-6, atol=0.0):
         return False
     return bool(np.linalg.eigvalsh(P).min() > 0.0)
 
 
-def _normalized(turn: Any) -> np.ndarray | RejectionReason:
-    xyzw = np.array([turn.x, turn.y, turn.z, turn.w])
+def _normalized(orientation: Any) -> np.ndarray | RejectionReason:
+    xyzw = np.array([orientation.x, orientation.y, orientation.z, orientation.w])
     if not np.isfinite(xyzw).all():
         return RejectionReason.NOT_FINITE
     size = float(np.linalg.norm(np.clip(xyzw, -2.0, 2.0)))

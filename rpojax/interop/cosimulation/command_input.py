@@ -1,4 +1,4 @@
-"""What the other side has decided, and what is done instead where it has not."""
+"""Commands of external nodes as the flight software uses them, and the fallback for late ones."""
 
 import time
 from typing import Any
@@ -10,13 +10,15 @@ from rpojax.errors import UnfinishedError
 from rpojax.interop.cosimulation import command_checks, live_topics
 from rpojax.interop.cosimulation.clock import Clock
 from rpojax.interop.cosimulation.command_checks import BurnWindow, CommandLimits
+from rpojax.interop.cosimulation.command_subscription import CommandCheck, T
 from rpojax.interop.cosimulation.event_log import EventLog
 from rpojax.interop.cosimulation.live_settings import LiveSettings
-from rpojax.interop.cosimulation.message_exchange import CommandCheck, MessageExchange, T
+from rpojax.interop.cosimulation.message_exchange import MessageExchange
 from rpojax.interop.cosimulation.odometry_input import orbit_estimate_from_odometry
 from rpojax.interop.ros2 import topics
-from rpojax.interop.ros2.frame_names import quaternion_from_orientation
-from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S, TopicMessages
+from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S
+from rpojax.interop.ros2.ros_orientation import quaternion_from_orientation
+from rpojax.interop.ros2.tick_messages import TopicMessages
 from rpojax.interop.ros2.topics import Topic
 from rpojax.simulation.external_stages import BurnDecider, ExternalBurn, ExternalOrbitEstimate
 
@@ -25,9 +27,9 @@ NO_BURN = ExternalBurn(ignition=jnp.zeros(()), cutoff=jnp.zeros(()), q_burn=jnp.
 
 
 class CommandInput:
-    """The other side of a run: commands as they are asked for, each for its time [ns].
+    """Commands from external nodes, each for a simulation time [ns], with the chosen fallback for late ones.
 
-    Each raises `UnfinishedError` where the run is to stop: on a late command if so agreed, and after a long silence.
+    All commands raise `UnfinishedError` on a late command where the policy is `stop`, and after a long silence.
     """
 
     def __init__(
@@ -44,7 +46,7 @@ class CommandInput:
         self._exchange.publish(messages)
 
     def wait_until(self, time_ns: int) -> None:
-        """Waits until a step that ends at a time [ns] may end."""
+        """Waits until the step that ends at `time_ns` may end."""
         self._clock.wait_until(time_ns)
 
     def wheel_torque(self, time_ns: int) -> np.ndarray:
@@ -61,7 +63,7 @@ class CommandInput:
         return found
 
     def burn_command(self, time_ns: int) -> tuple[BurnDecider, ExternalBurn]:
-        """Who has decided on the burn of a tick, and what."""
+        """Decision on the burn of a tick, and the burn."""
 
         def check(message: Any) -> BurnWindow | command_checks.RejectionReason:
             return command_checks.burn_window(message, self._limits, time_ns, self._burn_window)
@@ -69,35 +71,35 @@ class CommandInput:
         found = self._wait_for_command(topics.THRUSTER_COMMAND, time_ns, check)
         if found is None:
             kept = self._count_late(topics.THRUSTER_COMMAND, time_ns, "the plan holds", "no burn")
-            return ("nobody", NO_BURN) if kept else self._close_valve(time_ns)
+            return ("none", NO_BURN) if kept else self._close_valve(time_ns)
         if found == BurnWindow():
             return self._close_valve(time_ns)
         xyzw = self._wait_for_command(live_topics.ATTITUDE_TARGET, time_ns, command_checks.unit_orientation)
         if xyzw is None:
             kept = self._count_late(live_topics.ATTITUDE_TARGET, time_ns, "the plan holds", "no burn")
-            return ("nobody", NO_BURN) if kept else self._close_valve(time_ns)
+            return ("none", NO_BURN) if kept else self._close_valve(time_ns)
         if found == self._burn_window:
-            return "nobody", NO_BURN
+            return "none", NO_BURN
         self._burn_window = found
-        return "given", ExternalBurn(
+        return "external", ExternalBurn(
             ignition=jnp.asarray(found.ignition_ns / NANOSECONDS_PER_S, dtype=jnp.float64),
             cutoff=jnp.asarray(found.cutoff_ns / NANOSECONDS_PER_S, dtype=jnp.float64),
             q_burn=quaternion_from_orientation(jnp.asarray(xyzw)),
         )
 
     def orbit_estimate(self, time_ns: int) -> ExternalOrbitEstimate | None:
-        """Orbit estimate of a tick; None where the own filter has to go on from the last one."""
+        """Orbit estimate of a tick; None where the simulator's filter has to continue from the last one."""
         servicer = self._wait_for_command(topics.SERVICER_ESTIMATE, time_ns, command_checks.servicer_odometry)
         relative = self._wait_for_command(topics.RELATIVE_ESTIMATE, time_ns, command_checks.relative_odometry)
         for topic, found in ((topics.SERVICER_ESTIMATE, servicer), (topics.RELATIVE_ESTIMATE, relative)):
             if found is None:
-                self._count_late(topic, time_ns, "the own filter goes on", "the own filter goes on")
+                self._count_late(topic, time_ns, "the simulator's filter continues", "the simulator's filter continues")
         return None if servicer is None or relative is None else orbit_estimate_from_odometry(servicer, relative)
 
     def _close_valve(self, time_ns: int) -> tuple[BurnDecider, ExternalBurn]:
-        """The valve closed, where it is open or about to be."""
+        """Burn command that closes the valve where it is open or will open, else leaves the plan."""
         pending, self._burn_window = self._burn_window.cutoff_ns > time_ns, BurnWindow()
-        return ("given" if pending else "nobody"), NO_BURN
+        return ("external" if pending else "none"), NO_BURN
 
     def _wait_for_command(self, topic: Topic, time_ns: int, check: CommandCheck[T]) -> T | None:
         found = self._clock.wait_for_command(self._exchange.subscriptions[topic.name], time_ns, check)
@@ -106,7 +108,7 @@ class CommandInput:
         return found
 
     def _count_late(self, topic: Topic, time_ns: int, hold_text: str, zero_text: str) -> bool:
-        """Counts a late command; tells whether the last one holds."""
+        """Counts a late command and returns whether the last one holds."""
         hold = self._settings.on_late == "hold"
         self._events.count_late(topic, time_ns / NANOSECONDS_PER_S, hold_text if hold else zero_text)
         if self._settings.on_late == "stop":

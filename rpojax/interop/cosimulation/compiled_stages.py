@@ -1,4 +1,8 @@
-"""The stages of a live run's tick as compiled functions of few arrays, with what there is to say after each."""
+"""Compiled stages of a live run's tick, on packed arrays, each with the values of its messages.
+
+The end of a tick and the beginning of the next are one compiled function. Each array that goes in or out costs time, so
+records are packed.
+"""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -13,22 +17,23 @@ from rpojax.core.pytree import pytree
 from rpojax.flight.computer import Stages
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.interop.ros2 import message_values
-from rpojax.interop.ros2.frame_names import orientation_from_quaternion, rotate_covariance
 from rpojax.interop.ros2.message_values import RosTickValues
+from rpojax.interop.ros2.odometry import rate_covariance, rotate_covariance
+from rpojax.interop.ros2.ros_orientation import orientation_from_quaternion
 from rpojax.scenario.params import Params
-from rpojax.scenario.scenario_file import Scenario
-from rpojax.simulation import external_stages, step_stages, telemetry
+from rpojax.scenario.static_settings import Scenario
+from rpojax.simulation import external_stages, step_stages
+from rpojax.simulation.channels import Channels, compute_channels
 from rpojax.simulation.external_stages import BurnDecider, ExternalBurn, ExternalOrbitEstimate, NavigatedTick
 from rpojax.simulation.state import State
 from rpojax.simulation.step_stages import GuidedTick, Motion
-from rpojax.simulation.telemetry import Channels
 
 _STAGES = Stages()
 
 
 @pytree
 class AttitudeValues:
-    """The attitude before a plant step.
+    """Attitude values before a plant step.
 
     Attributes:
         orientation: (4,) x, y, z, w of the servicer in `eci`, estimated
@@ -51,7 +56,7 @@ class AttitudeValues:
 
 @pytree
 class NavigatedValues:
-    """What there is to say once a tick has been sensed and navigated.
+    """Message values after sensing and navigation.
 
     Attributes:
         tick: values of the tick
@@ -64,12 +69,12 @@ class NavigatedValues:
 
 @pytree
 class GuidedValues:
-    """What there is to say once burn and pointing are decided.
+    """Message values after burn planning and guidance.
 
     Attributes:
         tick: values of the tick
-        channels: its record
-        reference: orientations (n, 4) x, y, z, w, rates (n, 3) [rad/s] and accelerations (n, 3) [rad/s^2]
+        channels: telemetry channels of the tick
+        attitude_reference: orientations (n, 4) x, y, z, w, rates (n, 3) [rad/s] and accelerations (n, 3) [rad/s^2]
     """
 
     tick: RosTickValues
@@ -79,12 +84,12 @@ class GuidedValues:
 
 @dataclass(frozen=True)
 class PackedTick:
-    """A tick that has been sensed and navigated.
+    """Tick after sensing and navigation.
 
     Attributes:
-        state: at its beginning, for the program alone
-        begun: what has come of it, for the program alone
-        values: what there is to say
+        state: packed state at the beginning of the tick
+        navigated: packed `NavigatedTick`
+        values: message values
         failure: code of the run's failure so far
     """
 
@@ -95,7 +100,7 @@ class PackedTick:
 
 
 class CompiledStages:
-    """One run between two things that are said; the end of a tick is one function with the beginning of the next."""
+    """Stages of one run between which messages are exchanged."""
 
     def __init__(self, scenario: Scenario, params: Params) -> None:
         packed = PackedRecord.of(params)
@@ -114,13 +119,13 @@ class CompiledStages:
         return _fetch_tick(*self._sense_and_navigate(self._params, PackedRecord.of(state)))
 
     def with_orbit_estimate(self, tick: PackedTick, estimate: ExternalOrbitEstimate) -> PackedTick:
-        """The tick with somebody else's navigation."""
+        """The tick with an external orbit estimate."""
         return replace(tick, navigated=self._replace_orbit(tick.navigated, PackedRecord.of(estimate))[0])
 
     def plan_and_guide(
         self, decider: BurnDecider, tick: PackedTick, burn: ExternalBurn
     ) -> tuple[PackedRecord, PackedRecord, GuidedValues]:
-        """Burn and pointing, the motion before the first plant step, and what there is to say."""
+        """Guided tick, the motion before the first plant step, and the message values."""
         if decider not in self._plan_and_guide:
             self._plan_and_guide[decider] = PackedFunction(partial(_plan_and_guide, self._scenario, decider))
         guided, motion, values = self._plan_and_guide[decider](
@@ -131,22 +136,22 @@ class CompiledStages:
     def plant_step(
         self, tick: PackedTick, guided: PackedRecord, motion: PackedRecord, torque: np.ndarray, step: int
     ) -> tuple[PackedRecord, AttitudeValues]:
-        """One plant step under given torques [N m], and the attitude after it."""
+        """One plant step under external torques (3,) [N m]: the motion and attitude after it."""
         motion, values = self._plant_step(self._params, tick.state, guided, motion, _pack_torque(torque, step))
         return motion, values.to_numpy()
 
     def last_plant_step(
         self, tick: PackedTick, guided: PackedRecord, motion: PackedRecord, torque: np.ndarray, step: int
     ) -> PackedTick:
-        """The last plant step of a tick under given torques [N m], and the next tick."""
+        """The next tick, after the last plant step under external torques (3,) [N m]."""
         return _fetch_tick(*self._last_plant_step(self._params, tick.state, guided, motion, _pack_torque(torque, step)))
 
     def all_plant_steps(self, tick: PackedTick, guided: PackedRecord) -> PackedTick:
-        """All plant steps of a tick under the flight software's own torques, and the next tick."""
+        """The next tick, after all plant steps under the torques of the flight software."""
         return _fetch_tick(*self._all_plant_steps(self._params, tick.state, guided))
 
     def camera_image(self, tick: PackedTick) -> np.ndarray:
-        """The picture that the detector of a rendered camera gets."""
+        """Image (p, p, 3) that the detector of a rendered camera gets, uint8 sRGB codes."""
         return self._camera_image(self._params, tick.state, tick.navigated)[0].to_numpy()
 
 
@@ -154,7 +159,7 @@ _TORQUE_AND_STEP = PackedLayout.of((np.zeros(3), np.int32(0)))
 
 
 def _pack_torque(torque: np.ndarray, step: int) -> PackedRecord:
-    """As `Bundle.of` makes it, which would look at the shapes at every plant step."""
+    """Equal to `PackedRecord.of((torque, step))` with a known layout, which is faster."""
     return PackedRecord(_TORQUE_AND_STEP, (torque, np.array([step], dtype=np.int32)))
 
 
@@ -168,7 +173,7 @@ def _sense_and_navigate(
     scenario: Scenario, params: Params, state: State
 ) -> tuple[State, NavigatedTick, NavigatedValues, jax.Array]:
     navigated = external_stages.sense_and_navigate(_STAGES, scenario, params, state)
-    # There is no mode before guidance.
+    # Guidance sets the mode later in the tick.
     mode = jnp.zeros((), dtype=jnp.int64)
     telemetry_record = step_stages.make_telemetry(state, navigated.sensed, navigated.flight, navigated.innovation, mode)
     attitude = navigated.flight.attitude
@@ -197,7 +202,7 @@ def _plan_and_guide(
     reference = external_stages.attitude_commands(scenario, guided)
     values = GuidedValues(
         tick=message_values.observe_tick(_STAGES, scenario, params, telemetry_record),
-        channels=telemetry.compute_channels(scenario, params, telemetry_record),
+        channels=compute_channels(scenario, params, telemetry_record),
         attitude_reference=(
             jax.vmap(orientation_from_quaternion)(reference.q_CN),
             reference.omega_CN_C,
@@ -250,13 +255,13 @@ def _attitude_values(
     current: AttitudeEstimate,
     wheel_speed: jax.Array,
 ) -> AttitudeValues:
-    """Values of the estimate `now`, with the covariance `held` since the beginning of the tick."""
+    """Attitude values of the `current` estimate, with the covariance of `tick_estimate`."""
     gyro_noise = message_values.gyro_variance(scenario, params)
     return AttitudeValues(
         orientation=orientation_from_quaternion(current.q_BN),
         rate=current.omega_BN_B,
         covariance=rotate_covariance(quaternion.to_matrix(current.q_BN).T, tick_estimate.covariance[:3, :3]),
-        rate_covariance=message_values.rate_covariance(tick_estimate, gyro_noise),
+        rate_covariance=rate_covariance(tick_estimate, gyro_noise),
         gyro=current.gyro_B,
         gyro_variance=gyro_noise,
         wheel_speed=wheel_speed,

@@ -1,4 +1,4 @@
-"""What went wrong in a live run, counted by topic and reason, and told without flooding the reader."""
+"""Log of ignored, late and limited commands of a live run, counted by topic and printed at powers of ten."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -11,13 +11,13 @@ LineWriter = Callable[[str], None]
 
 @dataclass
 class EventLog:
-    """Counts of a run.
+    """Event counts of a run.
 
     Attributes:
-        tell: gets a line on the first event of a kind, then on the 10th, the 100th and so on
+        write_line: called with a line at the 1st, 10th, 100th ... event of a kind
         ignored: messages by topic and reason
-        late: commands that did not come in time, by topic
-        limited: commands that were beyond what the drive can give, by topic
+        late: commands that did not arrive in time, by topic
+        limited: commands beyond the limit of the drive, by topic
     """
 
     write_line: LineWriter
@@ -26,19 +26,19 @@ class EventLog:
     limited: Counter[str] = field(default_factory=Counter)
 
     def count_ignored(self, topic: Topic, reason: str) -> None:
-        """One more message that does not count."""
+        """Counts a message that is ignored."""
         self.ignored[topic.name, reason] += 1
         self._report(self.ignored[topic.name, reason], f"{topic.name}: ignored, {reason}")
 
     def count_late(self, topic: Topic, time_s: float, fallback: str) -> None:
-        """One more command that did not come in time; the simulator does something else `instead`."""
+        """Counts a command that did not arrive in time; `fallback` says what the simulator does instead."""
         self.late[topic.name] += 1
         self._report(self.late[topic.name], f"{topic.name}: no command for {time_s:.1f} s in time, {fallback}")
 
     def count_limited(self, topic: Topic) -> None:
-        """One more command that the drive could not follow."""
+        """Counts a command beyond the limit of the drive."""
         self.limited[topic.name] += 1
-        self._report(self.limited[topic.name], f"{topic.name}: beyond the limit of the drive, which gives what it can")
+        self._report(self.limited[topic.name], f"{topic.name}: beyond the limit of the drive, limited")
 
     def _report(self, count: int, text: str) -> None:
         if str(count).strip("0") == "1":

@@ -1,11 +1,10 @@
-"""A run flown live: it says what it senses, and leaves some of its flight software to whoever answers."""
+"""Live run: publishes its measurements and estimates, and takes commands of chosen stages from external nodes."""
 
 import gc
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Protocol
 
 import jax
 import numpy as np
@@ -16,40 +15,40 @@ from rpojax.errors import UnfinishedError
 from rpojax.interop.cosimulation.clock import LockstepClock, RealTimeClock
 from rpojax.interop.cosimulation.command_checks import CommandLimits
 from rpojax.interop.cosimulation.command_input import NO_BURN, CommandInput
+from rpojax.interop.cosimulation.command_source import CommandSource, WarmUpCommands
 from rpojax.interop.cosimulation.compiled_stages import CompiledStages, PackedTick
 from rpojax.interop.cosimulation.event_log import EventLog, LineWriter
-from rpojax.interop.cosimulation.live_publisher import TickMessages
+from rpojax.interop.cosimulation.live_publisher import LiveMessages
 from rpojax.interop.cosimulation.live_settings import ExternalStage, LiveSettings
 from rpojax.interop.cosimulation.message_exchange import MessageExchange
-from rpojax.interop.cosimulation.odometry_input import orbit_estimate_from_odometry
-from rpojax.interop.ros2 import topics
-from rpojax.interop.ros2.message_builders import TopicMessages, nanoseconds
+from rpojax.interop.ros2.message_builders import nanoseconds
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation import closed_loop, metrics
-from rpojax.simulation.closed_loop import FAILURE_REASONS
-from rpojax.simulation.external_stages import BurnDecider, ExternalBurn, ExternalOrbitEstimate
-from rpojax.simulation.telemetry import Channels
+from rpojax.simulation import initial_state
+from rpojax.simulation.metrics import recorded_metrics
+from rpojax.simulation.channels import Channels
+from rpojax.simulation.external_stages import BurnDecider
+from rpojax.simulation.failure import FAILURE_REASONS
 
 
 @dataclass(frozen=True)
 class LiveRunResult:
-    """What came of a live run.
+    """Result of a live run.
 
     Attributes:
-        ticks: flown
-        steps: of the plant
-        completed: it was flown to its end
-        failure: why the run failed, "" if it did not
-        stopped: why it was not flown to its end, "" if it was, or failed
-        metrics: of a completed run
-        ledger: what went wrong
+        ticks: number of simulated ticks
+        steps: number of plant steps
+        completed: whether the run reached its end
+        failure: reason of a failed run, else ""
+        stop_reason: reason why the run was stopped before its end, else ""
+        metrics: of a completed run, else empty
+        events: ignored, late and limited commands
         sent: messages by topic
         received: messages by topic
         unsent: messages that a subscriber was too slow for
-        simulated_s: time flown
-        wall_s: time that it took
-        cpu_s: time that this process worked for it
-        lag_s: by how much a run in real time was behind at worst
+        simulated_s: simulated time
+        wall_s: elapsed real time
+        cpu_s: processor time of this process
+        lag_s: largest delay of a real-time run behind the wall clock
     """
 
     ticks: int
@@ -71,20 +70,20 @@ class LiveRunResult:
 def simulate_live(
     file: ScenarioFile, seed: int, run_id: int, settings: LiveSettings, write_line: LineWriter
 ) -> LiveRunResult:
-    """Flies one run live; `tell` gets lines on what happens.
+    """Simulates one run live; `write_line` gets lines on progress and events.
 
     Raises:
-        RpojaxError: the domain cannot be joined, or nobody came.
+        RpojaxError: the domain cannot be joined, or no external nodes were found.
     """
     events = EventLog(write_line)
     exchange = MessageExchange(settings.domain_id, settings.published_topics, settings.command_topics, events)
     write_line("compiling")
     run = _LiveRun(file, seed, run_id, settings)
     run.warm_up()
-    write_line("waiting for the other side")
+    write_line("waiting for external nodes")
     exchange.wait_for_nodes(settings.wait_s)
-    write_line("flying")
-    # What is here by now stays to the end: there is no use in going through it for garbage again and again.
+    write_line("running")
+    # All objects that exist now live to the end; the garbage collector need not scan them.
     gc.collect()
     gc.freeze()
     clock: LockstepClock | RealTimeClock = LockstepClock(settings.timeout_s)
@@ -119,15 +118,15 @@ def simulate_live(
 
 
 class _LiveRun:
-    """The run, where it is, and what is recorded of it."""
+    """State and records of the run."""
 
     def __init__(self, file: ScenarioFile, seed: int, run_id: int, settings: LiveSettings) -> None:
         self._file, self._external_stages = file, settings.external_stages
         self.scenario, self._params, key = single_run.dispersed_parameters(file, seed, run_id)
         self._stages = CompiledStages(self.scenario, self._params)
-        start = jax.jit(closed_loop.init, static_argnums=0)(self.scenario, self._params, key)
+        start = jax.jit(initial_state.init, static_argnums=0)(self.scenario, self._params, key)
         self._tick = self._stages.first_tick(start)
-        self._messages = TickMessages(settings, nanoseconds(self.scenario.step_s))
+        self._messages = LiveMessages(settings, nanoseconds(self.scenario.step_s))
         self._sends_images = settings.pictures and self.scenario.camera_model == "rendered"
         self._records: dict[str, np.ndarray] = {}
         self.ticks = 0
@@ -135,7 +134,7 @@ class _LiveRun:
 
     @property
     def limits(self) -> CommandLimits:
-        """Of commands, by the vehicle's own data base."""
+        """Command limits, from the vehicle model of the flight software."""
         vehicle, pointing = self._params.flight.vehicle, self._params.flight.pointing
         return CommandLimits(
             torque=np.asarray(vehicle.wheel_torque_limit),
@@ -145,26 +144,26 @@ class _LiveRun:
 
     @property
     def completed(self) -> bool:
-        """The run was flown to its end."""
+        """Whether the run reached its end."""
         return self.ticks == self.scenario.ticks and not self.failure
 
     @property
     def is_running(self) -> bool:
-        """The run is neither over nor has it failed."""
+        """Whether the run is neither over nor failed."""
         return self.ticks < self.scenario.ticks and not self.failure
 
     def warm_up(self) -> None:
-        """Flies some ticks in every way that may be asked for, so that all is compiled; nothing comes of it."""
+        """Simulates ticks with every decision that can occur, to compile all stages; the state stays as it was."""
         start = self._tick
         deciders: tuple[BurnDecider, ...] = (
-            ("given", "nobody") if ExternalStage.FORMATION in self._external_stages else ("own",)
+            ("external", "none") if ExternalStage.FORMATION in self._external_stages else ("flight_software",)
         )
         for decider in deciders:
-            self._tick = self._simulate_tick(_WarmUpCommands(decider), lambda _: None)
+            self._tick = self._simulate_tick(WarmUpCommands(decider), lambda _: None)
         self._tick = start
 
-    def tick(self, commands: "CommandSource") -> None:
-        """Flies one tick."""
+    def tick(self, commands: CommandSource) -> None:
+        """Simulates one tick."""
         self._tick = self._simulate_tick(commands, self._record)
         self.failure = FAILURE_REASONS[self._tick.failure]
         self.ticks += 1
@@ -176,13 +175,13 @@ class _LiveRun:
             self._records[name][0, self.ticks] = value
 
     def metrics(self) -> dict[str, float]:
-        """Figures of merit of a completed run, none of another."""
+        """Metrics of a completed run, none of others."""
         if not self.completed:
             return {}
-        return {name: float(values[0]) for name, values in metrics.evaluate(self._file, self._records).items()}
+        return {name: float(values[0]) for name, values in recorded_metrics.evaluate(self._file, self._records).items()}
 
-    def _simulate_tick(self, commands: "CommandSource", record: Callable[[Channels], None]) -> PackedTick:
-        """The next tick, after this one is recorded: what is said may be answered before the next is done."""
+    def _simulate_tick(self, commands: CommandSource, record: Callable[[Channels], None]) -> PackedTick:
+        """Publishes, takes the commands of and records this tick, and returns the next one."""
         tick, stages, time_ns = self._tick, self._stages, self._step_start_ns(0)
         commands.publish(self._messages.after_navigation(tick.values))
         if self._sends_images:
@@ -193,26 +192,29 @@ class _LiveRun:
         ):
             tick = stages.with_orbit_estimate(tick, estimate)
         decider, burn = (
-            commands.burn_command(time_ns) if ExternalStage.FORMATION in self._external_stages else ("own", NO_BURN)
+            commands.burn_command(time_ns) if ExternalStage.FORMATION in self._external_stages else ("flight_software", NO_BURN)
         )
         guided, motion, values = stages.plan_and_guide(decider, tick, burn)
         commands.publish(self._messages.attitude_reference(values, tick.values))
 
-        def aside() -> None:
+        def publish_and_record() -> None:
             commands.publish(self._messages.after_guidance(values))
             record(values.channels)
 
-        return self._propagate_tick(commands, tick, guided, motion, aside)
+        return self._propagate_tick(commands, tick, guided, motion, publish_and_record)
 
     def _propagate_tick(
         self,
-        commands: "CommandSource",
+        commands: CommandSource,
         tick: PackedTick,
         guided: PackedRecord,
         motion: PackedRecord,
         publish_and_record: Callable[[], None],
     ) -> PackedTick:
-        """The next tick, after the plant steps of this one; `aside` is done as soon as the other side has to think."""
+        """The next tick, after the plant steps of this one.
+
+        `publish_and_record` is called while external nodes compute their first wheel command.
+        """
         last = self.scenario.substeps - 1
         if ExternalStage.ATTITUDE not in self._external_stages:
             publish_and_record()
@@ -236,53 +238,5 @@ class _LiveRun:
         return next_tick
 
     def _step_start_ns(self, step: int) -> int:
-        """Beginning of a plant step of this tick [ns]."""
+        """Start time of a plant step of this tick [ns]."""
         return nanoseconds(self.ticks * self.scenario.tick_s + step * self.scenario.step_s)
-
-
-class CommandSource(Protocol):
-    """The other side of a run."""
-
-    def publish(self, messages: TopicMessages) -> None:
-        """Hears what the simulator says."""
-        ...
-
-    def orbit_estimate(self, time_ns: int) -> ExternalOrbitEstimate | None:
-        """Orbit estimate for a tick [ns]."""
-        ...
-
-    def burn_command(self, time_ns: int) -> tuple[BurnDecider, ExternalBurn]:
-        """Decision on the burn at a tick [ns]."""
-        ...
-
-    def wheel_torque(self, time_ns: int) -> np.ndarray:
-        """Wheel torques (3,) [N m] for a plant step [ns]."""
-        ...
-
-    def wait_until(self, time_ns: int) -> None:
-        """Lets a step end at a time [ns]."""
-        ...
-
-
-class _WarmUpCommands:
-    """Answers as an other side might, so that all is compiled before there is one."""
-
-    def __init__(self, decider: BurnDecider) -> None:
-        self._decider: BurnDecider = decider
-        self._messages: dict[str, Any] = {}
-
-    def publish(self, messages: TopicMessages) -> None:
-        self._messages |= {topic.name: make() for topic, make in messages}
-
-    def orbit_estimate(self, time_ns: int) -> ExternalOrbitEstimate:
-        names = (topics.SERVICER_ESTIMATE.name, topics.RELATIVE_ESTIMATE.name)
-        return orbit_estimate_from_odometry(*(self._messages[name] for name in names))
-
-    def burn_command(self, time_ns: int) -> tuple[BurnDecider, ExternalBurn]:
-        return self._decider, NO_BURN
-
-    def wheel_torque(self, time_ns: int) -> np.ndarray:
-        return np.zeros(3)
-
-    def wait_until(self, time_ns: int) -> None:
-        pass

@@ -1,4 +1,4 @@
-"""What a live run leaves to the other side, and how it goes on when that is silent."""
+"""Settings of a live run: external stages, timeouts and the policy for late commands."""
 
 import enum
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from rpojax.interop.ros2.topics import Topic
 
 
 class ExternalStage(enum.StrEnum):
-    """A part of the flight software that somebody else can do."""
+    """Part of the flight software that external nodes can replace."""
 
     ATTITUDE = "attitude"
     FORMATION = "formation"
@@ -19,29 +19,29 @@ class ExternalStage(enum.StrEnum):
 
 
 LatePolicy = Literal["hold", "zero", "stop"]
-"""What becomes of a command that is late: the last one holds, there is none, or the run stops."""
+"""Replacement of a late command: the last one, none, or the run stops."""
 
 COMMAND_TOPICS: dict[ExternalStage, tuple[Topic, ...]] = {
     ExternalStage.ATTITUDE: (topics.WHEEL_COMMAND,),
     ExternalStage.FORMATION: (topics.THRUSTER_COMMAND, live_topics.ATTITUDE_TARGET),
     ExternalStage.NAVIGATION: (topics.SERVICER_ESTIMATE, topics.RELATIVE_ESTIMATE),
 }
-"""Topics on which the other side speaks, by the stage that is left to it."""
+"""Topics that external nodes publish, by stage."""
 
 
 @dataclass(frozen=True)
 class LiveSettings:
-    """How a live run is flown.
+    """Settings of a live run. All times are real time.
 
     Attributes:
-        external: stages that are left to the other side
-        domain_id: of DDS
-        on_late: what becomes of a late command
-        timeout_s: after which a command is late, in real time
-        wait_s: for the other side at the start, in real time; 0 to start at once
-        patience_s: without any command the run ends, in real time
-        factor: simulated over real time; None for lockstep
-        pictures: of a rendered camera are sent
+        external_stages: stages left to external nodes
+        domain_id: DDS domain
+        on_late: replacement of a late command
+        timeout_s: time after which a command is late
+        wait_s: time to wait for external nodes at the start; 0 to start at once
+        patience_s: time without any command after which the run ends
+        real_time_factor: simulated over real time; None for lockstep
+        pictures: whether images of a rendered camera are sent
     """
 
     external_stages: frozenset[ExternalStage] = frozenset()
@@ -66,14 +66,14 @@ class LiveSettings:
 
     @property
     def command_topics(self) -> tuple[Topic, ...]:
-        """Topics that commands come on."""
+        """Topics of the commands that the simulator receives."""
         return tuple(
             topic for stage in ExternalStage if stage in self.external_stages for topic in COMMAND_TOPICS[stage]
         )
 
     @property
     def published_topics(self) -> tuple[Topic, ...]:
-        """Topics that this side may speak on."""
+        """Topics that the simulator publishes."""
         attitude_topics = (live_topics.ATTITUDE_ESTIMATE, live_topics.ATTITUDE_REFERENCE)
         received = {topic.name for topic in self.command_topics}
         candidates = (*topics.ALL_TOPICS, *(attitude_topics if ExternalStage.ATTITUDE in self.external_stages else ()))
@@ -87,7 +87,7 @@ _LARGEST_FACTOR = 1e4
 
 
 def parse_external_stages(text: str) -> frozenset[ExternalStage]:
-    """Stages from words with commas between them; `all` and `none` are such words.
+    """Stages from a comma-separated list, `all` or `none`.
 
     Raises:
         RpojaxError: there is no such stage.

@@ -1,10 +1,10 @@
-"""The live loop's own topics, beside those of `topics`, and the messages on them."""
+"""Topics that only live runs have, beside those of `topics`, and builders of their messages."""
 
 from typing import Any
 
 import numpy as np
 
-from rpojax.interop.ros2.frame_names import ECI, SERVICER
+from rpojax.interop.ros2.frame_ids import ECI, SERVICER
 from rpojax.interop.ros2.message_builders import duration_message, header_message, quaternion_message, vector_message
 from rpojax.interop.ros2.message_types import message_class
 from rpojax.interop.ros2.topics import Topic, TopicRate, TopicSource
@@ -16,7 +16,7 @@ ATTITUDE_ESTIMATE = Topic(
     "",
     TopicSource.FLIGHT,
     TopicRate.TICK,
-    "orientation in `eci` and rate less gyro bias, with covariance; at every plant step where attitude is external",
+    "orientation in `eci` and rate minus gyro bias, with covariance; at every plant step where attitude is external",
 )
 ATTITUDE_REFERENCE = Topic(
     "/servicer/guidance/attitude",
@@ -37,8 +37,6 @@ ATTITUDE_TARGET = Topic(
     "orientation of the servicer in `eci` during the burn of the thruster command with the same stamp",
 )
 
-OWN = (ATTITUDE_ESTIMATE, ATTITUDE_REFERENCE, ATTITUDE_TARGET)
-
 
 def attitude_estimate(
     time_ns: int, orientation: np.ndarray, rate: np.ndarray, covariance: np.ndarray, rate_covariance: np.ndarray
@@ -58,7 +56,7 @@ def attitude_estimate(
 def attitude_reference(
     time_ns: int, step_ns: int, orientations: np.ndarray, rates: np.ndarray, accelerations: np.ndarray
 ) -> Any:
-    """`trajectory_msgs/MultiDOFJointTrajectory`, a point every `step_nanos` [ns] from the stamp on.
+    """`trajectory_msgs/MultiDOFJointTrajectory`, a point every `step_ns` [ns] from the stamp on.
 
     Orientations (n, 4) are x, y, z, w of the commanded body in `eci`, rates (n, 3) [rad/s] and accelerations (n, 3)
     [rad/s^2] along its axes.
@@ -85,10 +83,3 @@ def attitude_reference(
 
 def _angular_twist(values: np.ndarray) -> Any:
     return message_class("geometry_msgs/msg/Twist")(linear=vector_message(np.zeros(3)), angular=vector_message(values))
-
-
-def attitude_target(time_ns: int, orientation: np.ndarray) -> Any:
-    """`geometry_msgs/QuaternionStamped` of an orientation (x, y, z, w) in `eci`."""
-    return message_class("geometry_msgs/msg/QuaternionStamped")(
-        header=header_message(time_ns, ECI), quaternion=quaternion_message(orientation)
-    )

@@ -1,4 +1,4 @@
-"""What the camera of a run saw: its pictures, if it takes some, the boxes, and where the box was expected."""
+"""Camera view of a recording: images of a rendered camera, detected, expected and true boxes."""
 
 import io
 from collections.abc import Iterable, Iterator
@@ -16,13 +16,13 @@ _REJECTED_COLOR = (255, 138, 51)
 _TRUE_OUTLINE_COLOR = (130, 138, 150)
 _EMPTY_COLOR = (18, 20, 26)
 _PICTURES_PER_CHUNK = 100
-"""Pictures in memory."""
+"""Encoded images in memory at once."""
 
 
 def add_camera_view(
     chunks: RrdChunks, run: ReplayedRun[ViewerChannels], pictures: Iterable[PosedPicture] | None
 ) -> int:
-    """Adds boxes of every tick and, one by one, pictures with their channels; returns the number of pictures."""
+    """Adds the boxes of every tick and the images of a rendered camera; returns the number of images."""
     size = (run.file.camera.width_px, run.file.camera.height_px)
     _add_boxes(chunks, run)
     if pictures is None:
@@ -37,7 +37,7 @@ def add_camera_view(
 
 
 def window_in_frame(picture: np.ndarray, window_px: np.ndarray, size: tuple[int, int]) -> Image.Image:
-    """A picture of a square window (left, top, side) [px] where it belongs in an else empty frame (width, height)."""
+    """Frame (width, height), empty except for the image of a square window (left, top, side) [px]."""
     left, top, side = (float(value) for value in window_px)
     frame = Image.new("RGB", size, _EMPTY_COLOR)
     scaled = Image.fromarray(picture).resize((round(side), round(side)), Image.Resampling.BOX)
@@ -89,7 +89,7 @@ def _add_boxes(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
 
 
 def _centers_and_half_sizes(boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Middles and half sides of boxes given by left, top, width and height."""
+    """Centers and half sides of boxes (left, top, width, height)."""
     half = 0.5 * boxes[:, 2:]
     return boxes[:, :2] + half, half
 
@@ -103,7 +103,7 @@ def _add_box(
     half_size: np.ndarray,
     color: np.ndarray,
 ) -> None:
-    """A box in the ticks in which it is there, none in the others."""
+    """Adds a box in the ticks where it is present."""
     count = int(present.sum())
     colors = np.broadcast_to(color, (count, 3))
     columns = rr.Boxes2D.columns(centers=center[present], half_sizes=half_size[present], colors=colors)

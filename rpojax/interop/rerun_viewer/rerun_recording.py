@@ -1,4 +1,4 @@
-"""A run as a recording for the rerun viewer: scene, camera and plots on one time line of simulation time."""
+"""Recording of a run for the rerun viewer: scene, camera and plots over simulation time."""
 
 import os
 from collections.abc import Iterable
@@ -9,19 +9,19 @@ from rpojax.errors import OutputError
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
 from rpojax.interop.run_replay import PosedPicture, ReplayedRun
 from rpojax.optional import require_package
-from rpojax.scenario import scenario_file
+from rpojax.scenario.scenario_digest import scenario_digest
 
 APPLICATION = "rpojax"
 
 
 @dataclass(frozen=True)
 class WrittenRecording:
-    """What was written.
+    """Description of a written recording.
 
     Attributes:
         path: of the file
-        ticks: of the run
-        pictures: of the camera
+        ticks: number of ticks of the run
+        pictures: number of images of the camera
         size_bytes: of the file
     """
 
@@ -32,18 +32,18 @@ class WrittenRecording:
 
 
 def require_rerun() -> None:
-    """Raises `MissingExtraError` where the viewer's package is not installed."""
+    """Raises `MissingExtraError` where rerun is not installed."""
     require_package("rerun", "viz")
 
 
 def write_recording(
     run: ReplayedRun[ViewerChannels], path: Path, pictures: Iterable[PosedPicture] | None = None
 ) -> WrittenRecording:
-    """Writes a run, with pictures and their channels for a camera that takes some, and the arrangement of its views.
+    """Writes a run, the images of a rendered camera, and the blueprint of its views.
 
     Raises:
-        MissingExtraError: the viewer's package is not installed.
-        OutputError: there cannot be such a file.
+        MissingExtraError: rerun is not installed.
+        OutputError: the file cannot be written.
     """
     require_rerun()
     from rpojax.interop.rerun_viewer.rrd_chunks import rerun_strict_mode
@@ -63,7 +63,7 @@ def write_recording(
 
 
 def _record(run: ReplayedRun[ViewerChannels], path: Path, pictures: Iterable[PosedPicture] | None) -> int:
-    """Writes all of it; returns the number of pictures."""
+    """Writes the recording and returns the number of images."""
     from rpojax.interop.rerun_viewer import camera_view, scene_3d, time_plots, viewer_layout
     from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks, write_rrd
 
@@ -79,5 +79,5 @@ def _record(run: ReplayedRun[ViewerChannels], path: Path, pictures: Iterable[Pos
 
 
 def recording_id(run: ReplayedRun[ViewerChannels]) -> str:
-    """Name of a recording, the same for the same run of the same scenario."""
-    return f"{scenario_file.digest(run.file)[:16]}-seed{run.seed}-run{run.run_id}"
+    """Id of a recording, equal for the same run of the same scenario."""
+    return f"{scenario_digest(run.file)[:16]}-seed{run.seed}-run{run.run_id}"

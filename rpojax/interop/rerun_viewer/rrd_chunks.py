@@ -1,4 +1,4 @@
-"""Columns of data for a rerun recording, numbered so that nothing in them depends on when they were made."""
+"""Chunks of columns of a rerun recording (`.rrd`), with counted ids, so that equal runs have equal content."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -12,7 +12,7 @@ import rerun.blueprint as rrb
 from rerun.chunk import Chunk
 
 TIMELINE = "sim_time"
-"""The one time line: seconds since the start of the run."""
+"""Name of the only timeline: seconds since the start of the run."""
 
 
 class RrdChunks:
@@ -22,22 +22,22 @@ class RrdChunks:
         self.chunks: list[Chunk] = []
 
     def add(self, path: str, time_s: np.ndarray, columns: Iterable[Any]) -> None:
-        """Columns of an entity over simulation time [s]."""
+        """Adds columns of an entity over simulation time [s]."""
         times = [rr.TimeColumn(TIMELINE, duration=np.asarray(time_s, dtype=np.float64))]
         self._append(Chunk.from_columns(path, times, columns))
 
     def add_static(self, path: str, *archetypes: rr.AsComponents) -> None:
-        """What an entity is at all times."""
+        """Adds archetypes of an entity that hold at all times."""
         batches = [batch for archetype in archetypes for batch in archetype.as_component_batches()]
         columns = [batch.partition([len(batch.as_arrow_array())]) for batch in batches]
         self._append(Chunk.from_columns(path, [], columns))
 
     def add_name(self, name: str) -> None:
-        """How the viewer calls the recording."""
+        """Sets the name of the recording in the viewer."""
         self._append(Chunk.from_property("RecordingInfo", rr.archetypes.RecordingInfo(name=name)))
 
     def _append(self, chunk: Chunk) -> None:
-        """Rerun numbers chunks and rows by the clock; here they are counted."""
+        """Adds a chunk with counted ids, where rerun derives them from the clock."""
         batch, number = chunk.to_record_batch(), len(self.chunks) + 1
         kind = batch.schema.field(0).type
         rows = pa.array([_row_id(number, row + 1) for row in range(batch.num_rows)], kind)
@@ -51,7 +51,7 @@ def _row_id(chunk: int, row: int) -> bytes:
 
 
 def write_rrd(chunks: RrdChunks, path: Path, application: str, recording: str, blueprint: rrb.Blueprint) -> None:
-    """Writes chunks and the arrangement of the views, which opens with them, to a file."""
+    """Writes chunks and the blueprint of the views to a file."""
     stream = rr.RecordingStream(application, recording_id=recording, send_properties=False)
     try:
         stream.save(path)
@@ -65,7 +65,7 @@ def write_rrd(chunks: RrdChunks, path: Path, application: str, recording: str, b
 
 @contextmanager
 def rerun_strict_mode() -> Iterator[None]:
-    """What rerun cannot take is an error, and not a warning."""
+    """Context in which rerun raises an error for invalid data instead of a warning."""
     before = rr.strict_mode()
     rr.set_strict_mode(True)
     try:

@@ -1,4 +1,4 @@
-"""The three-dimensional scene of a run: both craft, the filter's belief and the burns, in the target's Hill frame."""
+"""3-D scene of a recording in the Hill frame: both spacecraft, the estimate with its covariance, and the burns."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
 from rpojax.interop.run_replay import ReplayedRun
-from rpojax.sensors import geometric_camera
+from rpojax.sensors import camera_geometry
 from rpojax.vision import pinhole
 
 HILL = "hill"
@@ -29,7 +29,7 @@ _AXIS_LENGTH_M = 12.0
 _THRUST_ARROW_M = 5.0
 """Length of the arrow of the nominal force."""
 _IMAGE_PLANE_M = 4.0
-"""From the camera to the picture in its frustum."""
+"""Distance of the image plane from the camera in its frustum."""
 _SIGMAS = 3.0
 
 
@@ -50,7 +50,7 @@ def attitude_matrices(q: np.ndarray) -> np.ndarray:
 
 
 def quaternion_to_parent(R: np.ndarray) -> np.ndarray:
-    """Quaternions (..., 4), scalar last, that turn a child's components into its parent's, of matrices that do."""
+    """Quaternions (..., 4), scalar last, of matrices that turn a child's components into its parent's."""
     return Rotation.from_matrix(R).as_quat(canonical=True)
 
 
@@ -67,7 +67,7 @@ def mean_thrust(run: ReplayedRun[ViewerChannels]) -> np.ndarray:
     if len(time) < 2:
         return np.zeros(len(time))
     mean = np.append(np.diff(delta_v) / np.diff(time), 0.0) * run.values["mass_kg"]
-    # Less is rounding of the channel.
+    # Smaller values are rounding of the channel.
     return np.where(mean > 1e-4 * float(run.params.plant.thruster.force), mean, 0.0)
 
 
@@ -106,7 +106,7 @@ def _add_target(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
 
 
 def _hull_triangles(vertices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners and outward normals (3 faces, 3) of the triangles of a convex hull, each with corners of its own."""
+    """Corners and outward normals (3 faces, 3) of the triangles of a convex hull, without shared corners."""
     hull = ConvexHull(vertices)
     corners = vertices[hull.simplices]
     normals = hull.equations[:, :3]
@@ -130,7 +130,7 @@ def _add_servicer(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
 def _add_camera(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
     size, camera = run.file.camera, run.params.camera
     identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
-    R_KB = attitude_matrices(np.asarray(geometric_camera.camera_attitude(camera, identity))[None])[0]
+    R_KB = attitude_matrices(np.asarray(camera_geometry.camera_attitude(camera, identity))[None])[0]
     lens = pinhole.pinhole_intrinsics(camera.field_of_view, size.width_px, size.height_px)
     frustum = rr.Pinhole(
         resolution=[size.width_px, size.height_px],
@@ -144,14 +144,14 @@ def _add_camera(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
 
 
 def _add_thrust(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
-    """An arrow along the force, where it acts, over every tick with a burn."""
+    """Adds an arrow along the force in every tick with a burn."""
     thruster, thrust_n = run.params.plant.thruster, mean_thrust(run)
     burning = thrust_n > 0.0
     direction = Rotation.from_rotvec(np.array(thruster.misalignment)).apply(np.array(thruster.direction))
     direction = direction / np.linalg.norm(direction)
     vectors = (_THRUST_ARROW_M / float(thruster.force) * thrust_n[burning])[:, None] * direction
     count = int(burning.sum())
-    # The arrow ends at the nozzle: it pushes.
+    # The arrow ends at the nozzle.
     origins = np.asarray(thruster.position) - vectors
     columns = rr.Arrows3D.columns(
         vectors=vectors, origins=origins, colors=[_THRUST_COLOR] * count, radii=np.full(count, 0.08, dtype=np.float32)
@@ -160,7 +160,7 @@ def _add_thrust(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
 
 
 def _add_estimate(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
-    """Where flight software believes the servicer to be, with an ellipsoid of 3 sigma."""
+    """Adds the estimated position of the servicer with its 3-sigma ellipsoid."""
     time, estimate = run.time_s, run.values["rho_estimate_H"]
     half, turns = ellipsoids(run.values["relative_covariance_H"])
     columns = rr.Ellipsoids3D.columns(half_sizes=half, centers=estimate, quaternions=turns)

@@ -1,4 +1,4 @@
-"""Plots of a run over simulation time."""
+"""Plots of a recording over simulation time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -49,7 +49,7 @@ class Plot:
 
 
 def run_plots(run: ReplayedRun[ViewerChannels]) -> list[Plot]:
-    """The plots of a run, in the order in which they are read."""
+    """Plots of a run, in their order on the page."""
     channels = run.values
     error = np.linalg.norm(channels["rho_H"] - np.asarray(run.file.formation.desired_position_m), axis=1)
     return [
@@ -64,7 +64,7 @@ def run_plots(run: ReplayedRun[ViewerChannels]) -> list[Plot]:
 
 
 def add_plots(chunks: RrdChunks, run: ReplayedRun[ViewerChannels], plots: Sequence[Plot]) -> None:
-    """Adds plots of a run, and its modes."""
+    """Adds the plots of a run and its guidance modes."""
     time = run.time_s
     for plot in plots:
         path = f"{PLOTS}/{plot.name}"
@@ -94,8 +94,8 @@ def _scalar_plot(name: str, title: str, values: np.ndarray) -> Plot:
 def _estimation_error_plots(run: ReplayedRun[ViewerChannels]) -> list[Plot]:
     """Error of the relative position along each Hill axis between its bounds.
 
-    The channels are of the target from the servicer; turned round they are of the servicer from the target, as in the
-    scene.
+    The channels are of the target relative to the servicer; with the opposite sign they are of the servicer relative to
+    the target, as in the scene.
     """
     error = -run.values["relative_error_H"]
     bound = _SIGMAS * run.values["relative_sigma_H"]
@@ -118,7 +118,7 @@ def _wheel_plot(name: str, title: str, values: np.ndarray) -> Plot:
 
 
 def _add_mode(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
-    """The mode as states, of which only changes count."""
+    """Adds a state at each change of the mode."""
     mode = run.values["mode"]
     changes = np.flatnonzero(np.append(True, np.diff(mode) != 0))
     names = [MODE_STYLES[Mode(int(value))][0] for value in mode[changes]]

@@ -1,4 +1,4 @@
-"""How the viewer opens a run: the scene and the camera beside the plots, all on one time line."""
+"""Blueprint of the viewer: scene and camera on the left, plots on the right."""
 
 from collections.abc import Sequence
 
@@ -17,7 +17,7 @@ _BACKGROUND_COLOR = (14, 17, 24)
 
 
 def blueprint(run: ReplayedRun[ViewerChannels], plots: Sequence[Plot]) -> rrb.Blueprint:
-    """Arrangement of the views of a run."""
+    """Blueprint of the views of a run."""
     left = rrb.Vertical(
         _scene_view(run),
         rrb.Horizontal(_camera_view(run), rrb.TextDocumentView(origin=ABOUT, name="About"), column_shares=[1, 1]),
@@ -45,13 +45,13 @@ def blueprint(run: ReplayedRun[ViewerChannels], plots: Sequence[Plot]) -> rrb.Bl
 
 
 def _full_time_range(run: ReplayedRun[ViewerChannels]) -> rrb.archetypes.TimeAxis:
-    """The run from end to end."""
+    """Time axis over the whole run."""
     ends = (rr.TimeRangeBoundary.absolute(seconds=float(run.time_s[index])) for index in (0, -1))
     return rrb.archetypes.TimeAxis(view_range=rr.TimeRange(*ends))
 
 
 def _scene_view(run: ReplayedRun[ViewerChannels]) -> rrb.Spatial3DView:
-    """Seen from the side of the orbit normal, with the whole way from start to target in view."""
+    """3-D view from the side of the orbit normal, with start and target in view."""
     start = run.values["rho_H"][0]
     middle = 0.5 * start
     away = 0.9 * float(np.linalg.norm(start)) + 5.0
@@ -72,16 +72,15 @@ def _camera_view(run: ReplayedRun[ViewerChannels]) -> rrb.Spatial2DView:
 
 
 def about_text(run: ReplayedRun[ViewerChannels]) -> rr.TextDocument:
-    """What a reader must know of the run and of the colours."""
+    """Description of the run and of the colours."""
     lines = [
         f"## {run.file.name}, run {run.run_id} of seed {run.seed}",
         run.file.description,
-        "Flown again, alone. Time is simulation time.",
-        "**Scene**: Hill frame of the target, radial up; metres. Blue is true, orange is what flight software "
-        "believes, with its ellipsoid of 3 sigma. Green: the desired place. Red arrow: the force of the thruster, "
-        "5 m at its nominal force. Grey sphere: keep-out. Target: the convex hull of its outline. Servicer: a cube of "
-        "its mean cross-section.",
-        "**Camera**: green box accepted by the filter, orange box rejected, blue where the middle of a box is "
-        "accepted, grey the true outline.",
+        "Replayed from its seed and run id. Time is simulation time.",
+        "**Scene**: Hill frame of the target, radial up; metres. Blue is the truth, orange the estimate of flight "
+        "software with its 3-sigma ellipsoid. Green: the desired position. Red arrow: thruster force, 5 m at nominal "
+        "thrust. Grey sphere: keep-out. Target: convex hull of its outline. Servicer: cube of its mean cross-section.",
+        "**Camera**: green box accepted by the filter, orange box rejected, blue the gate for the box "
+        "center, grey the true outline.",
     ]
     return rr.TextDocument("\n\n".join(lines), media_type=rr.MediaType.MARKDOWN)

@@ -1,1 +1,1 @@
-"""ROS 2 messages, bags and DDS."""
+"""ROS 2 messages, bags and a DDS participant."""

@@ -1,7 +1,7 @@
-"""A DDS participant that speaks as ROS 2 nodes do: topics `rt/...`, types `pkg::msg::dds_::Name_`, type hashes.
+"""DDS participant with the conventions of ROS 2: topics `rt/...`, types `pkg::msg::dds_::Name_`, type hashes.
 
-Reliable and volatile, the last ten kept, as rclcpp and rclpy have it by default. It stays on the loopback interface
-unless the variable CYCLONEDDS_URI says otherwise.
+Quality of service is reliable, volatile and keep last 10, the default of rclcpp and rclpy. Only the loopback interface
+is used, unless the variable CYCLONEDDS_URI is set.
 """
 
 import os
@@ -26,27 +26,27 @@ LOOPBACK = (
 
 _BLOCKING_NS = 100_000_000
 _RECEIVED_DEPTH = 20_000
-"""A subscriber keeps more than ROS's ten, so that a flood of nonsense does not push out what counts."""
+"""More than the 10 of ROS, so that a flood of invalid messages does not push out valid ones."""
 _LARGEST_DOMAIN_ID = 232
 _MAX_SAMPLES_PER_TAKE = 64
 _yield_processor = getattr(os, "sched_yield", lambda: None)
 _SPIN_S = 0.002
-"""A thread that sleeps until a message comes is woken late: for about as long as a node thinks it stays awake."""
+"""Time for which a waiting thread polls before it sleeps, about the response time of a node: waking up is slow."""
 
 
 class Publisher:
-    """One topic that this participant speaks on.
+    """Publisher of one topic.
 
     Attributes:
-        sent: messages given to DDS
-        unsent: messages that DDS did not take in time, as a subscriber had stopped to read
+        sent: messages handed to DDS
+        unsent: messages that DDS did not accept in time, because a subscriber had stopped reading
     """
 
     def __init__(self, participant: Any, topic: Topic) -> None:
         self._class = sample_class(topic.type)
-        made = require_package("cyclonedds.topic", "ros").Topic(participant, _dds_topic_name(topic), self._class)
+        dds_topic = require_package("cyclonedds.topic", "ros").Topic(participant, _dds_topic_name(topic), self._class)
         self._writer = require_package("cyclonedds.pub", "ros").DataWriter(
-            participant, made, _dds_qos(topic, topic.qos.depth)
+            participant, dds_topic, _dds_qos(topic, topic.qos.depth)
         )
         self._failure = require_package("cyclonedds.core", "ros").DDSException
         self._latched = topic.qos.latched
@@ -54,7 +54,7 @@ class Publisher:
         self.unsent = 0
 
     def send(self, message: Any) -> None:
-        """Sends one message to all who listen."""
+        """Sends one message to all subscribers."""
         try:
             self._writer.write(self._class(message))
         except self._failure:
@@ -64,25 +64,25 @@ class Publisher:
 
     @property
     def is_needed(self) -> bool:
-        """Somebody listens, or will be given what was said before."""
+        """Whether there is a subscriber, or late ones will get the last message."""
         return self._latched or self.subscriber_count > 0
 
     @property
     def subscriber_count(self) -> int:
-        """How many subscribers there are now."""
+        """Number of current subscribers."""
         return len(self._writer.get_matched_subscriptions())
 
 
 class Subscriber:
-    """One topic that this participant listens to."""
+    """Subscriber of one topic."""
 
     def __init__(self, participant: Any, topic: Topic) -> None:
         core = require_package("cyclonedds.core", "ros")
-        made = require_package("cyclonedds.topic", "ros").Topic(
+        dds_topic = require_package("cyclonedds.topic", "ros").Topic(
             participant, _dds_topic_name(topic), sample_class(topic.type)
         )
         self._reader = require_package("cyclonedds.sub", "ros").DataReader(
-            participant, made, _dds_qos(topic, _RECEIVED_DEPTH)
+            participant, dds_topic, _dds_qos(topic, _RECEIVED_DEPTH)
         )
         any_data = core.ViewState.Any | core.InstanceState.Any | core.SampleState.NotRead
         self._condition = core.ReadCondition(self._reader, any_data)
@@ -91,7 +91,7 @@ class Subscriber:
         self._invalid = require_package("cyclonedds.internal", "ros").InvalidSample
 
     def wait(self, timeout_s: float) -> bool:
-        """Waits until something has come, for at most so many seconds; tells whether it has."""
+        """Waits for a sample, for at most `timeout_s`, and returns whether there is one."""
         deadline = time.monotonic() + timeout_s
         spin_until = min(deadline, time.monotonic() + _SPIN_S)
         while time.monotonic() < spin_until:
@@ -101,21 +101,21 @@ class Subscriber:
         return self._waitset.wait(max(round((deadline - time.monotonic()) * 1e9), 0)) > 0
 
     def take_samples(self) -> list[Any]:
-        """Some of the samples that have come, oldest first, as `wire_class` makes them."""
+        """Received samples, oldest first and at most 64, as instances of `sample_class`."""
         return [sample for sample in self._reader.take(_MAX_SAMPLES_PER_TAKE) if not isinstance(sample, self._invalid)]
 
     def take_messages(self) -> list[Any]:
-        """Some of the messages that have come, oldest first; None for one that is no message of the topic's type."""
+        """Received messages, oldest first and at most 64; None for bytes that are no message of the topic's type."""
         return [sample.message for sample in self.take_samples()]
 
     @property
     def publisher_count(self) -> int:
-        """How many publishers there are now."""
+        """Number of current publishers."""
         return len(self._reader.get_matched_publications())
 
 
 class Participant:
-    """A participant of one domain, and all that it says and hears.
+    """DDS participant of one domain.
 
     Raises:
         RpojaxError: cyclonedds is not installed, or the domain cannot be joined.
@@ -126,9 +126,9 @@ class Participant:
             raise RpojaxError(f"--domain-id: found {domain_id}, expected 0 to {_LARGEST_DOMAIN_ID}")
         domain, core = require_package("cyclonedds.domain", "ros"), require_package("cyclonedds.core", "ros")
         try:
-            # The settings hold for the whole process: who joins the domain a second time finds them made.
-            first = "CYCLONEDDS_URI" not in os.environ and domain_id not in _configured_domains
-            if first:
+            # The settings hold for the whole process, so they are made once for each domain.
+            needs_settings = "CYCLONEDDS_URI" not in os.environ and domain_id not in _configured_domains
+            if needs_settings:
                 _configured_domains[domain_id] = domain.Domain(domain_id, LOOPBACK)
             self._participant = domain.DomainParticipant(domain_id)
         except core.DDSException as error:
@@ -145,7 +145,7 @@ class Participant:
         return Subscriber(self._participant, topic)
 
     def new_type_mismatches(self, topics: Sequence[Topic]) -> list[tuple[Topic, str]]:
-        """Publishers that have newly come to one of some topics with another type than the topic's, which is told."""
+        """Publishers that have newly joined one of the topics with another message type: topic and that type."""
         builtin = require_package("cyclonedds.builtin", "ros")
         if self._publications is None:
             self._publications = builtin.BuiltinDataReader(self._participant, builtin.BuiltinTopicDcpsPublication)
@@ -153,7 +153,7 @@ class Participant:
         mismatches = []
         for publication in self._publications.take(_MAX_SAMPLES_PER_TAKE):
             topic = names.get(publication.topic_name)
-            # One that goes away is told of once more.
+            # A publisher that leaves is reported a second time.
             if (
                 topic is not None
                 and publication.type_name != dds_type_name(topic.type)
@@ -165,7 +165,7 @@ class Participant:
 
 
 _configured_domains: dict[int, Any] = {}
-"""Domains of this process by their number."""
+"""Domains of this process by their id."""
 
 
 def _dds_topic_name(topic: Topic) -> str:

@@ -1,7 +1,4 @@
-"""ROS 2 message types as DDS sees them: classes for cyclonedds, made at run time from the same source as the bags'.
-
-Nothing is generated ahead, and nothing is written down twice.
-"""
+"""DDS types of ROS 2 messages: cyclonedds classes, made at run time from the definitions in `message_types`."""
 
 from functools import cache, partial
 from typing import Any, Literal
@@ -13,7 +10,7 @@ from rpojax.optional import require_package
 _PRIMITIVE_TYPES = {
     "bool": "bool",
     "string": "str",
-    # The same on the wire, but Cyclone DDS 0.10, which ROS 2 ships, cannot read a type description with `uint8`.
+    # Equal on the wire; Cyclone DDS 0.10, which ROS 2 ships, cannot read a type description with `uint8`.
     **dict.fromkeys(("byte", "char", "octet", "uint8"), "byte"),
     **{name: name for name in ("int8", "int16", "int32", "int64", "uint16", "uint32", "uint64")},
     **{name: name for name in ("float32", "float64")},
@@ -28,7 +25,7 @@ def dds_type_name(name: str) -> str:
 
 @cache
 def idl_struct(name: str) -> Any:
-    """The cyclonedds class of a message type, with the fields of the message.
+    """Cyclonedds class of a message type, with the fields of the message.
 
     Raises:
         RpojaxError: cyclonedds or rosbags is not installed, or there is no such type.
@@ -39,56 +36,56 @@ def idl_struct(name: str) -> Any:
 
 @cache
 def sample_class(name: str) -> Any:
-    """The same type for messages of `message_class`: their bytes are those of the bags, and need no second copy.
+    """Cyclonedds class whose samples hold a `message_class` message, serialized as in bags, without a second copy.
 
-    Of a sample that came, `stamp` is the time in its header [ns], read without the rest, which is read for `message`:
-    a flood of old commands costs little. Both are None where the bytes are no such message.
+    Of a received sample, `stamp_ns` is the time of its header and `message` the message, deserialized only when it is
+    read, so that rejecting a command by its stamp costs little. Both are None where the bytes are no such message.
     """
     idl = require_package("cyclonedds.idl", "ros")
-    made = idl.make_idl_struct(_class_name(name), _idl_name(name), _idl_fields(name), dataclassify=False)
-    # Not by inheritance: a base would become a part of the type on the wire.
-    made.__init__ = _sample_init
-    made.serialize = _serialize
-    made.deserialize = classmethod(_deserialize)
-    made.deserialize_key = classmethod(_deserialize_key)
-    made.message = property(partial(_message, name))
-    made.stamp = property(_header_stamp_ns)
-    return made
+    created_class = idl.make_idl_struct(_class_name(name), _idl_name(name), _idl_fields(name), dataclassify=False)
+    # Not by inheritance: a base class would become part of the DDS type.
+    created_class.__init__ = _sample_init
+    created_class.serialize = _serialize
+    created_class.deserialize = classmethod(_deserialize)
+    created_class.deserialize_key = classmethod(_deserialize_key)
+    created_class.message = property(partial(_message, name))
+    created_class.stamp_ns = property(_header_stamp_ns)
+    return created_class
 
 
 def _sample_init(sample: Any, message: Any) -> None:
-    sample.said, sample.data = message, None
+    sample.sent, sample.received = message, None
 
 
 def _serialize(sample: Any, **_: Any) -> bytes:
-    return serialize(sample.said)
+    return serialize(sample.sent)
 
 
-def _deserialize(made: Any, data: bytes, **_: Any) -> Any:
-    sample = made(None)
-    sample.data = bytes(data)
+def _deserialize(sample_type: Any, data: bytes, **_: Any) -> Any:
+    sample = sample_type(None)
+    sample.received = bytes(data)
     return sample
 
 
-def _deserialize_key(made: Any, data: bytes, **_: Any) -> Any:
-    """What is said of a topic as a whole, such as its end, comes with a key; topics of ROS have none."""
-    return made(None)
+def _deserialize_key(sample_type: Any, data: bytes, **_: Any) -> Any:
+    """Empty sample for the key that comes with notifications such as disposal; ROS topics have no keys."""
+    return sample_type(None)
 
 
 def _message(name: str, sample: Any) -> Any:
     try:
-        return sample.said if sample.data is None else deserialize(sample.data, name)
+        return sample.sent if sample.received is None else deserialize(sample.received, name)
     except (RpojaxError, UnicodeDecodeError):
         return None
 
 
 def _header_stamp_ns(sample: Any) -> int | None:
-    if sample.data is None or len(sample.data) < 12:
+    if sample.received is None or len(sample.received) < 12:
         return None
-    # Four bytes of encapsulation, of which the second says which end comes first, then seconds and nanoseconds.
-    byte_order: Literal["little", "big"] = "little" if sample.data[1] & 1 else "big"
-    seconds = int.from_bytes(sample.data[4:8], byte_order, signed=True)
-    return 10**9 * seconds + int.from_bytes(sample.data[8:12], byte_order)
+    # Four bytes of encapsulation, the second of which is the byte order, then seconds and nanoseconds.
+    byte_order: Literal["little", "big"] = "little" if sample.received[1] & 1 else "big"
+    seconds = int.from_bytes(sample.received[4:8], byte_order, signed=True)
+    return 10**9 * seconds + int.from_bytes(sample.received[8:12], byte_order)
 
 
 def _idl_name(name: str) -> str:

@@ -1,143 +1,54 @@
-"""Bags of any run: rosbag2 folders that `ros2 bag play` and Foxglove open, written without ROS.
+"""Writer of rosbag2 bags in MCAP or SQLite3 storage, without a ROS installation.
 
-Stamps and log times are simulation time, and nothing in a bag tells when or where it was written: the same run,
-exported under the same name, gives the same bytes.
+A bag is a folder that `ros2 bag play` and Foxglove open. Log times are simulation time and nothing tells when or where
+the bag was written, so the same messages under the same name give the same bytes.
 """
 
 import enum
 import shutil
 import sqlite3
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from rpojax.campaign.storage import atomic_files
-from rpojax.errors import OutputError, RpojaxError
-from rpojax.interop import run_replay
-from rpojax.interop.ros2 import message_builders, message_types, topics
-from rpojax.interop.ros2.message_values import RosTickValues
-from rpojax.interop.ros2.topics import ALL_TOPICS, Qos, Topic
-from rpojax.interop.run_replay import ReplayedRun
+from rpojax.errors import OutputError
+from rpojax.interop.ros2 import message_builders, message_types
+from rpojax.interop.ros2.topics import Qos, Topic
 from rpojax.optional import require_package
-from rpojax.scenario import scenario_file
-from rpojax.version import __version__
 
 if TYPE_CHECKING:
     from rosbags.rosbag2 import Writer
 
-ProgressCallback = Callable[[int, int], None]
-"""Told how many ticks are written, of how many."""
-
-
-def _no_progress(done: int, total: int) -> None:
-    """Tells nobody."""
-
-
 METADATA_VERSION = 8
-"""Of `metadata.yaml`. Version 9 has its quality of service as a list, which Humble cannot read."""
+"""Of `metadata.yaml`. Version 9 stores quality of service as a list, which Humble cannot read."""
+
+_UNLIMITED_NS = 2**63 - 1
+"""Nanoseconds that ROS 2 takes for no limit."""
 
 
 class BagFormat(enum.StrEnum):
-    """How a bag is stored."""
+    """Storage of a bag."""
 
     MCAP = "mcap"
     SQLITE3 = "sqlite3"
 
 
-class ImageStorage(enum.StrEnum):
-    """What becomes of a rendered camera's pictures."""
-
-    RAW = "raw"
-    COMPRESSED = "compressed"
-    NONE = "none"
-
-
 @dataclass(frozen=True)
 class TimedMessage:
-    """A message with the topic and the time [ns] at which it is said."""
+    """A message with its topic and log time [ns]."""
 
     time_ns: int
     topic: Topic
     message: Any
 
 
-_IMAGE_TOPICS = {
-    ImageStorage.RAW: topics.IMAGE,
-    ImageStorage.COMPRESSED: topics.COMPRESSED_IMAGE,
-    ImageStorage.NONE: None,
-}
-
-
-def resolve_image_storage(camera_model: str, requested: str) -> ImageStorage:
-    """What becomes of the pictures of a camera of some model; `auto`: they are stored raw if there are any.
-
-    Raises:
-        RpojaxError: pictures are asked for, and the camera takes none.
-    """
-    automatic = ImageStorage.RAW if camera_model == "rendered" else ImageStorage.NONE
-    wanted = automatic if requested == "auto" else ImageStorage(requested)
-    if wanted != ImageStorage.NONE and camera_model != "rendered":
-        raise RpojaxError(f"--images: found {wanted.value!r} for camera.model = {camera_model!r}, expected 'none'")
-    return wanted
-
-
-def bag_topics(images: ImageStorage) -> list[Topic]:
-    """Topics of a bag, in the order of the table."""
-    image_topic = _IMAGE_TOPICS[images]
-    return [
-        topic for topic in ALL_TOPICS if topic not in (topics.IMAGE, topics.COMPRESSED_IMAGE) or topic == image_topic
-    ]
-
-
-def rerendered_images(run: ReplayedRun[RosTickValues]) -> Iterator[np.ndarray]:
-    """Pictures (p, p, 3), uint8 sRGB codes, that the rendered camera of a run took, one a tick, taken again."""
-    return (picture for picture, _ in run_replay.rerendered_pictures(run, range(run.ticks)))
-
-
-def run_messages(
-    run: ReplayedRun[RosTickValues],
-    images: ImageStorage,
-    pictures: Iterable[np.ndarray] = (),
-    on_progress: ProgressCallback = _no_progress,
-) -> Iterator[TimedMessage]:
-    """All messages of a run in the order of time; `taken` is a picture for every tick, unless `images` is none."""
-    remaining_pictures = iter(pictures)
-    for number in range(run.ticks):
-        values = run.tick(number)
-        time_ns = message_builders.nanoseconds(float(values.time_s))
-        if number == 0:
-            yield TimedMessage(time_ns, topics.TF_STATIC, message_builders.camera_transform(time_ns, values))
-        for topic, build in message_builders.tick_messages(values):
-            yield TimedMessage(time_ns, topic, build())
-        if images == ImageStorage.RAW:
-            yield TimedMessage(time_ns, topics.IMAGE, message_builders.image(time_ns, next(remaining_pictures)))
-        elif images == ImageStorage.COMPRESSED:
-            yield TimedMessage(
-                time_ns, topics.COMPRESSED_IMAGE, message_builders.compressed_image(time_ns, next(remaining_pictures))
-            )
-        on_progress(number + 1, run.ticks)
-
-
-def provenance(run: ReplayedRun[RosTickValues]) -> dict[str, str]:
-    """What a bag says of where it comes from, beside its messages."""
-    return {
-        "rpojax.version": __version__,
-        "rpojax.scenario": run.file.name,
-        "rpojax.scenario_hash": scenario_file.digest(run.file),
-        "rpojax.precision": "double",
-        "rpojax.seed": str(run.seed),
-        "rpojax.run_id": str(run.run_id),
-    }
-
-
 def check_output(out: Path, force: bool) -> None:
-    """Checks that a bag can be put at `out`, before any work is done for it.
+    """Checks that a bag can be written to `out`, before any work is done for it.
 
     Raises:
-        OutputError: something is there, and it is no bag or `force` was not given.
+        OutputError: `out` exists, and is no bag or `force` was not given.
     """
     if not out.name or out.is_symlink():
         raise OutputError(f"--out: found {str(out)!r}, expected the name of a folder")
@@ -156,43 +67,24 @@ def _is_bag(path: Path) -> bool:
     return all(entry.name == "metadata.yaml" or entry.suffix in (".mcap", ".db3") for entry in path.iterdir())
 
 
-def write_run(
-    run: ReplayedRun[RosTickValues],
-    out: Path,
-    storage: BagFormat,
-    images: ImageStorage,
-    force: bool,
-    on_progress: ProgressCallback = _no_progress,
-) -> int:
-    """Writes a run into a bag and returns the number of messages; `on_tick` is told `(done, total)`.
-
-    Raises:
-        RpojaxError: rosbags is not installed, or there cannot be such a folder.
-    """
-    pictures = () if images == ImageStorage.NONE else rerendered_images(run)
-    return write_bag(
-        out, storage, bag_topics(images), run_messages(run, images, pictures, on_progress), provenance(run), force
-    )
-
-
 def write_bag(
     out: Path,
     storage: BagFormat,
-    bag_topics: Sequence[Topic],
+    topics: Sequence[Topic],
     messages: Iterable[TimedMessage],
     custom_data: dict[str, str],
     force: bool,
 ) -> int:
-    """Writes messages on some topics into a bag and returns how many; there is a whole bag, or none.
+    """Writes messages into a bag and returns their number; on an error no partial bag remains.
 
     Raises:
-        RpojaxError: rosbags is not installed, or there cannot be such a folder.
+        RpojaxError: rosbags is not installed, or the folder cannot be written.
     """
     check_output(out, force)
     temporary = out.parent / atomic_files.partial_name(out.name)
     try:
         (temporary / "new").mkdir(parents=True)
-        count = _write_messages(temporary / "new" / out.name, storage, bag_topics, messages, custom_data)
+        count = _write_messages(temporary / "new" / out.name, storage, topics, messages, custom_data)
         _replace_bag(temporary / "new" / out.name, out, temporary / "old")
     except (OSError, sqlite3.Error) as error:
         reason = getattr(error, "strerror", None) or error
@@ -203,7 +95,7 @@ def write_bag(
 
 
 def _replace_bag(new: Path, out: Path, backup: Path) -> None:
-    """Renames a whole bag to its name; the one that is there goes, or stays if that fails."""
+    """Moves a finished bag to its name; an old bag there is removed, or kept if that fails."""
     if out.exists():
         out.rename(backup)
     try:
@@ -217,20 +109,21 @@ def _replace_bag(new: Path, out: Path, backup: Path) -> None:
 def _write_messages(
     out: Path,
     storage: BagFormat,
-    bag_topics: Sequence[Topic],
+    topics: Sequence[Topic],
     messages: Iterable[TimedMessage],
     custom_data: dict[str, str],
 ) -> int:
     rosbag2 = require_package("rosbags.rosbag2", "ros")
-    plugin = {BagFormat.MCAP: rosbag2.StoragePlugin.MCAP, BagFormat.SQLITE3: rosbag2.StoragePlugin.SQLITE3}[storage]
+    plugins = rosbag2.StoragePlugin
+    plugin = {BagFormat.MCAP: plugins.MCAP, BagFormat.SQLITE3: plugins.SQLITE3}[storage]
     writer = rosbag2.Writer(out, version=METADATA_VERSION, storage_plugin=plugin)
     for key, value in custom_data.items():
         writer.set_custom_data(key, value)
     count = 0
     with writer:
-        connections = {topic: _add_connection(writer, topic) for topic in bag_topics}
-        for each in messages:
-            writer.write(connections[each.topic], each.time_ns, message_types.serialize(each.message))
+        connections = {topic: _add_connection(writer, topic) for topic in topics}
+        for timed in messages:
+            writer.write(connections[timed.topic], timed.time_ns, message_types.serialize(timed.message))
             count += 1
     return count
 
@@ -246,23 +139,19 @@ def _add_connection(writer: "Writer", topic: Topic) -> Any:
 
 
 def _qos_profile(qos: Qos) -> Any:
-    """A reliable publisher's profile as rosbags has it; times without limit, as ROS 2 writes them."""
+    """Quality of service of a reliable publisher as rosbags has it, with unlimited times as ROS 2 writes them."""
     rosbags_types = require_package("rosbags.interfaces", "ros")
-    unlimited = rosbags_types.QosTime(
-        sec=_UNLIMITED_NS // message_builders.NANOSECONDS_PER_S, nsec=_UNLIMITED_NS % message_builders.NANOSECONDS_PER_S
-    )
+    seconds, nanoseconds = divmod(_UNLIMITED_NS, message_builders.NANOSECONDS_PER_S)
+    unlimited = rosbags_types.QosTime(sec=seconds, nsec=nanoseconds)
+    durability = rosbags_types.QosDurability
     return rosbags_types.Qos(
         history=rosbags_types.QosHistory.KEEP_LAST,
         depth=qos.depth,
         reliability=rosbags_types.QosReliability.RELIABLE,
-        durability=rosbags_types.QosDurability.TRANSIENT_LOCAL if qos.latched else rosbags_types.QosDurability.VOLATILE,
+        durability=durability.TRANSIENT_LOCAL if qos.latched else durability.VOLATILE,
         deadline=unlimited,
         lifespan=unlimited,
         liveliness=rosbags_types.QosLiveliness.AUTOMATIC,
         liveliness_lease_duration=unlimited,
         avoid_ros_namespace_conventions=False,
     )
-
-
-_UNLIMITED_NS = 2**63 - 1
-"""Nanoseconds that ROS 2 takes for no limit."""

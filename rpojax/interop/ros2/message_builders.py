@@ -1,7 +1,6 @@
-"""Messages from values: pure builders, and all that is said of a tick with the topic on which it is said."""
+"""Builders of ROS 2 messages from arrays; pure functions."""
 
-from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -9,16 +8,13 @@ import numpy as np
 from jaxtyping import Array
 
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.interop.ros2 import topics
-from rpojax.interop.ros2.frame_names import CAMERA, ECI, HILL, SERVICER, TARGET
+from rpojax.interop.ros2.frame_ids import CAMERA, ECI, HILL, SERVICER, TARGET
 from rpojax.interop.ros2.message_types import message_class
-from rpojax.interop.ros2.message_values import CameraFrame, Odometry, RosTickValues
-from rpojax.interop.ros2.topics import Topic
+from rpojax.interop.ros2.message_values import DetectorImage, RosTickValues
+from rpojax.interop.ros2.odometry import Odometry
 
-TopicMessages = Iterable[tuple[Topic, Callable[[], Any]]]
-"""Topics, each with what makes its message where somebody listens."""
 Numbers = Array | np.ndarray
-"""Numbers of a tick, wherever they are."""
+"""An array on the host or on a device."""
 
 NANOSECONDS_PER_S = 1_000_000_000
 WHEEL_JOINTS = ("wheel_1", "wheel_2", "wheel_3")
@@ -114,12 +110,12 @@ def transform(time_ns: int, frame: str, child: str, position: Numbers, orientati
 
 
 def tf_message(transforms: Sequence[Any]) -> Any:
-    """`tf2_msgs/TFMessage` of some transforms."""
+    """`tf2_msgs/TFMessage` of transforms."""
     return message_class("tf2_msgs/msg/TFMessage")(transforms=list(transforms))
 
 
 def vehicle_transforms(time_ns: int, values: RosTickValues) -> Any:
-    """The true Hill frame in `eci`, and both vehicles in it: near things relative to near things."""
+    """`tf2_msgs/TFMessage` of the true Hill frame in `eci`, and of both vehicles in the Hill frame."""
     return tf_message(
         [
             transform(time_ns, ECI, HILL, values.target.position, values.hill_orientation),
@@ -130,7 +126,7 @@ def vehicle_transforms(time_ns: int, values: RosTickValues) -> Any:
 
 
 def camera_transform(time_ns: int, values: RosTickValues) -> Any:
-    """The camera on the servicer, as flight software knows it."""
+    """`tf2_msgs/TFMessage` of the camera in the servicer body, as flight software knows it."""
     return tf_message([transform(time_ns, SERVICER, CAMERA, np.zeros(3), values.camera_in_body)])
 
 
@@ -149,7 +145,7 @@ def star_tracker(time_ns: int, orientation: Numbers) -> Any:
 
 
 def imu(time_ns: int, rate: Numbers, variance: float) -> Any:
-    """`sensor_msgs/Imu` of a gyro sample [rad/s] with its variance per axis [rad^2/s^2]; the rest is marked absent."""
+    """`sensor_msgs/Imu` of a gyro sample [rad/s] with its variance per axis [rad^2/s^2]; all else is marked absent."""
     absent = np.array([-1.0, *[0.0] * 8])
     return message_class("sensor_msgs/msg/Imu")(
         header=header_message(time_ns, SERVICER),
@@ -163,7 +159,7 @@ def imu(time_ns: int, rate: Numbers, variance: float) -> Any:
 
 
 def wheel_state(time_ns: int, speed: Numbers, torque: Numbers) -> Any:
-    """`sensor_msgs/JointState` of the wheels' speeds [rad/s] and torques [N m]; empty arrays for what is not known."""
+    """`sensor_msgs/JointState` of wheel speeds [rad/s] and torques [N m]; an unknown one is an empty array."""
     return message_class("sensor_msgs/msg/JointState")(
         header=header_message(time_ns, ""), name=list(WHEEL_JOINTS), position=_EMPTY, velocity=speed, effort=torque
     )
@@ -175,10 +171,10 @@ def wheel_command(time_ns: int, torque: Numbers) -> Any:
 
 
 def thruster_command(time_ns: int, ignition_ns: int, cutoff_ns: int, thrust: float) -> Any:
-    """`trajectory_msgs/JointTrajectory` of a burn: the valve opens and closes at times [ns] counted from the stamp.
+    """`trajectory_msgs/JointTrajectory` of a burn: opening and closing of the valve, relative to the stamp.
 
-    `thrust` [N] is the effort while it is open. Without a burn, or after it, there are no points. A burn that is under
-    way has its opening before the stamp.
+    `thrust` [N] is the effort while the valve is open. There are no points without a burn and after its end. During a
+    burn the opening lies before the stamp.
     """
     valve_switches = [(ignition_ns, thrust), (cutoff_ns, 0.0)]
     pending = cutoff_ns > max(ignition_ns, time_ns)
@@ -199,10 +195,10 @@ def _valve_point(time_ns: int, force: float) -> Any:
     )
 
 
-def camera_info(time_ns: int, view: CameraFrame) -> Any:
-    """`sensor_msgs/CameraInfo` of a picture without distortion."""
-    width, height = view.size_px.tolist()
-    (x, y), f = view.center_px.tolist(), float(view.focal_px)
+def camera_info(time_ns: int, detector_image: DetectorImage) -> Any:
+    """`sensor_msgs/CameraInfo` of an image without distortion."""
+    width, height = detector_image.size_px.tolist()
+    (x, y), f = detector_image.center_px.tolist(), float(detector_image.focal_px)
     return message_class("sensor_msgs/msg/CameraInfo")(
         header=header_message(time_ns, CAMERA),
         height=height,
@@ -242,25 +238,27 @@ def compressed_image(time_ns: int, picture: np.ndarray) -> Any:
     )
 
 
-def detections(time_ns: int, view: CameraFrame) -> Any:
-    """`vision_msgs/Detection2DArray` of the one box of a picture, or of none."""
-    found = [_detection(time_ns, view)] if view.present else []
+def detections(time_ns: int, detector_image: DetectorImage) -> Any:
+    """`vision_msgs/Detection2DArray` of the detected box, empty without one."""
+    found = [_detection(time_ns, detector_image)] if detector_image.present else []
     return message_class("vision_msgs/msg/Detection2DArray")(header=header_message(time_ns, CAMERA), detections=found)
 
 
-def _detection(time_ns: int, view: CameraFrame) -> Any:
-    (x, y), (width, height) = view.box_center_px.tolist(), view.box_size_px.tolist()
+def _detection(time_ns: int, detector_image: DetectorImage) -> Any:
+    (x, y), (width, height) = detector_image.box_center_px.tolist(), detector_image.box_size_px.tolist()
     center = message_class("vision_msgs/msg/Pose2D")(
         position=message_class("vision_msgs/msg/Point2D")(x=x, y=y), theta=0.0
     )
-    # A box has no pose in space; the field is left as a message is made.
+    # A box has no pose in space; the field keeps its default.
     undefined_pose = message_class("geometry_msgs/msg/PoseWithCovariance")(
         pose=message_class("geometry_msgs/msg/Pose")(
             position=point_message(np.zeros(3)), orientation=quaternion_message(np.array([0.0, 0.0, 0.0, 1.0]))
         ),
         covariance=np.zeros(36),
     )
-    hypothesis = message_class("vision_msgs/msg/ObjectHypothesis")(class_id=TARGET_CLASS_ID, score=float(view.score))
+    hypothesis = message_class("vision_msgs/msg/ObjectHypothesis")(
+        class_id=TARGET_CLASS_ID, score=float(detector_image.score)
+    )
     return message_class("vision_msgs/msg/Detection2D")(
         header=header_message(time_ns, CAMERA),
         results=[message_class("vision_msgs/msg/ObjectHypothesisWithPose")(hypothesis=hypothesis, pose=undefined_pose)],
@@ -270,7 +268,7 @@ def _detection(time_ns: int, view: CameraFrame) -> Any:
 
 
 def diagnostics(time_ns: int, values: RosTickValues) -> Any:
-    """`diagnostic_msgs/DiagnosticArray`: guidance mode, what became of the box, consumption."""
+    """`diagnostic_msgs/DiagnosticArray`: guidance mode, use of the box, consumption."""
     box_status = "accepted" if values.box_accepted else "rejected" if values.camera.present else "none"
     mode = _MODE_NAMES[Mode(int(values.guidance_mode))]
     level = "WARN" if mode == "search" else "OK"
@@ -297,54 +295,3 @@ def _status(level: str, name: str, text: str, values: dict[str, float]) -> Any:
         hardware_id="servicer",
         values=[key_value_class(key=key, value=repr(value)) for key, value in values.items()],
     )
-
-
-def tick_messages(values: RosTickValues, published: Iterable[Topic] = topics.ALL_TOPICS) -> TopicMessages:
-    """What is said of a tick on the topics that are wanted, in their order.
-
-    Pictures and what is said once are left out.
-    """
-    builders = _message_builders(nanoseconds(float(values.time_s)), values)
-    return [(topic, builders[topic]) for topic in published if topic in builders]
-
-
-def _message_builders(time_ns: int, values: RosTickValues) -> dict[Topic, Callable[[], Any]]:
-    """What makes the message of each topic that there is something to say on."""
-    builders: dict[Topic, Callable[[], Any]] = {
-        topics.CLOCK: lambda: clock_message(time_ns),
-        topics.TF: lambda: vehicle_transforms(time_ns, values),
-        **_odometry_builders(time_ns, values),
-    }
-    if values.gps_present:
-        builders[topics.GPS] = lambda: gps(time_ns, values.gps)
-    if values.star_tracker_present:
-        builders[topics.STAR_TRACKER] = lambda: star_tracker(time_ns, values.star_tracker)
-    return builders | {
-        topics.IMU: lambda: imu(time_ns, values.gyro, float(values.gyro_variance)),
-        topics.WHEELS: lambda: wheel_state(time_ns, values.wheel_speed, values.wheel_torque),
-        topics.WHEEL_COMMAND: lambda: wheel_command(time_ns, values.wheel_command),
-        topics.THRUSTER_COMMAND: lambda: _pending_burn(time_ns, values),
-        topics.CAMERA_INFO: lambda: camera_info(time_ns, values.camera),
-        topics.DETECTIONS: lambda: detections(time_ns, values.camera),
-        topics.DIAGNOSTICS: lambda: diagnostics(time_ns, values),
-    }
-
-
-def _odometry_builders(time_ns: int, values: RosTickValues) -> dict[Topic, Callable[[], Any]]:
-    motions = {
-        topics.SERVICER_TRUTH: values.servicer,
-        topics.RELATIVE_TRUTH: values.relative,
-        topics.TARGET_TRUTH: values.target,
-        topics.SERVICER_ESTIMATE: values.servicer_estimate,
-        topics.RELATIVE_ESTIMATE: values.relative_estimate,
-        topics.TARGET_ESTIMATE: values.target_estimate,
-    }
-    return {
-        topic: partial(odometry, time_ns, topic.frame_id, topic.child_frame_id, motion)
-        for topic, motion in motions.items()
-    }
-
-
-def _pending_burn(time_ns: int, values: RosTickValues) -> Any:
-    ignition, cutoff = nanoseconds(float(values.ignition_s)), nanoseconds(float(values.cutoff_s))
-    return thruster_command(time_ns, ignition, cutoff, float(values.thrust))

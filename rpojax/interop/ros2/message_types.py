@@ -1,7 +1,7 @@
-"""ROS 2 message types: the one source of their classes, bytes and hashes, for bags and for the wire.
+"""ROS 2 message types: classes, serialization and type hashes, for bags and DDS.
 
-The types are those of Jazzy, the release that is supported longest; every type in use here has the same fields, and so
-the same bytes and hash, in Humble and in all releases since. The layout of `vision_msgs` is that of its version 4.
+The definitions are those of Jazzy, the release with the longest support. Every type in use has the same fields, hence
+the same bytes and hash, in Humble and all later releases. `vision_msgs` is that of version 4.
 """
 
 from functools import cache
@@ -23,12 +23,12 @@ _VISION_MSGS_DEFINITIONS = {
     "vision_msgs/BoundingBox2D bbox\nstring id",
     "Detection2DArray": "std_msgs/Header header\nvision_msgs/Detection2D[] detections",
 }
-"""Definitions of the types of `vision_msgs` 4 that a detection is made of; no store of types has them."""
+"""Definitions of the `vision_msgs` 4 types that a detection consists of; rosbags does not bring them."""
 
 
 @cache
 def typestore() -> "Typestore":
-    """All known message types.
+    """Store of all known message types.
 
     Raises:
         RpojaxError: rosbags is not installed.
@@ -42,7 +42,7 @@ def typestore() -> "Typestore":
 
 @cache
 def message_class(name: str) -> Any:
-    """Class of a message, such as that of `nav_msgs/msg/Odometry`; its `__msgtype__` is the name.
+    """Class of a message type such as `nav_msgs/msg/Odometry`; its `__msgtype__` is that name.
 
     Raises:
         RpojaxError: there is no such type.
@@ -54,15 +54,15 @@ def message_class(name: str) -> Any:
 
 
 def serialize(message: Any) -> bytes:
-    """A message as little-endian CDR, its four bytes of header first, as bags and DDS carry it."""
+    """Little-endian CDR bytes of a message, with the encapsulation header of four bytes."""
     return bytes(typestore().serialize_cdr(message, message.__msgtype__, little_endian=True))
 
 
 def deserialize(data: bytes | memoryview, name: str) -> Any:
-    """Message of the type `name` from its CDR bytes.
+    """Message of type `name` from its CDR bytes.
 
     Raises:
-        RpojaxError: the bytes are no such message.
+        RpojaxError: the bytes are no message of that type.
     """
     message_class(name)
     failure = require_package("rosbags.serde", "ros").SerdeError
@@ -73,12 +73,12 @@ def deserialize(data: bytes | memoryview, name: str) -> Any:
 
 
 def type_hash(name: str) -> str:
-    """REP-2016 hash of a type, such as `RIHS01_3cc9...`, by which nodes know that they mean the same fields."""
+    """REP-2016 hash of a type, such as `RIHS01_3cc9...`, by which nodes check that their definitions agree."""
     message_class(name)
     return typestore().hash_rihs01(name)
 
 
 def definition(name: str) -> str:
-    """Text of a type and of all that it is made of, as bags carry it (`ros2msg`)."""
+    """Text of a type and of all types that it contains, as stored in bags (`ros2msg`)."""
     message_class(name)
     return typestore().generate_msgdef(name, ros_version=2)[0]

@@ -1,13 +1,13 @@
-"""The table of topics: what a run says of itself in ROS 2, in bags and on the wire."""
+"""Table of the ROS 2 topics of a run, in bags and live."""
 
 import enum
 from dataclasses import dataclass
 
-from rpojax.interop.ros2.frame_names import CAMERA, ECI, HILL, SERVICER, TARGET
+from rpojax.interop.ros2.frame_ids import CAMERA, ECI, HILL, SERVICER, TARGET
 
 
 class TopicSource(enum.StrEnum):
-    """Who says it."""
+    """Part of the simulation that a message comes from."""
 
     TRUTH = "truth"
     SENSOR = "sensor"
@@ -15,7 +15,7 @@ class TopicSource(enum.StrEnum):
 
 
 class TopicRate(enum.StrEnum):
-    """When there is a message."""
+    """Times at which a topic has a message."""
 
     ONCE = "once, at the start"
     TICK = "every tick"
@@ -28,15 +28,15 @@ class Qos:
     """Quality of service of a publisher.
 
     Attributes:
-        depth: so many last messages are kept
-        latched: who comes late gets them too (transient local); else volatile
+        depth: number of last messages that are kept
+        latched: late subscribers get them too (transient local); else volatile
     """
 
     depth: int
     latched: bool = False
 
 
-# All are reliable: such a publisher serves subscribers of either kind, the sensor-data profile of rviz included.
+# All publishers are reliable, so they serve reliable and best-effort subscribers, rviz's sensor-data profile included.
 STREAM_QOS = Qos(depth=10)
 LATCHED_QOS = Qos(depth=1, latched=True)
 
@@ -48,12 +48,12 @@ class Topic:
     Attributes:
         name: absolute
         type: message type
-        frame: `header.frame_id`, "" where there is none or several
-        child: `child_frame_id`, "" where there is none or several
-        source: who says it
-        rate: when there is a message
-        holds: what it says
-        qos: of its publisher
+        frame_id: `header.frame_id`, "" where there is none or several
+        child_frame_id: of the message, "" where there is none or several
+        source: part of the simulation that a message comes from
+        rate: times at which there is a message
+        description: content of a message
+        qos: quality of service of the publisher
     """
 
     name: str
@@ -146,7 +146,7 @@ TARGET_ESTIMATE = Topic(
     HILL,
     TopicSource.FLIGHT,
     TopicRate.TICK,
-    "the target's orbit as its Hill frame, with covariance; nobody estimates its attitude",
+    "the target's orbit as its Hill frame, with covariance; its attitude is not estimated",
 )
 GPS = Topic(
     "/servicer/gps/position",
@@ -173,7 +173,7 @@ IMU = Topic(
     "",
     TopicSource.SENSOR,
     TopicRate.TICK,
-    "last gyro sample [rad/s]; no orientation and no acceleration, as their covariances of -1 say",
+    "last gyro sample [rad/s]; covariances of -1 mark the absent orientation and acceleration",
 )
 WHEELS = Topic(
     "/servicer/wheels/state",
@@ -209,7 +209,7 @@ CAMERA_INFO = Topic(
     "",
     TopicSource.FLIGHT,
     TopicRate.TICK,
-    "calibration of the tick's picture: of a large frame, the window that the detector gets",
+    "calibration of the tick's image: of a large frame, the window that the detector gets",
 )
 IMAGE = Topic(
     "/servicer/camera/image_raw",
@@ -218,7 +218,7 @@ IMAGE = Topic(
     "",
     TopicSource.SENSOR,
     TopicRate.PICTURE,
-    "the picture, rgb8",
+    "the image, rgb8",
 )
 COMPRESSED_IMAGE = Topic(
     "/servicer/camera/image_raw/compressed",
@@ -227,7 +227,7 @@ COMPRESSED_IMAGE = Topic(
     "",
     TopicSource.SENSOR,
     TopicRate.PICTURE,
-    "the picture, png",
+    "the image, PNG",
 )
 DETECTIONS = Topic(
     "/servicer/camera/detections",
@@ -245,7 +245,7 @@ DIAGNOSTICS = Topic(
     "",
     TopicSource.FLIGHT,
     TopicRate.TICK,
-    "guidance mode, what became of the box; true velocity change and mass",
+    "guidance mode, use of the box; true velocity change and mass",
 )
 
 ALL_TOPICS = (
@@ -270,4 +270,4 @@ ALL_TOPICS = (
     DETECTIONS,
     DIAGNOSTICS,
 )
-"""Every topic, in the order in which the messages of a tick are sent."""
+"""All topics, in the order in which the messages of a tick are written."""

@@ -1,25 +1,25 @@
-"""The guard of the live loop: what counts as a command, and what is ignored for which reason."""
+"""Checks of commands: which are accepted, and why others are ignored."""
 
 from typing import Any
 
 import numpy as np
 import pytest
+from command_inbox import LIMITS, attitude_target
 
-from rpojax.interop.cosimulation import command_checks, live_topics
-from rpojax.interop.cosimulation.command_checks import BurnWindow, CommandLimits, RejectionReason
+from rpojax.interop.cosimulation import command_checks
+from rpojax.interop.cosimulation.command_checks import BurnWindow, RejectionReason
 from rpojax.interop.ros2 import message_builders
-from rpojax.interop.ros2.frame_names import ECI, HILL, SERVICER
-from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S
+from rpojax.interop.ros2.frame_ids import ECI, HILL, SERVICER
+from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S as NANO
 from rpojax.interop.ros2.message_types import deserialize, message_class, serialize
-from rpojax.interop.ros2.message_values import Odometry
+from rpojax.interop.ros2.odometry import Odometry
 
 LIMIT = 0.025
-LIMITS = CommandLimits(torque=np.full(3, LIMIT), minimum_on_time_s=0.5, maximum_on_time_s=110.0)
-NOW = 200 * NANOSECONDS_PER_S
+NOW = 200 * NANO
 
 
 def wheels(torque: Any, names: tuple[str, ...] = message_builders.WHEEL_JOINTS) -> Any:
-    """A command as it comes from the wire."""
+    """Wheel command, serialized and deserialized."""
     message = message_class("sensor_msgs/msg/JointState")(
         header=message_builders.header_message(NOW, ""),
         name=list(names),
@@ -30,19 +30,19 @@ def wheels(torque: Any, names: tuple[str, ...] = message_builders.WHEEL_JOINTS) 
     return deserialize(serialize(message), "sensor_msgs/msg/JointState")
 
 
-def test_torques_count_as_they_are() -> None:
+def test_torques_are_accepted_unchanged() -> None:
     np.testing.assert_array_equal(command_checks.wheel_torque(wheels([0.01, -0.02, 0.0]), LIMITS), [0.01, -0.02, 0.0])
     np.testing.assert_array_equal(
         command_checks.wheel_torque(wheels([0.01, -0.02, 0.0], ()), LIMITS), [0.01, -0.02, 0.0]
     )
 
 
-def test_torques_go_to_the_wheels_that_are_named() -> None:
-    turned = wheels([1e-3, 2e-3, 3e-3], ("wheel_3", "wheel_1", "wheel_2"))
-    np.testing.assert_array_equal(command_checks.wheel_torque(turned, LIMITS), [2e-3, 3e-3, 1e-3])
+def test_torques_are_sorted_by_wheel_name() -> None:
+    shuffled = wheels([1e-3, 2e-3, 3e-3], ("wheel_3", "wheel_1", "wheel_2"))
+    np.testing.assert_array_equal(command_checks.wheel_torque(shuffled, LIMITS), [2e-3, 3e-3, 1e-3])
 
 
-def test_torques_that_the_drive_cannot_give_are_still_commands() -> None:
+def test_torques_somewhat_beyond_the_limit_are_accepted() -> None:
     np.testing.assert_array_equal(
         command_checks.wheel_torque(wheels([5 * LIMIT, 0.0, 0.0]), LIMITS), [5 * LIMIT, 0.0, 0.0]
     )
@@ -63,13 +63,13 @@ def test_torques_that_the_drive_cannot_give_are_still_commands() -> None:
         (wheels(np.zeros(3), ("wheel_1", "wheel_1", "wheel_2")), RejectionReason.WRONG_NAMES),
     ],
 )
-def test_what_is_no_torque_is_ignored(message: Any, reason: RejectionReason) -> None:
+def test_invalid_torques_are_rejected(message: Any, reason: RejectionReason) -> None:
     assert command_checks.wheel_torque(message, LIMITS) == reason
 
 
 def burn(ignition_s: float, cutoff_s: float, **changes: Any) -> Any:
-    """A burn as it comes from the wire."""
-    ignition, cutoff = round(ignition_s * NANOSECONDS_PER_S), round(cutoff_s * NANOSECONDS_PER_S)
+    """Thruster command, serialized and deserialized."""
+    ignition, cutoff = round(ignition_s * NANO), round(cutoff_s * NANO)
     message = message_builders.thruster_command(NOW, ignition, cutoff, 0.03)
     for name, value in changes.items():
         setattr(message, name, value)
@@ -77,29 +77,29 @@ def burn(ignition_s: float, cutoff_s: float, **changes: Any) -> Any:
 
 
 def window(ignition_s: float, cutoff_s: float) -> BurnWindow:
-    return BurnWindow(round(ignition_s * NANOSECONDS_PER_S), round(cutoff_s * NANOSECONDS_PER_S))
+    return BurnWindow(round(ignition_s * NANO), round(cutoff_s * NANO))
 
 
-def test_a_burn_counts_from_the_stamp_of_its_message() -> None:
+def test_burn_times_count_from_the_stamp() -> None:
     assert command_checks.burn_window(burn(240.0, 262.5), LIMITS, NOW, BurnWindow()) == window(240.0, 262.5)
     assert command_checks.burn_window(burn(0.0, 0.0), LIMITS, NOW, window(240.0, 262.5)) == BurnWindow()
 
 
-def test_a_burn_under_way_may_be_told_again_and_be_given_another_end() -> None:
+def test_a_running_burn_may_be_repeated_and_get_another_cutoff() -> None:
     before = window(190.0, 220.0)
     assert command_checks.burn_window(burn(190.0, 220.0), LIMITS, NOW, before) == before
     assert command_checks.burn_window(burn(190.0, 205.0), LIMITS, NOW, before) == window(190.0, 205.0)
     assert command_checks.burn_window(burn(190.0, 220.0), LIMITS, NOW, BurnWindow()) == RejectionReason.IN_THE_PAST
 
 
-def test_a_burn_whose_times_are_rounded_anew_is_the_same_burn() -> None:
+def test_a_burn_with_rounded_times_is_the_same_burn() -> None:
     before = window(240.0, 262.5)
     assert command_checks.burn_window(burn(240.0 + 3e-7, 262.5 - 3e-7), LIMITS, NOW, before) == before
 
 
 def effort(value: float) -> list[Any]:
     """Two points, one with such an effort."""
-    points = message_builders.thruster_command(NOW, NOW + NANOSECONDS_PER_S, NOW + 9 * NANOSECONDS_PER_S, 0.03).points
+    points = message_builders.thruster_command(NOW, NOW + NANO, NOW + 9 * NANO, 0.03).points
     points[0].effort = np.array([value])
     return points
 
@@ -117,32 +117,26 @@ def effort(value: float) -> list[Any]:
         (burn(199.9, 220.0), RejectionReason.IN_THE_PAST),
     ],
 )
-def test_what_is_no_burn_is_ignored(message: Any, reason: RejectionReason) -> None:
+def test_invalid_burns_are_rejected(message: Any, reason: RejectionReason) -> None:
     assert command_checks.burn_window(message, LIMITS, NOW, BurnWindow()) == reason
 
 
-def turned(xyzw: Any, frame: str = ECI) -> Any:
-    message = live_topics.attitude_target(NOW, np.asarray(xyzw, dtype=np.float64))
-    message.header.frame_id = frame
-    return message
-
-
-def test_an_orientation_is_made_a_unit_one() -> None:
-    found = command_checks.unit_orientation(turned([0.0, 0.6 * 1.0001, 0.0, 0.8 * 1.0001]))
+def test_orientations_are_normalized() -> None:
+    found = command_checks.unit_orientation(attitude_target(NOW, [0.0, 0.6 * 1.0001, 0.0, 0.8 * 1.0001]))
     np.testing.assert_allclose(found, [0.0, 0.6, 0.0, 0.8], rtol=1e-12)
 
 
 @pytest.mark.parametrize(
     ("message", "reason"),
     [
-        (turned([0.0, 0.0, 0.0, 0.0]), RejectionReason.NO_ROTATION),
-        (turned([0.0, 0.0, 0.0, 1.1]), RejectionReason.NO_ROTATION),
-        (turned([1e308, 1e308, 0.0, 1.0]), RejectionReason.NO_ROTATION),
-        (turned([0.0, np.nan, 0.0, 1.0]), RejectionReason.NOT_FINITE),
-        (turned([0.0, 0.0, 0.0, 1.0], HILL), RejectionReason.WRONG_FRAME),
+        (attitude_target(NOW, [0.0, 0.0, 0.0, 0.0]), RejectionReason.NO_ROTATION),
+        (attitude_target(NOW, [0.0, 0.0, 0.0, 1.1]), RejectionReason.NO_ROTATION),
+        (attitude_target(NOW, [1e308, 1e308, 0.0, 1.0]), RejectionReason.NO_ROTATION),
+        (attitude_target(NOW, [0.0, np.nan, 0.0, 1.0]), RejectionReason.NOT_FINITE),
+        (attitude_target(NOW, [0.0, 0.0, 0.0, 1.0], HILL), RejectionReason.WRONG_FRAME),
     ],
 )
-def test_what_is_no_orientation_is_ignored(message: Any, reason: RejectionReason) -> None:
+def test_invalid_orientations_are_rejected(message: Any, reason: RejectionReason) -> None:
     assert command_checks.unit_orientation(message) == reason
 
 
@@ -165,7 +159,7 @@ def with_variance(place: tuple[int, int], value: float) -> np.ndarray:
     return P
 
 
-def test_an_estimate_counts_as_it_is() -> None:
+def test_plausible_estimates_are_accepted() -> None:
     message = odometry()
     assert command_checks.relative_odometry(message) is message
     message = odometry(ECI, (7e6, 0.0, 0.0))
@@ -189,9 +183,9 @@ def test_an_estimate_counts_as_it_is() -> None:
         (odometry(twist_covariance=with_variance((2, 2), 1e300)), RejectionReason.NO_COVARIANCE),
     ],
 )
-def test_what_is_no_estimate_is_ignored(message: Any, reason: RejectionReason) -> None:
+def test_invalid_estimates_are_rejected(message: Any, reason: RejectionReason) -> None:
     assert command_checks.relative_odometry(message) == reason
 
 
-def test_an_orbit_inside_of_the_earth_is_ignored() -> None:
+def test_an_orbit_inside_the_earth_is_rejected() -> None:
     assert command_checks.servicer_odometry(odometry(ECI, (1e6, 0.0, 0.0))) == RejectionReason.BEYOND_LIMIT

@@ -1,4 +1,4 @@
-"""The example node's rotations are SciPy's."""
+"""Rotations of the example node agree with SciPy."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ TURNS = [
 
 @pytest.mark.parametrize("first", TURNS, ids=str)
 @pytest.mark.parametrize("second", TURNS, ids=str)
-def test_they_are_scipys(first: np.ndarray, second: np.ndarray) -> None:
+def test_rotations_agree_with_scipy(first: np.ndarray, second: np.ndarray) -> None:
     ours = EXAMPLE.Rotation.from_rotvec(second) * EXAMPLE.Rotation.from_rotvec(first).inv()
     theirs = transform.Rotation.from_rotvec(second) * transform.Rotation.from_rotvec(first).inv()
     matrix = theirs.as_matrix()
@@ -31,6 +31,6 @@ def test_they_are_scipys(first: np.ndarray, second: np.ndarray) -> None:
         assert np.linalg.norm(same.as_rotvec()) <= np.pi + 1e-12
 
 
-def test_the_cross_product_is_numpys() -> None:
+def test_the_cross_product_agrees_with_numpy() -> None:
     a, b = np.array([0.1, -2.0, 3.0]), np.array([4.0, 0.5, -6.0])
     np.testing.assert_allclose(EXAMPLE.cross(a, b), np.cross(a, b), rtol=1e-15)

@@ -1,4 +1,4 @@
-"""A recording holds the run that it was made of, on simulation time alone."""
+"""Rerun recordings hold the channels of the run, on simulation time alone."""
 
 import dataclasses
 import sys
@@ -22,8 +22,8 @@ from rpojax.interop.run_replay import PosedPicture, ReplayedRun
 CAMERA = "/hill/servicer/camera"
 
 
-class Read:
-    """A recording as it is read back: columns of an entity by name, one list of instances a row."""
+class RecordingReader:
+    """Recording read back: columns of an entity by name, one list of instances a row."""
 
     def __init__(self, path: Path) -> None:
         reader = rrc.RrdReader(path)
@@ -50,35 +50,37 @@ class Read:
 
 
 @pytest.fixture
-def write(tmp_path: Path) -> Callable[..., Read]:
+def write(tmp_path: Path) -> Callable[..., RecordingReader]:
     """Writes a run and reads it back."""
 
-    def made(flight: ReplayedRun[ViewerChannels], shots: Iterable[PosedPicture] | None = None) -> Read:
-        return Read(rerun_recording.write_recording(flight, tmp_path / "run.rrd", shots).path)
+    def made(flight: ReplayedRun[ViewerChannels], shots: Iterable[PosedPicture] | None = None) -> RecordingReader:
+        return RecordingReader(rerun_recording.write_recording(flight, tmp_path / "run.rrd", shots).path)
 
     return made
 
 
 @pytest.fixture
-def read(write: Callable[..., Read], synthetic_run: ReplayedRun[ViewerChannels]) -> Read:
+def read(write: Callable[..., RecordingReader], synthetic_run: ReplayedRun[ViewerChannels]) -> RecordingReader:
     return write(synthetic_run)
 
 
-def test_there_is_simulation_time_and_no_other(read: Read, synthetic_run: ReplayedRun[ViewerChannels]) -> None:
+def test_the_only_timeline_is_simulation_time(
+    read: RecordingReader, synthetic_run: ReplayedRun[ViewerChannels]
+) -> None:
     for (path, static), batch in read.batches.items():
         indices = [field.name for field in batch.schema if (field.metadata or {}).get(b"rerun:kind") == b"index"]
         assert indices == ([] if static else ["sim_time"]), path
     np.testing.assert_array_equal(read.time_s("/hill/servicer"), synthetic_run.time_s)
 
 
-def test_no_number_of_a_row_comes_from_the_clock(read: Read) -> None:
+def test_row_ids_are_counted(read: RecordingReader) -> None:
     rows = [batch.column(0).to_pylist() for batch in read.batches.values()]
     highest = max(int.from_bytes(row, "big") >> 64 for column in rows for row in column)
     assert highest == len(read.batches)
 
 
-def test_the_same_run_reads_back_the_same(
-    read: Read, write: Callable[..., Read], synthetic_run: ReplayedRun[ViewerChannels]
+def test_the_same_run_gives_equal_content(
+    read: RecordingReader, write: Callable[..., RecordingReader], synthetic_run: ReplayedRun[ViewerChannels]
 ) -> None:
     again = write(synthetic_run)
     assert read.stores == again.stores
@@ -86,7 +88,7 @@ def test_the_same_run_reads_back_the_same(
     assert all(batch.equals(again.batches[key]) for key, batch in read.batches.items())
 
 
-def test_an_arrangement_of_views_is_in_the_file_and_the_name_tells_the_run(read: Read) -> None:
+def test_the_file_has_a_blueprint_and_names_the_run(read: RecordingReader) -> None:
     assert read.blueprints == 1
     [(application, recording)] = read.stores
     assert application == "rpojax"
@@ -94,8 +96,8 @@ def test_an_arrangement_of_views_is_in_the_file_and_the_name_tells_the_run(read:
     assert read.column("/__properties/RecordingInfo", "RecordingInfo:name", True) == [["inspection, seed 1, run 4"]]
 
 
-def test_the_servicer_is_where_it_truly_was_and_its_belief_where_it_believed(
-    read: Read, synthetic_run: ReplayedRun[ViewerChannels]
+def test_true_and_estimated_positions_are_those_of_the_channels(
+    read: RecordingReader, synthetic_run: ReplayedRun[ViewerChannels]
 ) -> None:
     for path, name, channel in (
         ("/hill/servicer", "Transform3D:translation", "rho_H"),
@@ -104,10 +106,10 @@ def test_the_servicer_is_where_it_truly_was_and_its_belief_where_it_believed(
         np.testing.assert_allclose(read.only(path, name), synthetic_run.values[channel], atol=1e-5)
 
 
-def test_the_chain_of_poses_puts_the_target_in_the_middle_of_the_camera(
-    read: Read, synthetic_run: ReplayedRun[ViewerChannels]
+def test_the_chain_of_poses_puts_the_target_at_the_image_center(
+    read: RecordingReader, synthetic_run: ReplayedRun[ViewerChannels]
 ) -> None:
-    """Servicer, camera and pinhole as the viewer composes them, with the camera looking at the target."""
+    """Servicer, camera and pinhole as the viewer composes them, with the camera pointing at the target."""
     R_HB = Rotation.from_quat(read.only("/hill/servicer", "Transform3D:quaternion"))
     R_BK = Rotation.from_quat(read.only(CAMERA, "Transform3D:quaternion", True)[0])
     target_K = R_BK.inv().apply(R_HB.inv().apply(-read.only("/hill/servicer", "Transform3D:translation")))
@@ -121,8 +123,8 @@ def test_the_chain_of_poses_puts_the_target_in_the_middle_of_the_camera(
     assert (right_H[:, 2] > 0.99).all()
 
 
-def test_the_target_turns_in_the_hill_frame_as_it_tumbles_and_orbits(
-    read: Read, synthetic_run: ReplayedRun[ViewerChannels]
+def test_the_target_attitude_in_the_hill_frame_combines_tumble_and_orbit(
+    read: RecordingReader, synthetic_run: ReplayedRun[ViewerChannels]
 ) -> None:
     R_HT = Rotation.from_quat(read.only("/hill/target", "Transform3D:quaternion")).as_matrix()
     R_TN = scene_3d.attitude_matrices(synthetic_run.poses["q_TN"])
@@ -131,7 +133,7 @@ def test_the_target_turns_in_the_hill_frame_as_it_tumbles_and_orbits(
     np.testing.assert_allclose(R_HT[30] @ [0.0, 1.0, 0.0], [0.0, np.cos(np.pi / 6), np.sin(np.pi / 6)], atol=1e-6)
 
 
-def test_the_hull_of_the_target_faces_outwards(read: Read) -> None:
+def test_normals_of_the_target_hull_point_outward(read: RecordingReader) -> None:
     corners = np.array(read.column("/hill/target/hull", "Mesh3D:vertex_positions", True)[0]).reshape(-1, 3, 3)
     normals = np.array(read.column("/hill/target/hull", "Mesh3D:vertex_normals", True)[0]).reshape(-1, 3, 3)
     turned = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -139,7 +141,9 @@ def test_the_hull_of_the_target_faces_outwards(read: Read) -> None:
     assert (np.einsum("fci,fci->fc", corners, normals) > 0.0).all()
 
 
-def test_the_ellipsoid_is_the_covariance_at_three_sigma(read: Read, synthetic_run: ReplayedRun[ViewerChannels]) -> None:
+def test_the_ellipsoid_is_the_covariance_at_three_sigma(
+    read: RecordingReader, synthetic_run: ReplayedRun[ViewerChannels]
+) -> None:
     half = read.only("/hill/estimate/sigma3", "Ellipsoids3D:half_sizes")
     turns = Rotation.from_quat(read.only("/hill/estimate/sigma3", "Ellipsoids3D:quaternions")).as_matrix()
     found = np.einsum("tij,tj,tkj->tik", turns, (half / 3.0) ** 2, turns)
@@ -147,8 +151,8 @@ def test_the_ellipsoid_is_the_covariance_at_three_sigma(read: Read, synthetic_ru
     assert np.abs(found[:, 0, 1]).min() > 1e-4
 
 
-def test_the_thruster_points_while_it_fires_and_not_else(
-    read: Read, synthetic_run: ReplayedRun[ViewerChannels]
+def test_the_thrust_arrow_is_there_during_the_burn_only(
+    read: RecordingReader, synthetic_run: ReplayedRun[ViewerChannels]
 ) -> None:
     vectors = read.column("/hill/servicer/thrust", "Arrows3D:vectors")
     assert [tick for tick, there in enumerate(vectors) if there] == [20, 21, 22, 23]
@@ -157,7 +161,7 @@ def test_the_thruster_points_while_it_fires_and_not_else(
     np.testing.assert_allclose(read.column("/hill/servicer/thrust", "Arrows3D:origins")[21], [[-5.25, 0.0, 0.0]])
 
 
-def test_boxes_are_there_when_they_were_and_coloured_by_what_became_of_them(read: Read) -> None:
+def test_boxes_are_there_when_detected_and_coloured_by_acceptance(read: RecordingReader) -> None:
     centers, colors = (read.column(f"{CAMERA}/detected", f"Boxes2D:{name}") for name in ("centers", "colors"))
     assert [tick for tick, there in enumerate(centers) if not there] == [5]
     assert centers[0] == [[64.0, 64.0]]
@@ -167,10 +171,12 @@ def test_boxes_are_there_when_they_were_and_coloured_by_what_became_of_them(read
     assert read.column(f"{CAMERA}/true_outline", "Boxes2D:centers")[0] == [[65.5, 65.5]]
 
 
-def test_plots_hold_the_channels_in_their_units(read: Read, synthetic_run: ReplayedRun[ViewerChannels]) -> None:
+def test_plots_hold_the_channels_in_their_units(
+    read: RecordingReader, synthetic_run: ReplayedRun[ViewerChannels]
+) -> None:
     error = read.column("/plots/estimation_error/along_track", "Scalars:scalars")
     seen = synthetic_run.values
-    # As in the scene: the estimated place of the servicer less the true one, between its bounds.
+    # As in the scene: the estimated position of the servicer minus the true one, between its bounds.
     np.testing.assert_allclose([row[0] for row in error], (seen["rho_estimate_H"] - seen["rho_H"])[:, 1], atol=1e-6)
     np.testing.assert_allclose([row[1:] for row in error], 3.0 * seen["relative_sigma_H"][:, 1:2] * [1.0, -1.0])
     distance = np.linalg.norm(seen["rho_H"] - [0.0, -30.0, 0.0], axis=1)
@@ -183,20 +189,20 @@ def test_plots_hold_the_channels_in_their_units(read: Read, synthetic_run: Repla
     assert plotted == {f"/plots/{plot.name}" for plot in time_plots.run_plots(synthetic_run)} | {"/plots/mode"}
 
 
-def test_the_mode_is_said_when_it_changes(read: Read) -> None:
+def test_the_mode_has_a_row_at_each_change(read: RecordingReader) -> None:
     assert read.time_s("/plots/mode").tolist() == [0.0, 20.0, 24.0]
     assert read.column("/plots/mode", "StateChange:state") == [["look"], ["burn"], ["look"]]
     assert set(time_plots.MODE_STYLES) == set(Mode)
 
 
-def test_a_camera_without_pictures_has_an_empty_frame_of_its_size(write: Callable[..., Read]) -> None:
+def test_a_camera_without_images_has_an_empty_frame_of_its_size(write: Callable[..., RecordingReader]) -> None:
     read = write(make_synthetic_run("camera.width_px=96", "camera.height_px=64"))
     picture = _decoded(read.column(f"{CAMERA}/frame", "EncodedImage:blob", True)[0][0])
     assert picture.shape == (64, 96, 3)
     assert np.ptp(picture.reshape(-1, 3), axis=0).max() == 0
 
 
-def test_a_picture_lies_where_its_window_is_in_the_frame(write: Callable[..., Read]) -> None:
+def test_a_window_image_is_placed_in_the_frame(write: Callable[..., RecordingReader]) -> None:
     flight = make_synthetic_run("camera.width_px=320", "camera.height_px=240")
     bright = np.full((128, 128, 3), 250, np.uint8)
 
@@ -219,13 +225,15 @@ def _decoded(blob: list[int] | bytes) -> np.ndarray:
     return cv2.imdecode(np.array(bytearray(blob), np.uint8), cv2.IMREAD_COLOR)
 
 
-def test_a_run_of_one_tick_can_be_shown(write: Callable[..., Read], synthetic_run: ReplayedRun[ViewerChannels]) -> None:
+def test_a_run_of_one_tick_can_be_written(
+    write: Callable[..., RecordingReader], synthetic_run: ReplayedRun[ViewerChannels]
+) -> None:
     values, poses = jax.tree.map(lambda each: each[:1], (synthetic_run.values, synthetic_run.poses))
     short = dataclasses.replace(synthetic_run, values=values, poses=poses)
     assert len(write(short).time_s("/hill/servicer")) == 1
 
 
-def test_a_place_that_cannot_be_written_to_is_named_and_nothing_is_left(
+def test_an_unwritable_path_is_named_and_no_file_is_left(
     synthetic_run: ReplayedRun[ViewerChannels], tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_text("")
@@ -241,7 +249,7 @@ def test_a_place_that_cannot_be_written_to_is_named_and_nothing_is_left(
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
-def test_a_missing_package_is_named_with_the_line_that_installs_it(
+def test_a_missing_package_is_named_with_its_extra(
     synthetic_run: ReplayedRun[ViewerChannels], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)

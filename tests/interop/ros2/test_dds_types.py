@@ -1,4 +1,4 @@
-"""Message types on the wire: the classes of cyclonedds give the bytes of the bags, for every type that there is."""
+"""DDS types: cyclonedds classes serialize to the bytes of the bags, for every known type."""
 
 import itertools
 from collections.abc import Iterator
@@ -13,11 +13,11 @@ from rpojax.errors import RpojaxError
 from rpojax.interop.ros2 import dds_types, message_builders, message_types, topics
 
 TYPES = sorted(message_types.typestore().types)
-BASES = {"string": "words", "bool": True}
+BASES = {"string": "text", "bool": True}
 
 
 def both(name: str, numbers: Iterator[int]) -> tuple[Any, Any]:
-    """A message with a number of its own in every field, for rosbags and for cyclonedds."""
+    """A message with another number in every field, as rosbags and cyclonedds objects."""
     fields = message_types.typestore().fielddefs[name][1]
     pairs = {field: value(kind, numbers) for field, kind in fields}
     return (
@@ -27,7 +27,7 @@ def both(name: str, numbers: Iterator[int]) -> tuple[Any, Any]:
 
 
 def value(descriptor: Any, numbers: Iterator[int]) -> tuple[Any, Any]:
-    """One field for both; sequences have two elements."""
+    """Value of one field for both libraries; sequences have two elements."""
     kinds = import_module("rosbags.interfaces").Nodetype
     kind, what = descriptor
     if kind == kinds.NAME:
@@ -50,7 +50,7 @@ def is_byte(element: Any) -> bool:
 
 
 @pytest.mark.parametrize("package", sorted({name.partition("/")[0] for name in TYPES}))
-def test_every_type_of_a_package_has_the_same_bytes_on_the_wire_and_in_a_bag(package: str) -> None:
+def test_every_type_of_a_package_has_equal_bytes_in_dds_and_bags(package: str) -> None:
     for name in (name for name in TYPES if name.startswith(f"{package}/")):
         message, sample = both(name, itertools.count(1))
         data = message_types.serialize(message)
@@ -58,34 +58,34 @@ def test_every_type_of_a_package_has_the_same_bytes_on_the_wire_and_in_a_bag(pac
         assert dds_types.idl_struct(name).deserialize(data).serialize() == data, name
 
 
-def test_all_types_are_looked_at() -> None:
+def test_the_number_of_types_is_known() -> None:
     assert len(TYPES) == 169
 
 
-def test_a_type_has_the_name_that_nodes_of_ros_2_give_it() -> None:
+def test_dds_type_names_are_those_of_ros_2() -> None:
     assert dds_types.dds_type_name("nav_msgs/msg/Odometry") == "nav_msgs::msg::dds_::Odometry_"
     for made in (dds_types.idl_struct, dds_types.sample_class):
         assert made("nav_msgs/msg/Odometry").__idl_typename__ == "nav_msgs.msg.dds_.Odometry_"
 
 
-def test_a_sample_carries_a_message_there_and_back() -> None:
+def test_a_sample_round_trip_keeps_the_message() -> None:
     message = message_builders.wheel_command(1_200_000_000, np.array([0.1, -0.2, 0.3]))
     made = dds_types.sample_class("sensor_msgs/msg/JointState")
     data = made(message).serialize()
     assert data == message_types.serialize(message)
-    # DDS fills up to whole words.
+    # DDS pads to whole words.
     again = made.deserialize(data + bytes(-len(data) % 4)).message
     assert again.header == message.header
-    assert made.deserialize(data).stamp == 1_200_000_000
-    assert made.deserialize(b"\0\0\0\0" + b"\xff\xff\xff\xff\x00\x00\x00\x07").stamp == 7 - 10**9
-    assert made.deserialize(data[:11]).stamp is None
+    assert made.deserialize(data).stamp_ns == 1_200_000_000
+    assert made.deserialize(b"\0\0\0\0" + b"\xff\xff\xff\xff\x00\x00\x00\x07").stamp_ns == 7 - 10**9
+    assert made.deserialize(data[:11]).stamp_ns is None
     np.testing.assert_array_equal(again.effort, message.effort)
 
 
 @pytest.mark.parametrize(
     "data", [b"", bytes(4), b"\0\1\0\0" + b"\xff" * 60, b"\0\1\0\0" + bytes(8) + b"\2\0\0\0\xff\0"]
 )
-def test_bytes_that_are_no_message_make_an_empty_sample(data: bytes) -> None:
+def test_invalid_bytes_make_an_empty_sample(data: bytes) -> None:
     assert dds_types.sample_class("sensor_msgs/msg/JointState").deserialize(data).message is None
 
 
@@ -94,7 +94,7 @@ def test_an_unknown_type_is_refused_in_one_line() -> None:
         dds_types.idl_struct("nav_msgs/msg/Odometer")
 
 
-def test_the_file_that_nodes_may_copy_knows_the_types_of_all_topics() -> None:
+def test_ros_wire_knows_the_types_of_all_topics() -> None:
     wire = load_experiment("ros2_interop/ros_wire.py")
     for name in {topic.type for topic in topics.ALL_TOPICS}:
         assert wire.struct(name).__idl_typename__ == dds_types.dds_type_name(name).replace("::", ".")

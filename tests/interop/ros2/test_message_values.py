@@ -1,4 +1,4 @@
-"""What messages say of a flight, worked out again as a user of ROS would."""
+"""Values of the messages of a run, checked as a ROS user would compute them."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -8,24 +8,26 @@ from scipy.spatial.transform import Rotation
 from rpojax.flight.navigation.orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
-from rpojax.interop.ros2 import message_builders, message_values
-from rpojax.interop.ros2.message_values import Odometry, RosTickValues
+from rpojax.interop.ros2 import message_builders, odometry
+from rpojax.interop.ros2.message_values import RosTickValues
+from rpojax.interop.ros2.odometry import Odometry
+from rpojax.interop.ros2.tick_messages import tick_messages
 from rpojax.interop.run_replay import ReplayedRun
 
 MOTIONS = ("servicer", "relative", "target")
 
 
 def axes(motion: Odometry) -> Rotation:
-    """Turns child components into parent components."""
+    """Rotation from child into parent components."""
     return Rotation.from_quat(np.asarray(motion.orientation))
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_twists_are_the_derivatives_of_poses(flight: ReplayedRun[RosTickValues], name: str) -> None:
-    found: Odometry = getattr(flight.values, name)
+def test_twists_are_the_derivatives_of_poses(ros_run: ReplayedRun[RosTickValues], name: str) -> None:
+    found: Odometry = getattr(ros_run.values, name)
     R = axes(found)
     velocity, position = R.apply(np.asarray(found.velocity)), np.asarray(found.position)
-    # Over one second: the mean of both ends' velocities, but for their curvature.
+    # Over one second: the mean velocity of both ends, except for curvature.
     np.testing.assert_allclose(np.diff(position, axis=0), 0.5 * (velocity[1:] + velocity[:-1]), atol=2e-3)
     turn = (R[:-1].inv() * R[1:]).as_rotvec()
     rate = np.asarray(found.rate)
@@ -33,8 +35,8 @@ def test_twists_are_the_derivatives_of_poses(flight: ReplayedRun[RosTickValues],
     assert np.abs(rate).max() > 5e-3
 
 
-def test_the_frames_of_tf_lead_to_the_odometries(flight: ReplayedRun[RosTickValues]) -> None:
-    values, origin = flight.values, np.asarray(flight.values.target.position)
+def test_tf_frames_compose_to_the_odometries(ros_run: ReplayedRun[RosTickValues]) -> None:
+    values, origin = ros_run.values, np.asarray(ros_run.values.target.position)
     R_NH = Rotation.from_quat(np.asarray(values.hill_orientation))
     place = origin + R_NH.apply(np.asarray(values.relative.position))
     np.testing.assert_allclose(place, values.servicer.position, atol=1e-8)
@@ -51,19 +53,17 @@ def test_the_frames_of_tf_lead_to_the_odometries(flight: ReplayedRun[RosTickValu
         np.testing.assert_allclose(R_NH.as_matrix()[:, :, axis], unit, atol=1e-12)
 
 
-def test_poses_are_those_of_the_truth(flight: ReplayedRun[RosTickValues]) -> None:
-    q = flight.poses["q_BN"]
-    np.testing.assert_array_equal(flight.values.servicer.orientation, np.concatenate([-q[:, 1:], q[:, :1]], axis=1))
-    both = flight.poses["r_TN_N"] + flight.poses["r_ST_N"]
-    np.testing.assert_array_equal(flight.values.servicer.position, both)
+def test_true_poses_agree_with_the_recorded_poses(ros_run: ReplayedRun[RosTickValues]) -> None:
+    q = ros_run.poses["q_BN"]
+    np.testing.assert_array_equal(ros_run.values.servicer.orientation, np.concatenate([-q[:, 1:], q[:, :1]], axis=1))
+    both = ros_run.poses["r_TN_N"] + ros_run.poses["r_ST_N"]
+    np.testing.assert_array_equal(ros_run.values.servicer.position, both)
 
 
 @pytest.mark.parametrize("name", ["servicer", "relative"])
-def test_estimates_are_as_far_from_the_truth_as_their_covariance_says(
-    flight: ReplayedRun[RosTickValues], name: str
-) -> None:
-    true: Odometry = getattr(flight.values, name)
-    estimate: Odometry = getattr(flight.values, f"{name}_estimate")
+def test_estimation_errors_are_consistent_with_their_covariance(ros_run: ReplayedRun[RosTickValues], name: str) -> None:
+    true: Odometry = getattr(ros_run.values, name)
+    estimate: Odometry = getattr(ros_run.values, f"{name}_estimate")
     place = np.asarray(estimate.position) - np.asarray(true.position)
     R = axes(estimate)
     # The filter cannot know the fixed misalignment of the star tracker, in body axes.
@@ -76,12 +76,12 @@ def test_estimates_are_as_far_from_the_truth_as_their_covariance_says(
         (velocity, estimate.twist_covariance[:, :3, :3]),
     ):
         nees = np.einsum("ti,tij,tj->t", error, np.linalg.inv(P), error)
-        # Three numbers each; 180 correlated seconds spread widely, wrong axes or units do so by magnitudes.
+        # Expected 3; 180 correlated seconds spread widely, wrong axes or units by orders of magnitude.
         assert 0.1 < nees.mean() < 12.0
         np.testing.assert_allclose(P, np.swapaxes(P, 1, 2), atol=1e-14 * np.max(P))
 
 
-def test_the_estimated_hill_frame_doubts_as_much_as_sampled_orbits_do() -> None:
+def test_the_covariance_of_the_hill_frame_agrees_with_sampled_orbits() -> None:
     rng = np.random.default_rng(3)
     r, v = np.array([6.9e6, 3.0e5, -1.0e5]), np.array([-2.0e2, 5.5e3, 5.2e3])
     A = np.diag([400.0, 200.0, 300.0, 0.3, 0.5, 0.4]) @ rng.normal(size=(6, 6))
@@ -99,27 +99,27 @@ def test_the_estimated_hill_frame_doubts_as_much_as_sampled_orbits_do() -> None:
             covariance=jnp.zeros((12, 12)).at[:6, :6].set(P),
         ),
     )
-    found = message_values.target_frame_estimate(orbit)
+    found = odometry.target_frame_estimate(orbit)
     samples = np.concatenate([r, v]) + rng.normal(size=(20000, 6)) @ A.T
     places, speeds = samples[:, :3], samples[:, 3:]
     normal = np.cross(places, speeds)
     x, z = (each / np.linalg.norm(each, axis=1, keepdims=True) for each in (places, normal))
     R_NH = Rotation.from_matrix(np.stack([x, np.cross(z, x), z], axis=2))
     turn = (R_NH * axes(found).inv()).as_rotvec()
-    # Velocity along the axes of the estimate; its rate about z is h / r^2.
+    # Velocity along the axes of the estimate; the rate about z is h / r^2.
     rate = (np.linalg.norm(normal, axis=1) / np.sum(places**2, axis=1))[:, None] * np.array([0.0, 0.0, 1.0])
     pose = np.cov(np.concatenate([places, turn], axis=1).T)
     twist = np.cov(np.concatenate([axes(found).inv().apply(speeds), rate], axis=1).T)
-    for sampled, told in ((pose, found.pose_covariance), (twist, found.twist_covariance)):
+    for sampled, reported in ((pose, found.pose_covariance), (twist, found.twist_covariance)):
         scale = np.sqrt(np.maximum(np.diag(sampled), 1e-30))
         np.testing.assert_allclose(
-            np.asarray(told) / np.outer(scale, scale), sampled / np.outer(scale, scale), atol=0.05
+            np.asarray(reported) / np.outer(scale, scale), sampled / np.outer(scale, scale), atol=0.05
         )
     np.testing.assert_allclose(found.rate, [0.0, 0.0, float(np.linalg.norm(np.cross(r, v)) / (r @ r))], atol=1e-15)
 
 
-def test_a_box_points_at_the_target_by_calibration_mounting_and_attitude(flight: ReplayedRun[RosTickValues]) -> None:
-    values, view = flight.values, flight.values.camera
+def test_calibration_mounting_and_attitude_project_the_box_onto_the_target(ros_run: ReplayedRun[RosTickValues]) -> None:
+    values, view = ros_run.values, ros_run.values.camera
     seen = np.asarray(values.box_accepted)
     assert seen.sum() > 50
     ray = (np.asarray(view.box_center_px) - np.asarray(view.center_px)) / np.asarray(view.focal_px)[:, None]
@@ -129,13 +129,13 @@ def test_a_box_points_at_the_target_by_calibration_mounting_and_attitude(flight:
     line = -np.asarray(values.relative.position)[seen]
     cosine = np.sum(ray_H * line, axis=1) / np.linalg.norm(ray_H, axis=1) / np.linalg.norm(line, axis=1)
     assert np.degrees(np.arccos(np.median(cosine))) < 0.5
-    # And it is about as large as the target's metre at that range.
+    # The box is about as large as the 1 m target at that range.
     size = np.sqrt(np.prod(view.box_size_px, axis=1)) / view.focal_px
     assert 0.5 < np.median(size[seen] * np.linalg.norm(line, axis=1)) < 2.0
 
 
-def test_measurements_are_near_the_truth_and_not_the_truth(flight: ReplayedRun[RosTickValues]) -> None:
-    values = flight.values
+def test_measurements_have_errors_of_the_expected_size(ros_run: ReplayedRun[RosTickValues]) -> None:
+    values = ros_run.values
     gps = np.linalg.norm(np.asarray(values.gps) - values.servicer.position, axis=1)
     stars = (Rotation.from_quat(values.star_tracker) * axes(values.servicer).inv()).magnitude()
     gyro = np.linalg.norm(np.asarray(values.gyro) - values.servicer.rate, axis=1)
@@ -145,43 +145,45 @@ def test_measurements_are_near_the_truth_and_not_the_truth(flight: ReplayedRun[R
     np.testing.assert_allclose(np.std(gyro) ** 2, values.gyro_variance[0], rtol=0.9)
 
 
-def test_the_valve_opens_when_the_velocity_changes(flight: ReplayedRun[RosTickValues]) -> None:
-    said = [message_builders.tick_messages(flight.tick(number)) for number in range(flight.ticks)]
-    commands = [next(make() for topic, make in tick if topic.name == "/servicer/thruster/command") for tick in said]
-    ahead = [command for command in commands if command.points]
-    assert 40 < len(ahead) < flight.ticks
+def test_the_commanded_valve_times_are_those_of_the_velocity_change(ros_run: ReplayedRun[RosTickValues]) -> None:
+    all_messages = [tick_messages(ros_run.tick(number)) for number in range(ros_run.ticks)]
+    commands = [
+        next(make() for topic, make in tick if topic.name == "/servicer/thruster/command") for tick in all_messages
+    ]
+    pending = [command for command in commands if command.points]
+    assert 40 < len(pending) < ros_run.ticks
     times = {
         tuple(
             message_builders.NANOSECONDS_PER_S * (stamp.sec + each.sec) + stamp.nanosec + each.nanosec
             for each in (point.time_from_start for point in command.points)
         )
-        for command in ahead
+        for command in pending
         for stamp in [command.header.stamp]
     }
     [(opens, closes)] = times
-    assert [point.effort.tolist() for point in ahead[0].points] == [[float(flight.values.thrust[0])], [0.0]]
-    grows = np.diff(np.asarray(flight.values.delta_v)) > 0.0
-    begin = np.asarray(flight.values.time_s)[:-1] * message_builders.NANOSECONDS_PER_S
-    np.testing.assert_array_equal(grows, (begin + message_builders.NANOSECONDS_PER_S > opens) & (begin < closes))
-    # While the valve is open, its opening lies before the stamp.
-    assert grows[-1]
-    assert ahead[-1].points[0].time_from_start.sec < 0
+    assert [point.effort.tolist() for point in pending[0].points] == [[float(ros_run.values.thrust[0])], [0.0]]
+    increases = np.diff(np.asarray(ros_run.values.delta_v)) > 0.0
+    begin = np.asarray(ros_run.values.time_s)[:-1] * message_builders.NANOSECONDS_PER_S
+    np.testing.assert_array_equal(increases, (begin + message_builders.NANOSECONDS_PER_S > opens) & (begin < closes))
+    # During the burn the opening lies before the stamp.
+    assert increases[-1]
+    assert pending[-1].points[0].time_from_start.sec < 0
 
 
 @pytest.mark.parametrize(("ignition", "cutoff"), [(3, 3), (5, 5), (1, 2), (1, 3)])
-def test_without_a_burn_and_after_it_there_is_nothing_ahead(ignition: int, cutoff: int) -> None:
+def test_without_a_burn_and_after_it_there_are_no_points(ignition: int, cutoff: int) -> None:
     nano = message_builders.NANOSECONDS_PER_S
     assert message_builders.thruster_command(3 * nano, ignition * nano, cutoff * nano, 0.03).points == []
 
 
-def test_a_burn_is_two_points_from_the_stamp_on() -> None:
+def test_a_burn_is_two_points_relative_to_the_stamp() -> None:
     command = message_builders.thruster_command(3_500_000_000, 3_000_000_000, 8_250_000_001, 0.03)
     told = [(each.effort.tolist(), each.time_from_start.sec, each.time_from_start.nanosec) for each in command.points]
     assert told == [([0.03], -1, 500_000_000), ([0.0], 4, 750_000_001)]
 
 
-def test_wheels_give_what_they_are_told(flight: ReplayedRun[RosTickValues]) -> None:
-    limit = np.asarray(flight.file.wheels.torque_limit_n_m)
-    assert (np.abs(flight.values.wheel_command) <= limit * (1.0 + 1e-12)).all()
-    np.testing.assert_array_equal(flight.values.wheel_torque, flight.values.wheel_command)
-    assert np.ptp(np.asarray(flight.values.wheel_speed)) > 1.0
+def test_wheel_torques_follow_the_command_within_limits(ros_run: ReplayedRun[RosTickValues]) -> None:
+    limit = np.asarray(ros_run.file.wheels.torque_limit_n_m)
+    assert (np.abs(ros_run.values.wheel_command) <= limit * (1.0 + 1e-12)).all()
+    np.testing.assert_array_equal(ros_run.values.wheel_torque, ros_run.values.wheel_command)
+    assert np.ptp(np.asarray(ros_run.values.wheel_speed)) > 1.0

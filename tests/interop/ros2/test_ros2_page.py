@@ -1,4 +1,4 @@
-"""The page on ROS 2 says what the code says."""
+"""The page on ROS 2 agrees with the code."""
 
 import inspect
 import re
@@ -6,21 +6,21 @@ from pathlib import Path
 
 from rpojax.cli.commands import export_bag
 from rpojax.interop.ros2 import mcap_sqlite3_writer
-from rpojax.interop.ros2.frame_names import FRAME_IDS
-from rpojax.interop.ros2.mcap_sqlite3_writer import ImageStorage
+from rpojax.interop.ros2.frame_ids import FRAME_IDS
+from rpojax.interop.ros2.run_bag import ImageStorage
 from rpojax.interop.ros2.topics import ALL_TOPICS, LATCHED_QOS, STREAM_QOS
 
 PAGE = (Path(__file__).parents[3] / "docs" / "ros2.md").read_text(encoding="utf-8")
 
 
 def rows(heading: str) -> list[list[str]]:
-    """Cells of the table under a heading, its head and rule left out."""
+    """Cells of the table under a heading, without its header."""
     text = PAGE.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
     lines = [line for line in text.splitlines() if line.startswith("|")][2:]
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
 
 
-def test_the_page_has_every_topic_with_type_frames_source_rate_and_meaning() -> None:
+def test_the_page_lists_every_topic() -> None:
     expected = [
         [
             f"`{topic.name}`",
@@ -35,27 +35,27 @@ def test_the_page_has_every_topic_with_type_frames_source_rate_and_meaning() -> 
     assert rows("Topics") == expected
 
 
-def test_the_page_has_every_frame_and_topics_have_no_other() -> None:
+def test_the_page_lists_every_frame_id() -> None:
     assert [cells[0].strip("`") for cells in rows("Frames")] == list(FRAME_IDS)
     assert {frame for topic in ALL_TOPICS for frame in (topic.frame_id, topic.child_frame_id) if frame} <= set(
         FRAME_IDS
     )
 
 
-def test_names_of_topics_are_distinct_and_absolute() -> None:
+def test_topic_names_are_distinct_and_absolute() -> None:
     names = [topic.name for topic in ALL_TOPICS]
     assert len(set(names)) == len(names)
     assert all(re.fullmatch(r"(/[a-z][a-z0-9_]*)+", name) for name in names)
 
 
-def test_the_page_says_the_quality_of_service() -> None:
+def test_the_page_states_the_quality_of_service() -> None:
     assert f"reliable, volatile, keep last {STREAM_QOS.depth};" in PAGE
     assert f"transient local (latched), keep last {LATCHED_QOS.depth}." in PAGE
     assert {topic.name for topic in ALL_TOPICS if topic.qos.latched} == {"/tf_static"}
     assert f"`metadata.yaml` is of version {mcap_sqlite3_writer.METADATA_VERSION}:" in PAGE
 
 
-def test_the_options_on_the_page_are_those_of_the_verb() -> None:
+def test_the_options_on_the_page_are_those_of_the_command() -> None:
     commands = [line for line in PAGE.splitlines() if line.startswith("rpojax export-bag")]
     used = set(re.findall(r"--([a-z][a-z-]*)", "\n".join(commands)))
     known = {name.replace("_", "-") for name in inspect.signature(export_bag.export_bag).parameters}

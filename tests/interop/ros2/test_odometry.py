@@ -1,36 +1,23 @@
-"""What ROS asks of orientations and covariances, on cases that can be worked out on paper."""
+"""Odometry values and covariances, on cases that can be worked out by hand."""
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rpojax.core import quaternion
-from rpojax.interop.ros2 import frame_names
-from rpojax.interop.ros2.message_values import Odometry, estimated_odometry, hill_covariance
+from rpojax.interop.ros2.odometry import Odometry, estimated_odometry, hill_covariance
 
 SIDE = np.sqrt(0.5)
 
 
 def random_spd(seed: int, size: int) -> jnp.ndarray:
-    """A covariance that is nothing special."""
+    """A random covariance."""
     A = np.random.default_rng(seed).normal(size=(size, size))
     return jnp.asarray(A @ A.T)
 
 
-def test_the_orientation_of_a_body_turned_by_90_degrees_about_z() -> None:
-    # The body's x axis lies along the parent's y: parent components (0, 1, 0) are body components (1, 0, 0).
-    q_BA = jnp.array([SIDE, 0.0, 0.0, -SIDE])
-    np.testing.assert_allclose(quaternion.rotate(q_BA, jnp.array([0.0, 1.0, 0.0])), [1.0, 0.0, 0.0], atol=1e-15)
-    xyzw = frame_names.orientation_from_quaternion(q_BA)
-    np.testing.assert_allclose(xyzw, [0.0, 0.0, SIDE, SIDE], atol=1e-15)
-    # As every ROS tool takes it: the child's axis in the parent.
-    np.testing.assert_allclose(Rotation.from_quat(np.asarray(xyzw)).apply([1.0, 0.0, 0.0]), [0.0, 1.0, 0.0], atol=1e-15)
-    np.testing.assert_array_equal(frame_names.quaternion_from_orientation(xyzw), q_BA)
-
-
-def turned_body() -> Odometry:
-    """A body turned by 90 degrees about z that moves along the parent's y and is sure of little."""
+def rotated_body() -> Odometry:
+    """A body rotated by 90 degrees about z that moves along the parent's y, with six different variances."""
     return estimated_odometry(
         position=jnp.array([1.0, 2.0, 3.0]),
         q_BA=jnp.array([SIDE, 0.0, 0.0, -SIDE]),
@@ -43,16 +30,16 @@ def turned_body() -> Odometry:
 
 
 def test_a_pose_is_in_the_parent_and_a_twist_in_the_child() -> None:
-    found = turned_body()
+    found = rotated_body()
     np.testing.assert_allclose(found.velocity, [5.0, 0.0, 0.0], atol=1e-14)
     np.testing.assert_array_equal(found.rate, [0.1, 0.2, 0.3])
-    # The body's x error is one about the parent's y.
+    # A rotation error about the body's x is one about the parent's y.
     np.testing.assert_allclose(found.pose_covariance, np.diag([1.0, 4.0, 9.0, 4e-4, 1e-4, 9e-4]), atol=1e-15)
     np.testing.assert_allclose(found.twist_covariance, np.diag([25.0, 16.0, 36.0, 1e-6, 4e-6, 9e-6]), atol=1e-14)
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_reader_who_turns_a_twist_back_gets_velocity_and_covariance_in_the_parent(seed: int) -> None:
+def test_a_twist_rotated_back_gives_velocity_and_covariance_in_the_parent(seed: int) -> None:
     rng = np.random.default_rng(seed)
     q = jnp.asarray(rng.normal(size=4))
     q, v, P = q / jnp.linalg.norm(q), jnp.asarray(rng.normal(size=3)), random_spd(seed, 6)
@@ -66,7 +53,7 @@ def test_a_reader_who_turns_a_twist_back_gets_velocity_and_covariance_in_the_par
     np.testing.assert_array_equal(found.pose_covariance[:3, 3:], np.zeros((3, 3)))
 
 
-def test_the_doubt_of_a_velocity_seen_in_a_turning_frame_has_a_share_of_the_doubt_in_position() -> None:
+def test_the_velocity_covariance_in_a_rotating_frame_includes_position_variance() -> None:
     rate, sigma = 0.25, 2.0
     P = jnp.diag(jnp.array([sigma**2, 0.0, 0.0, 0.0, 0.0, 0.01]))
     found = hill_covariance(jnp.eye(3), jnp.array([0.0, 0.0, rate]), P)

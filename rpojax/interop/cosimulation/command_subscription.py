@@ -1,0 +1,86 @@
+"""Subscription to one topic of commands: waits for a command, checks its stamp and content, counts rejections."""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from rpojax.interop.cosimulation.command_checks import RejectionReason
+from rpojax.interop.cosimulation.event_log import EventLog
+from rpojax.interop.ros2.dds_participant import Subscriber
+from rpojax.interop.ros2.topics import Topic
+
+T = TypeVar("T")
+CommandCheck = Callable[[Any], T | RejectionReason]
+"""Function that returns the content of a message, or why it is rejected."""
+
+
+class CommandSubscription:
+    """Subscription to one topic of commands.
+
+    Attributes:
+        received: number of received messages
+        latest_stamp_ns: stamp of the newest accepted command [ns]
+    """
+
+    def __init__(self, topic: Topic, subscriber: Subscriber, events: EventLog) -> None:
+        self.topic = topic
+        self._subscriber, self._events = subscriber, events
+        self._pending: deque[Any] = deque()
+        self.received = 0
+        self.latest_stamp_ns = -1
+
+    @property
+    def publisher_count(self) -> int:
+        """Number of current publishers."""
+        return self._subscriber.publisher_count
+
+    def wait_for_command(
+        self, time_ns: int, exact_stamp: bool, check: CommandCheck[T], deadline: float
+    ) -> tuple[int, T] | None:
+        """Stamp [ns] and content of the command for simulation time `time_ns`, None if there is none by `deadline`.
+
+        `deadline` is a monotonic time [s]. Without `exact_stamp`, a new command with an older stamp is accepted too,
+        when no newer one arrives.
+        """
+        found: tuple[int, T] | None = None
+        while True:
+            while self._pending or self._fetch():
+                content = self._examine(self._pending.popleft(), time_ns, exact_stamp, check)
+                if content is not None:
+                    found = self.latest_stamp_ns, content
+                    if self.latest_stamp_ns == time_ns:
+                        return found
+                # Samples taken together are examined together, even beyond the deadline.
+                if not self._pending and time.monotonic() > deadline:
+                    return found
+            remaining_s = deadline - time.monotonic()
+            if remaining_s <= 0.0 or not self._subscriber.wait(remaining_s):
+                return found
+
+    def _fetch(self) -> bool:
+        taken = self._subscriber.take_samples()
+        self.received += len(taken)
+        self._pending.extend(taken)
+        return bool(taken)
+
+    def _examine(self, sample: Any, time_ns: int, exact_stamp: bool, check: CommandCheck[T]) -> T | None:
+        """Content of a sample, None if it is rejected."""
+        found = self._stamp_rejection(sample.stamp_ns, time_ns, exact_stamp)
+        if found is None:
+            message = sample.message
+            found = RejectionReason.UNREADABLE if message is None else check(message)
+        if isinstance(found, RejectionReason):
+            self._events.count_ignored(self.topic, found)
+            return None
+        self.latest_stamp_ns = sample.stamp_ns
+        return found
+
+    def _stamp_rejection(self, stamp: int | None, time_ns: int, exact_stamp: bool) -> RejectionReason | None:
+        """Why a stamp is rejected, None if it is accepted."""
+        if stamp is None:
+            return RejectionReason.UNREADABLE
+        if stamp > time_ns:
+            return RejectionReason.EARLY
+        old = stamp < time_ns if exact_stamp else stamp <= self.latest_stamp_ns
+        return RejectionReason.STALE if old or stamp == self.latest_stamp_ns else None

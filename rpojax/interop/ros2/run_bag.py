@@ -1,0 +1,119 @@
+"""Bag of one run of a campaign: its topics, messages and provenance."""
+
+import enum
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from rpojax.errors import RpojaxError
+from rpojax.interop import run_replay
+from rpojax.interop.ros2 import mcap_sqlite3_writer, message_builders, topics
+from rpojax.interop.ros2.mcap_sqlite3_writer import BagFormat, TimedMessage
+from rpojax.interop.ros2.message_values import RosTickValues
+from rpojax.interop.ros2.tick_messages import tick_messages
+from rpojax.interop.ros2.topics import ALL_TOPICS, Topic
+from rpojax.interop.run_replay import ReplayedRun
+from rpojax.scenario.scenario_digest import scenario_digest
+from rpojax.version import __version__
+
+ProgressCallback = Callable[[int, int], None]
+"""Called with the number of ticks written and the number of all."""
+
+
+class ImageStorage(enum.StrEnum):
+    """Encoding of a rendered camera's images in a bag."""
+
+    RAW = "raw"
+    COMPRESSED = "compressed"
+    NONE = "none"
+
+
+_IMAGE_TOPICS = {
+    ImageStorage.RAW: topics.IMAGE,
+    ImageStorage.COMPRESSED: topics.COMPRESSED_IMAGE,
+    ImageStorage.NONE: None,
+}
+
+
+def resolve_image_storage(camera_model: str, requested: str) -> ImageStorage:
+    """Encoding of the images of a camera model; `auto` is raw for a rendered camera, none for the others.
+
+    Raises:
+        RpojaxError: images are requested of a camera that takes none.
+    """
+    automatic = ImageStorage.RAW if camera_model == "rendered" else ImageStorage.NONE
+    images = automatic if requested == "auto" else ImageStorage(requested)
+    if images != ImageStorage.NONE and camera_model != "rendered":
+        raise RpojaxError(f"--images: found {images.value!r} for camera.model = {camera_model!r}, expected 'none'")
+    return images
+
+
+def bag_topics(images: ImageStorage) -> list[Topic]:
+    """Topics of a bag, in the order of the table."""
+    image_topic = _IMAGE_TOPICS[images]
+    return [
+        topic for topic in ALL_TOPICS if topic not in (topics.IMAGE, topics.COMPRESSED_IMAGE) or topic == image_topic
+    ]
+
+
+def rerendered_images(run: ReplayedRun[RosTickValues]) -> Iterator[np.ndarray]:
+    """Images (p, p, 3), uint8 sRGB codes, of the rendered camera at every tick, rendered again."""
+    return (picture for picture, _ in run_replay.rerendered_pictures(run, range(run.ticks)))
+
+
+def _no_progress(done: int, total: int) -> None:
+    """Default progress callback."""
+
+
+def run_messages(
+    run: ReplayedRun[RosTickValues],
+    images: ImageStorage,
+    pictures: Iterable[np.ndarray] = (),
+    on_progress: ProgressCallback = _no_progress,
+) -> Iterator[TimedMessage]:
+    """All messages of a run in the order of time; `pictures` has one for every tick, unless `images` is none."""
+    remaining_pictures = iter(pictures)
+    for number in range(run.ticks):
+        values = run.tick(number)
+        time_ns = message_builders.nanoseconds(float(values.time_s))
+        if number == 0:
+            yield TimedMessage(time_ns, topics.TF_STATIC, message_builders.camera_transform(time_ns, values))
+        for topic, build in tick_messages(values):
+            yield TimedMessage(time_ns, topic, build())
+        if images == ImageStorage.RAW:
+            yield TimedMessage(time_ns, topics.IMAGE, message_builders.image(time_ns, next(remaining_pictures)))
+        elif images == ImageStorage.COMPRESSED:
+            message = message_builders.compressed_image(time_ns, next(remaining_pictures))
+            yield TimedMessage(time_ns, topics.COMPRESSED_IMAGE, message)
+        on_progress(number + 1, run.ticks)
+
+
+def provenance(run: ReplayedRun[RosTickValues]) -> dict[str, str]:
+    """Custom metadata of a bag: version, scenario, seed and run."""
+    return {
+        "rpojax.version": __version__,
+        "rpojax.scenario": run.file.name,
+        "rpojax.scenario_hash": scenario_digest(run.file),
+        "rpojax.precision": "double",
+        "rpojax.seed": str(run.seed),
+        "rpojax.run_id": str(run.run_id),
+    }
+
+
+def write_run(
+    run: ReplayedRun[RosTickValues],
+    out: Path,
+    storage: BagFormat,
+    images: ImageStorage,
+    force: bool,
+    on_progress: ProgressCallback = _no_progress,
+) -> int:
+    """Writes a run into a bag and returns the number of messages.
+
+    Raises:
+        RpojaxError: rosbags is not installed, or the folder cannot be written.
+    """
+    pictures = () if images == ImageStorage.NONE else rerendered_images(run)
+    messages = run_messages(run, images, pictures, on_progress)
+    return mcap_sqlite3_writer.write_bag(out, storage, bag_topics(images), messages, provenance(run), force)
