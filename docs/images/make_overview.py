@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from rpojax import Campaign
 from rpojax.report.figures.colours import BLUE, GREEN, GRID, INK, MUTED, ORANGE, SHADE, VERMILLION
-from rpojax.report.page.campaign_summary import choose_run
+from rpojax.report.page.run_selection import choose_run
 
 AXES = ("x radial", "y along-track", "z normal")
 BANDS = {1.0: "#dbe9f3", 5.0: "#accfe5", 25.0: "#79b3d6"}

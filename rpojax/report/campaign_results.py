@@ -1,4 +1,4 @@
-"""What the report needs of a campaign, said as a type, so that the report does not depend on how results are stored."""
+"""Protocol of the campaign results that the report needs, independent of how they are stored."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -9,7 +9,7 @@ import numpy as np
 
 @runtime_checkable
 class CampaignResults(Protocol):
-    """Results of a campaign on the host: one row per run, NaN where a value is undefined."""
+    """Results of a campaign as host arrays: one row per run, NaN where a value is undefined."""
 
     @property
     def directory(self) -> Path:
@@ -18,17 +18,17 @@ class CampaignResults(Protocol):
 
     @property
     def info(self) -> Mapping[str, Any]:
-        """Name, scenario, seed, versions and what else says where the results come from."""
+        """Name, scenario, seed, versions and further provenance of the results."""
         ...
 
     @property
     def run_ids(self) -> np.ndarray:
-        """(runs,) number of the run of each row."""
+        """(runs,) run number of each row."""
         ...
 
     @property
     def metrics(self) -> Mapping[str, np.ndarray]:
-        """Name of a metric -> (runs,), in the unit that `rpojax.scenario.metric_catalogue.UNITS` gives."""
+        """Metric name -> (runs,), in the unit that `rpojax.scenario.metric_catalogue.UNITS` gives."""
         ...
 
     @property
@@ -48,7 +48,7 @@ class CampaignResults(Protocol):
 
     @property
     def drawn(self) -> Mapping[str, np.ndarray]:
-        """Key of a dispersion -> (runs,) or (runs, k) drawn values in the unit of the key."""
+        """Dispersion key -> (runs,) or (runs, k) drawn values in the unit of the key."""
         ...
 
     @property
@@ -63,9 +63,9 @@ class CampaignResults(Protocol):
 
     @property
     def history_ids(self) -> Sequence[int]:
-        """Runs whose full history is kept."""
+        """Numbers of the runs with a stored full history."""
         ...
 
     def history(self, run_id: int) -> Mapping[str, np.ndarray]:
-        """Full history of a kept run, time first."""
+        """Full history of one of `history_ids`: channel -> array, time first."""
         ...

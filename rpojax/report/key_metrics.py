@@ -1,4 +1,4 @@
-"""The few metrics that sensitivity, convergence and the worst runs are about."""
+"""Key metrics, for which the report shows sensitivity, convergence and worst runs."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ _MAX_METRICS = 8
 
 
 def select_key_metrics(campaign: CampaignResults) -> list[str]:
-    """Names of at most eight metrics that vary over ten runs or more: those of requirements, and the usual ones."""
+    """Names of at most eight metrics that vary over ten runs or more: those with requirements, then the defaults."""
     required = {str(entry["metric"]) for entry in campaign.info.get("scenario", {}).get("requirements") or []}
     found = [name for name in in_display_order(campaign.metrics) if has_variation(campaign.metrics[name])]
     chosen = [name for name in found if name in required][:_MAX_METRICS]
@@ -20,6 +20,6 @@ def select_key_metrics(campaign: CampaignResults) -> list[str]:
 
 
 def has_variation(values: np.ndarray) -> bool:
-    """Whether enough runs have a metric, and not all the same."""
+    """Whether a metric is defined in enough runs and not equal in all of them."""
     defined = values[np.isfinite(values)]
     return len(defined) >= _MIN_RUNS and float(np.ptp(defined)) > 0.0

@@ -1,6 +1,5 @@
-"""Names, meanings and number formats that readers see."""
+"""Titles, meanings and units of metrics and channels, as readers see them."""
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -9,7 +8,7 @@ from rpojax.scenario.metric_catalogue import LOW_IS_BAD, UNITS
 
 @dataclass(frozen=True)
 class MetricLabel:
-    """Title, meaning and unit of one metric, and whether a low value is the bad one."""
+    """Title, meaning and unit of one metric, and whether low values are bad."""
 
     title: str
     meaning: str
@@ -18,13 +17,13 @@ class MetricLabel:
 
     @property
     def tail_statistics(self) -> tuple[str, str, str, str]:
-        """Names in report.json of what one run in 20, in 100 is beyond, its bound, and the worst, on the bad side."""
+        """Names in report.json of the bad tail: 5 % quantile, 1 % quantile, its confidence bound, worst value."""
         return ("p5", "p1", "p1_lower_95", "min") if self.low_is_bad else ("p95", "p99", "p99_upper_95", "max")
 
 
 @dataclass(frozen=True)
 class ChannelLabel:
-    """Title and unit of one trace over time, and how to draw it."""
+    """Title and unit of one channel over time, and how to draw it."""
 
     name: str
     title: str
@@ -35,7 +34,6 @@ class ChannelLabel:
 
 _FINAL_PHASE = "over the last 1000 s or third of the run"
 _SETTLED_PHASE = "from 1000 s (or a third of a shorter run) to the end"
-
 _TITLES_AND_MEANINGS: dict[str, tuple[str, str]] = {
     "formation_error_rms_m": (
         "Formation error",
@@ -60,7 +58,7 @@ _TITLES_AND_MEANINGS: dict[str, tuple[str, str]] = {
     ),
     "nees_relative_mean": (
         "NEES, relative",
-        "The same for the 6 components of the relative state; 6 is consistent.",
+        "Mean normalised estimation error squared of the 6 components of the relative state; 6 is consistent.",
     ),
     "nis_gps_mean": (
         "NIS, GPS",
@@ -68,19 +66,19 @@ _TITLES_AND_MEANINGS: dict[str, tuple[str, str]] = {
     ),
     "nis_box_mean": (
         "NIS, box",
-        "The same for bearing and size of the boxes that were used and whole; 3 is consistent.",
+        "Mean normalised innovation squared of bearing and size of the accepted, untruncated boxes; 3 is consistent.",
     ),
     "gps_innovation_lag1": (
         "Whiteness, GPS",
-        "Correlation of normalised GPS innovations with those one tick later; 0 for a consistent filter.",
+        "Correlation of normalised GPS innovations one tick apart; 0 for a consistent filter.",
     ),
     "box_innovation_lag1": (
         "Whiteness, box",
-        "The same for the boxes that were used in two ticks on end.",
+        "Correlation of normalised box innovations one tick apart; 0 for a consistent filter.",
     ),
     "sigma3_coverage": (
         "3-sigma coverage",
-        "Share of seconds and Hill axes in which the relative position error is inside 3 sigma; "
+        "Fraction of seconds and Hill axes in which the relative position error is inside 3 sigma; "
         "a normal error gives 0.9973.",
     ),
     "error_over_sigma3_peak": (
@@ -91,34 +89,33 @@ _TITLES_AND_MEANINGS: dict[str, tuple[str, str]] = {
     "min_range_m": ("Minimum range", "Smallest true distance of the two spacecraft."),
     "passive_range_m": (
         "Passive range",
-        "Smallest distance within one orbit of free drift, had thrust stopped at any time.",
+        "Smallest distance within one orbit of free drift after a loss of thrust at any time.",
     ),
     "pointing_error_p95_deg": (
         "Pointing error, p95",
-        "95th percentile of the angle from boresight to target while the camera is meant to be on it and settled.",
+        "95th percentile of the angle from boresight to target while target pointing is commanded and settled.",
     ),
     "wheel_speed_peak_fraction": ("Peak wheel speed", "Highest reaction wheel speed as a fraction of its limit."),
     "look_away_peak_s": (
         "Look-away in a burn period",
-        "Time turned away from the target (turn, burn, turn back), summed over one burn period; the largest such sum.",
+        "Longest total time turned away from the target (turn, burn, turn back) in one burn period.",
     ),
     "reacquisition_peak_s": (
         "Longest reacquisition",
-        "Longest wait from the target coming into the light to the next accepted box.",
+        "Longest time from the target's exit from shadow to the next accepted box.",
     ),
-    "longest_unseen_s": ("Longest time unseen", "Longest stretch without an accepted box, look-aways included."),
+    "longest_unseen_s": ("Longest time unseen", "Longest time without an accepted box, look-aways included."),
     "time_to_acquire_s": ("Time to acquire", "Time until the first accepted box."),
-    "visible_fraction": ("Tracked fraction", "Share of all frames with an accepted box."),
+    "visible_fraction": ("Tracked fraction", "Fraction of all frames with an accepted box."),
     "detection_rate": (
         "Detection rate",
-        "Boxes per frame whose light allows to see the target, frames of look-aways included.",
+        "Boxes per frame in which the light allows the target to be seen, look-aways included.",
     ),
-    "boxes_rejected": ("Boxes rejected", "Number of boxes that the filter's gate refused."),
-    "good_boxes_rejected_fraction": ("Good boxes rejected", "Share of true boxes that the gate refused."),
+    "boxes_rejected": ("Boxes rejected", "Number of boxes that the filter's gate rejected."),
+    "good_boxes_rejected_fraction": ("Good boxes rejected", "Fraction of true boxes that the gate rejected."),
     "outliers_accepted": ("Outliers accepted", "Number of false boxes that passed the gate."),
 }
-"""Title and meaning of every metric, in the order in which a reader wants them."""
-
+"""Title and meaning of every metric, in display order."""
 CHANNEL_LABELS = (
     ChannelLabel("formation_error_m", "Formation error", "m", logarithmic=True),
     ChannelLabel("nav_relative_error_m", "Relative navigation error and its 3 sigma", "m", logarithmic=True),
@@ -129,35 +126,13 @@ CHANNEL_LABELS = (
 
 
 def metric_label(name: str) -> MetricLabel:
-    """How to show the metric `name`; one that has no text here is shown by its own name."""
+    """Label of the metric `name`; a metric without a text here is shown by its name."""
     title, meaning = _TITLES_AND_MEANINGS.get(name, (name.replace("_", " "), ""))
     unit = UNITS.get(name, "-")
     return MetricLabel(title, meaning, "" if unit == "-" else unit, name in LOW_IS_BAD)
 
 
 def in_display_order(names: Iterable[str]) -> list[str]:
-    """Names of metrics in the order in which a reader wants them: formation, navigation, consistency, ..., boxes."""
+    """Names of metrics in display order: formation, navigation, consistency, ..., boxes; unknown ones last."""
     places = {name: place for place, name in enumerate(_TITLES_AND_MEANINGS)}
     return sorted(names, key=lambda name: (places.get(name, len(places)), name))
-
-
-def with_unit(text: str, unit: str) -> str:
-    """A number's text and its unit, which is empty for a pure number."""
-    return f"{text} {unit}" if unit else text
-
-
-def format_number(value: float | None, digits: int = 4) -> str:
-    """`value` with `digits` significant digits, whole numbers without decimals, and a dash for None or NaN."""
-    if value is None or not math.isfinite(value):
-        return "\N{EN DASH}"
-    if value == 0.0 or (float(value).is_integer() and abs(value) < 1e6):
-        return f"{value:.0f}"
-    magnitude = math.floor(math.log10(abs(value)))
-    if magnitude < -6 or magnitude > 6:
-        return f"{value:.{digits - 1}e}"
-    return f"{value:.{max(0, digits - 1 - magnitude)}f}"
-
-
-def format_p_value(p: float | None) -> str:
-    """A p-value with two significant digits, and a dash for None."""
-    return format_number(None) if p is None else f"{p:.2g}"

@@ -1,12 +1,12 @@
-"""One metric over runs: its statistics and how well these runs determine them."""
+"""Statistics of one metric over runs, with confidence intervals."""
 
 from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.multiple_testing import Z_95
-from rpojax.analysis.statistics.order_statistics import quantile_interval_ranks, quantile_upper_bound
-from rpojax.analysis.statistics.sampling_precision import deviation_interval, mean_interval
+from rpojax.analysis.statistics.intervals.moment_intervals import deviation_interval, mean_interval
+from rpojax.analysis.statistics.intervals.normal_distribution import Z_95
+from rpojax.analysis.statistics.intervals.order_statistics import quantile_interval_ranks, quantile_upper_bound
 from rpojax.scenario.metric_catalogue import UNITS
 
 _PERCENTILES = {"min": 0.0, "p1": 1.0, "p5": 5.0, "p50": 50.0, "p95": 95.0, "p99": 99.0, "max": 100.0}
@@ -16,18 +16,18 @@ _STATISTIC_NAMES = (
     *("std_interval_95", *(f"{name}_interval_95" for name in _QUANTILES)),
 )
 MIN_RUNS = 10
-"""With fewer runs a mean and a standard deviation have no interval."""
+"""With fewer runs, mean and standard deviation have no interval."""
 _MAX_RESAMPLED_RUNS = 500
-"""With more runs the mean is as good as normal, and resampling them would only take time."""
+"""With more runs the mean is close to normal and is not resampled."""
 _RESAMPLES = 1999
 
 
 def summary_statistics(name: str, values: np.ndarray, independent: bool) -> dict[str, Any]:
     """Statistics of a metric's `values` (runs,), None where undefined; intervals are 95 % and need independent runs.
 
-    A run without a value, failed or not, counts in the bounds of p99 and p1 as worse than any other; a bound is None
-    where it would be such a run. Intervals of quantiles are from ranks and None at an end that no run bounds; that of
-    the standard deviation is for a normal quantity.
+    For the bounds of p99 and p1 a run without a value, failed or not, counts as worse than all others; a bound is None
+    if it would be such a run. Intervals of quantiles are from order statistics, None at an end that no run bounds; that
+    of the standard deviation assumes a normal distribution.
     """
     defined = np.asarray(values, dtype=np.float64)
     defined = defined[np.isfinite(defined)]
@@ -40,9 +40,9 @@ def summary_statistics(name: str, values: np.ndarray, independent: bool) -> dict
 
 
 def mean_confidence_interval(values: np.ndarray) -> tuple[list[float], str] | None:
-    """95 % interval of the mean of independent `values` (n,), all finite, and how it was made; None for few runs.
+    """95 % interval of the mean of independent, finite `values` (n,), and name of the method; None for few runs.
 
-    By the bootstrap (BCa) up to 500 runs, then by the normal approximation.
+    Bootstrap (BCa) up to 500 runs, then the normal approximation.
     """
     if len(values) < MIN_RUNS:
         return None
@@ -74,13 +74,13 @@ def _intervals(defined: np.ndarray, undefined: int, deviation: float | None) -> 
 
 
 def _p99_upper_bound(badness: np.ndarray, undefined: int) -> float | None:
-    """Upper 95 % bound of the 99th percentile, each undefined run being worse than all others; None if it is one."""
+    """Upper 95 % bound of the 99th percentile of badness (n,), undefined runs counting as worst; None if it is one."""
     bound = quantile_upper_bound(np.concatenate([badness, np.full(undefined, np.inf)]), 0.99, 0.95)
     return bound if bound is not None and np.isfinite(bound) else None
 
 
 def _standard_deviation(values: np.ndarray) -> float | None:
-    """Sample standard deviation; exactly 0 for equal values, where rounding of the mean would leave a trace."""
+    """Sample standard deviation; exactly 0 for equal values, where rounding of the mean would leave a residual."""
     if len(values) < 2:
         return None
     return float(np.std(values, ddof=1)) if np.ptp(values) > 0.0 else 0.0

@@ -138,7 +138,8 @@ def _show(content: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from rpojax.report.labels import format_number, in_display_order, metric_label
+    from rpojax.report.labels import in_display_order, metric_label
+    from rpojax.report.number_format import format_number
 
     console = Console(highlight=False)
     end = content["failure"] or content["stopped"] or "completed"

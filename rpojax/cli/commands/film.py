@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.report.figures.camera.camera_film import CameraFrame
+    from rpojax.report.figures.camera.camera_overlay import CameraFrame
     from rpojax.scenario.schema import ScenarioFile
 
 
@@ -45,22 +45,22 @@ def film(
     from rpojax.campaign import rerender
     from rpojax.campaign.storage.campaign_folder import Campaign
     from rpojax.campaign.storage.output_files import write_atomically
-    from rpojax.dispersions.designs.experiment_design import recorded_run_range
-    from rpojax.report.figures.camera import camera_film as drawing
+    from rpojax.dispersions.designs.run_range import recorded_run_range
+    from rpojax.report.figures.camera import camera_film, camera_stills
 
-    drawing.check_codec(codec)
+    camera_film.check_codec(codec)
     found = Campaign(directory)
     file = rerender.rendered_scenario(found.info)
     run, history = _history_of(found, file, run_id)
     end = rerender.valid_tick_count(history)
-    ticks = drawing.select_stills(history, end) if suffix == ".png" else list(range(0, end, every))
+    ticks = camera_stills.select_stills(history, end) if suffix == ".png" else list(range(0, end, every))
     with item_progress("taking pictures", quiet=False) as watch:
         pictures = rerender.render_images(file, found.info["seed"], run, history, ticks, recorded_run_range(found.info))
         shots = _counted(pictures, len(ticks), watch)
         if suffix == ".png":
-            write_atomically(out, drawing.png_bytes(drawing.contact_sheet(shots)))
+            write_atomically(out, camera_stills.png_bytes(camera_stills.contact_sheet(shots)))
         else:
-            drawing.write_film(shots, out, codec)
+            camera_film.write_film(shots, out, codec)
     print(out)
     return Status.DONE
 
@@ -68,6 +68,7 @@ def film(
 def _history_of(found: "Campaign", file: "ScenarioFile", run_id: int | None) -> "tuple[int, Mapping[str, np.ndarray]]":
     """Number and full history of a run, replayed if none is stored."""
     from rpojax.campaign import rerender
+    from rpojax.campaign.history_replay import replay_history
     from rpojax.campaign.rerun import check_run_id
 
     kept = found.history_ids
@@ -78,7 +79,7 @@ def _history_of(found: "Campaign", file: "ScenarioFile", run_id: int | None) -> 
     replayed: list[Mapping[str, np.ndarray]] = []
 
     def work(watch: ProgressCallback) -> "Campaign":
-        replayed.append(rerender.replay_run(file, found.info, run, watch))
+        replayed.append(replay_history(file, found.info, run, watch))
         return found
 
     with_progress(work, file.duration_s, as_json=False)

@@ -25,7 +25,7 @@ def report(
     """Write report.html, report.json and figures again."""
     prepare_jax(cache=True)
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.report.page.campaign_summary import choose_run
+    from rpojax.report.page.run_selection import choose_run
 
     found = Campaign(directory)
     choose_run(found, run_id)

@@ -1,1 +1,1 @@
-"""Figures of campaigns and runs: charts of the page, the paper's figures, films."""
+"""Figures of campaigns and runs: the page's charts, the paper's figures, linear covariance, camera films."""

@@ -1,4 +1,4 @@
-"""Colours that page, figures and films share, of Okabe and Ito: told apart by colour-blind readers and in print."""
+"""Colours of page, figures and films (Okabe and Ito): distinguishable in print and for colour-blind readers."""
 
 INK = "#1a2433"
 MUTED = "#5b6776"
@@ -11,7 +11,7 @@ VERMILLION = "#D55E00"
 SHADE = "#8a97a8"
 FONT = "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, sans-serif"
 
-# Lighter ones of the same hues, for lines on black.
+# Lighter variants of the same hues, for lines on black.
 FILM_GROUND = "#2a3340"
 FILM_INK = "#f2f4f7"
 FILM_MUTED = "#a9b3bf"

@@ -1,4 +1,4 @@
-"""Figures of a linear covariance, over sampled runs where there are some."""
+"""Figures of a linear covariance analysis, optionally compared with Monte Carlo samples."""
 
 from pathlib import Path
 
@@ -9,34 +9,34 @@ from matplotlib.figure import Figure
 from rpojax.analysis.linear_covariance.error_budget import ErrorBudget
 from rpojax.analysis.linear_covariance.linear_covariance import LinearCovariance
 from rpojax.analysis.linear_covariance.monte_carlo_agreement import MonteCarloSample
-from rpojax.report.atomic_output import write_atomically
+from rpojax.campaign.storage.output_files import write_atomically
 from rpojax.report.figures import png_export
 from rpojax.report.figures.colours import BLUE, GREEN, GRID, INK, MUTED, ORANGE, SHADE, VERMILLION
 from rpojax.report.figures.png_export import AXIS_NAMES
 
 _BAND_SIGMAS = 2.0
 _BAND_PERCENTILES = (2.275, 97.725)
-"""Percentiles between which two sigma to either side of a normal law's mean lie."""
+"""Percentiles of a normal distribution two sigma to either side of its mean."""
 _VISIBLE_FRACTION, _MARGIN = 0.98, 1.3
-"""Share of the times at which the band of the estimate's error is surely inside the picture, and the room around it."""
+"""Fraction of the times at which the band of the estimation error is inside the axes, and the margin around it."""
 _MAX_SOURCES = 8
-"""Sources with a bar of their own."""
+"""Most sources shown as bars."""
 
 
 def formation_error(linear: LinearCovariance, desired_H: np.ndarray, sampled: MonteCarloSample | None) -> Figure:
-    """Formation error [m] per axis of H: band of two sigma, and one sigma."""
+    """Formation error [m] per Hill axis: mean with two-sigma band, and standard deviation."""
     return _plot_three_axes(linear, "rho_H", desired_H, sampled, "Formation error")
 
 
 def estimation_error(linear: LinearCovariance, sampled: MonteCarloSample | None) -> Figure:
-    """Error of the estimated relative position [m] per axis of H, with the filter's own sigma."""
+    """Error of the estimated relative position [m] per Hill axis, with the filter's own sigma."""
     return _plot_three_axes(
         linear, "relative_error_H", np.zeros(3), sampled, "Error of the estimated relative position"
     )
 
 
 def delta_v(linear: LinearCovariance, decisions_s: np.ndarray, sampled: MonteCarloSample | None) -> Figure:
-    """Velocity change spent so far [mm/s], and the probability of a burn at each decision."""
+    """Accumulated velocity change [mm/s], and probability of a burn at each decision."""
     figure = Figure(figsize=(10.8, 5.6), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
     mean, sigma = 1e3 * linear.output_mean("delta_v_m_s")[:, 0], 1e3 * linear.sigma("delta_v_m_s")[:, 0]
@@ -58,7 +58,7 @@ def delta_v(linear: LinearCovariance, decisions_s: np.ndarray, sampled: MonteCar
 
 
 def error_budget(budget: ErrorBudget) -> Figure:
-    """What makes the errors at the end of the run: standard deviation [m] that each source alone would leave."""
+    """Error budget at the end of the run: standard deviation [m] due to each source alone."""
     figure = Figure(figsize=(10.8, 4.6), layout="constrained")
     for axes, (title, table) in zip(figure.subplots(1, 2), budget.at_end.items(), strict=True):
         largest = sorted(table.items(), key=lambda item: item[1])[-_MAX_SOURCES:]
@@ -72,7 +72,7 @@ def error_budget(budget: ErrorBudget) -> Figure:
 
 
 def write_png(figure: Figure, path: Path) -> Path:
-    """Writes a figure as PNG."""
+    """Writes a figure as PNG; returns `path`."""
     return write_atomically(path, png_export.png_bytes(figure))
 
 
@@ -107,12 +107,14 @@ def _plot_bands(
     for side in (-_BAND_SIGMAS, _BAND_SIGMAS):
         axes.plot(linear.time_s, mean + side * sigma, color=BLUE, lw=0.9, ls=(0, (4, 2)))
     if output == "relative_error_H":
-        # The hand-over's error of the first seconds, before boxes come, would flatten all that follows.
+        # The large errors before the first boxes would set the scale.
         edge = _MARGIN * np.quantile(np.abs(mean) + _BAND_SIGMAS * sigma, _VISIBLE_FRACTION)
         axes.set_ylim(-edge, edge)
 
 
-def _plot_sigmas(axes: Axes, linear: LinearCovariance, output: str, axis: int, sampled: MonteCarloSample | None) -> None:
+def _plot_sigmas(
+    axes: Axes, linear: LinearCovariance, output: str, axis: int, sampled: MonteCarloSample | None
+) -> None:
     if sampled is not None:
         low, high = (bound[:, axis] for bound in sampled.sigma_interval(output))
         axes.fill_between(sampled.time_s, low, high, color=VERMILLION, alpha=0.35, lw=0)

@@ -1,4 +1,4 @@
-"""What all figures of runs share: names of the axes, and how a figure becomes a PNG."""
+"""PNG export of matplotlib figures, and the names of the Hill axes."""
 
 import io
 from typing import Final
@@ -11,7 +11,7 @@ _PIXELS_PER_INCH = 160
 
 
 def png_bytes(figure: Figure) -> bytes:
-    """A figure as a PNG file."""
+    """Figure as the bytes of a PNG file."""
     FigureCanvasAgg(figure)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=_PIXELS_PER_INCH)

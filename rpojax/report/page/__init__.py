@@ -1,1 +1,1 @@
-"""The report page: template, records that fill it, report.json."""
+"""The report page and report.json: template, the values that fill it, and what is written."""

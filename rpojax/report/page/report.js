@@ -42,10 +42,10 @@
         type: "bar", orientation: "h", x: ranks.map((r) => r[1]), y: ranks.map((r) => asText(r[0])), customdata: ranks.map((r) => r[0]),
         marker: { color: colors, opacity: 0.8 }, hovertemplate: "%{y}: %{x:.3f}<extra></extra>",
       }], {
-        ...base, shapes: metric.chance === null ? [] : [line(metric.chance), line(-metric.chance)],
+        ...base, shapes: metric.independence_limit === null ? [] : [line(metric.independence_limit), line(-metric.independence_limit)],
         xaxis: { ...axis, range: [-1, 1], title: { text: "Spearman rank correlation" } }, yaxis: { ...axis, tickfont: { size: 11 } },
       }, quiet);
-      document.getElementById("rank-note").textContent = metric.chance === null ? "" : "chance level \u00b1" + metric.chance.toFixed(3);
+      document.getElementById("rank-note").textContent = metric.independence_limit === null ? "" : "significance limit \u00b1" + metric.independence_limit.toFixed(3);
     }
 
     function drawScatter(metric, input) {

@@ -1,1 +1,1 @@
-"""Sections of the report, one module each: what they say, from the results of a campaign."""
+"""Sections of the report, one module each: their part of report.json, and the rows and charts that the page shows."""

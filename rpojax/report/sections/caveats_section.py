@@ -1,4 +1,4 @@
-"""What the results do not show, in sentences."""
+"""Caveats: what the results do not cover."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,66 +6,69 @@ from typing import Any
 import numpy as np
 
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.labels import format_number, in_display_order, metric_label
+from rpojax.report.labels import in_display_order, metric_label
+from rpojax.report.number_format import format_number
 from rpojax.report.run_independence import design_phrase, runs_are_independent
 
 
 def caveat_sentences(campaign: CampaignResults, summary: Mapping[str, Any]) -> list[str]:
-    """Sentences that say how far the results reach."""
+    """Sentences on the limits of the results; `summary` is that of the campaign."""
     scenario, runs = campaign.info.get("scenario", {}), summary["runs"]
-    found = [_camera_caveat(scenario.get("camera"))]
+    sentences = [_camera_caveat(scenario.get("camera"))]
     if "duration_s" in scenario:
         duration = format_number(float(scenario["duration_s"]))
-        found.append(f"Each run lasts {duration} s; nothing is said about later times.")
-    found.append(
+        sentences.append(f"Each run lasts {duration} s; nothing is said about later times.")
+    sentences.append(
         "From run to run vary the quantities under Dispersions, the error of the hand-over, the execution errors of "
         "burns, and the noise and slowly varying errors of the sensors; nothing else does. "
         "A model error that simulation and flight software share does not show."
     )
     if runs["missing"]:
-        found.append(f"{runs['missing']} of {runs['requested']} runs are missing; nothing here is about them.")
+        sentences.append(f"{runs['missing']} of {runs['requested']} runs are missing; nothing here is about them.")
     if runs["completed"] < 299 and runs_are_independent(campaign):
-        found.append(
+        sentences.append(
             f"{runs['completed']} completed runs cannot bound a 99th percentile without assuming a distribution "
             "(299 are needed for 95 % confidence); p99 is then a description of these runs only."
         )
-    found += _undefined_metrics_caveats(campaign, runs["failed"])
-    found.append(_independence_caveat(campaign))
+    sentences += _undefined_metrics_caveats(campaign, runs["failed"])
+    sentences.append(_independence_caveat(campaign))
     if not summary["requirements"]:
-        found.append("The campaign states no requirements, so this report gives no verdict.")
+        sentences.append("The campaign states no requirements, so this report gives no verdict.")
     elif runs["missing"]:
-        found.append("Requirements are judged when all runs have ended: those that are missing may be the bad ones.")
+        sentences.append(
+            "Requirements are judged when all runs have ended: those that are missing may be the bad ones."
+        )
     elif runs_are_independent(campaign):
-        found.append(
+        sentences.append(
             "A verdict is about runs drawn as the scenario declares, with the consumer's risk stated for each "
             "requirement alone: with several requirements the risk that one of them is verified wrongly is greater. "
             "It is also for a number of runs fixed beforehand: who adds runs until it verifies bears a greater risk."
         )
-    return found
+    return sentences
 
 
 def _undefined_metrics_caveats(campaign: CampaignResults, failed: int) -> list[str]:
-    """What metrics leave out; those that no completed run has describe nothing, and need no word."""
+    """Sentences on metrics that are undefined in some runs; a metric defined in no run needs none."""
     completed = np.asarray(campaign.completed, dtype=bool)
-    without = {
+    undefined = {
         name: int(np.sum(completed & ~np.isfinite(campaign.metrics[name])))
         for name in in_display_order(campaign.metrics)
     }
-    partly = [name for name, count in without.items() if 0 < count < int(completed.sum())]
+    partly = [name for name, count in undefined.items() if 0 < count < int(completed.sum())]
     if not failed and not partly:
         return []
-    found = [
+    sentences = [
         "Metrics leave out runs in which they are undefined, as after a failure: "
         "they describe the other runs and must be read together with the failures. "
         "Only the bounds of p99 and p1 count runs without a value, as worse than any other."
     ]
     if partly:
-        named = ", ".join(f"{metric_label(name).title} ({without[name]})" for name in partly)
-        found.append(
+        named = ", ".join(f"{metric_label(name).title} ({undefined[name]})" for name in partly)
+        sentences.append(
             f"Undefined in some of the {int(completed.sum())} completed runs: {named}. That is no failure where there "
             "was nothing to measure, but the bounds take the worse case: none is given that would be such a run."
         )
-    return found
+    return sentences
 
 
 def _independence_caveat(campaign: CampaignResults) -> str:

@@ -1,4 +1,4 @@
-"""Whether the filter knows its own errors: NEES, NIS, whiteness of innovations and coverage."""
+"""Filter consistency: NEES, NIS, whiteness of innovations and 3-sigma coverage."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -6,19 +6,23 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.binomial_intervals import clopper_pearson_interval
-from rpojax.analysis.statistics.filter_consistency import average_nees, coverage_per_axis, nis_interval, whiteness_bound
+from rpojax.analysis.statistics.consistency.innovations import nis_interval, whiteness_bound
+from rpojax.analysis.statistics.consistency.nees import average_nees
+from rpojax.analysis.statistics.intervals.binomial_intervals import clopper_pearson_interval
+from rpojax.analysis.statistics.intervals.normal_distribution import coverage_per_axis
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.figures.plotly_charts import Chart, average_nees_chart
-from rpojax.report.labels import ChannelLabel, format_number, metric_label
+from rpojax.report.figures.charts.nees_chart import average_nees_chart
+from rpojax.report.figures.charts.plotly_charts import Chart
+from rpojax.report.labels import ChannelLabel, metric_label
 from rpojax.report.metric_statistics import mean_confidence_interval
+from rpojax.report.number_format import format_number
 from rpojax.report.run_independence import runs_are_independent
 
 _NEES_CHANNELS = (
     (ChannelLabel("nees", "Average NEES of 12 position and velocity components", "", logarithmic=True), 12),
     (ChannelLabel("nees_relative", "Average NEES of the 6 components of the relative state", "", logarithmic=True), 6),
 )
-"""Traces over time and how many components they are about."""
+"""NEES channels over time and their numbers of components."""
 _COMPONENTS = {"nees_mean": 12, "nees_relative_mean": 6, "nis_gps_mean": 3, "nis_box_mean": 3}
 _COVERAGE = "sigma3_coverage"
 _WHITENESS = {"gps_innovation_lag1": "GPS", "box_innovation_lag1": "boxes"}
@@ -43,7 +47,7 @@ _INTERPRETATIONS = {
 
 @dataclass(frozen=True)
 class ConsistencyRow:
-    """One line of a table: quantity, cells of text, and what the value says."""
+    """Row of a table: quantity, text of the cells, interpretation."""
 
     quantity: str
     cells: list[str]
@@ -62,22 +66,22 @@ def content(campaign: CampaignResults) -> dict[str, Any]:
 
 
 def charts(campaign: CampaignResults) -> dict[str, tuple[ChannelLabel, Chart]]:
-    """Channel and chart of every average NEES over time, by the name of its trace; no interval without independence."""
+    """Channel and chart of each average NEES over time by channel name; no interval if runs are not independent."""
     completed = np.asarray(campaign.completed, dtype=bool)
-    drawn = {}
+    found = {}
     for channel, components in _NEES_CHANNELS:
         values = campaign.traces.get(channel.name)
         if values is not None and np.isfinite(values[completed]).any():
-            found = average_nees(np.asarray(values[completed], dtype=np.float64), components)
-            drawn[channel.name] = (
+            nees = average_nees(np.asarray(values[completed], dtype=np.float64), components)
+            found[channel.name] = (
                 channel,
-                average_nees_chart(channel, campaign.trace_time_s, found, runs_are_independent(campaign)),
+                average_nees_chart(channel, campaign.trace_time_s, nees, runs_are_independent(campaign)),
             )
-    return drawn
+    return found
 
 
-def mean_rows(found: Mapping[str, Any]) -> list[ConsistencyRow]:
-    """Lines about means: found, interval of the mean from the spread between runs, expected, and chi-square's."""
+def mean_rows(consistency: Mapping[str, Any]) -> list[ConsistencyRow]:
+    """Rows of means: mean, its interval from the spread between runs, expectation, chi-square interval."""
     return [
         ConsistencyRow(
             metric_label(entry["name"]).title,
@@ -89,24 +93,24 @@ def mean_rows(found: Mapping[str, Any]) -> list[ConsistencyRow]:
             ],
             entry["says"],
         )
-        for entry in found["means"]
+        for entry in consistency["means"]
     ]
 
 
-def time_rows(found: Mapping[str, Any]) -> list[ConsistencyRow]:
-    """Lines about instants: interval of the average over runs, and the shares of instants in, above and below it."""
+def time_rows(consistency: Mapping[str, Any]) -> list[ConsistencyRow]:
+    """Rows of instants: interval of the average over runs, fractions of instants inside, above and below it."""
     return [
         ConsistencyRow(
             metric_label(f"{entry['name']}_mean").title,
             [_interval(entry["interval_95"]), *(_percent(entry[key]) for key in ("inside", "above", "below"))],
             entry["says"],
         )
-        for entry in found["over_time"]
+        for entry in consistency["over_time"]
     ]
 
 
-def whiteness_rows(found: Mapping[str, Any]) -> list[ConsistencyRow]:
-    """Lines about innovations one tick apart: mean correlation, bound, share of runs beyond it with its interval."""
+def whiteness_rows(consistency: Mapping[str, Any]) -> list[ConsistencyRow]:
+    """Rows of innovations one tick apart: mean correlation, bound, fraction of runs beyond it with its interval."""
     return [
         ConsistencyRow(
             metric_label(entry["name"]).title,
@@ -118,17 +122,17 @@ def whiteness_rows(found: Mapping[str, Any]) -> list[ConsistencyRow]:
             ],
             entry["says"],
         )
-        for entry in found["whiteness"]
+        for entry in consistency["whiteness"]
     ]
 
 
 def _settled_from_s(time_s: np.ndarray) -> float:
-    """1000 s, or a third of a shorter run, as for the metrics of navigation."""
+    """Time from which the filter counts as settled [s]: 1000 s, or a third of a shorter run, as in the metrics."""
     return min(1000.0, float(time_s[-1]) / 3.0)
 
 
 def _mean_entry(campaign: CampaignResults, name: str) -> dict[str, Any]:
-    """Mean over runs against its expectation; each run counts once, as its errors are correlated in time."""
+    """Mean over runs compared with its expectation; each run is one sample, as its errors are correlated in time."""
     values = campaign.metrics[name]
     defined = np.asarray(values[np.isfinite(values)], dtype=np.float64)
     covers = name == _COVERAGE
@@ -152,24 +156,24 @@ def _mean_entry(campaign: CampaignResults, name: str) -> dict[str, Any]:
 
 
 def _chi_square_interval(campaign: CampaignResults, name: str, runs: int) -> list[float] | None:
-    """Chi-square interval of the mean: an innovation of every update is independent, of NEES one instant of a run."""
+    """Chi-square interval of the mean: every innovation counts as independent, of NEES one instant per run."""
     updates = float(np.nansum(_update_counts(campaign, name))) if name.startswith("nis") else float(runs)
     return list(nis_interval(_COMPONENTS[name], round(updates))) if updates >= 1.0 else None
 
 
 def _update_counts(campaign: CampaignResults, name: str) -> np.ndarray:
-    """Number of updates of each completed run (runs,), NaN where it is not known."""
+    """Number of updates of each completed run (runs,), NaN where unknown."""
     scenario = campaign.info.get("scenario", {})
     ticks = float(scenario.get("duration_s", np.nan)) * float((scenario.get("rates") or {}).get("camera_hz", np.nan))
     if "gps" in name:
-        shares = np.ones(len(campaign.completed))
+        fractions = np.ones(len(campaign.completed))
     else:
-        shares = campaign.metrics.get("visible_fraction", np.full(len(campaign.completed), np.nan))
-    return np.where(campaign.completed, ticks * shares, np.nan)
+        fractions = campaign.metrics.get("visible_fraction", np.full(len(campaign.completed), np.nan))
+    return np.where(campaign.completed, ticks * fractions, np.nan)
 
 
 def _no_interpretation(campaign: CampaignResults) -> str:
-    """Why nothing is said where there is no interval."""
+    """Reason why there is no interpretation without an interval."""
     if runs_are_independent(campaign):
         return "Nothing: too few runs to tell a departure from chance."
     return "Nothing, as the runs are not independent."
@@ -185,13 +189,13 @@ def _interpret_mean(kind: str, interval: Sequence[float], expected: float) -> st
 
 
 def _over_time_entries(campaign: CampaignResults, name: str, components: int) -> list[dict[str, Any]]:
-    """Average over independent runs at each settled instant against its chi-square interval, if there is any."""
+    """Average over independent runs at each settled instant compared with its chi-square interval, if any."""
     values, completed = campaign.traces.get(name), np.asarray(campaign.completed, dtype=bool)
     if values is None or not completed.any() or not runs_are_independent(campaign):
         return []
     settled = campaign.trace_time_s >= _settled_from_s(campaign.trace_time_s)
-    of_runs = np.asarray(values[completed][:, settled], dtype=np.float64)
-    found = average_nees(of_runs, components)
+    nees = np.asarray(values[completed][:, settled], dtype=np.float64)
+    found = average_nees(nees, components)
     if not np.isfinite(found.mean).any():
         return []
     inside = 1.0 - found.fraction_above - found.fraction_below
@@ -204,16 +208,14 @@ def _over_time_entries(campaign: CampaignResults, name: str, components: int) ->
             "inside": inside,
             "above": found.fraction_above,
             "below": found.fraction_below,
-            "says": _interpret_instants(
-                found.fraction_above, found.fraction_below, _departure_side(of_runs, components)
-            ),
+            "says": _interpret_instants(found.fraction_above, found.fraction_below, _departure_side(nees, components)),
         }
     ]
 
 
-def _departure_side(of_runs: np.ndarray, components: int) -> int | None:
-    """Where the mean of `of_runs` (runs, ticks) lies by the spread between runs: 0 above, 1 below, None if unknown."""
-    known = of_runs[np.isfinite(of_runs).any(axis=1)]
+def _departure_side(nees: np.ndarray, components: int) -> int | None:
+    """Side on which the mean of `nees` (runs, ticks) departs from its expectation: 0 above, 1 below, None neither."""
+    known = nees[np.isfinite(nees).any(axis=1)]
     confidence = mean_confidence_interval(np.nanmean(known, axis=1))
     if confidence is None:
         return None
@@ -224,7 +226,7 @@ def _departure_side(of_runs: np.ndarray, components: int) -> int | None:
 
 
 def _interpret_instants(above: float, below: float, side: int | None) -> str:
-    """A verdict only where the mean over runs agrees: instants share their errors, so their shares alone give none."""
+    """Departure only where the mean over runs agrees: instants are correlated."""
     if side is not None and (above, below)[side] > max((above, below)[1 - side], 2.0 * _EXPECTED_OUTSIDE):
         return f"Mostly {('above', 'below')[side]}: {_INTERPRETATIONS['nees'][side]}."
     return "No departure can be told from the shares of instants alone."
@@ -272,5 +274,5 @@ def _percent_interval(ends: Sequence[float] | None) -> str:
     return format_number(None) if ends is None else " to ".join(map(_percent, ends))
 
 
-def _percent(share: float | None) -> str:
-    return format_number(None) if share is None else f"{100.0 * share:.1f}\N{NO-BREAK SPACE}%"
+def _percent(fraction: float | None) -> str:
+    return format_number(None) if fraction is None else f"{100.0 * fraction:.1f}\N{NO-BREAK SPACE}%"

@@ -1,4 +1,4 @@
-"""How the detector did, or what stands for it: boxes by range, from the kept histories of a campaign."""
+"""Detector performance: boxes by range from the stored histories of a campaign."""
 
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
@@ -7,45 +7,29 @@ from typing import Any
 import numpy as np
 
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.report.labels import format_number
+from rpojax.report.number_format import format_number
 
 History = Mapping[str, np.ndarray]
 Frames = dict[str, np.ndarray]
-
 _CHANNELS = (
     *("range_m", "mode", "observable", "box_present", "box_accepted", "box_outlier", "box_truncated"),
     *("box_px", "box_score", "outline_px"),
 )
 _RANGE_EDGES_M = (
-    0.0,
-    5.0,
-    10.0,
-    15.0,
-    20.0,
-    25.0,
-    30.0,
-    35.0,
-    40.0,
-    50.0,
-    70.0,
-    100.0,
-    150.0,
-    200.0,
-    300.0,
-    500.0,
-    1000.0,
+    *(0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0),
+    *(40.0, 50.0, 70.0, 100.0, 150.0, 200.0, 300.0, 500.0, 1000.0),
 )
 _MIN_FRAMES = 20
-"""Frames in a range below which it is not worth a line, and boxes below which edges are not."""
+"""Fewest frames of a range interval, and fewest boxes for edge statistics."""
 _LOOK_AWAY_MODES = (Mode.TURN, Mode.BURN, Mode.TURN_BACK)
 _EDGES = ("left", "top", "right", "bottom")
 _SCORE_PERCENTILES = (5.0, 50.0, 95.0)
 
 
 def detections_by_range(histories: Iterable[History]) -> list[dict[str, Any]]:
-    """Boxes of histories in all and by range, as content of report.json; empty without histories.
+    """Part of report.json: statistics of the boxes over all frames and by range; empty without histories.
 
-    One that was stored before there were scores and true outlines is left out.
+    Histories without scores and true outlines are left out.
     """
     frames = _concatenated_frames([history for history in histories if all(name in history for name in _CHANNELS)])
     if not frames:
@@ -57,16 +41,16 @@ def detections_by_range(histories: Iterable[History]) -> list[dict[str, Any]]:
         if inside.sum() >= _MIN_FRAMES:
             part = {name: values[inside] for name, values in frames.items()}
             lines.append({"range_m": [low, high if np.isfinite(high) else None], **_range_entry(part)})
-    # One range is all of them.
+    # A single range interval equals the line for all frames.
     return lines if len(lines) > 2 else lines[:1]
 
 
 def table_cells(lines: list[dict[str, Any]]) -> dict[str, list[list[str]]]:
-    """Cells of two tables of the page: `boxes`, and `edges` where enough whole true boxes tell something."""
-    shares = ("boxes_per_frame", "accepted", "false_per_frame", "false_per_away_frame", "cut")
+    """Cells of two tables of the page: `boxes`, and `edges` for ranges with enough whole true boxes."""
+    fractions = ("boxes_per_frame", "accepted", "false_per_frame", "false_per_away_frame", "cut")
     boxes = [
         [_range_text(line), str(line["frames"]), str(line["away_frames"]), str(line["boxes"])]
-        + [_percent(line[name]) for name in shares]
+        + [_percent(line[name]) for name in fractions]
         + [
             format_number(line["score"][key], 3) if line["score"] else format_number(None)
             for key in ("p5", "p50", "p95")
@@ -84,7 +68,7 @@ def table_cells(lines: list[dict[str, Any]]) -> dict[str, list[list[str]]]:
 
 
 def _concatenated_frames(histories: list[History]) -> Frames:
-    """Channels of all frames before the end or the failure of their run."""
+    """Channels of all frames up to the end or failure of each run, concatenated."""
     if not histories:
         return {}
     alive = np.concatenate([np.isfinite(history["range_m"]) for history in histories])
@@ -94,15 +78,15 @@ def _concatenated_frames(histories: list[History]) -> Frames:
 def _range_entry(frames: Frames) -> dict[str, Any]:
     present, outlier, light = frames["box_present"], frames["box_outlier"], frames["observable"]
     away = np.isin(frames["mode"], _LOOK_AWAY_MODES)
-    looking = light & ~away
+    on_target = light & ~away
     scores = frames["box_score"][present]
     return {
-        "frames": int(looking.sum()),
+        "frames": int(on_target.sum()),
         "away_frames": int((light & away).sum()),
         "boxes": int(present.sum()),
-        "boxes_per_frame": _fraction(present, looking),
+        "boxes_per_frame": _fraction(present, on_target),
         "accepted": _fraction(frames["box_accepted"], present),
-        "false_per_frame": _fraction(outlier, looking),
+        "false_per_frame": _fraction(outlier, on_target),
         "false_per_away_frame": _fraction(outlier, light & away),
         "cut": _fraction(frames["box_truncated"], present),
         "score": {f"p{q:.0f}": float(np.percentile(scores, q)) for q in _SCORE_PERCENTILES} if len(scores) else None,
@@ -111,7 +95,7 @@ def _range_entry(frames: Frames) -> dict[str, Any]:
 
 
 def _edge_errors(frames: Frames, chosen: np.ndarray) -> dict[str, Any] | None:
-    """Error of each edge [px] of the chosen boxes, to the right and down, and their mean overlap with the truth."""
+    """Edge errors [px] of the chosen boxes, positive to the right and down, and mean overlap with the truth."""
     box, true = (_corners(frames[name][chosen].astype(float)) for name in ("box_px", "outline_px"))
     if len(box) < _MIN_FRAMES:
         return None
@@ -151,5 +135,5 @@ def _range_text(line: Mapping[str, Any]) -> str:
     return f"{low:.0f}\N{EN DASH}{high:.0f} m" if high is not None else f"beyond {low:.0f} m"
 
 
-def _percent(share: float | None) -> str:
-    return format_number(None) if share is None else f"{100.0 * share:.3g} %"
+def _percent(fraction: float | None) -> str:
+    return format_number(None) if fraction is None else f"{100.0 * fraction:.3g} %"

@@ -1,4 +1,4 @@
-"""Failures by reason, and what sets failing runs apart from completed ones."""
+"""Failed runs by reason, and inputs that distinguish failed from completed runs."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -6,19 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.rank_sensitivity import InputSeparation, separate_failing_runs
+from rpojax.analysis.statistics.dependence.two_sample_tests import InputSeparation, separate_failing_runs
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.labels import format_number, format_p_value
+from rpojax.report.dispersed_inputs import rankable_scalars
+from rpojax.report.number_format import format_number, format_p_value
 from rpojax.report.run_independence import runs_are_independent
-from rpojax.report.sections.dispersion_section import rankable_scalars
 
 _MAX_INPUTS = 5
+_MAX_FAILURES = 50
 
 
 def content(campaign: CampaignResults) -> list[dict[str, Any]]:
-    """Part of report.json: for each reason how many runs failed, when, and all inputs but codes, most apart first.
+    """Part of report.json: for each reason the number of runs, times of failure, and inputs, the most different first.
 
-    P-values, corrected for the number of inputs, are None where runs are not independent.
+    P-values, corrected for the number of inputs, are None if runs are not independent; categorical inputs are left out.
     """
     completed = np.asarray(campaign.completed, dtype=bool)
     reasons = Counter(str(reason) for reason in campaign.failure_reason if reason)
@@ -30,7 +31,7 @@ def content(campaign: CampaignResults) -> list[dict[str, Any]]:
 
 
 def cause_rows(entry: Mapping[str, Any]) -> list[list[str]]:
-    """Lines of a reason's table: input, which way failing runs differ, KS distance and p, AUC and p."""
+    """Rows of a reason's table: input, direction of the difference, KS distance and p, AUC and p."""
     return [
         [
             one["input"],
@@ -45,27 +46,27 @@ def cause_rows(entry: Mapping[str, Any]) -> list[list[str]]:
 
 
 def cause_sentence(entry: Mapping[str, Any]) -> str:
-    """What the inputs say of a reason for failure."""
-    named = [one["input"] for one in entry["inputs"][:_MAX_INPUTS] if _is_significant(one)]
+    """Sentence on the inputs that differ significantly between failed and completed runs."""
+    significant = [one["input"] for one in entry["inputs"][:_MAX_INPUTS] if _is_significant(one)]
     if not entry["inputs"]:
-        return "Nothing dispersed can be compared."
+        return "There is no dispersed input to compare."
     if entry["inputs"][0]["ks_p"] is None:
-        return "Runs of this design are not independent, so no p-values are given."
-    if not named:
-        return "No input sets these runs apart from completed ones beyond chance."
-    return f"What sets these runs apart from completed ones beyond chance: {', '.join(named)}."
+        return "The runs are not independent, so no p-values are given."
+    if not significant:
+        return "No input differs significantly between these and completed runs."
+    return f"Inputs that differ significantly between these and completed runs: {', '.join(significant)}."
 
 
 def _cause_entry(
     campaign: CampaignResults, inputs: Mapping[str, np.ndarray], completed: np.ndarray, reason: str, independent: bool
 ) -> dict[str, Any]:
-    failing = np.asarray(campaign.failure_reason == reason)
-    compared = failing | completed
-    found = separate_failing_runs({name: values[compared] for name, values in inputs.items()}, failing[compared])
-    times = campaign.failed_at_s[failing]
+    failed = np.asarray(campaign.failure_reason == reason)
+    compared = failed | completed
+    found = separate_failing_runs({name: values[compared] for name, values in inputs.items()}, failed[compared])
+    times = campaign.failed_at_s[failed]
     return {
         "reason": reason,
-        "runs": int(failing.sum()),
+        "runs": int(failed.sum()),
         "first_at_s": float(np.min(times)),
         "median_at_s": float(np.median(times)),
         "last_at_s": float(np.max(times)),
@@ -89,3 +90,13 @@ def _input_entries(found: Sequence[InputSeparation], independent: bool) -> list[
 def _is_significant(one: Mapping[str, Any]) -> bool:
     p_values = [one[key] for key in ("ks_p", "auc_p") if one[key] is not None]
     return bool(p_values) and min(p_values) < 0.05
+
+
+def failure_table(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """Count of each reason, the first failed runs, and the number of further ones."""
+    rows = summary["failures"]
+    return {
+        "reasons": Counter(row["reason"] for row in rows).most_common(),
+        "rows": [{**row, "at_s": format_number(row["at_s"])} for row in rows[:_MAX_FAILURES]],
+        "more": max(0, len(rows) - _MAX_FAILURES),
+    }

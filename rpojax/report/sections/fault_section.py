@@ -1,4 +1,4 @@
-"""Runs by the kind of fault that struck their equipment."""
+"""Results by kind of equipment fault."""
 
 from typing import Any
 
@@ -6,7 +6,8 @@ import numpy as np
 
 from rpojax.physics.equipment_faults import KINDS
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.labels import format_number, metric_label
+from rpojax.report.labels import metric_label
+from rpojax.report.number_format import format_number
 
 TABLE_COLUMNS = (
     ("formation_error_rms_m", 50.0),
@@ -19,25 +20,25 @@ TABLE_COLUMNS = (
 
 
 def fault_rows(campaign: CampaignResults) -> list[dict[str, Any]]:
-    """One record for each kind of fault: runs, failed ones, percentiles of metrics. Empty if equipment cannot fail."""
+    """Row for each kind of fault: runs, failed runs, percentiles of metrics; empty without the effect `faults`."""
     kinds = _fault_codes(campaign)
     return [_fault_row(campaign, code, kinds == code) for code in sorted(set(kinds.tolist()))]
 
 
 def content(campaign: CampaignResults) -> list[dict[str, Any]]:
-    """Kind, runs and failed runs, for report.json."""
+    """Part of report.json: kind of fault, runs and failed runs."""
     return [{key: row[key] for key in ("kind", "runs", "failed")} for row in fault_rows(campaign)]
 
 
 def headings() -> list[str]:
-    """Headings of the table's columns after the counts."""
-    shares = {0.0: "least", 50.0: "median", 95.0: "p95"}
-    shown = [(metric_label(name), shares[share]) for name, share in TABLE_COLUMNS]
-    return [f"{one.title}, {share}{f' [{one.unit}]' if one.unit else ''}" for one, share in shown]
+    """Headings of the columns of `TABLE_COLUMNS`."""
+    statistics = {0.0: "smallest", 50.0: "median", 95.0: "p95"}
+    shown = [(metric_label(name), statistics[percentile]) for name, percentile in TABLE_COLUMNS]
+    return [f"{label.title}, {statistic}{f' [{label.unit}]' if label.unit else ''}" for label, statistic in shown]
 
 
 def _fault_codes(campaign: CampaignResults) -> np.ndarray:
-    """Code of the fault of each run; none at all if equipment cannot fail."""
+    """Fault code of each run (runs,); empty without the effect `faults`."""
     scenario = campaign.info.get("scenario", {})
     if not scenario.get("effects", {}).get("faults"):
         return np.zeros(0, dtype=int)
@@ -49,10 +50,10 @@ def _fault_codes(campaign: CampaignResults) -> np.ndarray:
 
 def _fault_row(campaign: CampaignResults, code: int, chosen: np.ndarray) -> dict[str, Any]:
     values = []
-    for name, share in TABLE_COLUMNS:
+    for name, percentile in TABLE_COLUMNS:
         column = campaign.metrics[name][chosen]
         defined = column[np.isfinite(column)]
-        values.append(float(np.percentile(defined, share)) if defined.size else None)
+        values.append(float(np.percentile(defined, percentile)) if defined.size else None)
     return {
         "kind": KINDS[code],
         "runs": int(chosen.sum()),

@@ -1,4 +1,4 @@
-"""The scenario's requirements, each with what the runs say of it."""
+"""Requirements of the scenario with their tolerance verdicts."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,7 +10,8 @@ import pydantic
 from rpojax.analysis.statistics.tolerance_verdicts import Verdict, evaluate_requirement
 from rpojax.errors import ResultError
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.labels import format_number, metric_label, with_unit
+from rpojax.report.labels import metric_label
+from rpojax.report.number_format import format_number, with_unit
 from rpojax.report.run_independence import runs_are_independent
 from rpojax.scenario.schema import RequirementSection
 
@@ -19,13 +20,12 @@ _CSS_CLASSES = {Verdict.VERIFIED: "good", Verdict.NOT_VERIFIED: "alert", Verdict
 
 @dataclass(frozen=True)
 class RequirementRow:
-    """One requirement as the page shows it: texts, a state for its colour, and the runs that violate it.
+    """Row of the table of requirements, which is also a tile.
 
-    `cells` are of the table, each a text and a smaller one below it: worst value; run compared with the limit, and its
-    rank; margin; violations, and those allowed; share of success, and its bounds; consumer's risk, and that reached.
+    `cells` are pairs of a text and a smaller one below it: worst value; value compared with the limit, and its rank;
+    margin; violations, and those allowed; success fraction, and its bounds; consumer's risk, and that reached.
     """
 
-    text: str
     title: str
     probability: str
     verdict: str
@@ -37,12 +37,12 @@ class RequirementRow:
 
 
 def content(campaign: CampaignResults, missing: int) -> list[dict[str, Any]]:
-    """Part of report.json: every requirement of the scenario with its judgement, None where runs allow no statement.
+    """Part of report.json: every requirement with its evaluation; values that the runs do not support are None.
 
-    With `missing` runs there is no verdict.
+    If `missing` is not 0, there is no verdict.
 
     Raises:
-        ResultError: the campaign has not the metric of a requirement, or its requirement is none.
+        ResultError: the campaign lacks the metric of a requirement, or an entry is not a valid requirement.
     """
     entries = campaign.info.get("scenario", {}).get("requirements") or []
     return [
@@ -51,15 +51,14 @@ def content(campaign: CampaignResults, missing: int) -> list[dict[str, Any]]:
 
 
 def rows(entries: Sequence[Mapping[str, Any]]) -> list[RequirementRow]:
-    """Lines of the table and tiles of the page."""
+    """Rows of the table, which are also the tiles."""
     return [_row(entry) for entry in entries]
 
 
-def requirement_phrase(requirement: RequirementSection) -> str:
-    """A requirement as a phrase."""
-    shown = metric_label(requirement.metric)
-    limit = with_unit(f"{requirement.limit:g}", shown.unit)
-    return f"{shown.title} {requirement.bound} {limit} in at least {100.0 * requirement.probability:g} % of runs"
+def _requirement_phrase(requirement: RequirementSection) -> str:
+    label = metric_label(requirement.metric)
+    limit = with_unit(f"{requirement.limit:g}", label.unit)
+    return f"{label.title} {requirement.bound} {limit} in at least {100.0 * requirement.probability:g} % of runs"
 
 
 def _validated_requirement(campaign: CampaignResults, index: int, entry: Mapping[str, Any]) -> RequirementSection:
@@ -78,7 +77,7 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
     failed = ~np.asarray(campaign.completed, dtype=bool)
     found = evaluate_requirement(requirement, values, failed, campaign.run_ids, runs_are_independent(campaign), missing)
     return {
-        "text": requirement_phrase(requirement),
+        "text": _requirement_phrase(requirement),
         **requirement.model_dump(),
         "unit": metric_label(requirement.metric).unit or "-",
         "verdict": str(found.verdict),
@@ -100,17 +99,16 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
 
 
 def _row(entry: Mapping[str, Any]) -> RequirementRow:
-    shown = metric_label(entry["metric"])
+    label = metric_label(entry["metric"])
     cells = _cells(entry)
     side = "\N{LESS-THAN OR EQUAL TO}" if entry["bound"] == "at most" else "\N{GREATER-THAN OR EQUAL TO}"
     return RequirementRow(
-        text=entry["text"],
-        title=f"{shown.title} {side} {with_unit(format(entry['limit'], 'g'), shown.unit)}",
+        title=f"{label.title} {side} {with_unit(format(entry['limit'], 'g'), label.unit)}",
         probability=f"in at least {100.0 * entry['probability']:g} % of runs",
         verdict=entry["verdict_text"],
         css_class=_CSS_CLASSES.get(Verdict(entry["verdict"]), "open"),
         note=f"{100.0 * entry['probability']:g} % of runs; {entry['violations']} of {entry['runs']} violate it"
-        + ("" if entry["margin"] is None else f"; margin {with_unit(_signed(entry['margin']), shown.unit)}"),
+        + ("" if entry["margin"] is None else f"; margin {with_unit(_signed(entry['margin']), label.unit)}"),
         cells=cells,
         violating=list(entry["violating_ids"]),
         more_violating=entry["violations"] - len(entry["violating_ids"]),
@@ -120,13 +118,13 @@ def _row(entry: Mapping[str, Any]) -> RequirementRow:
 def _cells(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
     interval = entry["success_interval"]
     allowed = "too few runs" if entry["allowed"] is None else f"{entry['allowed']} allowed"
-    untold = str(entry["verdict"]).partition(":")[0]
-    valued = entry["runs"] - entry["without_value"]
+    no_verdict = str(entry["verdict"]).partition(":")[0]
+    with_value = entry["runs"] - entry["without_value"]
     return [
-        (format_number(entry["worst"]), f"of {valued} runs with a value" if valued < entry["runs"] else ""),
+        (format_number(entry["worst"]), f"of {with_value} runs with a value" if with_value < entry["runs"] else ""),
         (_order_statistic_text(entry), "" if entry["rank"] is None else f"rank {entry['rank']} of {entry['runs']}"),
         (_signed(entry["margin"]), ""),
-        (f"{entry['violations']} of {entry['runs']}", untold if interval is None else allowed),
+        (f"{entry['violations']} of {entry['runs']}", no_verdict if interval is None else allowed),
         (
             format_number(None) if entry["success"] is None else _rounded_down(entry["success"]),
             "" if interval is None else f"{_rounded_down(interval[0])} to {_rounded_up(interval[1])}",
@@ -142,7 +140,7 @@ def _risk_text(reached: float | None) -> str:
 
 
 def _order_statistic_text(entry: Mapping[str, Any]) -> str:
-    """Value of the run to compare with the limit; a word where that run has none."""
+    """Value compared with the limit, or a note if the run of that rank has none."""
     if entry["order_statistic"] is None and entry["rank"] is not None:
         return "run without value"
     return format_number(entry["order_statistic"])
@@ -152,10 +150,10 @@ def _signed(value: float | None) -> str:
     return format_number(value) if value is None or value <= 0.0 else f"+{format_number(value)}"
 
 
-def _rounded_down(share: float) -> str:
-    """A probability rounded down, so that one below a requirement never looks as if it met it."""
-    return f"{np.floor(1e4 * share) / 1e4:.4f}"
+def _rounded_down(probability: float) -> str:
+    """Probability rounded down, so that one just below a requirement is not shown as equal to it."""
+    return f"{np.floor(1e4 * probability) / 1e4:.4f}"
 
 
-def _rounded_up(share: float) -> str:
-    return f"{np.ceil(1e4 * share) / 1e4:.4f}"
+def _rounded_up(probability: float) -> str:
+    return f"{np.ceil(1e4 * probability) / 1e4:.4f}"

@@ -1,26 +1,27 @@
-"""How close the spacecraft came, and how long nothing was seen."""
+"""Safety: smallest ranges, keep-out entries, passive safety, and longest times without an accepted box."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from rpojax.analysis.statistics.binomial_intervals import clopper_pearson_interval
+from rpojax.analysis.statistics.intervals.binomial_intervals import clopper_pearson_interval
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.labels import format_number, metric_label, with_unit
+from rpojax.report.labels import metric_label
+from rpojax.report.number_format import format_number, with_unit
 from rpojax.report.run_independence import runs_are_independent
 from rpojax.scenario.metric_catalogue import worst_first
-from rpojax.simulation.closed_loop import FAILURE_REASONS
+from rpojax.simulation.failure import FAILURE_REASONS
 
 _KEEP_OUT = FAILURE_REASONS[2]
 
 
 def content(campaign: CampaignResults) -> dict[str, Any]:
-    """Part of report.json: least ranges, entries of the keep-out sphere, and the longest times without a look.
+    """Part of report.json: smallest ranges, entries into the keep-out sphere, longest times without an accepted box.
 
-    The least range counts failed runs too, up to their failure, as far as their traces say; of a run that entered the
-    keep-out sphere it is at most the sphere's radius, which `at_most` then marks as a bound. Shares have exact 95 %
-    intervals, None where runs are not independent.
+    The smallest range includes the traces of failed runs up to their failure; for a run that entered the keep-out
+    sphere it is at most the sphere's radius, and `at_most` marks that bound. Proportions have exact 95 % intervals,
+    None if runs are not independent.
     """
     entered = np.asarray(campaign.failure_reason == _KEEP_OUT)
     keep_out = campaign.info.get("scenario", {}).get("limits", {}).get("keep_out_m")
@@ -38,18 +39,21 @@ def content(campaign: CampaignResults) -> dict[str, Any]:
     }
 
 
-def rows(found: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Quantity, value and remark of each line."""
-    keep_out = found["keep_out_m"]
+def rows(safety: Mapping[str, Any]) -> list[tuple[str, str, str]]:
+    """Quantity, value and remark of each row."""
+    keep_out = safety["keep_out_m"]
     sphere = "" if keep_out is None else f" of {format_number(keep_out)} m"
     drift = f"Runs whose free drift would enter the keep-out sphere{sphere}"
     lines = [
-        ("Least range of any run", *_worst_value_texts(found["least_range"], "m")),
-        (f"Runs that entered the keep-out sphere{sphere}", *_proportion_texts(found["entries"])),
-        ("Least range of free drift, had thrust stopped", *_worst_value_texts(found["least_passive_range"], "m")),
-        (drift, *_proportion_texts(found["passive_below_keep_out"])),
-        ("Longest look-away in a burn period", *_worst_value_texts(found["longest_look_away"], "s")),
-        (metric_label("longest_unseen_s").title, *_worst_value_texts(found["longest_unseen"], "s")),
+        ("Smallest range of any run", *_worst_value_texts(safety["least_range"], "m")),
+        (f"Runs that entered the keep-out sphere{sphere}", *_proportion_texts(safety["entries"])),
+        (
+            "Smallest range of free drift after a loss of thrust",
+            *_worst_value_texts(safety["least_passive_range"], "m"),
+        ),
+        (drift, *_proportion_texts(safety["passive_below_keep_out"])),
+        ("Longest look-away in a burn period", *_worst_value_texts(safety["longest_look_away"], "s")),
+        (metric_label("longest_unseen_s").title, *_worst_value_texts(safety["longest_unseen"], "s")),
     ]
     return [(quantity, value, remark) for quantity, value, remark in lines if value]
 
@@ -59,7 +63,7 @@ def _least_range(campaign: CampaignResults, keep_out: float | None, entered: np.
     traced = campaign.traces.get("range_m")
     if traced is not None and traced.size:
         ranges = np.fmin(ranges, np.fmin.reduce(traced, axis=1))
-    # Traces are coarse: the last instant that they hold may be well before the entry.
+    # Traces are coarse: their last sample may be well before the entry.
     radius = np.inf if keep_out is None else keep_out
     bounded = entered & np.isfinite(radius) & ~(ranges <= radius)
     ranges = np.where(bounded, radius, ranges).astype(np.float64)
@@ -80,7 +84,7 @@ def _worst_value(campaign: CampaignResults, name: str) -> dict[str, Any] | None:
 def _passive_range_violations(
     campaign: CampaignResults, keep_out: float | None, entered: np.ndarray
 ) -> dict[str, Any] | None:
-    """Share of the runs with a known free drift, or an entry in earnest, that come below the sphere's radius."""
+    """Proportion of runs that enter the sphere or would drift into it, among those for which this is known."""
     values = campaign.metrics.get("passive_range_m")
     if values is None or keep_out is None:
         return None

@@ -1,4 +1,4 @@
-"""Which dispersed quantities the leading metrics depend on, by two methods side by side."""
+"""Sensitivity of the key metrics to the dispersed inputs, by rank correlation and HSIC."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 from markupsafe import escape
 
-from rpojax.analysis.statistics.rank_sensitivity import InputRanking, rank_inputs
+from rpojax.analysis.statistics.dependence.input_ranking import InputRanking, rank_inputs
 from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.dispersed_inputs import rankable_scalars
+from rpojax.report.figures.charts.plotly_charts import EMPTY_TITLE, Chart, chart_layout, rounded_values
 from rpojax.report.figures.colours import BLUE, GRID, ORANGE
-from rpojax.report.figures.plotly_charts import EMPTY_TITLE, Chart, chart_layout, rounded_values
 from rpojax.report.key_metrics import select_key_metrics
 from rpojax.report.labels import metric_label
 from rpojax.report.run_independence import runs_are_independent
-from rpojax.report.sections.dispersion_section import rankable_scalars
 
 _MAX_BARS = 8
 _SIGNIFICANCE_LEVEL = 0.05
@@ -21,11 +21,10 @@ _LARGEST_COUNT = 3
 
 
 def content(campaign: CampaignResults) -> list[dict[str, Any]]:
-    """Part of report.json: for each leading metric all inputs but codes, the strongest rank correlation first, and a
-    sentence.
+    """Part of report.json: for each key metric its inputs, the strongest rank correlation first, and a sentence.
 
-    P-values, corrected for the number of inputs, are None where runs are not independent; the leading inputs are then
-    those of greatest size, and whether the methods disagree beyond chance is None.
+    P-values, corrected for the number of inputs, are None if runs are not independent; the leading inputs are then the
+    largest ones, and `disagree` is None. Categorical inputs are left out.
     """
     inputs = {key: values for key, values in rankable_scalars(campaign).items() if np.isfinite(values).all()}
     rankings = {name: rank_inputs(inputs, campaign.metrics[name]) for name in select_key_metrics(campaign)}
@@ -34,24 +33,24 @@ def content(campaign: CampaignResults) -> list[dict[str, Any]]:
 
 
 def chart(entry: Mapping[str, Any]) -> Chart:
-    """Bars of both methods for the inputs that either finds strongest; pale where chance alone might do as much."""
+    """Bars of both measures for the inputs that either ranks strongest; pale if not significant."""
     strongest = _strongest_inputs(entry["inputs"])
-    # Plotly takes markup in texts; names are none.
+    # Plotly interprets markup in texts.
     names = [str(escape(one["name"])) for one in strongest]
-    sides = (("spearman", "spearman_p", BLUE, "x"), ("hsic", "hsic_p", ORANGE, "x2"))
-    bars = [_bars(names, strongest, value, chance, color, axis) for value, chance, color, axis in sides]
-    drawn = chart_layout("Spearman rank correlation", "")
-    drawn |= {"showlegend": False, "bargap": 0.35, "margin": {"l": 20, "r": 14, "t": 6, "b": 44}}
-    drawn["xaxis"] |= {"domain": [0.0, 0.48], "range": [-1.0, 1.0], "zeroline": True, "zerolinecolor": GRID}
-    drawn["xaxis2"] = {
-        **drawn["xaxis"],
+    measures = (("spearman", "spearman_p", BLUE, "x"), ("hsic", "hsic_p", ORANGE, "x2"))
+    bars = [_bars(names, strongest, value, p_value, color, axis) for value, p_value, color, axis in measures]
+    layout = chart_layout("Spearman rank correlation", "")
+    layout |= {"showlegend": False, "bargap": 0.35, "margin": {"l": 20, "r": 14, "t": 6, "b": 44}}
+    layout["xaxis"] |= {"domain": [0.0, 0.48], "range": [-1.0, 1.0], "zeroline": True, "zerolinecolor": GRID}
+    layout["xaxis2"] = {
+        **layout["xaxis"],
         "domain": [0.52, 1.0],
         "range": [0.0, _hsic_axis_end(strongest)],
         "anchor": "y",
     }
-    drawn["xaxis2"]["title"] = {"text": "HSIC, normalised", "font": {"size": 12}}
-    drawn["yaxis"] |= {"automargin": True, "tickfont": {"size": 11}, "title": EMPTY_TITLE, "type": "category"}
-    return {"data": bars, "layout": drawn}
+    layout["xaxis2"]["title"] = {"text": "HSIC, normalised", "font": {"size": 12}}
+    layout["yaxis"] |= {"automargin": True, "tickfont": {"size": 11}, "title": EMPTY_TITLE, "type": "category"}
+    return {"data": bars, "layout": layout}
 
 
 def _entry(name: str, ranking: InputRanking, independent: bool) -> dict[str, Any]:
@@ -82,7 +81,7 @@ def _entry(name: str, ranking: InputRanking, independent: bool) -> dict[str, Any
 
 
 def _largest_inputs(inputs: Sequence[Mapping[str, Any]], key: str) -> list[str]:
-    """Names of the few inputs of greatest size by one method."""
+    """Names of the three largest inputs by one measure."""
     return [one["name"] for one in sorted(inputs, key=lambda one: -abs(one[key]))[:_LARGEST_COUNT]]
 
 
@@ -115,16 +114,16 @@ def _agreement_sentence(by_rank: Sequence[str], by_hsic: Sequence[str]) -> str:
 
 
 def _strongest_inputs(inputs: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """The few inputs that are strongest by either method, each measured by its own strongest one, weakest first."""
+    """Strongest inputs by either measure, each relative to the largest of that measure, weakest first."""
     tops = {key: max(abs(one[key]) for one in inputs) or 1.0 for key in ("spearman", "hsic")}
     return sorted(inputs, key=lambda one: max(abs(one[key]) / top for key, top in tops.items()))[-_MAX_BARS:]
 
 
 def _bars(
-    names: list[str], shown: Sequence[Mapping[str, Any]], value: str, chance: str, color: str, axis: str
+    names: list[str], shown: Sequence[Mapping[str, Any]], value: str, p_value: str, color: str, axis: str
 ) -> dict[str, Any]:
-    sure = [one[chance] is None or one[chance] < _SIGNIFICANCE_LEVEL for one in shown]
-    texts = ["p not given" if one[chance] is None else f"p {one[chance]:.2g}" for one in shown]
+    significant = [one[p_value] is None or one[p_value] < _SIGNIFICANCE_LEVEL for one in shown]
+    texts = ["p not given" if one[p_value] is None else f"p {one[p_value]:.2g}" for one in shown]
     return {
         "type": "bar",
         "orientation": "h",
@@ -134,11 +133,11 @@ def _bars(
         "yaxis": "y",
         "text": texts,
         "textposition": "none",
-        "marker": {"color": color, "opacity": [0.85 if one else 0.25 for one in sure]},
+        "marker": {"color": color, "opacity": [0.85 if one else 0.25 for one in significant]},
         "hovertemplate": "%{y}: %{x:.3f}, %{text}<extra></extra>",
     }
 
 
 def _hsic_axis_end(shown: Sequence[Mapping[str, Any]]) -> float:
-    """End of HSIC's axis, so that small values can still be told apart."""
+    """End of the HSIC axis."""
     return max(0.05, 1.1 * max(float(one["hsic"]) for one in shown))

@@ -1,0 +1,1 @@
+"""Annotated camera images, contact sheets and films of one run."""

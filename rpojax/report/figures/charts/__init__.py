@@ -1,0 +1,1 @@
+"""Interactive plotly charts of the report page."""

@@ -1,0 +1,1 @@
+"""The paper's figures of one run: bearing and range, estimation error, relative position."""

@@ -1,0 +1,133 @@
+"""Values for the page's template: charts, tables and the run shown in detail."""
+
+import base64
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rpojax.report import shell_commands
+from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.figures.charts.plotly_charts import Chart
+from rpojax.report.figures.charts.scatter_explorer import scatter_explorer
+from rpojax.report.page.camera_sheet import CameraSheet
+from rpojax.report.sections import (
+    consistency_section,
+    convergence_section,
+    detection_section,
+    distribution_section,
+    envelope_section,
+    failure_section,
+    fault_section,
+    headline_section,
+    identity_section,
+    metrics_section,
+    requirement_verdict_section,
+    safety_section,
+    sensitivity_section,
+    worst_runs_section,
+)
+
+_CAPTIONS = {
+    "bearing_and_range.png": "Bearing unit vector from servicer to target in the Hill frame (left) and range from the "
+    "size of the box (right). Dots are boxes that the filter accepted, crosses boxes that it rejected, triangles at an "
+    "edge boxes beyond the scale; the thin line is the truth. Grey: the camera is turned away for a burn. Orange: "
+    "search.",
+    "estimation_error.png": "Position estimation error of target, of servicer, and of the servicer from the target, "
+    "per Hill axis with 3-sigma bounds. The vertical scale fits the run after its first tenth, so the "
+    "errors at hand-over may lie off scale.",
+    "relative_position.png": "Position of the target from the servicer in the Hill frame: estimate, truth and desired. "
+    "The sign is flipped in this figure only; elsewhere in this report it is the position of the servicer from the "
+    "target.",
+}
+
+
+@dataclass(frozen=True)
+class RunDetail:
+    """Run that is shown in detail: its figures, the channels that the omitted figures lack, and its camera images."""
+
+    run_id: int | None
+    figures: Mapping[str, Path]
+    missing_channels: Mapping[str, list[str]]
+    camera: CameraSheet
+
+
+@dataclass(frozen=True)
+class PageCharts:
+    """Charts by name, data of the interactive scatter plot, and the template values that place them."""
+
+    charts: dict[str, Chart]
+    explorer: dict[str, Any] | None
+    template_values: dict[str, Any]
+
+
+def page_charts(campaign: CampaignResults, content: Mapping[str, Any]) -> PageCharts:
+    """Charts of all sections."""
+    envelopes, averages = envelope_section.envelope_charts(campaign), consistency_section.charts(campaign)
+    histograms = distribution_section.histogram_entries(campaign, content)
+    convergence = {} if content["convergence"] is None else convergence_section.charts(content["convergence"])
+    explorer = scatter_explorer(campaign)
+    charts: dict[str, Chart] = {f"envelope-{name}": chart for name, (_, chart) in envelopes.items()}
+    charts |= {f"average-{name}": chart for name, (_, chart) in averages.items()}
+    charts |= {f"histogram-{entry['name']}": entry["chart"] for entry in histograms if entry["chart"] is not None}
+    charts |= {f"convergence-{name}": chart for name, (_, chart) in convergence.items()}
+    charts |= {f"sensitivity-{entry['metric']}": sensitivity_section.chart(entry) for entry in content["sensitivity"]}
+    template_values = {
+        "envelopes": [channel for channel, _ in envelopes.values()],
+        "averages": [channel for channel, _ in averages.values()],
+        "histograms": histograms,
+        "constants": [entry for entry in histograms if entry["chart"] is None and entry["defined"]],
+        "undefined": [entry["metric"].title for entry in histograms if not entry["defined"]],
+        "convergence": [(name, title) for name, (title, _) in convergence.items()],
+        "explorer": explorer is not None,
+    }
+    return PageCharts(charts, explorer, template_values)
+
+
+def table_values(campaign: CampaignResults, content: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables and tiles of all sections."""
+    consistency = content["consistency"]
+    return {
+        "identity": identity_section.identity_lines(campaign, content),
+        "requirements": requirement_verdict_section.rows(content["requirements"]),
+        "tiles": headline_section.headline_tiles(content),
+        "metric_rows": metrics_section.metric_rows(campaign, content),
+        "safety": safety_section.rows(content["safety"]),
+        "entries": content["safety"]["entries"]["run_ids"],
+        "consistency": {
+            "means": consistency_section.mean_rows(consistency),
+            "instants": consistency_section.time_rows(consistency),
+            "whiteness": consistency_section.whiteness_rows(consistency),
+        },
+        "sensitivity": content["sensitivity"],
+        "failures": failure_section.failure_table(content),
+        "causes": [
+            (cause, failure_section.cause_rows(cause), failure_section.cause_sentence(cause))
+            for cause in content["failure_causes"]
+        ],
+        "faults": {"rows": fault_section.fault_rows(campaign), "headings": fault_section.headings()},
+        "worst": worst_runs_section.rows(content["worst_runs"]),
+    }
+
+
+def run_detail_values(campaign: CampaignResults, content: Mapping[str, Any], detail: RunDetail) -> dict[str, Any]:
+    """Detections, camera images and figures of the run shown in detail."""
+    return {
+        "shown_run": detail.run_id,
+        "shown_run_metrics": [] if detail.run_id is None else metrics_section.run_metrics(campaign, detail.run_id),
+        "detections": detection_section.table_cells(content["detections"]),
+        "rendered": campaign.info.get("scenario", {}).get("camera", {}).get("model") == "rendered",
+        "camera_sheet": "" if detail.camera.path is None else _data_url(detail.camera.path),
+        "no_camera_sheet": detail.camera.reason,
+        "film_command": shell_commands.film_command(campaign, detail.run_id),
+        "figures": [(_CAPTIONS[name], _data_url(path)) for name, path in detail.figures.items()],
+        "omitted_figures": [
+            f"{name} is omitted: the channels {', '.join(channels)} of this run were not kept."
+            for name, channels in detail.missing_channels.items()
+        ],
+    }
+
+
+def _data_url(path: Path) -> str:
+    kind = "jpeg" if path.suffix == ".jpg" else "png"
+    return f"data:image/{kind};base64," + base64.b64encode(path.read_bytes()).decode()

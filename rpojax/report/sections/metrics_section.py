@@ -1,0 +1,77 @@
+"""Tables of metrics: statistics over all runs, and values of one run."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.labels import in_display_order, metric_label
+from rpojax.report.number_format import format_number
+from rpojax.scenario.metric_catalogue import worst_first
+
+
+@dataclass(frozen=True)
+class MetricRow:
+    """Row of the metric tables; `cells` are mean, sd, min, p50, p95, p99, bound of p99 and max.
+
+    `intervals` are those of mean, sd, p50, p95 and p99. Where low values are bad, p5, p1 and the bound of p1, marked
+    as such, replace p95, p99 and its bound.
+    """
+
+    name: str
+    title: str
+    meaning: str
+    unit: str
+    cells: list[str]
+    intervals: list[str]
+    defined: int
+    worst_run: int | None
+
+
+def metric_rows(campaign: CampaignResults, summary: Mapping[str, Any]) -> list[MetricRow]:
+    """Rows of the metric table in the order of report.json."""
+    rows = []
+    for name, entry in summary["metrics"].items():
+        label = metric_label(name)
+        keys = ("mean", "std", "min", "p50", *label.tail_statistics[:3], "max")
+        cells = [_with_statistic_name(key, format_number(entry[key])) for key in keys]
+        row = _worst_row(name, campaign.metrics[name])
+        worst = None if row is None else int(campaign.run_ids[row])
+        ends = [
+            _interval_text(key, entry[f"{key}_interval_95"])
+            for key in ("mean", "std", "p50", *label.tail_statistics[:2])
+        ]
+        rows.append(MetricRow(name, label.title, label.meaning, label.unit, cells, ends, entry["defined"], worst))
+    return rows
+
+
+def run_metrics(campaign: CampaignResults, run_id: int) -> list[tuple[str, str, str]]:
+    """Title, value and unit of every metric of one run."""
+    rows = np.flatnonzero(campaign.run_ids == run_id)
+    metrics = campaign.metrics
+    return [
+        (metric_label(name).title, format_number(float(value)), metric_label(name).unit)
+        for name in in_display_order(metrics)
+        for value in metrics[name][rows]
+    ]
+
+
+def _interval_text(key: str, ends: list[float | None] | None) -> str:
+    return (
+        format_number(None)
+        if ends is None
+        else _with_statistic_name(key, f"{format_number(ends[0])} to {format_number(ends[1])}")
+    )
+
+
+def _with_statistic_name(key: str, text: str) -> str:
+    """Text of a statistic, preceded by its name if that differs from the heading of its column."""
+    return f"{key.partition('_')[0]} {text}" if key in ("p5", "p1", "p1_lower_95") else text
+
+
+def _worst_row(name: str, values: np.ndarray) -> int | None:
+    """Row of the worst run; None if fewer than two runs have a value, or all values are equal."""
+    rows = worst_first(name, values)
+    return int(rows[0]) if len(rows) > 1 and values[rows[0]] != values[rows[-1]] else None

@@ -1,0 +1,109 @@
+"""Requirement verdicts of synthetic campaigns, in report.json and on the page."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rpojax.errors import ResultError
+from rpojax.report.page.campaign_summary import summarise
+from rpojax.report.page.html_report import write_report
+from rpojax.report.sections import requirement_verdict_section
+
+
+def _require(campaign: Any, **changes: Any) -> dict[str, Any]:
+    """Judgement of one requirement, by default that the velocity change is at most 1 m/s."""
+    usual = {"metric": "delta_v_m_s", "bound": "at most", "limit": 1.0, "probability": 0.99, "consumer_risk": 0.1}
+    campaign.info["scenario"]["requirements"] = [{**usual, **changes}]
+    return summarise(campaign)["requirements"][0]
+
+
+def test_verified_requirement_has_order_statistic_margin_and_risk(build):
+    # 388 runs verify 0.99 at a risk of 0.1 with one violation: the run of rank 387 is compared with the limit.
+    campaign = build(runs=388, seconds=30, kept=())
+    ranked = np.sort(campaign.metrics["delta_v_m_s"])
+    limit = float(ranked[-1] + ranked[-2]) / 2.0
+    found = _require(campaign, limit=limit)
+    assert found["verdict"] == "verified"
+    assert (found["rank"], found["allowed"], found["violations"]) == (387, 1, 1)
+    assert found["order_statistic"] == ranked[-2]
+    assert found["margin"] == pytest.approx(limit - ranked[-2])
+    assert found["worst"] == ranked[-1]
+    assert found["violating_ids"] == [int(np.argmax(campaign.metrics["delta_v_m_s"]))]
+    assert found["success_interval"][0] >= 0.99
+    assert found["risk_reached"] <= 0.1
+    assert found["text"].startswith("Delta-v at most ")
+
+
+@pytest.mark.parametrize(
+    ("runs", "limit", "verdict"), [(230, 1.0, "verified"), (200, 1.0, "needs 30 more runs"), (200, 0.3, "not verified")]
+)
+def test_verdict_texts_and_colours(build, runs, limit, verdict):
+    campaign = build(runs=runs, seconds=30, kept=())
+    found = _require(campaign, limit=limit)
+    assert found["verdict_text"] == verdict
+    row = requirement_verdict_section.rows([found])[0]
+    assert row.verdict == verdict
+    assert row.css_class == {"verified": "good", "not verified": "alert"}.get(verdict, "open")
+    assert row.title == f"Delta-v \N{LESS-THAN OR EQUAL TO} {limit:g} m/s"
+
+
+def test_failed_run_violates_every_requirement_and_has_a_rerun_command(build):
+    campaign = build(runs=12, seconds=30, kept=(), failed=(4,))
+    found = _require(campaign, metric="min_range_m", bound="at least", limit=1.0)
+    assert (found["violations"], found["violating_ids"], found["without_value"]) == (1, [4], 1)
+    assert requirement_verdict_section.rows([found])[0].cells[0][1] == "of 11 runs with a value"
+    page = write_report(campaign).read_text()
+    assert f"rpojax rerun {campaign.directory} --run-id 4 --out run_4" in page
+    assert "Minimum range \N{GREATER-THAN OR EQUAL TO} 1 m" in page
+
+
+@pytest.mark.parametrize("limit", [1.0, 0.3])
+def test_no_verdict_with_missing_runs(build, limit):
+    # The 388 runs at hand would verify the first and refute the second.
+    campaign = build(runs=388, seconds=30, kept=())
+    campaign.info["runs"] = 400
+    found = _require(campaign, limit=limit)
+    assert (found["verdict"], found["verdict_text"]) == ("unfinished: no verdict",) * 2
+    silent = ("more_runs", "allowed", "rank", "order_statistic", "margin", "success_interval", "risk_reached")
+    assert {found[key] for key in silent} == {None}
+    row = requirement_verdict_section.rows([found])[0]
+    assert (row.verdict, row.css_class, row.cells[3][1]) == ("unfinished: no verdict", "open", "unfinished")
+    assert "no verdict before all have ended" in write_report(campaign).read_text()
+
+
+def test_probabilities_are_not_rounded_up_to_the_required_one():
+    entry = {
+        "metric": "delta_v_m_s",
+        "bound": "at most",
+        "limit": 1.0,
+        "probability": 0.99,
+        "consumer_risk": 0.1,
+        "text": "",
+        "verdict": "needs more runs",
+        "verdict_text": "",
+        "runs": 100000,
+        "violations": 1001,
+        "allowed": 900,
+        "rank": 99100,
+        "order_statistic": 1.1,
+        "margin": -0.1,
+        "without_value": 1,
+        "worst": 2.0,
+        "success": 0.98999,
+        "success_interval": [0.98955, 0.99034],
+        "risk_reached": 0.5,
+        "violating_ids": [],
+    }
+    cells = requirement_verdict_section.rows([entry])[0].cells
+    assert cells[0] == ("2", "of 99999 runs with a value")
+    assert cells[4] == ("0.9899", "0.9895 to 0.9904")
+    assert cells[2] == ("-0.1000", "")
+
+
+def test_unknown_metric_and_invalid_requirement_are_errors(build):
+    campaign = build(runs=12, seconds=30, kept=())
+    with pytest.raises(ResultError, match=r"requirements\[0\]: found no metric 'passive_range_m'"):
+        _require(campaign, metric="passive_range_m")
+    with pytest.raises(ResultError, match=r"requirements\[0\]: found .*, expected a requirement"):
+        _require(campaign, limit="one")

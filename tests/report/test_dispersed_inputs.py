@@ -1,0 +1,20 @@
+"""Categorical inputs are excluded from rankings."""
+
+import numpy as np
+
+from rpojax.report.figures.charts.scatter_explorer import scatter_explorer
+from rpojax.report.sections import failure_section, sensitivity_section
+
+
+def test_categorical_inputs_are_not_ranked(build):
+    campaign = build(runs=60, seconds=60, kept=(), failed=tuple(range(20)))
+    campaign.drawn |= {"fault.kind": np.repeat([3.0, 1.0, 2.0], 20), "fault.wheel": np.arange(60.0) % 3.0}
+    codes = {"fault.kind", "fault.wheel"}
+    assert all(
+        codes.isdisjoint(one["name"] for one in entry["inputs"]) for entry in sensitivity_section.content(campaign)
+    )
+    assert all(codes.isdisjoint(one["input"] for one in entry["inputs"]) for entry in failure_section.content(campaign))
+    explorer = scatter_explorer(campaign)
+    assert explorer is not None
+    assert all(codes.isdisjoint(one["rank"]) for one in explorer["metrics"].values())
+    assert codes <= set(explorer["inputs"])

@@ -1,0 +1,50 @@
+"""Report pages as a test sees them: tags, text and data of the charts."""
+
+import re
+from html.parser import HTMLParser
+
+from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.page.html_report import write_report
+
+_VOID = {"meta", "img", "rect", "br", "wbr", "link"}
+
+
+class ReportPage(HTMLParser):
+    """Parser that collects tags, text and data, and checks that elements are closed in order."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text: list[str] = []
+        self.data = ""
+        self.feed(text)
+        self.close()
+        assert not self.open
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+        if tag not in _VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if "script" not in self.open:
+            self.text.append(data)
+        elif self.tags[-1][1].get("id") == "page-data":
+            self.data += data
+
+
+def rendered_page(campaign: CampaignResults, run_id: int | None = None) -> ReportPage:
+    """Writes the report of a campaign and parses its page."""
+    return ReportPage(write_report(campaign, run_id).read_text())
+
+
+def page_text(page: ReportPage) -> str:
+    """Text of a page with single spaces."""
+    return re.sub(r"\s+", " ", " ".join(page.text))
