@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from rpojax.errors import RpojaxError
     from rpojax.flight.computer import Stages
     from rpojax.report.page.html_report import write_report
-    from rpojax.scenario.scenario_file import load
+    from rpojax.scenario.loading.scenario_loader import load
 
 _HOMES = {
     "Campaign": "rpojax.campaign.storage.campaign_folder",
     "RpojaxError": "rpojax.errors",
     "Stages": "rpojax.flight.computer",
-    "load": "rpojax.scenario.scenario_file",
+    "load": "rpojax.scenario.loading.scenario_loader",
     "open_campaign": "rpojax.campaign.storage.xarray_dataset",
     "resume_campaign": "rpojax.campaign.run_and_resume",
     "run_campaign": "rpojax.campaign.run_and_resume",

@@ -1,1 +1,1 @@
-"""Floor 5: the numbers in which runs differ: their draws, designs of experiments, standard-normal space."""
+"""Floor 5: dispersed parameters of the runs of a campaign: distributions, experiment designs, standard-normal space."""

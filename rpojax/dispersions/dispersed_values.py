@@ -1,131 +1,87 @@
-"""Dispersed values: of every run and key, drawn from the run's own random stream or given by the design."""
+"""Values of the dispersed keys of one run, and the parameters with these values."""
 
 import zlib
 from collections.abc import Mapping, Sequence
 
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Array
 
-from rpojax.core import quaternion, random_streams
+from rpojax.core import random_streams
 from rpojax.core.random_streams import Stream
-from rpojax.dispersions.random_source import CoordinateSource, KeySource, RandomSource
-from rpojax.physics import equipment_faults
-from rpojax.scenario import dispersion_keys, schema
+from rpojax.dispersions.distributions import correlated_errors, sample
+from rpojax.dispersions.random_source import CoordinateSource, KeySource
 from rpojax.scenario import params as parameters
-from rpojax.scenario.dispersion_keys import ParameterKey
+from rpojax.scenario.dispersion_keys import design_keys, dispersion_name, evaluation_order
+from rpojax.scenario.dispersion_kinds import CorrelatedNormal, Derived
+from rpojax.scenario.parameter_keys import ParameterKey, expand_vectors, nominal_value, parse_key
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 
 Values = dict[str, Array]
+"""Value by key, in the unit of the key."""
 
 
 def draw(file: ScenarioFile, run_key: Array, assigned: Mapping[str, Array]) -> Values:
-    """Values of all dispersed keys of one run, in the user's units.
+    """Values of all dispersed keys of one run.
 
-    What is drawn depends on the run and on the key's name, so adding a dispersion leaves the others as they were.
-    `given` is this run's part of a design: values by key, or coordinates from 0 to 1 by name of the dispersion.
+    Random numbers depend on the run's key and the dispersion's name, so that adding a dispersion leaves the others
+    unchanged. `assigned` is this run's part of a design: values by key, or coordinates in (0, 1) by dispersion name.
     """
     stream = random_streams.fold_in(run_key, Stream.DISPERSION)
     values: Values = {}
-    for text in dispersion_keys.design_keys(file):
-        _set_value(file, values, dispersion_keys.parse_key(text), assigned[text])
-    entries = dispersion_keys.evaluation_order(file)
-    names = [dispersion_keys.dispersion_name(entry) for entry in entries]
-    for entry, name, key in zip(entries, names, _keys(stream, names), strict=True):
+    for text in design_keys(file):
+        _set_value(file, values, parse_key(text), assigned[text])
+    entries = evaluation_order(file)
+    names = [dispersion_name(entry) for entry in entries]
+    for entry, name, key in zip(entries, names, _random_keys(stream, names), strict=True):
         source = CoordinateSource(assigned[name]) if name in assigned else KeySource(key)
         match entry:
-            case schema.Derived():
-                _set_value(file, values, dispersion_keys.parse_key(entry.key), _derived(file, values, entry))
-            case schema.CorrelatedNormal():
-                places = dispersion_keys.expand_vectors(file, entry.keys)
-                for place, error in zip(places, _correlated_errors(entry, source), strict=True):
-                    _set_value(file, values, place, _nominal(file, place) + error)
+            case Derived():
+                _set_value(file, values, parse_key(entry.key), _derived_value(file, values, entry))
+            case CorrelatedNormal():
+                components = expand_vectors(file, entry.keys)
+                for parameter, error in zip(components, correlated_errors(entry, source), strict=True):
+                    _set_value(file, values, parameter, _nominal(file, parameter) + error)
             case _:
-                place = dispersion_keys.parse_key(entry.key)
-                _set_value(file, values, place, _draw_single_key(entry, _nominal(file, place), source))
+                parameter = parse_key(entry.key)
+                _set_value(file, values, parameter, sample(entry, _nominal(file, parameter), source))
     return values
 
 
-def _keys(stream: Array, names: Sequence[str]) -> Array:
+def _random_keys(stream: Array, names: Sequence[str]) -> Array:
     """(n, 2) random keys of dispersions by their names."""
     numbers = np.array([zlib.crc32(name.encode()) & 0x7FFFFFFF for name in names], dtype=np.uint32)
     return random_streams.fold_in_per_key(jnp.broadcast_to(stream, (len(names), 2)), jnp.asarray(numbers))
 
 
-def _nominal(file: ScenarioFile, place: ParameterKey) -> Array:
-    return jnp.asarray(dispersion_keys.nominal_value(file, place), dtype=jnp.float64)
+def _nominal(file: ScenarioFile, parameter: ParameterKey) -> Array:
+    return jnp.asarray(nominal_value(file, parameter), dtype=jnp.float64)
 
 
-def _set_value(file: ScenarioFile, values: Values, place: ParameterKey, value: Array) -> None:
-    """Enters a value; components that nothing gives stay nominal."""
-    if place.index is None:
-        values[place.key] = value
+def _set_value(file: ScenarioFile, values: Values, parameter: ParameterKey, value: Array) -> None:
+    """Enters a value or a component of one, whose other components stay as they are, or nominal."""
+    if parameter.index is None:
+        values[parameter.key] = value
     else:
-        whole = values.get(place.key, _nominal(file, ParameterKey(place.key, None)))
-        values[place.key] = whole.at[place.index].set(value)
+        whole = values.get(parameter.key, _nominal(file, ParameterKey(parameter.key, None)))
+        values[parameter.key] = whole.at[parameter.index].set(value)
 
 
-def _derived(file: ScenarioFile, values: Values, entry: schema.Derived) -> Array:
-    shape = np.shape(dispersion_keys.nominal_value(file, dispersion_keys.parse_key(entry.key)))
+def _derived_value(file: ScenarioFile, values: Values, entry: Derived) -> Array:
+    """Offset plus a linear combination of values of the run."""
+    shape = np.shape(nominal_value(file, parse_key(entry.key)))
     total = jnp.broadcast_to(jnp.asarray(entry.offset, dtype=jnp.float64), shape)
     for term in entry.terms:
-        place = dispersion_keys.parse_key(term.key)
-        value = values.get(place.key, _nominal(file, ParameterKey(place.key, None)))
-        total = total + jnp.broadcast_to(term.factor * (value if place.index is None else value[place.index]), shape)
+        parameter = parse_key(term.key)
+        value = values.get(parameter.key, _nominal(file, ParameterKey(parameter.key, None)))
+        component = value if parameter.index is None else value[parameter.index]
+        total = total + jnp.broadcast_to(term.factor * component, shape)
     return total
 
 
-def _correlated_errors(entry: schema.CorrelatedNormal, source: RandomSource) -> Array:
-    """(n,) normal errors with the covariance of the entry; the first takes no coordinate but its own."""
-    factor = cholesky_factor(np.array(entry.covariance))
-    normals = source.normals((len(factor),))
-    return jnp.sum(jnp.asarray(factor) * normals[None, :], axis=1)
-
-
-def cholesky_factor(covariance: np.ndarray) -> np.ndarray:
-    """Lower triangular (n, n) whose product with its transpose is a positive semidefinite matrix (Cholesky).
-
-    What rounding leaves of a variance that the earlier ones explain in full counts as zero.
-    """
-    variance = np.diag(covariance)
-    factor = np.zeros_like(covariance)
-    for column in range(len(covariance)):
-        rest = covariance[column:, column] - factor[column:, :column] @ factor[column, :column]
-        if rest[0] > 1e-9 * variance[column]:
-            factor[column:, column] = rest / np.sqrt(rest[0])
-    return factor
-
-
-def _draw_single_key(dispersion: schema.Dispersion, nominal: Array, source: RandomSource) -> Array:
-    match dispersion:
-        case schema.Normal():
-            return nominal + jnp.asarray(dispersion.sigma, dtype=jnp.float64) * source.normals(nominal.shape)
-        case schema.TruncatedNormal():
-            low, high = ndtr(-dispersion.limit_sigmas), ndtr(dispersion.limit_sigmas)
-            cut = ndtri(low + (high - low) * source.uniforms(nominal.shape))
-            return nominal + jnp.asarray(dispersion.sigma, dtype=jnp.float64) * cut
-        case schema.Uniform():
-            return dispersion.low + (dispersion.high - dispersion.low) * source.uniforms(nominal.shape)
-        case schema.LogNormal():
-            return nominal * jnp.exp(jnp.asarray(dispersion.sigma, dtype=jnp.float64) * source.normals(nominal.shape))
-        case schema.Choice():
-            choices = jnp.asarray([equipment_faults.kind_code(value) for value in dispersion.values], dtype=jnp.float64)
-            return choices[source.integer(len(dispersion.values))]
-        case schema.RandomDirection():
-            return source.direction()
-        case schema.RandomAttitude():
-            return source.attitude()
-        case schema.SmallRotation():
-            sigma = jnp.deg2rad(jnp.asarray(dispersion.sigma_deg, dtype=jnp.float64))
-            return quaternion.multiply(quaternion.exp(sigma * source.normals((3,))), quaternion.normalize(nominal))
-        case schema.CorrelatedNormal() | schema.Derived():
-            raise AssertionError(f"{dispersion.kind} is not drawn alone")
-
-
 def apply_to_params(params: Params, values: Values) -> Params:
-    """Params of one run: the nominal ones with the drawn values put in."""
+    """Parameters of one run: nominal ones with the dispersed values."""
     for key, value in values.items():
         path, factor = parameters.leaf_path_and_factor(key)
         params = parameters.replace_leaf(params, path, value * factor)
@@ -133,7 +89,7 @@ def apply_to_params(params: Params, values: Values) -> Params:
 
 
 def read_back(params: Params, keys: list[str]) -> Values:
-    """The values that `params` really holds for the given keys, in the user's units."""
+    """Values that `params` holds for the keys, in the unit of the key."""
     values: Values = {}
     for key in keys:
         path, factor = parameters.leaf_path_and_factor(key)

@@ -1,7 +1,7 @@
-"""A run's dispersions as independent standard normal numbers z, so that |z| is a distance from the median in sigmas.
+"""Transformation of the dispersions of a scenario to independent standard normal variables (Rosenblatt).
 
-Each coordinate of a dispersion is Phi(z), from which `dispersions.draw` makes its value as for a design that fills the
-unit cube. Choices and dispersed matrices are no such numbers: they stay what the run draws.
+Each unit-cube coordinate of a dispersion is Phi(z), so that |z| is the distance from the median in sigmas. Choices and
+dispersed matrices are not transformed: they keep the values drawn from the run's random key.
 """
 
 from collections.abc import Mapping
@@ -12,165 +12,175 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import ndtr
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from rpojax.dispersions import dispersed_values
-from rpojax.dispersions.designs import UNIT_MARGIN
-from rpojax.dispersions.dispersed_values import Values, cholesky_factor
+from rpojax.dispersions.dispersed_values import Values
+from rpojax.dispersions.random_source import UNIT_MARGIN
+from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
 from rpojax.errors import ScenarioError
-from rpojax.scenario import dispersion_keys, schema
-from rpojax.scenario.schema import Dispersion, ScenarioFile
+from rpojax.scenario.design_kinds import IndependentDesign
+from rpojax.scenario.dispersion_keys import assigned_keys, coordinate_count, design_keys, dispersion_name
+from rpojax.scenario.dispersion_kinds import (
+    Choice,
+    CorrelatedNormal,
+    Derived,
+    Dispersion,
+    LogNormal,
+    Normal,
+    SmallRotation,
+    TruncatedNormal,
+    Uniform,
+)
+from rpojax.scenario.parameter_keys import ParameterKey, expand_vectors, nominal_value, parse_key
+from rpojax.scenario.schema import ScenarioFile
 
 _COORDINATE_NAMES = {"direction": ("height", "azimuth"), "attitude": ("share", "first angle", "second angle")}
 
 
 @dataclass(frozen=True)
 class StandardNormalSpace:
-    """The numbers that a scenario's dispersions are made from.
+    """Standard normal variables of a scenario.
 
     Attributes:
         file: the scenario
-        moved: dispersions that are made from the numbers, in the order of the numbers
-        held: names of the others, derived ones left out
+        mapped: dispersions that are functions of the variables, in the order of the variables
+        unmapped: names of the others, without derived ones
     """
 
     file: ScenarioFile
     mapped: tuple[Dispersion, ...]
     unmapped: tuple[str, ...]
 
+    @property
+    def dimension(self) -> int:
+        """Number of variables."""
+        return len(self._varying)
+
     @cached_property
     def labels(self) -> tuple[str, ...]:
-        """One name for each number, such as `initial.relative_position_m[0]`."""
+        """Name of each variable, such as `initial.relative_position_m[0]`."""
         names = [name for entry in self.mapped for name in _labels(self.file, entry)]
         return tuple(names[index] for index in self._varying)
 
     @cached_property
     def groups(self) -> tuple[str, ...]:
-        """For each number the input that it belongs to: its own label, or a dispersion that cannot be taken apart."""
-        found = []
+        """Input to which each variable belongs: its label, or the name of an inseparable dispersion."""
+        groups = []
         for entry in self.mapped:
-            name, rows = dispersion_keys.dispersion_name(entry), self.slices[dispersion_keys.dispersion_name(entry)]
-            found += [name if _is_inseparable(entry) else label for label in self.labels[rows]]
-        return tuple(found)
+            name, rows = dispersion_name(entry), self.slices[dispersion_name(entry)]
+            groups += [name if _is_inseparable(entry) else label for label in self.labels[rows]]
+        return tuple(groups)
 
     def group_of(self, column: str) -> str | None:
-        """Input that a dispersed number such as `target.tumble_axis[2]` belongs to; None for numbers that are held."""
+        """Input to which a dispersed number such as `target.tumble_axis[2]` belongs; None if it is not mapped."""
         if column in self.groups:
             return column
-        key = dispersion_keys.parse_key(column).key
+        key = parse_key(column).key
         for entry in self.mapped:
-            if _is_inseparable(entry) and any(where.key == key for where in dispersion_keys.assigned_keys(entry)):
-                return dispersion_keys.dispersion_name(entry)
+            if _is_inseparable(entry) and any(parameter.key == key for parameter in assigned_keys(entry)):
+                return dispersion_name(entry)
         return None
-
-    @property
-    def dimension(self) -> int:
-        """How many numbers there are."""
-        return len(self._varying)
 
     @cached_property
     def slices(self) -> dict[str, slice]:
-        """Which numbers each moved dispersion is made from, by its name."""
-        found, first = {}, 0
+        """Variables of each mapped dispersion, by its name."""
+        slices, first = {}, 0
         for entry in self.mapped:
             size = int(_varying_coordinates(self.file, entry).sum())
-            found[dispersion_keys.dispersion_name(entry)] = slice(first, first + size)
+            slices[dispersion_name(entry)] = slice(first, first + size)
             first += size
-        return found
+        return slices
 
-    def values_at(self, numbers: Array, key: Array) -> Values:
-        """Values of all dispersed keys in the user's units, from numbers (count,) and the random key of a run."""
-        sizes = [dispersion_keys.coordinate_count(self.file, entry) for entry in self.mapped]
-        whole = jnp.zeros(sum(sizes), dtype=jnp.float64).at[self._varying].set(numbers)
-        shares = jnp.clip(ndtr(whole), UNIT_MARGIN, 1.0 - UNIT_MARGIN)
+    def values_at(self, z: Float[Array, " n"], key: Array) -> Values:
+        """Values of all dispersed keys, in their units, at the variables `z` for the random key of a run."""
+        sizes = [coordinate_count(self.file, entry) for entry in self.mapped]
+        normals = jnp.zeros(sum(sizes), dtype=jnp.float64).at[self._varying].set(z)
+        coordinates = jnp.clip(ndtr(normals), UNIT_MARGIN, 1.0 - UNIT_MARGIN)
         ends = np.cumsum([0, *sizes])
-        given = {
-            dispersion_keys.dispersion_name(entry): shares[first:end]
+        assigned = {
+            dispersion_name(entry): coordinates[first:end]
             for entry, first, end in zip(self.mapped, ends[:-1], ends[1:], strict=True)
         }
-        return dispersed_values.draw(self.file, key, given)
+        return dispersed_values.draw(self.file, key, assigned)
 
     @cached_property
     def _varying(self) -> np.ndarray:
-        """Coordinates that change anything: a sigma of zero leaves its coordinate without effect."""
+        """Indices of the coordinates that have an effect; those of a zero sigma have none."""
         return np.flatnonzero(np.concatenate([_varying_coordinates(self.file, entry) for entry in self.mapped]))
 
 
 def make_space(file: ScenarioFile) -> StandardNormalSpace:
-    """Numbers behind the dispersions of a scenario.
+    """Standard normal variables of a scenario.
 
     Raises:
-        ScenarioError: a table or grid gives values, or no dispersion can be moved.
+        ScenarioError: a table or grid design assigns values, or no dispersion can be mapped.
     """
-    if dispersion_keys.design_keys(file):
+    if design_keys(file):
         raise ScenarioError("design.kind", file.design.kind, "a design whose values the dispersions draw")
-    drawn = [entry for entry in file.dispersions if not isinstance(entry, schema.Derived)]
-    moved = tuple(entry for entry in drawn if _is_continuous(file, entry) and _varying_coordinates(file, entry).any())
-    if not moved:
-        found = [dispersion_keys.dispersion_name(entry) for entry in file.dispersions]
-        raise ScenarioError("dispersions", found, "at least one that varies without steps, so that it can be moved")
-    held = tuple(dispersion_keys.dispersion_name(entry) for entry in drawn if not _is_continuous(file, entry))
-    return StandardNormalSpace(file, moved, held)
+    random = [entry for entry in file.dispersions if not isinstance(entry, Derived)]
+    mapped = tuple(entry for entry in random if _is_continuous(file, entry) and _varying_coordinates(file, entry).any())
+    if not mapped:
+        names = [dispersion_name(entry) for entry in file.dispersions]
+        raise ScenarioError("dispersions", names, "at least one that varies without steps, so that it can be moved")
+    unmapped = tuple(dispersion_name(entry) for entry in random if not _is_continuous(file, entry))
+    return StandardNormalSpace(file, mapped, unmapped)
 
 
 def with_fixed_values(space: StandardNormalSpace, values: Mapping[str, Any]) -> ScenarioFile:
-    """The scenario with every moved dispersion as a choice of one value, from `values` by key in the user's units.
+    """The scenario with every mapped dispersion replaced by a choice of one value, from `values` by key.
 
-    The values do not become nominal ones: flight software would be told of them.
+    Nominal values, from which the flight software is configured, stay.
     """
     entries: list[Dispersion] = []
     for entry in space.file.dispersions:
         if entry in space.mapped:
-            entries += [_single_value_choice(where, values) for where in dispersion_keys.assigned_keys(entry)]
+            entries += [_single_value_choice(parameter, values) for parameter in assigned_keys(entry)]
         else:
             entries.append(entry)
-    independent = schema.IndependentDesign(kind="independent")
+    independent = IndependentDesign(kind="independent")
     return space.file.model_copy(update={"dispersions": entries, "design": independent})
 
 
-def _single_value_choice(where: dispersion_keys.ParameterKey, values: Mapping[str, Any]) -> schema.Choice:
-    value = np.asarray(values[where.key])
-    text = where.key if where.index is None else f"{where.key}[{where.index}]"
-    chosen = value if where.index is None else value[where.index]
-    return schema.Choice(key=text, kind="choice", values=[chosen.tolist()])
+def _single_value_choice(parameter: ParameterKey, values: Mapping[str, Any]) -> Choice:
+    value = np.asarray(values[parameter.key])
+    chosen = value if parameter.index is None else value[parameter.index]
+    return Choice(key=str(parameter), kind="choice", values=[chosen.tolist()])
 
 
 def _is_inseparable(entry: Dispersion) -> bool:
-    """Whether the numbers of a dispersion are not those of its components."""
-    return isinstance(entry, schema.CorrelatedNormal | schema.SmallRotation) or entry.kind in _COORDINATE_NAMES
+    """Whether the variables of a dispersion do not correspond to its components one by one."""
+    return isinstance(entry, CorrelatedNormal | SmallRotation) or entry.kind in _COORDINATE_NAMES
 
 
 def _is_continuous(file: ScenarioFile, entry: Dispersion) -> bool:
-    """Whether a dispersion is made from numbers without steps, and its values can be chosen by a scenario."""
-    matrix = any(
-        np.ndim(dispersion_keys.nominal_value(file, where)) > 1 for where in dispersion_keys.assigned_keys(entry)
-    )
-    return not isinstance(entry, schema.Choice) and not matrix
+    """Whether a dispersion is a continuous function of coordinates, with values that a scenario can prescribe."""
+    matrix = any(np.ndim(nominal_value(file, parameter)) > 1 for parameter in assigned_keys(entry))
+    return not isinstance(entry, Choice) and not matrix
 
 
 def _varying_coordinates(file: ScenarioFile, entry: Dispersion) -> np.ndarray:
-    """(coordinates,) bool, those of a dispersion that change its value."""
-    count = dispersion_keys.coordinate_count(file, entry)
+    """(coordinates,) bool, whether a coordinate of a dispersion has an effect."""
+    count = coordinate_count(file, entry)
     match entry:
-        case schema.CorrelatedNormal():
+        case CorrelatedNormal():
             return np.any(cholesky_factor(np.array(entry.covariance)) != 0.0, axis=0)
-        case schema.Uniform():
+        case Uniform():
             return np.full(count, entry.low < entry.high)
-        case schema.SmallRotation():
+        case SmallRotation():
             return np.broadcast_to(np.asarray(entry.sigma_deg) > 0.0, (count,))
-        case schema.Normal() | schema.TruncatedNormal() | schema.LogNormal():
+        case Normal() | TruncatedNormal() | LogNormal():
             return np.broadcast_to(np.ravel(entry.sigma) > 0.0, (count,))
         case _:
             return np.ones(count, dtype=bool)
 
 
 def _labels(file: ScenarioFile, entry: Dispersion) -> list[str]:
-    """A name for each coordinate of a dispersion."""
-    name, count = dispersion_keys.dispersion_name(entry), dispersion_keys.coordinate_count(file, entry)
-    if isinstance(entry, schema.CorrelatedNormal):
-        places = dispersion_keys.expand_vectors(file, entry.keys)
-        return [place.key if place.index is None else f"{place.key}[{place.index}]" for place in places]
+    """Name of each coordinate of a dispersion."""
+    name, count = dispersion_name(entry), coordinate_count(file, entry)
+    if isinstance(entry, CorrelatedNormal):
+        return [str(parameter) for parameter in expand_vectors(file, entry.keys)]
     if entry.kind in _COORDINATE_NAMES:
         return [f"{name} ({axis})" for axis in _COORDINATE_NAMES[entry.kind]]
-    single = np.ndim(dispersion_keys.nominal_value(file, dispersion_keys.parse_key(name))) == 0
+    single = np.ndim(nominal_value(file, parse_key(name))) == 0
     return [name] if single else [f"{name}[{index}]" for index in range(count)]

@@ -1,1 +1,1 @@
-"""Floor 4: the language of scenario files: schema, units, checks, and the parameters they become."""
+"""Floor 4: scenario files: schema, units, checks, and the static settings and parameters made from them."""

@@ -1,4 +1,4 @@
-"""Forms that values of a scenario take: numbers in ranges, vectors, matrices of a body, dates; and a strict section."""
+"""Field types of the scenario schema: bounded numbers, vectors, inertias, dates; and the base class of sections."""
 
 import difflib
 import math
@@ -22,7 +22,7 @@ PositivePair = Annotated[list[Positive], Field(min_length=2, max_length=2)]
 
 
 _MIN_NORM = 1e-6
-"""A direction or quaternion shorter than this is taken for a zero: its unit vector would be noise."""
+"""Least norm of a direction or quaternion; the unit vector of a shorter one would be rounding noise."""
 
 
 def _check_nonzero(value: list[float]) -> list[float]:
@@ -57,7 +57,7 @@ def _check_covariance(value: list[list[float]]) -> list[list[float]]:
         raise ValueError("expected as many columns as rows")
     matrix = np.array(value)
     sigma = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-    # Of unit variances, so that metres beside millimetres per second do not hide a fault.
+    # Scaled to unit variances, because the units of the components differ by orders of magnitude.
     scale = np.outer(*(2 * [np.where(sigma > 0.0, sigma, 1.0)]))
     correlation = matrix / scale
     if not np.allclose(correlation, correlation.T, rtol=0.0, atol=1e-9):
@@ -68,7 +68,7 @@ def _check_covariance(value: list[list[float]]) -> list[list[float]]:
 
 
 def _date_to_text(value: Any) -> Any:
-    """TOML has dates of its own; unquoted they arrive as such."""
+    """Text of an unquoted TOML date."""
     return value.isoformat() if isinstance(value, date) else value
 
 
@@ -86,7 +86,7 @@ _EPHEMERIS_SPAN_S = 50.0 * 365.25 * 86400.0
 
 
 def epoch_seconds(utc: str) -> float:
-    """Seconds of terrestrial time from 2000-01-01 12:00 to a date and time in UTC."""
+    """Terrestrial time since 2000-01-01 12:00 [s] of a date and time in UTC."""
     moment = datetime.fromisoformat(utc)
     if moment.tzinfo is not None:
         moment = moment.astimezone(UTC).replace(tzinfo=None)
@@ -94,7 +94,7 @@ def epoch_seconds(utc: str) -> float:
 
 
 _TERRESTRIAL_LESS_UTC_S = 69.184
-"""Since 2017; the Sun moves by three millionths of a radian in that time."""
+"""Valid since 2017 [s]; a leap second more changes the direction of the Sun by 2e-7 rad."""
 
 
 def _check_metric_name(value: str) -> str:
@@ -117,6 +117,6 @@ Hull = Annotated[list[Vector], Field(min_length=4, max_length=64)]
 
 
 class Section(BaseModel):
-    """Base of all sections: unknown keys are refused, types are not converted."""
+    """Base class of all sections: unknown keys are refused, types are not converted."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)

@@ -1,4 +1,4 @@
-"""Units in scenario keys: `tumble_rate_deg_s` in a file is the leaf `tumble_rate` [rad/s] inside."""
+"""Unit suffixes of scenario keys: `tumble_rate_deg_s` becomes the parameter `tumble_rate` [rad/s]."""
 
 import math
 from typing import Final
@@ -27,11 +27,11 @@ SI_FACTORS: Final[dict[str, float]] = {
     "_n": 1.0,
     "_s": 1.0,
 }
-"""Unit suffix of a scenario key -> factor to SI and radians, longest suffixes first."""
+"""Factor to SI and radians by unit suffix, longest suffixes first."""
 
 
 def split_unit(key: str) -> tuple[str, float]:
-    """Name without its unit suffix, and the factor from the user's unit to SI and radians."""
+    """Name of a key without its unit suffix, and the factor from its unit to SI and radians."""
     for suffix, factor in SI_FACTORS.items():
         if key.endswith(suffix):
             return key.removesuffix(suffix), factor
@@ -63,5 +63,5 @@ _UNIT_SYMBOLS: Final[dict[str, str]] = {
 
 
 def unit_symbol(key: str) -> str:
-    """Unit that a scenario key's suffix means, such as `kg m2`; 1 for a pure number."""
+    """Symbol of a key's unit, such as `kg m2`; `1` for a dimensionless number."""
     return next((_UNIT_SYMBOLS[suffix] for suffix in SI_FACTORS if key.endswith(suffix)), "1")

@@ -1,4 +1,4 @@
-"""Names, units and bad sides of the metrics; free of jax, so that a scenario's requirements are checked without it."""
+"""Names and units of the metrics, which of them are better when greater, and their time windows; free of JAX."""
 
 from typing import Final
 
@@ -32,25 +32,25 @@ UNITS: Final[dict[str, str]] = {
     "passive_range_m": "m",
     "error_over_sigma3_peak": "-",
 }
-"""Name -> unit of every metric."""
+"""Unit of every metric by name."""
 
 LOW_IS_BAD: Final = frozenset(
     {"min_range_m", "passive_range_m", "sigma3_coverage", "detection_rate", "visible_fraction"}
 )
-"""Metrics whose low values are the bad ones."""
+"""Metrics of which low values are worse."""
 
 
 def window_starts(ticks: int, tick_s: float) -> tuple[int, int]:
-    """First tick of the late part of a run, and of its last one: from 1000 s on, and 1000 s before the end.
+    """First tick of the late window, from 1000 s to the end, and of the last window, the final 1000 s.
 
-    Of a run shorter than 3000 s it is a third instead.
+    A run shorter than 3000 s has a third of its duration in place of 1000 s.
     """
     third = max(1, min(round(1000.0 / tick_s), ticks // 3))
     return min(third, ticks - 1), ticks - third
 
 
 def worst_first(name: str, values: np.ndarray) -> np.ndarray:
-    """Rows in which a metric's `values` (runs,) are defined, the worst first; of equals, the first ones."""
+    """Rows with a defined value of a metric in `values` (runs,), sorted from worst to best; the sort is stable."""
     defined = np.flatnonzero(np.isfinite(values))
     goodness = values[defined] if name in LOW_IS_BAD else -values[defined]
     return defined[np.argsort(goodness, kind="stable")]

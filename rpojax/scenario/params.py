@@ -1,4 +1,4 @@
-"""The pytree of every number that may be dispersed or differentiated, and where a scenario key lives in it."""
+"""Parameters of a run: pytree of all numbers that can be dispersed or differentiated, and their scenario keys."""
 
 import functools
 from collections.abc import Mapping
@@ -9,24 +9,29 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from rpojax.core.orbits.orbital_mechanics import EARTH_GRAVITY, KeplerianElements
+from rpojax.core.orbits.keplerian_elements import KeplerianElements
+from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import pytree, replace
 from rpojax.errors import ScenarioError
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
-from rpojax.flight.control.formation_lqr import FormationTuning
-from rpojax.flight.guidance.pointing_modes import PointingTuning
+from rpojax.flight.control.formation_tuning import FormationTuning
+from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.navigation.attitude_ekf import AttitudeFilterTuning
-from rpojax.flight.navigation.filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.vehicle_model import VehicleModel
 from rpojax.physics import equipment_faults
-from rpojax.physics.actuators import ReactionWheels, Thruster
-from rpojax.physics.environment import Atmosphere, Sunlight, Surface
+from rpojax.physics.environment.drag import Atmosphere
+from rpojax.physics.environment.solar_radiation_pressure import Sunlight
+from rpojax.physics.environment.surface import Surface
 from rpojax.physics.equipment_faults import Fault
-from rpojax.physics.plant import PlantParams, Target
+from rpojax.physics.plant_state import PlantParams, Target
+from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.rigid_body import Body
-from rpojax.scenario import key_units, trained_files
-from rpojax.sensors.geometric_camera import Camera
+from rpojax.physics.thruster import Thruster
+from rpojax.scenario import key_units
+from rpojax.scenario.trained import fitted_camera, trained_files
+from rpojax.sensors.camera import Camera
 from rpojax.sensors.gps import Gps
 from rpojax.sensors.gyro import Gyro
 from rpojax.sensors.rendered_camera import Imaging, Networks
@@ -37,7 +42,7 @@ from rpojax.vision import pinhole
 
 @pytree
 class InitialRelativeState:
-    """Where the servicer starts.
+    """Initial state of the servicer relative to the target.
 
     Attributes:
         relative_position: (3,) rho_H [m]
@@ -50,7 +55,7 @@ class InitialRelativeState:
 
 @pytree
 class Limits:
-    """What ends a run.
+    """Limits that end a run.
 
     Attributes:
         keep_out: () radius of the sphere around the target that the servicer must not enter [m]
@@ -61,7 +66,7 @@ class Limits:
 
 @pytree
 class Params:
-    """Every number of a run, SI and radians."""
+    """All numbers of a run that can be dispersed or differentiated, SI and radians."""
 
     orbit: KeplerianElements
     initial: InitialRelativeState
@@ -101,11 +106,11 @@ _SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
     "attitude_control": (("flight", "attitude_control"), AttitudeControlTuning),
     "limits": (("limits",), Limits),
 }
-"""Section of a scenario file -> where its record lives in `Params`, and its class."""
+"""Attribute path in `Params` and class of the record, by section of a scenario file."""
 
 
 def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Params:
-    """Params from the sections of a scenario in the user's units; flight software is told the nominal vehicle."""
+    """Parameters from the sections of a scenario; the flight software is configured with the nominal vehicle."""
     records = {section: _record(cls, tables[section]) for section, (_, cls) in _SECTIONS.items()}
     plant = PlantParams(
         gravity=jax.tree.map(lambda value: jnp.asarray(value, dtype=jnp.float64), EARTH_GRAVITY),
@@ -125,13 +130,13 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         plant=plant,
         flight=flight,
         networks=trained_files.networks_for_model(tables),
-        statistics=trained_files.statistics_for_model(tables),
+        statistics=fitted_camera.statistics_for_model(tables),
         **{name: records[name] for name in rest},
     )
 
 
 def _record(cls: type, table: Mapping[str, Any]) -> Any:
-    """One section as its dataclass; keys that are no fields are static settings and are left out."""
+    """Record of one section; keys without a field are static settings and are skipped."""
     names = {field.name for field in fields(cls)}
     values = {}
     for key, value in table.items():
@@ -142,7 +147,7 @@ def _record(cls: type, table: Mapping[str, Any]) -> Any:
 
 
 def _with_detector_center_error(navigation: OrbitFilterTuning, imaging: Imaging) -> OrbitFilterTuning:
-    """The filter's tuning for boxes from pictures: their middles stray, too, as attitude and light change."""
+    """Filter tuning for detected boxes, whose centres also vary with attitude and light."""
     return replace(navigation, center_sigma=jnp.hypot(navigation.center_sigma, imaging.center_sigma))
 
 
@@ -165,7 +170,7 @@ def _nominal_vehicle(plant: PlantParams, camera: Camera, width_px: int, height_p
 
 
 def leaf_path_and_factor(key: str) -> tuple[tuple[str, ...], float]:
-    """Attribute path in `Params` of a scenario key such as `servicer.mass_kg`, and the factor from its unit to SI.
+    """Attribute path in `Params` of a key such as `servicer.mass_kg`, and the factor from its unit to SI.
 
     Raises:
         ScenarioError: the key names no number of a scenario.
@@ -180,11 +185,11 @@ def leaf_path_and_factor(key: str) -> tuple[tuple[str, ...], float]:
 
 
 def get_leaf(record: Any, path: tuple[str, ...]) -> Any:
-    """Leaf of a record of records at an attribute path."""
+    """Leaf of nested records at an attribute path."""
     return functools.reduce(getattr, path, record)
 
 
 def replace_leaf(record: Any, path: tuple[str, ...], value: Any) -> Any:
-    """Copy of a record of records with one leaf replaced."""
+    """Copy of nested records with one leaf replaced."""
     head, *rest = path
     return replace(record, **{head: replace_leaf(getattr(record, head), tuple(rest), value) if rest else value})

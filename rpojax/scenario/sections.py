@@ -1,4 +1,4 @@
-"""The sections of a scenario: orbit, spacecraft, sensors and flight software, one strict model each."""
+"""Schema of the sections of a scenario: orbit, spacecraft, sensors, flight software; one strict model each."""
 
 from typing import Annotated, Literal
 
@@ -25,7 +25,7 @@ from rpojax.scenario.field_types import (
 
 
 class RatesSection(Section):
-    """How often things happen."""
+    """Rates of plant, camera and burn decisions."""
 
     plant_hz: Annotated[float, Field(gt=0.0, le=1000.0, allow_inf_nan=False)]
     camera_hz: Positive
@@ -33,7 +33,7 @@ class RatesSection(Section):
 
 
 class OrbitSection(Section):
-    """Orbit of the target at the start."""
+    """Osculating orbit of the target at the start."""
 
     semi_major_axis_m: Annotated[float, Field(gt=6.5e6, lt=1e8, allow_inf_nan=False)]
     eccentricity: Annotated[float, Field(ge=0.0, lt=0.9, allow_inf_nan=False)]
@@ -44,7 +44,7 @@ class OrbitSection(Section):
 
 
 class InitialSection(Section):
-    """Servicer from target at the start, Hill frame."""
+    """State of the servicer relative to the target at the start, Hill frame."""
 
     relative_position_m: Vector
     relative_velocity_m_s: Vector
@@ -54,7 +54,7 @@ ZonalDegree = Literal[0, 2, 3, 4, 5, 6]
 
 
 class EffectsSection(Section):
-    """What the plant takes into account; what is off costs nothing."""
+    """Model switches of the plant; what is off is not compiled."""
 
     integrator: Literal["rk4", "rk8"]
     zonal_degree: ZonalDegree
@@ -71,7 +71,7 @@ class EffectsSection(Section):
 
 
 class AtmosphereSection(Section):
-    """Air that thins out exponentially."""
+    """Exponential atmosphere."""
 
     density_kg_m3: NonNegative
     altitude_m: Finite
@@ -80,13 +80,13 @@ class AtmosphereSection(Section):
 
 
 class SunlightSection(Section):
-    """Strength of sunlight."""
+    """Solar flux."""
 
     flux_w_m2: NonNegative
 
 
 class SurfaceSection(Section):
-    """What air and light push on."""
+    """Surface exposed to drag and solar radiation pressure."""
 
     area_m2: NonNegative
     drag_coefficient: NonNegative
@@ -95,7 +95,7 @@ class SurfaceSection(Section):
 
 
 class FaultSection(Section):
-    """A fault of the servicer's equipment."""
+    """Fault of the servicer's equipment."""
 
     kind: FaultKind
     start_s: NonNegative
@@ -112,7 +112,7 @@ class ServicerSection(Section):
 
 
 class TargetSection(Section):
-    """The target as it is."""
+    """Mass properties, outline and attitude motion of the target."""
 
     mass_kg: Positive
     inertia_kg_m2: Inertia
@@ -123,7 +123,7 @@ class TargetSection(Section):
 
 
 class ThrusterSection(Section):
-    """The servicer's one thruster."""
+    """Thruster of the servicer."""
 
     force_n: Positive
     force_scale: Positive
@@ -140,7 +140,7 @@ class ThrusterSection(Section):
 
 
 class WheelsSection(Section):
-    """The servicer's three reaction wheels."""
+    """Reaction wheels of the servicer."""
 
     axes: Axes
     inertia_kg_m2: PositiveVector
@@ -154,7 +154,7 @@ class WheelsSection(Section):
 
 
 class CameraSection(Section):
-    """Camera and bounding-box detector."""
+    """Camera, and errors of the geometric bounding-box model."""
 
     model: Literal["geometric", "statistical", "rendered"]
     width_px: Annotated[int, Field(ge=16, le=4096)]
@@ -173,7 +173,7 @@ class CameraSection(Section):
 
 
 class ImagingSection(Section):
-    """Pictures and the detector that looks at them; counts for the rendered and the statistical camera."""
+    """Images and detector of the rendered and the statistical camera."""
 
     field: str
     detector: str
@@ -213,7 +213,7 @@ class GyroSection(Section):
 
 
 class NavigationSection(Section):
-    """Orbit filter and gate."""
+    """Orbit filter and measurement gate."""
 
     gating: Literal["covariance", "none"]
     zonal_degree: ZonalDegree
@@ -256,7 +256,7 @@ class AttitudeFilterSection(Section):
 
 
 class FormationSection(Section):
-    """LQR and its limits."""
+    """Formation-keeping LQR and its limits."""
 
     desired_position_m: Vector
     position_weight: NonNegativeVector
@@ -269,7 +269,7 @@ class FormationSection(Section):
 
 
 class PointingSection(Section):
-    """Slews and search."""
+    """Attitude guidance: slews, look-aways and search."""
 
     slew_acceleration_mrad_s2: Positive
     slew_minimum_time_s: Positive
@@ -292,13 +292,13 @@ class AttitudeControlSection(Section):
 
 
 class LimitsSection(Section):
-    """What ends a run."""
+    """Limits that end a run."""
 
     keep_out_m: NonNegative
 
 
 class TuningSection(Section):
-    """What `rpojax tune` makes as small as it can: a weighted sum, of which nothing else depends."""
+    """Weights of the objective that `rpojax tune` minimises; no simulation depends on them."""
 
     innovations: NonNegative = 1.0
     estimate: NonNegative = 3.0

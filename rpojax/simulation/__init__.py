@@ -1,1 +1,1 @@
-"""Floor 5: one closed-loop run: state, noise, step, rollout, telemetry, metrics."""
+"""Floor 5: closed-loop simulation of one run, as pure functions: state, noise, step, rollout, telemetry, metrics."""

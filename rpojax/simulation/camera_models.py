@@ -1,4 +1,4 @@
-"""What the camera of a run sees, by the model that the scenario asks for, and its box as flight software gets it."""
+"""Camera of a run by the model of the scenario: exposure, detector window, and box measurement."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -7,22 +7,22 @@ from rpojax.core import quaternion, random_streams
 from rpojax.core.constants import RADIUS_EARTH
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.numerics.safe import normalize
-from rpojax.core.orbits import eclipse, sun_moon_ephemeris
+from rpojax.core.orbits import camera_visibility, earth_rotation, eclipse
 from rpojax.flight.computer import FlightMemory
-from rpojax.flight.navigation.filter_tuning import BoxMeasurement
-from rpojax.physics.environment import SunMoonPositions
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
-from rpojax.physics.plant import Truth
+from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params
-from rpojax.scenario.scenario_file import Scenario
-from rpojax.sensors import geometric_camera, rendered_camera, statistical_camera
-from rpojax.sensors.geometric_camera import CameraFrame
+from rpojax.scenario.static_settings import Scenario
+from rpojax.sensors import camera_geometry, geometric_camera, rendered_camera, statistical_camera, window_selection
+from rpojax.sensors.camera import CameraFrame
 from rpojax.simulation.noise import TickNoise
 from rpojax.vision import bounding_box, pinhole
 from rpojax.vision.imaging.image_formation import ImageWindow, Scene
 
 _TRACKING_TIMEOUT_S = 5.0
-"""A target seen so recently is looked for where it is expected."""
+"""Time since the last accepted box [s] up to which the detector gets the window around the predicted box."""
 
 
 def expose(
@@ -37,15 +37,27 @@ def expose(
     key: Array,
     tick: Array,
 ) -> CameraFrame:
-    """One exposure by the scenario's camera model; `box_edges` is what lasts of the statistical camera's errors.
+    """One frame by the camera model of the scenario.
 
-    `key` is for the noise of a picture's pixels.
+    Args:
+        scenario: static settings
+        params: parameters of the run
+        truth: state of the plant
+        flight: memory of the flight software, which selects the window of a rendered camera
+        box_edge_errors: (4,) correlated errors of the statistical camera, None for other cameras
+        sky: positions of Sun and Moon
+        health: of the equipment
+        noise: random numbers of the tick
+        key: random key of the image noise
+        tick: () ticks since the start
     """
     camera = params.camera
-    observable = eclipse.is_observable(truth.r_TN_N, truth.r_ST_N, sky.sun_N, camera.phase_limit, camera.sun_exclusion)
-    # Every vertex needs the same rotation.
-    placed = fusion_barrier(geometric_camera.target_pose_in_camera(camera, truth.q_TN, truth.r_ST_N, truth.q_BN), tick)
-    hull_K = geometric_camera.hull_in_camera(params.plant.target.hull, *placed)
+    observable = camera_visibility.is_observable(
+        truth.r_TN_N, truth.r_ST_N, sky.sun_N, camera.phase_limit, camera.sun_exclusion
+    )
+    # All vertices use the pose: the barrier keeps XLA from recomputing it for each.
+    pose = fusion_barrier(camera_geometry.target_pose_in_camera(camera, truth.q_TN, truth.r_ST_N, truth.q_BN), tick)
+    hull_K = camera_geometry.hull_in_camera(params.plant.target.hull, *pose)
     size = (scenario.width_px, scenario.height_px)
     normals, uniforms = noise.camera, noise.uniforms
     if scenario.camera_model == "geometric":
@@ -67,12 +79,12 @@ def expose(
 
 
 def detector_window(scenario: Scenario, params: Params, flight: FlightMemory) -> ImageWindow:
-    """The part of the frame that flight software hands to the detector."""
-    onboard, navigation = params.flight.vehicle, params.flight.navigation
-    q_KN = quaternion.multiply(quaternion.normalize(onboard.camera_mounting), flight.attitude.q_BN)
+    """Window of the frame that the flight software selects for the detector."""
+    vehicle, navigation = params.flight.vehicle, params.flight.navigation
+    q_KN = quaternion.multiply(quaternion.normalize(vehicle.camera_mounting), flight.attitude.q_BN)
     r_TK_K = quaternion.rotate(q_KN, flight.orbit.relative.r_TS_N)
     lens = pinhole.Intrinsics(
-        focal_px=onboard.focal_px,
+        focal_px=vehicle.focal_px,
         center_px=jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=jnp.float64),
     )
     depth = jnp.maximum(r_TK_K[2], 1e-3)
@@ -80,19 +92,19 @@ def detector_window(scenario: Scenario, params: Params, flight: FlightMemory) ->
     tracked = flight.pointing.acquired & (flight.pointing.unseen_time < _TRACKING_TIMEOUT_S) & (r_TK_K[2] > 0.0)
     size = lens.focal_px * navigation.target_size / depth
     true_lens = _lens(scenario, params)
-    return rendered_camera.choose_window(true_lens, scenario.width_px, scenario.height_px, expected, size, tracked)
+    return window_selection.choose_window(true_lens, scenario.width_px, scenario.height_px, expected, size, tracked)
 
 
 def recorded_window(scenario: Scenario, params: Params, window_px: Float[Array, "3"]) -> ImageWindow:
-    """The part of the frame whose left, top and side [px], float32, a frame has recorded."""
-    binning = window_px[2] / rendered_camera.input_side(scenario.width_px, scenario.height_px)
-    return rendered_camera.window_at(_lens(scenario, params), window_px[:2], binning)
+    """Window from the recorded left, top and side [px], float32."""
+    binning = window_px[2] / window_selection.input_side(scenario.width_px, scenario.height_px)
+    return window_selection.window_at(_lens(scenario, params), window_px[:2], binning)
 
 
 def render_picture(
     scenario: Scenario, params: Params, view: ImageWindow, truth: Truth, sky: SunMoonPositions, key: Array, tick: Array
 ) -> Float[Array, "p p 3"]:
-    """Picture (sRGB codes in 0..1) of a window of the frame, as `expose` looks at it."""
+    """Image of a window as `expose` renders it, sRGB codes in 0..1."""
     return _render_window(scenario, params, view, _scene(scenario, params, truth, sky, tick), key)
 
 
@@ -109,7 +121,7 @@ def _render_window(
 
 
 def _scene(scenario: Scenario, params: Params, truth: Truth, sky: SunMoonPositions, tick: Array) -> Scene:
-    q_KN = geometric_camera.camera_attitude(params.camera, truth.q_BN)
+    q_KN = camera_geometry.camera_attitude(params.camera, truth.q_BN)
     q_KT = quaternion.multiply(q_KN, quaternion.conjugate(truth.q_TN))
     sun_N = normalize(sky.sun_N)
     time = scenario.epoch_s + tick.astype(jnp.float64) * scenario.tick_s
@@ -121,7 +133,7 @@ def _scene(scenario: Scenario, params: Params, truth: Truth, sky: SunMoonPositio
         R_KN=quaternion.to_matrix(q_KN),
         position_N=(truth.r_TN_N + truth.r_ST_N) / RADIUS_EARTH,
         sun_N=sun_N,
-        earth_rotation=sun_moon_ephemeris.earth_rotation_angle(time),
+        earth_rotation=earth_rotation.earth_rotation_angle(time),
     )
     return rendered_camera.to_float32(scene)
 
@@ -131,16 +143,22 @@ def _lens(scenario: Scenario, params: Params) -> pinhole.Intrinsics:
 
 
 def box_measurement(scenario: Scenario, params: Params, frame: CameraFrame) -> BoxMeasurement:
-    """The box in the flight software's terms, with the focal length that flight software believes in."""
+    """Box as measured by the flight software, with the focal length of its vehicle model."""
     focal = params.flight.vehicle.focal_px
-    middle = jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=jnp.float64)
+    center_px = jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=jnp.float64)
     side = bounding_box.box_size(frame.box.edges)
     return BoxMeasurement(
-        tangent=(bounding_box.box_center(frame.box.edges) - middle) / focal,
+        tangent=(bounding_box.box_center(frame.box.edges) - center_px) / focal,
         log_size=jnp.log(side / focal),
         side_px=side,
         present=frame.box.present,
         truncated=frame.box.truncated,
-        half_frame_tangent=middle / focal,
+        half_frame_tangent=center_px / focal,
         attitude_variance_change=jnp.zeros_like(side),
     )
+
+
+def boresight_N(params: Params, truth: Truth) -> Float[Array, "3"]:
+    """True boresight of the camera in N."""
+    q_KN = camera_geometry.camera_attitude(params.camera, truth.q_BN)
+    return quaternion.rotate(quaternion.conjugate(q_KN), jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64))

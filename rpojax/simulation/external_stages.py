@@ -1,7 +1,8 @@
-"""A run stepped from outside, stage by stage, so that somebody else may do the work of some of them.
+"""Stages of a tick compiled one by one, some of which an external program may replace (co-simulation).
 
-One tick is `begin`, `decide`, `tick_stages.set_off`, then `move` for every plant step, or `move_all`, then `finish`.
-With nothing given from outside, the run is that of `closed_loop.rollout`, to rounding.
+One tick is `sense_and_navigate`, `plan_burn_and_guide`, `step_stages.initial_motion`, then `propagate_substep` for
+every plant step or `control_and_propagate`, then `finish`. Without external inputs the run equals that of `rollout` up
+to rounding.
 """
 
 from functools import partial
@@ -16,29 +17,29 @@ from rpojax.flight.computer import FlightMemory, Stages
 from rpojax.flight.control.attitude_control import AttitudeCommand
 from rpojax.flight.guidance import burn_planning, slew_profile
 from rpojax.flight.navigation.orbit_filter import Innovation
-from rpojax.physics import actuators
-from rpojax.physics.actuators import BurnError
+from rpojax.physics.thruster import BurnError, draw_burn_error
 from rpojax.scenario.params import Params
-from rpojax.scenario.scenario_file import Scenario
+from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import camera_models, noise, step_stages
-from rpojax.simulation.state import State, Telemetry
+from rpojax.simulation.state import State
 from rpojax.simulation.step_stages import GuidedTick, Motion, SensedTick
+from rpojax.simulation.telemetry import Telemetry
 
-BurnDecider = Literal["own", "given", "nobody"]
-"""Who decides on burns: flight software, somebody else now, or nobody, so that the plan stays as it is."""
+BurnDecider = Literal["flight_software", "external", "none"]
+"""Source of the burn plan: flight software, an external burn in this tick, or none, which keeps the plan."""
 
 
 @pytree
 class ExternalOrbitEstimate:
-    """An orbit estimate from outside.
+    """Orbit estimate of an external navigation filter.
 
     Attributes:
         r_SN_N: (3,) servicer [m]
         v_SN_N: (3,) [m/s]
         r_TS_N: (3,) target from servicer [m]
         v_TS_N: (3,) its inertial derivative [m/s]
-        servicer_covariance: (6, 6) of the first two [m, m/s]
-        relative_covariance: (6, 6) of the last two [m, m/s]
+        servicer_covariance: (6, 6) of the servicer [m, m/s]
+        relative_covariance: (6, 6) of the target relative to the servicer [m, m/s]
     """
 
     r_SN_N: Array
@@ -51,12 +52,12 @@ class ExternalOrbitEstimate:
 
 @pytree
 class ExternalBurn:
-    """A burn from outside; times count from the start of the run.
+    """Burn commanded by an external program; times since the start of the run.
 
     Attributes:
         ignition: () [s]
-        cutoff: () [s]; where it is not later than the ignition, the valve closes at once
-        q_burn: (4,) attitude of the body meanwhile
+        cutoff: () [s]; the valve closes immediately if it is not later than the ignition
+        q_burn: (4,) body attitude during the burn
     """
 
     ignition: Array
@@ -75,37 +76,37 @@ class NavigatedTick:
 
 @partial(jax.jit, static_argnums=(0, 1))
 def sense_and_navigate(stages: Stages, scenario: Scenario, params: Params, state: State) -> NavigatedTick:
-    """Sensors, and the filters of the flight software."""
+    """Sensing and measurement updates of a tick."""
     sensed = step_stages.sense(scenario, params, state)
     flight, innovation = step_stages.navigate(stages, scenario, params, state, sensed)
     return NavigatedTick(sensed=sensed, flight=flight, innovation=innovation)
 
 
 @jax.jit
-def replace_orbit_estimate(begun: NavigatedTick, given: ExternalOrbitEstimate) -> NavigatedTick:
-    """The tick with somebody else's orbit estimate; what else the filters know of stays, as if it were unrelated."""
-    servicer, relative = begun.flight.orbit.servicer, begun.flight.orbit.relative
+def replace_orbit_estimate(navigated: NavigatedTick, estimate: ExternalOrbitEstimate) -> NavigatedTick:
+    """The tick with an external orbit estimate; other filter states stay, uncorrelated with it."""
+    servicer, relative = navigated.flight.orbit.servicer, navigated.flight.orbit.relative
     orbit = replace(
-        begun.flight.orbit,
+        navigated.flight.orbit,
         servicer=replace(
             servicer,
-            r_SN_N=given.r_SN_N,
-            v_SN_N=given.v_SN_N,
-            covariance=_with_orbit_block(servicer.covariance, given.servicer_covariance),
+            r_SN_N=estimate.r_SN_N,
+            v_SN_N=estimate.v_SN_N,
+            covariance=_with_orbit_block(servicer.covariance, estimate.servicer_covariance),
         ),
         relative=replace(
             relative,
-            r_TS_N=given.r_TS_N,
-            v_TS_N=given.v_TS_N,
-            covariance=_with_orbit_block(relative.covariance, given.relative_covariance),
+            r_TS_N=estimate.r_TS_N,
+            v_TS_N=estimate.v_TS_N,
+            covariance=_with_orbit_block(relative.covariance, estimate.relative_covariance),
         ),
     )
-    return replace(begun, flight=replace(begun.flight, orbit=orbit))
+    return replace(navigated, flight=replace(navigated.flight, orbit=orbit))
 
 
-def _with_orbit_block(P: Float[Array, "n n"], given: Float[Array, "6 6"]) -> Float[Array, "n n"]:
+def _with_orbit_block(P: Float[Array, "n n"], block: Float[Array, "6 6"]) -> Float[Array, "n n"]:
     zero = jnp.zeros((6, P.shape[0] - 6), dtype=P.dtype)
-    top = jnp.concatenate([given, zero], axis=1)
+    top = jnp.concatenate([block, zero], axis=1)
     return jnp.concatenate([top, jnp.concatenate([zero.T, P[6:, 6:]], axis=1)], axis=0)
 
 
@@ -116,18 +117,18 @@ def plan_burn_and_guide(
     decider: BurnDecider,
     params: Params,
     state: State,
-    begun: NavigatedTick,
+    navigated: NavigatedTick,
     burn: ExternalBurn,
 ) -> tuple[GuidedTick, Telemetry]:
-    """Burn and attitude reference of the tick, and what there is to see; `burn` counts only where it is `given`."""
-    sensed, flight, burn_error = begun.sensed, begun.flight, state.burn_error
-    if decider == "own":
+    """Burn plan and attitude reference of the tick, and its telemetry; `burn` counts only for an external decider."""
+    sensed, flight, burn_error = navigated.sensed, navigated.flight, state.burn_error
+    if decider == "flight_software":
         flight, burn_error = step_stages.plan_burn(stages, scenario, params, state, sensed, flight)
-    elif decider == "given":
+    elif decider == "external":
         flight, burn_error = _plan_external_burn(params, state, sensed, flight, burn)
-    flight, mode = step_stages.guide(scenario, params, sensed, flight, begun.innovation.accepted)
-    seen = step_stages.make_telemetry(state, sensed, flight, begun.innovation, mode)
-    return GuidedTick(sensed=sensed, flight=flight, burn_error=burn_error), seen
+    flight, mode = step_stages.guide(scenario, params, sensed, flight, navigated.innovation.accepted)
+    telemetry = step_stages.make_telemetry(state, sensed, flight, navigated.innovation, mode)
+    return GuidedTick(sensed=sensed, flight=flight, burn_error=burn_error), telemetry
 
 
 def _plan_external_burn(
@@ -143,17 +144,17 @@ def _plan_external_burn(
         burn.q_burn,
         sensed.time,
     )
-    # Each ignition has an error of its own; whoever only closes the valve at another time keeps it.
-    drawn = actuators.draw_burn_error(params.plant.thruster, sensed.noise.burn)
+    # Each ignition has its own execution error; a change of the cutoff alone keeps it.
+    burn_error = draw_burn_error(params.plant.thruster, sensed.noise.burn)
     new = (burn.cutoff > burn.ignition) & (burn.ignition != flight.plan.ignition)
-    return replace(flight, plan=plan), select(new, drawn, state.burn_error)
+    return replace(flight, plan=plan), select(new, burn_error, state.burn_error)
 
 
 @partial(jax.jit, static_argnums=0)
-def attitude_commands(scenario: Scenario, decided: GuidedTick) -> AttitudeCommand:
-    """Attitude commands of the tick, one for every plant step."""
+def attitude_commands(scenario: Scenario, guided: GuidedTick) -> AttitudeCommand:
+    """Attitude commands of a tick, one for every plant step."""
     offsets = step_stages.substep_offsets(scenario)
-    return jax.vmap(lambda offset: slew_profile.evaluate(decided.flight.pointing.reference, offset))(offsets)
+    return jax.vmap(lambda offset: slew_profile.evaluate(guided.flight.pointing.reference, offset))(offsets)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -161,39 +162,39 @@ def propagate_substep(
     scenario: Scenario,
     params: Params,
     state: State,
-    decided: GuidedTick,
+    guided: GuidedTick,
     motion: Motion,
     torque: Float[Array, "3"],
     step: Int[Array, ""],
 ) -> Motion:
-    """Motion after the plant step of that number in the tick, under given wheel torques [N m]."""
-    offset, gyro_normals = step_stages.substep_offsets(scenario)[step], decided.sensed.noise.gyro[step]
-    return step_stages.propagate_substep(scenario, params, state, decided, motion, torque, offset, gyro_normals)
+    """State of the vehicle after plant step number `step` of the tick, under external wheel torques [N m]."""
+    offset, gyro_normals = step_stages.substep_offsets(scenario)[step], guided.sensed.noise.gyro[step]
+    return step_stages.propagate_substep(scenario, params, state, guided, motion, torque, offset, gyro_normals)
 
 
 @partial(jax.jit, static_argnums=(0, 1))
 def control_and_propagate(
-    stages: Stages, scenario: Scenario, params: Params, state: State, decided: GuidedTick
+    stages: Stages, scenario: Scenario, params: Params, state: State, guided: GuidedTick
 ) -> Motion:
-    """Motion at the end of the tick under the flight software's own attitude control."""
-    return step_stages.control_and_propagate(stages, scenario, params, state, decided)
+    """State of the vehicle at the end of the tick, under the attitude control of the flight software."""
+    return step_stages.control_and_propagate(stages, scenario, params, state, guided)
 
 
 @partial(jax.jit, static_argnums=(0, 1))
 def finish(
-    stages: Stages, scenario: Scenario, params: Params, state: State, decided: GuidedTick, motion: Motion
+    stages: Stages, scenario: Scenario, params: Params, state: State, guided: GuidedTick, motion: Motion
 ) -> State:
     """State at the beginning of the next tick."""
-    return step_stages.finish(stages, scenario, params, state, decided, motion)
+    return step_stages.finish(stages, scenario, params, state, guided, motion)
 
 
 @partial(jax.jit, static_argnums=0)
 def detector_picture(
     scenario: Scenario, params: Params, state: State, window_px: Float[Array, "3"]
 ) -> UInt8[Array, "p p 3"]:
-    """Codes of the picture that the detector of a rendered camera gets, of the window that the frame has recorded."""
-    sky = step_stages.sky_at(scenario, state.tick.astype(jnp.float64) * scenario.tick_s)
-    view = camera_models.recorded_window(scenario, params, window_px)
+    """Detector input of a rendered camera as 8-bit sRGB codes, for a recorded window."""
+    sky = step_stages.sun_and_moon_at(scenario, state.tick.astype(jnp.float64) * scenario.tick_s)
+    window = camera_models.recorded_window(scenario, params, window_px)
     key = noise.camera_key(state.keys, state.tick)
-    taken = camera_models.render_picture(scenario, params, view, state.truth, sky, key, state.tick)
-    return jnp.round(255.0 * taken).astype(jnp.uint8)
+    picture = camera_models.render_picture(scenario, params, window, state.truth, sky, key, state.tick)
+    return jnp.round(255.0 * picture).astype(jnp.uint8)

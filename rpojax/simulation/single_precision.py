@@ -1,4 +1,4 @@
-"""The loop in single precision: everything is rounded once the start is worked out, and orbits keep what they lack."""
+"""Simulation in single precision, with orbits as double-single numbers; the initial state is computed in double."""
 
 import contextlib
 import warnings
@@ -17,14 +17,14 @@ T = TypeVar("T")
 
 @contextlib.contextmanager
 def tracing_in_single() -> Iterator[None]:
-    """What is traced inside works in single precision, also where it asks for double."""
+    """Context in which functions are traced in single precision, also where they ask for double."""
     with jax.enable_x64(False), warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Explicitly requested dtype", category=UserWarning)
         yield
 
 
 def round_to_single(tree: T) -> T:
-    """The pytree with its numbers in single precision."""
+    """The pytree with its floating-point numbers rounded to single precision."""
 
     def leaf(value: Any) -> Any:
         return value.astype(jnp.float32) if jnp.issubdtype(value.dtype, jnp.floating) else value
@@ -33,7 +33,7 @@ def round_to_single(tree: T) -> T:
 
 
 def round_state_to_single(state: State) -> State:
-    """A state in single precision, with what rounding takes from the orbits that truth and filter carry."""
+    """The state in single precision, with the low-order parts of the orbits of truth and filter."""
     truth, orbit = state.truth, state.flight.orbit
     servicer = orbit.servicer
     after = round_to_single(state)
@@ -42,7 +42,7 @@ def round_state_to_single(state: State) -> State:
         truth=replace(
             after.truth,
             orbit_low=_low_part(truth.r_TN_N, truth.v_TN_N),
-            # None: the mass begins as the rounded mass of `Params`, from which propellant used is counted.
+            # Zero, because the plant counts the propellant from the rounded mass in `Params`.
             mass_low=jnp.zeros_like(after.truth.mass),
         ),
         flight=replace(
@@ -57,6 +57,6 @@ def round_state_to_single(state: State) -> State:
 
 def _low_part(r_N: Array, v_N: Array) -> Array:
     orbit = jnp.stack([r_N, v_N])
-    # Not a conversion there and back, which XLA may leave out.
+    # XLA may remove a conversion to single precision and back.
     kept = jax.lax.reduce_precision(orbit, exponent_bits=8, mantissa_bits=23)
     return (orbit - kept).astype(jnp.float32)

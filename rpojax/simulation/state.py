@@ -1,23 +1,22 @@
-"""What a run carries from tick to tick, and what there is to see of a tick."""
+"""State of a run between ticks."""
 
 from jaxtyping import Array
 
+from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.pytree import pytree
-from rpojax.flight.computer import FlightMemory, Measurements
-from rpojax.flight.navigation.orbit_filter import Innovation
-from rpojax.physics.actuators import BurnError
-from rpojax.physics.plant import Truth
-from rpojax.sensors.geometric_camera import CameraFrame
+from rpojax.flight.computer import FlightMemory
+from rpojax.physics.plant_state import Truth
+from rpojax.physics.thruster import BurnError
 
 
 @pytree
 class SensorErrors:
-    """Errors that outlive a tick.
+    """Sensor errors that are correlated over ticks.
 
     Attributes:
         gps_bias_N: (3,) [m]
         gyro_bias_B: (3,) [rad/s]
-        box_edges: (4,) what lasts of the statistical camera's errors [1 sigma], None for other cameras
+        box_edge_errors: (4,) normalised errors of the statistical camera's box edges, None for other cameras
     """
 
     gps_bias_N: Array
@@ -27,17 +26,17 @@ class SensorErrors:
 
 @pytree
 class State:
-    """Everything that changes during a run.
+    """State of a run at the beginning of a tick.
 
     Attributes:
-        truth: the plant
+        truth: state of the plant
         flight: memory of the flight software
-        sensors: slowly varying sensor errors
+        sensor_errors: slowly varying sensor errors
         burn_error: execution error of the present burn
         keys: (streams, 2) one random key per stream
-        tick: () whole ticks since the start
-        failed_at: () time of failure [s], infinite while all is well
-        failure: () 0 none, 1 non-finite, 2 keep-out
+        tick: () int32, ticks since the start
+        failed_at: () time of failure [s], infinite for a run that has not failed
+        failure: () int32, index in `failure.FAILURE_REASONS`
     """
 
     truth: Truth
@@ -50,26 +49,7 @@ class State:
     failure: Array
 
 
-@pytree
-class Telemetry:
-    """One tick seen from outside, after sensing and navigation.
-
-    Attributes:
-        truth: the plant
-        flight: memory of the flight software
-        frame: the camera's frame
-        measurements: what flight software got
-        innovation: diagnostics of the orbit filter
-        mode: () guidance mode
-        tick: () whole ticks since the start
-        running: () bool, the run had not failed
-    """
-
-    truth: Truth
-    flight: FlightMemory
-    frame: CameraFrame
-    measurements: Measurements
-    innovation: Innovation
-    mode: Array
-    tick: Array
-    running: Array
+def true_relative_state(truth: Truth) -> tuple[Array, Array]:
+    """True relative position `rho_H` [m] and velocity `rho_dot_H` [m/s] of the servicer."""
+    R_HN, omega_HN_N = hill_frame(truth.r_TN_N, truth.v_TN_N)
+    return inertial_to_hill(truth.r_ST_N, truth.v_ST_N, R_HN, omega_HN_N)

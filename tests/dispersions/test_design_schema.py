@@ -10,13 +10,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario import case_table_csv, dispersion_keys, scenario_file
+from rpojax.scenario import dispersion_keys
+from rpojax.scenario.loading import case_table_csv, scenario_loader
+from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
 
 
 def validate(file: ScenarioFile, **tables: Any) -> ScenarioFile:
     """`file` with other sections, and nothing dispersed unless it is given."""
-    return scenario_file.validate(file.model_dump() | {"dispersions": []} | tables)
+    return scenario_loader.validate(file.model_dump() | {"dispersions": []} | tables)
 
 
 def write(folder: Path, text: str, design: str = 'kind = "table"\nfile = "runs.csv"\n') -> Path:
@@ -30,7 +32,7 @@ TABLE = "gps.noise_m, formation.desired_position_m[1] ,fault.kind\n1.5,-30,none\
 
 
 def test_a_table_lies_beside_its_scenario_and_becomes_part_of_it(tmp_path: Path) -> None:
-    file = scenario_file.load(write(tmp_path, TABLE))
+    file = scenario_loader.load(write(tmp_path, TABLE))
     values = {
         "gps.noise_m": [1.5, 2.0],
         "formation.desired_position_m[1]": [-30.0, -25.0],
@@ -39,25 +41,25 @@ def test_a_table_lies_beside_its_scenario_and_becomes_part_of_it(tmp_path: Path)
     assert file.design.model_dump() == {"kind": "table", "file": "", "values": values}
     assert dispersion_keys.varied_keys(file)[-3:] == ["gps.noise_m", "formation.desired_position_m", "fault.kind"]
     (tmp_path / "runs.csv").unlink()
-    again = scenario_file.validate(file.model_dump(mode="json"))
+    again = scenario_loader.validate(file.model_dump(mode="json"))
     assert again == file
-    assert scenario_file.digest(again) == scenario_file.digest(file)
+    assert scenario_digest(again) == scenario_digest(file)
 
 
 def test_a_table_of_a_spreadsheet_and_of_another_folder_is_read(tmp_path: Path) -> None:
     (tmp_path / "deeper").mkdir()
     (tmp_path / "deeper" / "excel.csv").write_bytes(b'\xef\xbb\xbf"gps.noise_m"\r\n1\r\n2\r\n')
     path = write(tmp_path, TABLE, 'kind = "table"\nfile = "deeper/excel.csv"\n')
-    assert scenario_file.load(path).design.model_dump()["values"] == {"gps.noise_m": [1.0, 2.0]}
-    other = scenario_file.load(path, [f"design.file={tmp_path / 'runs.csv'}"])
+    assert scenario_loader.load(path).design.model_dump()["values"] == {"gps.noise_m": [1.0, 2.0]}
+    other = scenario_loader.load(path, [f"design.file={tmp_path / 'runs.csv'}"])
     assert len(other.design.model_dump()["values"]) == 3
 
 
 def test_a_file_that_extends_another_replaces_its_design(tmp_path: Path) -> None:
     base = write(tmp_path, TABLE)
     (tmp_path / "next.toml").write_text(f'extends = "{base.name}"\n[design]\nkind = "sobol"\n')
-    assert scenario_file.load(tmp_path / "next.toml").design.kind == "sobol"
-    assert scenario_file.load("inspection", ["design.kind=latin_hypercube"]).design.kind == "latin_hypercube"
+    assert scenario_loader.load(tmp_path / "next.toml").design.kind == "sobol"
+    assert scenario_loader.load("inspection", ["design.kind=latin_hypercube"]).design.kind == "latin_hypercube"
 
 
 @pytest.mark.parametrize(
@@ -93,7 +95,7 @@ def test_a_file_that_extends_another_replaces_its_design(tmp_path: Path) -> None
 )
 def test_a_table_that_is_none_is_refused_with_its_row_or_key(tmp_path: Path, text: str, named: str) -> None:
     with pytest.raises(ScenarioError) as refused:
-        scenario_file.load(write(tmp_path, text))
+        scenario_loader.load(write(tmp_path, text))
     assert named in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -102,20 +104,20 @@ def test_tables_too_large_or_out_of_reach_are_refused(tmp_path: Path, monkeypatc
     path = write(tmp_path, "gps.noise_m\n1\n2\n3\n")
     monkeypatch.setattr(case_table_csv, "MAX_CELLS", 3)
     with pytest.raises(ScenarioError, match="at most 1000 columns and 3 values"):
-        scenario_file.load(path)
+        scenario_loader.load(path)
     monkeypatch.setattr(case_table_csv, "MAX_BYTES", 5)
     with pytest.raises(ScenarioError, match="at most 5 bytes"):
-        scenario_file.load(path)
+        scenario_loader.load(path)
     monkeypatch.undo()
     (tmp_path / "runs.csv").write_bytes(b"gps.noise_m\n\xff\n")
     with pytest.raises(ScenarioError, match="UTF-8"):
-        scenario_file.load(path)
+        scenario_loader.load(path)
     (tmp_path / "runs.csv").unlink()
     with pytest.raises(ScenarioError, match=r"^design.file.*expected a CSV file"):
-        scenario_file.load(path)
+        scenario_loader.load(path)
     os.mkfifo(tmp_path / "runs.csv")
     with pytest.raises(ScenarioError, match=r"^design.file.*expected a CSV file"):
-        scenario_file.load(path)
+        scenario_loader.load(path)
 
 
 def test_a_table_is_read_by_load_alone(inspection_file: ScenarioFile, tmp_path: Path) -> None:
@@ -125,7 +127,7 @@ def test_a_table_is_read_by_load_alone(inspection_file: ScenarioFile, tmp_path: 
         validate(inspection_file, design={"kind": "table", "file": str(tmp_path / "runs.csv")})
     both = 'kind = "table"\nfile = "runs.csv"\n[design.values]\n"gps.noise_m" = [1.0]\n'
     with pytest.raises(ScenarioError, match=r"^design.file: found .*expected no file beside values"):
-        scenario_file.load(write(tmp_path, TABLE, both))
+        scenario_loader.load(write(tmp_path, TABLE, both))
     for values in ({}, {"gps.noise_m": []}, {"gps.noise_m": [1.0], "gps.bias_sigma_m": [1.0, 2.0]}):
         with pytest.raises(ScenarioError, match=r"^design.values"):
             validate(inspection_file, design={"kind": "table", "values": values})
@@ -274,7 +276,7 @@ def test_an_extension_replaces_correlated_dispersions_of_the_same_keys_only(tmp_
         f'{head}keys = ["gps.bias_sigma_m"]\ncovariance = [[1.0]]\n'
     )
     more.write_text(f'extends = "base.toml"\n{head}keys = ["gps.noise_m"]\ncovariance = [[4.0]]\n')
-    found = {dispersion_keys.dispersion_name(entry): entry for entry in scenario_file.load(more).dispersions}
+    found = {dispersion_keys.dispersion_name(entry): entry for entry in scenario_loader.load(more).dispersions}
     assert found["gps.noise_m"].model_dump()["covariance"] == [[4.0]]
     assert "gps.bias_sigma_m" in found
-    assert len(found) == len(scenario_file.load(base).dispersions)
+    assert len(found) == len(scenario_loader.load(base).dispersions)

@@ -8,16 +8,18 @@ import numpy as np
 import pytest
 
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.dispersions import designs
-from rpojax.dispersions.designs import RunRange
+from rpojax.dispersions.designs import experiment_design
+from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
 from rpojax.errors import ResultError, RpojaxError
-from rpojax.scenario import dispersion_keys, scenario_file
+from rpojax.scenario import dispersion_keys
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
 
 
 def with_design(mission: ScenarioFile, **settings: Any) -> ScenarioFile:
     """`mission` with a design, checked."""
-    return scenario_file.validate(mission.model_dump() | {"design": settings})
+    return scenario_loader.validate(mission.model_dump() | {"design": settings})
 
 
 @pytest.fixture(scope="module")
@@ -29,16 +31,16 @@ def hypercube(mission: ScenarioFile) -> ScenarioFile:
 def test_only_runs_that_draw_for_themselves_are_independent(mission: ScenarioFile) -> None:
     values = {"gps.noise_m": [1.0, 2.0]}
     for kind in ("latin_hypercube", "sobol"):
-        assert not designs.has_independent_runs(with_design(mission, kind=kind))
+        assert not experiment_design.has_independent_runs(with_design(mission, kind=kind))
     for kind in ("table", "grid"):
-        assert not designs.has_independent_runs(with_design(mission, kind=kind, values=values))
-    assert designs.has_independent_runs(mission)
-    assert designs.make_design(mission, 0, RunRange(0, 10)).assigned == {}
+        assert not experiment_design.has_independent_runs(with_design(mission, kind=kind, values=values))
+    assert experiment_design.has_independent_runs(mission)
+    assert experiment_design.make_design(mission, 0, RunRange(0, 10)).assigned == {}
 
 
 def test_every_stratum_of_every_coordinate_of_a_latin_hypercube_holds_one_run(hypercube: ScenarioFile) -> None:
     runs = 97
-    given = designs.make_design(hypercube, 1, RunRange(0, runs)).assigned
+    given = experiment_design.make_design(hypercube, 1, RunRange(0, runs)).assigned
     assert set(given) == {dispersion_keys.dispersion_name(entry) for entry in hypercube.dispersions}
     for entry in hypercube.dispersions:
         values = given[dispersion_keys.dispersion_name(entry)]
@@ -52,7 +54,7 @@ def test_every_stratum_of_every_coordinate_of_a_latin_hypercube_holds_one_run(hy
 
 def test_a_sobol_design_has_the_balance_of_a_net(mission: ScenarioFile) -> None:
     """Each half of each coordinate, and each quarter of the first two, hold equally many of 64 runs."""
-    given = designs.make_design(with_design(mission, kind="sobol"), 1, RunRange(0, 64)).assigned
+    given = experiment_design.make_design(with_design(mission, kind="sobol"), 1, RunRange(0, 64)).assigned
     points = np.concatenate([given[dispersion_keys.dispersion_name(entry)] for entry in mission.dispersions], axis=1)
     assert points.shape[1] == sum(dispersion_keys.coordinate_count(mission, entry) for entry in mission.dispersions)
     for parts in (2, 4, 8, 16, 32, 64):
@@ -64,9 +66,9 @@ def test_a_sobol_design_has_the_balance_of_a_net(mission: ScenarioFile) -> None:
 
 def test_more_runs_of_a_sobol_design_leave_the_earlier_ones_as_they_were(mission: ScenarioFile) -> None:
     file = with_design(mission, kind="sobol")
-    whole = designs.make_design(file, 1, RunRange(0, 50)).assigned
+    whole = experiment_design.make_design(file, 1, RunRange(0, 50)).assigned
     for population in (RunRange(0, 20), RunRange(13, 7), RunRange(49, 1)):
-        part = designs.make_design(file, 1, population).assigned
+        part = experiment_design.make_design(file, 1, population).assigned
         rows = slice(population.first_run, population.first_run + population.runs)
         for name, values in part.items():
             np.testing.assert_array_equal(values, whole[name][rows])
@@ -74,16 +76,16 @@ def test_more_runs_of_a_sobol_design_leave_the_earlier_ones_as_they_were(mission
 
 def test_adding_a_dispersion_leaves_the_others_of_a_latin_hypercube_as_they_were(hypercube: ScenarioFile) -> None:
     tables = hypercube.model_dump()
-    fewer = scenario_file.validate(tables | {"dispersions": tables["dispersions"][::2]})
-    whole = designs.make_design(hypercube, 1, RunRange(0, 9)).assigned
-    for name, values in designs.make_design(fewer, 1, RunRange(0, 9)).assigned.items():
+    fewer = scenario_loader.validate(tables | {"dispersions": tables["dispersions"][::2]})
+    whole = experiment_design.make_design(hypercube, 1, RunRange(0, 9)).assigned
+    for name, values in experiment_design.make_design(fewer, 1, RunRange(0, 9)).assigned.items():
         np.testing.assert_array_equal(values, whole[name])
 
 
 @pytest.mark.parametrize("kind", ["latin_hypercube", "sobol"])
 def test_another_seed_is_another_design_and_the_same_is_the_same(mission: ScenarioFile, kind: str) -> None:
     file = with_design(mission, kind=kind)
-    one, same, other = (designs.make_design(file, seed, RunRange(0, 9)).assigned for seed in (1, 1, 2))
+    one, same, other = (experiment_design.make_design(file, seed, RunRange(0, 9)).assigned for seed in (1, 1, 2))
     for name, values in one.items():
         np.testing.assert_array_equal(values, same[name])
         assert not np.any(values == other[name])
@@ -93,35 +95,35 @@ def test_another_seed_is_another_design_and_the_same_is_the_same(mission: Scenar
 def test_a_table_gives_each_run_its_row_and_no_more_runs_than_rows(mission: ScenarioFile) -> None:
     columns = {"gps.noise_m": [1.0, 2.0, 3.0], "fault.kind": ["none", "gps_outage", "none"]}
     file = with_design(mission, kind="table", values=columns)
-    made = designs.make_design(file, 0, RunRange(0, 3))
+    made = experiment_design.make_design(file, 0, RunRange(0, 3))
     assert made.for_runs(np.array([2, 0])) == {
         "gps.noise_m": pytest.approx([3.0, 1.0]),
         "fault.kind": pytest.approx([0, 0]),
     }
     assert made.assigned["fault.kind"][1] == 5.0  # the fifth kind after none
-    later = designs.make_design(file, 0, RunRange(1, 2))
+    later = experiment_design.make_design(file, 0, RunRange(1, 2))
     np.testing.assert_array_equal(later.for_runs(np.array([2]))["gps.noise_m"], [3.0])
     np.testing.assert_array_equal(later.for_runs(np.array([5]))["gps.noise_m"], [3.0])  # padding
     with pytest.raises(RpojaxError, match=r"^--runs: found run 3, expected runs up to 2: the table"):
-        designs.make_design(file, 0, RunRange(0, 4))
+        experiment_design.make_design(file, 0, RunRange(0, 4))
     with pytest.raises(RpojaxError, match="table"):
-        designs.make_design(file, 0, RunRange(3, 1))
+        experiment_design.make_design(file, 0, RunRange(3, 1))
 
 
 def test_a_grid_has_every_combination_once_with_the_last_key_as_last_digit(mission: ScenarioFile) -> None:
     places = [[0.0, -30.0, 0.0], [0.0, 40.0, 0.0], [20.0, 0.0, 0.0]]
     values = {"gps.noise_m": [1.0, 2.0], "formation.desired_position_m": places, "fault.kind": ["none", "gps_outage"]}
     file = with_design(mission, kind="grid", values=values)
-    given = designs.make_design(file, 0, RunRange(0, 12)).assigned
+    given = experiment_design.make_design(file, 0, RunRange(0, 12)).assigned
     found = [
         (noise, place, ("none", "gps_outage")[int(code > 0)])
         for noise, place, code in zip(*(given[key].tolist() for key in values), strict=True)
     ]
     assert found == list(itertools.product(*values.values()))
-    part = designs.make_design(file, 0, RunRange(5, 3)).assigned
+    part = experiment_design.make_design(file, 0, RunRange(5, 3)).assigned
     np.testing.assert_array_equal(part["gps.noise_m"], given["gps.noise_m"][5:8])
     with pytest.raises(RpojaxError, match=r"found run 12, expected runs up to 11: the grid"):
-        designs.make_design(file, 0, RunRange(0, 13))
+        experiment_design.make_design(file, 0, RunRange(0, 13))
 
 
 def test_the_order_of_a_grids_keys_is_part_of_the_scenarios_hash(mission: ScenarioFile) -> None:
@@ -129,32 +131,33 @@ def test_the_order_of_a_grids_keys_is_part_of_the_scenarios_hash(mission: Scenar
     tables = mission.model_dump()
     free = tables | {"dispersions": []}
     there, back = (
-        scenario_file.validate(free | {"design": {"kind": "grid", "values": dict(items)}})
+        scenario_loader.validate(free | {"design": {"kind": "grid", "values": dict(items)}})
         for items in (values.items(), reversed(values.items()))
     )
-    assert scenario_file.digest(there) != scenario_file.digest(back)
+    assert scenario_digest(there) != scenario_digest(back)
     tables.pop("design")
-    assert scenario_file.digest(scenario_file.validate(tables)) == scenario_file.digest(mission)
-    assert scenario_file.digest(with_design(mission, kind="sobol")) != scenario_file.digest(mission)
+    assert scenario_digest(scenario_loader.validate(tables)) == scenario_digest(mission)
+    assert scenario_digest(with_design(mission, kind="sobol")) != scenario_digest(mission)
 
 
 def test_a_design_too_large_for_memory_is_refused_before_it_is_made(hypercube: ScenarioFile) -> None:
     with pytest.raises(RpojaxError, match=r"^--runs: found 2000000000, expected at most \d+ for this design"):
-        designs.make_design(hypercube, 0, RunRange(0, 2_000_000_000))
+        experiment_design.make_design(hypercube, 0, RunRange(0, 2_000_000_000))
 
 
 def test_a_design_is_made_again_from_what_campaign_json_says(hypercube: ScenarioFile) -> None:
-    made = designs.make_design(hypercube, 3, RunRange(10, 20))
+    made = experiment_design.make_design(hypercube, 3, RunRange(10, 20))
     info = json.loads(json.dumps({"seed": 3, "first_run": 14, "runs": 1, "design": made.record()}))
-    again = designs.recreate_design(hypercube, info)
+    again = experiment_design.recreate_design(hypercube, info)
     assert again.run_range == RunRange(10, 20)
     for name, values in made.assigned.items():
         np.testing.assert_array_equal(again.assigned[name], values)
     with pytest.raises(ResultError, match=r"campaign.json: found another design"):
-        designs.recreate_design(hypercube, info | {"seed": 4})
+        experiment_design.recreate_design(hypercube, info | {"seed": 4})
     older = {"seed": 3, "first_run": 10, "runs": 20}
     np.testing.assert_array_equal(
-        designs.recreate_design(hypercube, older).assigned["servicer.mass_kg"], made.assigned["servicer.mass_kg"]
+        experiment_design.recreate_design(hypercube, older).assigned["servicer.mass_kg"],
+        made.assigned["servicer.mass_kg"],
     )
 
 
@@ -174,7 +177,7 @@ def test_a_design_is_made_again_from_what_campaign_json_says(hypercube: Scenario
 )
 def test_a_campaign_json_that_says_no_design_is_refused(recorded: Any) -> None:
     with pytest.raises(ResultError, match=r"^campaign.json: found .*expected"):
-        designs.recorded_run_range({"first_run": 0, "runs": 1, "design": recorded})
+        recorded_run_range({"first_run": 0, "runs": 1, "design": recorded})
 
 
 def test_an_engine_without_the_design_of_its_scenario_is_refused(hypercube: ScenarioFile) -> None:

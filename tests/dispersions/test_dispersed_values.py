@@ -12,8 +12,11 @@ from rpojax.core import quaternion, random_streams
 from rpojax.dispersions import dispersed_values
 from rpojax.errors import ScenarioError
 from rpojax.physics import equipment_faults
-from rpojax.scenario import params, scenario_file, schema
+from rpojax.scenario import dispersion_kinds, params
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.static_settings import static_settings
 
 RUNS = 4000
 FIVE_SIGMA = 5.0 / np.sqrt(RUNS)
@@ -27,7 +30,7 @@ NOMINAL_ATTITUDE = [0.5, -0.5, -0.5, -0.5]
 def dispersed(mission: ScenarioFile, *entries: Any) -> ScenarioFile:
     """`mission` with other dispersions, checked."""
     tables = mission.model_dump()
-    return scenario_file.validate(tables | {"dispersions": [entry.model_dump() for entry in entries]})
+    return scenario_loader.validate(tables | {"dispersions": [entry.model_dump() for entry in entries]})
 
 
 def draw(file: ScenarioFile, run_ids: Sequence[int] | np.ndarray, seed: int = 3) -> dict[str, np.ndarray]:
@@ -40,14 +43,14 @@ def draw(file: ScenarioFile, run_ids: Sequence[int] | np.ndarray, seed: int = 3)
 
 
 ONE_OF_EACH = (
-    schema.Normal(key="initial.relative_position_m", kind="normal", sigma=[1.0, 2.0, 0.0]),
-    schema.TruncatedNormal(key="servicer.mass_kg", kind="truncated_normal", sigma=2.0, limit_sigmas=1.5),
-    schema.Uniform(key="orbit.true_anomaly_deg", kind="uniform", low=-30.0, high=90.0),
-    schema.LogNormal(key="gps.noise_m", kind="log_normal", sigma=0.4),
-    schema.Choice(key="target.tumble_rate_deg_s", kind="choice", values=[0.0, 1.0, 5.0]),
-    schema.RandomDirection(key="target.tumble_axis", kind="direction"),
-    schema.RandomAttitude(key="target.attitude", kind="attitude"),
-    schema.SmallRotation(key="camera.mounting", kind="small_rotation", sigma_deg=[1.0, 2.0, 3.0]),
+    dispersion_kinds.Normal(key="initial.relative_position_m", kind="normal", sigma=[1.0, 2.0, 0.0]),
+    dispersion_kinds.TruncatedNormal(key="servicer.mass_kg", kind="truncated_normal", sigma=2.0, limit_sigmas=1.5),
+    dispersion_kinds.Uniform(key="orbit.true_anomaly_deg", kind="uniform", low=-30.0, high=90.0),
+    dispersion_kinds.LogNormal(key="gps.noise_m", kind="log_normal", sigma=0.4),
+    dispersion_kinds.Choice(key="target.tumble_rate_deg_s", kind="choice", values=[0.0, 1.0, 5.0]),
+    dispersion_kinds.RandomDirection(key="target.tumble_axis", kind="direction"),
+    dispersion_kinds.RandomAttitude(key="target.attitude", kind="attitude"),
+    dispersion_kinds.SmallRotation(key="camera.mounting", kind="small_rotation", sigma_deg=[1.0, 2.0, 3.0]),
 )
 
 
@@ -99,13 +102,13 @@ def test_choice_takes_every_value_equally_often(drawn: dict[str, np.ndarray]) ->
 
 def test_a_kind_of_fault_drawn_by_name_strikes_the_equipment_of_that_name(mission: ScenarioFile) -> None:
     names = ["thruster_weak", "gps_outage", "camera_blackout"]
-    file = dispersed(mission, schema.Choice(key="fault.kind", kind="choice", values=names))
+    file = dispersed(mission, dispersion_kinds.Choice(key="fault.kind", kind="choice", values=names))
     drawn = draw(file, np.arange(RUNS))["fault.kind"]
     codes = [equipment_faults.KINDS.index(name) for name in names]
     shares = [np.mean(drawn == code) for code in codes]
     np.testing.assert_allclose(shares, 1 / 3, atol=FIVE_SIGMA * np.sqrt(2.0) / 3.0)
     assert set(drawn) == set(codes)
-    settings = scenario_file.static_settings(file)
+    settings = static_settings(file)
     nominal = params.build_params(file.model_dump(), settings.width_px, settings.height_px)
     for code, name in zip(codes, names, strict=True):
         plant = dispersed_values.apply_to_params(nominal, {"fault.kind": jnp.float64(code)}).plant
@@ -125,7 +128,7 @@ def test_only_kinds_of_fault_are_drawn_by_name_and_only_by_name(
 ) -> None:
     tables = mission.model_dump()
     with pytest.raises(ScenarioError):
-        scenario_file.validate(tables | {"dispersions": [{"key": key, "kind": "choice", "values": values}]})
+        scenario_loader.validate(tables | {"dispersions": [{"key": key, "kind": "choice", "values": values}]})
 
 
 @pytest.mark.parametrize(("key", "size"), [("target.tumble_axis", 3), ("target.attitude", 4)])
@@ -146,7 +149,7 @@ def test_small_rotation_turns_the_nominal_attitude_by_its_sigma_per_axis(drawn: 
 
 def test_different_keys_and_different_seeds_draw_independent_numbers(mission: ScenarioFile) -> None:
     keys = ("servicer.mass_kg", "thruster.force_n")
-    file = dispersed(mission, *(schema.Normal(key=key, kind="normal", sigma=1.0) for key in keys))
+    file = dispersed(mission, *(dispersion_kinds.Normal(key=key, kind="normal", sigma=1.0) for key in keys))
     first, second = draw(file, np.arange(RUNS)), draw(file, np.arange(RUNS), seed=4)
     mass, force, other = first[keys[0]], first[keys[1]], second[keys[0]]
     assert abs(np.corrcoef(mass, force)[0, 1]) < FIVE_SIGMA
@@ -174,26 +177,26 @@ def every_key(file: ScenarioFile) -> list[str]:
     """All keys of a scenario that can be dispersed."""
     sections = {name: type(getattr(file, name)) for name in type(file).model_fields}
     keys = [f"{name}.{key}" for name, cls in sections.items() for key in getattr(cls, "model_fields", {})]
-    return [key for key in keys if schema.nominal_value(file, key) is not None]
+    return [key for key in keys if nominal_of_key(file, key) is not None]
 
 
 def _any_dispersion(key: str) -> Any:
     """A dispersion that the key can have; kinds of fault have names, wheels have numbers, and neither has a sigma."""
     if key == "fault.kind":
-        return schema.Choice(key=key, kind="choice", values=["gps_outage"])
+        return dispersion_kinds.Choice(key=key, kind="choice", values=["gps_outage"])
     if key == "fault.wheel":
-        return schema.Choice(key=key, kind="choice", values=[2.0])
-    return schema.Normal(key=key, kind="normal", sigma=0.01)
+        return dispersion_kinds.Choice(key=key, kind="choice", values=[2.0])
+    return dispersion_kinds.Normal(key=key, kind="normal", sigma=0.01)
 
 
 def test_the_value_used_is_the_value_drawn_for_every_key_there_is(mission: ScenarioFile) -> None:
     keys = every_key(mission)
     assert len(keys) > 60
     file = dispersed(mission, *(_any_dispersion(key) for key in keys))
-    static = scenario_file.static_settings(file)
+    static = static_settings(file)
     nominal = params.build_params(file.model_dump(), static.width_px, static.height_px)
     values = dispersed_values.draw(file, random_streams.fold_in(random_streams.master_key(0), 1), {})
     used = dispersed_values.read_back(dispersed_values.apply_to_params(nominal, values), keys)
     for key in keys:
         np.testing.assert_allclose(used[key], values[key], rtol=LAST_DIGITS, err_msg=key)
-        assert not np.array_equal(used[key], np.asarray(schema.nominal_value(file, key))), key
+        assert not np.array_equal(used[key], np.asarray(nominal_of_key(file, key))), key

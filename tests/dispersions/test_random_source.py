@@ -8,7 +8,8 @@ from scipy import stats
 
 from rpojax.core import random_streams
 from rpojax.dispersions import dispersed_values
-from rpojax.scenario import dispersion_keys, scenario_file
+from rpojax.scenario import dispersion_keys
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 
 RUNS = 2000
@@ -18,7 +19,7 @@ KEPT = 0.001
 
 def values_at(mission: ScenarioFile, entry: dict[str, object], unit: np.ndarray) -> np.ndarray:
     """What a dispersion makes of coordinates (runs, n)."""
-    file = scenario_file.validate(mission.model_dump() | {"dispersions": [entry]})
+    file = scenario_loader.validate(mission.model_dump() | {"dispersions": [entry]})
     name = dispersion_keys.dispersion_name(file.dispersions[0])
     [key] = dispersion_keys.varied_keys(file)
 
@@ -102,7 +103,7 @@ KEYS = ["initial.relative_position_m[0]", "initial.relative_velocity_m_s[1]", "s
 def correlated(mission: ScenarioFile, unit: np.ndarray | None, covariance: np.ndarray = COVARIANCE) -> np.ndarray:
     """Errors (runs, 3) of three correlated numbers, drawn or at coordinates."""
     entry = {"kind": "correlated_normal", "keys": KEYS, "covariance": covariance.tolist()}
-    file = scenario_file.validate(mission.model_dump() | {"dispersions": [entry]})
+    file = scenario_loader.validate(mission.model_dump() | {"dispersions": [entry]})
     name = dispersion_keys.dispersion_name(file.dispersions[0])
 
     def one(run_id: jax.Array, row: jax.Array) -> jax.Array:

@@ -12,7 +12,9 @@ from rpojax.core import random_streams
 from rpojax.dispersions import dispersed_values, standard_normal_space
 from rpojax.dispersions.standard_normal_space import StandardNormalSpace
 from rpojax.errors import ScenarioError
-from rpojax.scenario import dispersion_keys, scenario_file, schema
+from rpojax.scenario import design_kinds, dispersion_keys
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.schema import ScenarioFile
 
 RUNS = 2000
@@ -41,7 +43,7 @@ ENTRIES: list[dict[str, Any]] = [
 
 
 def with_dispersions(mission: ScenarioFile, entries: list[dict[str, Any]]) -> ScenarioFile:
-    return scenario_file.validate(mission.model_dump() | {"dispersions": entries})
+    return scenario_loader.validate(mission.model_dump() | {"dispersions": entries})
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +126,7 @@ def test_the_origin_is_the_median(space: StandardNormalSpace, mission: ScenarioF
 def test_a_pinned_scenario_draws_the_values_of_its_point(space: StandardNormalSpace) -> None:
     numbers = np.random.default_rng(2).normal(size=space.dimension)
     values = {name: np.asarray(value) for name, value in jax.jit(space.values_at)(jnp.asarray(numbers), KEY).items()}
-    pinned = scenario_file.validate(standard_normal_space.with_fixed_values(space, values).model_dump(mode="json"))
+    pinned = scenario_loader.validate(standard_normal_space.with_fixed_values(space, values).model_dump(mode="json"))
     again = jax.jit(lambda key: dispersed_values.draw(pinned, key, {}))(jnp.asarray(KEY))
     assert dispersion_keys.varied_keys(pinned) == dispersion_keys.varied_keys(space.file)
     for name, value in values.items():
@@ -139,13 +141,15 @@ def test_nothing_to_move_is_refused(mission: ScenarioFile) -> None:
 
 def test_values_that_a_design_gives_are_refused(mission: ScenarioFile) -> None:
     grid = {"kind": "grid", "values": {"gps.noise_m": [1.0, 2.0]}}
-    file = scenario_file.validate(mission.model_dump() | {"dispersions": ENTRIES[:1], "design": grid})
+    file = scenario_loader.validate(mission.model_dump() | {"dispersions": ENTRIES[:1], "design": grid})
     with pytest.raises(ScenarioError, match=r"^design.kind: found 'grid', expected a design whose values"):
         standard_normal_space.make_space(file)
 
 
 def test_a_filled_cube_is_taken_for_independent_draws(mission: ScenarioFile) -> None:
-    file = scenario_file.validate(mission.model_dump() | {"design": schema.SobolDesign(kind="sobol").model_dump()})
+    file = scenario_loader.validate(
+        mission.model_dump() | {"design": design_kinds.SobolDesign(kind="sobol").model_dump()}
+    )
     space = standard_normal_space.make_space(file)
-    values = {name: np.zeros(np.shape(schema.nominal_value(file, name))) for name in dispersion_keys.varied_keys(file)}
+    values = {name: np.zeros(np.shape(nominal_of_key(file, name))) for name in dispersion_keys.varied_keys(file)}
     assert standard_normal_space.with_fixed_values(space, values).design.kind == "independent"

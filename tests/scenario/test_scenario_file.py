@@ -15,9 +15,11 @@ from rpojax.errors import ScenarioError, UnknownKeyError
 from rpojax.physics import equipment_faults
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario import params as parameters
-from rpojax.scenario import scenario_file as scenarios
+from rpojax.scenario.loading import scenario_loader as scenarios
 from rpojax.scenario.params import Params
+from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.static_settings import static_settings
 
 
 @pytest.fixture
@@ -34,7 +36,7 @@ def test_every_packaged_scenario_loads_and_is_named_after_its_file(name: str) ->
     file = scenarios.load(name)
     assert file.name == name
     assert file.description
-    static = scenarios.static_settings(file)
+    static = static_settings(file)
     assert static.ticks * static.tick_s == pytest.approx(file.duration_s)
 
 
@@ -44,11 +46,11 @@ def test_the_nominal_scenario_and_its_variants_are_packaged() -> None:
 
 
 def test_switches_of_the_plant_and_of_the_filter_are_static_settings() -> None:
-    nominal = scenarios.static_settings(scenarios.load("inspection"))
+    nominal = static_settings(scenarios.load("inspection"))
     assert nominal.effects == Effects()
     plant = ["effects.drag=true", "effects.integrator=rk8", "effects.zonal_degree=6", "effects.faults=true"]
     onboard = ["navigation.zonal_degree=4", "navigation.luni_solar=true"]
-    changed = scenarios.static_settings(scenarios.load("inspection", [*plant, *onboard]))
+    changed = static_settings(scenarios.load("inspection", [*plant, *onboard]))
     assert changed.effects == Effects(drag=True, integrator="rk8", zonal_degree=6, faults=True)
     assert (changed.navigation_zonal_degree, changed.navigation_luni_solar) == (4, True)
     assert (nominal.navigation_zonal_degree, nominal.navigation_luni_solar) == (2, False)
@@ -56,9 +58,7 @@ def test_switches_of_the_plant_and_of_the_filter_are_static_settings() -> None:
 
 
 def test_the_full_scenario_has_every_effect_but_faults_which_another_adds() -> None:
-    full, faulty = (
-        scenarios.static_settings(scenarios.load(f"inspection_{name}")).effects for name in ("full", "faults")
-    )
+    full, faulty = (static_settings(scenarios.load(f"inspection_{name}")).effects for name in ("full", "faults"))
     assert {name for name, value in vars(full).items() if value is False} == {"faults"}
     assert full.zonal_degree == 6
     assert faulty == replace(full, faults=True)
@@ -76,7 +76,7 @@ def test_the_full_scenario_has_every_effect_but_faults_which_another_adds() -> N
 )
 def test_an_epoch_is_seconds_of_terrestrial_time_from_noon_of_the_first_day_of_2000(utc: str, days: float) -> None:
     for written in (f'"{utc}"', utc):  # as text, and as the date that TOML knows
-        static = scenarios.static_settings(scenarios.load("inspection", [f"epoch_utc={written}"]))
+        static = static_settings(scenarios.load("inspection", [f"epoch_utc={written}"]))
         # 37 leap seconds by 2017 and 32.184 s between atomic and terrestrial time.
         assert static.epoch_s == pytest.approx(days * 86400.0 + 69.184, abs=1e-6)
 
@@ -100,7 +100,7 @@ def test_static_settings_are_whole_numbers_of_ticks_and_steps() -> None:
         "inspection",
         ["rates.camera_hz=2.0", "rates.plant_hz=10.0", "rates.formation_period_s=150.0", "duration_s=900.0"],
     )
-    static = scenarios.static_settings(file)
+    static = static_settings(file)
     assert (static.ticks, static.substeps, static.formation_ticks) == (1800, 5, 300)
     assert (static.tick_s, static.step_s, static.formation_period_s) == (0.5, 0.1, 150.0)
 
@@ -135,9 +135,9 @@ def test_the_cold_start_is_the_nominal_mission_with_a_worse_hand_over() -> None:
 
 
 def test_the_digest_follows_the_numbers_and_not_the_words(inspection_file: ScenarioFile) -> None:
-    digest = scenarios.digest(inspection_file)
-    assert scenarios.digest(scenarios.load("inspection", ["description=another"])) == digest
-    assert scenarios.digest(scenarios.load("inspection", ["gps.noise_m=2.5"])) != digest
+    digest = scenario_digest(inspection_file)
+    assert scenario_digest(scenarios.load("inspection", ["description=another"])) == digest
+    assert scenario_digest(scenarios.load("inspection", ["gps.noise_m=2.5"])) != digest
 
 
 # What is refused
@@ -443,8 +443,8 @@ def test_a_scenario_without_requirements_is_one_with_none_and_has_the_same_diges
     del tables["requirements"]
     older = scenarios.validate(tables)
     assert older.requirements == []
-    assert scenarios.digest(older) == scenarios.digest(asked_for)
-    assert scenarios.static_settings(older) == scenarios.static_settings(asked_for)
+    assert scenario_digest(older) == scenario_digest(asked_for)
+    assert static_settings(older) == static_settings(asked_for)
 
 
 def test_the_digest_is_what_it_was_before_there_were_requirements_designs_and_precisions(
@@ -454,9 +454,9 @@ def test_the_digest_is_what_it_was_before_there_were_requirements_designs_and_pr
     for key in ("name", "description", "requirements", "tuning", "design", "precision"):
         del content[key]
     text = json.dumps(content, sort_keys=True)
-    assert scenarios.digest(inspection_file) == hashlib.sha256(text.encode()).hexdigest()
+    assert scenario_digest(inspection_file) == hashlib.sha256(text.encode()).hexdigest()
     single = inspection_file.model_copy(update={"precision": "single"})
-    assert scenarios.digest(single) != scenarios.digest(inspection_file)
+    assert scenario_digest(single) != scenario_digest(inspection_file)
 
 
 def test_requirements_of_a_file_replace_those_of_its_base(tmp_path: Path) -> None:

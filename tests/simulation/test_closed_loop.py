@@ -10,17 +10,22 @@ import pytest
 
 from rpojax.core.pytree import replace
 from rpojax.flight.computer import Stages
-from rpojax.flight.control import attitude_control, formation_lqr
+from rpojax.flight.control import attitude_control, formation_law
 from rpojax.flight.control.attitude_control import AttitudeCommand
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.scenario import params as parameters
-from rpojax.scenario import scenario_file as scenarios
+from rpojax.scenario.loading import scenario_loader as scenarios
 from rpojax.scenario.params import Params
-from rpojax.scenario.scenario_file import Scenario
-from rpojax.simulation import closed_loop, external_stages, step_stages
-from rpojax.simulation.closed_loop import State, Telemetry
+from rpojax.scenario.static_settings import Scenario, static_settings
+from rpojax.simulation import external_stages, initial_state, step_stages
 from rpojax.simulation.external_stages import ExternalBurn
+from rpojax.simulation.failure import FAILURE_REASONS
+from rpojax.simulation.noise import run_key
+from rpojax.simulation.rollout import rollout as scan_ticks
+from rpojax.simulation.state import State, true_relative_state
+from rpojax.simulation.step import step
 from rpojax.simulation.step_stages import GuidedTick, Motion
+from rpojax.simulation.telemetry import Telemetry
 
 TICKS = 90
 
@@ -44,32 +49,32 @@ LIMIT = 0.005
 
 def cautious(gain: jax.Array, deviation: jax.Array) -> jax.Array:
     """A user's own law: what the LQR wants, but never much at once."""
-    wanted = formation_lqr.lqr_feedback(gain, deviation)
+    wanted = formation_law.lqr_feedback(gain, deviation)
     return wanted * jnp.minimum(LIMIT / jnp.sqrt(jnp.sum(wanted**2)), 1.0)
 
 
 STAGES = Stages(formation_law=cautious)
 
-init = jax.jit(closed_loop.init, static_argnums=0)
-rollout = jax.jit(closed_loop.rollout, static_argnums=(0, 3, 4))
-tick = jax.jit(closed_loop.tick, static_argnums=(0, 1))
+init = jax.jit(initial_state.init, static_argnums=0)
+rollout = jax.jit(scan_ticks, static_argnums=(0, 3, 4))
+tick = jax.jit(step, static_argnums=(0, 3))
 
 
 @partial(jax.jit, static_argnums=0)
 def batched(scenario: Scenario, params: Params, states: State) -> Run:
-    return jax.vmap(lambda state: closed_loop.rollout(scenario, params, state, TICKS, STAGES))(states)
+    return jax.vmap(lambda state: scan_ticks(scenario, params, state, TICKS, STAGES))(states)
 
 
 @pytest.fixture(scope="module")
 def loop() -> tuple[Scenario, Params]:
     file = scenarios.load("inspection", OVERRIDES)
-    static = scenarios.static_settings(file)
+    static = static_settings(file)
     return static, parameters.build_params(file.model_dump(), static.width_px, static.height_px)
 
 
 @pytest.fixture(scope="module")
 def start(loop: tuple[Scenario, Params]) -> State:
-    return init(*loop, closed_loop.run_key(1, 0))
+    return init(*loop, run_key(1, 0))
 
 
 @pytest.fixture(scope="module")
@@ -140,7 +145,7 @@ def test_a_scan_of_ticks_is_a_python_loop_of_ticks(loop: tuple[Scenario, Params]
     scenario, params = loop
     state, seen = start, []
     for _ in range(TICKS):
-        state, telemetry = tick(STAGES, scenario, params, state)
+        state, telemetry = tick(scenario, params, state, STAGES)
         seen.append(telemetry)
     assert_close(state, run[0])
     assert_close(jax.tree.map(lambda *leaves: jnp.stack(leaves), *seen), run[1])
@@ -154,7 +159,7 @@ def test_a_run_stepped_stage_by_stage_is_the_run(loop: tuple[Scenario, Params], 
     state, seen = start, []
     for _ in range(TICKS):
         begun = external_stages.sense_and_navigate(STAGES, static, numbers, state)
-        decided, now = external_stages.plan_burn_and_guide(STAGES, static, "own", numbers, state, begun, NO_BURN)
+        decided, now = external_stages.plan_burn_and_guide(STAGES, static, "flight_software", numbers, state, begun, NO_BURN)
         motion = external_stages.control_and_propagate(STAGES, static, numbers, state, decided)
         state = external_stages.finish(STAGES, static, numbers, state, decided, motion)
         seen.append(now)
@@ -172,14 +177,14 @@ def test_a_run_whose_burns_and_torques_are_given_from_outside_as_the_flight_soft
         # The same burn is told again and again, as one who does not know whether it has been heard would do.
         burn = ExternalBurn(ignition=plans.ignition[tick], cutoff=plans.cutoff[tick], q_burn=plans.q_burn[tick])
         begun = external_stages.sense_and_navigate(STAGES, static, numbers, state)
-        decided, _ = external_stages.plan_burn_and_guide(STAGES, static, "given", numbers, state, begun, burn)
+        decided, _ = external_stages.plan_burn_and_guide(STAGES, static, "external", numbers, state, begun, burn)
         motion = step_stages.initial_motion(state, decided)
         commands = external_stages.attitude_commands(static, decided)
         accelerations.append(float(jnp.max(jnp.abs(commands.acceleration_C))))
-        for step in range(static.substeps):
-            command = jax.tree.map(lambda values, step=step: values[step], commands)
+        for substep in range(static.substeps):
+            command = jax.tree.map(lambda values, substep=substep: values[substep], commands)
             torque = wheel_torque(numbers, decided, motion, command)
-            motion = external_stages.propagate_substep(static, numbers, state, decided, motion, torque, jnp.array(step))
+            motion = external_stages.propagate_substep(static, numbers, state, decided, motion, torque, jnp.array(substep))
         state = external_stages.finish(STAGES, static, numbers, state, decided, motion)
     assert max(accelerations) > 0.01  # there was a turn to follow
     assert_close(state, run[0])
@@ -207,7 +212,7 @@ def test_a_burn_that_is_called_off_from_outside_stops_at_once(
     assert float(plan.ignition) < 60.0 < float(plan.cutoff) - 1.0
     state = replace(start, tick=jnp.array(60, dtype=jnp.int32), flight=replace(start.flight, plan=plan))
     begun = external_stages.sense_and_navigate(STAGES, static, numbers, state)
-    decided, _ = external_stages.plan_burn_and_guide(STAGES, static, "given", numbers, state, begun, NO_BURN)
+    decided, _ = external_stages.plan_burn_and_guide(STAGES, static, "external", numbers, state, begun, NO_BURN)
     left = decided.flight.plan
     np.testing.assert_array_equal([left.ignition, left.cutoff], [plan.ignition, 60.0])
     np.testing.assert_array_equal(decided.burn_error.magnitude, start.burn_error.magnitude)
@@ -242,9 +247,9 @@ def test_a_run_in_a_batch_of_one_is_the_run_alone(loop: tuple[Scenario, Params],
 def test_a_run_depends_on_its_seed_and_number_and_on_nothing_else(
     loop: tuple[Scenario, Params], start: State, run: Run
 ) -> None:
-    again = rollout(*loop, init(*loop, closed_loop.run_key(1, 0)), TICKS, STAGES)
+    again = rollout(*loop, init(*loop, run_key(1, 0)), TICKS, STAGES)
     jax.tree.map(np.testing.assert_array_equal, again, run)
-    for key in (closed_loop.run_key(1, 1), closed_loop.run_key(2, 0)):
+    for key in (run_key(1, 1), run_key(2, 0)):
         other = init(*loop, key)
         assert np.max(np.abs(other.flight.orbit.relative.r_TS_N - start.flight.orbit.relative.r_TS_N)) > 0.01
         assert np.max(np.abs(other.sensor_errors.gps_bias_N - start.sensor_errors.gps_bias_N)) > 0.01
@@ -263,9 +268,9 @@ def test_a_users_own_formation_law_decides_the_burns(run: Run) -> None:
 def test_a_run_that_starts_inside_of_the_keep_out_sphere_fails_and_is_frozen(loop: tuple[Scenario, Params]) -> None:
     scenario, params = loop
     near = replace(params, initial=replace(params.initial, relative_position=jnp.array([0.0, -9.0, 0.0])))
-    before = init(scenario, near, closed_loop.run_key(1, 0))
+    before = init(scenario, near, run_key(1, 0))
     state, telemetry = rollout(scenario, near, before, TICKS, STAGES)
-    assert closed_loop.FAILURE_REASONS[int(state.failure)] == "entered the keep-out sphere"
+    assert FAILURE_REASONS[int(state.failure)] == "entered the keep-out sphere"
     assert float(state.failed_at) == 0.0
     assert np.asarray(telemetry.running).tolist() == [True] + [False] * (TICKS - 1)
     assert int(state.tick) == TICKS
@@ -278,8 +283,8 @@ def test_a_run_that_enters_the_keep_out_sphere_later_fails_then(loop: tuple[Scen
         params.initial, relative_position=jnp.array([0.0, -15.0, 0.0]), relative_velocity=jnp.array([0.0, 0.2, 0.0])
     )
     falling = replace(params, initial=initial)
-    state, telemetry = rollout(scenario, falling, init(scenario, falling, closed_loop.run_key(1, 0)), TICKS, STAGES)
-    assert closed_loop.FAILURE_REASONS[int(state.failure)] == "entered the keep-out sphere"
+    state, telemetry = rollout(scenario, falling, init(scenario, falling, run_key(1, 0)), TICKS, STAGES)
+    assert FAILURE_REASONS[int(state.failure)] == "entered the keep-out sphere"
     np.testing.assert_allclose(state.failed_at, 25.0, atol=1.0)  # five metres at 0.2 m/s
     distance = np.linalg.norm(telemetry.truth.r_ST_N, axis=1)
     assert distance.min() > 10.0
@@ -292,7 +297,7 @@ def test_a_run_that_becomes_non_finite_fails_and_keeps_its_last_finite_state(
     scenario, params = loop
     broken = parameters.replace_leaf(params, ("plant", "thruster", "force"), jnp.full((), np.nan, dtype=jnp.float64))
     state, _ = rollout(scenario, broken, start, TICKS, STAGES)
-    assert closed_loop.FAILURE_REASONS[int(state.failure)] == "non-finite state"
+    assert FAILURE_REASONS[int(state.failure)] == "non-finite state"
     for leaf in jax.tree.leaves(state.truth):
         assert np.all(np.isfinite(leaf))
 
@@ -309,12 +314,12 @@ def test_a_covariance_with_one_number_that_is_not_finite_fails_the_run_within_tw
     orbit = flight.orbit if name == "attitude" else replace(flight.orbit, **{name: spoilt})
     flight = replace(flight, orbit=orbit, **({"attitude": spoilt} if name == "attitude" else {}))
     state, _ = rollout(scenario, params, replace(start, flight=flight), TICKS, STAGES)
-    assert closed_loop.FAILURE_REASONS[int(state.failure)] == "non-finite state"
+    assert FAILURE_REASONS[int(state.failure)] == "non-finite state"
     assert float(state.failed_at) <= 1.0
 
 
 def test_the_relative_state_at_the_start_is_the_scenarios(loop: tuple[Scenario, Params], start: State) -> None:
-    rho, rho_dot = closed_loop.true_relative_state(start.truth)
+    rho, rho_dot = true_relative_state(start.truth)
     np.testing.assert_allclose(rho, loop[1].initial.relative_position, atol=1e-12)
     np.testing.assert_allclose(rho_dot, loop[1].initial.relative_velocity, atol=1e-14)
 
@@ -324,7 +329,7 @@ def test_hand_over_errors_and_slow_sensor_errors_have_their_standard_deviations(
     runs = 300
 
     def errors(run_id: int) -> list[jax.Array]:
-        state = init(scenario, params, closed_loop.run_key(3, run_id))
+        state = init(scenario, params, run_key(3, run_id))
         truth, orbit, sensors = state.truth, state.flight.orbit, state.sensor_errors
         return [
             np.asarray(orbit.servicer.r_SN_N) - truth.r_TN_N - truth.r_ST_N,

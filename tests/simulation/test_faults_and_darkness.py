@@ -11,11 +11,14 @@ from rpojax.core.pytree import replace
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.physics import equipment_faults
 from rpojax.scenario import params as parameters
-from rpojax.scenario import scenario_file as scenarios
+from rpojax.scenario.loading import scenario_loader as scenarios
 from rpojax.scenario.params import Params
-from rpojax.scenario.scenario_file import Scenario
-from rpojax.simulation import closed_loop
-from rpojax.simulation.closed_loop import State, Telemetry
+from rpojax.scenario.static_settings import Scenario, static_settings
+from rpojax.simulation import initial_state
+from rpojax.simulation.noise import run_key
+from rpojax.simulation.rollout import rollout
+from rpojax.simulation.state import State
+from rpojax.simulation.telemetry import Telemetry
 
 TICKS, BEGIN, END = 400, 100, 300
 """Length of a run, and start and end of the fault [s]."""
@@ -55,7 +58,7 @@ def fly(scenario: Scenario, params: Params, key: jax.Array) -> tuple[State, Tele
     """All cases at once, with the same random numbers."""
 
     def one(params: Params) -> tuple[State, Telemetry]:
-        return closed_loop.rollout(scenario, params, closed_loop.init(scenario, params, key), TICKS)
+        return rollout(scenario, params, initial_state.init(scenario, params, key), TICKS)
 
     return jax.vmap(one)(params)
 
@@ -64,10 +67,10 @@ def fly(scenario: Scenario, params: Params, key: jax.Array) -> tuple[State, Tele
 def runs() -> dict[str, tuple[State, Telemetry]]:
     """State at the end and telemetry of every case."""
     file = scenarios.load("inspection_faults", OVERRIDES)
-    static = scenarios.static_settings(file)
+    static = static_settings(file)
     nominal = parameters.build_params(file.model_dump(), static.width_px, static.height_px)
     batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(case(nominal, name) for name in CASES))
-    flown = jax.tree.map(np.asarray, fly(static, batch, closed_loop.run_key(1, 0)))
+    flown = jax.tree.map(np.asarray, fly(static, batch, run_key(1, 0)))
     return {name: jax.tree.map(lambda leaf, place=place: leaf[place], flown) for place, name in enumerate(CASES)}
 
 

@@ -8,16 +8,19 @@ import scipy.linalg
 from hypothesis import given
 from numpy_reference import SEEDS
 
-from rpojax.core.orbits import orbital_mechanics
+from rpojax.core.orbits import clohessy_wiltshire
 from rpojax.scenario import params as parameters
-from rpojax.scenario import scenario_file as scenarios
-from rpojax.simulation import closed_loop, telemetry
-from rpojax.simulation.closed_loop import State
+from rpojax.scenario.loading import scenario_loader as scenarios
+from rpojax.scenario.static_settings import static_settings
+from rpojax.simulation import initial_state, telemetry
+from rpojax.simulation.noise import run_key
+from rpojax.simulation.state import State
+from rpojax.simulation.telemetry import Telemetry
 
 N = 1.107e-3
 """Mean motion at 500 km [rad/s]."""
 
-minimum_drift_distance = jax.jit(orbital_mechanics.minimum_drift_distance)
+minimum_drift_distance = jax.jit(clohessy_wiltshire.minimum_drift_distance)
 
 
 def dynamics(n: float) -> np.ndarray:
@@ -70,7 +73,7 @@ def test_the_closest_point_of_drifts_that_can_be_worked_out_on_paper(
 @jax.jit
 def passive_range(state: State, tick: jax.Array) -> jax.Array:
     """Channel of a tick in that state."""
-    seen = closed_loop.Telemetry(
+    seen = Telemetry(
         truth=state.truth,
         flight=state.flight,
         frame=None,
@@ -87,9 +90,9 @@ def passive_range(state: State, tick: jax.Array) -> jax.Array:
 def start() -> State:
     """Start of a run on the orbit behind the target, drifting slowly."""
     file = scenarios.load("inspection", ["initial.relative_velocity_m_s=[0.0, 0.002, 0.0]"])
-    static = scenarios.static_settings(file)
+    static = static_settings(file)
     params = parameters.build_params(file.model_dump(), static.width_px, static.height_px)
-    return jax.jit(closed_loop.init, static_argnums=0)(static, params, closed_loop.run_key(1, 0))
+    return jax.jit(initial_state.init, static_argnums=0)(static, params, run_key(1, 0))
 
 
 def test_the_channel_looks_once_in_ten_ticks_and_is_infinite_in_between(start: State) -> None:

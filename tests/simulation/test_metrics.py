@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.scenario import metric_catalogue, scenario_file
+from rpojax.scenario import metric_catalogue
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation import metrics, trace_channels
+from rpojax.simulation.metrics import recorded_metrics, trace_channels
 
 TICKS = 90
 SINGLE = 1e-6
@@ -21,7 +22,7 @@ Records = dict[str, np.ndarray]
 @pytest.fixture(scope="module")
 def hour() -> ScenarioFile:
     """The nominal mission; only its rates, desired position and settling time count here."""
-    return scenario_file.load("inspection")
+    return scenario_loader.load("inspection")
 
 
 def still(ticks: int = TICKS, runs: int = 1) -> Records:
@@ -57,14 +58,14 @@ def figures(hour: ScenarioFile) -> Callable[[Records], dict[str, float]]:
     """Metrics of one run."""
 
     def work_out(records: Records) -> dict[str, float]:
-        return {name: float(values[0]) for name, values in metrics.evaluate(hour, records).items()}
+        return {name: float(values[0]) for name, values in recorded_metrics.evaluate(hour, records).items()}
 
     return work_out
 
 
 def test_every_metric_has_a_unit_and_every_needed_channel_is_named(hour: ScenarioFile) -> None:
-    assert set(metrics.evaluate(hour, still())) == set(metric_catalogue.UNITS)
-    assert set(still()) == set(metrics.REQUIRED_CHANNELS)
+    assert set(recorded_metrics.evaluate(hour, still())) == set(metric_catalogue.UNITS)
+    assert set(still()) == set(recorded_metrics.REQUIRED_CHANNELS)
 
 
 def test_a_perfect_run_has_perfect_figures(figures: Callable[[Records], dict[str, float]]) -> None:
@@ -212,8 +213,8 @@ def test_runs_do_not_mix(hour: ScenarioFile) -> None:
     for values in records.values():
         values[1] = np.zeros_like(values[1])
     records["relative_sigma_H"][1] = 2.0
-    alone = metrics.evaluate(hour, still())
-    for name, values in metrics.evaluate(hour, records).items():
+    alone = recorded_metrics.evaluate(hour, still())
+    for name, values in recorded_metrics.evaluate(hour, records).items():
         np.testing.assert_array_equal(values[[0, 2]], np.repeat(alone[name], 2), err_msg=name)
 
 

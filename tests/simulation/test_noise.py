@@ -9,7 +9,7 @@ import pytest
 
 from rpojax.core import random_streams
 from rpojax.core.random_streams import Stream
-from rpojax.scenario.scenario_file import Scenario
+from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import noise
 
 START = 0x7FFFFFFF

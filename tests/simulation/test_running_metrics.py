@@ -9,8 +9,12 @@ import rpojax
 from rpojax.campaign import single_run
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.scenario.metric_catalogue import UNITS
-from rpojax.simulation import closed_loop, metrics, running_metrics, telemetry
-from rpojax.simulation.running_metrics import RUNNING_METRICS, RunningSums
+from rpojax.simulation.metrics import recorded_metrics, running_metrics
+from rpojax.simulation.channels import Channels, compute_channels
+from rpojax.simulation.metrics.running_metric_definitions import RUNNING_METRICS
+from rpojax.simulation.metrics.running_metrics import RunningSums
+from rpojax.simulation.state import State
+from rpojax.simulation.step import step
 
 SHARED = [name for name in RUNNING_METRICS if name in UNITS]
 
@@ -26,14 +30,12 @@ def flown() -> Flown:
     names = tuple(RUNNING_METRICS)
 
     @jax.jit
-    def fly(state: closed_loop.State) -> tuple[jax.Array, telemetry.Channels]:
-        def body(
-            carry: tuple[closed_loop.State, RunningSums], _: None
-        ) -> tuple[tuple[closed_loop.State, RunningSums], object]:
+    def fly(state: State) -> tuple[jax.Array, Channels]:
+        def body(carry: tuple[State, RunningSums], _: None) -> tuple[tuple[State, RunningSums], object]:
             state, sums = carry
-            after, seen = closed_loop.tick(rpojax.Stages(), scenario, params, state)
+            after, seen = step(scenario, params, state, rpojax.Stages())
             sums = running_metrics.add_tick(names, scenario, params, seen, sums)
-            return (after, sums), telemetry.compute_channels(scenario, params, seen)
+            return (after, sums), compute_channels(scenario, params, seen)
 
         start = (state, running_metrics.initial_sums(names))
         (_, sums), channels = jax.lax.scan(body, start, None, length=scenario.ticks)
@@ -41,7 +43,7 @@ def flown() -> Flown:
 
     figures, channels = fly(state)
     records = {name: np.asarray(values)[None] for name, values in channels.items()}
-    return dict(zip(names, map(float, figures), strict=True)), metrics.evaluate(file, records), records
+    return dict(zip(names, map(float, figures), strict=True)), recorded_metrics.evaluate(file, records), records
 
 
 @pytest.mark.parametrize("name", SHARED)

@@ -1,4 +1,4 @@
-"""Figures of merit of runs, from their recorded channels. An undefined metric is nan here and null in a report."""
+"""Metrics of runs from their recorded channels; an undefined metric is NaN, and null in a report."""
 
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -34,14 +34,14 @@ REQUIRED_CHANNELS: Final = (
     "wheel_speed_fraction",
     "delta_v_m_s",
 )
-"""Channels that the metrics need."""
+"""Channels that the metrics read."""
 
 
 def evaluate(file: ScenarioFile, records: Records) -> dict[str, Floats]:
     """Metrics (runs,) from channels of shape (runs, ticks) or (runs, ticks, components), at the camera rate.
 
-    Definitions: RMS of 3-D norms at every tick, target visible or not; formation error over the last 1000 s (a third of
-    a run shorter than 3000 s), navigation errors from 1000 s (a third) on.
+    Errors are RMS of 3-D norms over all ticks, target visible or not: the formation error over the last 1000 s, the
+    navigation errors from 1000 s on (a third of a run shorter than 3000 s in place of 1000 s).
     """
     tick_s = 1.0 / file.rates.camera_hz
     ticks = records["range_m"].shape[1]
@@ -73,10 +73,9 @@ def _rms(vectors: Floats) -> Floats:
 
 
 def _mean(values: Floats) -> Floats:
-    """Mean over time, added up in order of time.
+    """Mean over time, summed in order of time.
 
-    numpy's own sum adds in an order that depends on where an array lies in memory, so the last bits of a run's metrics
-    would change from one campaign to the next.
+    The order of summation of `numpy.sum` depends on the memory layout, so that the last bits would not be reproducible.
     """
     return _sum(values) / values.shape[1]
 
@@ -86,10 +85,10 @@ def _sum(values: Floats) -> Floats:
 
 
 def _innovations(name: str, sigmas: Floats) -> dict[str, Floats]:
-    """Mean normalised innovation squared of the ticks with all rows, and the autocorrelation one tick later.
+    """Mean normalised innovation squared of the ticks with all rows, and the lag-1 autocorrelation.
 
-    Rows are normalised one given the others, so a consistent filter has 3 for the mean, and for the autocorrelation of
-    so many products of rows 0 with a variance of one over their number (Bar-Shalom, Li and Kirubarajan, 5.4.2).
+    Rows are decorrelated, so that a consistent filter has a mean of 3, and an autocorrelation of 0 with a variance of
+    one over the number of products (Bar-Shalom, Li and Kirubarajan, 5.4.2).
     """
     whole: NDArray[np.bool_] = np.all(np.isfinite(sigmas), axis=2)
     rows = np.where(whole[:, :, None], sigmas, 0.0).astype(float)
@@ -144,7 +143,7 @@ def _ratio(part: NDArray[np.number], whole: NDArray[np.number]) -> Floats:
 
 
 def _reduce_defined_rows(reduce: Callable[[Floats], Floats], rows: Floats) -> Floats:
-    """Applies `reduce` to the rows that have any number; the others stay nan."""
+    """`reduce` of the rows with at least one finite number; NaN for the others."""
     result = np.full(rows.shape[0], np.nan)
     some = np.isfinite(rows).any(axis=1)
     if some.any():
@@ -153,17 +152,17 @@ def _reduce_defined_rows(reduce: Callable[[Floats], Floats], rows: Floats) -> Fl
 
 
 def _longest_streak(flags: NDArray[np.bool_]) -> Floats:
-    """Length of the longest unbroken stretch of true values in each row [ticks]."""
-    run = np.zeros(flags.shape[0])
+    """Length of the longest run of true values in each row [ticks]."""
+    streak = np.zeros(flags.shape[0])
     longest = np.zeros(flags.shape[0])
     for column in flags.T:
-        run = np.where(column, run + 1.0, 0.0)
-        longest = np.maximum(longest, run)
+        streak = np.where(column, streak + 1.0, 0.0)
+        longest = np.maximum(longest, streak)
     return longest
 
 
 def _longest_wait(visible: NDArray[np.bool_], accepted: NDArray[np.bool_]) -> Floats:
-    """Longest wait in each row from `visible` becoming true to the next accepted box, or to the end [ticks]."""
+    """Longest time in each row from `visible` becoming true to the next accepted box or the end [ticks]."""
     waits = np.full(visible.shape[0], np.nan)
     waiting = np.zeros(visible.shape[0], dtype=bool)
     clock = np.zeros(visible.shape[0])
@@ -176,5 +175,5 @@ def _longest_wait(visible: NDArray[np.bool_], accepted: NDArray[np.bool_]) -> Fl
 
 
 def _peak_ratio(error: Floats, bound: Floats) -> Floats:
-    """Largest share of its bound that an error reaches, any axis, any time."""
+    """Largest ratio of an error to its bound, over axes and time."""
     return (np.abs(error) / bound).max(axis=(1, 2)).astype(float)

@@ -1,11 +1,11 @@
-"""Scalar channels over time that are kept of every run."""
+"""Traces: decimated scalar channels that a campaign stores of every run."""
 
 from typing import Final
 
 import numpy as np
 
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.metrics import Floats, Records
+from rpojax.simulation.metrics.recorded_metrics import Floats, Records
 
 TRACE_UNITS: Final = {
     "formation_error_m": "m",
@@ -19,11 +19,11 @@ TRACE_UNITS: Final = {
     "nees_relative": "-",
     "wheel_speed_fraction": "-",
 }
-"""Scalar channels kept of every run, decimated -> unit."""
+"""Unit of every trace by name."""
 
 
 def decimated_traces(file: ScenarioFile, records: Records, every: int) -> dict[str, Floats]:
-    """Decimated scalar channels (runs, samples), float32."""
+    """Traces (runs, samples), float32, from channels (runs, ticks, ...): one sample every `every` ticks."""
 
     def norm(name: str) -> Floats:
         return np.linalg.norm(records[name][:, ::every], axis=2)

@@ -1,18 +1,19 @@
-"""Checks of a scenario that span sections: rates that divide, a sane vehicle, dispersions that can be drawn."""
+"""Checks of a scenario that span sections: integer ratios of rates, a feasible vehicle, valid dispersions."""
 
 import math
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario.dispersion_checks import check_design, check_dispersions
+from rpojax.scenario.checks.design_checks import check_design
+from rpojax.scenario.checks.dispersion_checks import check_dispersions
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import OrbitSection
 
 _MIN_PERIGEE_M = 6.47e6
-"""Some 100 km above the ground; nothing stays in orbit below [m]."""
+"""Least radius of the perigee [m], some 100 km above the ground."""
 
 
 def check_consistency(file: ScenarioFile) -> None:
-    """Checks that span sections: rates that divide, sizes in order, dispersions of keys that exist.
+    """Checks all conditions of a scenario that span sections.
 
     Raises:
         ScenarioError: naming the key, what was found and what was expected.
@@ -50,7 +51,7 @@ def check_consistency(file: ScenarioFile) -> None:
 
 
 def _check_precision(file: ScenarioFile) -> None:
-    """Single precision is for what it has been held against double precision with."""
+    """Allows single precision only with settings for which it has been compared with double precision."""
     if file.precision == "double":
         return
     model, integrator = file.camera.model, file.effects.integrator
@@ -66,9 +67,9 @@ def _check_precision(file: ScenarioFile) -> None:
 
 
 _MAX_SINGLE_DURATION_S = 20000.0
-"""Duration [s] up to which both precisions have been held against each other; in a day their means come apart."""
+"""Longest duration [s] at which the precisions have been compared; after a day their means differ."""
 _MAX_SINGLE_PLANT_HZ = 50.0
-"""Rate [Hz] at which relative positions of 50 m are right to 0.1 mm; at 1000 Hz they are to 2 cm."""
+"""Highest rate [Hz]; a relative position of 50 m is accurate to 0.1 mm at this rate, to 2 cm at 1000 Hz."""
 
 
 def _check_orbit(orbit: OrbitSection) -> None:
@@ -79,7 +80,7 @@ def _check_orbit(orbit: OrbitSection) -> None:
 
 
 def _check_vehicle(file: ScenarioFile) -> None:
-    """Numbers of the vehicle that only together make sense."""
+    """Checks vehicle parameters against each other."""
     wheels, period = file.wheels, file.rates.formation_period_s
     for speed, limit in zip(wheels.initial_speed_rad_s, wheels.speed_limit_rad_s, strict=True):
         if abs(speed) > limit:
@@ -98,7 +99,7 @@ def _check_vehicle(file: ScenarioFile) -> None:
 
 
 def _check_burn_timing(file: ScenarioFile) -> None:
-    """A look-away, centred on the burn, lies between two burn decisions."""
+    """Checks that a look-away, centred on the burn, fits between two burn decisions."""
     period, limit, lead = file.rates.formation_period_s, file.pointing.look_away_limit_s, file.formation.lead_s
     if limit > period:
         raise ScenarioError("pointing.look_away_limit_s", limit, f"at most rates.formation_period_s = {period:g}")

@@ -1,4 +1,4 @@
-"""Tables of values for runs: CSV files, one row a run, with keys of the scenario as header."""
+"""CSV file of a case table: one row for each run, with keys of the scenario as header."""
 
 import csv
 import io
@@ -13,7 +13,7 @@ MAX_CELLS = 1_000_000
 MAX_COLUMNS = 1000
 
 TEXT_KEY = "fault.kind"
-"""The one key whose column holds names."""
+"""Key whose column holds names instead of numbers."""
 
 Columns = dict[str, list[float] | list[str]]
 
@@ -21,7 +21,7 @@ _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]{1,4})?", r
 
 
 def read_columns(path: Path) -> Columns:
-    """Columns of a table by their header.
+    """Columns of a case table by key.
 
     Raises:
         ScenarioError: the file cannot be read, is too large, or is no table of finite numbers under distinct keys.
@@ -54,7 +54,7 @@ def _text(path: Path) -> str:
 
 
 def _rows(path: Path, text: str) -> list[list[str]]:
-    """Rows of the file, empty lines at its end left out."""
+    """Rows of the file without trailing empty lines."""
     rows: list[list[str]] = []
     cells = 0
     try:

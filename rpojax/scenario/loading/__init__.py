@@ -1,0 +1,1 @@
+"""Loading of scenario files: TOML text, base scenarios, overrides and case tables."""

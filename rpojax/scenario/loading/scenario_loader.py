@@ -1,0 +1,109 @@
+"""Scenario files, packaged or of the user, read and validated."""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from rpojax.errors import ScenarioError
+from rpojax.scenario.checks.consistency_checks import check_consistency
+from rpojax.scenario.loading import case_table_csv
+from rpojax.scenario.loading.table_merging import apply_override, merge
+from rpojax.scenario.loading.validation_errors import first_error
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.trained import trained_files
+
+_MAX_EXTENDS_DEPTH = 8
+
+
+def packaged_names() -> list[str]:
+    """Names of the packaged scenarios."""
+    folder = resources.files("rpojax.scenario") / "packaged"
+    return sorted(entry.name.removesuffix(".toml") for entry in folder.iterdir() if entry.name.endswith(".toml"))
+
+
+def load(source: str | Path, overrides: Sequence[str] = ()) -> ScenarioFile:
+    """Validated scenario from a packaged name or the path of a TOML file, with `KEY=VALUE` overrides.
+
+    A file with `extends = NAME_OR_PATH` needs only the keys that differ, its dispersions are added to the base's.
+    The CSV file of a `table` design is read here, its values become part of the scenario.
+
+    Raises:
+        ScenarioError: the source is unknown or a key is not acceptable.
+    """
+    tables = _read_tables(source)
+    for override in overrides:
+        apply_override(tables, override)
+    _load_case_table(tables)
+    return validate(tables)
+
+
+def validate(tables: Mapping[str, Any]) -> ScenarioFile:
+    """Validated scenario from nested tables in the units of the keys.
+
+    Raises:
+        ScenarioError: naming the key's path, what was found and what was expected.
+    """
+    try:
+        file = ScenarioFile.model_validate(tables)
+    except ValidationError as error:
+        raise first_error(error) from None
+    check_consistency(file)
+    return file
+
+
+def _read_tables(source: str | Path, depth: int = 0) -> dict[str, Any]:
+    """Tables of a file, merged into those of the file that it extends."""
+    if depth > _MAX_EXTENDS_DEPTH:
+        raise ScenarioError("extends", str(source), "a chain of scenarios that ends")
+    text, folder = _read_text(source)
+    try:
+        tables = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError(str(source), str(error), "a valid TOML file") from None
+    _resolve_paths(tables, folder)
+    base = tables.pop("extends", None)
+    if base is None:
+        return tables
+    if not isinstance(base, str):
+        raise ScenarioError("extends", base, "the name of a packaged scenario or the path of a TOML file")
+    return merge(_read_tables(base if base in packaged_names() else folder / base, depth + 1), tables)
+
+
+def _read_text(source: str | Path) -> tuple[str, Path]:
+    """Text of a scenario, and the folder to which its paths are relative."""
+    if str(source) in packaged_names():
+        return (resources.files("rpojax.scenario") / "packaged" / f"{source}.toml").read_text(), Path()
+    path = Path(source)
+    try:
+        # Some Windows editors write a byte order mark first.
+        return path.read_text(encoding="utf-8-sig"), path.parent
+    except (OSError, UnicodeDecodeError):
+        expected = f"a packaged scenario ({', '.join(packaged_names())}) or a readable TOML file"
+        raise ScenarioError("scenario", str(source), expected) from None
+
+
+def _resolve_paths(tables: dict[str, Any], folder: Path) -> None:
+    """Makes the paths of trained files and of a case table absolute."""
+    imaging = tables.get("imaging")
+    for key in trained_files.PACKAGED_FILES:
+        name = imaging.get(key) if isinstance(imaging, dict) else None
+        if isinstance(name, str) and name != trained_files.PACKAGED and isinstance(imaging, dict):
+            imaging[key] = str((folder / name).resolve())
+    design = tables.get("design")
+    if isinstance(design, dict) and isinstance(design.get("file"), str) and design["file"]:
+        design["file"] = str(folder.absolute() / design["file"])
+
+
+def _load_case_table(tables: dict[str, Any]) -> None:
+    """Replaces the file of a `table` design by its values, so that the scenario is complete without the file."""
+    design = tables.get("design")
+    if not isinstance(design, dict) or design.get("kind") != "table" or not isinstance(design.get("file"), str):
+        return
+    if design["file"] and design.get("values"):
+        raise ScenarioError("design.file", design["file"], "no file beside values")
+    if design["file"]:
+        tables["design"] = {**design, "file": "", "values": case_table_csv.read_columns(Path(design["file"]))}

@@ -1,0 +1,52 @@
+"""Errors of the schema validation as one-line scenario errors."""
+
+import difflib
+from typing import get_args
+
+from pydantic import ValidationError
+
+from rpojax.errors import ScenarioError, UnknownKeyError
+from rpojax.scenario.schema import ScenarioFile
+
+
+def first_error(error: ValidationError) -> ScenarioError:
+    """The first fault that pydantic reports, with the key's path, what was found and what was expected."""
+    faults = error.errors()
+    first = _key_path(faults[0]["loc"])
+    # For a key that takes a number or a list pydantic reports a fault of each; the deepest one fits the value given.
+    related = [fault for fault in faults if _key_path(fault["loc"])[: len(first)] == first]
+    fault = max(related, key=lambda fault: len(_key_path(fault["loc"])))
+    key = ".".join(_key_path(fault["loc"]))
+    if fault["type"] == "extra_forbidden":
+        return UnknownKeyError(key, _similar_key(fault["loc"]))
+    if fault["type"] == "missing":
+        return ScenarioError(key, "nothing", "a value for this key")
+    if fault["type"] in ("model_type", "model_attributes_type"):
+        return ScenarioError(key, fault["input"], "a table")
+    message = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ").removeprefix("expected ")
+    return ScenarioError(key, fault["input"], message)
+
+
+def _key_path(location: tuple[int | str, ...]) -> list[str]:
+    """Path of a key as in the file, without the names that pydantic gives to the members of a union."""
+    branch = {"dispersions": 2, "design": 1}.get(str(location[0])) if location else None
+    parts = [part for index, part in enumerate(location) if index != branch]
+    return [str(part) for part in parts if not str(part).startswith(("constrained-", "list["))]
+
+
+def _similar_key(location: tuple[int | str, ...]) -> str:
+    """Hint at a known key of the same section with a similar name."""
+    fields, unknown = ScenarioFile.model_fields, str(location[-1])
+    if len(location) > 1 and location[0] in fields:
+        annotation = fields[str(location[0])].annotation
+        section = next(iter(get_args(annotation)), annotation)
+        names = list(getattr(section, "model_fields", {}))
+    else:
+        names = list(fields)
+    return did_you_mean(unknown, names)
+
+
+def did_you_mean(unknown: str, names: list[str]) -> str:
+    """Hint such as ` (did you mean 'mass_kg'?)`, empty if no name is similar."""
+    close = difflib.get_close_matches(unknown, names, n=1)
+    return f" (did you mean {close[0]!r}?)" if close else ""

@@ -1,0 +1,84 @@
+"""Static settings of a run: the hashable part of a scenario, for which the simulation is compiled."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rpojax.errors import ScenarioError
+from rpojax.physics.plant_options import Effects
+from rpojax.scenario.field_types import epoch_seconds
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.trained import image_sampling
+
+if TYPE_CHECKING:
+    from rpojax.vision.radiance_field.ray_budget import RaySampling
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Static settings of a run; changing one recompiles the simulation.
+
+    Attributes:
+        ticks: camera ticks of a run
+        tick_s: camera, filter and guidance period [s]
+        substeps: plant and attitude control steps per tick
+        formation_ticks: ticks between burn decisions
+        width_px: image width
+        height_px: image height
+        camera_model: `geometric`, `statistical` or `rendered`
+        box_gating: whether boxes must pass the covariance gate
+        navigation_zonal_degree: highest zonal harmonic in the gravity model of the orbit filter
+        navigation_luni_solar: whether the orbit filter models the attraction of Sun and Moon
+        epoch_s: start of the run, terrestrial time since 2000-01-01 12:00 [s]
+        effects: model switches of the plant
+        ray_sampling: of rendered images, None for other camera models
+    """
+
+    ticks: int
+    tick_s: float
+    substeps: int
+    formation_ticks: int
+    width_px: int
+    height_px: int
+    camera_model: str
+    box_gating: bool
+    navigation_zonal_degree: int
+    navigation_luni_solar: bool
+    epoch_s: float
+    effects: Effects
+    ray_sampling: "RaySampling | None"
+
+    @property
+    def step_s(self) -> float:
+        """Plant step [s]."""
+        return self.tick_s / self.substeps
+
+    @property
+    def formation_period_s(self) -> float:
+        """Time between burn decisions [s]."""
+        return self.tick_s * self.formation_ticks
+
+
+def static_settings(file: ScenarioFile, allow_single: bool = False) -> Scenario:
+    """Static settings of a validated scenario; `allow_single` if the caller can simulate in single precision.
+
+    Raises:
+        ScenarioError: the scenario asks for single precision, which the caller does not support.
+    """
+    if file.precision == "single" and not allow_single:
+        raise ScenarioError("precision", file.precision, "'double', as only run, campaign and bench know 'single'")
+    rates = file.rates
+    return Scenario(
+        ticks=round(file.duration_s * rates.camera_hz),
+        tick_s=1.0 / rates.camera_hz,
+        substeps=round(rates.plant_hz / rates.camera_hz),
+        formation_ticks=round(rates.formation_period_s * rates.camera_hz),
+        width_px=file.camera.width_px,
+        height_px=file.camera.height_px,
+        camera_model=file.camera.model,
+        box_gating=file.navigation.gating == "covariance",
+        navigation_zonal_degree=file.navigation.zonal_degree,
+        navigation_luni_solar=file.navigation.luni_solar,
+        epoch_s=epoch_seconds(file.epoch_utc),
+        effects=Effects(**file.effects.model_dump()),
+        ray_sampling=image_sampling.sampling_for_model(file.model_dump()),
+    )

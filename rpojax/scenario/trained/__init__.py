@@ -1,0 +1,1 @@
+"""Trained networks and fitted camera statistics that a scenario refers to."""

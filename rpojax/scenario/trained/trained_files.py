@@ -1,0 +1,73 @@
+"""Files of trained networks and fitted camera statistics: paths, hashes and loading of the networks."""
+
+import hashlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rpojax.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from rpojax.sensors.rendered_camera import Networks
+
+PACKAGED = "packaged"
+"""Value of a key of `imaging` that selects the packaged file."""
+PACKAGED_FILES = {
+    "field": "target.field.safetensors",
+    "detector": "detector.safetensors",
+    "statistics": "target.camera.safetensors",
+}
+"""Packaged file by key of the section `imaging`."""
+REQUIRED_KEYS = {"geometric": (), "statistical": ("statistics",), "rendered": ("field", "detector")}
+"""Keys of the section `imaging` whose files a camera model reads."""
+
+
+def required_files(tables: Mapping[str, Any]) -> dict[str, Path]:
+    """Paths of the trained files that the camera model of a scenario reads, by key of the section `imaging`."""
+    return {key: file_path(tables, key) for key in REQUIRED_KEYS[tables["camera"]["model"]]}
+
+
+def file_path(tables: Mapping[str, Any], key: str) -> Path:
+    """Path of one trained file.
+
+    Raises:
+        ScenarioError: there is no such file.
+    """
+    from rpojax.vision import weight_files
+
+    name = tables["imaging"][key]
+    path = weight_files.packaged_file(PACKAGED_FILES[key]) if name == PACKAGED else Path(name)
+    if not path.is_file():
+        raise ScenarioError(f"imaging.{key}", name, f"'{PACKAGED}' or the path of a file")
+    return path
+
+
+def required_digests(tables: Mapping[str, Any]) -> dict[str, str]:
+    """SHA-256 of the trained files that the camera model of a scenario reads."""
+    return {key: file_digest(path) for key, path in required_files(tables).items()}
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def networks_for_model(tables: Mapping[str, Any]) -> "Networks | None":
+    """Radiance field, detector and sky of a rendered camera, None for other camera models."""
+    if tables["camera"]["model"] != "rendered":
+        return None
+    return load_networks(tables)
+
+
+def load_networks(tables: Mapping[str, Any]) -> "Networks":
+    """Radiance field, detector and sky, for any camera model."""
+    from rpojax.sensors.rendered_camera import Networks
+    from rpojax.vision.detector.detector_file import load_detector
+    from rpojax.vision.imaging.sky_maps import random_sky
+    from rpojax.vision.radiance_field.field_file import load_field
+
+    return Networks(
+        field=load_field(file_path(tables, "field"))[0],
+        detector=load_detector(file_path(tables, "detector"))[0],
+        sky=random_sky(tables["imaging"]["sky_seed"]),
+    )

@@ -1,0 +1,66 @@
+"""Initial state of a run."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from rpojax.core import random_streams
+from rpojax.core.pytree import replace
+from rpojax.core.random_streams import Stream
+from rpojax.flight import computer
+from rpojax.flight.guidance import target_pointing
+from rpojax.flight.navigation import orbit_filter, relative_orbit_ekf, servicer_orbit_ekf
+from rpojax.physics import plant_state
+from rpojax.physics.thruster import BurnError
+from rpojax.scenario.params import Params
+from rpojax.scenario.static_settings import Scenario
+from rpojax.sensors import gyro, star_tracker
+from rpojax.simulation.noise import InitialNoise, draw_initial_noise
+from rpojax.simulation.state import SensorErrors, State
+
+
+def init(scenario: Scenario, params: Params, key: Array, noise: InitialNoise | None = None) -> State:
+    """Initial state: truth from the parameters, orbit estimate with hand-over errors drawn from its covariance.
+
+    Args:
+        scenario: static settings
+        params: parameters of the run
+        key: random key of the run
+        noise: random numbers, by default those of the key
+    """
+    streams = jax.vmap(lambda stream: random_streams.fold_in(key, stream))(jnp.arange(len(Stream) + 1))
+    noise = noise or draw_initial_noise(scenario, streams)
+    navigation = params.flight.navigation
+    identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
+    truth = plant_state.initial_truth(
+        params.plant, params.orbit, params.initial.relative_position, params.initial.relative_velocity, identity
+    )
+    sensors = SensorErrors(
+        gps_bias_N=params.gps.bias_sigma * noise.biases[:3],
+        gyro_bias_B=params.gyro.initial_bias_sigma * noise.biases[3:],
+        box_edge_errors=noise.box_edge_errors,
+    )
+    sigma = [servicer_orbit_ekf.initial_sigma(navigation)[:6], relative_orbit_ekf.initial_sigma(navigation)[:6]]
+    error = jnp.concatenate(sigma) * noise.handover
+    orbit = orbit_filter.initial(
+        navigation,
+        truth.r_TN_N + truth.r_ST_N + error[0:3],
+        truth.v_TN_N + truth.v_ST_N + error[3:6],
+        -truth.r_ST_N + error[6:9],
+        -truth.v_ST_N + error[9:12],
+    )
+    q_BN, omega = target_pointing.look_attitude(params.flight.vehicle, orbit)
+    truth = replace(truth, q_BN=q_BN, omega_BN_B=omega)
+    star_q = star_tracker.measure(params.star_tracker, q_BN, noise.star_tracker)
+    gyro_B = gyro.measure(params.gyro, omega, sensors.gyro_bias_B, noise.gyro, scenario.step_s)
+    zero = jnp.zeros((), dtype=jnp.float64)
+    return State(
+        truth=truth,
+        flight=computer.initial(params.flight, scenario.formation_period_s, orbit, star_q, gyro_B),
+        sensor_errors=sensors,
+        burn_error=BurnError(magnitude=zero, direction=jnp.zeros(3)),
+        keys=streams,
+        tick=jnp.zeros((), dtype=jnp.int32),
+        failed_at=zero + jnp.inf,
+        failure=jnp.zeros((), dtype=jnp.int32),
+    )

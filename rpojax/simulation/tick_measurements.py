@@ -1,0 +1,79 @@
+"""Measurements of one tick by all sensors, and propagation of the correlated sensor errors."""
+
+from jaxtyping import Array, Float
+
+from rpojax.core.numerics import double_single, safe
+from rpojax.flight.computer import Measurements
+from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
+from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
+from rpojax.physics.equipment_faults import Health
+from rpojax.physics.thruster import BurnError
+from rpojax.scenario.params import Params
+from rpojax.scenario.static_settings import Scenario
+from rpojax.sensors import chamber_pressure, gps, gyro, star_tracker, statistical_camera
+from rpojax.sensors.camera import CameraFrame
+from rpojax.simulation import camera_models
+from rpojax.simulation.noise import TickNoise, camera_key
+from rpojax.simulation.state import SensorErrors, State
+
+Scalar = Float[Array, ""]
+
+
+def measure(
+    scenario: Scenario, params: Params, state: State, noise: TickNoise, sky: SunMoonPositions, health: Health
+) -> tuple[Measurements, CameraFrame]:
+    """Inputs of the flight software at the beginning of a tick, and the camera frame."""
+    truth = state.truth
+    frame = camera_models.expose(
+        scenario,
+        params,
+        truth,
+        state.flight,
+        state.sensor_errors.box_edge_errors,
+        sky,
+        health,
+        noise,
+        camera_key(state.keys, state.tick),
+        state.tick,
+    )
+    measurements = Measurements(
+        gps=_measure_gps(params, state, noise, health),
+        star_tracker_q_BN=star_tracker.measure(params.star_tracker, truth.q_BN, noise.star_tracker),
+        star_tracker_present=health.star_tracker
+        & star_tracker.is_available(params.star_tracker, truth.q_BN, sky.sun_N),
+        box=camera_models.box_measurement(scenario, params, frame),
+    )
+    return measurements, frame
+
+
+def _measure_gps(params: Params, state: State, noise: TickNoise, health: Health) -> GpsMeasurement:
+    truth, bias_N = state.truth, state.sensor_errors.gps_bias_N
+    if truth.orbit_low is None:
+        position_N, residue_N = gps.measure(params.gps, truth.r_TN_N + truth.r_ST_N, bias_N, noise.gps), None
+    else:
+        from_target_N = gps.measure(params.gps, truth.r_ST_N, bias_N, noise.gps)
+        position_N, residue_N = double_single.add(truth.r_TN_N, truth.orbit_low[0], from_target_N)
+    return GpsMeasurement(position_N=position_N, position_low_N=residue_N, present=health.gps)
+
+
+def measure_chamber_pressure(params: Params, noise: TickNoise, burn_error: BurnError, health: Health) -> Scalar:
+    """Measured chamber pressure as a fraction of the nominal one."""
+    thrust = params.plant.thruster.force_scale * (1.0 + burn_error.magnitude) * health.thrust_fraction
+    return chamber_pressure.measure(thrust, noise.chamber_pressure)
+
+
+def advance_sensor_errors(scenario: Scenario, params: Params, state: State, noise: TickNoise) -> SensorErrors:
+    """Correlated sensor errors one tick later."""
+    box_edges = state.sensor_errors.box_edge_errors
+    if box_edges is not None:
+        assert params.statistics is not None
+        assert noise.box_edge_errors is not None
+        turned = safe.norm(state.truth.omega_TN_T) * scenario.tick_s
+        box_edges = statistical_camera.advance_correlated_error(
+            params.statistics, box_edges, turned, noise.box_edge_errors
+        )
+    return SensorErrors(
+        gps_bias_N=gps.advance_bias(params.gps, state.sensor_errors.gps_bias_N, noise.biases[:3], scenario.tick_s),
+        gyro_bias_B=gyro.advance_bias(params.gyro, state.sensor_errors.gyro_bias_B, noise.biases[3:], scenario.tick_s),
+        box_edge_errors=box_edges,
+    )
