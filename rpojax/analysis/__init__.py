@@ -1,1 +1,1 @@
-"""Floor 7: what many runs tell: statistics, linear covariance, gradients, reliability, calibration."""
+"""Analysis of runs: statistics, linear covariance, gradients and tuning, reliability, camera calibration."""

@@ -8,8 +8,7 @@ import pytest
 from empty_campaign_folders import empty_campaign, synthetic_timing
 
 from rpojax.cli import main
-from rpojax.cli.commands.compare import changes
-from rpojax.scenario import scenario_file
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.metric_catalogue import UNITS
 
 RUNS = 40
@@ -22,7 +21,7 @@ def written(
     directory: Path, error: np.ndarray, failed: tuple[int, ...] = (), seed: int = 0, drawn: np.ndarray = DRAWN
 ) -> Path:
     """A finished campaign of one block whose metrics are all `error`."""
-    file = scenario_file.load("inspection", [f"navigation.gate_sigma={3.0 + len(failed)}"])
+    file = scenario_loader.load("inspection", [f"navigation.gate_sigma={3.0 + len(failed)}"])
     result = empty_campaign(directory, file, seed, RUNS, 0, RUNS)
     failure = np.isin(np.arange(RUNS), failed).astype(np.int8)
     arrays = {f"metrics/{name}": np.where(failure > 0, np.nan, error) for name in UNITS}
@@ -83,13 +82,3 @@ def test_runs_that_are_not_the_same_cases_are_not_compared(
     line = capsys.readouterr().err
     assert line.count("\n") == 1
     assert all(word in line for word in words)
-
-
-def test_changes_are_found_at_any_depth_and_on_either_side() -> None:
-    one = {"a": {"b": 1, "c": [1, 2]}, "d": 4}
-    other = {"a": {"b": 1, "c": [1, 3]}, "e": 5}
-    assert changes(one, other) == [
-        {"key": "a.c", "first": [1, 2], "second": [1, 3]},
-        {"key": "d", "first": 4, "second": None},
-        {"key": "e", "first": None, "second": 5},
-    ]

@@ -1,1 +1,1 @@
-"""Statistics of independent runs: intervals, verdicts on requirements, filter consistency, sensitivity, comparison."""
+"""Statistics of runs: intervals, verdicts on requirements, filter consistency, dependence, paired comparison."""

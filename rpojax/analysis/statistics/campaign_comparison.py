@@ -1,234 +1,109 @@
-"""Two campaigns of the same runs, such as two sets of gains on the same dispersions, compared run by run."""
+"""Comparison of two stored campaigns, run by run: changed scenario keys, medians, failures and requirements."""
 
-import math
-from collections.abc import Mapping, Sequence
+import dataclasses
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from scipy.stats import binomtest
 
-from rpojax.analysis.statistics.tolerance_verdicts import violates
+from rpojax.analysis.statistics.paired_comparison import PairedComparison, RunMetrics, compare_paired_runs
+from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.campaign.storage.json_types import to_json_types
+from rpojax.dispersions.designs import experiment_design
 from rpojax.errors import ResultError
+from rpojax.runtime.progress import busy
 from rpojax.scenario.schema import RequirementSection
 
-_RESAMPLES = 999
-_CHUNK = 50
-"""Resamples at a time: what a chunk needs stays in the cache."""
-_LEVELS = (0.90, 0.95)
-_FEWEST_PAIRS = 10
-"""With fewer pairs no interval is given."""
+
+@dataclass(frozen=True)
+class KeyChange:
+    """A scenario key whose value differs, with both values; None on a side that lacks it."""
+
+    key: str
+    first: Any
+    second: Any
 
 
 @dataclass(frozen=True)
-class RunMetrics:
-    """What is compared of a campaign: run numbers (n,), which completed (n,), and metrics (n,), NaN where undefined."""
-
-    run_ids: np.ndarray
-    completed: np.ndarray
-    metrics: Mapping[str, np.ndarray]
-
-
-@dataclass(frozen=True)
-class PairedEvents:
-    """Pairs of runs by which of the two campaigns has an event in them.
-
-    Attributes:
-        event: what is counted, such as a failure
-        both: pairs with the event in both campaigns
-        only_first: pairs with the event in the first alone
-        only_second: pairs with the event in the second alone
-        neither: pairs without it
-        p_value: of so uneven a split of the pairs with one event, if the campaigns did not differ; None where runs
-            are not independent
-    """
-
-    event: str
-    both: int
-    only_first: int
-    only_second: int
-    neither: int
-    p_value: float | None
-
-
-@dataclass(frozen=True)
-class IntervalEstimate:
-    """A number with its 90 % and 95 % intervals; None where it is undefined, or has too few independent runs."""
-
-    value: float | None
-    interval_90: tuple[float, float] | None
-    interval_95: tuple[float, float] | None
-
-
-@dataclass(frozen=True)
-class MedianChange:
-    """How the median of a metric differs over the pairs of runs that both have it.
-
-    Attributes:
-        metric: its name
-        pairs: number of them
-        first: median in the first campaign, NaN without pairs
-        second: median in the second
-        difference: second less first
-        ratio: second over first
-    """
-
-    metric: str
-    pairs: int
-    first: float
-    second: float
-    difference: IntervalEstimate
-    ratio: IntervalEstimate
-
-
-@dataclass(frozen=True)
-class Comparison:
+class CampaignComparison:
     """Two campaigns compared over the runs that both have.
 
     Attributes:
-        pairs: number of them
-        unpaired: runs that only one of the campaigns has
-        failures: runs that did not complete
-        requirements: violations of each requirement, in the order of the requirements
-        metrics: that both have, in the order of the first
+        first: folder of the first campaign
+        second: folder of the second campaign
+        changed: keys of the two scenarios whose values differ
+        independent: whether the runs are independent draws, so that there are intervals and p-values
+        runs: medians, failures and violated requirements over the pairs of runs
     """
 
-    pairs: int
-    unpaired: int
-    failures: PairedEvents
-    requirements: tuple[PairedEvents, ...]
-    metrics: tuple[MedianChange, ...]
+    first: Path
+    second: Path
+    changed: tuple[KeyChange, ...]
+    independent: bool
+    runs: PairedComparison
+
+    def to_dict(self) -> dict[str, Any]:
+        """Content in the types of JSON, as `rpojax compare --json` prints it."""
+        content = {
+            "first": str(self.first),
+            "second": str(self.second),
+            "changed": [dataclasses.asdict(each) for each in self.changed],
+            "independent": self.independent,
+        }
+        return {**content, **to_json_types(dataclasses.asdict(self.runs))}
 
 
-def compare_paired_runs(
-    first: RunMetrics, second: RunMetrics, requirements: Sequence[RequirementSection], independent: bool, seed: int = 0
-) -> Comparison:
-    """Compares two campaigns by run number; with runs that are not independent there are no p-values and intervals.
+def compare(first: Campaign, second: Campaign, *, progress: bool = True) -> CampaignComparison:
+    """Compares two campaigns of the same seed by run id: run n has the same dispersions in both.
+
+    Args:
+        first: campaign to compare with
+        second: campaign that is compared with it
+        progress: show on stderr that the comparison is under way
 
     Raises:
-        ResultError: the campaigns have no run in common, or not a metric that a requirement is about.
+        ResultError: runs of one id are not the same case in both, or the campaigns have no run in common.
     """
-    common, in_first, in_second = np.intersect1d(first.run_ids, second.run_ids, return_indices=True)
-    if len(common) == 0:
-        raise ResultError("run numbers: found none that both campaigns have, expected campaigns of the same runs")
-    one, other = _rows(first, in_first), _rows(second, in_second)
-    return Comparison(
-        pairs=len(common),
-        unpaired=len(first.run_ids) + len(second.run_ids) - 2 * len(common),
-        failures=count_paired_events("failed", ~one.completed, ~other.completed, independent),
-        requirements=tuple(
-            count_paired_events(_name(each), _violating(each, one), _violating(each, other), independent)
-            for each in requirements
-        ),
-        metrics=_changes(one, other, np.random.default_rng(seed) if independent else None),
-    )
+    _check_paired(first, second)
+    designs = experiment_design
+    independent = designs.has_independent_runs(first.file) and designs.has_independent_runs(second.file)
+    runs = [RunMetrics(each.run_ids, each.completed, each.metrics) for each in (first, second)]
+    with busy("comparing runs", quiet=not progress):
+        compared = compare_paired_runs(runs[0], runs[1], _requirements(first, second), independent)
+    changed = changed_keys(first.info["scenario"], second.info["scenario"])
+    return CampaignComparison(first.directory, second.directory, changed, independent, compared)
 
 
-def mcnemar_p(only_first: int, only_second: int) -> float:
-    """Exact two-sided p-value of a split of the pairs in which only one of two has an event (McNemar, 1947)."""
-    pairs = only_first + only_second
-    return float(binomtest(only_first, pairs).pvalue) if pairs else 1.0
+def changed_keys(first: Any, second: Any, path: str = "") -> tuple[KeyChange, ...]:
+    """Keys of two scenarios, as nested tables, whose values differ."""
+    if isinstance(first, dict) and isinstance(second, dict):
+        keys = [*first, *(key for key in second if key not in first)]
+        return tuple(
+            each
+            for key in keys
+            for each in changed_keys(first.get(key), second.get(key), f"{path}.{key}" if path else str(key))
+        )
+    return () if first == second else (KeyChange(path, first, second),)
 
 
-def count_paired_events(event: str, first: np.ndarray, second: np.ndarray, independent: bool) -> PairedEvents:
-    """Counts an event that pairs of runs have, or have not, in `first` (n,) and `second` (n,)."""
-    only_first, only_second = int((first & ~second).sum()), int((~first & second).sum())
-    return PairedEvents(
-        event=event,
-        both=int((first & second).sum()),
-        only_first=only_first,
-        only_second=only_second,
-        neither=int((~first & ~second).sum()),
-        p_value=mcnemar_p(only_first, only_second) if independent else None,
-    )
+def _check_paired(first: Campaign, second: Campaign) -> None:
+    """Refuses campaigns whose runs of one id are not the same case."""
+    found, expected = second.info["seed"], first.info["seed"]
+    if found != expected:
+        raise ResultError(f"{second.directory}: found seed {found}, expected {expected}, that of {first.directory}")
+    _, in_first, in_second = np.intersect1d(first.run_ids, second.run_ids, return_indices=True)
+    drawn = first.drawn, second.drawn
+    for key in drawn[0].keys() & drawn[1].keys():
+        values = drawn[0][key][in_first], drawn[1][key][in_second]
+        if values[0].shape != values[1].shape or not np.array_equal(*values, equal_nan=True):
+            raise ResultError(
+                f"{second.directory}: found other values drawn for {key!r}, expected those of {first.directory}, "
+                "so that runs of one number can be compared"
+            )
 
 
-def _rows(runs: RunMetrics, rows: np.ndarray) -> RunMetrics:
-    metrics = {name: values[rows] for name, values in runs.metrics.items()}
-    return RunMetrics(runs.run_ids[rows], runs.completed[rows], metrics)
-
-
-def _name(requirement: RequirementSection) -> str:
-    return f"{requirement.metric} {requirement.bound} {requirement.limit:g}"
-
-
-def _violating(requirement: RequirementSection, runs: RunMetrics) -> np.ndarray:
-    if requirement.metric not in runs.metrics:
-        raise ResultError(f"metrics: found no {requirement.metric!r} in a campaign, expected it for a requirement")
-    return violates(requirement, runs.metrics[requirement.metric], ~runs.completed)
-
-
-def _changes(one: RunMetrics, other: RunMetrics, rng: np.random.Generator | None) -> tuple[MedianChange, ...]:
-    """Compares medians; without a generator no interval is made. Metrics that the same pairs have share their draws."""
-    names = [name for name in one.metrics if name in other.metrics]
-    both = {name: np.isfinite(one.metrics[name]) & np.isfinite(other.metrics[name]) for name in names}
-    groups: dict[bytes, list[str]] = {}
-    for name in names:
-        groups.setdefault(both[name].tobytes(), []).append(name)
-    found: dict[str, MedianChange] = {}
-    for group in groups.values():
-        pairs = both[group[0]]
-        columns = np.array([[runs.metrics[name][pairs] for name in group] for runs in (one, other)], dtype=np.float64)
-        samples = np.zeros((*columns.shape[:2], 0))
-        if rng is not None and pairs.sum() >= _FEWEST_PAIRS:
-            samples = resampled_medians(columns.reshape(-1, columns.shape[2]), rng).reshape(*columns.shape[:2], -1)
-        found |= {name: _change(name, columns[:, i], samples[:, i]) for i, name in enumerate(group)}
-    return tuple(found[name] for name in names)
-
-
-def _change(name: str, values: np.ndarray, samples: np.ndarray) -> MedianChange:
-    """Medians of `values` (2, n), with intervals from resampled ones (2, r)."""
-    pairs = values.shape[1]
-    if pairs == 0:
-        return MedianChange(name, 0, np.nan, np.nan, *(IntervalEstimate(None, None, None),) * 2)
-    first, second = map(float, np.median(values, axis=1))
-    ratio = None if first == 0.0 else second / first
-    # Where the median may be zero, the ratio has no interval.
-    ratios = samples[1] / samples[0] if ratio is not None and (samples[0] != 0.0).all() else np.zeros(0)
-    return MedianChange(
-        metric=name,
-        pairs=pairs,
-        first=first,
-        second=second,
-        difference=_estimate(second - first, samples[1] - samples[0]),
-        ratio=_estimate(ratio, ratios),
-    )
-
-
-def _estimate(value: float | None, samples: np.ndarray) -> IntervalEstimate:
-    """Percentile intervals: the jackknife of a median, which BCa needs, does not converge."""
-    if len(samples) == 0:
-        return IntervalEstimate(value, None, None)
-    ends = [np.quantile(samples, [0.5 - 0.5 * level, 0.5 + 0.5 * level]) for level in _LEVELS]
-    low_high = [(float(low), float(high)) for low, high in ends]
-    return IntervalEstimate(value, *low_high)
-
-
-def resampled_medians(columns: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Medians (k, 999) of `columns` (k, n) over runs drawn anew with replacement, the same for all (Efron, 1979)."""
-    count = columns.shape[1]
-    # The rank of a resampled median strays from the middle by half a root of n, 1 sigma: only ranks near it matter.
-    reach = math.ceil(5.0 * math.sqrt(count))
-    window = slice(max(0, count // 2 - reach), count // 2 + reach)
-    order = np.argsort(columns, axis=1)
-    values = np.take_along_axis(columns, order[:, window], axis=1)
-    before = np.zeros(columns.shape, dtype=np.float32)
-    np.put_along_axis(before, order[:, : window.start], np.float32(1.0), axis=1)
-    medians: list[np.ndarray] = []
-    for start in range(0, _RESAMPLES, _CHUNK):
-        times = _times_drawn(min(_CHUNK, _RESAMPLES - start), count, rng)
-        lower = times @ before.T
-        near = [lower[:, i, None] + np.cumsum(times[:, order[i, window]], axis=1) for i in range(len(columns))]
-        medians.append(np.stack([_median(row, ranks, count) for row, ranks in zip(values, near, strict=True)]))
-    return np.concatenate(medians, axis=1)
-
-
-def _times_drawn(rows: int, count: int, rng: np.random.Generator) -> np.ndarray:
-    """How often each of `count` runs is drawn, in each of some resamples (rows, count)."""
-    drawn = rng.integers(count, size=(rows, count)) + count * np.arange(rows)[:, None]
-    return np.bincount(drawn.ravel(), minlength=rows * count).reshape(rows, count).astype(np.float32)
-
-
-def _median(values: np.ndarray, up_to: np.ndarray, count: int) -> np.ndarray:
-    """Medians (r,) of `count` draws from `values` (w,) in order, `up_to` (r, w) of the draws being at most each."""
-    low, high = (np.argmax(up_to > rank, axis=1) for rank in ((count - 1) // 2, count // 2))
-    return 0.5 * (values[low] + values[high])
+def _requirements(first: Campaign, second: Campaign) -> list[RequirementSection]:
+    """Requirements of either campaign, each once."""
+    listed = [*first.file.requirements, *second.file.requirements]
+    return [each for index, each in enumerate(listed) if each not in listed[:index]]

@@ -1,23 +1,27 @@
-"""Judges requirements from independent runs: verified at a stated consumer's risk, refuted at the same, or neither.
+"""Verdicts on requirements from independent runs, by one-sided tolerance intervals: verified, refuted or undecided.
 
-The consumer's risk is the probability of accepting a design that meets the requirement in just less than the share of
-runs that it asks for (Hanson and Beard, NASA/TP-2010-216447).
+The consumer's risk is the probability of accepting a design that meets the requirement in just less than the demanded
+fraction of runs (Hanson and Beard, NASA/TP-2010-216447).
 """
 
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from scipy.stats import beta
 
-from rpojax.analysis.statistics.order_statistics import allowed_failures, consumer_risk_reached, runs_for_bound
+from rpojax.analysis.statistics.intervals.binomial_intervals import success_bounds
+from rpojax.analysis.statistics.intervals.order_statistics import (
+    allowed_failures,
+    consumer_risk_reached,
+    runs_for_bound,
+)
 from rpojax.scenario.schema import RequirementSection
 
-_MOST_IDS = 20
+_MAX_IDS = 20
 
 
 class Verdict(StrEnum):
-    """What runs say of a requirement."""
+    """Verdict on a requirement."""
 
     VERIFIED = "verified"
     NOT_VERIFIED = "not verified"
@@ -28,16 +32,16 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True)
 class RequirementEvaluation:
-    """A requirement and what the runs of a campaign say of it.
+    """A requirement evaluated on the runs of a campaign.
 
-    Where runs are not independent, or some are missing, what rests on independence is None: runs that did not come to
-    their end may well be the bad ones. Values are in the metric's unit.
+    Where runs are not independent, or some are missing, what rests on independence is None: missing runs may well be
+    the bad ones. Values are in the metric's unit.
 
     Attributes:
-        requirement: that was judged
-        verdict: of the runs
+        requirement: that was evaluated
+        verdict: on it
         more_runs: fewest further runs, none of them in violation, that would verify; None with another verdict
-        runs: that were judged
+        runs: that were evaluated
         violations: runs beyond the limit, failed, or without the metric
         allowed: most violations with which so many runs verify; None if too few
         rank: of the run that must keep the limit, 1 is the best; None if too few runs
@@ -45,7 +49,7 @@ class RequirementEvaluation:
         margin: from that value to the limit, positive inside; None without it
         without_value: runs that failed or have not the metric
         worst: worst value of the others; None without any
-        success: share of runs without violation; None without runs
+        success_fraction: fraction of runs without violation; None without runs
         success_interval: exact bounds of the probability of success, each of them wrong with the consumer's risk
         risk_reached: smallest consumer's risk at which the runs would verify
         violating_ids: numbers of at most 20 violating runs, those without a value first, then the worst
@@ -69,13 +73,13 @@ class RequirementEvaluation:
 
     @property
     def text(self) -> str:
-        """The verdict in words, with the number of runs that it lacks."""
+        """The verdict in words, with the number of missing runs."""
         return self.verdict if self.more_runs is None else f"needs {self.more_runs} more runs"
 
 
 def violates(requirement: RequirementSection, values: np.ndarray, failed: np.ndarray) -> np.ndarray:
-    """Runs (n,) that violate a requirement: beyond the limit by the metric's `values` (n,), without any, or failed."""
-    return _badness(requirement, values, failed) > _sign(requirement) * requirement.limit
+    """Flags (n,) of runs that violate a requirement: metric `values` (n,) beyond the limit or undefined, or failed."""
+    return _severity(requirement, values, failed) > _sign(requirement) * requirement.limit
 
 
 def evaluate_requirement(
@@ -86,20 +90,20 @@ def evaluate_requirement(
     independent: bool,
     missing: int = 0,
 ) -> RequirementEvaluation:
-    """Judges a requirement by the metric's `values` (n,), which runs `failed` (n,), and their `run_ids` (n,).
+    """Evaluates a requirement by the metric's `values` (n,), which runs `failed` (n,), and their `run_ids` (n,).
 
-    With runs still `missing` of those that were asked for there is no verdict.
+    While `missing` requested runs are not done there is no verdict.
     """
-    badness = _badness(requirement, values, failed)
-    violating = badness > _sign(requirement) * requirement.limit
+    severity = _severity(requirement, values, failed)
+    violating = severity > _sign(requirement) * requirement.limit
     count, runs = int(violating.sum()), len(values)
-    told = independent and not missing
-    allowed = allowed_failures(runs, requirement.probability, requirement.consumer_risk) if told else None
+    conclusive = independent and not missing
+    allowed = allowed_failures(runs, requirement.probability, requirement.consumer_risk) if conclusive else None
     rank = None if allowed is None else runs - allowed
-    at_rank = None if rank is None else _value(requirement, np.sort(badness)[rank - 1])
+    at_rank = None if rank is None else _value(requirement, np.sort(severity)[rank - 1])
     verdict, interval = Verdict.UNFINISHED if independent else Verdict.NOT_INDEPENDENT, None
-    if told:
-        interval = success_interval(count, runs, requirement.consumer_risk)
+    if conclusive:
+        interval = success_bounds(count, runs, requirement.consumer_risk)
         verdict = _verdict(requirement, count, allowed, interval[1])
     return RequirementEvaluation(
         requirement=requirement,
@@ -111,23 +115,13 @@ def evaluate_requirement(
         rank=rank,
         order_statistic=at_rank,
         margin=None if at_rank is None else _sign(requirement) * (requirement.limit - at_rank),
-        without_value=int(np.sum(np.isinf(badness))),
-        worst=_value(requirement, np.max(badness[np.isfinite(badness)], initial=-np.inf)),
+        without_value=int(np.sum(np.isinf(severity))),
+        worst=_value(requirement, np.max(severity[np.isfinite(severity)], initial=-np.inf)),
         success_fraction=1.0 - count / runs if runs else None,
         success_interval=interval,
-        risk_reached=consumer_risk_reached(count, runs, requirement.probability) if told else None,
-        violating_ids=_worst_first(badness, violating, run_ids),
+        risk_reached=consumer_risk_reached(count, runs, requirement.probability) if conclusive else None,
+        violating_ids=_worst_first(severity, violating, run_ids),
     )
-
-
-def success_interval(violations: int, runs: int, risk: float) -> tuple[float, float]:
-    """Exact bounds of the probability of success, each one-sided with that `risk` (Clopper and Pearson, 1934).
-
-    The lower one reaches a requirement's probability just where its runs verify it.
-    """
-    low = 0.0 if violations == runs else float(beta.ppf(risk, runs - violations, violations + 1))
-    high = 1.0 if violations == 0 else float(beta.ppf(1.0 - risk, runs - violations + 1, violations))
-    return low, high
 
 
 def _verdict(requirement: RequirementSection, count: int, allowed: int | None, highest: float) -> Verdict:
@@ -145,15 +139,15 @@ def _sign(requirement: RequirementSection) -> float:
     return 1.0 if requirement.bound == "at most" else -1.0
 
 
-def _badness(requirement: RequirementSection, values: np.ndarray, failed: np.ndarray) -> np.ndarray:
-    """Values turned so that more is worse; infinite for runs that failed or have none."""
+def _severity(requirement: RequirementSection, values: np.ndarray, failed: np.ndarray) -> np.ndarray:
+    """Values with the sign by which more is worse; infinite for runs that failed or have none."""
     return np.where(failed | ~np.isfinite(values), np.inf, _sign(requirement) * values)
 
 
-def _value(requirement: RequirementSection, badness: float) -> float | None:
-    return _sign(requirement) * float(badness) if np.isfinite(badness) else None
+def _value(requirement: RequirementSection, severity: float) -> float | None:
+    return _sign(requirement) * float(severity) if np.isfinite(severity) else None
 
 
-def _worst_first(badness: np.ndarray, violating: np.ndarray, run_ids: np.ndarray) -> tuple[int, ...]:
-    order = np.lexsort((run_ids, -badness))
-    return tuple(run_ids[order[violating[order]]][:_MOST_IDS].tolist())
+def _worst_first(severity: np.ndarray, violating: np.ndarray, run_ids: np.ndarray) -> tuple[int, ...]:
+    order = np.lexsort((run_ids, -severity))
+    return tuple(run_ids[order[violating[order]]][:_MAX_IDS].tolist())

@@ -1,4 +1,4 @@
-"""Statements about quantiles of a population of independent runs that assume no distribution.
+"""Distribution-free bounds and tolerance intervals of quantiles, from order statistics of independent runs.
 
 Sources: Wilks, Annals of Mathematical Statistics 12, 1941; Hanson and Beard, NASA/TP-2010-216447.
 """
@@ -12,19 +12,14 @@ from scipy.stats import binom
 def runs_for_bound(quantile: float, confidence: float, rank: int = 1) -> int:
     """Fewest runs of which the `rank`-th largest is above the quantile with the given confidence (Wilks, one-sided).
 
-    It is the least n with P(Bin(n, quantile) <= n - rank) >= confidence: with so many runs a requirement on the
-    quantile is verified although `rank - 1` of them violate it.
+    The least n with P(Bin(n, quantile) <= n - rank) >= confidence: with so many runs a requirement on the quantile is
+    verified although `rank - 1` of them violate it.
     """
-    return _least(lambda n: bool(binom.cdf(n - rank, n, quantile) >= confidence), rank)
+    return _smallest_integer(lambda n: bool(binom.cdf(n - rank, n, quantile) >= confidence), rank)
 
 
-def runs_for_tolerance_interval(share: float, confidence: float) -> int:
-    """Fewest runs whose smallest and largest enclose a `share` of the population with the given confidence (Wilks)."""
-    return _least(lambda n: bool(binom.cdf(n - 2, n, share) >= confidence), 2)
-
-
-def _least(enough: Callable[[int], bool], low: int) -> int:
-    """Least whole number, at least `low`, for which a condition holds that holds for all greater ones too."""
+def _smallest_integer(enough: Callable[[int], bool], low: int) -> int:
+    """Smallest integer, at least `low`, for which a condition holds that holds for all greater ones too (bisection)."""
     high = low
     while not enough(high):
         low, high = high + 1, 2 * high
@@ -37,8 +32,8 @@ def _least(enough: Callable[[int], bool], low: int) -> int:
 def allowed_failures(runs: int, probability: float, consumer_risk: float) -> int | None:
     """Most violations in `runs` runs that still verify success in at least `probability`; None if not even zero does.
 
-    It is the largest k with P(Bin(runs, 1 - probability) <= k) <= consumer_risk (Hanson and Beard); with the runs in
-    order from the best to the worst, the one of rank `runs - k` is then the one to compare with the limit.
+    The largest k with P(Bin(runs, 1 - probability) <= k) <= consumer_risk (Hanson and Beard). With the runs in order
+    from the best to the worst, the one of rank `runs - k` is to be compared with the limit.
     """
     count = int(binom.ppf(consumer_risk, runs, 1.0 - probability))
     # The least count that reaches the risk; unless it meets it exactly, it is one too many.
@@ -78,11 +73,6 @@ def quantile_interval_ranks(runs: int, quantile: float, confidence: float = 0.95
     tail = (1.0 - confidence) / 2.0
     low = int(binom.ppf(tail, runs, quantile))
     return (low if low >= 1 else None), upper_bound_rank(runs, quantile, 1.0 - tail)
-
-
-def rank_coverage(runs: int, quantile: float, low: int, high: int) -> float:
-    """Probability that the quantile lies between the order statistics of ranks `low` and `high`."""
-    return float(binom.cdf(high - 1, runs, quantile) - binom.cdf(low - 1, runs, quantile))
 
 
 def percentiles_over_runs(values: np.ndarray, percents: tuple[float, ...]) -> np.ndarray:

@@ -1,15 +1,10 @@
-"""What chance alone does: the convention for 95 % and the correction for many tests at once."""
-
-from typing import Final
+"""Correction of p-values for many tests at once."""
 
 import numpy as np
 
-Z_95: Final = 1.96
-"""Half-width of the 95 % interval of a standard normal number, as tables and textbooks round it."""
-
 
 def holm_correction(p_values: np.ndarray) -> np.ndarray:
-    """P-values (n,) of n tests, corrected so that the chance of any false alarm among them is at most the level.
+    """P-values (n,) of n tests, corrected so that the probability of any false alarm is at most the level.
 
     Source: Holm, Scandinavian Journal of Statistics 6, 1979.
     """

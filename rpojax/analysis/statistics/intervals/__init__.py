@@ -1,0 +1,1 @@
+"""Confidence intervals and bounds of probabilities, quantiles, means and standard deviations."""
