@@ -1,1 +1,1 @@
-"""First-order reliability (the most likely violation of a limit) and sensitivity from derivatives."""
+"""First-order reliability: the most likely violation of a limit, searched with derivatives of runs."""

@@ -1,29 +1,31 @@
-"""Points that were tried against a limit: what they came to, and what they cost."""
+"""Log of the limit-state evaluations of a search: margins, gradients, their cost, and the nearest violation."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-_FEWEST_SLOPES = 3
+from rpojax.analysis.statistics.shrunk_mean import shrunk_mean
+
+_MIN_GRADIENTS = 3
 
 
 @runtime_checkable
 class LimitState(Protocol):
-    """A margin that depends on normal numbers, and on a lane: another draw of everything else that is random."""
+    """Limit-state function: a margin of standard normal numbers z, and of a replicate of all other randomness."""
 
     @property
     def gradient_cost(self) -> float:
-        """What a margin with its gradient costs, in margins; known once there has been one."""
+        """Cost of a margin with its gradient, in margins; known once there has been one."""
         ...
 
     @property
     def batch_size(self) -> int:
-        """Points that are worked out together, and cost as much if they are fewer."""
+        """Points that are evaluated together, and cost as much if they are fewer."""
         ...
 
     def margins(self, points: np.ndarray, replicates: np.ndarray) -> np.ndarray:
-        """Margins (n,) of points (n, k) on lanes (n,): positive inside the limit, minus infinity for lost runs."""
+        """Margins (n,) of points (n, k) in replicates (n,): positive inside the limit, minus infinity for failures."""
         ...
 
     def gradients(self, points: np.ndarray, replicates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -33,13 +35,13 @@ class LimitState(Protocol):
 
 @dataclass(frozen=True)
 class SearchSettings:
-    """How much is tried.
+    """Effort of a search.
 
     Attributes:
         starts: searches at a time
-        screened: random points, of which the best ones are the starts
-        budget: what all may cost, in margins
-        reach: largest distance from the origin that is tried
+        screening_points: random points, of which the best ones are the starts
+        budget: greatest total cost, in margins
+        max_distance: largest distance from the origin of a point [sigmas]
     """
 
     starts: int = 4
@@ -50,13 +52,13 @@ class SearchSettings:
 
 @dataclass(frozen=True)
 class EvaluatedPoint:
-    """A point that was tried.
+    """A point whose margin was evaluated.
 
     Attributes:
-        lane: that it was tried on
-        numbers: (k,)
+        replicate: in which it was evaluated
+        z: (k,) standard normal numbers
         margin: there
-        spent: cost up to it, in margins
+        cost: total cost up to it, in margins
     """
 
     replicate: int
@@ -66,23 +68,23 @@ class EvaluatedPoint:
 
     @property
     def distance(self) -> float:
-        """From the origin."""
+        """Distance from the origin [sigmas]."""
         return float(np.linalg.norm(self.z))
 
 
 @dataclass(frozen=True)
 class SearchResult:
-    """What a search came to.
+    """Result of a search.
 
     Attributes:
-        nearest: of the points beyond the limit; None without any
-        first: point beyond the limit that was met; None without any
-        closest: point with the least margin
-        alignment: cosine of the angle from the nearest point to its own steepest descent, 1 at a design point; None
+        nearest_violation: point beyond the limit nearest to the origin; None without any
+        first_violation: point beyond the limit that was met first; None without any
+        smallest_margin: point with the least margin
+        alignment: cosine of the angle between the nearest violation and its steepest descent, 1 at a design point; None
             without a derivative there
-        spent: cost of all, in margins
-        margins: that were worked out alone
-        gradients: that were worked out
+        cost: total, in margins
+        margin_evaluations: margins that were evaluated alone
+        gradient_evaluations: gradients that were evaluated
     """
 
     nearest_violation: EvaluatedPoint | None
@@ -95,103 +97,99 @@ class SearchResult:
 
 
 class BudgetExceededError(Exception):
-    """The next step would cost more than there is."""
+    """The next evaluation would exceed the budget."""
 
 
 class EvaluationLog:
-    """Everything that was tried, and what it cost."""
+    """Evaluates a limit state, and keeps what was found and what it cost.
 
-    def __init__(self, limit: LimitState, effort: SearchSettings) -> None:
-        self.settings = effort
+    Attributes:
+        settings: effort of the search
+        nearest_violation: so far
+        regression_gradient: (k,) of the linear regression through all points; None before it is known
+    """
+
+    def __init__(self, limit_state: LimitState, settings: SearchSettings) -> None:
+        self.settings = settings
         self.nearest_violation: EvaluatedPoint | None = None
         self.regression_gradient: np.ndarray | None = None
-        self._limit = limit
-        self._first: EvaluatedPoint | None = None
-        self._closest: EvaluatedPoint | None = None
-        self._slope: np.ndarray | None = None
-        self._slopes: list[np.ndarray] = []
-        self._spent = 0.0
-        self._margins = 0
-        self._gradients = 0
+        self._limit_state = limit_state
+        self._first_violation: EvaluatedPoint | None = None
+        self._smallest_margin: EvaluatedPoint | None = None
+        self._gradient_at_nearest: np.ndarray | None = None
+        self._gradients: list[np.ndarray] = []
+        self._cost = 0.0
+        self._margin_evaluations = 0
+        self._gradient_evaluations = 0
 
-    def margins(self, points: np.ndarray, lanes: np.ndarray) -> np.ndarray:
-        """Margins of points, entered and paid for."""
-        self._pay(len(points), 1.0)
-        found = self._limit.margins(points, lanes)
-        self._margins += len(points)
-        for point, lane, margin in zip(points, lanes, found, strict=True):
-            self._enter(EvaluatedPoint(int(lane), point, float(margin), self._spent))
+    def margins(self, points: np.ndarray, replicates: np.ndarray) -> np.ndarray:
+        """Margins (n,) of points (n, k), recorded and charged."""
+        self._charge(len(points), 1.0)
+        found = self._limit_state.margins(points, replicates)
+        self._margin_evaluations += len(points)
+        for point, replicate, margin in zip(points, replicates, found, strict=True):
+            self._record(EvaluatedPoint(int(replicate), point, float(margin), self._cost))
         return found
 
-    def gradients(self, points: np.ndarray, lanes: np.ndarray) -> np.ndarray:
-        """Gradients of points whose margins are entered already, paid for."""
-        self._pay(len(points), self._limit.gradient_cost)
-        _, found = self._limit.gradients(points, lanes)
-        self._gradients += len(points)
-        self._slopes += [gradient for gradient in found if np.isfinite(gradient).all()]
-        for point, lane, gradient in zip(points, lanes, found, strict=True):
-            if (
-                self.nearest_violation is not None
-                and lane == self.nearest_violation.replicate
-                and np.array_equal(point, self.nearest_violation.z)
-            ):
-                self._slope = gradient
+    def gradients(self, points: np.ndarray, replicates: np.ndarray) -> np.ndarray:
+        """Gradients (n, k) at points (n, k) whose margins are recorded already, charged."""
+        self._charge(len(points), self._limit_state.gradient_cost)
+        _, found = self._limit_state.gradients(points, replicates)
+        self._gradient_evaluations += len(points)
+        self._gradients += [gradient for gradient in found if np.isfinite(gradient).all()]
+        nearest = self.nearest_violation
+        for point, replicate, gradient in zip(points, replicates, found, strict=True):
+            if nearest is not None and replicate == nearest.replicate and np.array_equal(point, nearest.z):
+                self._gradient_at_nearest = gradient
         return found
 
     def mean_gradient(self) -> np.ndarray | None:
-        """Mean (k,) of all gradients so far, each component drawn in to 0 as far as its scatter explains it; None for
-        fewer than three.
+        """Shrunk mean (k,) of all gradients so far; None for fewer than three.
 
-        A flight depends on some numbers roughly, such as on the attitude of a tumbling target: there the gradients of
-        different points point anywhere, and only where they agree does a long step keep what the gradient promises.
+        A run depends roughly on some numbers, such as on the attitude of a tumbling target: there the gradients at
+        different points have no common direction, and a long step only succeeds along components in which they agree.
         """
-        if len(self._slopes) < _FEWEST_SLOPES:
+        if len(self._gradients) < _MIN_GRADIENTS:
             return None
-        return shrunk_mean(np.stack(self._slopes))
+        return shrunk_mean(np.stack(self._gradients))
 
     def evaluate_gradient_at_nearest(self) -> None:
-        """Works out the derivative at the nearest point, if it is not known."""
-        if self.nearest_violation is not None and self._slope is None and self.nearest_violation.distance > 0.0:
-            self.gradients(self.nearest_violation.z[None], np.array([self.nearest_violation.replicate]))
-
-    def _alignment(self) -> float | None:
-        if self.nearest_violation is None or self._slope is None:
-            return None
-        size = float(np.linalg.norm(self._slope)) * self.nearest_violation.distance
-        return float(-self._slope @ self.nearest_violation.z / size) if np.isfinite(size) and size > 0.0 else None
+        """Evaluates the gradient at the nearest violation, if it is not known."""
+        nearest = self.nearest_violation
+        if nearest is not None and self._gradient_at_nearest is None and nearest.distance > 0.0:
+            self.gradients(nearest.z[None], np.array([nearest.replicate]))
 
     def result(self) -> SearchResult:
-        """All in all."""
-        assert self._closest is not None
+        """Result of all evaluations so far."""
+        assert self._smallest_margin is not None
         return SearchResult(
             nearest_violation=self.nearest_violation,
-            first_violation=self._first,
-            smallest_margin=self._closest,
+            first_violation=self._first_violation,
+            smallest_margin=self._smallest_margin,
             alignment=self._alignment(),
-            cost=self._spent,
-            margin_evaluations=self._margins,
-            gradient_evaluations=self._gradients,
+            cost=self._cost,
+            margin_evaluations=self._margin_evaluations,
+            gradient_evaluations=self._gradient_evaluations,
         )
 
-    def _pay(self, points: int, cost: float) -> None:
-        batch = self._limit.batch_size
-        price = -(-points // batch) * batch * cost
-        if self._closest is not None and self._spent + price > self.settings.budget:
+    def _alignment(self) -> float | None:
+        if self.nearest_violation is None or self._gradient_at_nearest is None:
+            return None
+        size = float(np.linalg.norm(self._gradient_at_nearest)) * self.nearest_violation.distance
+        aligned = np.isfinite(size) and size > 0.0
+        return float(-self._gradient_at_nearest @ self.nearest_violation.z / size) if aligned else None
+
+    def _charge(self, points: int, cost: float) -> None:
+        batch_size = self._limit_state.batch_size
+        price = -(-points // batch_size) * batch_size * cost
+        if self._smallest_margin is not None and self._cost + price > self.settings.budget:
             raise BudgetExceededError
-        self._spent += price
+        self._cost += price
 
-    def _enter(self, point: EvaluatedPoint) -> None:
-        if self._closest is None or point.margin < self._closest.margin:
-            self._closest = point
+    def _record(self, point: EvaluatedPoint) -> None:
+        if self._smallest_margin is None or point.margin < self._smallest_margin.margin:
+            self._smallest_margin = point
         if point.margin <= 0.0:
-            self._first = self._first or point
+            self._first_violation = self._first_violation or point
             if self.nearest_violation is None or point.distance < self.nearest_violation.distance:
-                self.nearest_violation, self._slope = point, None
-
-
-def shrunk_mean(gradients: np.ndarray) -> np.ndarray:
-    """Mean (k,) over the rows of `slopes` (n, k), times the share of its square that its standard error does not
-    explain."""
-    mean, error = gradients.mean(axis=0), gradients.std(axis=0, ddof=1) / np.sqrt(len(gradients))
-    square = mean**2
-    return mean * square / np.maximum(square + error**2, 1e-300)
+                self.nearest_violation, self._gradient_at_nearest = point, None

@@ -1,4 +1,4 @@
-"""A limit of a metric that has a derivative, as the words of a command line name it."""
+"""Limit of a metric that has a derivative: its margins, and its selection from a requirement or from options."""
 
 import math
 from dataclasses import dataclass
@@ -9,10 +9,10 @@ import numpy as np
 from rpojax.errors import RpojaxError
 from rpojax.scenario.metric_catalogue import UNITS
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation import running_metrics
+from rpojax.simulation.metrics.running_metric_definitions import RUNNING_METRICS
 
 _ROUNDING = 1e-5
-"""Share of the limit by which it must be broken: records are in single precision."""
+"""Fraction of the limit by which it must be exceeded: stored metrics are in single precision."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ class MetricLimit:
     limit: float
 
     def margins(self, values: np.ndarray) -> np.ndarray:
-        """From values to where the limit is broken by more than rounding; positive inside."""
+        """Margins from values to where the limit is exceeded by more than rounding; positive inside."""
         room = self.limit - values if self.bound == "at most" else values - self.limit
         return room + _ROUNDING * abs(self.limit)
 
@@ -47,7 +47,7 @@ class MetricLimit:
 def select_limit(
     file: ScenarioFile, requirement: str | None, metric: str | None, limit: float | None, bound: str
 ) -> MetricLimit:
-    """The bound that the words of a command line name: a requirement of the scenario, or a metric with its limit.
+    """Limit of a requirement of the scenario, or of a metric with its own limit.
 
     Raises:
         RpojaxError: naming the option.
@@ -58,13 +58,7 @@ def select_limit(
     if requirement is not None:
         if limit is not None:
             raise RpojaxError(f"--limit: found {limit}, expected it with --metric only")
-        known = [each.metric for each in file.requirements]
-        chosen = [each for each in file.requirements if each.metric == requirement]
-        if not chosen:
-            expected = ", ".join(known) or "a scenario that has requirements"
-            raise RpojaxError(f"--requirement: found {requirement!r}, expected one of the scenario's: {expected}")
-        check_metric("--requirement", requirement)
-        return MetricLimit(requirement, chosen[0].bound, chosen[0].limit)
+        return _limit_of_requirement(file, requirement)
     assert metric is not None
     check_metric("--metric", metric)
     if limit is None or not math.isfinite(limit):
@@ -74,13 +68,23 @@ def select_limit(
     return MetricLimit(metric, "at most" if bound == "at most" else "at least", limit)
 
 
+def _limit_of_requirement(file: ScenarioFile, requirement: str) -> MetricLimit:
+    known = [each.metric for each in file.requirements]
+    chosen = [each for each in file.requirements if each.metric == requirement]
+    if not chosen:
+        expected = ", ".join(known) or "a scenario that has requirements"
+        raise RpojaxError(f"--requirement: found {requirement!r}, expected one of the scenario's: {expected}")
+    check_metric("--requirement", requirement)
+    return MetricLimit(requirement, chosen[0].bound, chosen[0].limit)
+
+
 def check_metric(option: str, name: str) -> None:
     """Refuses metrics that have no derivative.
 
     Raises:
         RpojaxError: naming the option.
     """
-    known = [each for each in UNITS if each in running_metrics.RUNNING_METRICS]
+    known = [each for each in UNITS if each in RUNNING_METRICS]
     if name not in known:
         what = "a metric with a derivative" if name in UNITS else "a metric"
         raise RpojaxError(f"{option}: found {name!r}, expected {what}: {', '.join(known)}")

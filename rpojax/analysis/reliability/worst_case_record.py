@@ -1,73 +1,157 @@
-"""What worst_case.json says of the most likely violation."""
+"""Record of a worst case: the most likely violation of a limit, and the files that hold it."""
 
 import math
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtr
 
-from rpojax.analysis.reliability.worst_case import WorstCase
+from rpojax.analysis.reliability.evaluation_log import EvaluatedPoint, SearchResult
+from rpojax.analysis.reliability.metric_limit import MetricLimit
+from rpojax.analysis.reliability.simulated_limit_state import EvaluationCosts
+from rpojax.campaign.storage.json_types import to_json_types
+from rpojax.campaign.storage.output_files import write_atomically, write_json
+from rpojax.dispersions import standard_normal_space
+from rpojax.dispersions.standard_normal_space import StandardNormalSpace
+from rpojax.errors import OutputError
 from rpojax.scenario import dispersion_keys
 from rpojax.scenario.metric_catalogue import UNITS
+from rpojax.scenario.parameter_keys import nominal_value, parse_key
+from rpojax.scenario.schema import ScenarioFile
+
+SCENARIO_NAME, RECORD_NAME = "worst_case.toml", "worst_case.json"
 
 
-def worst_case_json(worst: WorstCase, simulated_value: float) -> dict[str, Any]:
-    """What worst_case.json says; `flown` is the metric of the flight that checks it, not a number for a failed run."""
-    found, bound, shown = worst.search, worst.limit, worst.reported_point
-    broken = not math.isfinite(simulated_value) or bound.is_violated(simulated_value)
-    return {
-        "scenario": worst.space.file.name,
-        "metric": bound.metric,
-        "unit": UNITS[bound.metric],
-        "bound": bound.bound,
-        "limit": bound.limit,
-        "seed": worst.seed,
-        "run_id": shown.replicate,
-        "found": found.nearest_violation is not None,
-        "distance_sigmas": shown.distance,
-        "probability_first_order": worst.probability,
-        "alignment": found.alignment,
-        "value": bound.value_at_margin(shown.margin),
-        "value_flown": simulated_value,
-        "confirmed": found.nearest_violation is not None and broken,
-        "dispersions": dispersion_entries(worst),
-        "held": list(worst.space.unmapped),
-        "cost": _cost(worst),
-    }
+@dataclass(frozen=True)
+class WorstCase:
+    """The most likely violation of a limit that was found, or the closest approach to it.
 
+    Attributes:
+        limit: of the metric
+        space: standard normal variables of the scenario
+        seed: of the campaign
+        search: its result, in those variables
+        costs: of runs and gradients
+        compile_s: compilation [s]
+        values: of the dispersed keys at the reported point, in the user's units
+        simulated_value: metric of the confirming run, not a number where it failed; None before it is simulated
+    """
 
-def dispersion_entries(worst: WorstCase) -> list[dict[str, Any]]:
-    """Moved dispersions with their values and sigmas, the farthest from their median first."""
-    space, numbers = worst.space, worst.reported_point.z
-    entries = []
-    for entry in space.mapped:
-        name = dispersion_keys.dispersion_name(entry)
-        rows = space.slices[name]
-        keys = list(dict.fromkeys(place.key for place in dispersion_keys.assigned_keys(entry)))
-        entries.append(
-            {
-                "name": name,
-                "kind": entry.kind,
-                "distance_sigmas": float(np.linalg.norm(numbers[rows])),
-                "sigmas": dict(zip(space.labels[rows], numbers[rows].tolist(), strict=True)),
-                "values": {key: worst.values[key].tolist() for key in keys},
-                "nominal": {
-                    key: dispersion_keys.nominal_value(space.file, dispersion_keys.parse_key(key)) for key in keys
-                },
-            }
+    limit: MetricLimit
+    space: StandardNormalSpace
+    seed: int
+    search: SearchResult
+    costs: EvaluationCosts
+    compile_s: float
+    values: dict[str, Any]
+    simulated_value: float | None = None
+
+    @property
+    def reported_point(self) -> EvaluatedPoint:
+        """The nearest violation, or the point with the smallest margin where there is none."""
+        return self.search.nearest_violation or self.search.smallest_margin
+
+    @property
+    def probability(self) -> float | None:
+        """First-order probability of a violation in runs with this run's noise; None without a violation."""
+        return None if self.search.nearest_violation is None else float(ndtr(-self.search.nearest_violation.distance))
+
+    @property
+    def pinned_scenario(self) -> ScenarioFile:
+        """The scenario with the dispersions of the reported point as choices of one value."""
+        return standard_normal_space.with_fixed_values(self.space, self.values)
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether a violation was found and the confirming run violates the limit, too."""
+        if self.search.nearest_violation is None or self.simulated_value is None:
+            return False
+        return not math.isfinite(self.simulated_value) or self.limit.is_violated(self.simulated_value)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Content of worst_case.json, in the types of JSON."""
+        search, limit, point = self.search, self.limit, self.reported_point
+        content = {
+            "scenario": self.space.file.name,
+            "metric": limit.metric,
+            "unit": UNITS[limit.metric],
+            "bound": limit.bound,
+            "limit": limit.limit,
+            "seed": self.seed,
+            "run_id": point.replicate,
+            "found": search.nearest_violation is not None,
+            "distance_sigmas": point.distance,
+            "probability_first_order": self.probability,
+            "alignment": search.alignment,
+            "value": limit.value_at_margin(point.margin),
+            "value_flown": self.simulated_value,
+            "confirmed": self.confirmed,
+            "dispersions": self._dispersions(),
+            "held": list(self.space.unmapped),
+            "cost": self._cost(),
+        }
+        return to_json_types(content)
+
+    def write(self, directory: Path | str, force: bool = False) -> None:
+        """Writes worst_case.toml, a scenario to simulate, and worst_case.json into a folder.
+
+        Raises:
+            OutputError: a file exists and is not to be replaced by `force`, or cannot be written.
+        """
+        directory = Path(directory)
+        for name in (SCENARIO_NAME, RECORD_NAME):
+            if (directory / name).exists() and not force:
+                raise OutputError(f"{directory / name}: exists already; force=True replaces it")
+        write_atomically(directory / SCENARIO_NAME, self._scenario_text().encode())
+        write_json(directory / RECORD_NAME, self.to_dict())
+
+    def _scenario_text(self) -> str:
+        """The pinned scenario as TOML, with the command that simulates it."""
+        import tomli_w
+
+        limit, point = self.limit, self.reported_point
+        what = "breaks" if self.search.nearest_violation is not None else "comes closest to breaking"
+        head = (
+            f"# Run {point.replicate} of seed {self.seed} {what} {limit.metric} {limit.bound} "
+            f"{limit.limit:g} {UNITS[limit.metric]}, {point.distance:.2f} sigmas from the median run.\n"
+            f"# rpojax run {SCENARIO_NAME} --seed {self.seed} --run-id {point.replicate} --out DIR\n\n"
         )
-    return sorted(entries, key=lambda each: -each["distance_sigmas"])
+        return head + tomli_w.dumps(self.pinned_scenario.model_dump(mode="json"))
 
+    def _dispersions(self) -> list[dict[str, Any]]:
+        """Mapped dispersions with their values and sigmas, the farthest from their median first."""
+        space, z = self.space, self.reported_point.z
+        entries = []
+        for entry in space.mapped:
+            name = dispersion_keys.dispersion_name(entry)
+            rows = space.slices[name]
+            keys = list(dict.fromkeys(parameter.key for parameter in dispersion_keys.assigned_keys(entry)))
+            entries.append(
+                {
+                    "name": name,
+                    "kind": entry.kind,
+                    "distance_sigmas": float(np.linalg.norm(z[rows])),
+                    "sigmas": dict(zip(space.labels[rows], z[rows].tolist(), strict=True)),
+                    "values": {key: self.values[key].tolist() for key in keys},
+                    "nominal": {key: nominal_value(space.file, parse_key(key)) for key in keys},
+                }
+            )
+        return sorted(entries, key=lambda each: -each["distance_sigmas"])
 
-def _cost(worst: WorstCase) -> dict[str, Any]:
-    found, costs = worst.search, worst.costs
-    return {
-        "run_equivalents": found.cost,
-        "run_equivalents_to_first_violation": None if found.first_violation is None else found.first_violation.cost,
-        "flights": found.margin_evaluations,
-        "gradients": found.gradient_evaluations,
-        "batch": costs.batch_size,
-        "flight_s": costs.run_s,
-        "gradient_s": costs.gradient_s,
-        "gradient_flights": costs.gradient_run_equivalents,
-        "compile_s": worst.compile_s,
-    }
+    def _cost(self) -> dict[str, Any]:
+        search, costs = self.search, self.costs
+        return {
+            "run_equivalents": search.cost,
+            "run_equivalents_to_first_violation": (
+                None if search.first_violation is None else search.first_violation.cost
+            ),
+            "flights": search.margin_evaluations,
+            "gradients": search.gradient_evaluations,
+            "batch": costs.batch_size,
+            "flight_s": costs.run_s,
+            "gradient_s": costs.gradient_s,
+            "gradient_flights": costs.gradient_run_equivalents,
+            "compile_s": self.compile_s,
+        }

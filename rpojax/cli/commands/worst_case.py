@@ -1,7 +1,7 @@
 """The command `rpojax worst-case`: the most likely combination of dispersions that breaks a requirement."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from tyro.conf import arg
 
@@ -11,10 +11,6 @@ from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim_folder
 from rpojax.errors import OutputError
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
-from rpojax.runtime.progress import busy
-
-if TYPE_CHECKING:
-    from rpojax.analysis.reliability.worst_case import WorstCase
 
 _SCENARIO, _RECORD, _FLIGHT = "worst_case.toml", "worst_case.json", "flight"
 
@@ -30,36 +26,35 @@ def worst_case(
     limit: Annotated[float | None, arg(metavar="X", help="Limit of --metric, in its unit.")] = None,
     bound: Annotated[str, arg(metavar="SIDE", help="'at most' or 'at least'.")] = "at most",
     starts: Annotated[int, arg(metavar="N", help="Searches at a time, each with the noise of another run.")] = 4,
-    budget: Annotated[float, arg(metavar="N", help="What the search may cost, in flights.")] = 400.0,
+    budget: Annotated[float, arg(metavar="N", help="Greatest cost of the search, in runs.")] = 400.0,
     seed: Seed = 0,
     overrides: Overrides = (),
     force: Annotated[bool, arg(help="Replace the files if they are there.")] = False,
     as_json: AsJson = False,
     no_cache: NoCache = False,
 ) -> int:
-    """The most likely combination of dispersions that breaks a requirement, as a scenario to fly."""
+    """The most likely combination of dispersions that breaks a requirement, as a scenario to simulate."""
     file = load(scenario, overrides)
     _claim(out, force)
     prepare_jax(cache=not no_cache)
     set_loop_fusion_flag(rendered=file.camera.model == "rendered")
-    from rpojax.analysis.reliability import metric_limit, worst_case_record
     from rpojax.analysis.reliability import worst_case as analysis
-    from rpojax.analysis.reliability.evaluation_log import SearchSettings
-    from rpojax.campaign.storage.json_types import to_json_types
-    from rpojax.campaign.storage.output_files import write_atomically, write_json
-    from rpojax.dispersions import standard_normal_space
 
-    chosen = metric_limit.select_limit(file, requirement, metric, limit, bound)
-    space = standard_normal_space.make_space(file)
-    effort = SearchSettings(starts=starts, screening_points=max(16, starts), budget=budget)
-    analysis.check_settings(effort)
-    with busy("compiling flights and their gradient (minutes; seconds the next time), then searching", quiet=as_json):
-        worst = analysis.search_worst_case(space, chosen, effort, seed)
-    with busy("flying what was found", quiet=as_json):
-        flown = analysis.simulate_worst_case(worst, out / _FLIGHT, force)
-    content = to_json_types(worst_case_record.worst_case_json(worst, flown))
-    write_atomically(out / _SCENARIO, _scenario_text(worst, content).encode())
-    write_json(out / _RECORD, content)
+    found = analysis.worst_case(
+        file,
+        requirement=requirement,
+        metric=metric,
+        limit=limit,
+        bound=bound,
+        starts=starts,
+        budget=budget,
+        seed=seed,
+        run_directory=out / _FLIGHT,
+        force=force,
+        progress=not as_json,
+    )
+    found.write(out, force)
+    content = found.to_dict()
     if as_json:
         print_json({"directory": str(out), **content})
     else:
@@ -75,24 +70,11 @@ def _claim(out: Path, force: bool) -> None:
             raise OutputError(f"{out / name}: exists already; --force replaces it")
 
 
-def _scenario_text(worst: "WorstCase", content: dict[str, Any]) -> str:
-    """The scenario with the point's values, and how to fly it, as TOML."""
-    import tomli_w
-
-    what = "breaks" if content["found"] else "comes closest to breaking"
-    head = (
-        f"# Run {content['run_id']} of seed {content['seed']} {what} {content['metric']} {content['bound']} "
-        f"{content['limit']:g} {content['unit']}, {content['distance_sigmas']:.2f} sigmas from the median run.\n"
-        f"# rpojax run {_SCENARIO} --seed {content['seed']} --run-id {content['run_id']} --out DIR\n\n"
-    )
-    return head + tomli_w.dumps(worst.pinned_scenario.model_dump(mode="json"))
-
-
 def _show(content: dict[str, Any], out: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from rpojax.report.labels import format_number
+    from rpojax.report.number_format import format_number
 
     console = Console(highlight=False)
     rule = f"{content['metric']} {content['bound']} {content['limit']:g} {content['unit']}"
@@ -113,16 +95,16 @@ def _show(content: dict[str, Any], out: Path) -> None:
     console.print(table)
     cost = content["cost"]
     console.print(
-        f"cost: {cost['run_equivalents']:g} run-equivalents ({cost['flights']} flights, {cost['gradients']} gradients "
+        f"cost: {cost['run_equivalents']:g} run-equivalents ({cost['flights']} runs, {cost['gradients']} gradients "
         f"at {cost['gradient_flights']}: {cost['gradient_s']:.3g} s against {cost['flight_s']:.3g} s a run in batches "
         f"of {cost['batch']}), compilation {cost['compile_s']:.0f} s",
         soft_wrap=True,
     )
-    flown = f"flown: {format_number(content['value_flown'])} {content['unit']}, "
-    flown += f"the search had {format_number(content['value'])}"
+    simulated = f"simulated: {format_number(content['value_flown'])} {content['unit']}, "
+    simulated += f"the search had {format_number(content['value'])}"
     if content["found"]:
-        flown += "; confirmed" if content["confirmed"] else "; NOT confirmed: the flight keeps the limit"
-    console.print(flown, soft_wrap=True)
+        simulated += "; confirmed" if content["confirmed"] else "; NOT confirmed: the run keeps the limit"
+    console.print(simulated, soft_wrap=True)
     console.print(f"{out / _SCENARIO}, {out / _RECORD}, {out / _FLIGHT}", soft_wrap=True, markup=False)
 
 

@@ -176,10 +176,3 @@ def test_what_gradients_agree_on_leads_through_ripples(seed: int, monkeypatch: p
     monkeypatch.setattr(evaluation_log.EvaluationLog, "mean_gradient", lambda book: None)
     alone = form_search.find_design_point(ripples(), COUNT, effort, seed)
     assert alone.nearest_violation is None or found.nearest_violation.distance < alone.nearest_violation.distance
-
-
-def test_a_mean_is_drawn_in_by_what_its_scatter_explains() -> None:
-    slopes = np.array([[1.0, 3.0, -2.0], [1.0, -3.0, -2.0], [1.0, 3.0, -2.2], [1.0, -3.0, -1.8]])
-    np.testing.assert_allclose(evaluation_log.shrunk_mean(slopes), [1.0, 0.0, -2.0], rtol=0.01)
-    half = np.array([[0.0], [2.0]])
-    np.testing.assert_allclose(evaluation_log.shrunk_mean(half), [0.5])
