@@ -1,4 +1,4 @@
-"""How soon a search by derivatives meets a violation that one run in a thousand has; prints one table per metric.
+"""Cost of the worst-case search for a violation that one run in a thousand has; prints one table per metric.
 
 The limit of each metric is the value that one run in a thousand of a sampled campaign is beyond. Every search has
 another seed: other runs, other noise, other random starts.
@@ -20,7 +20,8 @@ from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
 from rpojax.analysis.reliability import worst_case
 from rpojax.analysis.reliability.evaluation_log import SearchSettings
 from rpojax.analysis.reliability.metric_limit import MetricLimit
-from rpojax.analysis.reliability.worst_case import EvaluationCosts, WorstCase
+from rpojax.analysis.reliability.simulated_limit_state import EvaluationCosts, make_evaluator, measure_costs
+from rpojax.analysis.reliability.worst_case_record import WorstCase
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.dispersions import standard_normal_space
 from rpojax.dispersions.standard_normal_space import StandardNormalSpace
@@ -39,27 +40,27 @@ def main() -> None:
     parser.add_argument("--starts", type=int, default=4)
     parser.add_argument("--screened", type=int, default=16)
     parser.add_argument("--budget", type=float, default=250.0)
-    parser.add_argument("--no-flight", action="store_true", help="do not fly what is found")
+    parser.add_argument("--no-flight", action="store_true", help="do not simulate the worst cases")
     given = parser.parse_args()
     file = rpojax.load("inspection", SETTINGS)
     sampled = campaign(given.out / "campaign")
     space = standard_normal_space.make_space(file)
-    flights = worst_case.make_evaluator(space, given.metric or METRICS, given.starts)
-    costs = worst_case.measure_costs(flights)
+    evaluator = make_evaluator(space, given.metric or METRICS, given.starts)
+    costs = measure_costs(evaluator)
     print(
-        f"gradient {costs.gradient_s:.3f} s, flight {costs.run_s:.3f} s a run in batches of {costs.batch_size}: "
+        f"gradient {costs.gradient_s:.3f} s, run {costs.run_s:.3f} s in batches of {costs.batch_size}: "
         f"{costs.gradient_s / costs.run_s:.1f}, counted as {costs.gradient_run_equivalents}; compiled in "
-        f"{flights.compile_s:.0f} s",
+        f"{evaluator.compile_s:.0f} s",
         flush=True,
     )
-    effort = SearchSettings(starts=given.starts, screening_points=given.screened, budget=given.budget)
+    settings = SearchSettings(starts=given.starts, screening_points=given.screened, budget=given.budget)
     for metric in given.metric or METRICS:
-        bound = bound_of(sampled, metric)
-        rate = np.mean([bound.is_violated(value) for value in sampled.metrics[metric]])
+        limit = rare_limit(sampled, metric)
+        rate = np.mean([limit.is_violated(value) for value in sampled.metrics[metric]])
         print(
-            f"\n`{metric}` {bound.bound} {bound.limit:.4g} {UNITS[metric]}, {1000 * rate:.2f} of 1000 runs break it\n"
+            f"\n`{metric}` {limit.bound} {limit.limit:.4g} {UNITS[metric]}, {1000 * rate:.2f} of 1000 runs break it\n"
         )
-        table(given.out / metric, given.seeds, space, bound, effort, flights, costs, sampled, not given.no_flight)
+        table(given.out / metric, given.seeds, space, limit, settings, evaluator, costs, sampled, not given.no_flight)
 
 
 def campaign(folder: Path) -> Campaign:
@@ -70,7 +71,7 @@ def campaign(folder: Path) -> Campaign:
     return Campaign(folder)
 
 
-def bound_of(sampled: Campaign, metric: str) -> MetricLimit:
+def rare_limit(sampled: Campaign, metric: str) -> MetricLimit:
     """The limit that one sampled run in a thousand is beyond, half-way to the next run."""
     values = np.sort(sampled.metrics[metric])
     beyond = round(RATE * len(values))
@@ -83,49 +84,51 @@ def table(
     folder: Path,
     seeds: int,
     space: StandardNormalSpace,
-    bound: MetricLimit,
-    effort: SearchSettings,
-    flights: RolloutEvaluator,
+    limit: MetricLimit,
+    settings: SearchSettings,
+    evaluator: RolloutEvaluator,
     costs: EvaluationCosts,
     sampled: Campaign,
     check: bool,
 ) -> None:
     """One row for each seed, and the means."""
-    print("| seed | to the first violation | its distance | in all | nearest | alignment | flown | random sampling |")
+    print(
+        "| seed | to the first violation | its distance | in all | nearest | alignment | simulated | random sampling |"
+    )
     print("|---|---|---|---|---|---|---|---|")
     first, random = [], []
     for seed in range(seeds):
-        worst = worst_case.search_worst_case(space, bound, effort, seed, flights, costs)
-        flown = flown_text(worst, folder / str(seed)) if check else "-"
-        random.append(to_first(sampled, bound, seed * len(sampled.run_ids) // seeds))
+        worst = worst_case.search_worst_case(space, limit, settings, seed, evaluator, costs)
+        confirmed = confirmation(worst, folder / str(seed)) if check else "-"
+        random.append(to_first(sampled, limit, seed * len(sampled.run_ids) // seeds))
         found = worst.search
         if found.first_violation is None or found.nearest_violation is None:
             closest = found.smallest_margin
             missed = f"{worst.limit.value_at_margin(closest.margin):.4g} at {closest.distance:.2f}"
-            print(f"| {seed} | none | | {found.cost:.0f} | {missed} | | {flown} | {random[-1]} |", flush=True)
+            print(f"| {seed} | none | | {found.cost:.0f} | {missed} | | {confirmed} | {random[-1]} |", flush=True)
             continue
         first.append(found.first_violation.cost)
         alignment = "-" if found.alignment is None else f"{found.alignment:.2f}"
         print(
             f"| {seed} | {found.first_violation.cost:.0f} | {found.first_violation.distance:.2f} | {found.cost:.0f} | "
-            f"{found.nearest_violation.distance:.2f} | {alignment} | {flown} | {random[-1]} |",
+            f"{found.nearest_violation.distance:.2f} | {alignment} | {confirmed} | {random[-1]} |",
             flush=True,
         )
     mean = f"{np.mean(first):.0f}" if first else "-"
     print(f"| mean of {len(first)} | **{mean}** | | | | | | {np.mean(random):.0f} |", flush=True)
 
 
-def flown_text(worst: WorstCase, folder: Path) -> str:
-    """The metric that `rpojax run` has at the point, and whether it breaks the limit."""
-    flown = worst_case.simulate_worst_case(worst, folder, force=True)
-    broken = not np.isfinite(flown) or worst.limit.is_violated(flown)
-    return f"{flown:.4g}, {'broken' if broken else 'kept'}"
+def confirmation(worst: WorstCase, folder: Path) -> str:
+    """Metric of the worst case as `rpojax run` simulates it, and whether it violates the limit."""
+    value = worst_case.simulate_worst_case(worst, folder, force=True)
+    broken = not np.isfinite(value) or worst.limit.is_violated(value)
+    return f"{value:.4g}, {'broken' if broken else 'kept'}"
 
 
-def to_first(sampled: Campaign, bound: MetricLimit, start: int) -> int:
-    """Sampled runs from one of them on until one is beyond the bound."""
-    values = np.roll(sampled.metrics[bound.metric], -start)
-    return int(np.argmax([bound.is_violated(value) for value in values])) + 1
+def to_first(sampled: Campaign, limit: MetricLimit, start: int) -> int:
+    """Sampled runs from one of them on until one is beyond the limit."""
+    values = np.roll(sampled.metrics[limit.metric], -start)
+    return int(np.argmax([limit.is_violated(value) for value in values])) + 1
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Which dispersions make the spread, by derivatives of 16 runs and by thousands of sampled ones; prints tables.
+"""Sensitivities by derivatives of 16 runs, and by thousands of sampled ones; prints tables.
 
 python experiments/worst_case/sensitivities.py --out out/worst [--runs 15]
 
@@ -16,12 +16,12 @@ os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path.home() / ".cache" / 
 import numpy as np
 
 import rpojax
-from rpojax.analysis.reliability import derivative_sensitivity as sensitivity
-from rpojax.analysis.reliability import worst_case
-from rpojax.analysis.reliability.derivative_sensitivity import MetricSensitivity, RankingAgreement
+from rpojax.analysis.gradients import derivative_sensitivity
+from rpojax.analysis.gradients.derivative_sensitivity import MetricSensitivity, RankingAgreement
+from rpojax.analysis.reliability.simulated_limit_state import make_evaluator
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.dispersions import standard_normal_space
-from rpojax.scenario import dispersion_keys
+from rpojax.scenario.parameter_keys import component_columns
 
 METRICS = ("nav_relative_position_error_rms_m", "formation_error_rms_m", "min_range_m", "delta_v_m_s")
 SETTINGS = ["duration_s=2000.0"]
@@ -35,17 +35,15 @@ def main() -> None:
     given = parser.parse_args()
     sampled = Campaign(given.out / "campaign")
     space = standard_normal_space.make_space(rpojax.load("inspection", SETTINGS))
-    flights = worst_case.make_evaluator(space, METRICS, BATCH)
+    evaluator = make_evaluator(space, METRICS, BATCH)
     begin = time.process_time()
-    found = sensitivity.derivative_sensitivities(space, METRICS, given.runs, 0, flights)
-    print(f"processor time {time.process_time() - begin:.0f} s with compilation, which took {flights.compile_s:.0f} s")
-    columns = {
-        name: column
-        for name, column in dispersion_keys.component_columns(sampled.drawn).items()
-        if np.isfinite(column).all()
-    }
+    found = derivative_sensitivity.derivative_sensitivities(space, METRICS, given.runs, 0, evaluator)
+    print(
+        f"processor time {time.process_time() - begin:.0f} s with compilation, which took {evaluator.compile_s:.0f} s"
+    )
+    columns = {name: column for name, column in component_columns(sampled.drawn).items() if np.isfinite(column).all()}
     for one in found:
-        beside = sensitivity.compare_with_sampling(one, space, columns, sampled.metrics[one.metric])
+        beside = derivative_sensitivity.compare_with_sampling(one, space, columns, sampled.metrics[one.metric])
         assert beside is not None
         show(one, beside)
 
@@ -54,8 +52,9 @@ def show(one: MetricSensitivity, beside: RankingAgreement) -> None:
     """Table of one metric."""
     print(
         f"\n`{one.metric}`: {one.sigma:.3g} {one.unit} by derivatives of {len(one.values)} runs, standard deviation of "
-        f"{beside.runs} sampled ones {beside.std:.3g} {one.unit}; {len(beside.both)} of {sensitivity.LEADING} leading "
-        f"inputs agree, rank correlation of both orders {beside.rank_correlation:.2f}\n"
+        f"{beside.runs} sampled ones {beside.std:.3g} {one.unit}; {len(beside.both)} of "
+        f"{derivative_sensitivity.LEADING} leading inputs agree, rank correlation of both orders "
+        f"{beside.rank_correlation:.2f}\n"
     )
     print(f"| input | trend [{one.unit}] | sigma | of the median run | most of one run | by sampling | place there |")
     print("|---|---|---|---|---|---|---|")

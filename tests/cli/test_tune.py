@@ -1,4 +1,4 @@
-"""`rpojax tune`: what it writes and says, with a made-up walk, and what it refuses in one line."""
+"""`rpojax tune`: what it writes and prints, with a synthetic descent, and what it refuses in one line."""
 
 import json
 from pathlib import Path
@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 import rpojax
-from rpojax.analysis.gradients import gradient_descent, tuning_validation
-from rpojax.analysis.gradients.gradient_descent import TuningResult, TuningSettings, TuningStep
-from rpojax.analysis.statistics.campaign_comparison import RunMetrics
+from rpojax.analysis.gradients.tuning import gradient_descent, tuning_validation
+from rpojax.analysis.gradients.tuning.descent_state import TuningStep
+from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult
+from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings, scenario_at_horizon
+from rpojax.analysis.statistics.paired_comparison import RunMetrics
 from rpojax.cli import main
 from rpojax.scenario.metric_catalogue import UNITS
 from rpojax.scenario.schema import ScenarioFile
@@ -24,11 +26,11 @@ def call(*words: object) -> int:
 
 
 @pytest.fixture
-def nothing_flies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+def nothing_simulated(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """An empty folder to work in; a tuning doubles one number, and that halves all metrics."""
 
-    def tune(file: ScenarioFile, settings: TuningSettings, *_: Any) -> TuningResult:
-        gradient_descent.scenario_at_horizon(file, settings)
+    def descend(file: ScenarioFile, settings: TuningSettings, *_: Any) -> TuningResult:
+        scenario_at_horizon(file, settings)
         steps = tuple(TuningStep(objective, {}, 1.0, 0, 0, 2.0) for objective in (3.0, 1.0))
         return TuningResult(np.zeros(1), {"navigation.edge_noise_px": 2.0}, steps, "reverse", 9.0, 1000)
 
@@ -37,27 +39,27 @@ def nothing_flies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
         base = RNG.lognormal(0.0, 0.1, runs) / file.navigation.edge_noise_px
         return RunMetrics(np.arange(runs), np.ones(runs, dtype=bool), dict.fromkeys(UNITS, base))
 
-    monkeypatch.setattr(gradient_descent, "descend", tune)
+    monkeypatch.setattr(gradient_descent, "descend", descend)
     monkeypatch.setattr(tuning_validation, "simulate_runs", simulate_runs)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
-def test_a_tuning_writes_a_scenario_and_its_story(nothing_flies: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_tuning_writes_a_scenario_and_its_record(nothing_simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert call("inspection", "--seed", 7, "--judge", 50, "--out", "new/tuned.toml", "--json") == 0
-    told = json.loads(capsys.readouterr().out)
-    assert sorted(path.name for path in (nothing_flies / "new").iterdir()) == ["tuned.json", "tuned.toml"]
-    assert json.loads((nothing_flies / "new" / "tuned.json").read_text()) == told
-    assert told["changes"] == {"navigation.edge_noise_px": {"from": 1.0, "to": 2.0}}
-    assert (told["tuning_s"], told["compile_s"]) == (4.0, 9.0)
-    change = told["judged"]["means"]["formation_error_rms_m"]
+    content = json.loads(capsys.readouterr().out)
+    assert sorted(path.name for path in (nothing_simulated / "new").iterdir()) == ["tuned.json", "tuned.toml"]
+    assert json.loads((nothing_simulated / "new" / "tuned.json").read_text()) == content
+    assert content["changes"] == {"navigation.edge_noise_px": {"from": 1.0, "to": 2.0}}
+    assert (content["tuning_s"], content["compile_s"]) == (4.0, 9.0)
+    change = content["judged"]["means"]["formation_error_rms_m"]
     assert change["ratio_95"][0] <= change["ratio"] <= change["ratio_95"][1]
     assert change["ratio"] == pytest.approx(0.5, abs=0.1)
     made = rpojax.load("new/tuned.toml")
     assert made == rpojax.load("inspection", ["navigation.edge_noise_px=2.0"])
 
 
-def test_a_tuning_says_what_it_changed(nothing_flies: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_tuning_prints_what_it_changed(nothing_simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert call("inspection", "--seed", 7, "--judge", 50, "--out", "tuned.toml") == 0
     text = capsys.readouterr().out
     assert "navigation.edge_noise_px: 1.0 -> 2.0" in text
@@ -109,7 +111,7 @@ def test_an_objective_without_weights_is_refused(
     assert "tuning: found 'no weight above zero'" in capsys.readouterr().err
 
 
-def test_nothing_that_is_there_is_lost(nothing_flies: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_existing_files_are_kept(nothing_simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
     Path("tuned.toml").write_text("mine")
     assert call("inspection", "--out", "tuned.toml") == 2
     assert Path("tuned.toml").read_text() == "mine"

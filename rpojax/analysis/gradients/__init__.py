@@ -1,1 +1,1 @@
-"""Derivatives of runs, and tuning of flight software by gradient."""
+"""Derivatives of runs: gradients and sensitivities of metrics, and tuning of flight software by gradient."""

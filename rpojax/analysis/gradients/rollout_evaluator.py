@@ -1,7 +1,7 @@
-"""Runs of the closed loop as a function of a few numbers: figures of merit, and their derivatives in both modes.
+"""Batched rollouts of the closed loop as a function of a few inputs: metrics, and their derivatives in both modes.
 
-What the numbers mean is the caller's: gains to be tuned, or the coordinates from which dispersions are made. Runs are
-independent, so a derivative is one per run, and those of runs that were lost can be told apart.
+The caller chooses the inputs: gains to be tuned, or the standard normal variables of the dispersions. Runs are
+independent, so there is one derivative per run, and those of failed runs can be left out.
 """
 
 import time
@@ -16,45 +16,49 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import Array
 
+from rpojax.analysis.gradients.checkpointed_scan import checkpoint_interval, checkpointed_scan
 from rpojax.campaign import single_run
-from rpojax.campaign.execution.batch_engine import batch_transform, state_axes
+from rpojax.campaign.execution.tick_batching import batch_transform, state_axes
 from rpojax.dispersions import dispersed_values
 from rpojax.dispersions.dispersed_values import Values
 from rpojax.flight.computer import Stages
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation import closed_loop, running_metrics
-from rpojax.simulation.closed_loop import State
-from rpojax.simulation.running_metrics import RunningSums
+from rpojax.simulation import initial_state
+from rpojax.simulation.metrics import running_metrics
+from rpojax.simulation.metrics.running_metrics import RunningSums
+from rpojax.simulation.noise import run_key
+from rpojax.simulation.state import State
+from rpojax.simulation.step import step
 
 InputFunction = Callable[[Array, Array], Values]
-"""Values in the user's units by scenario key, from the numbers (k,) and the random key of a run."""
+"""Map from the inputs (k,) and the random key of a run to values by scenario key, in the user's units."""
 RunStatus = tuple[Array, Array]
-"""Of runs: failed or not, and the fingerprint of their events."""
+"""Of runs (runs,): failed or not, and the hash of their events."""
 CotangentFunction = Callable[[Array, Array, Array], Array]
-"""Weights (runs, figures) from the figures of all runs of a batch, the weights given, and (runs,) 1 for runs that count
-and 0 for those that fill up the batch."""
+"""Cotangents (runs, metrics) from the metrics of all runs of a batch, weights of the same shape, and a mask (runs,): 1
+for runs that count, 0 for padding."""
 ProgramKind = Literal["values", "forward", "reverse"]
 
 RUNS_PER_DEVICE = 64
-"""Runs at a time on each device: more are no faster."""
+"""Runs at a time on each device; more are no faster."""
 CHECKPOINT_MEMORY_BYTES = 2_000_000_000
-"""What the states kept for the reverse mode may take on each device before they are worked out twice instead [B]."""
+"""Memory for the kept states of the reverse mode on each device; beyond it states are computed twice [B]."""
 _RUN_AXIS = "runs"
 FORWARD_MODE_MAX_INPUTS = 4
-"""Numbers up to which the forward mode is the faster one (measured; see experiments/tuning)."""
+"""Inputs up to which the forward mode is the faster one (measured; see experiments/tuning)."""
 
 
 @dataclass(frozen=True)
 class RolloutResult:
-    """Figures of runs and what they depend on.
+    """Metrics of runs and their derivatives.
 
     Attributes:
-        figures: (runs, figures)
-        jacobian: (runs, figures, k) from the forward mode, else None
-        gradient: (runs, k) of the weighted sum of figures, from the reverse mode, else None
-        failed: (runs,) bool, the run ended before its time
-        events: (runs,) the same number for the same boxes taken and refused and the same modes, at all ticks
+        metrics: (runs, metrics)
+        jacobian: (runs, metrics, k) from the forward mode, else None
+        gradient: (runs, k) of the weighted sum of metrics, from the reverse mode, else None
+        failed: (runs,) bool, the run ended early
+        events: (runs,) hash of the accepted and rejected boxes and of the guidance modes at all ticks
     """
 
     metrics: np.ndarray
@@ -65,20 +69,22 @@ class RolloutResult:
 
 
 def constant_weights(metrics: Array, weights: Array, mask: Array) -> Array:
-    """The slope of a sum of figures with the weights that are given."""
+    """Cotangents of a weighted sum of metrics: the weights themselves."""
     del metrics
     return weights * mask[:, None]
 
 
 class RolloutEvaluator:
-    """Runs of a scenario as a function of numbers, compiled once for each kind of derivative that is asked for.
+    """Metrics of runs of a scenario as a function of inputs, compiled once for each kind of derivative.
 
     Attributes:
         file: the scenario
-        names: of the figures, from `running_metrics.RUNNING_METRICS`
-        count: of the numbers
-        compile_s: time that compilation has taken so far [s]
-        memory_bytes: that the largest program takes beside its arguments, on all devices together
+        metric_names: from `running_metric_definitions.RUNNING_METRICS`
+        input_count: number of inputs, k
+        runs_per_device: runs that a device simulates at once
+        checkpoint_ticks: ticks from one kept state to the next in reverse mode
+        compile_s: compilation so far [s]
+        program_memory_bytes: temporary memory of the largest program, on all devices together [B]
     """
 
     def __init__(
@@ -111,31 +117,31 @@ class RolloutEvaluator:
         return self.runs_per_device * self._mesh.size
 
     def evaluate(self, inputs: np.ndarray, keys: np.ndarray) -> RolloutResult:
-        """Figures alone, for numbers (runs, k) and random keys (runs, 2) of runs."""
+        """Metrics alone, for inputs (runs, k) and random keys (runs, 2)."""
         return self._run_batches("values", inputs, keys)
 
     def jacobian(self, inputs: np.ndarray, keys: np.ndarray) -> RolloutResult:
-        """Figures and their Jacobian in forward mode: takes about 0.75 of a flight for each number."""
+        """Metrics and their Jacobian in forward mode: costs about 0.75 of a run for each input."""
         return self._run_batches("forward", inputs, keys)
 
     def gradient(self, inputs: np.ndarray, keys: np.ndarray, weights: np.ndarray | None = None) -> RolloutResult:
-        """Figures, and the gradient of their weighted sum in reverse mode: about seven flights.
+        """Metrics, and the gradient of their weighted sum in reverse mode: costs about seven runs.
 
-        `weights` (runs, figures) are needed unless the flights have a slope of their own, which then is that of each
-        batch of runs.
+        `weights` (runs, metrics) are needed unless the evaluator has a cotangent function of its own, which is then
+        applied to each batch of runs.
         """
         chosen = np.zeros((len(inputs), len(self.metric_names))) if weights is None else weights
         return self._run_batches("reverse", inputs, keys, chosen)
 
     def _run_batches(self, kind: ProgramKind, *arrays: np.ndarray) -> RolloutResult:
-        """Runs in batches, each spread over all devices; the last one is filled up with its last run."""
+        """Runs in batches, each sharded over all devices; the last one is padded with its last run."""
         program = self._compiled(kind)
         runs = len(arrays[0])
         parts = []
         for first in range(0, runs, self.batch_size):
             rows = np.minimum(np.arange(first, first + self.batch_size), runs - 1)
             mask = (rows == np.arange(first, first + self.batch_size)).astype(np.float64)
-            # One batch at a time: two programs that span the same devices may wait for each other for ever.
+            # One batch at a time: two programs on the same devices may deadlock.
             parts.append(jax.tree.map(np.asarray, program(self._nominal, mask, *(array[rows] for array in arrays))))
         metrics, failed, events, *derivative = (np.concatenate(column)[:runs] for column in zip(*parts, strict=True))
         return RolloutResult(
@@ -156,8 +162,10 @@ class RolloutEvaluator:
             }[kind]
             shapes = [(), (self.input_count,), (2,), (len(self.metric_names),)][: 4 if kind == "reverse" else 3]
             types = [np.float64, np.float64, np.uint32, np.float64]
-            forms = zip(shapes, types, strict=False)
-            arguments = [jax.ShapeDtypeStruct((self.batch_size, *shape), dtype) for shape, dtype in forms]
+            arguments = [
+                jax.ShapeDtypeStruct((self.batch_size, *shape), dtype)
+                for shape, dtype in zip(shapes, types, strict=False)
+            ]
             sharded = jax.shard_map(
                 function,
                 mesh=self._mesh,
@@ -179,23 +187,23 @@ class RolloutEvaluator:
     def _simulate_metrics(
         self, nominal: Params, inputs: Array, keys: Array, checkpoint_ticks: int = 0
     ) -> tuple[Array, RunStatus]:
-        """Figures (runs, figures), failures and events of runs; `chunk` 0 keeps nothing for a reverse mode."""
+        """Metrics (runs, metrics), failures and events of runs; without `checkpoint_ticks` there is no reverse mode."""
         axes = state_axes(-1)
         values = jax.vmap(self._input_function)(inputs, keys)
 
         def begin(values: Values, key: Array) -> State:
-            return closed_loop.init(self.scenario, dispersed_values.apply_to_params(nominal, values), key)
+            return initial_state.init(self.scenario, dispersed_values.apply_to_params(nominal, values), key)
 
-        def one(values: Values, state: State, sums: RunningSums) -> tuple[State, RunningSums]:
+        def tick(values: Values, state: State, sums: RunningSums) -> tuple[State, RunningSums]:
             params = dispersed_values.apply_to_params(nominal, values)
-            after, seen = closed_loop.tick(self._stages, self.scenario, params, state)
-            return after, running_metrics.add_tick(self.metric_names, self.scenario, params, seen, sums)
+            after, telemetry = step(self.scenario, params, state, self._stages)
+            return after, running_metrics.add_tick(self.metric_names, self.scenario, params, telemetry, sums)
 
-        batched_tick = batch_transform(self.scenario)(one, in_axes=(-1, axes, -1), out_axes=(axes, -1))
+        batched_tick = batch_transform(self.scenario)(tick, in_axes=(-1, axes, -1), out_axes=(axes, -1))
         state = jax.vmap(begin, out_axes=axes)(values, keys)
         sums = jax.vmap(lambda _: running_metrics.initial_sums(self.metric_names), out_axes=-1)(keys)
         batched_values = {name: jnp.moveaxis(value, 0, -1) for name, value in values.items()}
-        state, sums = _checkpointed_scan(
+        state, sums = checkpointed_scan(
             lambda carry: batched_tick(batched_values, *carry), (state, sums), self.scenario.ticks, checkpoint_ticks
         )
         metrics = jax.vmap(partial(running_metrics.final_values, self.metric_names), in_axes=-1)(sums)
@@ -204,10 +212,10 @@ class RolloutEvaluator:
     def _traced_jacobian(self, nominal: Params, _: Array, inputs: Array, keys: Array) -> tuple[Array, ...]:
         def along(direction: Array) -> tuple[Array, ...]:
             tangent = jnp.broadcast_to(direction, inputs.shape)
-            figures, change, seen = jax.jvp(
+            metrics, change, status = jax.jvp(
                 lambda x: self._simulate_metrics(nominal, x, keys), (inputs,), (tangent,), has_aux=True
             )
-            return figures, *seen, change
+            return metrics, *status, change
 
         directions = jnp.eye(self.input_count, dtype=inputs.dtype)
         return jax.vmap(along, out_axes=(None, None, None, 2))(directions)
@@ -220,45 +228,19 @@ class RolloutEvaluator:
             inputs,
             has_aux=True,
         )
-        every = (jax.lax.all_gather(array, _RUN_AXIS, tiled=True) for array in (metrics, weights, mask))
-        own = jax.lax.axis_index(_RUN_AXIS) * self.runs_per_device
-        cotangents = jax.lax.dynamic_slice_in_dim(self._cotangent(*every), own, self.runs_per_device)
+        gathered = (jax.lax.all_gather(array, _RUN_AXIS, tiled=True) for array in (metrics, weights, mask))
+        first = jax.lax.axis_index(_RUN_AXIS) * self.runs_per_device
+        cotangents = jax.lax.dynamic_slice_in_dim(self._cotangent(*gathered), first, self.runs_per_device)
         return metrics, *status, pull_back(cotangents)[0]
 
     def _state_bytes(self) -> int:
-        """Size of what a run carries from tick to tick [B]."""
+        """Size of the carry of a run from tick to tick [B]."""
         key = jax.ShapeDtypeStruct((2,), np.uint32)
-        state = jax.eval_shape(lambda key: closed_loop.init(self.scenario, self._nominal, key), key)
+        state = jax.eval_shape(lambda key: initial_state.init(self.scenario, self._nominal, key), key)
         sums = jax.eval_shape(lambda: running_metrics.initial_sums(self.metric_names))
         return sum(leaf.size * leaf.dtype.itemsize for leaf in jax.tree.leaves((state, sums)))
 
 
 def run_keys(seed: int, ids: np.ndarray) -> np.ndarray:
     """Random keys (runs, 2) of the runs of a campaign with a given seed."""
-    return np.asarray(jax.vmap(partial(closed_loop.run_key, seed))(jnp.asarray(ids)))
-
-
-def checkpoint_interval(ticks: int, state_bytes: int, runs: int, memory_bytes: int) -> int:
-    """Ticks from one kept state to the next in reverse mode: 1 if all fit, else as many as make the least memory."""
-    if ticks * state_bytes * runs <= memory_bytes:
-        return 1
-    return max(2, round(ticks**0.5))
-
-
-def _checkpointed_scan(step: Callable[[Any], Any], start: Any, length: int, interval: int) -> Any:
-    """`step` applied `length` times; for the reverse mode one state in every `chunk` is kept, the rest worked out anew.
-
-    Within a tick nothing is kept at all: working it out once more is cheaper than the traffic to memory.
-    """
-    if interval == 0:
-        return jax.lax.scan(lambda carry, _: (step(carry), None), start, None, length=length)[0]
-    body = jax.checkpoint(step)
-
-    def stretch(carry: Any, count: int) -> Any:
-        return jax.lax.scan(lambda inner, _: (body(inner), None), carry, None, length=count)[0]
-
-    if interval == 1:
-        return stretch(start, length)
-    whole = jax.checkpoint(lambda carry: stretch(carry, interval))
-    carry = jax.lax.scan(lambda inner, _: (whole(inner), None), start, None, length=length // interval)[0]
-    return stretch(carry, length % interval)
+    return np.asarray(jax.vmap(partial(run_key, seed))(jnp.asarray(ids)))

@@ -1,9 +1,8 @@
-"""The command `rpojax tune`: flight software tuned by gradient, judged on runs that the tuning has never seen."""
+"""The command `rpojax tune`: flight software tuned by gradient, validated on unseen runs."""
 
-import dataclasses
-import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from tyro.conf import UseAppendAction, arg
 
@@ -11,14 +10,8 @@ from rpojax.cli.arguments import AsJson, NoCache, Overrides, Seed, Source, load
 from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim, resumable
-from rpojax.errors import OutputError, RpojaxError
+from rpojax.errors import OutputError
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
-from rpojax.runtime.progress import item_progress
-
-if TYPE_CHECKING:
-    from rpojax.analysis.gradients.gradient_descent import TuningResult, TuningSettings, TuningStep
-    from rpojax.analysis.gradients.tuning_validation import Validation
-    from rpojax.scenario.schema import ScenarioFile
 
 SHOWN = (
     "nees_mean",
@@ -38,7 +31,7 @@ def tune(
     scenario: Source,
     *,
     out: Annotated[
-        Path, arg(metavar="FILE", help="Scenario file to write (.toml); a .json beside it tells the story.")
+        Path, arg(metavar="FILE", help="Scenario file to write (.toml); a .json beside it holds all steps.")
     ],
     parameters: Annotated[
         UseAppendAction[tuple[str, ...]],
@@ -52,7 +45,7 @@ def tune(
     steps: Annotated[int, arg(metavar="N", help="Steps.")] = 80,
     horizon: Annotated[float, arg(metavar="T", help="Simulated time of a run [s].")] = 2000.0,
     rate: Annotated[float, arg(metavar="R", help="Size of the first steps; 0.2 is about twenty per cent.")] = 0.2,
-    judge: Annotated[int, arg(metavar="N", help="Unseen full runs to judge the result by; 0 for none.")] = 500,
+    judge: Annotated[int, arg(metavar="N", help="Unseen full runs to validate the result with; 0 for none.")] = 500,
     seed: Seed = 0,
     overrides: Overrides = (),
     resume: Annotated[bool, arg(help="Go on with an interrupted tuning.")] = False,
@@ -65,36 +58,39 @@ def tune(
     for path, suffix in ((out, ".toml"), (report, ".json")):
         claim(path, force, (suffix,))
     _check_progress(progress, resume, force)
-    if judge < 0 or judge == 1:
-        raise RpojaxError(f"--judge: found {judge}, expected 0 or at least 2")
     file = load(scenario, overrides)
     prepare_jax(cache=not no_cache)
     set_loop_fusion_flag(rendered=file.camera.model == "rendered")
-    from rpojax.analysis.gradients import gradient_descent, tuning_validation
+    from rpojax.analysis.gradients.tuning import tune as analysis
 
-    words = gradient_descent.split_names(parameters or ("navigation",))
-    settings = gradient_descent.TuningSettings(words, runs, steps, seed, horizon, rate)
     out.parent.mkdir(parents=True, exist_ok=True)
-    begin = time.perf_counter()
-    with resumable(progress), item_progress("tuning", quiet=as_json) as watch:
-        tuned = gradient_descent.descend(
-            file, settings, progress, resume, lambda number, step: watch(number, steps, _note(step))
+    with resumable(progress):
+        found = analysis.tune(
+            file,
+            _split_names(parameters or ("navigation",)),
+            runs=runs,
+            steps=steps,
+            horizon_s=horizon,
+            rate=rate,
+            validation_runs=judge,
+            seed=seed,
+            progress_file=progress,
+            resume=resume,
+            progress=not as_json,
         )
-    better = gradient_descent.tuned_scenario(file, tuned.values)
-    found = None
-    if judge:
-        with item_progress("judging", quiet=as_json) as watch:
-            found = tuning_validation.validate(
-                file, better, seed + 1, judge, lambda share: watch(round(100 * share), 100)
-            )
-    content = story(file, settings, tuned, found, time.perf_counter() - begin)
-    _write(out, report, better, content)
+    found.write(out, force)
     progress.unlink(missing_ok=True)
+    content = found.to_dict()
     if as_json:
         print_json(content)
     else:
         _show(content, out)
     return Status.DONE
+
+
+def _split_names(words: Sequence[str]) -> tuple[str, ...]:
+    """Names of groups and keys, from words with commas between names."""
+    return tuple(name for word in words for name in word.split(",") if name)
 
 
 def _check_progress(progress: Path, resume: bool, force: bool) -> None:
@@ -104,57 +100,12 @@ def _check_progress(progress: Path, resume: bool, force: bool) -> None:
         raise OutputError(f"{progress}: a tuning is under way; --resume goes on with it, --force begins anew")
 
 
-def _note(step: "TuningStep") -> str:
-    return f"objective {step.objective:.4f}"
-
-
-def story(
-    file: "ScenarioFile", settings: "TuningSettings", tuned: "TuningResult", found: "Validation | None", total_s: float
-) -> dict[str, Any]:
-    """What happened, as plain numbers."""
-    from rpojax.campaign.storage.json_types import to_json_types
-    from rpojax.scenario import schema
-
-    changes = {key: {"from": schema.nominal_value(file, key), "to": value} for key, value in tuned.values.items()}
-    content: dict[str, Any] = {
-        "scenario": file.name,
-        "settings": dataclasses.asdict(settings),
-        "weights": file.tuning.model_dump(),
-        "changes": changes,
-        "mode": tuned.mode,
-        "compile_s": tuned.compile_s,
-        "tuning_s": sum(step.run_s for step in tuned.steps),
-        "total_s": total_s,
-        "memory_mb": tuned.memory_bytes / 1e6,
-        "steps": [dataclasses.asdict(step) for step in tuned.steps],
-    }
-    if found is not None:
-        content["judged"] = {
-            "seed": found.seed,
-            "runs": len(found.baseline.run_ids),
-            "failed": [int((~each.completed).sum()) for each in (found.baseline, found.tuned)],
-            "means": {name: dataclasses.asdict(change) for name, change in found.means.items()},
-            "medians": [dataclasses.asdict(change) for change in found.medians.metrics],
-        }
-    return to_json_types(content)
-
-
-def _write(out: Path, report: Path, better: "ScenarioFile", content: dict[str, Any]) -> None:
-    import tomli_w
-
-    from rpojax.campaign.storage.output_files import write_atomically, write_json
-
-    words = ", ".join(content["settings"]["parameters"])
-    header = f"# {content['scenario']} with {words} tuned by gradient; {report.name} tells how, and how it was judged\n"
-    write_json(report, content)
-    write_atomically(out, (header + tomli_w.dumps(better.model_dump(mode="json", exclude_none=True))).encode())
-
-
 def _show(content: dict[str, Any], out: Path) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from rpojax.report.labels import format_number, metric_label
+    from rpojax.report.labels import metric_label
+    from rpojax.report.number_format import format_number
 
     shown = Console(highlight=False)
     for key, change in content["changes"].items():
@@ -184,7 +135,7 @@ def _show(content: dict[str, Any], out: Path) -> None:
 
 
 def _verdict(means: dict[str, Any]) -> str:
-    """Says so where tuning has made things worse or changed nothing that chance cannot explain."""
+    """A warning where the tuning made metrics worse or changed none of them significantly."""
     names = [name for name in SHOWN if name in means and not name.startswith(("nees", "nis"))]
     better = [name for name in names if means[name]["ratio_95"][1] < 1.0]
     worse = [name for name in names if means[name]["ratio_95"][0] > 1.0]

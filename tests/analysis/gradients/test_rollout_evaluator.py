@@ -1,4 +1,4 @@
-"""Figures of short flights and their derivatives, in both modes, against central differences."""
+"""Metrics of short runs and their derivatives, in both modes, against central differences."""
 
 from functools import cache
 
@@ -39,7 +39,7 @@ def scaled(file: ScenarioFile) -> rollout_evaluator.InputFunction:
 
 
 @cache
-def flights() -> RolloutEvaluator:
+def evaluator() -> RolloutEvaluator:
     file = rpojax.load("inspection", CALM)
     return RolloutEvaluator(file, scaled(file), 3, NAMES, runs=3)
 
@@ -48,8 +48,8 @@ KEYS_OF_RUNS = rollout_evaluator.run_keys(0, np.array([1, 5, 7]))
 
 
 def forward(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Figures (runs, figures) and their Jacobian at numbers (k,)."""
-    found = flights().jacobian(np.tile(x, (3, 1)), KEYS_OF_RUNS)
+    """Metrics (runs, metrics) and their Jacobian at inputs (k,)."""
+    found = evaluator().jacobian(np.tile(x, (3, 1)), KEYS_OF_RUNS)
     assert found.jacobian is not None
     return found.metrics, found.jacobian
 
@@ -70,33 +70,17 @@ def test_the_forward_mode_agrees_with_differences() -> None:
 def test_the_reverse_mode_agrees_with_the_forward_mode(memory: int) -> None:
     weights = np.ones((3, 4)) * np.array([1.0, 2.0, -1.0, 30.0])
     file = rpojax.load("inspection", CALM)
-    kept = RolloutEvaluator(file, scaled(file), 3, NAMES, runs=3, checkpoint_memory_bytes=memory)
-    reverse = kept.gradient(np.zeros((3, 3)), KEYS_OF_RUNS, weights)
-    figures, jacobian = forward(np.zeros(3))
+    checkpointed = RolloutEvaluator(file, scaled(file), 3, NAMES, runs=3, checkpoint_memory_bytes=memory)
+    reverse = checkpointed.gradient(np.zeros((3, 3)), KEYS_OF_RUNS, weights)
+    metrics, jacobian = forward(np.zeros(3))
     assert reverse.gradient is not None
-    np.testing.assert_allclose(reverse.metrics, figures, rtol=1e-9)
+    np.testing.assert_allclose(reverse.metrics, metrics, rtol=1e-9)
     np.testing.assert_allclose(reverse.gradient, np.einsum("rf,rfk->rk", weights, jacobian), rtol=1e-6, atol=1e-9)
 
 
-def test_a_run_is_the_same_in_any_company() -> None:
-    alone = flights().jacobian(np.zeros((1, 3)), KEYS_OF_RUNS[1:2]).metrics
-    many = flights().jacobian(np.zeros((7, 3)), np.concatenate([KEYS_OF_RUNS, KEYS_OF_RUNS, KEYS_OF_RUNS[:1]]))
+def test_a_run_does_not_depend_on_the_others_of_its_batch() -> None:
+    alone = evaluator().jacobian(np.zeros((1, 3)), KEYS_OF_RUNS[1:2]).metrics
+    many = evaluator().jacobian(np.zeros((7, 3)), np.concatenate([KEYS_OF_RUNS, KEYS_OF_RUNS, KEYS_OF_RUNS[:1]]))
     assert many.metrics.shape == (7, 4)
     np.testing.assert_array_equal(alone[0], many.metrics[1])
     np.testing.assert_array_equal(many.metrics[:3], many.metrics[3:6])
-
-
-@pytest.mark.parametrize(
-    ("ticks", "runs", "memory", "expected"), [(2000, 32, 2e9, 1), (2000, 512, 2e9, 45), (4, 1, 1, 2)]
-)
-def test_states_are_kept_as_far_as_memory_goes(ticks: int, runs: int, memory: float, expected: int) -> None:
-    assert rollout_evaluator.checkpoint_interval(ticks, 4000, runs, int(memory)) == expected
-
-
-@pytest.mark.parametrize("chunk", [1, 3, 5, 7])
-def test_any_chunk_of_kept_states_gives_the_same_derivative(chunk: int) -> None:
-    def last(x: jax.Array, chunk: int) -> jax.Array:
-        return rollout_evaluator._checkpointed_scan(lambda carry: jnp.sin(carry * x) + 1.0, x, 17, chunk)
-
-    plain, kept = (jax.value_and_grad(last)(jnp.asarray(0.7), size) for size in (0, chunk))
-    np.testing.assert_allclose(kept, plain, rtol=1e-14)

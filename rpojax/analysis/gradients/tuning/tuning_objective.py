@@ -1,7 +1,7 @@
-"""What tuning makes small: a weighted sum over a batch of runs of what their figures of merit say.
+"""Objective of tuning: a weighted sum of functions of the metrics of a batch of runs.
 
-Errors and effort count by their logarithm, run by run: a per cent less of anything counts alike, and a lost run weighs
-no more than others. Weights are those of the scenario's section `tuning`.
+Errors and effort count by the mean of their logarithm: relative changes count alike, and a lost run weighs no more than
+others. Weights are those of the scenario's section `tuning`.
 """
 
 from typing import Final
@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from rpojax.errors import ScenarioError
 from rpojax.scenario.schema import ScenarioFile
 
-MetricArray = Float[Array, "runs figures"]
+MetricArray = Float[Array, "runs metrics"]
 
 PART_METRICS: Final = {
     "innovations": ("innovation_surprise",),
@@ -25,20 +25,20 @@ PART_METRICS: Final = {
     "delta_v": ("delta_v_m_s",),
     "pointing": ("pointing_error_rms_deg",),
 }
-"""Figures that each part of the objective is made from."""
+"""Metrics of each part of the objective."""
 
-_LOST = 10.0
-"""A run whose NEES exceeds the batch's median by this factor was lost, and says nothing about consistency."""
+_LOST_NEES_RATIO = 10.0
+"""A run whose NEES exceeds the median by this factor lost its target, and does not count for consistency."""
 _FLOOR: Final = {"delta_v": 1e-3, "pointing": 1e-3}
-"""Below these [m/s, deg] less is not worth anything."""
+"""Values below these count as these [m/s, deg]."""
 
 
 class Objective:
-    """A weighted sum of parts, as a function of the figures of a batch.
+    """Weighted sum of parts, as a function of the metrics of a batch.
 
     Attributes:
         weights: by part, those that are not zero
-        names: of the figures that are needed
+        metric_names: of the required metrics
     """
 
     def __init__(self, file: ScenarioFile) -> None:
@@ -48,20 +48,20 @@ class Objective:
         self.metric_names = tuple(dict.fromkeys(name for part in self.weights for name in PART_METRICS[part]))
         self._value = jax.jit(self._total)
 
-    def __call__(self, figures: np.ndarray) -> tuple[float, dict[str, float]]:
-        """Value of the figures (runs, figures) of a batch, and its parts without their weights."""
-        value, parts = self._value(jnp.asarray(figures), jnp.ones(len(figures)))
+    def __call__(self, metrics: np.ndarray) -> tuple[float, dict[str, float]]:
+        """Value at the metrics (runs, metrics) of a batch, and its parts without their weights."""
+        value, parts = self._value(jnp.asarray(metrics), jnp.ones(len(metrics)))
         return float(value), {name: float(part) for name, part in parts.items()}
 
     def gradient(self, metrics: Array, weights: Array, mask: Array) -> Array:
-        """Gradient (runs, figures) of the value of a batch, in which runs that are not `there` (runs,) do not count."""
+        """Gradient (runs, metrics) of the value of a batch; runs outside the `mask` (runs,) do not count."""
         del weights
         return jax.grad(lambda x: self._total(x, mask)[0])(metrics)
 
-    def _total(self, figures: MetricArray, there: Array) -> tuple[Array, dict[str, Array]]:
-        finite = jnp.all(jnp.isfinite(figures), axis=1)
-        counted = there * jnp.where(finite, 1.0, 0.0)
-        safe = jnp.where(finite[:, None], figures, 1.0)
+    def _total(self, metrics: MetricArray, mask: Array) -> tuple[Array, dict[str, Array]]:
+        finite = jnp.all(jnp.isfinite(metrics), axis=1)
+        counted = mask * jnp.where(finite, 1.0, 0.0)
+        safe = jnp.where(finite[:, None], metrics, 1.0)
         columns = {name: safe[:, index] for index, name in enumerate(self.metric_names)}
         parts = {name: _part(name, columns, counted) for name in self.weights}
         total = sum((weight * parts[name] for name, weight in self.weights.items()), jnp.zeros(()))
@@ -72,19 +72,19 @@ def _part(name: str, columns: dict[str, Array], counted: Array) -> Array:
     if name == "consistency":
         relative = columns["nees_relative_mean"]
         servicer = columns["nees_mean"] - relative
-        return _inconsistency(relative, counted) + _inconsistency(servicer, counted)
+        return _nees_inconsistency(relative, counted) + _nees_inconsistency(servicer, counted)
     values = columns[PART_METRICS[name][0]]
     if name in ("innovations", "estimate"):
-        return _mean(values, counted)
-    return _mean(jnp.log(jnp.maximum(values, _FLOOR.get(name, 0.0))), counted)
+        return _masked_mean(values, counted)
+    return _masked_mean(jnp.log(jnp.maximum(values, _FLOOR.get(name, 0.0))), counted)
 
 
-def _mean(values: Array, counted: Array) -> Array:
+def _masked_mean(values: Array, counted: Array) -> Array:
     return jnp.sum(counted * values) / jnp.sum(counted)
 
 
-def _inconsistency(nees: Float[Array, " runs"], counted: Array) -> Array:
+def _nees_inconsistency(nees: Float[Array, " runs"], counted: Array) -> Array:
     """Squared log of the mean NEES of six components over six, lost runs left out."""
-    typical = jnp.nanmedian(jnp.where(counted > 0.0, nees, jnp.nan))
-    kept = counted * jnp.where(nees <= _LOST * typical, 1.0, 0.0)
-    return jnp.log(_mean(nees, kept) / 6.0) ** 2
+    median = jnp.nanmedian(jnp.where(counted > 0.0, nees, jnp.nan))
+    kept = counted * jnp.where(nees <= _LOST_NEES_RATIO * median, 1.0, 0.0)
+    return jnp.log(_masked_mean(nees, kept) / 6.0) ** 2

@@ -1,68 +1,27 @@
-"""The numbers of flight software that can be tuned, and the coordinates in which a gradient walks.
+"""Tunable numbers of the flight software by group, and their coordinates.
 
-A positive number is walked in its logarithm, one between bounds in its logit, so that each step keeps to what is
-allowed and counts alike for numbers of any size. Weights of the LQR matter by their ratios:
-differences of logarithms.
+A positive number is tuned in its logarithm, one between bounds in its logit, so that every step stays in range and is
+relative. Weights of the LQR matter by their ratios: differences of logarithms.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from rpojax.analysis.gradients.tuning.coordinate_transforms import Coordinate, LogCoordinate, LogitCoordinate
 from rpojax.dispersions import dispersed_values
 from rpojax.dispersions.dispersed_values import Values
 from rpojax.errors import ScenarioError
-from rpojax.scenario import dispersion_keys, schema
+from rpojax.scenario import dispersion_keys
+from rpojax.scenario.parameter_keys import component_columns, nominal_of_key
 from rpojax.scenario.schema import ScenarioFile
 
 
-@dataclass(frozen=True)
-class LogCoordinate:
-    """Positive numbers, by their logarithm: a step of 0.1 is about ten per cent."""
-
-    def contains(self, value: np.ndarray) -> bool:
-        """Whether all are positive."""
-        return bool(np.all(value > 0.0))
-
-    def to_coordinate(self, value: np.ndarray) -> np.ndarray:
-        """Coordinate of a value."""
-        return np.asarray(np.log(value))
-
-    def from_coordinate(self, x: Array) -> Array:
-        """Value at a coordinate."""
-        return jnp.exp(x)
-
-
-@dataclass(frozen=True)
-class LogitCoordinate:
-    """Numbers between two bounds, by the logit of their place."""
-
-    low: float
-    high: float
-
-    def contains(self, value: np.ndarray) -> bool:
-        """Whether all lie inside."""
-        return bool(np.all((value > self.low) & (value < self.high)))
-
-    def to_coordinate(self, value: np.ndarray) -> np.ndarray:
-        """Coordinate of a value."""
-        return np.asarray(np.log((value - self.low) / (self.high - value)))
-
-    def from_coordinate(self, x: Array) -> Array:
-        """Value at a coordinate."""
-        return self.low + (self.high - self.low) * jax.nn.sigmoid(x)
-
-
-Coordinate = LogCoordinate | LogitCoordinate
-
-
 def _lead_time_coordinate(file: ScenarioFile) -> LogitCoordinate:
-    """The middle of a burn, so that the look-away about it fits between two decisions."""
+    """Bounds of the middle of a burn, so that the look-away about it fits between two decisions."""
     half = 0.5 * file.pointing.look_away_limit_s
     return LogitCoordinate(half, file.rates.formation_period_s - half)
 
@@ -101,12 +60,12 @@ GROUPS: Final[dict[str, dict[str, Coordinate | Callable[[ScenarioFile], Coordina
         "formation.dead_band_mm_s": LogCoordinate(),
     },
 }
-"""Keys by the name under which they are tuned together, with their coordinates or what makes them of a scenario."""
+"""Keys by group, with their coordinates or functions that make them from a scenario."""
 
 NONSMOOTH: Final = ("gate", "formation", "schedule", "navigation.edge_noise_px", "navigation.scale_sigma")
-"""Groups and keys whose numbers act through decisions: whether a box is believed, whether and when there is a burn.
+"""Groups and keys that act through decisions: whether a box is accepted, whether and when there is a burn.
 
-What a box may be off by says which boxes pass the gate: of what these two do, derivatives see a third.
+The noise and scale of a box decide which boxes pass the gate: derivatives see a third of the effect of these two.
 """
 
 TUNABLE: Final = {key: coordinate for group in GROUPS.values() for key, coordinate in group.items()}
@@ -114,12 +73,12 @@ TUNABLE: Final = {key: coordinate for group in GROUPS.values() for key, coordina
 
 @dataclass(frozen=True)
 class TunableParameters:
-    """Numbers to be tuned, each vector in one piece.
+    """Selected numbers to tune.
 
     Attributes:
-        nominal: value to start from by key, in the user's units
-        coordinates: in which each is walked, by key
-        held: keys of the groups asked for that stay as they are, since no walk can start from them
+        nominal: initial value by key, in the user's units
+        coordinates: of each, by key
+        held_fixed: keys of the selected groups that cannot be tuned from their value
     """
 
     nominal: dict[str, np.ndarray]
@@ -128,17 +87,17 @@ class TunableParameters:
 
     @property
     def count(self) -> int:
-        """How many coordinates there are."""
+        """Number of coordinates."""
         return sum(value.size for value in self.nominal.values())
 
     @property
     def names(self) -> list[str]:
         """Name of every coordinate: the key, or `key[0]`, `key[1]` for a vector."""
-        return list(dispersion_keys.component_columns({key: value[None] for key, value in self.nominal.items()}))
+        return list(component_columns({key: value[None] for key, value in self.nominal.items()}))
 
     @property
     def initial(self) -> np.ndarray:
-        """Coordinates (k,) to start from."""
+        """Initial coordinates (k,)."""
         return np.concatenate(
             [self.coordinates[key].to_coordinate(value).ravel() for key, value in self.nominal.items()]
         )
@@ -146,8 +105,8 @@ class TunableParameters:
     @property
     def nonsmooth(self) -> np.ndarray:
         """(k,) bool, whether the number acts through decisions."""
-        deciding = {key for word in NONSMOOTH for key in GROUPS.get(word, (word,))}
-        return np.concatenate([np.full(value.size, key in deciding) for key, value in self.nominal.items()])
+        nonsmooth = {key for name in NONSMOOTH for key in GROUPS.get(name, (name,))}
+        return np.concatenate([np.full(value.size, key in nonsmooth) for key, value in self.nominal.items()])
 
     def values(self, x: Float[Array, " k"]) -> Values:
         """Values by key at coordinates (k,)."""
@@ -160,26 +119,26 @@ class TunableParameters:
         return found
 
 
-def select_parameters(file: ScenarioFile, words: Sequence[str]) -> TunableParameters:
-    """What to tune, from names of groups and keys.
+def select_parameters(file: ScenarioFile, names: Sequence[str]) -> TunableParameters:
+    """Numbers to tune, from names of groups and keys.
 
-    A key of a group from which no walk can start, such as a weight of zero, is held; one that is asked for by its own
-    name is refused.
+    A key of a group that cannot be tuned from its value, such as a weight of zero, is held fixed; one that is named
+    itself is refused.
 
     Raises:
-        ScenarioError: a word is neither a group nor a key that can be tuned, the key is dispersed, or nothing is left.
+        ScenarioError: a name is neither a group nor a tunable key, the key is dispersed, or nothing is left.
     """
-    asked: list[tuple[str, bool]] = []
-    for word in words:
-        if word in GROUPS:
-            asked += [(key, False) for key in GROUPS[word]]
-        elif word in TUNABLE:
-            asked.append((word, True))
+    selected: dict[str, bool] = {}
+    for name in names:
+        if name in GROUPS:
+            selected |= dict.fromkeys(GROUPS[name], False)
+        elif name in TUNABLE:
+            selected[name] = True
         else:
-            raise ScenarioError("--parameters", word, f"one of {', '.join(GROUPS)}, or a key of theirs")
+            raise ScenarioError("--parameters", name, f"one of {', '.join(GROUPS)}, or a key of theirs")
     nominal, coordinates, held = {}, {}, []
-    for key, by_name in dict(asked).items():
-        value = np.asarray(schema.nominal_value(file, key), dtype=np.float64)
+    for key, by_name in selected.items():
+        value = np.asarray(nominal_of_key(file, key), dtype=np.float64)
         if key in dispersion_keys.varied_keys(file):
             raise ScenarioError(key, "a dispersion of it", "a number that all runs share, to tune it")
         coordinate = _coordinate(file, key)
@@ -190,12 +149,12 @@ def select_parameters(file: ScenarioFile, words: Sequence[str]) -> TunableParame
         else:
             held.append(key)
     if not nominal:
-        raise ScenarioError("--parameters", ",".join(words), "at least one number that can be tuned")
+        raise ScenarioError("--parameters", ",".join(names), "at least one number that can be tuned")
     return TunableParameters(nominal, coordinates, tuple(held))
 
 
 def run_values(file: ScenarioFile, tunable: TunableParameters, x: Array, run_key: Array) -> Values:
-    """Values of a run: its dispersions as drawn, and the tuned numbers at coordinates (k,)."""
+    """Values of a run by key: its drawn dispersions, and the tuned numbers at coordinates (k,)."""
     return {**dispersed_values.draw(file, run_key, {}), **tunable.values(x)}
 
 
@@ -207,4 +166,4 @@ def _coordinate(file: ScenarioFile, key: str) -> Coordinate:
 def _expected(coordinate: Coordinate) -> str:
     if isinstance(coordinate, LogitCoordinate):
         return f"a start between {coordinate.low:g} and {coordinate.high:g}"
-    return "a positive start: the walk is one in its logarithm"
+    return "a positive start: it is tuned in its logarithm"

@@ -1,4 +1,4 @@
-"""Two settings of one scenario on the same runs, which tuning has never seen: full runs, all metrics."""
+"""Validation of a tuned scenario against its start: paired comparison of the same unseen full runs, all metrics."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,12 +6,13 @@ from dataclasses import dataclass
 import jax
 import numpy as np
 
-from rpojax.analysis.statistics import campaign_comparison
-from rpojax.analysis.statistics.campaign_comparison import Comparison, RunMetrics
+from rpojax.analysis.statistics import paired_comparison
+from rpojax.analysis.statistics.paired_comparison import PairedComparison, RunMetrics
 from rpojax.campaign.execution import block_runner
 from rpojax.campaign.execution.batch_engine import BatchEngine, default_block_size
 from rpojax.campaign.history_retention import Retention
-from rpojax.dispersions.designs import RunRange, make_design
+from rpojax.dispersions.designs.experiment_design import make_design
+from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.scenario.schema import ScenarioFile
 
 OnProgress = Callable[[float], None]
@@ -33,35 +34,37 @@ class MeanChange:
 
 @dataclass(frozen=True)
 class Validation:
-    """Two settings compared.
+    """Paired comparison of two settings of a scenario.
 
     Attributes:
         seed: of the runs
-        first: runs with the settings to start from
-        second: the same runs with the new ones
-        medians: paired comparison of medians, failures and requirements
-        means: paired comparison of means by metric
+        baseline: runs with the initial settings
+        tuned: the same runs with the tuned ones
+        medians: comparison of medians, failures and requirements
+        means: comparison of means by metric
     """
 
     seed: int
     baseline: RunMetrics
     tuned: RunMetrics
-    medians: Comparison
+    medians: PairedComparison
     means: dict[str, MeanChange]
 
 
 def validate(
-    baseline: ScenarioFile, tuned: ScenarioFile, seed: int, runs: int, on_progress: OnProgress = lambda share: None
+    baseline: ScenarioFile, tuned: ScenarioFile, seed: int, runs: int, on_progress: OnProgress = lambda fraction: None
 ) -> Validation:
-    """Flies `runs` runs with both settings and compares them pair by pair."""
-    one = simulate_runs(baseline, seed, runs, lambda share: on_progress(0.5 * share))
-    other = simulate_runs(tuned, seed, runs, lambda share: on_progress(0.5 + 0.5 * share))
-    medians = campaign_comparison.compare_paired_runs(one, other, baseline.requirements, independent=True)
+    """Simulates `runs` runs with both settings and compares them pair by pair."""
+    one = simulate_runs(baseline, seed, runs, lambda fraction: on_progress(0.5 * fraction))
+    other = simulate_runs(tuned, seed, runs, lambda fraction: on_progress(0.5 + 0.5 * fraction))
+    medians = paired_comparison.compare_paired_runs(one, other, baseline.requirements, independent=True)
     return Validation(seed, one, other, medians, compare_means(one, other))
 
 
-def simulate_runs(file: ScenarioFile, seed: int, runs: int, on_progress: OnProgress = lambda share: None) -> RunMetrics:
-    """Metrics of runs, in memory."""
+def simulate_runs(
+    file: ScenarioFile, seed: int, runs: int, on_progress: OnProgress = lambda fraction: None
+) -> RunMetrics:
+    """Metrics of runs 0 to `runs` - 1 of a seed, simulated in memory."""
     devices = jax.devices()[:runs]
     size = min(default_block_size(file), -(-runs // len(devices)))
     engine = BatchEngine(file, size, devices, design=make_design(file, seed, RunRange(0, runs)))
@@ -70,11 +73,11 @@ def simulate_runs(file: ScenarioFile, seed: int, runs: int, on_progress: OnProgr
     for number in range(batches):
         ids = number * engine.capacity + np.arange(engine.capacity)
 
-        def during(share: float, _: int, number: int = number) -> None:
-            on_progress((number + share) / batches)
+        def during(fraction: float, _: int, number: int = number) -> None:
+            on_progress((number + fraction) / batches)
 
-        flown = block_runner.simulate_batch(engine, seed, ids, [], ids < runs, Retention.from_run_ids(()), during)
-        results.append(flown.block_arrays(slice(0, min(engine.capacity, runs - int(ids[0]))), engine))
+        block = block_runner.simulate_batch(engine, seed, ids, [], ids < runs, Retention.from_run_ids(()), during)
+        results.append(block.block_arrays(slice(0, min(engine.capacity, runs - int(ids[0]))), engine))
     joined = {name: np.concatenate([part[name] for part in results]) for name in results[0]}
     metrics = {name.removeprefix(_METRICS): values for name, values in joined.items() if name.startswith(_METRICS)}
     return RunMetrics(np.arange(runs), joined["status/failure"] == 0, metrics)
@@ -94,11 +97,11 @@ def compare_means(one: RunMetrics, other: RunMetrics) -> dict[str, MeanChange]:
         first, second = map(float, pair.mean(axis=1))
         if first == 0.0 or (resampled[0] == 0.0).any():
             continue
-        first_95, second_95, ratio_95 = map(_middle, (*resampled, resampled[1] / resampled[0]))
+        first_95, second_95, ratio_95 = map(_interval_95, (*resampled, resampled[1] / resampled[0]))
         found[name] = MeanChange(first, second, first_95, second_95, second / first, ratio_95)
     return found
 
 
-def _middle(samples: np.ndarray) -> tuple[float, float]:
+def _interval_95(samples: np.ndarray) -> tuple[float, float]:
     low, high = np.quantile(samples, [0.025, 0.975])
     return float(low), float(high)

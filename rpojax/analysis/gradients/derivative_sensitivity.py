@@ -1,0 +1,303 @@
+"""Derivative-based sensitivity: which dispersions make the spread of a metric, from derivatives of a few runs.
+
+The mean square of a metric's derivative to a standard normal variable is the variance that the variable gives a linear
+metric, and an upper bound of its total effect on any smooth one (Sobol and Kucherenko, Math. Comput. Simul. 79, 2009;
+Lamboni et al., 87, 2013: the Poincare constant of a standard normal variable is one). Where a metric is rough that
+bound is far off. The mean derivative is that of the metric smoothed over all runs (Stein's identity: the gradient of a
+linear regression through them), so inputs are ranked by it. Neither sees a jump, or the effect of sensor noise.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
+from rpojax.analysis.statistics.dependence.input_ranking import InputRanking, rank_inputs
+from rpojax.analysis.statistics.dependence.rank_correlation import spearman
+from rpojax.analysis.statistics.shrunk_mean import shrunk_mean
+from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.campaign.storage.json_types import to_json_types
+from rpojax.campaign.storage.output_files import write_json
+from rpojax.dispersions import standard_normal_space
+from rpojax.dispersions.standard_normal_space import StandardNormalSpace
+from rpojax.errors import OutputError, RpojaxError
+from rpojax.runtime.progress import busy
+from rpojax.scenario.parameter_keys import component_columns
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.metrics.running_metric_definitions import RUNNING_METRICS
+
+LEADING = 5
+"""Number of inputs that count as leading."""
+MIN_RUNS = 2
+_KINKS = {
+    "min": "the least value over time: its derivative jumps where another instant becomes the least",
+    "max": "the greatest value over time: its derivative jumps where another instant becomes the greatest",
+    "end": "a sum of burns, decided on in steps: the derivative of a smoothed decision stands in for the jump",
+}
+
+
+@dataclass(frozen=True)
+class InputShare:
+    """Contribution of one input to the spread of a metric, in the metric's unit.
+
+    Attributes:
+        name: a dispersed number, or a dispersion whose numbers belong together
+        sigma: root mean square over runs of the derivative to the input's standard normal variables
+        trend: shrunk size of its mean: the contribution of a linear regression through all runs
+        nominal: size of the derivative at the median run alone
+        one_run: greatest share of a single run in the mean square; near 1 an event, not a trend, is behind it
+    """
+
+    name: str
+    sigma: float
+    trend: float
+    nominal: float
+    one_run: float
+
+
+@dataclass(frozen=True)
+class MetricSensitivity:
+    """Contributions of the dispersions to the spread of one metric.
+
+    Attributes:
+        metric: its name
+        unit: of the metric and of all sigmas
+        shares: of all inputs, those with the greatest trend first, and of those without one the greatest sigma
+        sigma: standard deviation by all of them, were the metric linear
+        values: (runs,) of the metric in the runs with random dispersions
+        kink: why the derivative jumps; None where it does not
+    """
+
+    metric: str
+    unit: str
+    shares: tuple[InputShare, ...]
+    sigma: float
+    values: np.ndarray
+    kink: str | None
+
+    @property
+    def leading(self) -> tuple[str, ...]:
+        """Names of the inputs that make most of the spread."""
+        return tuple(share.name for share in self.shares[:LEADING] if share.trend > 0.0)
+
+
+@dataclass(frozen=True)
+class RankingAgreement:
+    """Agreement of a ranking by derivatives with one by sampling.
+
+    Attributes:
+        runs: of the campaign that have the metric
+        std: of the metric there, noise included
+        leading: by sampling
+        both: leading by derivatives, too
+        rank_correlation: Spearman's, of both orders over all inputs; None where an order does not vary
+        strengths: by input, the root of the sum of its squared rank correlations
+    """
+
+    runs: int
+    std: float
+    leading: tuple[str, ...]
+    both: tuple[str, ...]
+    rank_correlation: float | None
+    strengths: dict[str, float]
+
+
+@dataclass(frozen=True)
+class SensitivityAnalysis:
+    """Sensitivities of the metrics of a scenario.
+
+    Attributes:
+        space: standard normal variables of the scenario
+        seed: of the runs
+        runs: with random dispersions
+        metrics: sensitivities, one a metric
+        agreements: with a campaign, one a metric; None without a campaign that can be ranked
+    """
+
+    space: StandardNormalSpace
+    seed: int
+    runs: int
+    metrics: tuple[MetricSensitivity, ...]
+    agreements: tuple[RankingAgreement | None, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Content of the JSON file, in the types of JSON."""
+        entries = [_entry(found, sampled) for found, sampled in zip(self.metrics, self.agreements, strict=True)]
+        return to_json_types(
+            {
+                "scenario": self.space.file.name,
+                "seed": self.seed,
+                "runs": self.runs,
+                "held": list(self.space.unmapped),
+                "metrics": entries,
+            }
+        )
+
+    def write(self, path: Path | str, force: bool = False) -> None:
+        """Writes the JSON file.
+
+        Raises:
+            OutputError: the file exists and is not to be replaced by `force`, or cannot be written.
+        """
+        path = Path(path)
+        if path.exists() and not force:
+            raise OutputError(f"{path}: exists already; force=True replaces it")
+        write_json(path, self.to_dict())
+
+
+def sensitivity(
+    file: ScenarioFile,
+    metrics: Sequence[str] = (),
+    *,
+    runs: int = 16,
+    campaign: Campaign | None = None,
+    seed: int = 0,
+    progress: bool = True,
+) -> SensitivityAnalysis:
+    """Contributions of the dispersions to the spread of metrics, from derivatives of `runs` runs and the median run.
+
+    Args:
+        file: scenario with dispersions
+        metrics: names of metrics with a derivative; by default those of the scenario's requirements
+        runs: with random dispersions
+        campaign: finished campaign to compare the ranking with
+        seed: master seed of the runs
+        progress: show progress on stderr
+
+    Raises:
+        RpojaxError: a metric has no derivative, nothing can be moved, or too few runs complete.
+    """
+    names, space = select_metrics(file, metrics), standard_normal_space.make_space(file)
+    with busy("compiling runs and their derivatives (a minute or two), then simulating", quiet=not progress):
+        found = derivative_sensitivities(space, names, runs, seed)
+    agreements = tuple(None if campaign is None else _campaign_agreement(one, space, campaign) for one in found)
+    return SensitivityAnalysis(space, seed, runs, found, agreements)
+
+
+def select_metrics(file: ScenarioFile, names: Sequence[str]) -> tuple[str, ...]:
+    """Metrics by name, or those of the scenario's requirements that have a derivative.
+
+    Raises:
+        RpojaxError: a metric has no derivative, or there is none.
+    """
+    known = RUNNING_METRICS
+    for name in names:
+        if name not in known:
+            raise RpojaxError(f"--metric: found {name!r}, expected a metric with a derivative: {', '.join(known)}")
+    chosen = names or [each.metric for each in file.requirements if each.metric in known]
+    if not chosen:
+        raise RpojaxError("--metric: found none, expected one, for a scenario without requirements on such metrics")
+    return tuple(dict.fromkeys(chosen))
+
+
+def derivative_sensitivities(
+    space: StandardNormalSpace, metrics: Sequence[str], runs: int, seed: int, evaluator: RolloutEvaluator | None = None
+) -> tuple[MetricSensitivity, ...]:
+    """Sensitivities of metrics over `runs` runs with random dispersions, and at the median run.
+
+    Raises:
+        RpojaxError: too few runs, or all of them fail.
+    """
+    if runs < MIN_RUNS:
+        raise RpojaxError(f"--runs: found {runs}, expected at least {MIN_RUNS}")
+    used = evaluator or RolloutEvaluator(space.file, space.values_at, space.dimension, metrics, runs=runs + 1)
+    drawn = np.random.default_rng([seed, 0xD15]).normal(size=(runs, space.dimension))
+    points = np.concatenate([np.zeros((1, space.dimension)), drawn])
+    found = used.jacobian(points, run_keys(seed, np.arange(runs + 1)))
+    assert found.jacobian is not None
+    complete = ~found.failed & np.isfinite(found.jacobian).all(axis=(1, 2))
+    rows = np.flatnonzero(complete[1:]) + 1
+    if len(rows) < MIN_RUNS:
+        raise RpojaxError(f"--runs: found {len(rows)} that reached their end, expected at least {MIN_RUNS}")
+    at_median = found.jacobian[0] if complete[0] else np.full(found.jacobian.shape[1:], np.nan)
+    return tuple(
+        _metric_sensitivity(space, name, found.jacobian[rows, index], at_median[index], found.metrics[rows, index])
+        for index, name in enumerate(metrics)
+    )
+
+
+def _metric_sensitivity(
+    space: StandardNormalSpace, name: str, gradients: np.ndarray, at_median: np.ndarray, values: np.ndarray
+) -> MetricSensitivity:
+    """From gradients (runs, k) of a metric, that at the median run (k,), and the metric's values (runs,)."""
+    metric = RUNNING_METRICS[name]
+    groups = np.array(space.groups)
+    shares = []
+    for group in dict.fromkeys(space.groups):
+        squares = np.sum(gradients[:, groups == group] ** 2, axis=1)
+        trend = float(np.linalg.norm(shrunk_mean(gradients[:, groups == group])))
+        total = float(squares.sum())
+        nominal = float(np.linalg.norm(at_median[groups == group]))
+        one_run = float(squares.max()) / total if total > 0.0 else 0.0
+        shares.append(InputShare(group, float(np.sqrt(squares.mean())), trend, nominal, one_run))
+    return MetricSensitivity(
+        metric=name,
+        unit=metric.unit,
+        shares=tuple(sorted(shares, key=lambda share: (-share.trend, -share.sigma))),
+        sigma=float(np.sqrt(np.mean(np.sum(gradients**2, axis=1)))),
+        values=values,
+        kink=_KINKS.get(metric.reduction),
+    )
+
+
+def compare_with_sampling(
+    found: MetricSensitivity, space: StandardNormalSpace, columns: Mapping[str, np.ndarray], values: np.ndarray
+) -> RankingAgreement | None:
+    """Agreement with the ranking of a campaign's dispersed numbers (runs,) by name and its metric `values` (runs,).
+
+    None where nothing can be ranked.
+    """
+    ranking = rank_inputs(columns, values)
+    if not ranking.inputs:
+        return None
+    strengths = _strengths(space, ranking)
+    common = [share for share in found.shares if share.name in strengths]
+    by_sample = sorted(strengths, key=lambda name: -strengths[name])[:LEADING]
+    orders = np.array([[share.trend, strengths[share.name]] for share in common]).reshape(-1, 2).T
+    defined = values[np.isfinite(values)]
+    return RankingAgreement(
+        runs=len(defined),
+        std=float(np.std(defined, ddof=1)),
+        leading=tuple(by_sample),
+        both=tuple(name for name in found.leading if name in by_sample),
+        rank_correlation=spearman(orders[0], orders[1]),
+        strengths=strengths,
+    )
+
+
+def _campaign_agreement(
+    found: MetricSensitivity, space: StandardNormalSpace, campaign: Campaign
+) -> RankingAgreement | None:
+    if found.metric not in campaign.metrics:
+        return None
+    columns = {name: column for name, column in component_columns(campaign.drawn).items() if np.isfinite(column).all()}
+    return compare_with_sampling(found, space, columns, campaign.metrics[found.metric])
+
+
+def _strengths(space: StandardNormalSpace, ranking: InputRanking) -> dict[str, float]:
+    """Strength of each input from those of the campaign's columns, several of which may belong to one input."""
+    squares: dict[str, float] = {}
+    for one in ranking.inputs:
+        name = space.group_of(one.name)
+        if name is not None:
+            squares[name] = squares.get(name, 0.0) + one.spearman**2
+    return {name: float(np.sqrt(square)) for name, square in squares.items()}
+
+
+def _entry(found: MetricSensitivity, agreement: RankingAgreement | None) -> dict[str, Any]:
+    """Part of the JSON about one metric."""
+    return {
+        "metric": found.metric,
+        "unit": found.unit,
+        "runs_used": len(found.values),
+        "mean": float(np.mean(found.values)),
+        "sigma_by_dispersions": found.sigma,
+        "leading": list(found.leading),
+        "kink": found.kink,
+        "inputs": [dataclasses.asdict(share) for share in found.shares],
+        "sampling": None if agreement is None else dataclasses.asdict(agreement),
+    }

@@ -1,0 +1,1 @@
+"""Tuning of the flight software by stochastic gradient descent on simulated runs."""

@@ -1,0 +1,165 @@
+"""Tuning of gains and filter noises by gradient, and validation of the result on runs never used in tuning."""
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rpojax.analysis.gradients.tuning import gradient_descent, tuning_validation
+from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult
+from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
+from rpojax.analysis.gradients.tuning.tuning_validation import Validation
+from rpojax.campaign.storage.json_types import to_json_types
+from rpojax.campaign.storage.output_files import write_atomically, write_json
+from rpojax.errors import OutputError, RpojaxError
+from rpojax.flight.computer import Stages
+from rpojax.runtime.progress import item_progress
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.parameter_keys import nominal_of_key
+from rpojax.scenario.schema import ScenarioFile
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """A finished tuning.
+
+    Attributes:
+        initial: scenario that was tuned
+        scenario: the tuned scenario
+        settings: of the tuning
+        result: of the gradient descent
+        validation: of the tuned scenario against the initial one; None without validation runs
+        total_s: time of everything [s]
+    """
+
+    initial: ScenarioFile
+    scenario: ScenarioFile
+    settings: TuningSettings
+    result: TuningResult
+    validation: Validation | None
+    total_s: float
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Tuned values by scenario key, in the user's units."""
+        return self.result.values
+
+    def to_dict(self) -> dict[str, Any]:
+        """Content of the JSON file, in the types of JSON."""
+        result = self.result
+        content: dict[str, Any] = {
+            "scenario": self.initial.name,
+            "settings": dataclasses.asdict(self.settings),
+            "weights": self.initial.tuning.model_dump(),
+            "changes": {
+                key: {"from": nominal_of_key(self.initial, key), "to": value} for key, value in result.values.items()
+            },
+            "mode": result.mode,
+            "compile_s": result.compile_s,
+            "tuning_s": sum(step.run_s for step in result.steps),
+            "total_s": self.total_s,
+            "memory_mb": result.memory_bytes / 1e6,
+            "steps": [dataclasses.asdict(step) for step in result.steps],
+        }
+        if self.validation is not None:
+            content["judged"] = _validation_entry(self.validation)
+        return to_json_types(content)
+
+    def write(self, path: Path | str, force: bool = False) -> None:
+        """Writes the tuned scenario as TOML, and beside it a JSON file of the same name.
+
+        Raises:
+            OutputError: a file exists and is not to be replaced by `force`, or cannot be written.
+        """
+        import tomli_w
+
+        path = Path(path)
+        report = path.with_suffix(".json")
+        for each in (path, report):
+            if each.exists() and not force:
+                raise OutputError(f"{each}: exists already; force=True replaces it")
+        names = ", ".join(self.settings.parameters)
+        header = (
+            f"# {self.initial.name} with {names} tuned by gradient; {report.name} holds the steps and the validation\n"
+        )
+        tables = self.scenario.model_dump(mode="json", exclude_none=True)
+        write_json(report, self.to_dict())
+        write_atomically(path, (header + tomli_w.dumps(tables)).encode())
+
+
+def tune(
+    file: ScenarioFile,
+    parameters: Sequence[str] = ("navigation",),
+    *,
+    runs: int = 64,
+    steps: int = 80,
+    horizon_s: float = 2000.0,
+    rate: float = 0.2,
+    validation_runs: int = 500,
+    seed: int = 0,
+    progress_file: Path | str | None = None,
+    resume: bool = False,
+    stages: Stages | None = None,
+    progress: bool = True,
+) -> Tuning:
+    """Tunes gains and filter noises by gradient, and compares the result with the start on runs never used in tuning.
+
+    Args:
+        file: scenario to tune; its section `tuning` holds the weights of the objective
+        parameters: groups (navigation, gate, formation, attitude, schedule) and scenario keys
+        runs: per step
+        steps: of the gradient descent
+        horizon_s: simulated time of a run [s]
+        rate: size of the first steps, in logarithms of the numbers; 0.2 is about twenty per cent
+        validation_runs: unseen full runs, of seed `seed + 1`; 0 for no validation
+        seed: master seed of the runs
+        progress_file: JSON file that keeps every step, to resume an interrupted tuning from
+        resume: go on from `progress_file`
+        stages: of the flight software, replaced ones included
+        progress: show progress on stderr
+
+    Raises:
+        RpojaxError: an argument is out of range, the scenario cannot be tuned, or no step has a finite gradient.
+    """
+    if validation_runs < 0 or validation_runs == 1:
+        raise RpojaxError(f"--judge: found {validation_runs}, expected 0 or at least 2")
+    settings = TuningSettings(tuple(parameters), runs, steps, seed, horizon_s, rate)
+    kept = None if progress_file is None else Path(progress_file)
+    begin = time.perf_counter()
+    with item_progress("tuning", quiet=not progress) as watch:
+        result = gradient_descent.descend(
+            file,
+            settings,
+            kept,
+            resume,
+            lambda number, step: watch(number, steps, f"objective {step.objective:.4f}"),
+            stages,
+        )
+    tuned, validation = tuned_scenario(file, result.values), None
+    if validation_runs:
+        with item_progress("validating", quiet=not progress) as watch:
+            validation = tuning_validation.validate(
+                file, tuned, seed + 1, validation_runs, lambda fraction: watch(round(100 * fraction), 100)
+            )
+    return Tuning(file, tuned, settings, result, validation, time.perf_counter() - begin)
+
+
+def tuned_scenario(file: ScenarioFile, values: dict[str, Any]) -> ScenarioFile:
+    """The scenario with other values, in the user's units, for some of its keys."""
+    tables = file.model_dump(mode="json")
+    for key, value in values.items():
+        section, _, name = key.partition(".")
+        tables[section][name] = value
+    return scenario_loader.validate(tables)
+
+
+def _validation_entry(found: Validation) -> dict[str, Any]:
+    return {
+        "seed": found.seed,
+        "runs": len(found.baseline.run_ids),
+        "failed": [int((~each.completed).sum()) for each in (found.baseline, found.tuned)],
+        "means": {name: dataclasses.asdict(change) for name, change in found.means.items()},
+        "medians": [dataclasses.asdict(change) for change in found.medians.metrics],
+    }

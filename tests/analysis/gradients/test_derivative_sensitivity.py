@@ -1,0 +1,143 @@
+"""Sensitivities of runs with known derivatives, compared with rankings of samples made from them."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rpojax.analysis.gradients import derivative_sensitivity, rollout_evaluator
+from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
+from rpojax.cli import main
+from rpojax.dispersions import standard_normal_space
+from rpojax.dispersions.standard_normal_space import StandardNormalSpace
+from rpojax.errors import OutputError, RpojaxError
+from rpojax.scenario.loading import scenario_loader
+
+METRICS = ("delta_v_m_s", "formation_error_rms_m")
+POSITION, AXIS = "initial.relative_position_m", "target.tumble_axis"
+
+
+class KnownDerivatives(RolloutEvaluator):
+    """Runs with 1 + 3 z0 + 4 z1 for one metric, the square of a z of the tumble axis for the other; run 2 fails."""
+
+    def __init__(self, space: StandardNormalSpace) -> None:
+        self.metric_names, self.input_count = METRICS, space.dimension
+        self.column = space.labels.index(f"{AXIS} (height)")
+
+    def jacobian(self, inputs: np.ndarray, keys: np.ndarray) -> rollout_evaluator.RolloutResult:
+        self.inputs = inputs
+        jacobian = np.zeros((len(inputs), 2, self.input_count))
+        jacobian[:, 0, :2] = 3.0, 4.0
+        jacobian[:, 1, self.column] = 2.0 * inputs[:, self.column]
+        metrics = np.stack([1.0 + inputs[:, :2] @ [3.0, 4.0], inputs[:, self.column] ** 2], axis=1)
+        failed = np.arange(len(inputs)) == 2
+        events = np.zeros(len(inputs))
+        return rollout_evaluator.RolloutResult(
+            metrics=metrics, jacobian=jacobian, gradient=None, failed=failed, events=events
+        )
+
+
+@pytest.fixture(scope="module")
+def space() -> StandardNormalSpace:
+    return standard_normal_space.make_space(scenario_loader.load("inspection"))
+
+
+def test_a_linear_metric_has_its_standard_deviation(space: StandardNormalSpace) -> None:
+    linear, _ = derivative_sensitivity.derivative_sensitivities(space, METRICS, 8, 0, KnownDerivatives(space))
+    assert linear.sigma == pytest.approx(5.0)
+    assert linear.leading == (f"{POSITION}[1]", f"{POSITION}[0]")
+    assert [share.sigma for share in linear.shares[:3]] == pytest.approx([4.0, 3.0, 0.0])
+    assert [share.nominal for share in linear.shares[:2]] == pytest.approx([4.0, 3.0])
+    assert linear.shares[0].one_run == pytest.approx(1.0 / 7.0)
+    assert linear.kink is not None
+
+
+def test_failed_runs_are_left_out_and_the_share_of_one_run_is_reported(space: StandardNormalSpace) -> None:
+    evaluator = KnownDerivatives(space)
+    _, curved = derivative_sensitivity.derivative_sensitivities(space, METRICS, 8, 0, evaluator)
+    gradients = 2.0 * np.delete(evaluator.inputs[1:, evaluator.column], 1)
+    assert len(curved.values) == 7
+    assert curved.shares[0].name == AXIS
+    assert curved.shares[0].sigma == pytest.approx(np.sqrt(np.mean(gradients**2)))
+    assert curved.shares[0].one_run == pytest.approx(np.max(gradients**2) / np.sum(gradients**2))
+    assert curved.shares[0].nominal == 0.0
+    assert curved.kink is None
+
+
+def test_a_ranking_by_sampling_is_compared(space: StandardNormalSpace) -> None:
+    linear, _ = derivative_sensitivity.derivative_sensitivities(space, METRICS, 8, 0, KnownDerivatives(space))
+    rng = np.random.default_rng(4)
+    columns = {name: rng.normal(size=400) for name in (f"{POSITION}[0]", f"{POSITION}[1]", f"{AXIS}[0]", f"{AXIS}[1]")}
+    metric = 3.0 * columns[f"{POSITION}[0]"] + 4.0 * columns[f"{POSITION}[1]"] + rng.normal(size=400)
+    agreement = derivative_sensitivity.compare_with_sampling(linear, space, columns, metric)
+    assert agreement is not None
+    assert agreement.leading[:2] == agreement.both == linear.leading
+    assert set(agreement.strengths) == {f"{POSITION}[0]", f"{POSITION}[1]", AXIS}
+    assert agreement.rank_correlation == pytest.approx(1.0)
+    assert agreement.std == pytest.approx(np.std(metric, ddof=1))
+    turned = derivative_sensitivity.compare_with_sampling(
+        linear, space, columns, columns[f"{AXIS}[0]"] + 0.5 * columns[f"{POSITION}[0]"]
+    )
+    assert turned is not None
+    assert turned.rank_correlation is not None
+    assert turned.rank_correlation < 0.0
+
+
+def test_too_few_sampled_runs_rank_nothing(space: StandardNormalSpace) -> None:
+    linear, _ = derivative_sensitivity.derivative_sensitivities(space, METRICS, 8, 0, KnownDerivatives(space))
+    assert (
+        derivative_sensitivity.compare_with_sampling(linear, space, {f"{POSITION}[0]": np.arange(5.0)}, np.arange(5.0))
+        is None
+    )
+
+
+def test_metrics_are_those_of_the_requirements_unless_asked_for(space: StandardNormalSpace) -> None:
+    assert derivative_sensitivity.select_metrics(space.file, ()) == (
+        *("formation_error_rms_m", "nav_relative_position_error_rms_m", "min_range_m"),
+        "wheel_speed_peak_fraction",
+    )
+    assert derivative_sensitivity.select_metrics(space.file, ("nees_mean", "nees_mean")) == ("nees_mean",)
+
+
+def test_what_has_no_derivative_is_refused(space: StandardNormalSpace) -> None:
+    with pytest.raises(RpojaxError, match=r"^--metric: found 'detection_rate', expected a metric with a derivative: "):
+        derivative_sensitivity.select_metrics(space.file, ("detection_rate",))
+    without = space.file.model_copy(update={"requirements": []})
+    with pytest.raises(RpojaxError, match=r"^--metric: found none, expected one, for a scenario without requirements"):
+        derivative_sensitivity.select_metrics(without, ())
+
+
+def test_too_few_runs_are_refused(space: StandardNormalSpace) -> None:
+    with pytest.raises(RpojaxError, match=r"^--runs: found 1, expected at least 2$"):
+        derivative_sensitivity.derivative_sensitivities(space, METRICS, 1, 0, KnownDerivatives(space))
+
+    class Failing(KnownDerivatives):
+        def jacobian(self, inputs: np.ndarray, keys: np.ndarray) -> rollout_evaluator.RolloutResult:
+            return replace(super().jacobian(inputs, keys), failed=np.ones(len(inputs), dtype=bool))
+
+    with pytest.raises(RpojaxError, match=r"^--runs: found 0 that reached their end, expected at least 2$"):
+        derivative_sensitivity.derivative_sensitivities(space, METRICS, 4, 0, Failing(space))
+
+
+def test_the_analysis_of_a_scenario_is_written_as_json(
+    space: StandardNormalSpace, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(derivative_sensitivity, "RolloutEvaluator", lambda *_, **__: KnownDerivatives(space))
+    found = derivative_sensitivity.sensitivity(space.file, METRICS, runs=8, progress=False)
+    found.write(tmp_path / "sensitivity.json")
+    content = json.loads((tmp_path / "sensitivity.json").read_text())
+    assert content == found.to_dict()
+    assert [entry["metric"] for entry in content["metrics"]] == list(METRICS)
+    assert content["metrics"][0]["sigma_by_dispersions"] == pytest.approx(5.0)
+    assert content["metrics"][0]["sampling"] is None
+    with pytest.raises(OutputError, match="exists already"):
+        found.write(tmp_path / "sensitivity.json")
+
+
+def test_the_command_refuses_an_unknown_metric_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.main(["sensitivity", "inspection", "--metric", "speed"]) == main.Status.BAD_INPUT
+    error = capsys.readouterr().err
+    assert error.startswith("rpojax: error: --metric: found 'speed', expected a metric with a derivative: ")
+    assert error.count("\n") == 1

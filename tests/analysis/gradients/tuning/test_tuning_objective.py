@@ -1,0 +1,83 @@
+"""The objective of tuning on metrics made by hand."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import rpojax
+from rpojax.analysis.gradients.tuning.tuning_objective import PART_METRICS, Objective
+from rpojax.errors import ScenarioError
+from rpojax.simulation.metrics.running_metric_definitions import RUNNING_METRICS
+
+RNG = np.random.default_rng(2)
+
+
+def objective(**weights: float) -> Objective:
+    every = [f"tuning.{name}={weights.get(name, 0.0)}" for name in PART_METRICS]
+    return Objective(rpojax.load("inspection", every))
+
+
+def gradient(made: Objective, metrics: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
+    counted = np.ones(len(metrics)) if mask is None else mask
+    return np.asarray(made.gradient(*map(jnp.asarray, (metrics, metrics, counted))))
+
+
+def test_all_parts_are_weights_of_the_scenario_and_need_existing_metrics() -> None:
+    assert set(PART_METRICS) == set(rpojax.load("inspection").tuning.model_dump())
+    assert {name for names in PART_METRICS.values() for name in names} <= set(RUNNING_METRICS)
+
+
+def test_an_error_counts_by_its_logarithm() -> None:
+    made = objective(formation=2.0)
+    metrics = np.array([[1.0], [np.e]])
+    value, parts = made(metrics)
+    assert value == pytest.approx(1.0)
+    assert parts == {"formation": pytest.approx(0.5)}
+    np.testing.assert_allclose(gradient(made, metrics), [[1.0], [1.0 / np.e]])
+
+
+def test_a_consistent_filter_has_no_gradient() -> None:
+    made, metrics = objective(consistency=1.0), np.array([[11.0, 5.0], [13.0, 7.0]])
+    assert made(metrics)[0] == pytest.approx(0.0)
+    np.testing.assert_allclose(gradient(made, metrics), 0.0, atol=1e-15)
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_conservative_and_overconfident_filters_count_alike(factor: float) -> None:
+    value, _ = objective(consistency=1.0)(factor * np.array([[12.0, 6.0], [12.0, 6.0]]))
+    assert value == pytest.approx(2.0 * np.log(2.0) ** 2)
+
+
+def test_a_lost_run_does_not_count_for_consistency() -> None:
+    metrics = np.array([[12.0, 6.0]] * 9 + [[2e6, 1e6]])
+    made = objective(consistency=1.0)
+    assert made(metrics)[0] == pytest.approx(0.0)
+    np.testing.assert_array_equal(gradient(made, metrics)[-1], 0.0)
+
+
+def test_a_run_that_is_not_finite_is_left_out() -> None:
+    made, metrics = objective(formation=1.0), np.array([[1.0], [np.nan]])
+    assert made(metrics)[0] == pytest.approx(0.0)
+    np.testing.assert_array_equal(gradient(made, metrics), [[1.0], [0.0]])
+
+
+def test_padding_does_not_count() -> None:
+    made = objective(**dict.fromkeys(PART_METRICS, 1.0))
+    metrics = 1.0 + RNG.random((5, len(made.metric_names)))
+    padded = np.concatenate([metrics, metrics[-1:], metrics[-1:]])
+    mask = np.array([1.0] * 5 + [0.0] * 2)
+    np.testing.assert_allclose(gradient(made, padded, mask)[:5], gradient(made, metrics), rtol=1e-12)
+    np.testing.assert_array_equal(gradient(made, padded, mask)[5:], 0.0)
+
+
+def test_the_gradient_is_that_of_the_value() -> None:
+    made = objective(**dict.fromkeys(PART_METRICS, 0.7))
+    metrics = 1.0 + RNG.random((6, len(made.metric_names)))
+    direction = RNG.standard_normal(metrics.shape)
+    up, down = (made(metrics + sign * 1e-6 * direction)[0] for sign in (1.0, -1.0))
+    assert np.sum(gradient(made, metrics) * direction) == pytest.approx((up - down) / 2e-6, rel=1e-6)
+
+
+def test_weights_of_zero_are_refused() -> None:
+    with pytest.raises(ScenarioError, match="tuning: found 'no weight above zero', expected a weight for one of"):
+        objective()
