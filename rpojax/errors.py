@@ -1,12 +1,12 @@
-"""The exceptions that the project raises on purpose. Each message is one line: what, found, expected."""
+"""Exceptions of the package. Each message is one line: what, found, expected."""
 
 
 class RpojaxError(Exception):
-    """Base of all errors that a user can cause and mend."""
+    """Base of all errors that a user can cause and correct."""
 
 
 class ScenarioError(RpojaxError):
-    """A scenario, or an override of it, is not acceptable."""
+    """A scenario, or an override of it, is invalid."""
 
     def __init__(self, key: str, found: object, expected: str) -> None:
         super().__init__(f"{key}: found {found!r}, expected {expected}")
@@ -14,7 +14,7 @@ class ScenarioError(RpojaxError):
 
 
 class UnknownKeyError(ScenarioError):
-    """A scenario has a key that no scenario has."""
+    """A scenario has an unknown key."""
 
     def __init__(self, key: str, hint: str) -> None:
         RpojaxError.__init__(self, f"{key}: unknown key{hint}")
@@ -22,12 +22,12 @@ class UnknownKeyError(ScenarioError):
 
 
 class OutputError(RpojaxError):
-    """An output folder or file cannot be used as asked."""
+    """An output folder or file cannot be written."""
 
 
 class ResultError(RpojaxError):
-    """A campaign folder does not hold what was asked for."""
+    """A campaign folder does not hold the requested results."""
 
 
 class UnfinishedError(RpojaxError):
-    """A campaign could not be completed; what is finished of it is kept, and it can be resumed."""
+    """A campaign could not be completed; finished blocks are kept, and it can be resumed."""

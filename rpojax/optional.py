@@ -1,4 +1,4 @@
-"""Packages that only the offline phase needs."""
+"""Import of optional packages."""
 
 import importlib
 from types import ModuleType
@@ -7,7 +7,7 @@ from rpojax.errors import RpojaxError
 
 
 class MissingExtraError(RpojaxError):
-    """A verb needs a package that is not installed."""
+    """A command needs a package that is not installed."""
 
 
 def require_package(name: str, extra: str = "raytrace") -> ModuleType:

@@ -1,4 +1,4 @@
-"""Fixtures: a short mission and a small campaign of it, with compiled programs shared between the tests."""
+"""Fixtures: a short mission and a small campaign of it, with compiled programs shared between tests."""
 
 import json
 from collections.abc import Callable, Iterator
@@ -12,13 +12,13 @@ from shared_compilation import shared_programs
 
 from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.scenario import scenario_file
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 
 
 @pytest.fixture(scope="session")
 def programs() -> Iterator[None]:
-    """Engines for the same scenario of any length, size and devices use one pair of programs."""
+    """Batch engines of the session share compiled programs."""
     with shared_programs():
         yield
 
@@ -26,18 +26,18 @@ def programs() -> Iterator[None]:
 @pytest.fixture(scope="session")
 def mission(programs: None) -> ScenarioFile:
     """Two segments and two burn decisions of the nominal mission, with all its dispersions."""
-    return scenario_file.load("inspection", ["duration_s=400"])
+    return scenario_loader.load("inspection", ["duration_s=400"])
 
 
 @pytest.fixture(scope="session")
 def three_runs(tmp_path_factory: pytest.TempPathFactory, mission: ScenarioFile) -> Campaign:
-    """Three runs in three blocks, with the histories of two; not to be changed by a test."""
+    """Three runs in three blocks, with the histories of two; tests must not change it."""
     return run_campaign(mission, 3, tmp_path_factory.mktemp("three") / "runs", block_size=1, histories=[0, 2])
 
 
 @pytest.fixture(scope="session")
 def arrays() -> Callable[[Path], dict[str, np.ndarray]]:
-    """Reader of every array that a campaign folder holds, by path."""
+    """Function that reads all arrays of a campaign folder, by path."""
 
     def read(directory: Path) -> dict[str, np.ndarray]:
         root = zarr.open_group(str(directory / "results.zarr"), mode="r")
@@ -49,7 +49,7 @@ def arrays() -> Callable[[Path], dict[str, np.ndarray]]:
 
 @pytest.fixture
 def edit_info() -> Callable[..., None]:
-    """Changer of entries of a folder's campaign.json."""
+    """Function that changes entries of a folder's campaign.json."""
 
     def edit(directory: Path, **entries: Any) -> None:
         path = directory / "campaign.json"

@@ -1,4 +1,4 @@
-"""Settings of every test session, made before the package is imported, and the nominal scenario."""
+"""Settings of the test session, made before the package is imported, and fixtures of the nominal scenario."""
 
 import atexit
 import gc
@@ -13,17 +13,18 @@ import jax
 import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
+from memory_release import release_memory
 from worker_scheduling import GroupScheduling, sort_longest_group_first
 
 PACKAGE = Path(__file__).parents[1] / "rpojax"
 CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rpojax" / "jax-tests"
 
-# Most of the time goes into compiling programs that then run for a second; what the user's environment says stays.
+# Flags that the user has set are not changed.
 for flag in fast_compile_flags.FLAGS:
     if flag.partition("=")[0] not in os.environ.get("XLA_FLAGS", ""):
         os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {flag}".strip()
 
-# The workers of a session share what they have traced; another session may have another package to trace.
+# Workers of a session share traces; another session may test other code.
 if "RPOJAX_TRACES" not in os.environ:
     os.environ["RPOJAX_TRACES"] = tempfile.mkdtemp(prefix="rpojax-traces-")
     atexit.register(shutil.rmtree, os.environ["RPOJAX_TRACES"], ignore_errors=True)
@@ -35,7 +36,7 @@ jax.config.update("jax_compilation_cache_dir", str(CACHE))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
-# Every sub-package has its shapes checked; the command line and the errors hold no arrays.
+# Types and shapes of every sub-package are checked at run time.
 install_import_hook(
     [f"rpojax.{folder.name}" for folder in sorted(PACKAGE.iterdir()) if (folder / "__init__.py").exists()],
     "runtime_type_checks.type_checked",
@@ -47,34 +48,43 @@ settings.register_profile("rpojax", deadline=None, max_examples=20, derandomize=
 settings.load_profile("rpojax")
 
 from rpojax.scenario import params as parameters  # noqa: E402  (after the hook)
-from rpojax.scenario import scenario_file as scenarios  # noqa: E402
+from rpojax.scenario.loading import scenario_loader as scenarios  # noqa: E402
 from rpojax.scenario.params import Params  # noqa: E402
-from rpojax.scenario.scenario_file import Scenario  # noqa: E402
 from rpojax.scenario.schema import ScenarioFile  # noqa: E402
+from rpojax.scenario.static_settings import Scenario, static_settings  # noqa: E402
 
-# Tracing makes millions of objects of which few are garbage.
+# Tracing creates millions of objects of which few are garbage.
 gc.freeze()
 gc.set_threshold(50_000, 20, 20)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Sorts the tests for their distribution over workers."""
     sort_longest_group_first(items)
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    """Releases memory after the last test of a module and the teardown of its fixtures."""
+    if nextitem is None or nextitem.path != item.path:
+        release_memory()
+
+
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> GroupScheduling:
+    """Scheduler of pytest-xdist."""
     return GroupScheduling(config, log)
 
 
 @pytest.fixture(scope="session")
 def inspection_file() -> ScenarioFile:
-    """The packaged nominal scenario, as its file says it."""
+    """The packaged nominal scenario as its file model."""
     return scenarios.load("inspection")
 
 
 @pytest.fixture(scope="session")
 def inspection(inspection_file: ScenarioFile) -> Scenario:
     """Static settings of the nominal scenario."""
-    return scenarios.static_settings(inspection_file)
+    return static_settings(inspection_file)
 
 
 @pytest.fixture(scope="session")
@@ -85,6 +95,6 @@ def inspection_params(inspection_file: ScenarioFile, inspection: Scenario) -> Pa
 
 @pytest.fixture(scope="session")
 def params() -> Params:
-    """The same with numbers that the tests can count on, whatever becomes of the mission's tuning."""
+    """Params of a pinned copy of the nominal scenario, independent of later tuning of the packaged one."""
     file = scenarios.load(Path(__file__).parent / "pinned.toml")
     return parameters.build_params(file.model_dump(), file.camera.width_px, file.camera.height_px)

@@ -1,4 +1,4 @@
-"""Campaign folders without an engine: what a campaign of some runs would begin with."""
+"""New campaign folders and synthetic blocks, without simulating anything."""
 
 import time
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from rpojax.campaign.storage.campaign_folder import BlockTiming, Campaign
 from rpojax.scenario.schema import ScenarioFile
 
 BLOCK_RUNS = 2
-"""Runs of a block of made-up results."""
+"""Runs of a synthetic block."""
 
 
 def empty_campaign(
@@ -26,14 +26,14 @@ def empty_campaign(
     history_ids: Sequence[int] = (),
     force: bool = False,
 ) -> Campaign:
-    """A new folder in which no block is done."""
+    """A new campaign folder without finished blocks."""
     kept = Retention.from_run_ids(history_ids).to_record()
     folder_creation.create_folder(directory, new_configuration(file, seed, runs, first_run, block_size, kept), force)
     return Campaign(directory)
 
 
 def synthetic_timing() -> BlockTiming:
-    """A block that took no time."""
+    """Timing record of a synthetic block."""
     return BlockTiming(time.time(), 0.5, 0.0, "a test")
 
 

@@ -1,4 +1,4 @@
-"""Files of the experiments, which are no package, as modules."""
+"""Import of files below `experiments`, which is not a package."""
 
 import importlib.util
 from pathlib import Path
@@ -8,7 +8,7 @@ EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 
 
 def load_experiment(path: str) -> ModuleType:
-    """A file below `experiments`, freshly loaded."""
+    """Module of a file below `experiments`, loaded again at each call."""
     spec = importlib.util.spec_from_file_location(Path(path).stem, EXPERIMENTS / path)
     assert spec
     assert spec.loader

@@ -1,9 +1,8 @@
-"""Flags with which XLA compiles sooner what then runs for a second: with less effort, and by its older fused loops."""
+"""XLA flags for short compilation, since test programs run for a second: no optimisation, older fusion emitters."""
 
 import jax
 
 FLAGS = ["--xla_backend_optimization_level=0"]
-# Names of these flags are not promised, and XLA stops at one it does not know. The second keeps what is compiled in one
-# part: the workers of a session have a core each.
+# XLA aborts at unknown flags, and may rename these. The second compiles on one core: each worker of a session has one.
 if jax.__version_info__[:2] == (0, 10):
     FLAGS += ["--xla_cpu_use_fusion_emitters=false", "--xla_cpu_parallel_codegen_split_count=1"]

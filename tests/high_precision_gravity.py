@@ -1,4 +1,4 @@
-"""Gravity in sixty digits, from the potential alone, so that no difference of nearly equal numbers matters."""
+"""Reference gravity in sixty-digit arithmetic, from the potential alone."""
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
@@ -11,7 +11,7 @@ ZONALS = tuple(Decimal(J) for J in (J2, -2.53265649e-6, -1.61962159e-6, -2.27296
 """J2 to J6 of the Earth."""
 
 _STEP = Decimal("1e-9")
-"""Of the central difference [m]; its error is (step / r)^2 = 1e-32, and sixty digits leave thirty."""
+"""Step of the central difference [m]; its error is (step / r)^2 = 1e-32, and rounding leaves thirty digits."""
 
 DecimalVector = list[Decimal]
 

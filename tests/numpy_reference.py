@@ -1,4 +1,4 @@
-"""Independent numpy versions of the basic mathematics, and random inputs, for use in the tests."""
+"""Independent numpy versions of basic mathematics, and random inputs."""
 
 import numpy as np
 from hypothesis import strategies
@@ -9,7 +9,7 @@ MU, RADIUS, J2 = 3.986004418e14, 6378137.0, 1.08262668e-3
 IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
 
 SEEDS = strategies.integers(0, 2**32 - 1)
-"""Hypothesis draws seeds; numpy makes arrays of them, so that compiled callees are reused."""
+"""Hypothesis draws seeds, numpy makes arrays from them: shapes stay fixed, and compiled functions are reused."""
 
 
 def unit(vector: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""A servicer behind its target, as the flight software knows it: estimates, camera attitude and boxes for the tests."""
+"""A servicer 30 m behind its target: synthetic estimates, camera attitude and box measurements for flight software."""
 
 import jax
 import jax.numpy as jnp
@@ -10,36 +10,35 @@ from rpojax.core.pytree import replace
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.navigation import orbit_filter
-from rpojax.flight.navigation.filter_tuning import BoxMeasurement
 from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.vehicle_model import VehicleModel
 
 R_SN_N = np.array([5.0e6, 3.0e6, 3.7e6])
 """Position of the servicer [m], 6900 km from the Earth's centre."""
 
 V_SN_N = np.sqrt(MU / np.linalg.norm(R_SN_N)) * unit(np.cross([0.3, -0.5, 0.8], R_SN_N))
-"""Its velocity on a circular orbit [m/s]."""
+"""Velocity of the servicer on a circular orbit [m/s]."""
 
 TARGET_AHEAD = 30.0 * unit(V_SN_N)
-"""The target 30 m ahead of it [m]."""
+"""Position of the target from the servicer, 30 m along the velocity [m]."""
 
 HILL_RATE = np.cross(R_SN_N, V_SN_N) / (R_SN_N @ R_SN_N)
-"""Rate of its Hill frame, inertial components [rad/s]."""
+"""Rate of the servicer's Hill frame in N components [rad/s]."""
 
 SUN_OVERHEAD = 1.5e11 * unit(R_SN_N)
-"""The Sun overhead [m]: the target is lit and a quarter of it lies in its own shade."""
+"""Position of the Sun at the zenith [m]: the target is lit at a phase angle of 90 deg."""
 
 SUN_BEHIND_EARTH = -SUN_OVERHEAD
-"""The Sun behind the Earth [m]."""
-
+"""Position of the Sun behind the Earth [m]."""
 
 _initial = jax.jit(orbit_filter.initial)
 
 
 @jax.jit
-def _camera_attitude(onboard: VehicleModel, known: OrbitEstimate) -> jax.Array:
-    q_BN, _ = target_pointing.look_attitude(onboard, known)
-    return quaternion.multiply(quaternion.normalize(onboard.camera_mounting), q_BN)
+def _camera_attitude(vehicle: VehicleModel, orbit_estimate: OrbitEstimate) -> jax.Array:
+    q_BN, _ = target_pointing.look_attitude(vehicle, orbit_estimate)
+    return quaternion.multiply(quaternion.normalize(vehicle.camera_mounting), q_BN)
 
 
 def estimate(
@@ -49,7 +48,7 @@ def estimate(
     position_sigma: float = 0.2,
     velocity_sigma: float = 1e-3,
 ) -> OrbitEstimate:
-    """Estimate with the target at rest in the Hill frame, unless told, and as certain as told."""
+    """Orbit estimate with the given relative state (by default at rest in the Hill frame) and sigmas."""
     drift = np.cross(HILL_RATE, r_TS_N) if v_TS_N is None else v_TS_N
     navigation = replace(
         flight.navigation,
@@ -59,15 +58,15 @@ def estimate(
     return _initial(navigation, R_SN_N, V_SN_N, r_TS_N, drift)
 
 
-def camera_attitude(flight: FlightParams, known: OrbitEstimate) -> np.ndarray:
-    """`q_KN` of a camera that looks straight at the estimated target."""
-    return np.asarray(_camera_attitude(flight.vehicle, known))
+def camera_attitude(flight: FlightParams, orbit_estimate: OrbitEstimate) -> np.ndarray:
+    """`q_KN` of a camera whose boresight points at the estimated target."""
+    return np.asarray(_camera_attitude(flight.vehicle, orbit_estimate))
 
 
 def box(
     flight: FlightParams, R_KN: np.ndarray, r_TS_N: np.ndarray, present: bool = True, truncated: bool = False
 ) -> BoxMeasurement:
-    """The box that a target of the expected size at `r_TS_N` [m] gives without any error."""
+    """Box measurement without error of a target of the expected size at `r_TS_N` [m]."""
     r_K = R_KN @ r_TS_N
     size = float(flight.navigation.target_size) / np.linalg.norm(r_TS_N)
     return BoxMeasurement(

@@ -1,4 +1,4 @@
-"""The type checker that the test session puts on every function of the package."""
+"""Run-time checks of argument types and array shapes, applied to every function of the package in tests."""
 
 from collections.abc import Callable
 from typing import Any
@@ -9,6 +9,6 @@ from beartype import beartype
 def type_checked(function: Callable[..., Any]) -> Callable[..., Any]:
     """`function` with its arguments and result checked at run time.
 
-    Constructors are left alone: JAX itself rebuilds records with placeholders such as shapes, axes or specs as leaves.
+    Constructors are not checked: JAX rebuilds records with placeholders such as shapes, axes or specs as leaves.
     """
     return function if function.__name__ == "__init__" else beartype(function)

@@ -1,4 +1,4 @@
-"""A linear covariance and sampled runs that nobody flew, for tests of what is made of them."""
+"""A synthetic linear covariance and Monte Carlo sample, for tests of their comparison and figures."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ TIMES, RUNS = 40, 400
 
 
 def synthetic_linear_covariance(scale: float = 1.0) -> tuple[LinearCovariance, MonteCarloSample]:
-    """A linear covariance, and samples whose standard deviations are its own times a factor."""
+    """A linear covariance, and a sample with `scale` times its standard deviations."""
     rng = np.random.default_rng(0)
     count = max(part.stop for part in OUTPUTS.values())
     sigma = np.linspace(1.0, 2.0, count)

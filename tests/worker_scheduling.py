@@ -1,4 +1,4 @@
-"""Which tests a worker does in one go, and which come first: those that share compiled programs, the longest ones."""
+"""Distribution of test groups over the workers of pytest-xdist: one worker per folder, longest folders first."""
 
 from typing import Any
 
@@ -9,28 +9,27 @@ GROUPS_LONGEST_FIRST = (
     *("campaign", "simulation", "vision", "cli", "gradient", "analysis", "test_notebooks.py", "training"),
     *("validation", "interop", "report", "flight", "physics"),
 )
-"""Folders and files of this folder by falling time, as far as it counts; whatever is not here comes last."""
-
+"""Groups by decreasing duration; groups that are not listed come last."""
 
 CAMPAIGN_FOLDERS = ("campaign", "dispersions", "benchmark")
-"""Folders whose tests use the same programs."""
+"""Folders whose tests share compiled programs, and so form one group."""
 
 
 def group_of(nodeid: str) -> str:
-    """The folder below this one that a test is in, or its file where it is in none."""
-    words = nodeid.split("::")[0].split("/")
-    place = words[1] if len(words) > 1 else words[0]
-    return "campaign" if place in CAMPAIGN_FOLDERS else place
+    """Group of a test: its folder below `tests`, or its file if that is directly in `tests`."""
+    parts = nodeid.split("::")[0].split("/")
+    name = parts[1] if len(parts) > 1 else parts[0]
+    return "campaign" if name in CAMPAIGN_FOLDERS else name
 
 
 def sort_longest_group_first(items: list[pytest.Item]) -> None:
-    """Puts the tests in the order in which they are handed out."""
-    places = {name: place for place, name in enumerate(GROUPS_LONGEST_FIRST)}
-    items.sort(key=lambda item: places.get(group_of(item.nodeid), len(places)))
+    """Sorts tests into the order in which they are distributed."""
+    ranks = {name: rank for rank, name in enumerate(GROUPS_LONGEST_FIRST)}
+    items.sort(key=lambda item: ranks.get(group_of(item.nodeid), len(ranks)))
 
 
 class GroupScheduling(LoadScopeScheduling):
-    """One worker does all the tests of a folder, so that none is compiled or traced twice."""
+    """Assigns each group to one worker, so that no program of it is traced or compiled twice."""
 
     def __init__(self, config: pytest.Config, log: Any = None) -> None:
         super().__init__(config, log)

@@ -1,1 +1,1 @@
-"""Floor 1: batches of runs along the last axis of every array."""
+"""`vmap` over the last axis of every array, so that compiled loops run over the batch."""

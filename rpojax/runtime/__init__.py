@@ -1,1 +1,1 @@
-"""Floor 1: everything process-wide: JAX environment, compiler options, caches, devices."""
+"""Process-wide matters: environment of JAX, compiler options, cached traces, devices, progress display."""

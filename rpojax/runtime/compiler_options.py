@@ -1,4 +1,4 @@
-"""How XLA compiles the two programs of a campaign on a CPU."""
+"""Compiler options of XLA for the two programs of a campaign on a CPU."""
 
 import os
 from collections.abc import Mapping
@@ -11,19 +11,17 @@ PREPARATION_OPTIONS: Mapping[str, Any] = {
     "xla_cpu_use_fusion_emitters": False,
     "xla_cpu_parallel_codegen_split_count": 1,
 }
-"""It works once for hundreds of ticks of the loop, so that it is compiled quickly rather than well, and on one core
-beside the tracing of the loop."""
+"""The preparation runs once per hundreds of ticks: quick compilation, on one core while the loop is traced."""
 
 LOOP_OPTIONS: Mapping[str, Any] = {
     "xla_cpu_experimental_ynn_fusion_type": "",
     "xla_disable_hlo_passes": "reshape-mover",
 }
-"""No calls of another library for many small sums, and no pass that moves reshapes past one operation at a time, each
-in a round of all the other passes."""
+"""No library calls for small sums; no reshape-mover, which runs all other passes again after each reshape it moves."""
 
 
 def compile_with_options(lowered: Any, cpu_options: Mapping[str, Any]) -> Any:
-    """A program compiled with options where JAX computes on a CPU: what XLA knows and the user's flags leave open."""
+    """Compiles a program, on a CPU with those options that XLA knows and the user has not set by flags."""
     flags = os.environ.get("XLA_FLAGS", "")
     wanted = cpu_options if jax.default_backend() == "cpu" else {}
     options = {name: value for name, value in wanted.items() if f"--{name}" not in flags}

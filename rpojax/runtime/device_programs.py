@@ -1,4 +1,4 @@
-"""One traced function for several devices at once: each runs a program of its own, but the cores of a CPU share one."""
+"""A traced function on several devices at once: one program for each accelerator, one for all cores of a CPU."""
 
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
@@ -13,14 +13,13 @@ from rpojax.runtime.trace_cache import Trace
 T = TypeVar("T")
 
 CALLS_AHEAD = 2
-"""Calls that may wait to be looked at: enough for threads that share a core with others for a moment."""
+"""Results that a thread may compute before the caller has taken them; two cover short pauses of a shared core."""
 
 
 def compilation_devices(devices: Sequence[Any]) -> list[Any]:
-    """The device on which the program of each is compiled and run.
+    """For each device, the device that its program is compiled for.
 
-    XLA compiles for one device alone, and threads may run what is compiled for one core of a CPU side by side: that
-    takes a core each, and is compiled once.
+    The cores of a CPU share a program compiled for the first of them, which threads may run concurrently.
     """
     return [devices[0] if each.platform == "cpu" else each for each in devices]
 
@@ -28,27 +27,27 @@ def compilation_devices(devices: Sequence[Any]) -> list[Any]:
 def lower_for_devices(
     trace: Trace, arguments: Sequence[Any], devices: Sequence[Any], donate: tuple[int, ...] = ()
 ) -> dict[Any, Any]:
-    """The function lowered for each home of the devices, to be compiled; `donate` numbers the arguments given up."""
-    wanted = jax.jit(trace.call, donate_argnums=donate)
+    """The function lowered for each of the `compilation_devices`; `donate` numbers the donated arguments."""
+    function = jax.jit(trace.call, donate_argnums=donate)
     return {
-        home: wanted.lower(*jax.tree.map(lambda each, on=home: _abstract_array(each, on), arguments))
-        for home in dict.fromkeys(compilation_devices(devices))
+        device: function.lower(*jax.tree.map(lambda each, on=device: _abstract_array(each, on), arguments))
+        for device in dict.fromkeys(compilation_devices(devices))
     }
 
 
 def call_in_threads(functions: Sequence[Callable[[], T]], times: int) -> Generator[list[T], None, None]:
-    """What each of some functions gives, `times` times, each in a thread of its own.
+    """Calls each function `times` times in a thread of its own and yields the results of each round.
 
-    A thread waits for the others only when it is `AHEAD` calls ahead of what the caller looks at.
+    A thread waits only when it is `CALLS_AHEAD` calls ahead of the caller.
     """
     pools = [ThreadPoolExecutor(1) for _ in functions]
     pending: deque[list[Future[T]]] = deque()
     try:
         for number in range(times + CALLS_AHEAD):
             if number < times:
-                pending.append([pool.submit(work) for pool, work in zip(pools, functions, strict=True)])
+                pending.append([pool.submit(function) for pool, function in zip(pools, functions, strict=True)])
             if number >= CALLS_AHEAD:
-                # Not kept here while the caller looks at them.
+                # Yielded without a local reference, so that the caller decides how long results stay in memory.
                 yield [each.result() for each in pending.popleft()]
     finally:
         for pool in pools:

@@ -1,4 +1,4 @@
-"""Progress of long work on stderr: a bar on a terminal, else a few lines."""
+"""Progress of long work on stderr: a bar on a terminal, otherwise a few lines."""
 
 import datetime
 import time
@@ -10,19 +10,18 @@ from rich.console import Console
 
 _COMPILING = "compiling (up to a minute, a few seconds the next time)"
 
-
-_PLAIN_SHARES = (0.25, 0.5, 0.75, 1.0)
+_PRINTED_FRACTIONS = (0.25, 0.5, 0.75, 1.0)
 
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a campaign is.
+    """Progress of a campaign.
 
     Attributes:
         done: run-equivalents finished in this session, fractions of runs under way included
         total: runs to do in this session
         failed: runs failed so far in this session
-        compiled: the programs are compiled
+        compiled: whether the programs are compiled
     """
 
     done: float
@@ -36,7 +35,7 @@ ProgressCallback = Callable[[Progress], None]
 
 @contextmanager
 def run_progress(duration_s: float, quiet: bool) -> Iterator[ProgressCallback]:
-    """Something to tell the progress of runs of `duration_s` [s] to: a bar on a terminal, else a few lines."""
+    """Shows the progress of runs of `duration_s` [s], by calls of the yielded function."""
     if quiet:
         yield lambda _: None
     elif Console(stderr=True).is_terminal:
@@ -48,18 +47,18 @@ def run_progress(duration_s: float, quiet: bool) -> Iterator[ProgressCallback]:
 
 @contextmanager
 def item_progress(text: str, quiet: bool) -> Iterator[Callable[..., None]]:
-    """Something to tell `(done, total, note)` to: a bar on a terminal, else a line at every quarter."""
+    """Shows progress by calls of the yielded function with `(done, total, note)`: a bar, or a line at every quarter."""
     if quiet:
         yield lambda done, total, note="": None
         return
     console = Console(stderr=True, highlight=False)
     if not console.is_terminal:
-        shares = list(_PLAIN_SHARES)
+        fractions = list(_PRINTED_FRACTIONS)
 
         def line(done: int, total: int, note: str = "") -> None:
-            while shares and done >= shares[0] * total:
-                shares.pop(0)
-                if not shares or done < shares[0] * total:
+            while fractions and done >= fractions[0] * total:
+                fractions.pop(0)
+                if not fractions or done < fractions[0] * total:
                     console.print(f"rpojax: {text}, {done} of {total} {note}".rstrip(), soft_wrap=True)
 
         yield line
@@ -77,7 +76,7 @@ def item_progress(text: str, quiet: bool) -> Iterator[Callable[..., None]]:
 
 @contextmanager
 def busy(text: str, quiet: bool) -> Iterator[None]:
-    """Says what is being done until it is done."""
+    """Shows `text` while the body runs."""
     console = Console(stderr=True, quiet=quiet, highlight=False)
     if not console.is_terminal:
         console.print(f"rpojax: {text}", soft_wrap=True)
@@ -86,11 +85,11 @@ def busy(text: str, quiet: bool) -> Iterator[None]:
 
 
 _SHORTEST_S = 0.05
-"""In less time than this no rate can be told."""
+"""No rate is shown before this time."""
 
 
 class _Rate:
-    """How fast runs of a given duration are done, from when the programs were compiled."""
+    """Rate of runs of a given duration, from when the programs were compiled."""
 
     def __init__(self, duration_s: float) -> None:
         self.duration_s = duration_s
@@ -113,24 +112,25 @@ class _Rate:
 
 
 def count_runs(runs: int) -> str:
+    """A number of runs in words, such as "1 run" or "3 runs"."""
     return f"{runs} run{'' if runs == 1 else 's'}"
 
 
 class _PlainLines:
-    """A line when something begins, and at every quarter."""
+    """Prints a line at the start and at every quarter."""
 
     def __init__(self, duration_s: float) -> None:
-        self._pace = _Rate(duration_s)
+        self._rate = _Rate(duration_s)
         self._console = Console(stderr=True, highlight=False)
-        self._shares = list(_PLAIN_SHARES)
+        self._fractions = list(_PRINTED_FRACTIONS)
 
     def __call__(self, progress: Progress) -> None:
-        text = self._pace.describe(progress) if progress.compiled else _COMPILING
+        text = self._rate.describe(progress) if progress.compiled else _COMPILING
         if progress.done == 0.0:
             self._console.print(f"rpojax: {text}", soft_wrap=True)
-        passed = [share for share in self._shares if progress.done >= share * progress.total]
+        passed = [fraction for fraction in self._fractions if progress.done >= fraction * progress.total]
         if passed:
-            self._shares = self._shares[len(passed) :]
+            self._fractions = self._fractions[len(passed) :]
             self._console.print(f"rpojax: {text}", soft_wrap=True)
 
 
@@ -139,13 +139,13 @@ def _progress_bar(duration_s: float) -> Iterator[ProgressCallback]:
     from rich.progress import BarColumn, SpinnerColumn, TextColumn
     from rich.progress import Progress as Display
 
-    pace = _Rate(duration_s)
+    rate = _Rate(duration_s)
     columns = (SpinnerColumn(), BarColumn(bar_width=10), TextColumn("{task.description}"))
     with Display(*columns, console=Console(stderr=True, highlight=False)) as display:
         task = display.add_task(_COMPILING, total=None)
 
         def watch(progress: Progress) -> None:
             if progress.compiled:
-                display.update(task, total=progress.total, completed=progress.done, description=pace.describe(progress))
+                display.update(task, total=progress.total, completed=progress.done, description=rate.describe(progress))
 
         yield watch

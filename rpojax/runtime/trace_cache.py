@@ -1,4 +1,4 @@
-"""Traced functions, kept for later processes: tracing takes longer than to load what is compiled already."""
+"""Cache of traced functions on disk: tracing the closed loop takes longer than loading its compiled program."""
 
 import contextlib
 import gc
@@ -18,7 +18,7 @@ from jax.extend import core
 import rpojax
 
 FOLDER_VARIABLE = "RPOJAX_TRACES"
-"""Environment variable with the folder where traces are kept; without it none is."""
+"""Environment variable with the folder of the cache; without it traces are not cached."""
 
 _DIGEST_SIZE = hashlib.sha256().digest_size
 _PACKAGES = ("jax", "jaxlib", "flax", "numpy", "scipy")
@@ -26,7 +26,7 @@ _JAX_SETTINGS = (
     *("jax_enable_x64", "jax_default_matmul_precision", "jax_default_prng_impl", "jax_threefry_partitionable"),
     "jax_numpy_dtype_promotion",
 )
-"""Of JAX, on which it depends what is traced."""
+"""JAX settings that a trace depends on."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +34,8 @@ class Trace:
     """A traced function.
 
     Attributes:
-        call: the function; tracing that once more takes next to no time
-        results: shapes and types of what it gives, in its structure
+        call: the traced function; tracing it again takes almost no time
+        outputs: shapes and types of its results, as a pytree
     """
 
     call: Callable[..., Any]
@@ -43,10 +43,10 @@ class Trace:
 
 
 def load_or_trace(function: Callable[..., Any], arguments: Sequence[Any], identity: str | None = None) -> Trace:
-    """`function` traced for arguments of these shapes, from an earlier process if that has left it.
+    """`function` traced for arguments of these shapes, from the cache if it is there.
 
-    `meaning` is all that the trace depends on besides the shapes, this package and JAX; without it nothing is kept,
-    and the function may do what cannot be kept, such as print.
+    `identity` is everything that the trace depends on besides the shapes, this package and JAX. Without it the trace is
+    not cached, and the function may have effects that cannot be serialised, such as printing.
     """
     if identity is None:
         return _trace_without_cache(function, arguments)
@@ -55,48 +55,48 @@ def load_or_trace(function: Callable[..., Any], arguments: Sequence[Any], identi
     content = _read(path) if path else None
     if content is None:
         with _no_garbage_collection():
-            made = export.export(jax.jit(function))(*arguments)
+            exported = export.export(jax.jit(function))(*arguments)
         try:
-            content = bytes(made.serialize())
+            content = bytes(exported.serialize())
         except ValueError:
-            # Records of a module that was loaded anew have no name that could be kept.
-            return _trace_of_export(made)
+            # Records of a reloaded module are not registered for serialisation.
+            return _trace_of_export(exported)
         if path is not None and _source_digest() == _LOADED_SOURCE:
             with contextlib.suppress(OSError):
                 _write(path, content)
-    # What is kept is what is used, so that the first process computes the same numbers as the next ones.
+    # The serialised trace is used at once, so that the first process computes the same numbers as later ones.
     return _trace_of_export(export.deserialize(bytearray(content)))
 
 
 @contextlib.contextmanager
 def _no_garbage_collection() -> Iterator[None]:
-    """Tracing makes millions of objects that stay, and looking through them for garbage takes a fifth of its time.
+    """Suspends the garbage collector: tracing creates millions of live objects, and scanning them takes a fifth of it.
 
-    Where two threads trace at once, the one that ends first ends it for both.
+    If two threads trace at once, the collector resumes when the first ends.
     """
-    collecting = gc.isenabled()
+    was_enabled = gc.isenabled()
     gc.disable()
     try:
         yield
     finally:
-        if collecting:
+        if was_enabled:
             gc.enable()
 
 
 def _trace_without_cache(function: Callable[..., Any], arguments: Sequence[Any]) -> Trace:
     with _no_garbage_collection():
-        found, results = jax.make_jaxpr(function, return_shape=True)(*arguments)
-    structure = jax.tree.structure(results)
+        jaxpr, outputs = jax.make_jaxpr(function, return_shape=True)(*arguments)
+    structure = jax.tree.structure(outputs)
 
     def call(*arguments: Any) -> Any:
-        return jax.tree.unflatten(structure, core.jaxpr_as_fun(found)(*jax.tree.leaves(arguments)))
+        return jax.tree.unflatten(structure, core.jaxpr_as_fun(jaxpr)(*jax.tree.leaves(arguments)))
 
-    return Trace(call, results)
+    return Trace(call, outputs)
 
 
-def _trace_of_export(made: export.Exported) -> Trace:
-    results = [jax.ShapeDtypeStruct(each.shape, each.dtype) for each in made.out_avals]
-    return Trace(made.call, jax.tree.unflatten(made.out_tree, results))
+def _trace_of_export(exported: export.Exported) -> Trace:
+    outputs = [jax.ShapeDtypeStruct(each.shape, each.dtype) for each in exported.out_avals]
+    return Trace(exported.call, jax.tree.unflatten(exported.out_tree, outputs))
 
 
 def _cache_key(arguments: Sequence[Any], identity: str) -> str:
@@ -108,35 +108,35 @@ def _cache_key(arguments: Sequence[Any], identity: str) -> str:
 
 
 def _source_digest() -> str:
-    """Hash of this package's code as it lies on the disk."""
+    """Hash of the source files of this package on disk."""
     folder = Path(rpojax.__file__).parent
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for path in sorted(folder.rglob("*.py")):
-        found.update(f"{path.relative_to(folder)}\0".encode() + path.read_bytes())
-    return found.hexdigest()
+        digest.update(f"{path.relative_to(folder)}\0".encode() + path.read_bytes())
+    return digest.hexdigest()
 
 
 _LOADED_SOURCE = _source_digest()
-"""The code that this process has loaded: a trace of other code is of no use, and none is kept once it has changed."""
+"""Hash of the code that this process has loaded; nothing is cached after the files have changed."""
 
 
 def _read(path: Path) -> bytes | None:
-    """What is kept in a file, or None where there is none or it has been damaged."""
+    """Content of a cache file, or None if it is missing or damaged."""
     try:
-        found = path.read_bytes()
+        stored = path.read_bytes()
     except OSError:
         return None
-    check, content = found[:_DIGEST_SIZE], found[_DIGEST_SIZE:]
-    return content if hashlib.sha256(content).digest() == check else None
+    digest, content = stored[:_DIGEST_SIZE], stored[_DIGEST_SIZE:]
+    return content if hashlib.sha256(content).digest() == digest else None
 
 
 def _write(path: Path, content: bytes) -> None:
-    """All or nothing, since several processes may look for the same trace at the same time."""
+    """Writes a cache file atomically, since several processes may read it at the same time."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
-        part = Path(file.name)
+        partial = Path(file.name)
     try:
-        part.write_bytes(hashlib.sha256(content).digest() + content)
-        part.replace(path)
+        partial.write_bytes(hashlib.sha256(content).digest() + content)
+        partial.replace(path)
     finally:
-        part.unlink(missing_ok=True)
+        partial.unlink(missing_ok=True)

@@ -85,7 +85,7 @@ def test_results_are_those_of_vmap(name: str) -> None:
         np.testing.assert_allclose(ours, theirs, rtol=1e-13, atol=1e-14)
 
 
-def test_what_items_have_in_common_stays_without_an_axis() -> None:
+def test_shared_results_have_no_batch_axis() -> None:
     def function(record: dict[str, Any], count: Any) -> Any:
         return {"own": record["a"] * record["b"][0], "common": count + 1, "none": None}
 
@@ -96,12 +96,12 @@ def test_what_items_have_in_common_stays_without_an_axis() -> None:
     assert found["none"] is None
 
 
-def test_a_result_that_differs_cannot_be_in_common() -> None:
+def test_a_batched_result_cannot_be_declared_shared() -> None:
     with pytest.raises(ValueError, match="out_axes"):
         vmap_last_axis.vmap(lambda x: x * 2.0, (-1,), None)(X)
 
 
-def test_stacked_components_stay_apart_in_memory() -> None:
+def test_stacking_components_needs_no_transposition() -> None:
     """No transposition is left of a function that takes vectors apart and puts them together again."""
 
     def function(x: Any, m: Any) -> Any:
@@ -112,7 +112,7 @@ def test_stacked_components_stay_apart_in_memory() -> None:
     assert "transpose" not in text
 
 
-def test_the_same_is_worked_out_once() -> None:
+def test_repeated_operations_are_evaluated_once() -> None:
     """Also across functions and the cases of a choice, but not within a loop, which has results of its own."""
     again = jax.jit(lambda x: jnp.sin(x * 2.0) * 3.0)
 
@@ -134,7 +134,7 @@ def test_the_same_is_worked_out_once() -> None:
         np.testing.assert_allclose(found, expected, rtol=1e-14)
 
 
-def test_what_items_have_in_common_is_spread_once() -> None:
+def test_shared_arrays_are_broadcast_once() -> None:
     every = vmap_last_axis.vmap(lambda x: (x[0] * 2.0 + 2.0, x * 2.0, x - 2.0), (-1,), -1)
     traced = str(jax.make_jaxpr(every)(X))
     assert traced.count("broadcast_in_dim") == 2  # as a number and as three
@@ -148,14 +148,14 @@ def alike(x: Any, m: Any) -> Any:
     return signs, kinds, (x[0:2], x[1:3], m[0], m[:, 0]), widths
 
 
-def test_operations_that_look_alike_are_kept_apart() -> None:
+def test_similar_operations_are_not_merged() -> None:
     every = vmap_last_axis.vmap(alike, (-1, -1), -1)
     expected = jax.vmap(alike, (-1, -1), -1)(jnp.abs(X), M)
     for found, wanted in zip(jax.tree.leaves(every(jnp.abs(X), M)), jax.tree.leaves(expected), strict=True):
         np.testing.assert_array_equal(found, wanted)
 
 
-def test_an_array_of_many_is_not_the_same_array_in_common() -> None:
+def test_the_same_array_batched_and_shared_is_not_merged() -> None:
     square = jnp.asarray(X[:, :3])
     many, common = vmap_last_axis.vmap(lambda a, b: (jnp.sin(a), jnp.sin(b)), (-1, None), (-1, None))(square, square)
     np.testing.assert_array_equal(many, common)
@@ -163,7 +163,7 @@ def test_an_array_of_many_is_not_the_same_array_in_common() -> None:
     np.testing.assert_array_equal(summed, jnp.sin(square)[0])
 
 
-def test_scopes_are_kept() -> None:
+def test_named_scopes_are_kept() -> None:
     def function(x: Any) -> Any:
         with jax.named_scope("sense"):
             return jnp.sin(x)
@@ -183,7 +183,7 @@ def _steep_jvp(primals: tuple[Any], tangents: tuple[Any]) -> tuple[Any, Any]:
     return steep(primals[0]), 5.0 * tangents[0]
 
 
-def test_functions_keep_derivatives_of_their_own() -> None:
+def test_custom_derivatives_are_kept() -> None:
     every = vmap_last_axis.vmap(lambda x: steep(x) + jax.lax.stop_gradient(x), in_axes=-1, out_axes=-1)
     np.testing.assert_array_equal(every(X), X)
     np.testing.assert_array_equal(jax.grad(lambda x: jnp.sum(every(x)))(X), np.full_like(X, 5.0))

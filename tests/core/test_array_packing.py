@@ -46,17 +46,17 @@ def assert_same(found: Any, expected: Any) -> None:
         np.testing.assert_array_equal(a, b)
 
 
-def test_a_record_comes_back_as_it_was() -> None:
+def test_unpacking_returns_the_packed_record() -> None:
     bundle = PackedRecord.of(record())
     assert len(bundle.arrays) == 5  # float64, bool, int32, uint32, and the large table on its own
     assert_same(bundle.to_numpy(), record())
 
 
-def test_like_records_share_their_layout() -> None:
+def test_records_of_the_same_shapes_share_their_layout() -> None:
     assert PackedRecord.of(record()).layout is PackedLayout.of(record())
 
 
-def test_a_packed_function_is_the_function_and_is_compiled_once() -> None:
+def test_a_packed_function_equals_the_function_and_is_compiled_once() -> None:
     traces = []
 
     def function(first: Record, second: tuple[Any, ...]) -> tuple[Any, ...]:

@@ -39,7 +39,7 @@ def test_hill_axes_are_orthonormal_and_right_handed_on_any_orbit(seed: int) -> N
     assert np.linalg.det(R_HN) > 0.99
 
 
-def test_the_hill_rate_is_how_fast_the_hill_axes_turn() -> None:
+def test_the_hill_rate_is_the_angular_rate_of_the_hill_axes() -> None:
     r, v, h = np.array([5.0e6, 4.0e6, 2.5e6]), np.array([-3000.0, 2000.0, 6500.0]), 1e-3
     acceleration = -3.986004418e14 * r / np.linalg.norm(r) ** 3  # central, so the orbit plane stands still
     R, omega = (np.asarray(x) for x in hill_frame(r, v))
@@ -55,7 +55,7 @@ def test_the_hill_rate_is_how_fast_the_hill_axes_turn() -> None:
 
 
 @given(SEEDS)
-def test_hill_components_go_to_the_inertial_frame_and_back(seed: int) -> None:
+def test_hill_to_inertial_is_inverted_by_inertial_to_hill(seed: int) -> None:
     rng = np.random.default_rng(seed)
     axes = hill_frame(*random_orbit(rng))
     rho, rho_dot = 100.0 * rng.normal(size=3), 0.1 * rng.normal(size=3)
@@ -72,7 +72,7 @@ def test_a_point_at_rest_in_the_hill_frame_moves_with_its_rate() -> None:
 
 
 @given(SEEDS)
-def test_a_camera_looks_along_the_direction_with_its_x_axis_as_near_as_possible_to_the_wanted_one(seed: int) -> None:
+def test_look_at_points_the_boresight_and_brings_the_x_axis_nearest_to_the_given_one(seed: int) -> None:
     rng = np.random.default_rng(seed)
     direction, right = random_unit(rng), random_unit(rng)
     R_KN = np.asarray(look_at(direction, right))

@@ -36,7 +36,7 @@ def joint_update(P: np.ndarray, z: np.ndarray, H: np.ndarray, R: np.ndarray) -> 
 
 
 @given(SEEDS)
-def test_rows_in_turn_equal_the_joint_update(seed: int) -> None:
+def test_sequential_rows_equal_the_joint_update(seed: int) -> None:
     P, z, H, R = random_case(seed)
     result = update(P, z, H, R, np.ones(ROWS))
     deviation, covariance = joint_update(P, z, H, R)
@@ -97,7 +97,7 @@ def test_the_first_innovation_is_the_residual_with_its_predicted_variance(seed: 
 
 
 @given(SEEDS)
-def test_variances_gained_before_the_rows_are_measured_and_those_added_after_them_are_not(seed: int) -> None:
+def test_process_variance_is_added_before_the_rows_and_inflation_variance_after_them(seed: int) -> None:
     P, z, H, R = random_case(seed)
     process_variance, inflation_variance = np.random.default_rng(seed).uniform(0.0, 2.0, (2, STATES))
     rows = MeasurementRows(residual=z, jacobian=H, variance=R, weight=np.ones(ROWS))
@@ -111,7 +111,7 @@ def test_variances_gained_before_the_rows_are_measured_and_those_added_after_the
 
 
 @given(SEEDS)
-def test_a_product_of_jacobian_and_covariance_that_the_caller_knows_is_taken_for_it(seed: int) -> None:
+def test_a_precomputed_product_of_jacobian_and_covariance_is_used(seed: int) -> None:
     P, z, H, R = random_case(seed)
     rows = MeasurementRows(residual=z, jacobian=H, variance=R, weight=np.ones(ROWS))
     known = jax.jit(kalman_update.update)(P, rows, HP=H @ P)
@@ -121,7 +121,7 @@ def test_a_product_of_jacobian_and_covariance_that_the_caller_knows_is_taken_for
 
 
 @given(SEEDS)
-def test_a_row_of_any_weight_is_joseph_s_form_of_the_weighted_gain_in_value_and_slope(seed: int) -> None:
+def test_a_weighted_row_equals_the_joseph_form_of_the_weighted_gain_in_value_and_derivative(seed: int) -> None:
     P, z, H, R = random_case(seed)
 
     def joseph(weight: jax.Array) -> jax.Array:

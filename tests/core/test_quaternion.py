@@ -32,7 +32,7 @@ def test_a_body_turned_by_90_degrees_about_z_sees_the_inertial_y_axis_as_its_x_a
     np.testing.assert_allclose(to_matrix(q_BN), [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]], atol=EXACT)
 
 
-def test_the_rotation_vector_turns_vectors_by_the_right_hand_rule() -> None:
+def test_the_rotation_vector_rotates_by_the_right_hand_rule() -> None:
     q = exp(np.array([0.0, 0.0, np.pi / 2]))
     np.testing.assert_allclose(rotate(q, np.array([1.0, 0.0, 0.0])), [0.0, 1.0, 0.0], atol=EXACT)
 
@@ -61,14 +61,14 @@ def test_a_quaternion_and_its_negative_are_the_same_rotation(seed: int) -> None:
 
 
 @given(SEEDS)
-def test_the_conjugate_undoes_the_rotation(seed: int) -> None:
+def test_the_conjugate_is_the_inverse_rotation(seed: int) -> None:
     q = random_unit(np.random.default_rng(seed), 4)
     product = multiply(q, quaternion.conjugate(jnp.asarray(q)))
     np.testing.assert_allclose(product, IDENTITY, atol=EXACT)
 
 
 @given(SEEDS, st.floats(-12.0, np.log10(3.1)))
-def test_log_undoes_exp_for_angles_of_any_size_below_half_a_turn(seed: int, exponent: float) -> None:
+def test_log_is_the_inverse_of_exp_below_half_a_turn(seed: int, exponent: float) -> None:
     rotation = 10.0**exponent * random_unit(np.random.default_rng(seed))
     q = exp(rotation)
     np.testing.assert_allclose(q, axis_angle_quaternion(rotation, 10.0**exponent), atol=EXACT)
@@ -80,7 +80,7 @@ def test_exp_and_log_are_exact_at_zero() -> None:
     np.testing.assert_array_equal(log(IDENTITY), np.zeros(3))
 
 
-def test_exp_and_log_of_half_a_turn_are_inverse_up_to_the_sense_of_the_turn() -> None:
+def test_exp_and_log_of_half_a_turn_are_inverse_up_to_the_sign() -> None:
     half_turn = np.pi * np.array([0.6, 0.0, 0.8])
     q = np.asarray(exp(half_turn))
     np.testing.assert_allclose(q, [0.0, 0.6, 0.0, 0.8], atol=EXACT)
@@ -89,7 +89,7 @@ def test_exp_and_log_of_half_a_turn_are_inverse_up_to_the_sense_of_the_turn() ->
 
 
 @given(SEEDS)
-def test_the_turn_between_two_directions_takes_the_first_to_the_second_the_short_way(seed: int) -> None:
+def test_the_rotation_between_two_directions_takes_the_first_to_the_second_the_short_way(seed: int) -> None:
     rng = np.random.default_rng(seed)
     a, b = random_unit(rng), random_unit(rng)
     phi = np.asarray(between(a, b))
@@ -99,7 +99,7 @@ def test_the_turn_between_two_directions_takes_the_first_to_the_second_the_short
 
 
 @given(SEEDS)
-def test_the_turn_between_opposite_directions_is_half_a_turn_that_ends_there(seed: int) -> None:
+def test_the_rotation_between_opposite_directions_is_half_a_turn(seed: int) -> None:
     a = random_unit(np.random.default_rng(seed))
     phi = np.asarray(between(a, -a))
     np.testing.assert_allclose(np.linalg.norm(phi), np.pi, atol=NEAR_PI)
@@ -107,18 +107,18 @@ def test_the_turn_between_opposite_directions_is_half_a_turn_that_ends_there(see
 
 
 @pytest.mark.parametrize("axis", range(3))
-def test_the_turn_between_opposite_coordinate_axes_is_half_a_turn(axis: int) -> None:
+def test_the_rotation_between_opposite_coordinate_axes_is_half_a_turn(axis: int) -> None:
     a = np.eye(3)[axis]
     np.testing.assert_allclose(rotate(exp(between(a, -a)), a), -a, atol=EXACT)
 
 
-def test_the_turn_between_equal_directions_is_zero() -> None:
+def test_the_rotation_between_equal_directions_is_zero() -> None:
     a = np.array([0.6, 0.0, 0.8])
     np.testing.assert_allclose(between(a, a), np.zeros(3), atol=1e-16)
 
 
 @pytest.mark.parametrize("dominant", range(4))
-def test_a_matrix_gives_its_quaternion_back_whichever_component_dominates(dominant: int) -> None:
+def test_from_matrix_inverts_to_matrix_for_any_dominant_component(dominant: int) -> None:
     rng = np.random.default_rng(dominant)
     for _ in range(10):
         q = rng.normal(size=4)
@@ -128,14 +128,14 @@ def test_a_matrix_gives_its_quaternion_back_whichever_component_dominates(domina
 
 
 @pytest.mark.parametrize("diagonal", [(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
-def test_matrices_of_no_turn_and_of_half_turns_about_the_axes_are_exact(diagonal: tuple[int, int, int]) -> None:
+def test_matrices_of_identity_and_of_half_turns_about_the_axes_are_exact(diagonal: tuple[int, int, int]) -> None:
     q = np.asarray(from_matrix(np.diag(np.array(diagonal, dtype=float))))
     expected = IDENTITY if sum(diagonal) == 3 else np.concatenate([[0.0], np.array(diagonal) > 0])
     np.testing.assert_array_equal(np.abs(q), expected)
 
 
 @given(SEEDS)
-def test_propagation_is_the_flow_of_the_derivative(seed: int) -> None:
+def test_propagation_solves_the_differential_equation_of_the_derivative(seed: int) -> None:
     rng = np.random.default_rng(seed)
     q, omega, h = random_unit(rng, 4), 0.5 * random_unit(rng), 1e-4
     slope = (np.asarray(propagate(q, omega, h)) - np.asarray(propagate(q, omega, -h))) / (2 * h)
@@ -144,7 +144,7 @@ def test_propagation_is_the_flow_of_the_derivative(seed: int) -> None:
 
 
 @given(SEEDS)
-def test_propagation_at_a_constant_rate_adds_up(seed: int) -> None:
+def test_two_propagations_at_a_constant_rate_equal_one_over_their_sum(seed: int) -> None:
     rng = np.random.default_rng(seed)
     q, omega = random_unit(rng, 4), 0.3 * random_unit(rng)
     twice = propagate(propagate(q, omega, 1.5), omega, 2.5)
@@ -152,7 +152,7 @@ def test_propagation_at_a_constant_rate_adds_up(seed: int) -> None:
 
 
 @given(SEEDS)
-def test_normalisation_gives_length_one_and_keeps_the_direction(seed: int) -> None:
+def test_normalisation_gives_unit_length_and_keeps_the_direction(seed: int) -> None:
     rng = np.random.default_rng(seed)
     q, length = random_unit(rng, 4), 10.0 ** rng.uniform(-3, 3)
     np.testing.assert_allclose(quaternion.normalize(jnp.asarray(length * q)), q, atol=EXACT)

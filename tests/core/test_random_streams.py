@@ -19,7 +19,7 @@ def run_key(seed: int, run: int) -> np.ndarray:
     return np.asarray(fold_in(random_streams.master_key(seed), jnp.asarray(run)))
 
 
-def test_a_run_draws_the_same_numbers_alone_and_in_a_batch() -> None:
+def test_a_run_gets_the_same_numbers_alone_and_in_a_batch() -> None:
     runs = jnp.arange(5)
 
     def draws(run: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -56,7 +56,7 @@ def test_keys_and_numbers_are_those_of_jax(seed: int, number: int, count: int) -
     )
 
 
-def test_keys_and_numbers_made_in_one_go_are_those_of_each_key() -> None:
+def test_batched_keys_and_numbers_equal_those_of_each_key() -> None:
     keys = jnp.stack([random_streams.fold_in(random_streams.master_key(7), run) for run in range(4)])
     chosen = [3, 0, 0]
     derived = random_streams.fold_in_per_key(

@@ -71,18 +71,18 @@ def test_derivatives_of_a_propagated_attitude_are_right() -> None:
     check(propagated, 4, Q, V)
 
 
-def test_derivatives_of_the_turn_between_directions_are_right() -> None:
+def test_derivatives_of_the_rotation_between_directions_are_right() -> None:
     check(turn_from, 3, V, W)
 
 
 @pytest.mark.parametrize("direction", [np.array([1.0, 0.0, 0.0]), V], ids=["an axis", "a skew direction"])
-def test_the_turn_between_equal_directions_follows_the_second_one(direction: np.ndarray) -> None:
+def test_the_rotation_between_equal_directions_follows_the_second_one(direction: np.ndarray) -> None:
     found = jax.jacfwd(turn_from)(np.zeros(3), direction, direction)
     # A small rotation x of the second direction is a turn by the part of x across it.
     np.testing.assert_allclose(found, np.eye(3) - np.outer(direction, direction), atol=TOLERANCE)
 
 
-def test_the_turn_between_opposite_directions_has_a_finite_derivative() -> None:
+def test_the_rotation_between_opposite_directions_has_a_finite_derivative() -> None:
     check_finite(turn_from, 3, V, -V)
 
 
@@ -153,7 +153,7 @@ def sky(x: jax.Array) -> Any:
     return sun_moon_ephemeris.sun_position(seconds) / 1e10, sun_moon_ephemeris.moon_position(seconds) / 1e8
 
 
-def test_derivatives_of_sun_and_moon_to_time_are_right() -> None:
+def test_derivatives_of_sun_and_moon_positions_are_right() -> None:
     check(sky, 1)
 
 
@@ -172,7 +172,7 @@ def test_derivatives_through_a_step_of_integration_are_right(kernel: Kernel) -> 
     check(kernel, 4)
 
 
-def test_derivatives_of_the_relative_transition_are_right() -> None:
+def test_derivatives_of_the_transition_matrix_are_right() -> None:
     check(transition, 2)
 
 

@@ -22,19 +22,19 @@ def lit_share(x: jax.Array, r_N: jax.Array) -> jax.Array:
     ids=["umbra", "just inside", "a third", "half", "most of it", "almost outside", "light"],
 )
 @pytest.mark.parametrize("distance", [7.0e6, 4.2e7], ids=["low orbit", "geostationary"])
-def test_derivatives_of_the_light_are_right_in_and_beside_the_penumbra(distance: float, way: float) -> None:
+def test_derivatives_of_illumination_are_right_in_and_beside_the_penumbra(distance: float, way: float) -> None:
     inner, outer = touching(distance, True), touching(distance, False)
     check(lit_share, 6, behind(distance, inner + way * (outer - inner)))
 
 
 @pytest.mark.parametrize("off_axis", [1e-3, 4e-3, 7e-3], ids=["ring", "partial", "light"])
-def test_derivatives_of_the_light_are_right_beyond_the_end_of_the_umbra(off_axis: float) -> None:
+def test_derivatives_of_illumination_are_right_beyond_the_end_of_the_umbra(off_axis: float) -> None:
     check(lit_share, 6, behind(3e9, off_axis))
 
 
 @pytest.mark.parametrize("inner", [True, False], ids=["inner border", "outer border"])
 @pytest.mark.parametrize("distance", [7.0e6, 3e9], ids=["low orbit", "beyond the umbra"])
-def test_the_light_has_finite_derivatives_on_the_borders_of_the_penumbra(distance: float, inner: bool) -> None:
+def test_illumination_has_finite_derivatives_on_the_borders_of_the_penumbra(distance: float, inner: bool) -> None:
     edge = touching(distance, inner)
     for off in (0.0, 1e-15, -1e-15, 1e-12, -1e-12):
         check_finite(lit_share, 6, behind(distance, edge + off))
@@ -42,5 +42,5 @@ def test_the_light_has_finite_derivatives_on_the_borders_of_the_penumbra(distanc
 
 @pytest.mark.parametrize("distance", [7.0e6, 1.3e9, 3e9], ids=["umbra", "its far end", "ring"])
 @pytest.mark.parametrize("side", [1.0, -1.0], ids=["night", "day"])
-def test_the_light_has_finite_derivatives_on_the_axis_of_the_shadow(distance: float, side: float) -> None:
+def test_illumination_has_finite_derivatives_on_the_axis_of_the_shadow(distance: float, side: float) -> None:
     check_finite(lit_share, 6, side * behind(distance, 0.0))

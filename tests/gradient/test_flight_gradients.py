@@ -105,7 +105,7 @@ def slew_duration(x: jax.Array, flight: FlightParams, angle: jax.Array) -> jax.A
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-12], ids=["zero", "nearly zero"])
-def test_the_duration_of_a_slew_over_no_angle_has_a_finite_derivative(params: Params, angle: float) -> None:
+def test_the_duration_of_a_slew_over_zero_angle_has_a_finite_derivative(params: Params, angle: float) -> None:
     check_finite(slew_duration, 1, params.flight, np.float64(angle))
 
 

@@ -69,7 +69,7 @@ def test_derivatives_of_drag_and_light_pressure_are_right(params: Params, way: f
     compare(surface_forces, 9, params.plant, r_N, wind + speed * W, SUN_N)
 
 
-def test_drag_has_finite_derivatives_on_a_craft_that_rests_in_the_air(params: Params) -> None:
+def test_drag_has_finite_derivatives_at_zero_airspeed(params: Params) -> None:
     still = replace(params.plant, atmosphere=replace(params.plant.atmosphere, rotation=jnp.zeros(())))
     check_finite(surface_forces, 9, still, POSITION, np.zeros(3), SUN_N)
 
@@ -139,7 +139,7 @@ def test_derivatives_of_a_thruster_over_a_step_are_right(
     [(0.1, 0.0), (0.1, 0.05), (0.0, 0.2), (0.2, 0.5), (-0.08, 0.0)],
     ids=["no time", "just risen", "exactly the step", "from the end on", "just fallen"],
 )
-def test_a_thruster_has_finite_derivatives_where_its_profile_has_a_corner(
+def test_a_thruster_has_finite_derivatives_at_the_corners_of_its_profile(
     params: Params, ignition: float, on_time: float, ramps: bool
 ) -> None:
     check_finite(lambda *arguments: valve(*arguments, "rk4", ramps), 13, params.plant, np.float64(ignition),
@@ -231,12 +231,12 @@ def test_derivatives_of_a_step_of_the_plant_are_right_with_a_saturated_wheel(
 
 
 @pytest.mark.slow
-def test_derivatives_of_a_step_of_the_checking_integrator_are_right(ready: PlantParams, truth: Truth) -> None:
+def test_derivatives_of_a_step_of_the_eighth_order_integrator_are_right(ready: PlantParams, truth: Truth) -> None:
     check(rk8_step, 21, ready, truth, np.float64(-1.0), np.float64(0.13))
 
 
 @STEPS
-def test_derivatives_of_a_step_of_the_plant_are_right_where_nothing_turns(
+def test_derivatives_of_a_step_of_the_plant_are_right_without_rotation(
     ready: PlantParams, truth: Truth, kernel: Kernel
 ) -> None:
     resting = replace(truth, omega_BN_B=jnp.zeros(3), omega_TN_T=jnp.zeros(3), wheel_speed=jnp.zeros(3))
@@ -250,7 +250,7 @@ def test_derivatives_of_a_step_of_the_plant_are_right_in_the_penumbra(ready: Pla
 
 
 @STEPS
-def test_a_step_of_the_plant_has_finite_derivatives_with_a_burn_of_no_duration(
+def test_a_step_of_the_plant_has_finite_derivatives_with_a_burn_of_zero_duration(
     params: Params, ready: PlantParams, truth: Truth, kernel: Kernel
 ) -> None:
     for plant_params in (params.plant, ready):

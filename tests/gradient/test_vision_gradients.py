@@ -13,9 +13,9 @@ def outline(x: jax.Array, hull_K: jax.Array) -> jax.Array:
     return 1e-2 * bounding_box.projected_box(lens, hull_K + x[:12].reshape(4, 3))
 
 
-def test_derivatives_of_the_outline_are_right() -> None:
+def test_derivatives_of_the_projected_box_are_right() -> None:
     check(outline, 13, np.array([[1.0, 0.2, 30.0], [-1.1, -0.3, 29.0], [0.1, 0.9, 31.0], [0.2, -1.2, 30.5]]))
 
 
-def test_the_outline_has_finite_derivatives_with_points_behind_the_camera_and_at_its_centre() -> None:
+def test_the_projected_box_has_finite_derivatives_with_points_behind_the_camera_and_at_its_centre() -> None:
     check_finite(outline, 13, np.array([[1.0, 0.2, -30.0], [0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.2, -1.2, 30.5]]))

@@ -20,7 +20,7 @@ class OtherXla:
         return "program"
 
 
-def test_what_xla_does_not_know_of_the_options_is_left_out_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_options_unknown_to_xla_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XLA_FLAGS", "--xla_cpu_parallel_codegen_split_count=8")
     other = OtherXla("INVALID_ARGUMENT: No such compile option: 'xla_cpu_use_fusion_emitters'")
     assert compiler_options.compile_with_options(other, compiler_options.PREPARATION_OPTIONS) == "program"

@@ -12,7 +12,7 @@ def tell(watch: progress.ProgressCallback) -> None:
         watch(Progress(done=done, total=4, failed=int(done > 2.0), compiled=True))
 
 
-def test_lines_for_a_file_come_at_the_quarters(capsys: pytest.CaptureFixture[str]) -> None:
+def test_lines_in_a_file_are_printed_at_every_quarter(capsys: pytest.CaptureFixture[str]) -> None:
     with progress.run_progress(100.0, quiet=False) as watch:
         tell(watch)
     captured = capsys.readouterr()
@@ -22,7 +22,7 @@ def test_lines_for_a_file_come_at_the_quarters(capsys: pytest.CaptureFixture[str
     assert captured.out == ""
 
 
-def test_a_terminal_gets_a_bar(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_terminal_shows_a_bar(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FORCE_COLOR", "1")
     monkeypatch.setenv("COLUMNS", "80")
     with progress.run_progress(100.0, quiet=False) as watch:
@@ -34,7 +34,7 @@ def test_a_terminal_gets_a_bar(capsys: pytest.CaptureFixture[str], monkeypatch: 
     assert captured.out == ""
 
 
-def test_pace_counts_from_when_programs_were_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_rate_counts_from_the_end_of_compilation(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([100.0, 102.0])
     monkeypatch.setattr(progress.time, "perf_counter", lambda: next(clock))
     pace = progress._Rate(600.0)

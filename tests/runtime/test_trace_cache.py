@@ -12,7 +12,7 @@ from jaxtyping import Array
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.dispersions.dispersed_values import Values
 from rpojax.flight.computer import Stages
-from rpojax.flight.control import formation_lqr
+from rpojax.flight.control import formation_law
 from rpojax.runtime import trace_cache
 from rpojax.runtime.trace_cache import Trace
 from rpojax.scenario.params import Params
@@ -44,7 +44,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "traces"
 
 
-def test_a_kept_trace_is_not_made_again_and_computes_the_same(folder: Path) -> None:
+def test_a_cached_trace_is_not_traced_again_and_computes_the_same(folder: Path) -> None:
     function = Counted()
     first = traced(function)
     second = traced(function)
@@ -56,7 +56,7 @@ def test_a_kept_trace_is_not_made_again_and_computes_the_same(folder: Path) -> N
 
 @pytest.mark.parametrize("collecting", [True, False])
 @pytest.mark.parametrize("meaning", ["sum", None])
-def test_garbage_is_collected_again_once_a_function_is_traced_or_has_failed(
+def test_garbage_collection_resumes_after_tracing_succeeds_or_fails(
     folder: Path, meaning: str | None, collecting: bool
 ) -> None:
     meanwhile = []
@@ -83,7 +83,7 @@ def test_garbage_is_collected_again_once_a_function_is_traced_or_has_failed(
 
 
 @pytest.mark.parametrize("change", ["meaning", "shape", "type", "structure", "code", "numbers"])
-def test_what_changes_a_trace_makes_it_anew(
+def test_a_change_of_what_the_trace_depends_on_traces_again(
     folder: Path, change: str, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
     function = Counted()
@@ -110,7 +110,7 @@ def test_what_changes_a_trace_makes_it_anew(
 
 
 @pytest.mark.parametrize("damage", ["cut", "turned", "empty"])
-def test_a_damaged_trace_is_made_anew(folder: Path, damage: str) -> None:
+def test_a_damaged_trace_is_traced_again(folder: Path, damage: str) -> None:
     function = Counted()
     traced(function)
     (path,) = folder.iterdir()
@@ -121,7 +121,7 @@ def test_a_damaged_trace_is_made_anew(folder: Path, damage: str) -> None:
     assert function.times == 2
 
 
-def test_code_that_has_changed_since_it_was_loaded_leaves_no_trace(
+def test_nothing_is_cached_if_the_source_has_changed_since_it_was_loaded(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(trace_cache, "_source_digest", lambda: "edited meanwhile")
@@ -129,9 +129,7 @@ def test_code_that_has_changed_since_it_was_loaded_leaves_no_trace(
     assert not folder.exists()
 
 
-def test_a_trace_that_cannot_be_put_in_its_place_leaves_nothing_behind(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_trace_that_cannot_be_written_leaves_no_partial_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     traced(Counted())
     (path,) = folder.iterdir()
     path.unlink()
@@ -140,7 +138,7 @@ def test_a_trace_that_cannot_be_put_in_its_place_leaves_nothing_behind(
     assert list(folder.iterdir()) == [path]
 
 
-def test_a_function_that_prints_can_be_flown_but_not_kept(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
+def test_a_function_that_prints_can_be_traced_but_not_cached(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
     def talkative(x: Any, others: dict[str, Any]) -> Any:
         jax.debug.print("heard")
         return x
@@ -152,19 +150,21 @@ def test_a_function_that_prints_can_be_flown_but_not_kept(folder: Path, capfd: p
     assert not folder.exists()
 
 
-def test_nothing_is_kept_without_a_folder_or_without_a_meaning(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_cached_without_a_folder_or_without_an_identity(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     traced(Counted(), meaning=None)
     monkeypatch.delenv(trace_cache.FOLDER_VARIABLE)
     assert traced(Counted()).call(*ARGUMENTS)["sum"] == 5.0
     assert not folder.exists()
 
 
-def test_a_folder_that_cannot_be_written_to_does_no_harm(folder: Path) -> None:
+def test_a_folder_that_is_not_writable_is_no_error(folder: Path) -> None:
     folder.write_text("a file where a folder should be")
     assert traced(Counted()).call(*ARGUMENTS)["sum"] == 5.0
 
 
-def test_a_loop_is_found_again_unless_a_stage_is_the_users_own(
+def test_a_loop_is_cached_unless_a_stage_is_the_users_own(
     folder: Path, inspection_file: ScenarioFile, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     times = []
@@ -178,7 +178,7 @@ def test_a_loop_is_found_again_unless_a_stage_is_the_users_own(
     assert BatchEngine(inspection_file, runs_per_device=1).channel_names() == ["failed_at"]
     assert BatchEngine(retuned, runs_per_device=1).channel_names() == ["failed_at"]
     assert len(times) == 1, "numbers that runs are given are not part of the program"
-    own = Stages(formation_law=lambda *given: formation_lqr.lqr_feedback(*given))
+    own = Stages(formation_law=lambda *given: formation_law.lqr_feedback(*given))
     BatchEngine(inspection_file, runs_per_device=1, stages=own).channel_names()
     assert len(times) == 2
     assert len(list(folder.iterdir())) == 3, "two preparations and the loop of the packaged stages"

@@ -46,7 +46,7 @@ def file(case: str) -> Path:
     return next(path for path in FILES if path.stem == case)
 
 
-def test_every_committed_reference_has_bars_and_all_together_are_small() -> None:
+def test_every_reference_has_tolerances_and_their_total_size_is_small() -> None:
     assert [path.stem for path in FILES] == sorted(BARS)
     assert sum(path.stat().st_size for path in FILES) < 600_000
 
@@ -56,7 +56,7 @@ def test_the_plant_follows_basilisk(path: Path) -> None:
     assert over(replay.replay(read_reference(path)), BARS[path.stem]) == {}
 
 
-def test_logged_commands_give_the_attitude_loop_as_well() -> None:
+def test_replayed_torque_commands_reproduce_the_attitude_loop() -> None:
     """With the feedback law flown once, its torques logged and flown again the result is the same."""
     loop = read_reference(file("j_attitude_loop"))
     closed = replay.replay(loop)
@@ -81,7 +81,7 @@ def _sigma(q_BN: np.ndarray) -> np.ndarray:
     return q[:, 1:] / (1.0 + q[:, :1])
 
 
-def test_burn_edges_inside_steps_meet_the_bars_too() -> None:
+def test_burns_that_end_inside_a_step_meet_the_tolerances() -> None:
     """Without splitting, the plant's own treatment of a burn that ends inside a step."""
     result = replay.replay(read_reference(file("g_burns")), ReplayOptions(step_s=0.2, whole_steps=True))
     assert over(result, BARS["g_burns"]) == {}
@@ -98,14 +98,14 @@ def test_burn_edges_inside_steps_meet_the_bars_too() -> None:
         ("h_drag", "Cd", 1.001),
     ],
 )
-def test_a_wrong_parameter_shows(case: str, key: str, factor: Any) -> None:
+def test_a_wrong_parameter_exceeds_the_tolerances(case: str, key: str, factor: Any) -> None:
     arrays = dict(read_reference(file(case)).arrays)
     arrays[key] = arrays[key] * np.array(factor)
     words = {"meta_json": np.array(json.dumps({"torque": "gravity gradient"}))} if case.startswith("f") else {}
     assert over(replay.replay(validate(case, {**arrays, **words})), BARS[case]) != {}
 
 
-def test_the_shadow_needs_no_logged_share() -> None:
+def test_the_shadow_needs_no_logged_illumination() -> None:
     arrays = read_reference(file("h_sunlight")).arrays
     unlogged = replay.replay(validate("unlogged", {key: arrays[key] for key in arrays if key != "illumination"}))
     assert unlogged.illumination_error is None
@@ -143,14 +143,14 @@ def test_the_shadow_needs_no_logged_share() -> None:
         (False, {}),
     ],
 )
-def test_gravity_gradient_is_told_from_a_key_or_the_words_of_the_description(acts: bool, meta: dict[str, Any]) -> None:
+def test_gravity_gradient_is_recognised_from_a_key_or_the_description(acts: bool, meta: dict[str, Any]) -> None:
     arrays = read_reference(file("f_gravity_gradient")).arrays
     described = validate("described", {**arrays, "meta_json": np.array(json.dumps(meta))})
     assert has_gravity_gradient(described) is acts
     assert [has_gravity_gradient(described, wish) for wish in ("on", "off")] == [True, False]
 
 
-def test_gravity_gradient_is_told_from_a_logged_torque_unless_an_array_switches_it_off() -> None:
+def test_gravity_gradient_is_recognised_from_a_logged_torque_unless_an_array_switches_it_off() -> None:
     arrays = read_reference(file("f_gravity_gradient")).arrays
     logged = {**arrays, "torque_gg": np.zeros_like(arrays["r"])}
     assert has_gravity_gradient(validate("logged", logged))
@@ -178,7 +178,7 @@ def _run(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
-def test_the_command_line_refuses_what_is_no_reference_in_one_line_with_status_2(tmp_path: Path) -> None:
+def test_the_command_line_refuses_other_files_in_one_line_with_status_2(tmp_path: Path) -> None:
     path = tmp_path / "words.npz"
     path.write_text("no archive")
     found = _run(str(path), "--json")
@@ -217,7 +217,7 @@ def test_any_damage_to_an_archive_is_refused_or_harmless(tmp_path: Path) -> None
             assert "\n" not in str(refused)
 
 
-def test_samples_are_kept_whether_or_not_the_first_is_the_start() -> None:
+def test_the_first_sample_need_not_be_the_start() -> None:
     arrays = read_reference(file("d_tumble")).arrays
     later = {key: value[3:] if key in ("t", "q", "omega") else value for key, value in arrays.items()}
     assert over(replay.replay(validate("later", later)), BARS["d_tumble"]) == {}
@@ -240,7 +240,7 @@ ONE_THRUSTER = {"thr_loc": np.zeros((1, 3)), "thr_dir": np.eye(3)[:1], "F_max": 
         ({"I": np.diag([1.0, -1.0, 1.0])}, "'I': found a principal moment of -1"),
         ({"I": np.diag([1.0, 1.0, 2.1])}, "'I': found moments 1, 1, 2.1, expected"),
         ({"m": np.array(0.0)}, "'m': found 0, expected more than 0"),
-        ({"omega0": np.array([1e4, 0.0, 0.0])}, "steps to fly, expected 5e"),
+        ({"omega0": np.array([1e4, 0.0, 0.0])}, "steps to simulate, expected 5e"),
         ({**ONE_THRUSTER, "thr_dir": np.zeros((1, 3)), "burns": np.zeros((1, 3))}, "'thr_dir': found a direction of"),
         ({"meta_json": np.array("{")}, "not JSON"),
         ({"burns": np.array([[0.0, 1.0, 1.0]])}, "'F_max' is missing: found 'burns', expected"),

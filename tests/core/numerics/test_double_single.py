@@ -21,7 +21,7 @@ def exact(*parts: np.ndarray) -> np.ndarray:
 
 
 @given(st.lists(LARGE, min_size=3, max_size=3), st.lists(SMALL, min_size=3, max_size=3))
-def test_nothing_is_lost_of_a_sum_whichever_part_is_larger(total: list[float], part: list[float]) -> None:
+def test_a_sum_is_exact_whichever_term_is_larger(total: list[float], part: list[float]) -> None:
     one, two, none = np.array(total, np.float32), np.array(part, np.float32), np.zeros(3, np.float32)
     for first, second in ((one, two), (two, one)):
         after, residue = (np.asarray(each) for each in add(first, none, second))
@@ -31,7 +31,7 @@ def test_nothing_is_lost_of_a_sum_whichever_part_is_larger(total: list[float], p
 
 
 @given(st.lists(LARGE, min_size=3, max_size=3), st.lists(SMALL, min_size=3, max_size=3))
-def test_a_product_has_the_digits_of_two_singles(first: list[float], second: list[float]) -> None:
+def test_a_product_has_twice_the_precision_of_float32(first: list[float], second: list[float]) -> None:
     one, two = np.array(first, np.float32), np.array(second, np.float32)
     kept = np.abs(one.astype(np.float64) * two) > 1e-20  # below, halves of what is kept fall out of single precision
     found = jax.jit(double_single.two_product)(one, two)
@@ -40,7 +40,7 @@ def test_a_product_has_the_digits_of_two_singles(first: list[float], second: lis
 
 
 @given(st.floats(1e-3, 1e15), st.floats(-1e7, 1e7))
-def test_numbers_in_two_parts_multiply_and_have_roots(square: float, other: float) -> None:
+def test_products_and_inverse_square_roots_have_twice_the_precision_of_float32(square: float, other: float) -> None:
     @jax.jit
     def both(a: DoubleSingle, b: DoubleSingle) -> tuple[DoubleSingle, DoubleSingle]:
         return a * b, double_single.inverse_sqrt(a)
@@ -52,7 +52,7 @@ def test_numbers_in_two_parts_multiply_and_have_roots(square: float, other: floa
     np.testing.assert_allclose(exact(*root), square**-0.5, rtol=2.0**-43)
 
 
-def test_a_million_steps_far_below_the_last_digit_add_up() -> None:
+def test_a_million_increments_below_the_last_digit_are_summed() -> None:
     start, part = np.full(3, 7e6, np.float32), np.array([1e-3, -1e-3, 0.3], np.float32)
 
     def step(carry: tuple[jax.Array, jax.Array], _: None) -> tuple[tuple[jax.Array, jax.Array], None]:
@@ -66,7 +66,7 @@ def test_a_million_steps_far_below_the_last_digit_add_up() -> None:
     assert np.all(np.asarray(start + part)[:2] == start[:2])
 
 
-def test_what_two_positions_lack_enters_their_difference() -> None:
+def test_the_difference_of_positions_includes_their_low_order_parts() -> None:
     r = np.array([7e6, 1.0, -2.0], np.float32)
     found = double_single.subtract(
         jnp.asarray(r), jnp.full(3, 0.125, jnp.float32), jnp.asarray(r), jnp.full(3, 0.25, jnp.float32)

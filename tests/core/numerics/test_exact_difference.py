@@ -42,7 +42,7 @@ def exact(rule: Callable, points: list[Difference]) -> tuple[float, float]:
 
 @pytest.mark.parametrize("name", RULES)
 @given(SEEDS, st.floats(-12.0, 1.0))
-def test_a_rule_gives_the_value_and_its_change_to_full_relative_precision(name: str, seed: int, power: float) -> None:
+def test_each_rule_gives_value_and_change_to_full_relative_precision(name: str, seed: int, power: float) -> None:
     rng = np.random.default_rng(seed)
     # Positive values and changes: then no sum cancels, and what is left is the rule itself.
     points = [number(v, c) for v, c in zip(rng.uniform(3.0, 5.0, 2), 10.0**power * rng.uniform(1, 2, 2), strict=True)]
@@ -55,7 +55,7 @@ def test_a_rule_gives_the_value_and_its_change_to_full_relative_precision(name: 
 
 
 @given(SEEDS, st.floats(-3.0, 6.0))
-def test_one_over_a_length_and_its_change_are_exact_from_a_millimetre_to_a_thousand_kilometres(
+def test_the_inverse_norm_and_its_change_are_exact_from_a_millimetre_to_a_thousand_kilometres(
     seed: int, power: float
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -85,7 +85,7 @@ def test_a_component_keeps_its_value_and_its_change() -> None:
     assert (float(vector[2].value), float(vector[2].change)) == (3.0, -1.0)
 
 
-def test_no_way_gives_no_change() -> None:
+def test_zero_distance_gives_zero_change() -> None:
     none = Difference(value=jnp.array([1e7, 2e6, 3e6]), change=jnp.zeros(3))
     length = inverse(none)
     assert float((length * length * length).change) == 0.0

@@ -7,7 +7,7 @@ import numpy as np
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 
 
-def test_a_stage_border_passes_values_and_derivatives_through() -> None:
+def test_the_barrier_passes_values_and_derivatives() -> None:
     def kernel(x: jax.Array, marker: jax.Array) -> jax.Array:
         stored = fusion_barrier({"a": x**2, "b": (3.0 * x,)}, marker)
         return jnp.sum(stored["a"] + stored["b"][0])
@@ -19,7 +19,7 @@ def test_a_stage_border_passes_values_and_derivatives_through() -> None:
         np.testing.assert_allclose(slope, 2.0 * x + 3.0, rtol=1e-15)
 
 
-def test_a_stage_border_passes_a_whole_batch_through() -> None:
+def test_the_barrier_passes_a_batch() -> None:
     batch = np.arange(6.0).reshape(3, 2)
     found = jax.jit(jax.vmap(lambda x: fusion_barrier(x, jnp.zeros((), dtype=jnp.int32))))(batch)
     np.testing.assert_array_equal(found, batch)

@@ -67,7 +67,7 @@ def orbit_error() -> Callable[[Method, int], float]:
 
 
 @pytest.mark.parametrize(("method", "steps"), [("rk4", (64, 128)), ("rk8", (12, 24))])
-def test_halving_the_step_divides_the_error_by_two_to_the_methods_order_with_inputs_given_at_the_nodes(
+def test_a_forced_equation_converges_with_the_order_of_the_method(
     forced_error: Callable[[Method, int], float], method: Method, steps: tuple[int, int]
 ) -> None:
     found = orders(lambda n: forced_error(method, n), steps)
@@ -75,7 +75,7 @@ def test_halving_the_step_divides_the_error_by_two_to_the_methods_order_with_inp
 
 
 @pytest.mark.parametrize(("method", "steps"), [("rk4", (100, 200)), ("rk8", (12, 20))])
-def test_halving_the_step_divides_the_error_on_an_orbit_by_two_to_the_methods_order(
+def test_an_orbit_converges_with_the_order_of_the_method(
     orbit_error: Callable[[Method, int], float], method: Method, steps: tuple[int, int]
 ) -> None:
     found = orders(lambda n: orbit_error(method, n), steps)
@@ -92,7 +92,7 @@ def test_a_polynomial_in_time_is_integrated_exactly_up_to_the_degree_of_the_meth
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_an_input_moves_the_second_integral_by_its_first_moment(method: Method) -> None:
+def test_an_input_changes_the_second_integral_by_its_first_moment(method: Method) -> None:
     """Whatever the input's values at the nodes are: the quadrature of a force gives both velocity and position."""
     nodes = np.array(NODES[method])
     pushes = np.random.default_rng(1).normal(size=nodes.size)

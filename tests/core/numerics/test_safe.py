@@ -17,7 +17,7 @@ is_finite = jax.jit(safe.is_finite)
 
 
 @given(SEEDS)
-def test_regular_points_have_the_plain_values(seed: int) -> None:
+def test_values_at_regular_points_are_those_of_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     v, x, y = rng.normal(size=3), *rng.uniform(0.1, 0.9, 2)
     np.testing.assert_allclose(safe.norm(jnp.asarray(v)), np.linalg.norm(v), rtol=1e-15)
@@ -38,7 +38,7 @@ BAD_POINTS: list[tuple[str, Callable[..., jax.Array], tuple[float | list[float],
 
 @pytest.mark.parametrize(("function", "arguments", "value"), [case[1:] for case in BAD_POINTS],
                          ids=[case[0] for case in BAD_POINTS])  # fmt: skip
-def test_bad_points_have_their_value_and_a_derivative_of_zero_in_both_modes(
+def test_singular_points_have_a_defined_value_and_zero_derivative_in_both_modes(
     function: Callable[..., jax.Array], arguments: tuple[float | list[float], ...], value: float | list[float]
 ) -> None:
     arrays = tuple(jnp.asarray(argument) for argument in arguments)
@@ -74,7 +74,7 @@ def test_the_gate_is_flat_far_from_its_threshold(margin: float) -> None:
 
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
-def test_one_bad_number_anywhere_makes_a_tree_not_finite(bad: float) -> None:
+def test_one_nonfinite_number_makes_a_tree_not_finite(bad: float) -> None:
     good = {"a": np.array([1.0, -1e300]), "b": (np.array(3), np.array(True)), "c": np.array(0.0)}
     assert is_finite(good)
     assert not is_finite({**good, "a": np.array([1.0, bad])})

@@ -23,7 +23,7 @@ def observable(r_TN_N: np.ndarray, r_ST_N: np.ndarray, phase_limit: float, sun_e
     [(DAY, 90.0, True), (DAY, 0.0, True), (DAY, 149.0, True), (DAY, 151.0, False), (NIGHT, 90.0, False)],
     ids=["from the side", "Sun behind the camera", "thick enough a crescent", "too thin a crescent", "eclipse"],
 )
-def test_a_target_can_be_seen_where_it_is_lit_and_its_phase_is_small(
+def test_a_target_is_observable_where_it_is_lit_and_the_phase_angle_is_small(
     r_TN_N: np.ndarray, phase_deg: float, seen: bool
 ) -> None:
     phase = np.deg2rad(phase_deg)
@@ -32,7 +32,7 @@ def test_a_target_can_be_seen_where_it_is_lit_and_its_phase_is_small(
 
 
 @pytest.mark.parametrize(("off_sun_deg", "seen"), [(29.0, False), (31.0, True)])
-def test_a_camera_is_blind_when_it_looks_near_the_sun(off_sun_deg: float, seen: bool) -> None:
+def test_a_target_is_not_observable_near_the_sun(off_sun_deg: float, seen: bool) -> None:
     angle = np.deg2rad(off_sun_deg)
     r_ST_N = -40.0 * np.array([np.cos(angle), np.sin(angle), 0.0])
     assert observable(DAY, r_ST_N, 180.0, 30.0) is seen  # every phase will do, so that only the exclusion counts

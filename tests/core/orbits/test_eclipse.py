@@ -73,7 +73,7 @@ def free_share(r: np.ndarray) -> float:
     ],
     ids=["noon", "terminator", "just past it", "midnight", "in the umbra", "off the penumbra", "the umbra's far end"],
 )
-def test_the_light_is_exactly_none_in_the_umbra_and_exactly_full_outside_of_the_shadow(
+def test_illumination_is_exactly_0_in_the_umbra_and_exactly_1_outside_of_the_shadow(
     position: list[float], share: float
 ) -> None:
     assert float(illumination(np.array(position), SUN)) == share
@@ -81,7 +81,7 @@ def test_the_light_is_exactly_none_in_the_umbra_and_exactly_full_outside_of_the_
 
 
 @pytest.mark.parametrize("distance", ORBITS.values(), ids=ORBITS)
-def test_the_light_in_the_penumbra_is_the_share_of_the_suns_disc_beside_the_earths(distance: float) -> None:
+def test_illumination_in_the_penumbra_is_the_visible_fraction_of_the_suns_disc(distance: float) -> None:
     inner, outer = border(distance, inner=True), border(distance, inner=False)
     for way in (1e-6, 1e-3, 0.02, 0.3, 0.5, 0.7, 0.98, 1.0 - 1e-3, 1.0 - 1e-6):
         r = place(distance, inner + way * (outer - inner))
@@ -91,7 +91,7 @@ def test_the_light_in_the_penumbra_is_the_share_of_the_suns_disc_beside_the_eart
         assert 0.0 <= illumination(r, SUN) <= 1.0
 
 
-def test_the_light_has_the_symmetry_of_a_cone_about_the_suns_direction() -> None:
+def test_illumination_is_symmetric_about_the_suns_direction() -> None:
     r = place(7.0e6, 0.5 * (border(7.0e6, inner=True) + border(7.0e6, inner=False)))
     expected = float(illumination(r, SUN))
     assert 0.1 < expected < 0.9
@@ -100,7 +100,7 @@ def test_the_light_has_the_symmetry_of_a_cone_about_the_suns_direction() -> None
         np.testing.assert_allclose(illumination(turned, SUN), expected, atol=1e-10)
 
 
-def test_far_behind_the_earth_a_ring_of_the_sun_remains() -> None:
+def test_beyond_the_umbra_a_ring_of_the_sun_remains_visible() -> None:
     sun, earth, _ = discs(place(2.0e9, 0.0))
     assert earth < sun
     for angle in (0.0, 1e-9, 1e-4):  # the Earth's disc wanders over the Sun's, and covers as much
@@ -110,7 +110,9 @@ def test_far_behind_the_earth_a_ring_of_the_sun_remains() -> None:
 
 @pytest.mark.parametrize("inner", [True, False], ids=["inner border", "outer border"])
 @pytest.mark.parametrize("distance", ORBITS.values(), ids=ORBITS)
-def test_light_and_its_gradient_are_continuous_across_the_borders_of_the_penumbra(distance: float, inner: bool) -> None:
+def test_illumination_and_its_gradient_are_continuous_across_the_borders_of_the_penumbra(
+    distance: float, inner: bool
+) -> None:
     edges = border(distance, inner=True), border(distance, inner=False)
     width = edges[1] - edges[0]
     edge, inwards = (edges[0], width) if inner else (edges[1], -width)
@@ -134,20 +136,20 @@ def test_light_and_its_gradient_are_continuous_across_the_borders_of_the_penumbr
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.5, 2.0, np.pi], ids=["midnight", "umbra", "day", "noon"])
-def test_the_gradient_of_the_light_is_zero_in_the_umbra_and_outside_of_the_shadow(angle: float) -> None:
+def test_the_gradient_of_illumination_is_zero_in_the_umbra_and_outside_of_the_shadow(angle: float) -> None:
     # In the penumbra it is a few 1e-5 per metre; roundings of the Sun's disc over itself are left.
     np.testing.assert_allclose(gradient(place(7.0e6, angle), SUN), np.zeros(3), atol=1e-24)
 
 
 @pytest.mark.parametrize(("distance", "tolerance"), [(7.0e6, 1e-10), (4.2164e7, 1e-9), (3.84e8, 1e-6)])
-def test_more_than_half_of_the_disc_counts_as_light(distance: float, tolerance: float) -> None:
+def test_a_position_is_lit_if_more_than_half_of_the_disc_is_visible(distance: float, tolerance: float) -> None:
     inner, outer = border(distance, inner=True), border(distance, inner=False)
     half = brentq(lambda angle: free_share(place(distance, angle)) - 0.5, inner, outer, xtol=1e-14)
     assert not bool(is_lit(place(distance, half - tolerance), SUN))
     assert bool(is_lit(place(distance, half + tolerance), SUN))
 
 
-def test_single_precision_has_the_penumbra_to_a_ten_thousandth() -> None:
+def test_illumination_in_single_precision_is_accurate_to_1e_minus_4() -> None:
     angles = np.arcsin(6378137.0 / 7.0e6) + np.linspace(-0.008, 0.008, 401)
     places = 7.0e6 * np.stack([-np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=1)
     shares = jax.jit(jax.vmap(lambda r_N: eclipse.illumination(r_N, jnp.asarray(SUN, r_N.dtype))))

@@ -64,7 +64,7 @@ def gone() -> dict[tuple[float, bool], tuple[np.ndarray, np.ndarray]]:
     return {(dt, single): fly(r, v, dt, single) for dt in (0.2, 1.0) for single in (False, True)}
 
 
-def test_steps_of_a_plant_and_of_a_filter_come_apart_by_far_less_than_a_filter_knows(
+def test_steps_of_a_plant_and_of_a_filter_differ_by_far_less_than_the_filters_accuracy(
     gone: dict[tuple[float, bool], tuple[np.ndarray, np.ndarray]],
 ) -> None:
     for number, bound in enumerate((5e-4, 1e-6)):  # [m], [m/s]
@@ -72,7 +72,7 @@ def test_steps_of_a_plant_and_of_a_filter_come_apart_by_far_less_than_a_filter_k
         assert np.max(np.abs(single - double)) < bound
 
 
-def test_orbits_are_those_of_double_precision(
+def test_orbits_in_single_precision_equal_those_in_double_precision(
     gone: dict[tuple[float, bool], tuple[np.ndarray, np.ndarray]],
 ) -> None:
     for dt in (0.2, 1.0):
@@ -80,7 +80,7 @@ def test_orbits_are_those_of_double_precision(
             assert np.max(np.abs(gone[dt, True][number] - gone[dt, False][number])) < bound
 
 
-def test_where_a_craft_is_in_the_middle_of_a_step() -> None:
+def test_state_and_gravity_in_the_middle_of_a_step() -> None:
     r, v = (each[0] for each in starts())
     near = r.astype(np.float32), v.astype(np.float32)
     with single_precision.tracing_in_single():

@@ -41,7 +41,7 @@ def test_a_polar_orbit_at_its_highest_latitude_is_over_the_pole_and_moves_toward
 
 
 @given(SEEDS)
-def test_a_state_from_elements_has_their_energy_momentum_and_perigee(seed: int) -> None:
+def test_a_state_from_elements_has_the_right_energy_momentum_and_eccentricity_vector(seed: int) -> None:
     elements = random_elements(np.random.default_rng(seed))
     a, e, inclination, raan, w, nu = elements
     r, v = (np.asarray(x) for x in state_from_elements(elements))
@@ -60,6 +60,6 @@ def test_a_state_from_elements_has_their_energy_momentum_and_perigee(seed: int) 
     np.testing.assert_allclose(semi_major_axis(r, v), a, rtol=1e-12)
 
 
-def test_the_mean_motion_of_the_geostationary_orbit_is_one_sidereal_day() -> None:
+def test_the_period_of_the_geostationary_orbit_is_one_sidereal_day() -> None:
     # 42164.17 km and 86164.1 s are published to six digits.
     np.testing.assert_allclose(2 * np.pi / mean_motion(np.float64(42164.17e3)), 86164.1, rtol=1e-6)

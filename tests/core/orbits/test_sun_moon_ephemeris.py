@@ -25,7 +25,7 @@ def found() -> dict[str, np.ndarray]:
 EXPECTED = {"sun": GOLDEN[:, 1:4], "moon": GOLDEN[:, 4:7]}
 
 
-def test_the_golden_times_span_the_years_2000_to_2035() -> None:
+def test_the_reference_times_span_the_years_2000_to_2035() -> None:
     years = 2000.0 + GOLDEN[:, 0] / (365.25 * 86400.0)
     assert years[0] == 2000.0
     assert years[-1] > 2034.7
@@ -33,7 +33,7 @@ def test_the_golden_times_span_the_years_2000_to_2035() -> None:
 
 
 @pytest.mark.parametrize(("body", "degrees"), [("sun", 0.01), ("moon", 0.1)])
-def test_the_direction_is_as_good_as_stated(found: dict[str, np.ndarray], body: str, degrees: float) -> None:
+def test_the_direction_is_as_accurate_as_stated(found: dict[str, np.ndarray], body: str, degrees: float) -> None:
     here, there = found[body], EXPECTED[body]
     across = np.linalg.norm(np.cross(here, there), axis=1)
     angle = np.arctan2(across, np.sum(here * there, axis=1))
@@ -41,7 +41,7 @@ def test_the_direction_is_as_good_as_stated(found: dict[str, np.ndarray], body: 
 
 
 @pytest.mark.parametrize(("body", "share"), [("sun", 1e-4), ("moon", 1e-3)])
-def test_the_distance_is_as_good_as_stated(found: dict[str, np.ndarray], body: str, share: float) -> None:
+def test_the_distance_is_as_accurate_as_stated(found: dict[str, np.ndarray], body: str, share: float) -> None:
     here, there = (np.linalg.norm(places[body], axis=1) for places in (found, EXPECTED))
     assert np.max(np.abs(here / there - 1.0)) < share
 
@@ -56,7 +56,7 @@ def test_the_sun_is_at_the_vernal_equinox_in_march_2026() -> None:
 
 
 @pytest.mark.parametrize("body", ["sun", "moon"])
-def test_an_epoch_keeps_all_digits_in_single_precision(body: str) -> None:
+def test_times_after_an_epoch_keep_their_precision_in_float32(body: str) -> None:
     place = getattr(sun_moon_ephemeris, f"{body}_position")
     epoch, seconds = 827505999.184, 5432.1
     whole = np.asarray(place(jnp.float64(epoch + seconds)))

@@ -34,7 +34,7 @@ def perturbation(mu: float, body: np.ndarray) -> Callable[[DecimalVector], Decim
 
 @pytest.mark.parametrize("body", BODIES)
 @given(SEEDS, st.floats(-3.0, 6.0))
-def test_the_pull_of_a_distant_body_and_its_difference_between_two_craft_lose_no_digits(
+def test_third_body_acceleration_and_its_difference_between_spacecraft_do_not_cancel(
     body: str, seed: int, power: float
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -51,7 +51,7 @@ def test_the_pull_of_a_distant_body_and_its_difference_between_two_craft_lose_no
 
 
 @pytest.mark.parametrize(("body", "expected"), [("moon", 1.22e-6), ("sun", 5.57e-7)])
-def test_towards_the_body_the_pull_is_the_published_tide(body: str, expected: float) -> None:
+def test_towards_the_body_the_acceleration_is_the_published_tide(body: str, expected: float) -> None:
     # 2 mu r / d^3 at 7000 km: 1.21e-6 m/s^2 by the Moon, 5.5e-7 by the Sun; the Moon's is 3 % more by its nearness.
     mu, distance = BODIES[body]
     towards = np.array([0.0, distance, 0.0])
@@ -61,7 +61,7 @@ def test_towards_the_body_the_pull_is_the_published_tide(body: str, expected: fl
     assert found[1] > 0.0
 
 
-def test_a_body_does_not_pull_at_the_centre_of_the_earth_nor_between_craft_at_one_place() -> None:
+def test_the_acceleration_is_zero_at_the_centre_of_the_earth_and_its_difference_zero_at_zero_distance() -> None:
     found = distant(4.9e12, np.array([3.84e8, 0.0, 0.0]), Difference(value=np.zeros(3), change=np.zeros(3)))
     np.testing.assert_array_equal(found.value, np.zeros(3))
     np.testing.assert_array_equal(found.change, np.zeros(3))
