@@ -1,1 +1,1 @@
-"""Floor 2: flight software. Sees measurements and its own models, never truth."""
+"""Floor 2: flight software. It uses measurements and its own models, never truth."""

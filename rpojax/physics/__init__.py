@@ -1,1 +1,1 @@
-"""Floor 2: truth. Orbits, attitudes, environment and actuators as they really are."""
+"""Floor 2: truth. Orbits, attitudes, environment, actuators and equipment faults."""

@@ -137,15 +137,15 @@ def measure(
     )
     in_frame = in_front & is_in_frame(outline, size_px)
     distribution = frame_distribution(statistics, features(scene, outline, size_px), in_frame)
-    true, false = _draw_kind(distribution, uniforms[0])
+    true, false = _draw_kind(distribution, uniforms)
     visible, size = visible_outline(outline, size_px)
-    target_edges = visible + size * _edge_errors(statistics, distribution, correlated_error, normals[:4], uniforms[1])
+    target_edges = visible + size * _edge_errors(statistics, distribution, correlated_error, normals, uniforms)
     edges = jnp.where(false, _false_box(statistics, size_px, uniforms[2:]), target_edges)
     frame_size = jnp.array([*size_px, *size_px], jnp.float32)
     edges = jnp.concatenate([jnp.minimum(edges[:2], edges[2:]), jnp.maximum(edges[:2], edges[2:])])
     edges = jnp.clip(edges, 0.0, frame_size)
     present = (true | false) & observable & working
-    score = _draw_score(statistics, distribution, false, normals[4])
+    score = _draw_score(statistics, distribution, false, normals)
     return CameraFrame(
         box=BoundingBox(
             edges=edges.astype(jnp.float64),
@@ -160,10 +160,10 @@ def measure(
     )
 
 
-def _draw_kind(distribution: FrameDistribution, uniform: Array) -> tuple[Array, Array]:
-    """Whether there is a box of the target, and whether there is a false one, by a uniform number."""
-    true = jnp.log(uniform) < distribution.log_true
-    return true, ~true & (jnp.log(1.0 - uniform) < distribution.log_false)
+def _draw_kind(distribution: FrameDistribution, uniforms: Array) -> tuple[Array, Array]:
+    """Whether there is a box of the target, and whether there is a false one, by the first uniform number."""
+    true = jnp.log(uniforms[0]) < distribution.log_true
+    return true, ~true & (jnp.log(1.0 - uniforms[0]) < distribution.log_false)
 
 
 def _edge_errors(
@@ -171,21 +171,21 @@ def _edge_errors(
     distribution: FrameDistribution,
     correlated_error: Array,
     normals: Array,
-    uniform: Array,
+    uniforms: Array,
 ) -> Array:
     """Errors (4,) of the edges as fractions of the target's size: bias and a mixture of two normal distributions."""
-    width = jnp.where(uniform < statistics.wide_share, WIDE_SIGMA_FACTOR, 1.0)
+    width = jnp.where(uniforms[1] < statistics.wide_share, WIDE_SIGMA_FACTOR, 1.0)
     fraction = statistics.lasting_share
-    independent = jnp.sqrt(fraction) * correlated_error + jnp.sqrt(1.0 - fraction) * normals
+    independent = jnp.sqrt(fraction) * correlated_error + jnp.sqrt(1.0 - fraction) * normals[:4]
     standard = jnp.sum(statistics.mixing * independent[None, :], axis=1)
     return distribution.bias + width * jnp.exp(distribution.log_sigma) * standard
 
 
-def _draw_score(statistics: CameraStatistics, distribution: FrameDistribution, false: Array, normal: Array) -> Array:
+def _draw_score(statistics: CameraStatistics, distribution: FrameDistribution, false: Array, normals: Array) -> Array:
     """Score of a box, with distributions of their own for boxes of the target and false ones."""
     mean = jnp.where(false, statistics.false_score[0], distribution.score[0])
     spread = jnp.where(false, statistics.false_score[1], jnp.exp(distribution.score[1]))
-    return jax.nn.sigmoid(mean + spread * normal)
+    return jax.nn.sigmoid(mean + spread * normals[4])
 
 
 def _false_box(statistics: CameraStatistics, size_px: tuple[int, int], uniforms: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The flight computer: what it solves at start, the velocity change it expects, and its replaceable stages."""
+"""Flight computer: initial solution, expected velocity change, replaceable stages, darkness and failures."""
 
 from functools import partial
 
@@ -40,30 +40,28 @@ def memory(flight: FlightParams) -> FlightMemory:
     return start(flight, 200.0, rendezvous_scene.estimate(flight), IDENTITY, np.zeros(3))
 
 
-def sure(memory: FlightMemory) -> FlightMemory:
-    """The same with the target in sight."""
+def acquired(memory: FlightMemory) -> FlightMemory:
+    """Memory with the target acquired."""
     pointing = replace(memory.pointing, acquired=jnp.asarray(True), recent_detections=jnp.float64(5.0))
     return replace(memory, pointing=pointing)
 
 
-def test_the_gain_is_solved_for_the_targets_mean_motion_and_the_burn_period(
+def test_the_gain_is_for_the_targets_mean_motion_and_the_burn_period(
     flight: FlightParams, memory: FlightMemory
 ) -> None:
     n = np.sqrt(MU / np.linalg.norm(rendezvous_scene.R_SN_N) ** 3)
     expected = lqr_gain(flight.formation, jnp.float64(n), 200.0)
-    np.testing.assert_allclose(memory.gain, expected, rtol=1e-3)  # the target flies 30 m ahead, a hair faster
+    np.testing.assert_allclose(memory.gain, expected, rtol=1e-3)  # the target is 30 m ahead and slightly faster
 
 
-def test_the_allocation_undoes_the_wheel_axes(flight: FlightParams) -> None:
+def test_the_allocation_inverts_the_wheel_axes(flight: FlightParams) -> None:
     axes = np.array([[1.0, 0.0, 0.0], [0.6, 0.8, 0.0], [0.0, 0.6, 0.8]])
     skew = replace(flight, vehicle=replace(flight.vehicle, wheel_axes=jnp.asarray(axes)))
     memory = start(skew, 200.0, rendezvous_scene.estimate(flight), IDENTITY, np.zeros(3))
     np.testing.assert_allclose(axes.T @ np.asarray(memory.wheel_allocation), np.eye(3), atol=1e-15)
 
 
-def test_the_expected_velocity_changes_of_all_intervals_add_up_to_the_whole_burn(
-    flight: FlightParams, memory: FlightMemory
-) -> None:
+def test_the_expected_velocity_changes_sum_to_the_whole_burn(flight: FlightParams, memory: FlightMemory) -> None:
     q_BN = axis_angle_quaternion([0.0, 0.0, 1.0], -np.pi / 2)  # body x lies along y of N
     burning = replace(memory, attitude=replace(memory.attitude, q_BN=jnp.asarray(q_BN)))
     begins = 0.2 * np.arange(60)
@@ -73,7 +71,7 @@ def test_the_expected_velocity_changes_of_all_intervals_add_up_to_the_whole_burn
     np.testing.assert_allclose(parts[20], [0.0, 1e-3 * 0.2, 0.0], atol=1e-15)
 
 
-def test_a_burn_that_was_not_decided_has_no_derivative_to_its_time(flight: FlightParams, memory: FlightMemory) -> None:
+def test_an_empty_burn_has_no_derivative_to_its_time(flight: FlightParams, memory: FlightMemory) -> None:
     def expected(time: jax.Array) -> jax.Array:
         return expected_delta_v(flight, memory, time, time, 0.2)
 
@@ -86,7 +84,7 @@ def test_a_users_control_law_decides_the_burn(flight: FlightParams, memory: Flig
         return jnp.array([0.0, 0.0, 0.005])
 
     found = plan_burn(
-        Stages(formation_law=sideways), flight, sure(memory), rendezvous_scene.SUN_OVERHEAD, np.float64(0.0)
+        Stages(formation_law=sideways), flight, acquired(memory), rendezvous_scene.SUN_OVERHEAD, np.float64(0.0)
     ).plan
     normal = np.cross(rendezvous_scene.R_SN_N, rendezvous_scene.V_SN_N)
     np.testing.assert_allclose(found.delta_v_N, 0.005 * normal / np.linalg.norm(normal), atol=1e-8)
@@ -100,17 +98,17 @@ def test_a_users_attitude_controller_commands_the_wheels(flight: FlightParams, m
     np.testing.assert_array_equal(found, [1e-3, 2e-3, 3e-3])
 
 
-# Darkness, blindness and failed equipment
+# Darkness and failed equipment
 
 
 @pytest.fixture(scope="module")
 def ready(flight: FlightParams) -> FlightMemory:
-    """In sight of a target known to 5 cm, the camera on it."""
+    """Memory with the target acquired, known to 5 cm, and the camera on it."""
     known = rendezvous_scene.estimate(flight, position_sigma=0.05)
     q_KN = jnp.asarray(rendezvous_scene.camera_attitude(flight, known))
     q_KB = quaternion.normalize(flight.vehicle.camera_mounting)
     q_BN = quaternion.multiply(quaternion.conjugate(q_KB), q_KN)
-    return sure(start(flight, 200.0, known, q_BN, np.zeros(3)))
+    return acquired(start(flight, 200.0, known, q_BN, np.zeros(3)))
 
 
 def sense(
@@ -133,9 +131,7 @@ def sense(
     return navigate(Stages(), flight, True, memory, measurements, sun_N)
 
 
-def test_a_box_in_the_dark_is_not_used_and_not_held_against_the_filter(
-    flight: FlightParams, ready: FlightMemory
-) -> None:
+def test_a_box_in_the_dark_is_neither_used_nor_rejected(flight: FlightParams, ready: FlightMemory) -> None:
     light, used = sense(flight, ready, pixels=3.0)
     assert bool(used.accepted)
     assert np.linalg.norm(light.orbit.relative.r_TS_N - ready.orbit.relative.r_TS_N) > 0.01
@@ -159,9 +155,7 @@ def burns(
     return float(found.cutoff) > float(found.ignition)
 
 
-def test_burns_are_planned_in_sight_of_the_target_and_neither_in_the_dark_nor_after_one_box(
-    flight: FlightParams, ready: FlightMemory
-) -> None:
+def test_burns_are_planned_only_for_an_acquired_target_in_the_light(flight: FlightParams, ready: FlightMemory) -> None:
     assert burns(flight, ready)
     assert not burns(flight, ready, rendezvous_scene.SUN_BEHIND_EARTH)
     unseen = replace(
@@ -174,9 +168,7 @@ def test_burns_are_planned_in_sight_of_the_target_and_neither_in_the_dark_nor_af
         assert burns(flight, memory) is allowed, boxes
 
 
-def test_in_the_dark_the_computer_keeps_the_camera_where_the_target_should_be(
-    flight: FlightParams, ready: FlightMemory
-) -> None:
+def test_in_the_dark_the_camera_points_at_the_estimate(flight: FlightParams, ready: FlightMemory) -> None:
     memory, modes = ready, set()
     for tick in range(80):
         memory, mode = guide(
@@ -187,24 +179,24 @@ def test_in_the_dark_the_computer_keeps_the_camera_where_the_target_should_be(
     assert memory.pointing.unseen_time == 0.0
 
 
-def test_a_burn_is_called_off_by_the_estimated_attitude(flight: FlightParams, ready: FlightMemory) -> None:
+def test_a_burn_is_inhibited_by_the_estimated_attitude(flight: FlightParams, ready: FlightMemory) -> None:
     planned = plan_burn(Stages(formation_law=push), flight, ready, rendezvous_scene.SUN_OVERHEAD, np.float64(0.0))
     ignition = float(planned.plan.ignition)
-    for degrees, flown in ((0.1, True), (5.0, False)):
+    for degrees, fired in ((0.1, True), (5.0, False)):
         off = jnp.asarray(axis_angle_quaternion([1.0, 0.0, 0.0], np.deg2rad(degrees)))
         q_BN = quaternion.multiply(off, planned.plan.q_burn)
         aiming = replace(planned, attitude=replace(planned.attitude, q_BN=q_BN))
         after, _ = guide(flight, aiming, np.asarray(False), rendezvous_scene.SUN_OVERHEAD, np.float64(ignition), 1.0)
-        given = sum(
+        expected = sum(
             np.asarray(expected_delta_v(flight, after, after.plan.ignition - begin, after.plan.cutoff - begin, 1.0))
             for begin in np.arange(0.0, 199.0)
         )
-        assert (np.linalg.norm(given) > 0.019) is np.bool_(flown)
-        if not flown:
-            np.testing.assert_array_equal(given, np.zeros(3))
+        assert (np.linalg.norm(expected) > 0.019) is np.bool_(fired)
+        if not fired:
+            np.testing.assert_array_equal(expected, np.zeros(3))
 
 
-def test_without_stars_the_bearing_bias_becomes_less_certain_by_as_much_as_the_attitude(
+def test_without_stars_the_bearing_bias_variance_grows_as_the_attitude_variance(
     flight: FlightParams, ready: FlightMemory
 ) -> None:
     def bias_variance(memory: FlightMemory) -> np.ndarray:
@@ -218,9 +210,9 @@ def test_without_stars_the_bearing_bias_becomes_less_certain_by_as_much_as_the_a
     turned = np.asarray(memory.attitude.covariance - ready.attitude.covariance)
     across = np.diag(turned)[1:3]  # the camera looks along x
     np.testing.assert_allclose(grown, across.mean(), rtol=1e-9)
-    # 0.003 deg/s of gyro bias for a minute, 0.0025 deg/sqrt(s) of random walk, less what the start knew.
+    # 0.003 deg/s of gyro bias for a minute, 0.0025 deg/sqrt(s) of random walk, less the initial uncertainty.
     np.testing.assert_allclose(np.sqrt(across), np.deg2rad(np.hypot(0.18, 0.0025 * np.sqrt(60.0))), rtol=0.01)
-    # What was learnt under drift is as wrong when the stars come back.
+    # The bias learnt under drift is as wrong when the star tracker returns.
     back, _ = sense(flight, memory, rendezvous_scene.SUN_BEHIND_EARTH)
     np.testing.assert_allclose(bias_variance(back) - bias_variance(ready), 2.0 * grown, rtol=0.01)
 
@@ -232,23 +224,23 @@ def carry(
     ratio: float = 1.0,
     end: float = 1.0,
 ) -> FlightMemory:
-    """Memory a second later; the thruster was to give `delta_v_N` and its chamber had `ratio` of nominal pressure."""
+    """Memory a second later, with expected `delta_v_N` [m/s] and chamber pressure over nominal `ratio`."""
     delta_v_N = np.zeros(3) if delta_v_N is None else delta_v_N
     q_BN = memory.attitude.q_BN
     numbers = np.float64(ratio), np.zeros(3), np.float64(end)
     return predict(Stages(), flight, 2, memory, q_BN, delta_v_N, *numbers, 1.0)
 
 
-BURN = np.array([6e-4, 0.0, 8e-4])  # a second's worth of thrust
+BURN = np.array([6e-4, 0.0, 8e-4])  # thrust of one second
 
 
-# Calibration 1.5 %, 1 % of change in a second, pressure sensor 3 %: by hand, the first pressure counts for so much.
+# Calibration 1.5 %, 1 % of change in a second, pressure sensor 3 %: the gain of the first pressure, by hand.
 FIRST_GAIN = (0.015**2 + 0.01**2) / (0.015**2 + 0.01**2 + 0.03**2)
 BROKEN_GAIN = 1.0 / (1.0 + 0.03**2)
 
 
 @pytest.mark.parametrize(
-    ("ratio", "share"),
+    ("ratio", "thrust_ratio"),
     [
         (1.0, 1.0),
         (1.1, 1.0 + 0.1 * FIRST_GAIN),
@@ -257,19 +249,19 @@ BROKEN_GAIN = 1.0 / (1.0 + 0.03**2)
         (0.0, 1.0 - BROKEN_GAIN),
     ],
 )
-def test_the_chamber_pressure_corrects_the_predicted_velocity_change_and_a_jump_replaces_it(
-    flight: FlightParams, ready: FlightMemory, ratio: float, share: float
+def test_the_chamber_pressure_corrects_the_expected_velocity_change(
+    flight: FlightParams, ready: FlightMemory, ratio: float, thrust_ratio: float
 ) -> None:
     coasting = carry(flight, ready)
     burning = carry(flight, ready, BURN, ratio)
     gained = np.asarray(burning.orbit.servicer.v_SN_N - coasting.orbit.servicer.v_SN_N)
-    # The way made in that second changes gravity: n^2 times a third of a millimetre, 4e-10 m/s.
-    np.testing.assert_allclose(gained, share * BURN, atol=1e-9)
+    # The displacement in that second changes gravity: n^2 times a third of a millimetre, 4e-10 m/s.
+    np.testing.assert_allclose(gained, thrust_ratio * BURN, atol=1e-9)
     closed = np.asarray(burning.orbit.relative.v_TS_N - coasting.orbit.relative.v_TS_N)
-    np.testing.assert_allclose(closed, -share * BURN, atol=1e-9)
+    np.testing.assert_allclose(closed, -thrust_ratio * BURN, atol=1e-9)
 
 
-def test_a_thrust_that_is_a_little_low_is_learnt_within_a_burn(flight: FlightParams, ready: FlightMemory) -> None:
+def test_a_slightly_low_thrust_is_estimated_within_a_burn(flight: FlightParams, ready: FlightMemory) -> None:
     memory = ready
     for _ in range(8):
         memory = carry(flight, memory, BURN, 0.92)
@@ -280,7 +272,9 @@ def test_a_thrust_that_is_a_little_low_is_learnt_within_a_burn(flight: FlightPar
     )  # no burn
 
 
-def test_a_thrust_known_from_the_pressure_alone_is_less_certain(flight: FlightParams, ready: FlightMemory) -> None:
+def test_thrust_estimated_from_the_pressure_alone_inflates_the_burn_covariance(
+    flight: FlightParams, ready: FlightMemory
+) -> None:
     planned = replace(ready, plan=replace(ready.plan, delta_v_N=jnp.array([0.0, 0.0, 0.02])))
     along = BURN / 1e-3
 
@@ -289,13 +283,15 @@ def test_a_thrust_known_from_the_pressure_alone_is_less_certain(flight: FlightPa
         change = np.asarray(burning.orbit.relative.covariance - coasting.orbit.relative.covariance)[3:6, 3:6]
         return float(along @ change @ along)
 
-    share = 1.0 - 0.5 * BROKEN_GAIN
-    doubt = 0.03 * np.sqrt(BROKEN_GAIN) / (1.2 * 0.015)
+    thrust_ratio = 1.0 - 0.5 * BROKEN_GAIN
+    inflation = 0.03 * np.sqrt(BROKEN_GAIN) / (1.2 * 0.015)
     np.testing.assert_allclose(added(1.0), 1e-3 * 0.02 * 0.015**2, rtol=1e-6)
-    np.testing.assert_allclose(added(0.5), (share * 1e-3) * (share * 0.02) * (doubt * 0.015) ** 2, rtol=1e-6)
+    np.testing.assert_allclose(
+        added(0.5), (thrust_ratio * 1e-3) * (thrust_ratio * 0.02) * (inflation * 0.015) ** 2, rtol=1e-6
+    )
 
 
-def test_after_a_burn_without_thrust_none_is_planned_until_the_next_try(
+def test_after_a_burn_without_thrust_no_burn_is_planned_until_the_retry(
     flight: FlightParams, ready: FlightMemory
 ) -> None:
     assert np.isneginf(ready.thruster_failed_at)
@@ -306,5 +302,5 @@ def test_after_a_burn_without_thrust_none_is_planned_until_the_next_try(
     assert burns(flight, failed, time=1061.0)
     weak = carry(flight, ready, BURN, 0.5, end=61.0)
     assert burns(flight, weak, time=200.0)
-    idle = carry(flight, ready, None, 0.0, end=61.0)  # a cold chamber without a burn says nothing
+    idle = carry(flight, ready, None, 0.0, end=61.0)  # without a burn the pressure is not used
     assert burns(flight, idle, time=200.0)

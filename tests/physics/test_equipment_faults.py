@@ -1,4 +1,4 @@
-"""What works while a fault of some kind lasts."""
+"""Health of the equipment during faults of every kind."""
 
 from dataclasses import fields
 
@@ -24,7 +24,7 @@ EFFECT = {
     "star_tracker_blind": {"star_tracker": False},
     "camera_blackout": {"camera": False},
 }
-"""What a fault of each kind changes, at a severity of 0.3 and on the wheel in the middle."""
+"""Change of the health by a fault of each kind, at a severity of 0.3 and on the second wheel."""
 
 
 def fault(kind: float, wheel: float = 1.0) -> Fault:
@@ -44,7 +44,7 @@ def assert_health(found: Health, changed: dict[str, object]) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_fault_strikes_the_equipment_of_its_kind_and_nothing_else(kind: str) -> None:
+def test_a_fault_affects_only_the_equipment_of_its_kind(kind: str) -> None:
     assert_health(health(fault(KINDS.index(kind)), jnp.float64(120.0)), EFFECT[kind])
 
 
@@ -58,20 +58,23 @@ def test_a_fault_lasts_from_its_start_to_just_before_its_end(kind: str, time: fl
 
 @pytest.mark.parametrize("wheel", [0, 1, 2])
 @pytest.mark.parametrize("kind", ["wheel_stuck", "wheel_friction"])
-def test_a_wheel_fault_strikes_the_wheel_of_its_number(kind: str, wheel: int) -> None:
+def test_a_wheel_fault_affects_the_wheel_of_its_index(kind: str, wheel: int) -> None:
     found = getattr(health(fault(KINDS.index(kind), wheel), jnp.float64(120.0)), kind)
     assert [bool(x) for x in found] == [k == wheel for k in range(3)]
 
 
-def test_the_code_of_a_kind_is_its_place_and_numbers_are_codes_already() -> None:
+def test_the_code_of_a_kind_is_its_index_and_numbers_are_codes() -> None:
     assert [equipment_faults.kind_code(kind) for kind in KINDS] == list(range(len(KINDS)))
     assert equipment_faults.kind_code(3.0) == 3.0
 
 
-def test_thrust_and_friction_follow_the_severity_and_no_other_number_has_a_slope() -> None:
-    for kind, name, slope in (("thruster_weak", "thrust_fraction", -1.0), ("wheel_friction", "wheel_friction", 1.0)):
+def test_thrust_and_friction_have_a_derivative_to_the_severity_alone() -> None:
+    for kind, name, derivative in (
+        ("thruster_weak", "thrust_fraction", -1.0),
+        ("wheel_friction", "wheel_friction", 1.0),
+    ):
         found = jax.grad(
             lambda f, name=name: jnp.sum(getattr(equipment_faults.health_at(f, jnp.float64(120.0)), name))
         )(fault(KINDS.index(kind)))
-        assert float(found.severity) == slope
+        assert float(found.severity) == derivative
         assert [float(getattr(found, other)) for other in ("kind", "start", "duration", "wheel")] == [0.0] * 4

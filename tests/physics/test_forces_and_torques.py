@@ -1,4 +1,4 @@
-"""Every effect of the plant by itself: what it does to the motion, and that it costs and changes nothing when off."""
+"""Every effect of the plant by itself: its influence on the motion, and that it is absent when off."""
 
 import functools
 from collections.abc import Callable
@@ -26,7 +26,7 @@ NOTHING = Effects(zonal_degree=0, gravity_gradient=False)
 SKY = SunMoonPositions(sun_N=jnp.array([1.0e11, 1.1e11, 2.0e10]), moon_N=jnp.array([-3.0e8, 2.0e8, 1.0e8]))
 HEALTHY = equipment_faults.healthy()
 FAR = jnp.array([1e14, 0.0, 0.0])
-"""So far from the Earth that its pull is not felt."""
+"""Position so far from the Earth that its gravity is negligible."""
 
 ALONE: dict[str, Effects] = {
     "zonal_degree": static(NOTHING, zonal_degree=6),
@@ -45,7 +45,7 @@ ALONE: dict[str, Effects] = {
         )
     },
 }
-"""Each effect with no other beside it."""
+"""Switches with a single effect on."""
 
 _step = jax.jit(plant.step, static_argnums=(0, 7))
 initial_truth = jax.jit(plant_state.initial_truth)
@@ -55,7 +55,7 @@ initial_truth = jax.jit(plant_state.initial_truth)
 def simulate(
     effects: Effects, params: PlantParams, truth: Truth, commands: jax.Array, health: Health = HEALTHY
 ) -> Truth:
-    """Truth after each step with the given wheel torque commands (n, 3) and no thruster."""
+    """Truth after each step with wheel torque commands (n, 3) and no thruster."""
 
     def body(truth: Truth, command: jax.Array) -> tuple[Truth, Truth]:
         after = plant.step(effects, params, truth, command, (), SKY, health, STEP)
@@ -85,7 +85,7 @@ def advance(
 
 @pytest.fixture(scope="module")
 def in_orbit(params: Params) -> Truth:
-    """The start of the nominal scenario, drifting, with both bodies turning and the wheels spinning."""
+    """The start of the nominal scenario, drifting, with both bodies rotating and the wheels spinning."""
     rho, rho_dot = jnp.array([2.0, -50.0, 3.0]), jnp.array([0.01, -0.002, 0.02])
     truth = initial_truth(
         params.plant, params.orbit, rho, rho_dot, axis_angle_quaternion(np.array([1.0, 2.0, 3.0]), 0.7)
@@ -129,7 +129,7 @@ def unknown(tree: Any) -> Any:
     return jax.tree.map(lambda leaf: jnp.full_like(leaf, jnp.nan), jax.tree.map(jnp.asarray, tree))
 
 
-def test_what_is_off_is_not_looked_at(params: Params, in_orbit: Truth) -> None:
+def test_parameters_of_effects_that_are_off_are_not_used(params: Params, in_orbit: Truth) -> None:
     known = params.plant
     wheels = unknown(known.wheels)
     blind = replace(
@@ -167,11 +167,11 @@ NEUTRAL: dict[str, Callable[[PlantParams], PlantParams]] = {
     "center_of_mass_shift": lambda p: replace(p, thruster=replace(p.thruster, tank_position=jnp.zeros(3))),
     "faults": lambda p: p,
 }
-"""Numbers with which an effect has none."""
+"""Parameters with which an effect has no influence."""
 
 
 @pytest.mark.parametrize("name", NEUTRAL)
-def test_an_effect_of_no_strength_moves_the_plant_as_if_it_were_off(params: Params, in_orbit: Truth, name: str) -> None:
+def test_an_effect_with_neutral_parameters_equals_one_that_is_off(params: Params, in_orbit: Truth, name: str) -> None:
     neutral, used = NEUTRAL[name](params.plant), replace(in_orbit, mass=in_orbit.mass - 1.0)
     command, thrusts = (0.01, 0.0, -0.02), (step_thrust(params.plant),)
     off, on = (advance(effects, neutral, used, command, thrusts) for effects in (NOTHING, ALONE[name]))
@@ -192,7 +192,7 @@ def bare(params: Params, in_orbit: Truth) -> list[str]:
     return operations(NOTHING, params.plant, in_orbit)
 
 
-def test_the_bare_plant_has_no_operation_of_any_effect(bare: list[str]) -> None:
+def test_the_plant_without_effects_compiles_none_of_their_operations(bare: list[str]) -> None:
     for name in ("exponential", "tanh", "atan2", "round_nearest_even", "round_nearest_afz"):
         assert not [word for word in bare if word.startswith(f"stablehlo.{name}")]
 
@@ -217,23 +217,21 @@ def test_ramps_are_compiled_only_when_they_are_on(params: Params) -> None:
 # Air and light
 
 
-def test_relative_motion_in_air_is_the_difference_of_two_orbits_of_unlike_craft(
-    params: Params, in_orbit: Truth
-) -> None:
-    """Ten minutes in a thousand times the air, where the target with its larger area per mass falls behind."""
+def test_relative_motion_with_drag_agrees_with_the_difference_of_two_orbits(params: Params, in_orbit: Truth) -> None:
+    """Ten minutes in air of a thousandfold density, where the target with its larger area per mass falls behind."""
     dense = replace(params.plant, atmosphere=replace(params.plant.atmosphere, density=jnp.float64(5e-10)))
     truth = jax.tree.map(lambda leaf: leaf[-1], simulate(ALONE["drag"], dense, in_orbit, np.zeros((3000, 3))))
     vacuum = jax.tree.map(lambda leaf: leaf[-1], simulate(NOTHING, dense, in_orbit, np.zeros((3000, 3))))
 
     def absolute(r: np.ndarray, v: np.ndarray, area: float, mass: float) -> np.ndarray:
-        def slope(_: float, y: np.ndarray) -> np.ndarray:
+        def derivative(_: float, y: np.ndarray) -> np.ndarray:
             distance = np.linalg.norm(y[:3])
             density = 5e-10 * np.exp(-(distance - 6878137.0) / 63e3)
             flow = y[3:] - np.cross([0.0, 0.0, 7.292115e-5], y[:3])
             brake = -0.5 * density * 2.2 * area / mass * np.linalg.norm(flow) * flow
             return np.concatenate([y[3:], -3.986004418e14 * y[:3] / distance**3 + brake])
 
-        return solve_ivp(slope, (0.0, 600.0), np.concatenate([r, v]), "DOP853", rtol=1e-13, atol=1e-7).y[:, -1]
+        return solve_ivp(derivative, (0.0, 600.0), np.concatenate([r, v]), "DOP853", rtol=1e-13, atol=1e-7).y[:, -1]
 
     start = jax.tree.map(np.asarray, in_orbit)
     target = absolute(start.r_TN_N, start.v_TN_N, 0.6, 45.0)
@@ -244,20 +242,24 @@ def test_relative_motion_in_air_is_the_difference_of_two_orbits_of_unlike_craft(
     assert np.linalg.norm(truth.r_ST_N - vacuum.r_ST_N) > 10.0  # differential drag of 160 um/s^2
 
 
-def test_light_drives_craft_of_unlike_area_per_mass_apart(params: Params, in_orbit: Truth) -> None:
+def test_solar_radiation_pressure_separates_vehicles_of_different_area_per_mass(
+    params: Params, in_orbit: Truth
+) -> None:
     lit = replace(in_orbit, r_TN_N=7.0e6 * SKY.sun_N / jnp.sqrt(jnp.sum(SKY.sun_N**2)))
     on, off = (advance(effects, params.plant, lit) for effects in (ALONE["solar_pressure"], NOTHING))
     distance = np.linalg.norm(SKY.sun_N - lit.r_TN_N)
     pressure = 1361.0 / 299792458.0 * (1.495978707e11 / distance) ** 2
     away = -np.asarray(SKY.sun_N) / np.linalg.norm(SKY.sun_N)
     on_servicer, on_target = pressure * 1.3 * 0.25 / 30.0, pressure * 1.4 * 0.6 / 45.0
-    # Velocities of 7 km/s leave 1e-12 m/s of the 2e-8 that the step gives; the relative one has all of its digits.
+    # Velocities of 7 km/s are rounded to 1e-12 m/s, of 2e-8 m/s by the step; the relative one keeps all digits.
     np.testing.assert_allclose(on.v_TN_N - off.v_TN_N, on_target * away * STEP, atol=2e-12)
     np.testing.assert_allclose(on.v_ST_N - off.v_ST_N, (on_servicer - on_target) * away * STEP, atol=1e-16)
 
 
 @pytest.mark.parametrize("name", ["drag", "solar_pressure"])
-def test_a_force_beside_the_centre_of_mass_turns_both_craft(params: Params, in_orbit: Truth, name: str) -> None:
+def test_surface_forces_off_the_centre_of_mass_give_torques_on_both_vehicles(
+    params: Params, in_orbit: Truth, name: str
+) -> None:
     lit = replace(in_orbit, r_TN_N=6878137.0 * SKY.sun_N / jnp.sqrt(jnp.sum(SKY.sun_N**2)))
     slow = replace(lit, omega_BN_B=jnp.zeros(3), omega_TN_T=jnp.zeros(3), wheel_speed=jnp.zeros(3))
     strong = replace(
@@ -277,11 +279,11 @@ def test_a_force_beside_the_centre_of_mass_turns_both_craft(params: Params, in_o
     np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-6 * np.max(np.abs(expected)))
 
 
-# Distant bodies
+# Third bodies
 
 
 @pytest.mark.parametrize(("name", "mu"), [("sun_gravity", 1.32712440018e20), ("moon_gravity", 4.9028e12)])
-def test_a_distant_body_pulls_the_target_and_the_servicer_by_its_tide(
+def test_third_body_accelerations_agree_with_tides_in_extended_precision(
     params: Params, in_orbit: Truth, name: str, mu: float
 ) -> None:
     apart = replace(in_orbit, r_ST_N=jnp.array([3e4, -2e4, 1e4]))
@@ -315,7 +317,7 @@ def last(history: Truth) -> Truth:
     return jax.tree.map(lambda leaf: np.asarray(leaf[-1]), history)
 
 
-@pytest.mark.parametrize("rubbing", [0.0, 0.1, 0.8], ids=["stuck", "stuck and rubbing", "stuck and rubbing hard"])
+@pytest.mark.parametrize("rubbing", [0.0, 0.1, 0.8], ids=["stuck", "stuck, friction", "stuck, high friction"])
 def test_body_and_wheels_keep_their_angular_momentum_with_friction_steps_and_a_stuck_wheel(
     params: Params, in_orbit: Truth, rubbing: float
 ) -> None:
@@ -336,12 +338,12 @@ def test_a_wheel_with_viscous_friction_alone_runs_down_exponentially(params: Par
     free = replace(params.plant, wheels=wheels, servicer=replace(params.plant.servicer, inertia=1e6 * jnp.eye(3)))
     truth = replace(at_rest, wheel_speed=jnp.array([100.0, -200.0, 0.0]))
     after = last(simulate(ALONE["wheel_friction"], free, truth, np.zeros((500, 3))))
-    # 8e-4 kg m^2 over 1e-5 N m s: a time constant of 80 s; the body is too heavy to turn.
+    # 8e-4 kg m^2 over 1e-5 N m s: a time constant of 80 s; the body is too heavy to rotate.
     np.testing.assert_allclose(after.wheel_speed, np.exp(-100.0 / 80.0) * np.array([100.0, -200.0, 0.0]), rtol=1e-8,
                                atol=1e-12)  # fmt: skip
 
 
-def test_a_stuck_wheel_stops_within_seconds_and_takes_no_command(params: Params, at_rest: Truth) -> None:
+def test_a_stuck_wheel_stops_within_seconds_and_ignores_commands(params: Params, at_rest: Truth) -> None:
     heavy = replace(params.plant, servicer=replace(params.plant.servicer, inertia=1e6 * jnp.eye(3)))
     truth = replace(at_rest, wheel_speed=jnp.array([100.0, 100.0, 100.0]))
     bad = health(wheel_stuck=[False, True, False])
@@ -351,8 +353,10 @@ def test_a_stuck_wheel_stops_within_seconds_and_takes_no_command(params: Params,
 
 
 @pytest.mark.parametrize("severity", [0.1, 0.4, 0.8, 1.0])
-def test_a_rubbing_wheel_runs_down_evenly_and_then_rests(params: Params, at_rest: Truth, severity: float) -> None:
-    """A wheel without command must not chatter about zero, however hard it rubs."""
+def test_a_wheel_with_fault_friction_decelerates_linearly_and_then_rests(
+    params: Params, at_rest: Truth, severity: float
+) -> None:
+    """A wheel without command must not chatter about zero at any friction."""
     heavy = replace(params.plant, servicer=replace(params.plant.servicer, inertia=1e6 * jnp.eye(3)))
     truth = replace(at_rest, wheel_speed=jnp.array([200.3, 0.0, 0.0]))
     history = simulate(ALONE["faults"], heavy, truth, np.zeros((1000, 3)), health(wheel_friction=[severity, 0.0, 0.0]))
@@ -367,7 +371,7 @@ def test_a_rubbing_wheel_runs_down_evenly_and_then_rests(params: Params, at_rest
 
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])
-def test_a_saturated_wheel_gets_no_torque_and_keeps_within_a_thousandth_of_its_limit(
+def test_a_saturated_wheel_stays_within_a_thousandth_of_its_speed_limit(
     params: Params, at_rest: Truth, sense: float
 ) -> None:
     everything = static(NOTHING, wheel_friction=True, wheel_torque_steps=True, faults=True)
@@ -385,7 +389,7 @@ def test_a_saturated_wheel_gets_no_torque_and_keeps_within_a_thousandth_of_its_l
     assert abs(float(slowed.wheel_speed[0])) < 623.0
 
 
-def test_a_wheel_drive_gives_whole_steps_of_torque(params: Params, at_rest: Truth) -> None:
+def test_the_wheel_drive_gives_whole_steps_of_torque(params: Params, at_rest: Truth) -> None:
     heavy = replace(params.plant, servicer=replace(params.plant.servicer, inertia=1e6 * jnp.eye(3)))
     command = 2e-5 * np.array([7.4, -7.6, 0.4])
     after = advance(ALONE["wheel_torque_steps"], heavy, at_rest, command)
@@ -397,33 +401,33 @@ def test_a_wheel_drive_gives_whole_steps_of_torque(params: Params, at_rest: Trut
 # Thrusters
 
 
-def test_two_thrusters_add_up(params: Params, at_rest: Truth) -> None:
+def test_forces_torques_and_flows_of_two_thrusters_add_up(params: Params, at_rest: Truth) -> None:
     one = step_thrust(params.plant)
     other = replace(one, force_B=jnp.array([0.0, 0.02, 0.0]), position_B=jnp.array([0.0, 0.0, 0.3]))
     after = advance(NOTHING, params.plant, at_rest, thrusts=(one, other))
-    np.testing.assert_allclose(after.v_ST_N, np.array([0.03, 0.02, 0.0]) / 30.0 * STEP, atol=1e-8)  # it hardly turns
+    np.testing.assert_allclose(
+        after.v_ST_N, np.array([0.03, 0.02, 0.0]) / 30.0 * STEP, atol=1e-8
+    )  # its rotation is negligible
     gained = total_momentum(params.plant, after)
     np.testing.assert_allclose(gained, [-0.3 * 0.02 * STEP, 0.0, 0.0], atol=1e-6)
     np.testing.assert_allclose(after.delta_v, 0.05 / 30.0 * STEP, rtol=1e-5)
     np.testing.assert_allclose(at_rest.mass - after.mass, 2.0 * 0.03 / (70.0 * 9.80665) * STEP, rtol=1e-9)
 
 
-@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
-def test_a_weak_thruster_gives_and_uses_its_share(params: Params, at_rest: Truth, share: float) -> None:
+@pytest.mark.parametrize("fraction", [0.0, 0.3, 1.0])
+def test_a_weak_thruster_scales_force_and_mass_flow(params: Params, at_rest: Truth, fraction: float) -> None:
     after = advance(
         ALONE["faults"],
         params.plant,
         at_rest,
         thrusts=(step_thrust(params.plant),),
-        health=health(thrust_fraction=share),
+        health=health(thrust_fraction=fraction),
     )
-    np.testing.assert_allclose(after.v_ST_N, [share * 0.03 / 30.0 * STEP, 0.0, 0.0], rtol=1e-5, atol=1e-18)
-    np.testing.assert_allclose(at_rest.mass - after.mass, share * 0.03 / (70.0 * 9.80665) * STEP, rtol=1e-8)
+    np.testing.assert_allclose(after.v_ST_N, [fraction * 0.03 / 30.0 * STEP, 0.0, 0.0], rtol=1e-5, atol=1e-18)
+    np.testing.assert_allclose(at_rest.mass - after.mass, fraction * 0.03 / (70.0 * 9.80665) * STEP, rtol=1e-8)
 
 
-def test_once_propellant_is_used_a_push_has_its_lever_about_the_moved_centre_of_mass(
-    params: Params, at_rest: Truth
-) -> None:
+def test_the_lever_arm_of_thrust_is_about_the_moved_centre_of_mass(params: Params, at_rest: Truth) -> None:
     used = replace(at_rest, mass=at_rest.mass - 2.0)
     across = replace(step_thrust(params.plant), force_B=jnp.array([0.0, 0.03, 0.0]))
     fixed, moved = (
@@ -437,7 +441,7 @@ def test_once_propellant_is_used_a_push_has_its_lever_about_the_moved_centre_of_
 # The integrator of the checks
 
 
-def test_both_integrators_agree_over_ten_minutes_of_everything(params: Params, in_orbit: Truth) -> None:
+def test_both_integrators_agree_with_all_effects(params: Params, in_orbit: Truth) -> None:
     everything = Effects(
         zonal_degree=6,
         sun_gravity=True,

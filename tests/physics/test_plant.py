@@ -41,7 +41,7 @@ def simulate(
     health: Health = HEALTHY,
     sky: SunMoonPositions = SKY,
 ) -> Truth:
-    """Truth after each step with the given wheel torque commands (n, 3) and no thruster."""
+    """Truth after each step with wheel torque commands (n, 3) and no thruster."""
 
     def body(truth: Truth, command: jax.Array) -> tuple[Truth, Truth]:
         after = plant.step(effects, params, truth, command, (), sky, health, STEP)
@@ -61,7 +61,7 @@ def simulate_burn(effects: Effects, params: PlantParams, truth: Truth, ignition:
     return jax.lax.scan(body, truth, STEP * jnp.arange(BURN_STEPS, dtype=jnp.float64))[0]
 
 
-final_velocity_slope = jax.jit(
+final_velocity_derivative = jax.jit(
     jax.jacfwd(lambda *arguments: simulate_burn(*arguments).v_ST_N, argnums=(3, 4)), static_argnums=0
 )
 
@@ -90,7 +90,7 @@ def advance(
 
 @pytest.fixture(scope="module")
 def in_orbit(params: Params) -> Truth:
-    """The start of the nominal scenario, drifting, with both bodies turning and the wheels spinning."""
+    """The start of the nominal scenario, drifting, with both bodies rotating and the wheels spinning."""
     rho, rho_dot = jnp.array([2.0, -50.0, 3.0]), jnp.array([0.01, -0.002, 0.02])
     truth = initial_truth(params.plant, params.orbit, rho, rho_dot, jnp.asarray(IDENTITY))
     return replace(
@@ -103,7 +103,7 @@ def in_orbit(params: Params) -> Truth:
 
 @pytest.fixture(scope="module")
 def far_away(in_orbit: Truth) -> Truth:
-    """The same so far from the Earth that neither its pull nor its gradient is felt."""
+    """The same so far from the Earth that its gravity and gradient are negligible."""
     return replace(in_orbit, r_TN_N=jnp.array([1e14, 0.0, 0.0]), v_TN_N=jnp.zeros(3))
 
 
@@ -115,14 +115,14 @@ def at_rest(params: Params, far_away: Truth) -> Truth:
 
 @pytest.fixture(scope="module")
 def balanced(params: Params) -> PlantParams:
-    """The plant with its thruster through the centre of mass, so that a burn of any length does not turn it."""
+    """The plant with its thruster through the centre of mass, so that burns give no torque."""
     thruster = replace(params.plant.thruster, position=jnp.zeros(3), minimum_on_time=jnp.zeros(()))
     return replace(params.plant, thruster=thruster)
 
 
 @pytest.fixture(scope="module")
 def massless(balanced: PlantParams) -> PlantParams:
-    """The same with an endless specific impulse, so that the mass is constant."""
+    """The same with a practically infinite specific impulse, so that the mass is constant."""
     return replace(balanced, thruster=replace(balanced.thruster, specific_impulse=jnp.float64(1e18)))
 
 
@@ -164,10 +164,10 @@ def test_body_and_wheels_together_keep_their_angular_momentum_over_an_hour_of_to
     for truth in history:
         assert np.linalg.norm(momentum(truth) - start) < 1e-10 * np.linalg.norm(start)
     moved = max(np.max(np.abs(truth.wheel_speed - far_away.wheel_speed)) for truth in history)
-    assert moved > 5.0  # so the torques did do something
+    assert moved > 5.0  # the torques have an effect
 
 
-def test_the_relative_motion_is_the_difference_of_two_absolute_orbits(params: Params, in_orbit: Truth) -> None:
+def test_the_relative_motion_agrees_with_the_difference_of_two_absolute_orbits(params: Params, in_orbit: Truth) -> None:
     truth = jax.tree.map(lambda leaf: leaf[-1], simulate(EFFECTS, params.plant, in_orbit, np.zeros((HOUR, 3))))
 
     def absolute(r: jax.Array, v: jax.Array) -> np.ndarray:
@@ -194,7 +194,7 @@ def test_the_relative_motion_is_the_difference_of_two_absolute_orbits(params: Pa
     [(-1.0, 1.0), (0.05, 1.0), (-1.0, 0.13), (0.03, 0.11), (0.1, 0.1), (0.0, 0.2), (0.199, 0.2)],
     ids=["whole step", "starts inside", "ends inside", "inside", "nothing", "exactly the step", "a millisecond"],
 )
-def test_a_step_with_the_valve_switching_inside_ends_where_the_true_motion_ends(
+def test_a_step_with_a_valve_event_inside_agrees_with_the_exact_motion(
     balanced: PlantParams, at_rest: Truth, ignition: float, cutoff: float
 ) -> None:
     after = advance(EFFECTS, balanced, at_rest, thrusts=(step_thrust(balanced, ignition, cutoff),))
@@ -204,10 +204,10 @@ def test_a_step_with_the_valve_switching_inside_ends_where_the_true_motion_ends(
     for begin, end, on in zip(events[:-1], events[1:], (0.0, 1.0, 0.0), strict=True):
         if end > begin:
 
-            def slope(_: float, y: np.ndarray, on: float = on) -> np.ndarray:
+            def derivative(_: float, y: np.ndarray, on: float = on) -> np.ndarray:
                 return np.concatenate([[-on * flow], y[4:], [on * force / y[0], 0.0, 0.0]])
 
-            state = solve_ivp(slope, (begin, end), state, "DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
+            state = solve_ivp(derivative, (begin, end), state, "DOP853", rtol=1e-13, atol=1e-13).y[:, -1]
     np.testing.assert_allclose(after.mass, state[0], atol=1e-12)
     np.testing.assert_allclose(after.r_ST_N, state[1:4], atol=1e-12)
     np.testing.assert_allclose(after.v_ST_N, state[4:], atol=1e-12)
@@ -230,10 +230,12 @@ def test_the_impulse_is_exactly_force_times_on_time_however_many_steps_it_spans(
 
 
 @pytest.mark.parametrize(("ignition", "cutoff"), [(0.3, 0.37), (0.35, 2.11), (-1.0, 1.05)])
-def test_the_final_velocity_grows_by_the_acceleration_per_second_of_on_time(
+def test_the_derivative_of_the_final_velocity_is_the_acceleration(
     massless: PlantParams, at_rest: Truth, ignition: float, cutoff: float
 ) -> None:
-    to_ignition, to_cutoff = final_velocity_slope(EFFECTS, massless, at_rest, np.float64(ignition), np.float64(cutoff))
+    to_ignition, to_cutoff = final_velocity_derivative(
+        EFFECTS, massless, at_rest, np.float64(ignition), np.float64(cutoff)
+    )
     np.testing.assert_allclose(to_cutoff, [0.001, 0.0, 0.0], atol=1e-15)
     np.testing.assert_allclose(to_ignition, [-0.001 if ignition > 0.0 else 0.0, 0.0, 0.0], atol=1e-15)
 
@@ -249,16 +251,16 @@ def test_propellant_and_velocity_change_obey_the_rocket_equation(balanced: Plant
     np.testing.assert_allclose(after.delta_v, expected, rtol=1e-5)
 
 
-def test_a_burn_off_the_centre_of_mass_turns_the_servicer_by_its_lever(params: Params, at_rest: Truth) -> None:
+def test_a_burn_off_the_centre_of_mass_gives_the_torque_of_its_lever_arm(params: Params, at_rest: Truth) -> None:
     offset = replace(params.plant, thruster=replace(params.plant.thruster, position=jnp.array([-0.25, 0.002, 0.0])))
     after = advance(EFFECTS, offset, at_rest, thrusts=(step_thrust(offset, -1.0, 1.0),))
     torque = np.cross([-0.25, 0.002, 0.0], [0.03, 0.0, 0.0])
     wheels = params.plant.wheels
     momentum = np.asarray(params.plant.servicer.inertia) @ after.omega_BN_B + wheels.inertia * after.wheel_speed
-    np.testing.assert_allclose(momentum, torque * STEP, rtol=1e-6, atol=1e-12)  # the body hardly turns meanwhile
+    np.testing.assert_allclose(momentum, torque * STEP, rtol=1e-6, atol=1e-12)  # the rotation meanwhile is negligible
 
 
-def test_a_minute_of_thrust_in_single_precision_is_that_in_double(params: Params, in_orbit: Truth) -> None:
+def test_single_precision_agrees_with_double_over_a_minute_of_thrust(params: Params, in_orbit: Truth) -> None:
     effects = Effects(drag=True, sun_gravity=True, moon_gravity=True)
 
     def minute(params: PlantParams, truth: Truth, sky: SunMoonPositions, health: Health) -> Truth:
@@ -275,9 +277,9 @@ def test_a_minute_of_thrust_in_single_precision_is_that_in_double(params: Params
     start = replace(
         near, orbit_low=single_precision.round_to_single(jnp.stack(orbits)), mass_low=jnp.zeros((), jnp.float32)
     )
-    given = single_precision.round_to_single(jax.tree.map(jnp.asarray, (params.plant, SKY, HEALTHY)))
+    single_inputs = single_precision.round_to_single(jax.tree.map(jnp.asarray, (params.plant, SKY, HEALTHY)))
     with single_precision.tracing_in_single():
-        single = jax.jit(minute)(given[0], start, *given[1:])
+        single = jax.jit(minute)(single_inputs[0], start, *single_inputs[1:])
     whole = jax.tree.map(lambda leaf: np.asarray(leaf, dtype=np.float64), single)
     assert single.r_TN_N.dtype == np.float32
     assert whole.orbit_low is not None

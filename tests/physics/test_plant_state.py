@@ -12,7 +12,7 @@ from rpojax.scenario.params import Params
 initial_truth = jax.jit(plant_state.initial_truth)
 
 
-def test_a_run_starts_with_the_relative_state_of_the_scenario(params: Params) -> None:
+def test_the_initial_truth_has_the_relative_state_of_the_scenario(params: Params) -> None:
     rng = np.random.default_rng(1)
     rho, rho_dot, q = 40.0 * random_unit(rng), 0.02 * random_unit(rng), random_unit(rng, 4)
     truth = initial_truth(params.plant, params.orbit, rho, rho_dot, q)

@@ -22,7 +22,7 @@ def random_inertia(rng: np.random.Generator) -> np.ndarray:
 
 
 def random_axes(rng: np.random.Generator) -> np.ndarray:
-    """Three unit axes that span space, but at no special angle."""
+    """Three linearly independent unit axes in no special directions."""
     axes = np.eye(3) + 0.4 * rng.uniform(-1.0, 1.0, (3, 3))
     return axes / np.linalg.norm(axes, axis=1, keepdims=True)
 
@@ -33,7 +33,7 @@ def test_the_inverse_of_a_matrix_times_the_matrix_is_the_identity(seed: int) -> 
     np.testing.assert_allclose(inverse(matrix), np.linalg.inv(matrix), rtol=1e-8, atol=1e-12)
 
 
-def test_a_body_about_its_long_axis_turns_by_eulers_equation_worked_by_hand() -> None:
+def test_angular_acceleration_agrees_with_eulers_equation_worked_by_hand() -> None:
     inertia = np.diag([1.0, 2.0, 3.0])
     found = angular_acceleration(inertia, inverse(inertia), np.array([0.1, 0.2, 0.3]), np.array([0.0, 0.0, 3.0]))
     # (I2 - I3) w2 w3 / I1, (I3 - I1) w3 w1 / I2, ((I1 - I2) w1 w2 + 3) / I3

@@ -26,7 +26,7 @@ EXACT = 1e-14  # a few roundings of numbers near one
 STEP = 0.2
 METHODS: tuple[Method, ...] = ("rk4", "rk8")
 thrust = jax.jit(thrust_over_step, static_argnums=(2, 3, 4))
-center_of_mass_shift = jax.jit(center_of_mass_shift)
+compiled_shift = jax.jit(center_of_mass_shift)
 NO_ERROR = BurnError(magnitude=jnp.zeros(()), direction=jnp.zeros(3))
 
 
@@ -34,14 +34,14 @@ def burn(ignition: float, cutoff: float, error: BurnError = NO_ERROR) -> ValveCo
     return ValveCommand(ignition=jnp.float64(ignition), cutoff=jnp.float64(cutoff), burn_error=error)
 
 
-def test_an_aligned_thruster_pushes_along_its_direction_with_its_true_force(params: Params) -> None:
+def test_the_force_of_an_aligned_thruster_has_its_direction_and_true_size(params: Params) -> None:
     thruster = replace(params.plant.thruster, direction=jnp.array([0.0, 3.0, 4.0]), force_scale=jnp.float64(1.1))
     found = thrust(thruster, burn(0.0, 1.0), "rk4", False, STEP)
     np.testing.assert_allclose(found.force_B, 0.033 * np.array([0.0, 0.6, 0.8]), rtol=EXACT)
     np.testing.assert_array_equal(found.position_B, [-0.25, 0.0, 0.0])
 
 
-def test_misalignment_and_burn_error_turn_and_scale_the_force(params: Params) -> None:
+def test_misalignment_and_burn_error_rotate_and_scale_the_force(params: Params) -> None:
     thruster = replace(params.plant.thruster, misalignment=jnp.array([0.0, 0.0, 0.02]))
     error = BurnError(magnitude=jnp.float64(-0.1), direction=jnp.array([0.0, 0.0, 0.03]))
     force = thrust(thruster, burn(0.0, 1.0, error), "rk4", False, STEP).force_B
@@ -54,22 +54,22 @@ def test_burn_errors_have_the_thrusters_standard_deviations(params: Params) -> N
     np.testing.assert_allclose(error.direction, np.deg2rad([-0.2, 0.4, 0.0]))
 
 
-def test_the_flow_of_propellant_is_force_over_exhaust_speed(params: Params) -> None:
+def test_the_mass_flow_is_force_over_exhaust_speed(params: Params) -> None:
     thruster = replace(params.plant.thruster, force=jnp.float64(0.04), force_scale=jnp.float64(1.25))
     flow = thrust(thruster, burn(0.0, 1.0), "rk4", False, STEP).mass_flow
     np.testing.assert_allclose(flow, 0.05 / (70.0 * 9.80665), rtol=EXACT)
 
 
-def test_the_centre_of_mass_moves_away_from_a_tank_that_empties(params: Params) -> None:
+def test_the_centre_of_mass_moves_away_from_an_emptying_tank(params: Params) -> None:
     # 28 kg are left of 30; the tank was at -0.1 m along x: 28 c = -2 (-0.1).
-    found = center_of_mass_shift(params.plant.thruster, np.float64(2.0), np.float64(28.0))
+    found = compiled_shift(params.plant.thruster, np.float64(2.0), np.float64(28.0))
     np.testing.assert_allclose(found, [0.2 / 28.0, 0.0, 0.0], rtol=EXACT)
 
 
 def opening_moments(
     thruster: Thruster, begin: float, end: float, method: Method, ramps: bool, steps: int = 1
 ) -> np.ndarray:
-    """Moments of the opening over steps from 0, up to the degree that the method's nodes carry."""
+    """Moments of the thrust profile over steps from 0, up to the degree of the method's nodes."""
     nodes = np.array(NODES[method])
     powers = np.arange(nodes.size)
     weights = np.linalg.solve(nodes[None, :] ** powers[:, None], 1.0 / (powers + 1.0))
@@ -122,13 +122,13 @@ def test_the_thrust_of_a_step_has_the_impulse_and_the_moments_of_the_true_profil
 @pytest.mark.parametrize(("rise", "fall"), [(0.05, 0.08), (0.5, 0.7), (0.0, 0.0), (0.0, 0.3)])
 @pytest.mark.parametrize("method", METHODS)
 @given(st.floats(0.0, 0.4), st.floats(0.01, 1.0))
-def test_the_moments_stay_right_over_steps_with_ramps_shorter_and_longer_than_a_step(
+def test_the_moments_over_several_steps_are_exact_for_any_ramp_length(
     params: Params, method: Method, rise: float, fall: float, ignition: float, on_time: float
 ) -> None:
     thruster, steps = ready(params, rise, fall), 12
     found = opening_moments(thruster, ignition, ignition + on_time, method, True, steps)
     expected = true_moments(thruster, ignition, ignition + on_time, found.size, True, steps)
-    # A ramp of no time is taken as 1e-9 of a step.
+    # A ramp of zero duration is replaced by 1e-9 of a step.
     np.testing.assert_allclose(found, expected, atol=1e-14 if rise and fall else 1e-9)
 
 
@@ -142,7 +142,7 @@ def test_the_impulse_is_on_time_plus_half_of_fall_less_rise(
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_burn_cut_while_the_force_rises_falls_from_where_it_got_to(params: Params, method: Method) -> None:
+def test_a_burn_cut_during_the_rise_falls_from_the_force_reached(params: Params, method: Method) -> None:
     # 20 of 50 ms: a peak of 0.4, half of it over 20 ms up and over 80 ms down.
     impulse = opening_moments(ready(params), 0.03, 0.05, method, True, steps=2)[0]
     np.testing.assert_allclose(impulse, 0.4 * 0.5 * (0.02 + 0.08), atol=1e-14)
@@ -155,7 +155,7 @@ def test_a_burn_outside_of_the_step_or_without_duration_gives_no_thrust(
 ) -> None:
     found = thrust(params.plant.thruster, burn(ignition, cutoff), "rk4", ramps, STEP)
     np.testing.assert_array_equal(found.node_factors, [0.0, 0.0, 0.0])
-    # Without a minimum on-time, nothing is left but the rounding of two moments that cancel.
+    # Without a minimum on-time only the rounding of two cancelling moments remains.
     found = thrust(ready(params), burn(ignition, cutoff), "rk4", ramps, STEP)
     np.testing.assert_allclose(found.node_factors, [0.0, 0.0, 0.0], atol=1e-15)
 
@@ -181,21 +181,21 @@ def _impulse(thruster: Thruster, ignition: jax.Array, on_time: jax.Array) -> jax
     return jnp.sum(jax.vmap(part)(STEP * jnp.arange(12, dtype=jnp.float64)))
 
 
-_impulse_slopes = jax.jit(jax.grad(_impulse, argnums=(1, 2)))
+_impulse_derivatives = jax.jit(jax.grad(_impulse, argnums=(1, 2)))
 
 
 @pytest.mark.parametrize("on_time", [0.07, 0.513, 1.3])
-def test_the_impulse_grows_by_the_force_per_second_of_on_time_and_not_with_the_time_of_ignition(
+def test_the_derivative_of_the_impulse_is_the_force_for_on_time_and_zero_for_ignition(
     params: Params, on_time: float
 ) -> None:
-    to_ignition, to_on_time = _impulse_slopes(ready(params), jnp.float64(0.31), jnp.float64(on_time))
+    to_ignition, to_on_time = _impulse_derivatives(ready(params), jnp.float64(0.31), jnp.float64(on_time))
     np.testing.assert_allclose(to_ignition, 0.0, atol=1e-15)
     np.testing.assert_allclose(to_on_time, 0.03, atol=1e-15)
 
 
-@pytest.mark.parametrize(("on_time", "share"), [(1e-6, 1.0), (0.0, 0.5)], ids=["a microsecond", "no time"])
-def test_the_shortest_burns_have_a_finite_slope(params: Params, on_time: float, share: float) -> None:
-    to_ignition, to_on_time = _impulse_slopes(ready(params), jnp.float64(0.31), jnp.float64(on_time))
-    # Impulse t / 0.05 (t + 0.08) / 2 of the full force: a slope of 0.8 at zero, where it meets the slope 0 of no burn.
-    np.testing.assert_allclose(to_on_time, share * 0.03 * 0.8, rtol=1e-4)
+@pytest.mark.parametrize(("on_time", "fraction"), [(1e-6, 1.0), (0.0, 0.5)], ids=["a microsecond", "no time"])
+def test_the_derivative_of_the_shortest_burns_is_finite(params: Params, on_time: float, fraction: float) -> None:
+    to_ignition, to_on_time = _impulse_derivatives(ready(params), jnp.float64(0.31), jnp.float64(on_time))
+    # Impulse t / 0.05 (t + 0.08) / 2 of the full force: derivative 0.8 at zero, where it meets 0 of no burn.
+    np.testing.assert_allclose(to_on_time, fraction * 0.03 * 0.8, rtol=1e-4)
     np.testing.assert_allclose(to_ignition, 0.0, atol=1e-12)

@@ -10,7 +10,7 @@ from rpojax.sensors.statistical_camera import OUTPUT_COUNT, CameraStatistics
 from rpojax.sensors.view_features import FEATURE_COUNT
 from rpojax.vision.imaging.image_formation import Scene
 
-SHARE = 0.7
+CORRELATED_FRACTION = 0.7
 MIXING = np.linalg.cholesky(np.array([[1.0, 0.5, 0, 0], [0.5, 1.0, 0, 0], [0, 0, 1.0, -0.4], [0, 0, -0.4, 1.0]]))
 
 
@@ -43,7 +43,7 @@ def fitted(true: float, false: float, bias: float = 0.0, wide: float = 0.0) -> C
         layers=tuple(layers),
         wide_share=jnp.asarray(wide, jnp.float32),
         mixing=jnp.asarray(MIXING, jnp.float32),
-        lasting_share=jnp.asarray(SHARE, jnp.float32),
+        lasting_share=jnp.asarray(CORRELATED_FRACTION, jnp.float32),
         lasting_angle=jnp.asarray(0.2, jnp.float32),
         false_log_side=jnp.asarray([np.log(10.0), 0.5], jnp.float32),
         false_score=jnp.asarray([0.5, 0.1], jnp.float32),

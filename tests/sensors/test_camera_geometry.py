@@ -29,7 +29,7 @@ def test_the_nominal_mounting_looks_along_body_x_with_image_right_along_body_y(p
 
 
 @given(SEEDS)
-def test_hull_points_in_the_camera_are_their_inertial_places_seen_from_it(params: Params, seed: int) -> None:
+def test_hull_points_in_camera_axes_agree_with_inertial_positions(params: Params, seed: int) -> None:
     rng = np.random.default_rng(seed)
     q_TN, q_BN = random_unit(rng, 4), random_unit(rng, 4)
     hull_T, r_ST_N = rng.normal(size=(5, 3)), 40.0 * random_unit(rng)
@@ -43,7 +43,7 @@ def test_hull_points_in_the_camera_are_their_inertial_places_seen_from_it(params
     np.testing.assert_allclose(hull_in_camera(camera, hull_T, q_TN, r_ST_N, q_BN), expected, atol=1e-12)
 
 
-def test_misalignment_turns_the_camera_about_its_own_axes(params: Params) -> None:
+def test_misalignment_rotates_the_camera_about_its_own_axes(params: Params) -> None:
     q_BN = random_unit(np.random.default_rng(9), 4)
     straight = np.asarray(attitude(params.camera, q_BN))
     turned = np.asarray(attitude(replace(params.camera, misalignment=jnp.array([0.0, 0.0, 0.1])), q_BN))

@@ -13,7 +13,7 @@ measure = jax.jit(jax.vmap(chamber_pressure.measure, in_axes=(None, 0)))
 
 
 @pytest.mark.parametrize("ratio", [1.0, 0.6, 0.0])
-def test_the_thrust_ratio_is_measured_with_an_error_of_three_per_cent_of_itself(ratio: float) -> None:
+def test_the_thrust_ratio_has_an_error_of_three_per_cent(ratio: float) -> None:
     normals = np.random.default_rng(6).normal(size=SAMPLES)
     found = np.asarray(measure(np.float64(ratio), normals))
     sigma = 0.03 * ratio

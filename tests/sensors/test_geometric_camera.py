@@ -78,7 +78,7 @@ def test_a_target_to_the_right_and_below_has_a_box_to_the_right_and_below(wide: 
     np.testing.assert_allclose([(left + right) / 2, (top + bottom) / 2], [64 + 19.2, 64 + 32.0], atol=0.1)
 
 
-def test_edge_noise_moves_each_edge_by_its_own_number(wide: Camera) -> None:
+def test_each_edge_has_noise_of_its_own(wide: Camera) -> None:
     hull = cube(0.0, 0.0, 9.0)
     moved = expose(wide, hull, normals=np.array([1.0, -2.0, 0.5, 0.0])).box.edges - expose(wide, hull).box.edges
     np.testing.assert_allclose(moved, [1.0, -2.0, 0.5, 0.0], atol=EXACT)
@@ -94,7 +94,7 @@ def test_edge_noise_moves_each_edge_by_its_own_number(wide: Camera) -> None:
         ([0.0, 0.0, 60.0], "smaller than the least size"),
     ],
 )
-def test_there_is_no_box_of_a_target_out_of_view(wide: Camera, place: list[float], why: str) -> None:
+def test_there_is_no_box_of_a_target_outside_of_the_frame(wide: Camera, place: list[float], why: str) -> None:
     assert not expose(wide, cube(*place)).box.present, why
 
 
@@ -150,7 +150,7 @@ def test_false_boxes_lie_anywhere_in_the_frame_with_log_uniform_sides_within_the
         assert np.all(np.abs(counts - FRAMES / 8) < FOUR_SIGMA * np.sqrt(FRAMES / 8))
 
 
-def test_false_boxes_at_the_border_of_the_frame_are_cut_and_say_so(wide: Camera) -> None:
+def test_false_boxes_at_the_border_of_the_frame_are_truncated(wide: Camera) -> None:
     frames = many(replace(wide, outlier_probability=jnp.ones(())), cube(0.0, 0.0, -9.0))
     edges = frames.box.edges
     assert edges.min() == 0.0
@@ -160,7 +160,7 @@ def test_false_boxes_at_the_border_of_the_frame_are_cut_and_say_so(wide: Camera)
 
 
 @pytest.mark.parametrize(("observable", "working"), [(YES, NO), (NO, YES)], ids=["failed", "in the dark"])
-def test_a_camera_that_has_failed_or_sees_no_light_gives_no_box_not_even_a_false_one(
+def test_a_failed_camera_or_darkness_gives_no_box_not_even_a_false_one(
     wide: Camera, observable: jax.Array, working: jax.Array
 ) -> None:
     frames = many(wide, cube(0.0, 0.0, 9.0), observable=observable, working=working)

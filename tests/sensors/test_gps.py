@@ -34,7 +34,7 @@ def test_positions_are_true_plus_bias_plus_white_noise(params: Params) -> None:
     assert np.all(np.abs(correlation) < FOUR_SIGMA / 100)
 
 
-def test_the_bias_keeps_its_standard_deviation_and_forgets_with_its_time_constant(params: Params) -> None:
+def test_the_bias_is_stationary_with_its_time_constant(params: Params) -> None:
     rng = np.random.default_rng(2)
     start = 1.2 * rng.normal(size=(CHAINS, 3))
     biases = np.asarray(walk(params.gps, start, rng.normal(size=(SAMPLES, CHAINS, 3))))

@@ -14,7 +14,7 @@ advance_bias = jax.jit(jax.vmap(gyro.advance_bias, in_axes=(None, 0, 0, None)), 
 BOUND = FOUR_SIGMA / np.sqrt(2 * 3 * RUNS)
 
 
-def test_the_angle_from_integrated_rates_walks_as_the_root_of_time_whatever_the_sampling(params: Params) -> None:
+def test_the_integrated_angle_is_a_random_walk_for_any_sampling(params: Params) -> None:
     true, bias = np.array([0.01, -0.02, 0.03]), np.array([1e-4, 0.0, -1e-4])
     expected = np.deg2rad(0.0025) * np.sqrt(4.0)
     for samples, dt in ((20, 0.2), (4, 1.0)):
@@ -25,7 +25,7 @@ def test_the_angle_from_integrated_rates_walks_as_the_root_of_time_whatever_the_
         assert np.all(np.abs(angle.mean(axis=0)) < FOUR_SIGMA * expected / np.sqrt(RUNS))
 
 
-def test_the_bias_walks_as_the_root_of_time_from_where_it_starts(params: Params) -> None:
+def test_the_bias_is_a_random_walk_from_its_initial_value(params: Params) -> None:
     rng = np.random.default_rng(3)
     start = np.array([1e-4, -1e-4, 0.0])
     bias = np.tile(start, (RUNS, 1))

@@ -1,4 +1,4 @@
-"""Star tracker statistics, and the Sun that blinds it."""
+"""Star tracker statistics and Sun exclusion."""
 
 import jax
 import jax.numpy as jnp
@@ -47,10 +47,10 @@ sees_stars = jax.jit(star_tracker.is_available)
 
 
 @pytest.mark.parametrize(("off_sun_deg", "sees"), [(0.0, False), (29.9, False), (30.1, True), (180.0, True)])
-def test_a_star_tracker_is_blind_within_its_exclusion_angle_of_the_sun(
+def test_a_star_tracker_is_not_available_within_its_exclusion_angle_of_the_sun(
     params: Params, off_sun_deg: float, sees: bool
 ) -> None:
-    # It looks along body +x; the body is turned about its z axis.
+    # Its boresight is body +x; the body is rotated about its z axis.
     q_BN = axis_angle_quaternion(np.array([0.0, 0.0, 1.0]), np.deg2rad(off_sun_deg))
     assert bool(sees_stars(params.star_tracker, q_BN, np.array([1.5e11, 0.0, 0.0]))) is sees
 

@@ -38,7 +38,7 @@ def sigma() -> float:
     return float(MEAN_SIDE * np.exp(low + (high - low) / (1.0 + np.exp(-4.0 * (-3.0 + 2.75) / 5.5))))
 
 
-def test_boxes_come_as_often_as_the_distribution_says() -> None:
+def test_the_frequency_of_boxes_follows_the_distribution() -> None:
     frame = drawn(fitted(true=0.8, false=0.05))
     true = np.asarray(frame.box.present & ~frame.outlier)
     # Four sigma of so many draws.
@@ -46,20 +46,20 @@ def test_boxes_come_as_often_as_the_distribution_says() -> None:
     assert np.asarray(frame.outlier).mean() == pytest.approx(0.05, abs=4.0 * np.sqrt(0.0475 / DRAWS))
 
 
-def test_edges_have_the_bias_and_the_spread_of_the_distribution() -> None:
+def test_edge_errors_have_the_bias_and_the_spread_of_the_distribution() -> None:
     frame = drawn(fitted(true=0.999, false=0.0, bias=0.05))
     error = np.asarray(frame.box.edges)[np.asarray(frame.box.present)] - OUTLINE
     np.testing.assert_allclose(error.mean(axis=0), 0.05 * MEAN_SIDE, atol=5.0 * sigma() / np.sqrt(DRAWS))
     np.testing.assert_allclose(error.std(axis=0), sigma(), rtol=0.03)
 
 
-def test_errors_of_the_four_edges_are_as_correlated_as_the_fit_says() -> None:
+def test_edge_errors_have_the_fitted_correlation() -> None:
     frame = drawn(fitted(true=0.999, false=0.0))
     error = np.asarray(frame.box.edges)[np.asarray(frame.box.present)] - OUTLINE
     np.testing.assert_allclose(np.corrcoef(error.T), MIXING @ MIXING.T, atol=0.03)
 
 
-def test_what_lasts_keeps_its_size_and_is_forgotten_with_the_angle() -> None:
+def test_the_correlated_error_is_stationary_and_decays_with_the_angle() -> None:
     statistics = fitted(true=0.9, false=0.0)
     before, normals = np.random.default_rng(4).normal(size=(2, DRAWS, 4))
     advance = jax.jit(
@@ -81,7 +81,7 @@ def test_false_boxes_have_scores_of_their_own() -> None:
     assert (logit.mean(), logit.std()) == (pytest.approx(0.5, abs=0.01), pytest.approx(0.1, rel=0.05))
 
 
-def test_a_share_of_the_boxes_is_wide_of_the_mark() -> None:
+def test_a_fraction_of_the_boxes_has_wide_errors() -> None:
     frame = drawn(fitted(true=0.999, false=0.0, wide=0.2))
     error = np.asarray(frame.box.edges)[np.asarray(frame.box.present)] - OUTLINE
     expected = sigma() * np.sqrt(0.8 + 0.2 * statistical_camera.WIDE_SIGMA_FACTOR**2)

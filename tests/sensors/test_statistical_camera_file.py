@@ -11,7 +11,7 @@ from rpojax.sensors import statistical_camera_file
 from rpojax.vision.weight_files import WeightsError
 
 
-def test_a_fitted_camera_in_a_file_is_itself_again(tmp_path: Path) -> None:
+def test_a_fitted_camera_survives_a_file(tmp_path: Path) -> None:
     path = tmp_path / "a.camera.safetensors"
     statistics = fitted(0.7, 0.1, 0.02)
     statistical_camera_file.save_statistics(statistics, path, {"samples": 3})
@@ -22,7 +22,7 @@ def test_a_fitted_camera_in_a_file_is_itself_again(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("content", "words"), [(b"", "cannot be read"), (b"x" * 400, "cannot be read")])
-def test_a_damaged_file_is_refused_in_one_line(tmp_path: Path, content: bytes, words: str) -> None:
+def test_a_damaged_file_is_rejected_in_one_line(tmp_path: Path, content: bytes, words: str) -> None:
     path = tmp_path / "a.camera.safetensors"
     path.write_bytes(content)
     with pytest.raises(WeightsError, match=words) as error:
@@ -30,7 +30,7 @@ def test_a_damaged_file_is_refused_in_one_line(tmp_path: Path, content: bytes, w
     assert "\n" not in str(error.value)
 
 
-def test_a_file_of_something_else_is_refused(tmp_path: Path) -> None:
+def test_a_file_of_another_kind_is_rejected(tmp_path: Path) -> None:
     from rpojax.vision.radiance_field.field_file import packaged_field_path
 
     with pytest.raises(WeightsError, match="calibrate-camera-model"):

@@ -10,7 +10,7 @@ from rpojax.vision.imaging.image_formation import Scene
 OUTLINE = np.array([40.0, 50.0, 80.0, 74.0], np.float32)  # 40 x 24 px, geometric mean 31 px
 
 
-def test_features_tell_whether_the_earth_is_behind_and_lit() -> None:
+def test_features_include_an_earth_background_and_its_light() -> None:
     size = (128, 128)
     # The camera is above the x axis of N; its boresight is +z of the target, here also of N.
     space = view_features.features(scene(), jnp.asarray(OUTLINE), size)

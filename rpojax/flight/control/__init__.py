@@ -1,1 +1,1 @@
-"""Control laws: the formation LQR, and attitude feedback with wheel torque allocation."""
+"""Control: formation LQR, station keeping, attitude feedback and wheel torque allocation."""

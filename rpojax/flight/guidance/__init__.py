@@ -1,1 +1,1 @@
-"""Guidance: burn timing, pointing at the target, slews, search."""
+"""Guidance: burn planning, target pointing, slews, target acquisition and search."""

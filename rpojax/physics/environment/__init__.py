@@ -1,1 +1,1 @@
-"""Forces and torques of air, sunlight and the gravity gradient."""
+"""Environment: forces and torques of air, sunlight and the gravity gradient."""

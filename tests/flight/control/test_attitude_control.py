@@ -39,7 +39,7 @@ def at_rest(q_CN: np.ndarray) -> AttitudeCommand:
 
 @jax.jit
 def simulate(params: Params, truth: Truth, reference: SlewReference) -> tuple[Truth, AttitudeCommand]:
-    """Truth before each step of a minute under the controller, and what was commanded."""
+    """Truth before each step of a minute under the controller, and the commands."""
     flight = params.flight
     allocation = jnp.linalg.inv(flight.vehicle.wheel_axes.T)
     sky = SunMoonPositions(sun_N=jnp.array([1.5e11, 0.0, 0.0]), moon_N=jnp.array([0.0, 3.8e8, 0.0]))
@@ -96,44 +96,44 @@ def test_both_signs_of_a_quaternion_give_the_same_torque(params: Params, sign: f
 
 
 @given(SEEDS)
-def test_a_small_step_is_answered_as_a_damped_oscillator_of_the_given_bandwidth(
+def test_the_response_to_a_small_step_is_a_damped_oscillator_of_the_tuned_bandwidth(
     params: Params, start: Truth, seed: int
 ) -> None:
     angle = np.deg2rad(0.3)
-    flown = simulate(params, start, hold(axis_angle_quaternion(random_unit(np.random.default_rng(seed)), angle)))
+    simulated = simulate(params, start, hold(axis_angle_quaternion(random_unit(np.random.default_rng(seed)), angle)))
     t = STEP * np.arange(STEPS)
     damped = 0.5 * np.sqrt(1.0 - 0.9**2)
     expected = np.exp(-0.45 * t) * (np.cos(damped * t) + 0.45 / damped * np.sin(damped * t))
     # Holding the torque for a step acts as a delay of half a step: 0.1 s at 0.5 rad/s is 5 per cent.
-    np.testing.assert_allclose(angles(flown) / angle, np.abs(expected), atol=0.05)
+    np.testing.assert_allclose(angles(simulated) / angle, np.abs(expected), atol=0.05)
 
 
 def test_a_large_step_saturates_and_still_settles_with_a_small_overshoot(params: Params, start: Truth) -> None:
     axis = np.array([0.0, 0.6, 0.8])
-    flown = simulate(params, start, hold(axis_angle_quaternion(axis, np.deg2rad(100.0))))
-    assert angles(flown)[-1] < np.deg2rad(0.001)
-    q_BN = np.asarray(flown[0].q_BN)
+    simulated = simulate(params, start, hold(axis_angle_quaternion(axis, np.deg2rad(100.0))))
+    assert angles(simulated)[-1] < np.deg2rad(0.001)
+    q_BN = np.asarray(simulated[0].q_BN)
     turned = 2.0 * np.arctan2(q_BN[:, 1:] @ axis, q_BN[:, 0])
     # The damping of 0.9 allows 0.2 per cent; the wheels' limit, which brakes too late, adds the rest.
     assert turned.max() < np.deg2rad(120.0)
 
 
-def test_a_planned_slew_is_followed_closely_with_spinning_wheels(params: Params, start: Truth) -> None:
+def test_a_planned_slew_is_tracked_with_spinning_wheels(params: Params, start: Truth) -> None:
     angle = np.deg2rad(90.0)
     end = axis_angle_quaternion([0.0, 0.6, 0.8], angle)
     time = float(slew_profile.slew_duration(params.flight.pointing, jnp.float64(angle)))
     remainder = quaternion.log(quaternion.conjugate(jnp.asarray(end)))
     reference = replace(hold(end), remainder=remainder, slew_age=jnp.zeros(()), slew_time=jnp.float64(time))
-    flown = simulate(params, start, reference)
+    simulated = simulate(params, start, reference)
     assert time < STEP * STEPS
-    # What is left is the half step by which the held torque lags the profile.
-    assert angles(flown).max() < np.deg2rad(0.3)
-    assert angles(flown)[-1] < np.deg2rad(0.001)
+    # The remaining error is the half step by which the held torque lags the profile.
+    assert angles(simulated).max() < np.deg2rad(0.3)
+    assert angles(simulated)[-1] < np.deg2rad(0.001)
 
 
-def test_the_loop_follows_a_reference_that_turns_steadily(params: Params, start: Truth) -> None:
+def test_a_reference_with_constant_rate_is_tracked(params: Params, start: Truth) -> None:
     rate = jnp.array([0.0, 0.0, 0.01])
     turning = replace(start, omega_BN_B=rate)
-    flown = simulate(params, turning, replace(hold(IDENTITY), omega_EN_E=rate))
-    assert angles(flown).max() < np.deg2rad(0.01)
-    np.testing.assert_allclose(flown[0].omega_BN_B[-1], rate, atol=1e-5)
+    simulated = simulate(params, turning, replace(hold(IDENTITY), omega_EN_E=rate))
+    assert angles(simulated).max() < np.deg2rad(0.01)
+    np.testing.assert_allclose(simulated[0].omega_BN_B[-1], rate, atol=1e-5)

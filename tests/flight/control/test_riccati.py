@@ -40,7 +40,7 @@ PROBLEMS = {
 
 
 @pytest.mark.parametrize("problem", PROBLEMS.values(), ids=PROBLEMS.keys())
-def test_the_riccati_solution_is_scipys(problem: Problem) -> None:
+def test_the_riccati_solution_agrees_with_scipy(problem: Problem) -> None:
     expected = solve_discrete_are(*problem)
     np.testing.assert_allclose(solve_riccati(*problem), expected, atol=RICCATI * np.max(np.abs(expected)))
 
@@ -56,11 +56,11 @@ def solution(x: jax.Array) -> jax.Array:
     return solve_riccati(A + change, B * (1.0 + x[0]), jnp.diag(weights[:4]), jnp.diag(weights[4:]))
 
 
-def test_the_derivative_is_right_in_both_modes() -> None:
+def test_forward_and_reverse_derivatives_agree_with_differences() -> None:
     check_grads(jax.jit(solution), (np.zeros(22),), order=1, modes=["fwd", "rev"], atol=1e-6, rtol=1e-6)
 
 
-def test_the_derivative_is_that_of_another_solver() -> None:
+def test_the_derivative_agrees_with_differences_of_scipys_solution() -> None:
     step = 1e-5
     Q, R, dQ = np.eye(4), np.eye(2), np.diag([1.0, 0.0, 2.0, 0.0])
     zero = np.zeros_like

@@ -22,7 +22,7 @@ def free_motion(_: float, state: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("place", [(30.0, 0.0, 0.0), (0.0, 0.0, -20.0), (10.0, -25.0, 15.0)])
-def test_a_station_off_the_track_is_come_back_to_with_one_impulse_a_period(
+def test_the_free_motion_returns_to_a_station_off_the_along_track_axis(
     params: Params, place: tuple[float, float, float]
 ) -> None:
     formation = replace(params.flight.formation, desired_position=np.array(place))
@@ -34,7 +34,7 @@ def test_a_station_off_the_track_is_come_back_to_with_one_impulse_a_period(
     np.testing.assert_allclose(found[3:], station.arrival_velocity, atol=1e-9)
 
 
-def test_a_station_on_the_track_needs_nothing(params: Params) -> None:
+def test_a_station_on_the_along_track_axis_needs_no_impulse(params: Params) -> None:
     station = solve_station_keeping(params.flight.formation, RATE, PERIOD)
     np.testing.assert_array_equal(station.arrival_velocity, 0.0)
     np.testing.assert_array_equal(station.impulse, 0.0)

@@ -29,26 +29,26 @@ def at_rest(q_CN: np.ndarray) -> AttitudeCommand:
 
 
 @given(SEEDS)
-def test_the_wheels_together_give_the_wanted_torque_whatever_their_axes(params: Params, seed: int) -> None:
+def test_the_wheels_give_the_body_torque_for_any_axes(params: Params, seed: int) -> None:
     rng = np.random.default_rng(seed)
     axes = np.eye(3) + 0.3 * rng.uniform(-1.0, 1.0, (3, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    onboard: VehicleModel = replace(params.flight.vehicle, wheel_axes=jnp.asarray(axes))
+    vehicle: VehicleModel = replace(params.flight.vehicle, wheel_axes=jnp.asarray(axes))
     omega, wanted = 0.01 * rng.normal(size=3), 1e-3 * rng.normal(size=3)
     speed = 50.0 * rng.normal(size=3)
     command = AttitudeCommand(q_CN=IDENTITY, omega_CN_C=omega, acceleration_C=wanted)
     found = np.asarray(
         wheel_torque(
-            params.flight.attitude_control, onboard, np.linalg.inv(axes.T), estimate(IDENTITY, omega), command, speed
+            params.flight.attitude_control, vehicle, np.linalg.inv(axes.T), estimate(IDENTITY, omega), command, speed
         )
     )
-    inertia = np.asarray(onboard.inertia)
+    inertia = np.asarray(vehicle.inertia)
     momentum = inertia @ omega + axes.T @ (0.0008 * speed)
-    # No error: the torque is the feed-forward and what keeps the spinning body from precessing.
+    # Without error the torque is feed-forward and gyroscopic compensation.
     np.testing.assert_allclose(-axes.T @ found, inertia @ wanted + np.cross(omega, momentum), atol=1e-15)
 
 
-def test_the_torque_limit_shortens_the_command_and_keeps_its_direction(params: Params) -> None:
+def test_the_torque_limit_scales_the_command_and_keeps_its_direction(params: Params) -> None:
     flight = params.flight
 
     def command(degrees: float) -> np.ndarray:

@@ -22,7 +22,7 @@ from rpojax.flight.guidance.burn_planning import BurnPlan
 from rpojax.flight.navigation.orbit_filter import OrbitEstimate
 
 GAIN = np.zeros((3, 6))
-STAYS = StationKeeping(arrival_velocity=np.zeros(3), impulse=np.zeros(3))
+NO_STATION_KEEPING = StationKeeping(arrival_velocity=np.zeros(3), impulse=np.zeros(3))
 YES, NO = jnp.asarray(True), jnp.asarray(False)
 SAMPLES = 5
 TIME = np.float64(1000.0)  # of the decision
@@ -38,7 +38,7 @@ def push_back(gain: jax.Array, deviation: jax.Array) -> jax.Array:
 
 
 def push_hard(gain: jax.Array, deviation: jax.Array) -> jax.Array:
-    """1 m/s, more than can be done while the camera looks away."""
+    """1 m/s, more than the look-away limit allows."""
     return jnp.array([0.0, -1.0, 0.0])
 
 
@@ -48,7 +48,7 @@ def push_gently(gain: jax.Array, deviation: jax.Array) -> jax.Array:
 
 
 def plan(law: object, flight: FlightParams, estimate: OrbitEstimate, allowed: bool = True) -> BurnPlan:
-    parts = (flight.formation, flight.pointing, flight.vehicle, GAIN, STAYS, estimate)
+    parts = (flight.formation, flight.pointing, flight.vehicle, GAIN, NO_STATION_KEEPING, estimate)
     q_look, _ = look_attitude(flight.vehicle, estimate)
     found = plan_burn(law, *parts, q_look, np.asarray(allowed), TIME)
     return jax.tree.map(np.asarray, found)

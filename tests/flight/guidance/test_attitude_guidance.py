@@ -49,7 +49,7 @@ def simulate_plan(
 
 
 @pytest.mark.parametrize("law", [push_back, push_hard], ids=["usual", "too long"])
-def test_the_camera_turns_away_burns_and_comes_back_within_the_limit(
+def test_the_pointing_schedule_of_a_burn_is_within_the_look_away_limit(
     flight: FlightParams, known: OrbitEstimate, law: object
 ) -> None:
     found = plan(law, flight, known)
@@ -66,7 +66,7 @@ def test_the_camera_turns_away_burns_and_comes_back_within_the_limit(
     assert found.cutoff - found.ignition > 5.0
 
 
-def test_the_commanded_attitude_never_jumps_during_the_schedule(flight: FlightParams, known: OrbitEstimate) -> None:
+def test_the_commanded_attitude_is_continuous_during_the_schedule(flight: FlightParams, known: OrbitEstimate) -> None:
     _, _, attitudes = simulate_plan(flight, known, plan(push_back, flight, known))
     flat = attitudes.reshape(-1, 4)
     steps = np.array([attitude_difference(q, p) for q, p in itertools.pairwise(flat)])
@@ -82,7 +82,7 @@ def test_without_a_burn_the_camera_stays_on_the_target(flight: FlightParams, kno
     assert min(off) > np.cos(np.deg2rad(0.1))
 
 
-def test_the_search_starts_after_the_wait_for_acquisition_and_later_after_the_patience(
+def test_the_search_starts_after_the_wait_before_and_after_acquisition(
     flight: FlightParams, known: OrbitEstimate
 ) -> None:
     # The first tick counts as the end of a slew, so a search begins one tick after the wait is over.
@@ -104,7 +104,7 @@ def test_a_search_ends_when_the_target_is_seen(flight: FlightParams, known: Orbi
     assert np.all(np.asarray(modes) == Mode.LOOK)
 
 
-def test_the_target_counts_as_lost_before_acquisition_and_after_a_minute_unseen(
+def test_the_target_is_lost_before_acquisition_and_after_a_minute_unseen(
     flight: FlightParams, known: OrbitEstimate
 ) -> None:
     state = attitude_guidance.initial_pointing(flight.vehicle, known)
@@ -125,9 +125,7 @@ def test_a_single_box_keeps_the_camera_from_searching_for_five_seconds(
     assert look(flight, known, 6 * ".", once).search_time > 0.0
 
 
-def test_in_the_dark_nothing_is_searched_for_and_the_target_must_be_acquired_anew(
-    flight: FlightParams, known: OrbitEstimate
-) -> None:
+def test_darkness_prevents_a_search_and_resets_the_acquisition(flight: FlightParams, known: OrbitEstimate) -> None:
     seen = look(flight, known, 5 * "x")
     assert bool(seen.acquired)
     dark = look(flight, known, ".", seen, visible=NO)
@@ -143,14 +141,14 @@ def test_in_the_dark_nothing_is_searched_for_and_the_target_must_be_acquired_ane
     assert look(flight, known, "....", dark).search_time > 0.0
 
 
-def test_a_search_under_way_ends_at_sunset(flight: FlightParams, known: OrbitEstimate) -> None:
+def test_a_search_ends_at_sunset(flight: FlightParams, known: OrbitEstimate) -> None:
     searching = look(flight, known, 30 * ".")
     assert searching.search_time > 0.0
     dark = look(flight, known, ".", searching, visible=NO)
     assert (float(dark.search_time), float(dark.unseen_time)) == (0.0, 0.0)
 
 
-def test_the_way_back_from_a_burn_that_was_called_off_is_no_search(flight: FlightParams, known: OrbitEstimate) -> None:
+def test_the_slew_back_from_an_inhibited_burn_is_no_search(flight: FlightParams, known: OrbitEstimate) -> None:
     found = plan(push_back, flight, known)
     off = replace(found, cutoff=found.ignition)
     _, modes, _ = simulate_plan(flight, known, off)

@@ -30,18 +30,18 @@ from rpojax.scenario.params import Params
 hill = jax.jit(hill_frame)
 inhibit = jax.jit(burn_planning.inhibit, static_argnums=4)
 to_hill = jax.jit(inertial_to_hill)
-ALWAYS = np.array([0.01, 0.0, 0.0])
-"""What the two laws below add to their report, so that it never falls into the dead band [m/s]."""
+OFFSET = np.array([0.01, 0.0, 0.0])
+"""Offset of the two laws below, above the dead band [m/s]."""
 
 
 def report_position(gain: jax.Array, deviation: jax.Array) -> jax.Array:
-    """A law that shows what it was given: a millimetre per second for each metre of predicted deviation."""
-    return ALWAYS + 1e-3 * deviation[:3]
+    """Law that returns the predicted position deviation: a millimetre per second for each metre."""
+    return OFFSET + 1e-3 * deviation[:3]
 
 
 def report_velocity(gain: jax.Array, deviation: jax.Array) -> jax.Array:
-    """The same for the predicted velocity deviation."""
-    return ALWAYS + deviation[3:]
+    """Law that returns the predicted velocity deviation."""
+    return OFFSET + deviation[3:]
 
 
 def push_briefly(gain: jax.Array, deviation: jax.Array) -> jax.Array:
@@ -79,7 +79,7 @@ def test_the_deviation_is_predicted_to_the_middle_of_the_burn_in_the_hill_frame_
         (report_position, 1e-3, np.asarray(rho) - [0.0, -30.0, 0.0], 2e-3),
         (report_velocity, 1.0, np.asarray(rho_dot), 1e-4),
     ):
-        found = (np.asarray(axes[0]) @ plan(law, flight, known).delta_v_N - ALWAYS) / scale
+        found = (np.asarray(axes[0]) @ plan(law, flight, known).delta_v_N - OFFSET) / scale
         np.testing.assert_allclose(found, expected, atol=bound)
 
 
@@ -112,7 +112,7 @@ def test_there_is_no_burn_in_the_dead_band(flight: FlightParams, known: OrbitEst
     assert plan(push_briefly, flight, known).cutoff > plan(push_briefly, flight, known).ignition
 
 
-def test_there_is_no_burn_unless_it_is_allowed(flight: FlightParams, known: OrbitEstimate) -> None:
+def test_there_is_no_burn_unless_allowed(flight: FlightParams, known: OrbitEstimate) -> None:
     assert_no_burn(plan(push_back, flight, known, allowed=False))
 
 
@@ -135,21 +135,21 @@ def test_a_burn_too_long_for_the_limit_is_shortened(flight: FlightParams, known:
     assert 20.0 < found.cutoff - found.ignition < 110.0
 
 
-@pytest.mark.parametrize(("degrees", "flown"), [(0.1, True), (2.9, True), (3.1, False), (5.0, False), (180.0, False)])
-def test_no_thrust_while_the_attitude_is_further_from_the_burns_than_the_limit(
-    flight: FlightParams, known: OrbitEstimate, degrees: float, flown: bool
+@pytest.mark.parametrize(("degrees", "fired"), [(0.1, True), (2.9, True), (3.1, False), (5.0, False), (180.0, False)])
+def test_thrust_is_inhibited_beyond_the_attitude_limit(
+    flight: FlightParams, known: OrbitEstimate, degrees: float, fired: bool
 ) -> None:
     found = plan(push_back, flight, known)
     off = axis_angle_quaternion([0.3, -0.5, 0.8], np.deg2rad(degrees))
     q_BN = np.asarray(rendezvous_scene.quaternion.multiply(jnp.asarray(off), jnp.asarray(found.q_burn)))
     for sign in (1.0, -1.0):
         after = inhibit(flight.pointing, found, sign * q_BN, found.ignition - 0.5, 1.0)
-        assert (float(after.cutoff) > float(after.ignition)) is flown
-    if flown:
+        assert (float(after.cutoff) > float(after.ignition)) is fired
+    if fired:
         jax.tree.map(np.testing.assert_array_equal, after, found)
 
 
-def test_a_burn_called_off_halfway_keeps_what_was_flown_and_gives_no_more(
+def test_inhibition_during_a_burn_keeps_the_past_thrust_and_stops_the_rest(
     flight: FlightParams, known: OrbitEstimate
 ) -> None:
     found = plan(push_back, flight, known)
@@ -166,9 +166,7 @@ def test_a_burn_called_off_halfway_keeps_what_was_flown_and_gives_no_more(
     jax.tree.map(np.testing.assert_array_equal, later, after)
 
 
-def test_the_attitude_does_not_matter_long_before_a_burn_and_after_it(
-    flight: FlightParams, known: OrbitEstimate
-) -> None:
+def test_thrust_is_not_inhibited_before_and_after_a_burn(flight: FlightParams, known: OrbitEstimate) -> None:
     found = plan(push_back, flight, known)
     elsewhere = np.asarray(look_attitude(flight.vehicle, known)[0])
     assert attitude_difference(elsewhere, found.q_burn) > 1.0

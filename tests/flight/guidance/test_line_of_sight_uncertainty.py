@@ -18,7 +18,7 @@ range_uncertainty = jax.jit(line_of_sight_uncertainty.relative_range_sigma)
 bearing_uncertainty = jax.jit(line_of_sight_uncertainty.bearing_sigma)
 
 
-def test_uncertainties_are_those_along_and_across_the_line_of_sight(flight: FlightParams) -> None:
+def test_range_and_bearing_sigma_are_those_along_and_across_the_line_of_sight(flight: FlightParams) -> None:
     known = rendezvous_scene.estimate(flight)
     line = unit(rendezvous_scene.TARGET_AHEAD)
     P = 0.01 * np.eye(3) + 8.99 * np.outer(line, line)

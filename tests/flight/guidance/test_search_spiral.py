@@ -16,7 +16,7 @@ from rpojax.flight.guidance.pointing_modes import Mode
 
 
 @pytest.mark.parametrize("radius_deg", [8.0, 20.0, 44.0])
-def test_the_frames_of_a_search_cover_its_cone_without_gaps(flight: FlightParams, radius_deg: float) -> None:
+def test_the_frames_of_a_search_cover_its_cone(flight: FlightParams, radius_deg: float) -> None:
     # The cone is three sigma of the bearing's uncertainty as guidance takes it, sqrt(2) of one axis.
     sigma = np.deg2rad(radius_deg) / 3.0 / np.sqrt(2.0) * 30.0
     modes, attitudes = simulate_search(flight, sigma, 300)
@@ -38,9 +38,9 @@ def test_the_frames_of_a_search_cover_its_cone_without_gaps(flight: FlightParams
     assert farthest < radius_deg + 3.0  # the step of a second, at the speed of the outer turns
 
 
-def test_the_search_moves_no_faster_than_its_centripetal_acceleration_allows(flight: FlightParams) -> None:
+def test_the_search_rate_is_limited_by_the_centripetal_acceleration(flight: FlightParams) -> None:
     _, attitudes = simulate_search(flight, 30.0 * np.deg2rad(45.0), 300)
     settled = [boresight(flight, q) for q in attitudes[20:200].reshape(-1, 4)]
     rates = np.array([np.arccos(np.clip(a @ b, -1, 1)) for a, b in itertools.pairwise(settled)]) * SAMPLES
-    # At radius r the spiral is flown at sqrt(a r) rad/s; 45 deg is the largest radius.
+    # At radius r the rate on the spiral is sqrt(a r) rad/s; 45 deg is the largest radius.
     assert rates.max() < 1.1 * np.sqrt(0.012 * np.deg2rad(45.0))

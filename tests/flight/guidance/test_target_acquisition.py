@@ -18,7 +18,7 @@ from rpojax.flight.navigation.orbit_filter import OrbitEstimate
     ("frames", "seen"),
     [("x", False), ("xx", False), ("xxx", True), ("x.x.x", False), ("x.xx", True), ("x" + 19 * "." + "x", False)],
 )
-def test_one_box_may_be_false_but_three_in_a_row_are_the_target(
+def test_three_boxes_in_a_row_acquire_the_target_and_fewer_do_not(
     flight: FlightParams, known: OrbitEstimate, frames: str, seen: bool
 ) -> None:
     state = look(flight, known, frames)
@@ -26,24 +26,22 @@ def test_one_box_may_be_false_but_three_in_a_row_are_the_target(
     assert bool(attitude_guidance.is_lost(flight.pointing, state)) is not seen
 
 
-def test_sightings_fade_by_a_fifth_with_every_frame_that_looks_and_sees_nothing(
+def test_the_count_of_detections_decays_by_a_fifth_with_every_frame_without_a_box(
     flight: FlightParams, known: OrbitEstimate
 ) -> None:
     state = look(flight, known, "xxxx..")
     np.testing.assert_allclose(state.recent_detections, 4.0 * 0.8**2, rtol=1e-12)
     full = look(flight, known, 15 * "x")
     assert full.recent_detections == 10.0
-    # From ten sightings on the target is doubted after the seventh empty frame, long before a search begins.
+    # From ten sightings on the target is faded after the seventh empty frame, long before a search begins.
     assert not bool(attitude_guidance.is_lost(flight.pointing, look(flight, known, 6 * ".", full)))
-    doubted = look(flight, known, 7 * ".", full)
-    assert bool(attitude_guidance.is_lost(flight.pointing, doubted))
-    assert bool(doubted.acquired)
-    assert doubted.search_time == 0.0
+    faded = look(flight, known, 7 * ".", full)
+    assert bool(attitude_guidance.is_lost(flight.pointing, faded))
+    assert bool(faded.acquired)
+    assert faded.search_time == 0.0
 
 
-def test_a_planned_look_away_forgets_no_sightings_and_counts_no_time(
-    flight: FlightParams, known: OrbitEstimate
-) -> None:
+def test_a_planned_look_away_keeps_detections_and_unseen_time(flight: FlightParams, known: OrbitEstimate) -> None:
     away = replace(
         jax.tree.map(jnp.asarray, plan(push_back, flight, known)), turn_start=jnp.float64(0.0), cutoff=jnp.float64(1e6)
     )

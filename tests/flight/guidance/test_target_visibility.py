@@ -16,7 +16,7 @@ from rpojax.flight.navigation.orbit_filter import OrbitEstimate
 is_visible = jax.jit(target_visibility.is_visible)
 
 
-def test_the_target_can_be_seen_in_the_light_unless_the_sun_is_behind_it_or_beside_the_view(
+def test_visibility_ends_at_the_phase_limit_the_sun_exclusion_and_in_the_shadow(
     flight: FlightParams, known: OrbitEstimate
 ) -> None:
     line, up = unit(rendezvous_scene.TARGET_AHEAD), unit(rendezvous_scene.R_SN_N)

@@ -12,7 +12,9 @@ from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.scenario.params import Params
 
 linearise_box = jax.jit(box_measurement_model.linearise_box)
-box_slope = jax.jit(jax.jacfwd(lambda *arguments: box_measurement_model.linearise_box(*arguments).predicted, argnums=3))
+box_derivative = jax.jit(
+    jax.jacfwd(lambda *arguments: box_measurement_model.linearise_box(*arguments).predicted, argnums=3)
+)
 
 
 def seen(
@@ -22,7 +24,7 @@ def seen(
 
 
 @given(SEEDS)
-def test_the_gradient_of_the_box_is_its_derivative_to_the_relative_position(params: Params, seed: int) -> None:
+def test_the_position_jacobian_is_the_derivative_of_the_box(params: Params, seed: int) -> None:
     rng = np.random.default_rng(seed)
     navigation, focal = params.flight.navigation, params.flight.vehicle.focal_px
     R_KN = rotation_matrix(random_unit(rng, 4))
@@ -31,7 +33,9 @@ def test_the_gradient_of_the_box_is_its_derivative_to_the_relative_position(para
     box = rendezvous_scene.box(params.flight, R_KN, r_TS_N)
 
     model = linearise_box(navigation, focal, R_KN, r_TS_N, box)
-    np.testing.assert_allclose(model.position_jacobian, box_slope(navigation, focal, R_KN, r_TS_N, box), atol=1e-14)
+    np.testing.assert_allclose(
+        model.position_jacobian, box_derivative(navigation, focal, R_KN, r_TS_N, box), atol=1e-14
+    )
     r_K = R_KN @ r_TS_N
     expected = [r_K[0] / r_K[2], r_K[1] / r_K[2], np.log(1.063 / np.linalg.norm(r_TS_N))]
     np.testing.assert_allclose(model.predicted, expected, atol=1e-13)

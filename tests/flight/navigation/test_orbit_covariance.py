@@ -12,7 +12,7 @@ propagate = jax.jit(orbit_covariance.propagate, static_argnums=5)
 
 
 @given(SEEDS)
-def test_the_transition_is_a_kick_then_a_drift_and_a_decay_of_the_slow_errors(seed: int) -> None:
+def test_propagation_agrees_with_a_dense_kick_drift_and_decay(seed: int) -> None:
     rng = np.random.default_rng(seed)
     dt, n = 0.7, 1.0
     gradient = n * random_covariance(rng, np.ones(3))

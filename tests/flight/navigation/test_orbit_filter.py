@@ -1,4 +1,4 @@
-"""Both halves of the orbit filter together: propagation of mean and covariance, and what an update consists of."""
+"""Orbit filter: propagation of mean and covariance of both halves, and updates with and without measurements."""
 
 import jax
 import jax.numpy as jnp
@@ -40,13 +40,24 @@ def coast(
     estimate: OrbitEstimate,
     delta_v_N: np.ndarray | None = None,
     burn_delta_v: float = 0.0,
-    doubt: float = 1.0,
+    burn_sigma_inflation: float = 1.0,
     zonal_degree: int = 2,
-    pull_N: np.ndarray | None = None,
+    third_body_acceleration_N: np.ndarray | None = None,
 ) -> OrbitEstimate:
-    """Estimate a second later, without thrust and without the Sun and the Moon unless told."""
-    delta_v_N, pull_N = (np.zeros(3) if vector is None else vector for vector in (delta_v_N, pull_N))
-    return predict(tuning, zonal_degree, estimate, delta_v_N, np.float64(burn_delta_v), np.float64(doubt), pull_N, 1.0)
+    """Estimate a second later, by default without thrust, Sun and Moon."""
+    delta_v_N, third_body_acceleration_N = (
+        np.zeros(3) if vector is None else vector for vector in (delta_v_N, third_body_acceleration_N)
+    )
+    return predict(
+        tuning,
+        zonal_degree,
+        estimate,
+        delta_v_N,
+        np.float64(burn_delta_v),
+        np.float64(burn_sigma_inflation),
+        third_body_acceleration_N,
+        1.0,
+    )
 
 
 def fix(position_N: np.ndarray, present: bool = True) -> GpsMeasurement:
@@ -109,7 +120,7 @@ def test_the_mean_follows_both_orbits_through_a_burn(flight: FlightParams, estim
     for _ in range(10):
         found = coast(flight.navigation, found, delta_v, 0.02)
 
-    def slope(_: float, y: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+    def derivative(_: float, y: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
         return np.concatenate([y[3:], gravity(y[:3]) + acceleration])
 
     s, r = estimate.servicer, estimate.relative
@@ -118,7 +129,7 @@ def test_the_mean_follows_both_orbits_through_a_burn(flight: FlightParams, estim
         (np.concatenate([s.r_SN_N, s.v_SN_N]), delta_v),
         (np.concatenate([s.r_SN_N + r.r_TS_N, s.v_SN_N + r.v_TS_N]), np.zeros(3)),
     ):
-        solution = solve_ivp(slope, (0.0, 10.0), start, "DOP853", rtol=1e-13, atol=1e-9, args=(acceleration,))
+        solution = solve_ivp(derivative, (0.0, 10.0), start, "DOP853", rtol=1e-13, atol=1e-9, args=(acceleration,))
         orbits.append(solution.y[:, -1])
     servicer, target = orbits
     np.testing.assert_allclose(found.servicer.r_SN_N, servicer[:3], atol=1e-7)
@@ -137,7 +148,7 @@ def test_slow_errors_decay_with_their_time_constants(flight: FlightParams, estim
 
 
 @pytest.mark.parametrize("half", ["servicer", "relative"])
-def test_the_covariance_follows_the_derivative_of_the_mean_and_its_noise(
+def test_the_predicted_covariance_agrees_with_the_derivative_of_the_mean(
     flight: FlightParams, estimate: OrbitEstimate, half: str
 ) -> None:
     found = np.asarray(getattr(coast(flight.navigation, estimate), half).covariance)
@@ -169,14 +180,12 @@ def test_acceleration_noise_makes_the_velocity_variance_grow_linearly(
     np.testing.assert_allclose(np.diag(relative), [0.0] * 3 + [9e-6] * 3 + [0.0] * 6, atol=1e-12)
 
 
-def test_a_burn_makes_both_halves_less_certain_by_its_execution_error(
-    flight: FlightParams, estimate: OrbitEstimate
-) -> None:
+def test_a_burn_adds_its_execution_error_to_both_covariances(flight: FlightParams, estimate: OrbitEstimate) -> None:
     along, size = np.array([0.6, 0.0, 0.8]), 0.02
-    shares = np.array([0.1, 0.3, 0.3, 0.2, 0.1])
+    fractions = np.array([0.1, 0.3, 0.3, 0.2, 0.1])
     added = {"servicer": np.zeros((3, 3)), "relative": np.zeros((3, 3))}
-    for share in shares:
-        burning = coast(flight.navigation, estimate, share * size * along, size)
+    for fraction in fractions:
+        burning = coast(flight.navigation, estimate, fraction * size * along, size)
         coasting = coast(flight.navigation, estimate, np.zeros(3), size)
         for half in added:
             change = getattr(burning, half).covariance - getattr(coasting, half).covariance
@@ -189,9 +198,7 @@ def test_a_burn_makes_both_halves_less_certain_by_its_execution_error(
 
 
 @pytest.mark.parametrize("luni_solar", [True, False])
-def test_with_all_that_it_knows_the_filter_stays_with_the_truth_to_millimetres(
-    params: Params, luni_solar: bool
-) -> None:
+def test_the_predicted_mean_agrees_with_the_truth_with_the_same_gravity(params: Params, luni_solar: bool) -> None:
     effects = Effects(zonal_degree=6, sun_gravity=True, moon_gravity=True)
     sky = SunMoonPositions(sun_N=jnp.array([1.2e11, 0.8e11, 0.3e11]), moon_N=jnp.array([-2.5e8, 2.6e8, 1.0e8]))
     truth = initial_truth(params.plant, params.orbit, jnp.array([5.0, -50.0, 3.0]), jnp.zeros(3), jnp.asarray(IDENTITY))
@@ -200,18 +207,18 @@ def test_with_all_that_it_knows_the_filter_stays_with_the_truth_to_millimetres(
     for _ in range(100):
         position = found.servicer.r_SN_N
         truth = step(effects, params.plant, truth, np.zeros(3), (), sky, HEALTHY, 1.0)
-        pull = luni_solar_pull(position, sky) if luni_solar else np.zeros(3)
-        found = coast(tuning, found, zonal_degree=6, pull_N=pull)
+        acceleration = luni_solar_acceleration(position, sky) if luni_solar else np.zeros(3)
+        found = coast(tuning, found, zonal_degree=6, third_body_acceleration_N=acceleration)
     servicer = np.asarray(found.servicer.r_SN_N) - np.asarray(truth.r_TN_N + truth.r_ST_N)
     relative = np.asarray(found.relative.r_TS_N) + np.asarray(truth.r_ST_N)
-    # The pull of Sun and Moon is 1e-6 m/s^2; after 100 s it makes 5 mm of the orbit and nothing of the difference.
+    # Sun and Moon accelerate by 1e-6 m/s^2: 5 mm of the orbit after 100 s, and nothing of the difference.
     assert (np.linalg.norm(servicer) < 1e-5) is np.bool_(luni_solar)
     assert np.linalg.norm(servicer) < 0.01
     assert np.linalg.norm(relative) < 1e-6
 
 
-def luni_solar_pull(r_N: jax.Array, sky: SunMoonPositions) -> np.ndarray:
-    """Pull [m/s^2] of Sun and Moon on a craft less that on the Earth, by Battin's formula."""
+def luni_solar_acceleration(r_N: jax.Array, sky: SunMoonPositions) -> np.ndarray:
+    """Acceleration [m/s^2] of a vehicle by Sun and Moon less that of the Earth, by Battin's formula."""
     r = np.asarray(r_N)
     total = np.zeros(3)
     for mu, body in ((1.32712440018e20, np.asarray(sky.sun_N)), (4.9028e12, np.asarray(sky.moon_N))):
@@ -221,7 +228,7 @@ def luni_solar_pull(r_N: jax.Array, sky: SunMoonPositions) -> np.ndarray:
     return total
 
 
-def test_zonals_beyond_the_second_move_the_servicer_by_decimetres_in_100_s(
+def test_higher_zonal_harmonics_change_the_mean_by_decimetres_in_100_s(
     flight: FlightParams, estimate: OrbitEstimate
 ) -> None:
     full = plain = estimate
@@ -231,21 +238,24 @@ def test_zonals_beyond_the_second_move_the_servicer_by_decimetres_in_100_s(
     assert 0.01 < apart < 0.5  # 2e-5 m/s^2 over 100 s
 
 
-def test_doubt_about_a_burn_widens_its_magnitude_and_not_its_direction(
+def test_the_burn_sigma_inflation_acts_on_magnitude_and_not_on_direction(
     flight: FlightParams, estimate: OrbitEstimate
 ) -> None:
     along, size = np.array([0.6, 0.0, 0.8]), 0.02
-    sure, doubtful = (coast(flight.navigation, estimate, size * along, size, doubt) for doubt in (1.0, 3.0))
+    nominal, inflated = (
+        coast(flight.navigation, estimate, size * along, size, burn_sigma_inflation)
+        for burn_sigma_inflation in (1.0, 3.0)
+    )
     for half in ("servicer", "relative"):
-        change = np.asarray(getattr(doubtful, half).covariance - getattr(sure, half).covariance)[3:6, 3:6]
+        change = np.asarray(getattr(inflated, half).covariance - getattr(nominal, half).covariance)[3:6, 3:6]
         expected = size**2 * (3.0**2 - 1.0) * 0.015**2 * np.outer(along, along)
         np.testing.assert_allclose(change, expected, atol=1e-8 * size**2, err_msg=half)
 
 
-def test_without_gps_the_servicers_mean_is_only_propagated_and_its_covariance_grows(
+def test_without_gps_the_servicer_is_propagated_and_its_covariance_grows(
     flight: FlightParams, estimate: OrbitEstimate
 ) -> None:
-    """A minute without a fix, whatever the receiver's output says, against a minute with one."""
+    """A minute without GPS, with a wrong position in the absent measurement, against a minute with GPS."""
     q_KN = rendezvous_scene.camera_attitude(flight, estimate)
     absent = rendezvous_scene.box(flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD, present=False)
 
@@ -270,9 +280,7 @@ def test_without_gps_the_servicers_mean_is_only_propagated_and_its_covariance_gr
     assert np.trace(sighted[-1].servicer.covariance[:3, :3]) < 0.5 * sigmas[-1] ** 2
 
 
-def test_a_missing_box_leaves_the_relative_half_and_updates_the_servicer_by_gps(
-    flight: FlightParams, estimate: OrbitEstimate
-) -> None:
+def test_without_a_box_only_the_servicer_is_updated(flight: FlightParams, estimate: OrbitEstimate) -> None:
     q_KN = rendezvous_scene.camera_attitude(flight, estimate)
     absent = rendezvous_scene.box(flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD, present=False)
     present = rendezvous_scene.box(flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD)
@@ -295,7 +303,7 @@ def test_a_missing_box_leaves_the_relative_half_and_updates_the_servicer_by_gps(
     assert np.trace(with_box.relative.covariance) < np.trace(estimate.relative.covariance)
 
 
-def test_the_log_likelihood_is_that_of_the_rows_that_were_used(flight: FlightParams, estimate: OrbitEstimate) -> None:
+def test_the_log_likelihood_is_that_of_the_used_rows(flight: FlightParams, estimate: OrbitEstimate) -> None:
     q_KN = rendezvous_scene.camera_attitude(flight, estimate)
     for present in (True, False):
         _, _, innovation = update(

@@ -18,13 +18,15 @@ from rpojax.scenario.params import Params
 
 TEXTBOOK = 1e-10  # conditioning of the joint innovation covariance times rounding
 linearise_box = jax.jit(box_measurement_model.linearise_box)
-box_slope = jax.jit(jax.jacfwd(lambda *arguments: box_measurement_model.linearise_box(*arguments).predicted, argnums=3))
+box_derivative = jax.jit(
+    jax.jacfwd(lambda *arguments: box_measurement_model.linearise_box(*arguments).predicted, argnums=3)
+)
 update = jax.jit(relative_orbit_ekf.update, static_argnums=1)
 
 
 @pytest.fixture(scope="module")
 def known(flight: FlightParams) -> RelativeEstimate:
-    """A target at 30 m known to 5 cm, two pixels of the bearing: little enough to believe a single box."""
+    """A target at 30 m known to 5 cm, two pixels of the bearing: little enough to accept a single box."""
     return rendezvous_scene.estimate(flight, position_sigma=0.05).relative
 
 
@@ -58,11 +60,11 @@ def moved(box: BoxMeasurement, pixels: float, focal_px: jax.Array) -> BoxMeasure
     return replace(box, tangent=box.tangent + jnp.array([pixels, 0.0]) / focal_px)
 
 
-@pytest.mark.parametrize(("share", "used"), [(0.99, True), (1.01, False)])
+@pytest.mark.parametrize(("fraction", "used"), [(0.99, True), (1.01, False)])
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("truncated", [False, True])
-def test_a_box_is_used_as_far_from_where_it_is_expected_as_the_update_says(
-    flight: FlightParams, q_KN: np.ndarray, share: float, used: bool, axis: int, truncated: bool
+def test_the_gate_is_at_the_sigma_of_the_expected_box(
+    flight: FlightParams, q_KN: np.ndarray, fraction: float, used: bool, axis: int, truncated: bool
 ) -> None:
     # Off the boresight, so that the frame may cut the outline.
     place = rendezvous_scene.TARGET_AHEAD + rotation_matrix(q_KN).T @ np.array([2.3, 0.0, 0.0])
@@ -72,7 +74,7 @@ def test_a_box_is_used_as_far_from_where_it_is_expected_as_the_update_says(
     memory = outlier_gate.initial()
     arguments = (flight.navigation, True, flight.vehicle.focal_px, estimate, memory, q_KN)
     expected = update(*arguments, box)[4]
-    offset = share * flight.navigation.gate_sigma * jnp.sqrt(expected.variance[axis]) * jnp.eye(2)[axis]
+    offset = fraction * flight.navigation.gate_sigma * jnp.sqrt(expected.variance[axis]) * jnp.eye(2)[axis]
     tried = replace(box, tangent=expected.values[:2] + offset, log_size=expected.values[2])
     assert bool(expected.in_front)
     assert bool(update(*arguments, tried)[3]) == used
@@ -83,7 +85,7 @@ def assert_same(found: RelativeEstimate, expected: RelativeEstimate) -> None:
 
 
 @given(SEEDS)
-def test_a_box_near_its_prediction_updates_all_states_as_in_the_textbook(params: Params, seed: int) -> None:
+def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed: int) -> None:
     rng = np.random.default_rng(seed)
     flight = params.flight
     sigma = np.concatenate([np.full(3, 0.04), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4], [5e-3, 5e-3]])
@@ -109,7 +111,7 @@ def test_a_box_near_its_prediction_updates_all_states_as_in_the_textbook(params:
     )
     assert used
     H = np.zeros((3, 12))
-    H[:, :3] = box_slope(flight.navigation, flight.vehicle.focal_px, R_KN, r_TS_N, box)
+    H[:, :3] = box_derivative(flight.navigation, flight.vehicle.focal_px, R_KN, r_TS_N, box)
     H[2, 6:8] = 1.0
     H[0, 8] = H[1, 9] = 1.0
     H[0, 10] = H[1, 11] = 1.0 / depth
@@ -127,9 +129,7 @@ def test_a_box_near_its_prediction_updates_all_states_as_in_the_textbook(params:
     np.testing.assert_allclose(result.innovation_variance[0], S[0, 0], rtol=1e-9)
 
 
-def test_a_sharp_bearing_against_a_wide_prior_squeezes_the_covariance_across_the_measured_direction(
-    flight: FlightParams, q_KN: np.ndarray
-) -> None:
+def test_a_wide_prior_is_linearised_along_the_measured_direction(flight: FlightParams, q_KN: np.ndarray) -> None:
     wide = rendezvous_scene.estimate(flight, position_sigma=5.0).relative
     angle = np.deg2rad(4.0)
     R_KN = rotation_matrix(q_KN)
@@ -147,7 +147,7 @@ def test_a_sharp_bearing_against_a_wide_prior_squeezes_the_covariance_across_the
     np.testing.assert_allclose(found[:2] / found[2], box.tangent, atol=5e-4)
 
 
-def test_a_good_box_is_accepted_and_pulls_the_estimate_towards_it(
+def test_a_good_box_is_accepted_and_corrects_the_estimate(
     flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
 ) -> None:
     box = moved(seen(flight, q_KN), 3.0, flight.vehicle.focal_px)
@@ -159,7 +159,7 @@ def test_a_good_box_is_accepted_and_pulls_the_estimate_towards_it(
 
 
 @pytest.mark.parametrize("fault", ["bearing", "size"])
-def test_an_outlier_is_rejected_and_changes_nothing_but_the_memory(
+def test_an_outlier_is_rejected_and_changes_only_the_gate(
     flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray, fault: str
 ) -> None:
     box = seen(flight, q_KN)
@@ -189,18 +189,18 @@ def test_a_frame_without_a_box_changes_nothing(
     assert track.rejections == 0.0
 
 
-def turned(q_KN: np.ndarray, degrees: float, axis: tuple[float, float, float] = (0.0, 1.0, 0.0)) -> np.ndarray:
-    """The camera turned about one of its own axes, to where the target lies so far off the boresight."""
+def rotated(q_KN: np.ndarray, degrees: float, axis: tuple[float, float, float] = (0.0, 1.0, 0.0)) -> np.ndarray:
+    """Camera attitude rotated about one of its own axes by an angle [deg]."""
     found = rendezvous_scene.quaternion.multiply(
         jnp.asarray(axis_angle_quaternion(np.array(axis), np.deg2rad(degrees))), jnp.asarray(q_KN)
     )
     return np.asarray(found)
 
 
-def test_a_truncated_box_gives_its_bearing_but_not_its_size(
+def test_a_truncated_box_updates_bearing_but_not_size(
     flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
 ) -> None:
-    aside = turned(q_KN, 4.5)  # half a degree inside of the frame, with a target of 2 deg
+    aside = rotated(q_KN, 4.5)  # half a degree inside of the frame, with a target of 2 deg
     box = seen(flight, aside, truncated=True)
     wrong_size = replace(box, log_size=box.log_size - 1.0)
     after, _, used = take(flight, known, aside, wrong_size)
@@ -212,9 +212,9 @@ def test_a_truncated_box_gives_its_bearing_but_not_its_size(
     np.testing.assert_allclose(after.r_TS_N, known.r_TS_N, atol=1e-12)
 
 
-@pytest.mark.parametrize(("share", "believed"), [(0.99, True), (1.01, False)])
-def test_a_single_box_is_believed_up_to_three_of_its_sigmas_of_own_uncertainty(
-    flight: FlightParams, q_KN: np.ndarray, share: float, believed: bool
+@pytest.mark.parametrize(("fraction", "accepted"), [(0.99, True), (1.01, False)])
+def test_a_single_box_is_accepted_up_to_three_box_sigmas_of_prior_uncertainty(
+    flight: FlightParams, q_KN: np.ndarray, fraction: float, accepted: bool
 ) -> None:
     box = seen(flight, q_KN)
     noise = float(
@@ -222,15 +222,13 @@ def test_a_single_box_is_believed_up_to_three_of_its_sigmas_of_own_uncertainty(
             flight.navigation, flight.vehicle.focal_px, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD, box
         ).variance[0]
     )
-    # The bearing's bias and the place of the box centre take their shares.
+    # Bearing bias and offset of the box centre are part of the uncertainty.
     border = 30.0 * np.sqrt(3.0**2 * noise - np.deg2rad(0.03) ** 2 - (0.005 / 30.0) ** 2)
-    _, _, used = take(flight, rendezvous_scene.estimate(flight, position_sigma=share * border).relative, q_KN, box)
-    assert used is believed
+    _, _, used = take(flight, rendezvous_scene.estimate(flight, position_sigma=fraction * border).relative, q_KN, box)
+    assert used is accepted
 
 
-def test_a_first_box_is_not_believed_while_the_prediction_is_wide_but_a_second_beside_it_is(
-    flight: FlightParams, q_KN: np.ndarray
-) -> None:
+def test_a_wide_prior_needs_confirmation_by_a_second_box(flight: FlightParams, q_KN: np.ndarray) -> None:
     wide = rendezvous_scene.estimate(flight, position_sigma=3.0).relative
     first = moved(seen(flight, q_KN), 10.0, flight.vehicle.focal_px)
     after, track, used = take(flight, wide, q_KN, first)
@@ -242,9 +240,7 @@ def test_a_first_box_is_not_believed_while_the_prediction_is_wide_but_a_second_b
     assert not elsewhere
 
 
-def test_confirmation_follows_the_inertial_direction_when_the_camera_turns(
-    flight: FlightParams, q_KN: np.ndarray
-) -> None:
+def test_confirmation_is_by_inertial_direction(flight: FlightParams, q_KN: np.ndarray) -> None:
     wide = rendezvous_scene.estimate(flight, position_sigma=3.0).relative
     _, track, _ = take(flight, wide, q_KN, seen(flight, q_KN))
     R_turned = rotation_matrix(axis_angle_quaternion([0.0, 1.0, 0.0], np.deg2rad(2.0))) @ rotation_matrix(q_KN)
@@ -264,7 +260,7 @@ def test_a_target_predicted_behind_the_camera_accepts_no_box(
     assert not used
 
 
-def test_after_repeated_rejections_the_filter_doubts_itself_and_finds_the_target_again(
+def test_repeated_rejections_inflate_the_covariance_until_the_target_is_accepted(
     flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
 ) -> None:
     lost = rendezvous_scene.TARGET_AHEAD + rotation_matrix(q_KN).T @ np.array(
@@ -288,7 +284,7 @@ def test_after_repeated_rejections_the_filter_doubts_itself_and_finds_the_target
 
 
 def seen_before() -> GateState:
-    """Memory of a box on the target one frame ago."""
+    """Gate state with a box on the target one frame ago."""
     return replace(
         outlier_gate.initial(), direction_N=jnp.asarray(unit(rendezvous_scene.TARGET_AHEAD)), age=jnp.ones(())
     )
@@ -297,40 +293,38 @@ def seen_before() -> GateState:
 @pytest.mark.parametrize(
     ("sigma", "degrees", "possible"), [(0.05, 0.0, False), (0.05, 4.5, True), (0.05, -4.5, True), (1.0, 0.0, True)]
 )
-def test_a_truncated_box_is_only_possible_where_the_predicted_outline_reaches_the_edge_of_the_frame(
+def test_a_truncated_box_is_possible_only_near_the_edge_of_the_frame(
     flight: FlightParams, q_KN: np.ndarray, sigma: float, degrees: float, possible: bool
 ) -> None:
     known = rendezvous_scene.estimate(flight, position_sigma=sigma).relative
     for axis in ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0)):  # sideways, up and down
-        aside = turned(q_KN, degrees, axis)
+        aside = rotated(q_KN, degrees, axis)
         box = seen(flight, aside, truncated=True)
         _, _, used = take(flight, known, aside, box, seen_before())
         assert used is possible
-        # The same box whole is nothing strange.
+        # The same box is possible if not truncated.
         _, _, whole = take(flight, known, aside, seen(flight, aside), seen_before())
         assert whole
 
 
-def test_a_truncated_box_larger_than_the_target_can_be_is_refused(
+def test_a_truncated_box_larger_than_the_target_is_rejected(
     flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
 ) -> None:
-    aside = turned(q_KN, 4.5)
+    aside = rotated(q_KN, 4.5)
     box = seen(flight, aside, truncated=True)
     model = linearise_box(
         flight.navigation, flight.vehicle.focal_px, rotation_matrix(aside), rendezvous_scene.TARGET_AHEAD, box
     )
     # The size's own noise, the target's two size errors, and the range.
     sigma = np.sqrt(model.variance[2] + 0.065**2 + 0.14**2 + (0.05 / 30.0) ** 2)
-    for sigmas, believed in ((3.9, True), (4.1, False), (-9.0, True)):
+    for sigmas, accepted in ((3.9, True), (4.1, False), (-9.0, True)):
         _, _, used = take(flight, known, aside, replace(box, log_size=box.log_size + sigmas * sigma))
-        assert used is believed, sigmas
+        assert used is accepted, sigmas
 
 
-def test_a_single_truncated_box_is_not_believed_while_the_prediction_is_wide(
-    flight: FlightParams, q_KN: np.ndarray
-) -> None:
+def test_a_wide_prior_needs_confirmation_of_a_truncated_box(flight: FlightParams, q_KN: np.ndarray) -> None:
     wide = rendezvous_scene.estimate(flight, position_sigma=1.5).relative
-    # A false box as large as half the frame is as vague as the prior itself, which must not make the prior count as
+    # A false box as large as half the frame is as uncertain as the prior itself, which must not make the prior look
     # certain enough.
     large = seen(flight, q_KN, truncated=True)
     false = replace(moved(large, 40.0, flight.vehicle.focal_px), side_px=jnp.float64(60.0))
@@ -343,7 +337,7 @@ def test_a_single_truncated_box_is_not_believed_while_the_prediction_is_wide(
     assert confirmed
 
 
-def test_isolated_false_boxes_leave_the_estimate_as_it_is_for_as_long_as_they_come(
+def test_isolated_false_boxes_never_change_the_estimate(
     flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
 ) -> None:
     false = moved(seen(flight, q_KN), 45.0, flight.vehicle.focal_px)
@@ -356,7 +350,7 @@ def test_isolated_false_boxes_leave_the_estimate_as_it_is_for_as_long_as_they_co
 
 
 @given(SEEDS)
-def test_the_drift_of_the_attitude_joins_the_bearing_bias_and_nothing_else(params: Params, seed: int) -> None:
+def test_attitude_drift_adds_to_the_variance_of_the_bearing_bias_alone(params: Params, seed: int) -> None:
     rng = np.random.default_rng(seed)
     flight = params.flight
     sigma = np.concatenate([np.full(3, 0.04), np.full(3, 0.01), [0.065, 0.14], [5e-4, 5e-4], [5e-3, 5e-3]])
@@ -371,7 +365,7 @@ def test_the_drift_of_the_attitude_joins_the_bearing_bias_and_nothing_else(param
     np.testing.assert_allclose(grown, np.diag([0.0] * 8 + [drift] * 2 + [0.0] * 2), atol=1e-21)
 
 
-def test_a_box_under_attitude_drift_moves_the_bearing_bias_instead_of_the_target(
+def test_under_attitude_drift_a_box_corrects_the_bearing_bias(
     flight: FlightParams, known: RelativeEstimate, q_KN: np.ndarray
 ) -> None:
     box = moved(seen(flight, q_KN), 3.0, flight.vehicle.focal_px)

@@ -1,4 +1,4 @@
-"""The servicer half of the orbit filter against the textbook."""
+"""Servicer orbit filter against the textbook."""
 
 import jax
 import numpy as np
@@ -25,7 +25,7 @@ def update(
     return servicer_orbit_ekf.update(tuning, estimate, GpsMeasurement(position_N=gps_N, present=present))
 
 
-def test_the_hand_over_has_the_tunings_standard_deviations_and_no_gps_error(params: Params) -> None:
+def test_the_initial_estimate_has_the_tuned_standard_deviations(params: Params) -> None:
     estimate = servicer_orbit_ekf.initial(params.flight.navigation, *map(jax.numpy.asarray, (R_SN_N, V_SN_N)))
     np.testing.assert_allclose(estimate.covariance, np.diag(SIGMA**2))
     np.testing.assert_array_equal(estimate.gps_error_N, np.zeros(3))
@@ -34,7 +34,7 @@ def test_the_hand_over_has_the_tunings_standard_deviations_and_no_gps_error(para
 
 
 @given(SEEDS)
-def test_a_gps_position_updates_position_velocity_and_gps_error_as_in_the_textbook(params: Params, seed: int) -> None:
+def test_the_gps_update_agrees_with_the_textbook(params: Params, seed: int) -> None:
     rng = np.random.default_rng(seed)
     P = random_covariance(rng, SIGMA)
     gps_error = rng.normal(size=3)
@@ -54,16 +54,16 @@ def test_a_gps_position_updates_position_velocity_and_gps_error_as_in_the_textbo
     np.testing.assert_allclose(result.innovation[0], (gps_N - R_SN_N - gps_error)[0], atol=4e-9)
 
 
-def test_gps_alone_cannot_get_below_its_own_slow_error(params: Params) -> None:
+def test_the_position_sigma_is_bounded_by_the_slow_gps_error(params: Params) -> None:
     estimate = servicer_orbit_ekf.initial(params.flight.navigation, *map(jax.numpy.asarray, (R_SN_N, V_SN_N)))
-    for _ in range(200):  # no time passes, so the white noise averages out and the slow error stays
+    for _ in range(200):  # without propagation the white noise averages out and the slow error stays
         estimate, _ = update(params.flight.navigation, estimate, R_SN_N, YES)
     sigma = np.sqrt(np.diag(np.asarray(estimate.covariance)))[:3]
     floor = 1.0 / np.sqrt(1.0 / 2.0**2 + 1.0 / (1.2**2 + 2.0**2 / 200))  # prior and one measurement of 1.2 m
     np.testing.assert_allclose(sigma, floor, rtol=1e-9)
 
 
-def test_a_missing_fix_changes_nothing_whatever_it_says(params: Params) -> None:
+def test_an_absent_gps_position_changes_nothing(params: Params) -> None:
     rng = np.random.default_rng(1)
     P = random_covariance(rng, SIGMA)
     before = ServicerEstimate(r_SN_N=R_SN_N, v_SN_N=V_SN_N, gps_error_N=rng.normal(size=3), covariance=P)
