@@ -86,7 +86,7 @@ def main() -> int:
     agreement = run_replay.compare_with_campaign(run, found)
     print(f"{run.ticks} ticks replayed in {took}, compiling included; {agreement}", flush=True)
     rendered = run.file.camera.model == "rendered"
-    pictures, took = timed(lambda: list(run_bag.rerendered_images(run)) if rendered else [])
+    pictures, took = timed(lambda: list(run_bag.bag_images(run)) if rendered else [])
     print(f"{len(pictures)} images rendered in {took}, compiling included", flush=True)
 
     holds = True

@@ -34,7 +34,7 @@ Values = TypeVar("Values")
 TickObserver = Callable[[Stages, Scenario, Params, Telemetry], Any]
 """Function that returns the arrays to keep of a tick. One of a module, as compiled functions are cached by it."""
 _TickRecord = tuple[Any, dict[str, Array], Array]
-PosedPicture = tuple[np.ndarray, Mapping[str, np.ndarray]]
+PosedImage = tuple[np.ndarray, Mapping[str, np.ndarray]]
 """Image (p, p, 3), uint8 sRGB codes, and the poses it was rendered with."""
 
 _TICKS_PER_SEGMENT = 200
@@ -152,7 +152,7 @@ def _recorded_poses(scenario: Scenario, telemetry: Telemetry) -> dict[str, Array
     }
 
 
-def rerendered_pictures(run: ReplayedRun, ticks: Sequence[int]) -> Iterator[PosedPicture]:
+def rerendered_images(run: ReplayedRun, ticks: Sequence[int]) -> Iterator[PosedImage]:
     """Images of a rendered camera at some ticks, rendered again, each with its poses."""
     return rerender.render_images(run.file, run.seed, run.run_id, run.poses, ticks, run.run_range)
 

@@ -1,4 +1,4 @@
-"""The verb `rpojax bridge`: refusals in one line, and a run flown by the example node in another process."""
+"""The command `rpojax bridge`: refusals in one line, and runs with the example nodes in other processes."""
 
 import json
 import os
@@ -23,7 +23,7 @@ NODE, NAVIGATION = NODES / "example_node.py", NODES / "navigation_node.py"
 
 
 @pytest.mark.parametrize(
-    ("words", "line"),
+    ("arguments", "line"),
     [
         (
             ["--external", "guidance"],
@@ -35,20 +35,20 @@ NODE, NAVIGATION = NODES / "example_node.py", NODES / "navigation_node.py"
         (["--domain-id", "1000"], "--domain-id: found 1000, expected 0 to 232"),
     ],
 )
-def test_bad_input_is_one_line(words: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main.main(["bridge", "inspection", *words]) == 2
+def test_bad_input_is_one_line(arguments: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main.main(["bridge", "inspection", *arguments]) == 2
     assert capsys.readouterr().err == f"rpojax: error: {line}\n"
 
 
-def test_the_page_has_every_topic_of_commands_and_the_defaults() -> None:
+def test_the_page_lists_every_command_topic_and_the_defaults() -> None:
     rows = [line.strip("|").split("|") for line in PAGE.splitlines() if line.startswith("| `")]
-    told = [tuple(cell.strip(" `") for cell in row[:3]) for row in rows if len(row) == 4 and "/servicer/" in row[1]]
+    listed = [tuple(cell.strip(" `") for cell in row[:3]) for row in rows if len(row) == 4 and "/servicer/" in row[1]]
     expected = [
         (stage.value, topic.name, topic.type.replace("/msg/", "/"))
         for stage in ExternalStage
         for topic in COMMAND_TOPICS[stage]
     ]
-    assert told == expected
+    assert listed == expected
     settings = LiveSettings()
     for option, value in (
         ("timeout", settings.timeout_s),
@@ -58,33 +58,35 @@ def test_the_page_has_every_topic_of_commands_and_the_defaults() -> None:
         assert f"`--{option}-s` ({value:g} s)" in PAGE
 
 
-def start(*words: str) -> "subprocess.Popen[str]":
-    return subprocess.Popen([sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+def start(*arguments: str) -> "subprocess.Popen[str]":
+    return subprocess.Popen([sys.executable, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def bridge(domain: int, duration_s: int, *words: str, external: str = "formation,attitude") -> "subprocess.Popen[str]":
-    """A simulator that waits for its node."""
-    options = ["--external", external, "--domain-id", str(domain), "--wait-s", "600", "--json", *words]
+def bridge(
+    domain: int, duration_s: int, *options: str, external: str = "formation,attitude"
+) -> "subprocess.Popen[str]":
+    """Starts a simulator and returns once it waits for its node."""
+    options = ("--external", external, "--domain-id", str(domain), "--wait-s", "600", "--json", *options)
     process = start("-m", "rpojax", "bridge", "inspection", "--set", f"duration_s={duration_s}", *options)
-    until(process, "waiting")
+    read_until(process, "waiting")
     return process
 
 
-def until(simulator: "subprocess.Popen[str]", word: str) -> None:
-    """Reads what the simulator tells up to a line with this word."""
+def read_until(simulator: "subprocess.Popen[str]", word: str) -> None:
+    """Reads the output of the simulator up to a line with this word."""
     assert simulator.stderr is not None
     assert any(word in line for line in simulator.stderr)
 
 
 def kill(node: "subprocess.Popen[str]", simulator: "subprocess.Popen[str]") -> None:
-    """Kills a node when it has flown for a second."""
-    until(simulator, "flying")
+    """Kills a node after one second of the run."""
+    read_until(simulator, "running")
     time.sleep(1.0)
     node.kill()
     node.communicate()
 
 
-def end(process: "subprocess.Popen[str]") -> dict[str, Any]:
+def summary(process: "subprocess.Popen[str]") -> dict[str, Any]:
     return json.loads(process.communicate(timeout=1200)[0])
 
 
@@ -95,38 +97,38 @@ def loopback(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.slow
-def test_the_example_node_flies_a_run_and_no_message_is_lost() -> None:
+def test_the_example_node_controls_a_run_without_losing_messages() -> None:
     simulator = bridge(151, 280, "--timeout-s", "60")
     node = start(str(NODE), "--domain-id", "151")
-    found = end(simulator)
+    found = summary(simulator)
     assert simulator.returncode == 0
     assert found["completed"]
     assert (found["late"], found["ignored"], found["unsent"]) == ({}, {}, 0)
     assert found["received"]["/servicer/wheels/command"] == found["steps"] == 1400
     assert found["received"]["/servicer/thruster/command"] == found["ticks"] == 280
     assert found["metrics"]["delta_v_m_s"] > 0.01
-    assert found["metrics"]["pointing_error_p95_deg"] < 1.0  # half a minute of it before the target is well known
+    assert found["metrics"]["pointing_error_p95_deg"] < 1.0  # half a minute of it before the target is well estimated
     received = json.loads(node.communicate(timeout=60)[0])["received"]
     assert {topic: found["sent"][topic] for topic in received} == received
 
 
 @pytest.mark.slow
-def test_a_node_that_is_killed_is_missed_and_another_takes_its_place() -> None:
+def test_a_second_node_replaces_a_killed_one() -> None:
     simulator = bridge(152, 1500, "--timeout-s", "0.5", "--patience-s", "300")
     kill(start(str(NODE), "--domain-id", "152"), simulator)
     time.sleep(3.0)
     second = start(str(NODE), "--domain-id", "152")
-    found = end(simulator)
+    found = summary(simulator)
     assert found["completed"]
     assert found["late"]
     assert json.loads(second.communicate(timeout=60)[0])["received"]["/servicer/estimate/attitude"] > 0
 
 
 @pytest.mark.slow
-def test_a_run_stops_where_a_late_command_is_to_stop_it() -> None:
+def test_a_late_command_stops_the_run_under_the_stop_policy() -> None:
     simulator = bridge(153, 1500, "--timeout-s", "2", "--on-late", "stop")
     kill(start(str(NODE), "--domain-id", "153"), simulator)
-    found = end(simulator)
+    found = summary(simulator)
     assert simulator.returncode == 4
     assert not found["completed"]
     assert "found no command" in found["stopped"]
@@ -134,13 +136,13 @@ def test_a_run_stops_where_a_late_command_is_to_stop_it() -> None:
 
 
 @pytest.mark.slow
-def test_a_node_that_navigates_is_believed() -> None:
+def test_external_navigation_determines_the_errors() -> None:
     simulator = bridge(154, 280, "--timeout-s", "60", external="navigation")
     node = start(str(NAVIGATION), "--domain-id", "154")
-    found = end(simulator)
+    found = summary(simulator)
     assert (found["completed"], found["late"], found["ignored"]) == (True, {}, {})
     assert set(found["received"].values()) == {280}
-    # 0.1 m along each axis is what the node's estimates are off by, and what they say they are.
+    # The node's estimates have errors of 0.1 m along each axis, as their covariance says.
     assert found["metrics"]["nav_relative_position_error_rms_m"] == pytest.approx(np.sqrt(3.0) * 0.1, rel=0.15)
     assert found["metrics"]["nav_servicer_position_error_rms_m"] == pytest.approx(np.sqrt(3.0), rel=0.15)
     assert found["metrics"]["nees_relative_mean"] == pytest.approx(6.0, rel=0.15)
@@ -148,18 +150,18 @@ def test_a_node_that_navigates_is_believed() -> None:
 
 
 @pytest.mark.slow
-def test_in_real_time_the_run_keeps_the_pace_and_says_its_pictures() -> None:
+def test_real_time_follows_the_wall_clock_and_sends_images() -> None:
     rendered = ("--set", "camera.model=rendered")
     simulator = bridge(155, 40, *rendered, "--real-time", "1", "--timeout-s", "30", external="attitude")
-    pictures = Participant(155).subscriber(topics.IMAGE)
+    images = Participant(155).subscriber(topics.IMAGE)
     node = start(str(NODE), "--stages", "attitude", "--domain-id", "155")
-    found = end(simulator)
+    found = summary(simulator)
     assert found["completed"]
     assert found["ignored"] == {}
     assert found["wall_s"] > 39.9
-    assert len(pictures.take_messages()) == found["sent"]["/servicer/camera/image_raw"] == found["ticks"] == 40
-    assert topics.GPS.name not in found["sent"]  # nobody listens to it
-    # On a busy machine a step may be over before its answer has come.
+    assert len(images.take_messages()) == found["sent"]["/servicer/camera/image_raw"] == found["ticks"] == 40
+    assert topics.GPS.name not in found["sent"]  # no subscriber
+    # On a busy machine a step may end before its answer arrives.
     assert 0 < found["received"]["/servicer/wheels/command"] <= found["steps"] == 200
     assert sum(found["late"].values()) < found["steps"]
     node.communicate(timeout=60)

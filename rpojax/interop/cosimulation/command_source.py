@@ -1,6 +1,6 @@
 """Interface through which a live run gets its commands, and the stand-in that compiles the stages beforehand."""
 
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from rpojax.interop.ros2.tick_messages import TopicMessages
 from rpojax.simulation.external_stages import BurnDecider, ExternalBurn, ExternalOrbitEstimate
 
 
+@runtime_checkable
 class CommandSource(Protocol):
     """Receiver of the messages of a run and source of its commands."""
 

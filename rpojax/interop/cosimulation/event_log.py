@@ -31,7 +31,7 @@ class EventLog:
         self._report(self.ignored[topic.name, reason], f"{topic.name}: ignored, {reason}")
 
     def count_late(self, topic: Topic, time_s: float, fallback: str) -> None:
-        """Counts a command that did not arrive in time; `fallback` says what the simulator does instead."""
+        """Counts a command that did not arrive in time; `fallback` describes what the simulator does instead."""
         self.late[topic.name] += 1
         self._report(self.late[topic.name], f"{topic.name}: no command for {time_s:.1f} s in time, {fallback}")
 

@@ -24,10 +24,10 @@ from rpojax.interop.cosimulation.message_exchange import MessageExchange
 from rpojax.interop.ros2.message_builders import nanoseconds
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation import initial_state
-from rpojax.simulation.metrics import recorded_metrics
 from rpojax.simulation.channels import Channels
 from rpojax.simulation.external_stages import BurnDecider
 from rpojax.simulation.failure import FAILURE_REASONS
+from rpojax.simulation.metrics import recorded_metrics
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class _LiveRun:
         start = jax.jit(initial_state.init, static_argnums=0)(self.scenario, self._params, key)
         self._tick = self._stages.first_tick(start)
         self._messages = LiveMessages(settings, nanoseconds(self.scenario.step_s))
-        self._sends_images = settings.pictures and self.scenario.camera_model == "rendered"
+        self._sends_images = settings.send_images and self.scenario.camera_model == "rendered"
         self._records: dict[str, np.ndarray] = {}
         self.ticks = 0
         self.failure = ""
@@ -192,7 +192,9 @@ class _LiveRun:
         ):
             tick = stages.with_orbit_estimate(tick, estimate)
         decider, burn = (
-            commands.burn_command(time_ns) if ExternalStage.FORMATION in self._external_stages else ("flight_software", NO_BURN)
+            commands.burn_command(time_ns)
+            if ExternalStage.FORMATION in self._external_stages
+            else ("flight_software", NO_BURN)
         )
         guided, motion, values = stages.plan_and_guide(decider, tick, burn)
         commands.publish(self._messages.attitude_reference(values, tick.values))

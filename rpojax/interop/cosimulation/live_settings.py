@@ -41,7 +41,7 @@ class LiveSettings:
         wait_s: time to wait for external nodes at the start; 0 to start at once
         patience_s: time without any command after which the run ends
         real_time_factor: simulated over real time; None for lockstep
-        pictures: whether images of a rendered camera are sent
+        send_images: whether images of a rendered camera are sent
     """
 
     external_stages: frozenset[ExternalStage] = frozenset()
@@ -51,7 +51,7 @@ class LiveSettings:
     wait_s: float = 30.0
     patience_s: float = 30.0
     real_time_factor: float | None = None
-    pictures: bool = True
+    send_images: bool = True
 
     def __post_init__(self) -> None:
         for name, value in (("--timeout-s", self.timeout_s), ("--patience-s", self.patience_s)):

@@ -37,7 +37,7 @@ class MessageExchange:
         }
 
     def publish(self, messages: TopicMessages) -> None:
-        """Sends the messages whose topics this side publishes and somebody has subscribed to."""
+        """Sends the messages on published topics that have subscribers."""
         for topic, build in messages:
             publisher = self._publishers.get(topic.name)
             if publisher is not None and publisher.is_needed:

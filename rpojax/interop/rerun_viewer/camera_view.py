@@ -10,52 +10,48 @@ from PIL import Image
 from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks
 from rpojax.interop.rerun_viewer.scene_3d import ACCEPTED_COLOR, CAMERA, TRUE_COLOR
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
-from rpojax.interop.run_replay import PosedPicture, ReplayedRun
+from rpojax.interop.run_replay import PosedImage, ReplayedRun
 
 _REJECTED_COLOR = (255, 138, 51)
 _TRUE_OUTLINE_COLOR = (130, 138, 150)
 _EMPTY_COLOR = (18, 20, 26)
-_PICTURES_PER_CHUNK = 100
+_IMAGES_PER_CHUNK = 100
 """Encoded images in memory at once."""
 
 
-def add_camera_view(
-    chunks: RrdChunks, run: ReplayedRun[ViewerChannels], pictures: Iterable[PosedPicture] | None
-) -> int:
+def add_camera_view(chunks: RrdChunks, run: ReplayedRun[ViewerChannels], images: Iterable[PosedImage] | None) -> int:
     """Adds the boxes of every tick and the images of a rendered camera; returns the number of images."""
     size = (run.file.camera.width_px, run.file.camera.height_px)
     _add_boxes(chunks, run)
-    if pictures is None:
+    if images is None:
         chunks.add_static(f"{CAMERA}/frame", _encoded_png(Image.new("RGB", size, _EMPTY_COLOR)))
         return 0
     count = 0
-    for times, blobs in _encoded_batches(pictures, size):
+    for times, blobs in _encoded_batches(images, size):
         count += len(times)
         columns = rr.EncodedImage.columns(blob=blobs, media_type=["image/jpeg"] * len(blobs))
         chunks.add(f"{CAMERA}/picture", np.array(times), columns)
     return count
 
 
-def window_in_frame(picture: np.ndarray, window_px: np.ndarray, size: tuple[int, int]) -> Image.Image:
+def window_in_frame(image: np.ndarray, window_px: np.ndarray, size: tuple[int, int]) -> Image.Image:
     """Frame (width, height), empty except for the image of a square window (left, top, side) [px]."""
     left, top, side = (float(value) for value in window_px)
     frame = Image.new("RGB", size, _EMPTY_COLOR)
-    scaled = Image.fromarray(picture).resize((round(side), round(side)), Image.Resampling.BOX)
+    scaled = Image.fromarray(image).resize((round(side), round(side)), Image.Resampling.BOX)
     frame.paste(scaled, (round(left), round(top)))
     return frame
 
 
-def _encoded_batches(
-    pictures: Iterable[PosedPicture], size: tuple[int, int]
-) -> Iterator[tuple[list[float], list[bytes]]]:
+def _encoded_batches(images: Iterable[PosedImage], size: tuple[int, int]) -> Iterator[tuple[list[float], list[bytes]]]:
     times: list[float] = []
     blobs: list[bytes] = []
-    for picture, seen in pictures:
+    for image, seen in images:
         buffer = io.BytesIO()
-        window_in_frame(picture, seen["window_px"], size).save(buffer, format="JPEG", quality=90, subsampling=0)
+        window_in_frame(image, seen["window_px"], size).save(buffer, format="JPEG", quality=90, subsampling=0)
         times.append(float(seen["time_s"]))
         blobs.append(buffer.getvalue())
-        if len(blobs) == _PICTURES_PER_CHUNK:
+        if len(blobs) == _IMAGES_PER_CHUNK:
             yield times, blobs
             times, blobs = [], []
     if blobs:

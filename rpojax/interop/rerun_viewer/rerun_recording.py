@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rpojax.errors import OutputError
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
-from rpojax.interop.run_replay import PosedPicture, ReplayedRun
+from rpojax.interop.run_replay import PosedImage, ReplayedRun
 from rpojax.optional import require_package
 from rpojax.scenario.scenario_digest import scenario_digest
 
@@ -21,13 +21,13 @@ class WrittenRecording:
     Attributes:
         path: of the file
         ticks: number of ticks of the run
-        pictures: number of images of the camera
+        images: number of images of the camera
         size_bytes: of the file
     """
 
     path: Path
     ticks: int
-    pictures: int
+    images: int
     size_bytes: int
 
 
@@ -37,7 +37,7 @@ def require_rerun() -> None:
 
 
 def write_recording(
-    run: ReplayedRun[ViewerChannels], path: Path, pictures: Iterable[PosedPicture] | None = None
+    run: ReplayedRun[ViewerChannels], path: Path, images: Iterable[PosedImage] | None = None
 ) -> WrittenRecording:
     """Writes a run, the images of a rendered camera, and the blueprint of its views.
 
@@ -53,16 +53,16 @@ def write_recording(
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             with rerun_strict_mode():
-                picture_count = _record(run, temporary, pictures)
+                image_count = _record(run, temporary, images)
             temporary.replace(path)
         finally:
             temporary.unlink(missing_ok=True)
     except OSError as error:
         raise OutputError(f"{path}: found {error.strerror or error}, expected a file that can be written") from None
-    return WrittenRecording(path, run.ticks, picture_count, path.stat().st_size)
+    return WrittenRecording(path, run.ticks, image_count, path.stat().st_size)
 
 
-def _record(run: ReplayedRun[ViewerChannels], path: Path, pictures: Iterable[PosedPicture] | None) -> int:
+def _record(run: ReplayedRun[ViewerChannels], path: Path, images: Iterable[PosedImage] | None) -> int:
     """Writes the recording and returns the number of images."""
     from rpojax.interop.rerun_viewer import camera_view, scene_3d, time_plots, viewer_layout
     from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks, write_rrd
@@ -73,9 +73,9 @@ def _record(run: ReplayedRun[ViewerChannels], path: Path, pictures: Iterable[Pos
     plots = time_plots.run_plots(run)
     scene_3d.add_scene(chunks, run)
     time_plots.add_plots(chunks, run, plots)
-    picture_count = camera_view.add_camera_view(chunks, run, pictures)
+    image_count = camera_view.add_camera_view(chunks, run, images)
     write_rrd(chunks, path, APPLICATION, recording_id(run), viewer_layout.blueprint(run, plots))
-    return picture_count
+    return image_count
 
 
 def recording_id(run: ReplayedRun[ViewerChannels]) -> str:

@@ -216,9 +216,9 @@ def camera_info(time_ns: int, detector_image: DetectorImage) -> Any:
     )
 
 
-def image(time_ns: int, picture: np.ndarray) -> Any:
-    """`sensor_msgs/Image` of a picture (h, w, 3), uint8 sRGB codes."""
-    height, width, _ = picture.shape
+def image(time_ns: int, pixels: np.ndarray) -> Any:
+    """`sensor_msgs/Image` of an image (h, w, 3), uint8 sRGB codes."""
+    height, width, _ = pixels.shape
     return message_class("sensor_msgs/msg/Image")(
         header=header_message(time_ns, CAMERA),
         height=height,
@@ -226,13 +226,13 @@ def image(time_ns: int, picture: np.ndarray) -> Any:
         encoding="rgb8",
         is_bigendian=0,
         step=3 * width,
-        data=np.ascontiguousarray(picture).reshape(-1),
+        data=np.ascontiguousarray(pixels).reshape(-1),
     )
 
 
-def compressed_image(time_ns: int, picture: np.ndarray) -> Any:
-    """`sensor_msgs/CompressedImage` of a picture (h, w, 3), uint8 sRGB codes, as PNG, without loss."""
-    _, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+def compressed_image(time_ns: int, pixels: np.ndarray) -> Any:
+    """`sensor_msgs/CompressedImage` of an image (h, w, 3), uint8 sRGB codes, as PNG, without loss."""
+    _, data = cv2.imencode(".png", cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR))
     return message_class("sensor_msgs/msg/CompressedImage")(
         header=header_message(time_ns, CAMERA), format="rgb8; png compressed bgr8", data=data.reshape(-1)
     )

@@ -49,17 +49,17 @@ def resolve_image_storage(camera_model: str, requested: str) -> ImageStorage:
     return images
 
 
-def bag_topics(images: ImageStorage) -> list[Topic]:
+def bag_topics(image_storage: ImageStorage) -> list[Topic]:
     """Topics of a bag, in the order of the table."""
-    image_topic = _IMAGE_TOPICS[images]
+    image_topic = _IMAGE_TOPICS[image_storage]
     return [
         topic for topic in ALL_TOPICS if topic not in (topics.IMAGE, topics.COMPRESSED_IMAGE) or topic == image_topic
     ]
 
 
-def rerendered_images(run: ReplayedRun[RosTickValues]) -> Iterator[np.ndarray]:
+def bag_images(run: ReplayedRun[RosTickValues]) -> Iterator[np.ndarray]:
     """Images (p, p, 3), uint8 sRGB codes, of the rendered camera at every tick, rendered again."""
-    return (picture for picture, _ in run_replay.rerendered_pictures(run, range(run.ticks)))
+    return (image for image, _ in run_replay.rerendered_images(run, range(run.ticks)))
 
 
 def _no_progress(done: int, total: int) -> None:
@@ -68,12 +68,12 @@ def _no_progress(done: int, total: int) -> None:
 
 def run_messages(
     run: ReplayedRun[RosTickValues],
-    images: ImageStorage,
-    pictures: Iterable[np.ndarray] = (),
+    image_storage: ImageStorage,
+    images: Iterable[np.ndarray] = (),
     on_progress: ProgressCallback = _no_progress,
 ) -> Iterator[TimedMessage]:
-    """All messages of a run in the order of time; `pictures` has one for every tick, unless `images` is none."""
-    remaining_pictures = iter(pictures)
+    """All messages of a run in the order of time; `images` has one for every tick, unless `image_storage` is none."""
+    remaining_images = iter(images)
     for number in range(run.ticks):
         values = run.tick(number)
         time_ns = message_builders.nanoseconds(float(values.time_s))
@@ -81,10 +81,10 @@ def run_messages(
             yield TimedMessage(time_ns, topics.TF_STATIC, message_builders.camera_transform(time_ns, values))
         for topic, build in tick_messages(values):
             yield TimedMessage(time_ns, topic, build())
-        if images == ImageStorage.RAW:
-            yield TimedMessage(time_ns, topics.IMAGE, message_builders.image(time_ns, next(remaining_pictures)))
-        elif images == ImageStorage.COMPRESSED:
-            message = message_builders.compressed_image(time_ns, next(remaining_pictures))
+        if image_storage == ImageStorage.RAW:
+            yield TimedMessage(time_ns, topics.IMAGE, message_builders.image(time_ns, next(remaining_images)))
+        elif image_storage == ImageStorage.COMPRESSED:
+            message = message_builders.compressed_image(time_ns, next(remaining_images))
             yield TimedMessage(time_ns, topics.COMPRESSED_IMAGE, message)
         on_progress(number + 1, run.ticks)
 
@@ -105,7 +105,7 @@ def write_run(
     run: ReplayedRun[RosTickValues],
     out: Path,
     storage: BagFormat,
-    images: ImageStorage,
+    image_storage: ImageStorage,
     force: bool,
     on_progress: ProgressCallback = _no_progress,
 ) -> int:
@@ -114,6 +114,6 @@ def write_run(
     Raises:
         RpojaxError: rosbags is not installed, or the folder cannot be written.
     """
-    pictures = () if images == ImageStorage.NONE else rerendered_images(run)
-    messages = run_messages(run, images, pictures, on_progress)
-    return mcap_sqlite3_writer.write_bag(out, storage, bag_topics(images), messages, provenance(run), force)
+    images = () if image_storage == ImageStorage.NONE else bag_images(run)
+    messages = run_messages(run, image_storage, images, on_progress)
+    return mcap_sqlite3_writer.write_bag(out, storage, bag_topics(image_storage), messages, provenance(run), force)

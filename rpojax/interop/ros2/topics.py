@@ -20,7 +20,7 @@ class TopicRate(enum.StrEnum):
     ONCE = "once, at the start"
     TICK = "every tick"
     PRESENT = "every tick with a measurement"
-    PICTURE = "every picture"
+    IMAGE = "every image"
 
 
 @dataclass(frozen=True)
@@ -217,7 +217,7 @@ IMAGE = Topic(
     CAMERA,
     "",
     TopicSource.SENSOR,
-    TopicRate.PICTURE,
+    TopicRate.IMAGE,
     "the image, rgb8",
 )
 COMPRESSED_IMAGE = Topic(
@@ -226,7 +226,7 @@ COMPRESSED_IMAGE = Topic(
     CAMERA,
     "",
     TopicSource.SENSOR,
-    TopicRate.PICTURE,
+    TopicRate.IMAGE,
     "the image, PNG",
 )
 DETECTIONS = Topic(

@@ -17,7 +17,7 @@ from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.interop.rerun_viewer import rerun_recording, scene_3d, time_plots
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
-from rpojax.interop.run_replay import PosedPicture, ReplayedRun
+from rpojax.interop.run_replay import PosedImage, ReplayedRun
 
 CAMERA = "/hill/servicer/camera"
 
@@ -53,7 +53,7 @@ class RecordingReader:
 def write(tmp_path: Path) -> Callable[..., RecordingReader]:
     """Writes a run and reads it back."""
 
-    def made(flight: ReplayedRun[ViewerChannels], shots: Iterable[PosedPicture] | None = None) -> RecordingReader:
+    def made(flight: ReplayedRun[ViewerChannels], shots: Iterable[PosedImage] | None = None) -> RecordingReader:
         return RecordingReader(rerun_recording.write_recording(flight, tmp_path / "run.rrd", shots).path)
 
     return made

@@ -178,8 +178,8 @@ def test_without_a_burn_and_after_it_there_are_no_points(ignition: int, cutoff: 
 
 def test_a_burn_is_two_points_relative_to_the_stamp() -> None:
     command = message_builders.thruster_command(3_500_000_000, 3_000_000_000, 8_250_000_001, 0.03)
-    told = [(each.effort.tolist(), each.time_from_start.sec, each.time_from_start.nanosec) for each in command.points]
-    assert told == [([0.03], -1, 500_000_000), ([0.0], 4, 750_000_001)]
+    points = [(each.effort.tolist(), each.time_from_start.sec, each.time_from_start.nanosec) for each in command.points]
+    assert points == [([0.03], -1, 500_000_000), ([0.0], 4, 750_000_001)]
 
 
 def test_wheel_torques_follow_the_command_within_limits(ros_run: ReplayedRun[RosTickValues]) -> None:

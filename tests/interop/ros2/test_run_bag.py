@@ -79,7 +79,7 @@ def test_images_agree_with_those_rendered_from_the_history(
     rendered_campaign: Campaign, replayed: ReplayedRun[RosTickValues]
 ) -> None:
     rendered = rerender.render_images(replayed.file, 5, RUN, rendered_campaign.history(RUN), range(replayed.ticks))
-    messages = run_bag.run_messages(replayed, ImageStorage.RAW, run_bag.rerendered_images(replayed))
+    messages = run_bag.run_messages(replayed, ImageStorage.RAW, run_bag.bag_images(replayed))
     image_messages = [each.message for each in messages if each.topic is topics.IMAGE]
     for message, (image, _) in zip(image_messages, rendered, strict=True):
         height, width, _ = image.shape
