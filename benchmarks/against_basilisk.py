@@ -1,4 +1,4 @@
-"""Basilisk and rpojax fly the same mission in turn on the same cores; prints by how much one of them is faster.
+"""Speed of rpojax against Basilisk: both simulate the same mission alternately on the same cores.
 
 python -m benchmarks.against_basilisk
 """
@@ -31,22 +31,22 @@ if TYPE_CHECKING:
     from rpojax.scenario.schema import ScenarioFile
 
 ROUNDS = 6
-"""Turns of each simulator; the faster one counts."""
+"""Passes of each simulator; the fastest one counts."""
 
 CHECK_ORBITS = 3
-"""Flown by Basilisk before anything is timed, to show that its mission is one."""
+"""Orbits that Basilisk simulates before anything is timed, to check its mission."""
 
 DISTINCT_RUNS = 16
-"""Dispersed runs that each of Basilisk's processes knows; it begins again with the first after the last."""
+"""Dispersed runs of each Basilisk process, which are repeated in a cycle."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Exit status: 0, 1 where Basilisk does not fly the mission, 2 for a bad option or a missing package."""
+    """Exit status: 0, 1 if Basilisk's mission fails its check, 2 for a bad option or a missing package."""
     try:
-        given = parse_options(argv)
+        options = parse_options(argv)
         peer_version = basilisk_version()
-        restrict_to_cores(given.cores)
-        return compare(given, peer_version)
+        restrict_to_cores(options.cores)
+        return compare(options, peer_version)
     except RpojaxError as error:
         print(f"against_basilisk: {error}", file=sys.stderr)
         return Status.BAD_INPUT
@@ -56,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def parse_options(argv: Sequence[str] | None = None) -> argparse.Namespace:
-    """Command line, checked.
+    """Checked command-line options.
 
     Raises:
         RpojaxError: a value is out of range, or the file for JSON exists.
@@ -68,21 +68,21 @@ def parse_options(argv: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--duration-s", type=float, default=3000.0, metavar="T", help="simulated time of a run [s]")
     parser.add_argument("--batches", type=int, nargs="+", metavar="N", help="of rpojax (default: 128 and 256 per core)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write all figures to a new file")
-    given = parser.parse_args(argv)
-    given.batches = sorted({128 * given.cores, 256 * given.cores}) if given.batches is None else given.batches
-    speed_comparison.check_options(given.cores, cores, given.runs, given.duration_s, given.batches)
-    if given.json is not None:
-        if given.json.exists():
-            raise RpojaxError(f"--json: found {given.json}, expected a file that does not exist yet")
-        output_paths.claim(given.json, force=False)
-    return given
+    options = parser.parse_args(argv)
+    options.batches = sorted({128 * options.cores, 256 * options.cores}) if options.batches is None else options.batches
+    speed_comparison.check_options(options.cores, cores, options.runs, options.duration_s, options.batches)
+    if options.json is not None:
+        if options.json.exists():
+            raise RpojaxError(f"--json: found {options.json}, expected a file that does not exist yet")
+        output_paths.claim(options.json, force=False)
+    return options
 
 
 def restrict_to_cores(cores: int) -> None:
-    """Keeps this process, and those that it starts, to some of its cores; to be called before jax is imported.
+    """Restricts this process, and those that it starts, to some of its cores; to be called before jax is imported.
 
     Raises:
-        RpojaxError: the system cannot do so.
+        RpojaxError: the system does not support it.
     """
     available = available_cores()
     if cores == available:
@@ -93,10 +93,10 @@ def restrict_to_cores(cores: int) -> None:
 
 
 def basilisk_version() -> str:
-    """Version of the installed package.
+    """Version of the installed Basilisk.
 
     Raises:
-        RpojaxError: there is none.
+        RpojaxError: it is not installed.
     """
     try:
         return version("bsk")
@@ -104,42 +104,43 @@ def basilisk_version() -> str:
         raise RpojaxError("bsk: not installed, expected: pip install 'rpojax[validation]'") from None
 
 
-def compare(given: argparse.Namespace, peer_version: str) -> int:
-    """Flies both in turn, prints the table and writes the JSON."""
+def compare(options: argparse.Namespace, peer_version: str) -> int:
+    """Runs both simulators alternately, prints the table and writes the JSON file."""
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
     prepare_jax(cache=False)
     set_loop_fusion_flag(rendered=False)
     begin = time.perf_counter()
-    from rpojax.benchmark import closed_loop_speed, suite
+    from rpojax.benchmark import closed_loop_speed
+    from rpojax.benchmark.platform_info import processor_description
 
     import_s = time.perf_counter() - begin
     from benchmarks import basilisk_inputs, basilisk_peer
-    from rpojax.scenario import scenario_file
+    from rpojax.scenario.loading import scenario_loader
 
-    file = scenario_file.load("inspection", [f"duration_s={given.duration_s}"])
-    print_progress("drawing the runs")
-    inputs = basilisk_inputs.dispersed_inputs(file, given.cores * min(given.runs, DISTINCT_RUNS))
-    with basilisk_peer.started_workers(inputs, given.cores) as peer:
-        print_progress(f"Basilisk flies {CHECK_ORBITS} orbits on each core")
-        proofs = peer.check_mission(CHECK_ORBITS * orbit_period_s(file), CHECK_ORBITS)
-        if faults := [fault for proof in proofs if (fault := proof.failure())]:
-            print(f"against_basilisk: Basilisk does not fly the mission: {faults[0]}", file=sys.stderr)
+    file = scenario_loader.load("inspection", [f"duration_s={options.duration_s}"])
+    print_progress("drawing the dispersed runs")
+    inputs = basilisk_inputs.dispersed_inputs(file, options.cores * min(options.runs, DISTINCT_RUNS))
+    with basilisk_peer.started_workers(inputs, options.cores) as peer:
+        print_progress(f"Basilisk simulates {CHECK_ORBITS} orbits on each core")
+        checks = peer.check_mission(CHECK_ORBITS * orbit_period_s(file), CHECK_ORBITS)
+        if failures := [failure for check in checks if (failure := check.failure())]:
+            print(f"against_basilisk: Basilisk's mission fails its check: {failures[0]}", file=sys.stderr)
             return 1
-        print_progress(f"rpojax compiles for {', '.join(map(str, given.batches))} runs at once")
-        engines = [closed_loop_speed.compile_engine(file, batch) for batch in given.batches]
-        passes = list(alternating_passes(peer, engines, given))
-    ours = speed_comparison.fastest_pass(passes, "rpojax")
-    used = next(engine for engine in engines if engine.capacity == ours.at_once)
+        print_progress(f"rpojax compiles for {', '.join(map(str, options.batches))} runs at once")
+        engines = [closed_loop_speed.compile_engine(file, batch) for batch in options.batches]
+        passes = list(alternating_passes(peer, engines, options))
+    fastest = speed_comparison.fastest_pass(passes, "rpojax")
+    engine = next(engine for engine in engines if engine.capacity == fastest.at_once)
     content = speed_comparison.as_json(
         passes,
-        proofs=proofs,
-        starts={"Basilisk": peer.import_s, "rpojax": import_s, "compile": used.compile_s},
-        where=provenance(given, suite.processor_description(), peer_version),
+        checks=checks,
+        starts={"Basilisk": peer.import_s, "rpojax": import_s, "compile": engine.compile_s},
+        where=provenance(options, processor_description(), peer_version),
     )
     print("\n".join(speed_comparison.report_lines(content)))
-    if given.json is not None:
-        given.json.parent.mkdir(parents=True, exist_ok=True)
-        given.json.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    if options.json is not None:
+        options.json.parent.mkdir(parents=True, exist_ok=True)
+        options.json.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     return 0
 
 
@@ -151,34 +152,34 @@ def orbit_period_s(file: "ScenarioFile") -> float:
 
 
 def alternating_passes(
-    peer: "BasiliskWorkers", engines: Sequence["BatchEngine"], given: argparse.Namespace
+    peer: "BasiliskWorkers", engines: Sequence["BatchEngine"], options: argparse.Namespace
 ) -> Iterator[TimedPass]:
-    """Passes of Basilisk and of every batch of rpojax, again and again; the first ones of rpojax do not count."""
+    """Passes of Basilisk and of every batch of rpojax, alternately; rpojax warms up first."""
     for engine in engines:
         rpojax_pass(engine)
     for _ in range(ROUNDS):
-        flown = [peer.run_pass(given.runs, given.duration_s)]
-        flown += [rpojax_pass(engine) for engine in engines]
-        for one in flown:
+        passes = [peer.run_pass(options.runs, options.duration_s)]
+        passes += [rpojax_pass(engine) for engine in engines]
+        for each in passes:
             print_progress(
-                f"{one.simulator}, {one.at_once} at once: {one.flight_rate:,.0f} run-seconds per second, "
-                f"{one.cpu_rate:,.0f} per second of processor time"
+                f"{each.simulator}, {each.at_once} at once: {each.flight_rate:,.0f} run-seconds per second, "
+                f"{each.cpu_rate:,.0f} per second of processor time"
             )
-        yield from flown
+        yield from passes
 
 
 def rpojax_pass(engine: "BatchEngine") -> TimedPass:
-    """A full batch through the mission, with its channels brought to numpy."""
+    """One pass of a full batch through the mission, with its channels copied to numpy."""
     from rpojax.benchmark import closed_loop_speed
 
     cpu, begin = time.process_time(), time.perf_counter()
-    block = closed_loop_speed.prepare_runs(engine)
+    prepared = closed_loop_speed.prepare_runs(engine)
     ready = time.perf_counter()
-    segments = list(engine.simulate(block))
+    segments = list(engine.simulate(prepared))
     end, cpu_s = time.perf_counter(), time.process_time() - cpu
     simulated = engine.capacity * engine.file.duration_s
-    wanted = np.array(engine.file.formation.desired_position_m, dtype=np.float32)
-    errors = np.linalg.norm(segments[-1].channels["rho_H"][-1] - wanted, axis=-1)
+    desired = np.array(engine.file.formation.desired_position_m, dtype=np.float32)
+    errors = np.linalg.norm(segments[-1].channels["rho_H"][-1] - desired, axis=-1)
     pointing = np.concatenate([segment.channels["pointing_error_deg"] for segment in segments])
     return TimedPass(
         simulator="rpojax",
@@ -194,13 +195,13 @@ def rpojax_pass(engine: "BatchEngine") -> TimedPass:
     )
 
 
-def provenance(given: argparse.Namespace, machine: str, peer_version: str) -> dict[str, Any]:
-    """What was used."""
+def provenance(options: argparse.Namespace, machine: str, peer_version: str) -> dict[str, Any]:
+    """Machine, scenario and versions of the comparison."""
     return {
         "machine": machine,
-        "cores_used": given.cores,
+        "cores_used": options.cores,
         "scenario": "inspection",
-        "duration_s": given.duration_s,
+        "duration_s": options.duration_s,
         "versions": {
             "Basilisk": peer_version,
             "rpojax": __version__,
@@ -211,7 +212,7 @@ def provenance(given: argparse.Namespace, machine: str, peer_version: str) -> di
 
 
 def print_progress(text: str) -> None:
-    """Progress, on stderr."""
+    """Prints a line of progress to standard error."""
     print(f"against_basilisk: {text}", file=sys.stderr, flush=True)
 
 

@@ -1,4 +1,4 @@
-"""The dispersed runs of a scenario as `basilisk_mission` takes them: keys of a reference file, and a few more."""
+"""Inputs of `basilisk_mission` for the dispersed runs of a scenario: keys of a reference file, and some more."""
 
 from typing import Any
 
@@ -9,41 +9,44 @@ from jaxtyping import Array
 from rpojax.campaign import single_run
 from rpojax.core import quaternion
 from rpojax.dispersions import dispersed_values
-from rpojax.physics.plant import PlantParams, Truth
+from rpojax.physics.plant_state import PlantParams, Truth
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation import closed_loop
+from rpojax.simulation import initial_state
+from rpojax.simulation.noise import run_key
 
 SEED = 0
-"""Of the campaign whose runs both simulators fly."""
+"""Seed of the campaign whose runs both simulators simulate."""
 
 
 def dispersed_inputs(file: ScenarioFile, runs: int) -> list[dict[str, Any]]:
-    """Inputs of the first runs of a campaign, in lists for JSON."""
-    static, nominal = single_run.nominal_parameters(file)
+    """Inputs of the first runs of a campaign, as lists for JSON."""
+    scenario, nominal = single_run.nominal_parameters(file)
 
     @jax.jit
-    def one(run_id: Array) -> tuple[PlantParams, Truth, Array]:
-        key = closed_loop.run_key(SEED, run_id)
-        chosen = dispersed_values.apply_to_params(nominal, dispersed_values.draw(file, key, {}))
-        thruster = chosen.plant.thruster
-        push = quaternion.rotate(quaternion.exp(thruster.misalignment), quaternion.normalize(thruster.direction))
-        return chosen.plant, closed_loop.init(static, chosen, key).truth, push
+    def draw_run(run_id: Array) -> tuple[PlantParams, Truth, Array]:
+        key = run_key(SEED, run_id)
+        dispersed = dispersed_values.apply_to_params(nominal, dispersed_values.draw(file, key, {}))
+        thruster = dispersed.plant.thruster
+        force_direction = quaternion.rotate(
+            quaternion.exp(thruster.misalignment), quaternion.normalize(thruster.direction)
+        )
+        return dispersed.plant, initial_state.init(scenario, dispersed, key).truth, force_direction
 
-    told = {
-        "F_told": nominal.plant.thruster.force,
-        "m_told": nominal.plant.servicer.mass,
-        "wanted": np.array(file.formation.desired_position_m),
-        "wanted_elements": desired_elements(file),
+    nominal_inputs = {
+        "F_nominal": nominal.plant.thruster.force,
+        "m_nominal": nominal.plant.servicer.mass,
+        "desired_position": np.array(file.formation.desired_position_m),
+        "desired_elements": desired_elements(file),
     }
-    drawn = (jax.tree.map(np.asarray, one(np.int32(run_id))) for run_id in range(runs))
+    drawn = (jax.tree.map(np.asarray, draw_run(np.int32(run_id))) for run_id in range(runs))
     return [
-        _to_lists({**told, **_plant_inputs(plant), **_initial_state(truth), "thr_dir": push[None]})
-        for plant, truth, push in drawn
+        _to_lists({**nominal_inputs, **_plant_inputs(plant), **_initial_state(truth), "thr_dir": force_direction[None]})
+        for plant, truth, force_direction in drawn
     ]
 
 
 def desired_elements(file: ScenarioFile) -> np.ndarray:
-    """(6,) differences of a/a, e, i, node, perigee and mean anomaly that hold the wanted place behind or ahead."""
+    """(6,) differences of a/a, e, i, node, perigee and mean anomaly at the desired place behind or ahead."""
     return np.array([0.0, 0.0, 0.0, 0.0, 0.0, file.formation.desired_position_m[1] / file.orbit.semi_major_axis_m])
 
 
@@ -82,7 +85,7 @@ def _initial_state(truth: Truth) -> dict[str, Any]:
 
 
 def modified_rodrigues_parameters(q_BN: np.ndarray) -> np.ndarray:
-    """(3,) modified Rodrigues parameters of Basilisk for a unit quaternion (4,) of the package."""
+    """(3,) modified Rodrigues parameters, as Basilisk defines them, of a unit quaternion (4,)."""
     vector = -q_BN[1:] if q_BN[0] >= 0.0 else q_BN[1:]
     return vector / (1.0 + abs(q_BN[0]))
 

@@ -1,4 +1,4 @@
-"""A mission like `inspection` flown by Basilisk with compiled modules only; `against_basilisk` starts it once per core.
+"""A mission like `inspection` in Basilisk with compiled modules only; `against_basilisk` starts it once per core.
 
 Two craft, J2, gravity gradient on both, three wheels, one thruster. Simple navigation at 5 Hz and 1 Hz, pointing at the
 target, feedback at 5 Hz, and a relative orbit control that turns the craft for its burns and back.
@@ -27,26 +27,26 @@ STEP_S, TICK_S = 0.2, 1.0
 """Of dynamics and attitude control; of guidance, orbit control and record, all as in `inspection`."""
 
 TURN_S = 120.0
-"""Before a burn the craft turns so much earlier [s]; a turn of 180 degrees takes most of it."""
+"""Time before a burn at which the craft begins to turn [s]; a turn of 180 degrees takes most of it."""
 
 STIFFNESS, DAMPING = 0.08, 0.5
 """Of the attitude feedback [N m], [N m s]: soft enough for turns of 180 degrees with the wheels' torque limit."""
 
 POSITION_M, VELOCITY_M_S, ANGLE_RAD, RATE_RAD_S = 0.05, 5e-4, 5e-5, 2e-5
-"""Bounds of the navigation's wandering errors: no larger than what filters leave, since there is none here."""
+"""Bounds of the random-walk navigation errors, no larger than those of filtered estimates, as there is no filter."""
 
 _NANOSECONDS = 1_000_000_000
 
 
 @dataclass(frozen=True)
 class SimulatedMission:
-    """What one run was.
+    """Timing and errors of one run.
 
     Attributes:
         setup_s: building and initialising [s]
-        flight_s: from the start until the record is in numpy [s]
+        flight_s: simulation, until its record is in numpy [s]
         cpu_s: processor time of both [s]
-        formation_error_m: (ticks,) distance from the wanted place in the target's Hill frame
+        formation_error_m: (ticks,) distance from the desired position in the target's Hill frame
         pointing_error_deg: (ticks,) angle from the reference attitude
         burn_s: time with thrust [s]
     """
@@ -77,7 +77,7 @@ class Mission(BasiliskSimulation):
         self._add_record()
 
     def record(self) -> Arrays:
-        """Flies from the start to the end without a stop and returns what was recorded once a tick."""
+        """Simulates the mission without interruption and returns what was recorded once per tick."""
         self.sim.ConfigureStopTime(round(self.run.duration_s * _NANOSECONDS))
         self.sim.ExecuteSimulation()
         target, chaser = self.recorders["target"], self.recorders["chaser"]
@@ -104,33 +104,33 @@ class Mission(BasiliskSimulation):
         self._add_gravity_gradient(self.target)
 
     def _navigation(self, craft: Any, task: str, name: str) -> Any:
-        sensed = simpleNav.SimpleNav()
-        sensed.scStateInMsg.subscribeTo(craft.scStateOutMsg)
+        navigation = simpleNav.SimpleNav()
+        navigation.scStateInMsg.subscribeTo(craft.scStateOutMsg)
         bounds = np.repeat([POSITION_M, VELOCITY_M_S, 0.25 * ANGLE_RAD, RATE_RAD_S, 0.0, 0.0], 3)
-        sensed.walkBounds = bounds[:, None].tolist()
-        sensed.PMatrix = np.diag(0.1 * bounds).tolist()
-        sensed.RNGSeed = 1 + (self.seed * 8 + len(self.keep_alive)) % 0x7FFFFFFF
-        self._schedule(task, sensed, name)
-        return sensed
+        navigation.walkBounds = bounds[:, None].tolist()
+        navigation.PMatrix = np.diag(0.1 * bounds).tolist()
+        navigation.RNGSeed = 1 + (self.seed * 8 + len(self.keep_alive)) % 0x7FFFFFFF
+        self._schedule(task, navigation, name)
+        return navigation
 
     def _add_guidance(self) -> None:
-        """Attitude that looks at the target, which the orbit control replaces around a burn."""
-        own, other = (self._navigation(craft, "guidance", f"place of {craft.ModelTag}") for craft in self.pair())
-        looking = locationPointing.locationPointing()
-        looking.pHat_B = [1.0, 0.0, 0.0]
-        looking.scTransInMsg.subscribeTo(own.transOutMsg)
-        looking.scAttInMsg.subscribeTo(own.attOutMsg)
-        looking.scTargetInMsg.subscribeTo(other.transOutMsg)
+        """Adds target pointing, whose attitude the orbit control replaces around a burn."""
+        own, other = (self._navigation(craft, "guidance", f"position of {craft.ModelTag}") for craft in self.pair())
+        target_pointing = locationPointing.locationPointing()
+        target_pointing.pHat_B = [1.0, 0.0, 0.0]
+        target_pointing.scTransInMsg.subscribeTo(own.transOutMsg)
+        target_pointing.scAttInMsg.subscribeTo(own.attOutMsg)
+        target_pointing.scTargetInMsg.subscribeTo(other.transOutMsg)
         orbit = spacecraftReconfig.spacecraftReconfig()
         orbit.mu, orbit.attControlTime = float(self.inputs["mu"]), TURN_S
-        orbit.targetClassicOED = self.inputs["wanted_elements"].tolist()
+        orbit.targetClassicOED = self.inputs["desired_elements"].tolist()
         orbit.chiefTransInMsg.subscribeTo(other.transOutMsg)
         orbit.deputyTransInMsg.subscribeTo(own.transOutMsg)
-        orbit.attRefInMsg.subscribeTo(looking.attRefOutMsg)
-        orbit.thrustConfigInMsg.subscribeTo(self._keep(self._thruster_as_told()))
-        self.body_message = self._keep(self._body_as_told())
+        orbit.attRefInMsg.subscribeTo(target_pointing.attRefOutMsg)
+        orbit.thrustConfigInMsg.subscribeTo(self._keep(self._nominal_thruster_message()))
+        self.body_message = self._keep(self._nominal_body_message())
         orbit.vehicleConfigInMsg.subscribeTo(self.body_message)
-        self._schedule("guidance", looking, "looking")
+        self._schedule("guidance", target_pointing, "target pointing")
         self._schedule("guidance", orbit, "orbit control")
         self.orbit_control = orbit
 
@@ -142,35 +142,35 @@ class Mission(BasiliskSimulation):
         self.keep_alive.append(message)
         return message
 
-    def _thruster_as_told(self) -> Any:
+    def _nominal_thruster_message(self) -> Any:
         fswSetupThrusters.clearSetup()
-        fswSetupThrusters.create([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], float(self.inputs["F_told"]))
+        fswSetupThrusters.create([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], float(self.inputs["F_nominal"]))
         return fswSetupThrusters.writeConfigMessage()
 
-    def _body_as_told(self) -> Any:
+    def _nominal_body_message(self) -> Any:
         payload = messaging.VehicleConfigMsgPayload()
-        payload.ISCPntB_B, payload.massSC = self.inputs["I"].ravel().tolist(), float(self.inputs["m_told"])
+        payload.ISCPntB_B, payload.massSC = self.inputs["I"].ravel().tolist(), float(self.inputs["m_nominal"])
         return messaging.VehicleConfigMsg().write(payload)
 
     def _add_control(self) -> None:
-        sensed = self._navigation(self.chaser, "control", "attitude")
+        navigation = self._navigation(self.chaser, "control", "attitude")
         error = attTrackingError.attTrackingError()
-        error.attNavInMsg.subscribeTo(sensed.attOutMsg)
+        error.attNavInMsg.subscribeTo(navigation.attOutMsg)
         error.attRefInMsg.subscribeTo(self.orbit_control.attRefOutMsg)
         control = mrpFeedback.mrpFeedback()
         control.K, control.P, control.Ki, control.integralLimit = STIFFNESS, DAMPING, -1.0, 0.1
         control.guidInMsg.subscribeTo(error.attGuidOutMsg)
         control.vehConfigInMsg.subscribeTo(self.body_message)
-        share = rwMotorTorque.rwMotorTorque()
-        share.controlAxes_B = np.eye(3).ravel().tolist()
-        share.rwParamsInMsg.subscribeTo(self._keep(self._wheels_as_told()))
-        share.vehControlInMsg.subscribeTo(control.cmdTorqueOutMsg)
-        self._wheel_effector().rwMotorCmdInMsg.subscribeTo(share.rwMotorTorqueOutMsg)
-        for name, model in {"error": error, "control": control, "share": share}.items():
+        wheel_torque = rwMotorTorque.rwMotorTorque()
+        wheel_torque.controlAxes_B = np.eye(3).ravel().tolist()
+        wheel_torque.rwParamsInMsg.subscribeTo(self._keep(self._wheel_message()))
+        wheel_torque.vehControlInMsg.subscribeTo(control.cmdTorqueOutMsg)
+        self._wheel_effector().rwMotorCmdInMsg.subscribeTo(wheel_torque.rwMotorTorqueOutMsg)
+        for name, model in {"error": error, "control": control, "wheel torque": wheel_torque}.items():
             self._schedule("control", model, name)
         self.error = error
 
-    def _wheels_as_told(self) -> Any:
+    def _wheel_message(self) -> Any:
         payload, count = messaging.RWArrayConfigMsgPayload(), self.inputs["gs"].shape[0]
         payload.GsMatrix_B = self.inputs["gs"].ravel().tolist()
         payload.JsList, payload.uMax = self.inputs["Js"].tolist(), self.inputs["u_max"].tolist()
@@ -191,19 +191,19 @@ class Mission(BasiliskSimulation):
         self.keep_alive.append(config)
 
     def _add_record(self) -> None:
-        heard = {
+        messages = {
             "target": self.target.scStateOutMsg,
             "chaser": self.chaser.scStateOutMsg,
             "error": self.error.attGuidOutMsg,
             "thruster": self.thruster.thrusterOutMsgs[0],
         }
-        self.recorders = {name: message.recorder(round(TICK_S * _NANOSECONDS)) for name, message in heard.items()}
+        self.recorders = {name: message.recorder(round(TICK_S * _NANOSECONDS)) for name, message in messages.items()}
         for recorder in self.recorders.values():
             self.sim.AddModelToTask("record", recorder)
 
 
 def simulate_mission(inputs: Arrays, duration_s: float, seed: int) -> SimulatedMission:
-    """Builds one run, flies it, brings its record to numpy and looks at it."""
+    """Builds and simulates one run, copies its record to numpy and evaluates it."""
     cpu, begin = time.process_time(), time.perf_counter()
     mission = Mission(inputs, duration_s, seed)
     mission.sim.InitializeSimulation()
@@ -214,7 +214,7 @@ def simulate_mission(inputs: Arrays, duration_s: float, seed: int) -> SimulatedM
         setup_s=ready - begin,
         flight_s=end - ready,
         cpu_s=cpu_s,
-        formation_error_m=np.linalg.norm(add_hill_position(record)["rho"] - inputs["wanted"], axis=1),
+        formation_error_m=np.linalg.norm(add_hill_position(record)["rho"] - inputs["desired_position"], axis=1),
         pointing_error_deg=np.rad2deg(4.0 * np.arctan(np.linalg.norm(record["sigma_error"], axis=1))),
         burn_s=float(np.sum(record["thrust"])) * TICK_S,
     )

@@ -1,4 +1,4 @@
-"""Processes of `basilisk_worker`, one per core, given the same orders at the same time."""
+"""Processes of `basilisk_worker`, one per core, that get the same requests at the same time."""
 
 import json
 import subprocess
@@ -19,39 +19,40 @@ _ROOT = Path(__file__).parents[1]
 
 @dataclass(frozen=True)
 class BasiliskWorkers:
-    """Basilisk, ready to fly.
+    """Worker processes of Basilisk, ready to simulate.
 
     Attributes:
         workers: one process per core
-        import_s: the slowest process took to import what it needs [s]
+        import_s: time that the slowest process took for its imports [s]
     """
 
     workers: list["subprocess.Popen[str]"]
     import_s: float
 
     def check_mission(self, duration_s: float, orbits: int) -> list[MissionCheck]:
-        """A run on each core over some orbits, of `duration_s` together; also warms the processes up."""
-        flown = self._request(1, duration_s)
+        """One run per core over some orbits, `duration_s` in all; also warms the processes up."""
+        results = self._request(1, duration_s)
         return [
             MissionCheck(orbits, run["formation_error_last_peak_m"], run["pointing_error_last_deg"], run["burn_s"])
-            for (run,) in flown
+            for (run,) in results
         ]
 
     def run_pass(self, runs: int, duration_s: float) -> TimedPass:
-        """Some runs one after the other on each core."""
-        flown = self._request(runs, duration_s)
-        every = [run for one in flown for run in one]
+        """Timing of `runs` runs on each core, one after the other."""
+        results = self._request(runs, duration_s)
+        all_runs = [run for core in results for run in core]
+        simulated_s = runs * duration_s
         return TimedPass(
             simulator="Basilisk",
-            at_once=len(flown),
-            runs=len(every),
+            at_once=len(results),
+            runs=len(all_runs),
             duration_s=duration_s,
-            flight_rate=sum(runs * duration_s / sum(run["flight_s"] for run in one) for one in flown),
-            whole_rate=sum(runs * duration_s / sum(run["setup_s"] + run["flight_s"] for run in one) for one in flown),
-            cpu_s=sum(run["cpu_s"] for run in every),
-            setup_s=float(np.mean([run["setup_s"] for run in every])),
-            formation_error_m=float(np.median([run["formation_error_m"] for run in every])),
-            pointing_error_deg=float(np.median([run["pointing_error_deg"] for run in every])),
+            flight_rate=sum(simulated_s / sum(run["flight_s"] for run in core) for core in results),
+            whole_rate=sum(simulated_s / sum(run["setup_s"] + run["flight_s"] for run in core) for core in results),
+            cpu_s=sum(run["cpu_s"] for run in all_runs),
+            setup_s=float(np.mean([run["setup_s"] for run in all_runs])),
+            formation_error_m=float(np.median([run["formation_error_m"] for run in all_runs])),
+            pointing_error_deg=float(np.median([run["pointing_error_deg"] for run in all_runs])),
         )
 
     def _request(self, runs: int, duration_s: float) -> list[list[dict[str, Any]]]:
@@ -62,7 +63,7 @@ class BasiliskWorkers:
 
 @contextmanager
 def started_workers(inputs: Sequence[dict[str, Any]], cores: int) -> Iterator[BasiliskWorkers]:
-    """Processes that have imported Basilisk and have their share of the runs; they end with the context."""
+    """Context with processes that have imported Basilisk and received their part of the runs."""
     command = [sys.executable, "-m", "benchmarks.basilisk_worker"]
     workers: list[subprocess.Popen[str]] = []
     try:
@@ -77,7 +78,7 @@ def started_workers(inputs: Sequence[dict[str, Any]], cores: int) -> Iterator[Ba
 
 
 def _start(command: list[str]) -> "subprocess.Popen[str]":
-    """A process of its own session: an interrupt is for the one that gives the orders."""
+    """Starts a process in a session of its own, so that an interrupt reaches only the parent."""
     pipe = subprocess.PIPE
     return subprocess.Popen(command, cwd=_ROOT, stdin=pipe, stdout=pipe, text=True, start_new_session=True)
 

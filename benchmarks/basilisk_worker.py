@@ -1,7 +1,7 @@
-"""A process that flies missions of Basilisk one after the other, as told by lines of JSON on stdin.
+"""A process that simulates missions in Basilisk one after the other, as requested by lines of JSON on standard input.
 
-First line: a list of the inputs of its runs. It answers `{"import_s": ...}` when it can begin. Every further line,
-`{"duration_s": ..., "runs": ...}`, is answered by a list with one entry per run. Answers go to stdout, one line each.
+The first line is a list of the inputs of its runs. It answers `{"import_s": ...}` when it is ready. Every further line,
+`{"duration_s": ..., "runs": ...}`, is answered by a list with one entry per run. Answers are lines of standard output.
 """
 
 import time
@@ -22,36 +22,35 @@ from benchmarks.basilisk_mission import SimulatedMission  # noqa: E402
 _IMPORT_S = time.perf_counter() - _BEGIN
 
 
-def summary(flight: SimulatedMission) -> dict[str, Any]:
-    """What the comparison wants to know of a run; `last` is the last third of it."""
-    formation, pointing = flight.formation_error_m, flight.pointing_error_deg
+def summarise(mission: SimulatedMission) -> dict[str, Any]:
+    """Figures of a run for the comparison; `last` is its last third."""
+    formation, pointing = mission.formation_error_m, mission.pointing_error_deg
     last = slice(-max(len(formation) // 3, 1), None)
     return {
-        "setup_s": flight.setup_s,
-        "flight_s": flight.flight_s,
-        "cpu_s": flight.cpu_s,
+        "setup_s": mission.setup_s,
+        "flight_s": mission.flight_s,
+        "cpu_s": mission.cpu_s,
         "formation_error_m": float(formation[-1]),
         "formation_error_last_peak_m": float(np.max(formation[last])),
         "pointing_error_deg": float(np.median(pointing)),
         "pointing_error_last_deg": float(np.median(pointing[last])),
-        "burn_s": flight.burn_s,
+        "burn_s": mission.burn_s,
     }
 
 
 def main() -> None:
-    """Answers until stdin ends; what Basilisk itself prints goes to stderr."""
+    """Answers requests until standard input ends; output of Basilisk itself goes to standard error."""
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     inputs = [{key: np.array(value) for key, value in run.items()} for run in json.loads(sys.stdin.readline())]
     print(json.dumps({"import_s": _IMPORT_S}), file=answers, flush=True)
     for line in sys.stdin:
-        order = json.loads(line)
+        request = json.loads(line)
         results = []
-        for number in range(order["runs"]):
+        for number in range(request["runs"]):
             gc.collect()
-            results.append(
-                summary(basilisk_mission.simulate_mission(inputs[number % len(inputs)], order["duration_s"], number))
-            )
+            mission = basilisk_mission.simulate_mission(inputs[number % len(inputs)], request["duration_s"], number)
+            results.append(summarise(mission))
         print(json.dumps(results), file=answers, flush=True)
 
 

@@ -1,4 +1,4 @@
-"""Settings that jax reads once: a host device per core, and nothing compiled taken from disk."""
+"""Settings that jax reads once: one host device per core, and no compilation cache."""
 
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 

@@ -1,4 +1,4 @@
-"""Where the time of the closed loop goes, by named scope of the tick, on one device; prints a Markdown table.
+"""Profile of the closed loop by named scope of the tick, on one device; prints a Markdown table.
 
 python benchmarks/profile_scopes.py [--batch 256] [--scenario inspection] [--set KEY=VALUE]...
 """
@@ -22,11 +22,11 @@ from rpojax.campaign.execution.batch_engine import BatchEngine  # noqa: E402
 from rpojax.errors import RpojaxError  # noqa: E402
 
 FUNCTION_LOOPS = "functions"
-"""Loops of which XLA makes a function: plant steps, for the most part."""
+"""Scope of short loops that XLA compiles as functions: plant steps, for the most part."""
 
 
 def events(folder: Path) -> Iterator[tuple[str, int]]:
-    """Name and duration [ns] of everything that a trace holds."""
+    """Name and duration [ns] of every event of a trace."""
     for path in folder.rglob("*.xplane.pb"):
         for plane in jax.profiler.ProfileData.from_file(str(path)).planes:
             for line in plane.lines:
@@ -35,21 +35,21 @@ def events(folder: Path) -> Iterator[tuple[str, int]]:
 
 
 def profile(engine: BatchEngine) -> list[tuple[str, int, int]]:
-    """Scope, instructions started and time [ns] of each part of one pass of a batch; other parts of the host left out.
+    """Scope, instructions started and time [ns] of one pass of a batch, without other work of the host.
 
-    A loop's or a branch's own time is that of what it holds, so only that is counted. Of a short loop XLA makes a
-    function that it calls, and tells nothing of what is in it.
+    The time of a loop or a branch is that of the instructions in it, so only these are counted. A short loop that XLA
+    compiles as a function is one instruction, since the profile does not show its content.
     """
     closed_loop_speed.time_pass(engine)
-    text = closed_loop_speed.loop_program(engine).as_text()
+    text = engine.loop_program.as_text()
     found = operation_count.instructions(text)
     scope_of = {each.name: each.scope for each in found if not each.contains_instructions}
     scope_of |= {each.name: FUNCTION_LOOPS for each in found if each.opcode == "call"}
-    ready = closed_loop_speed.prepare_runs(engine)
+    prepared = closed_loop_speed.prepare_runs(engine)
     time_ns, started = Counter[str](), Counter[str]()
     with tempfile.TemporaryDirectory() as folder:
         with jax.profiler.trace(folder):
-            closed_loop_speed.simulate_runs(engine, ready)
+            closed_loop_speed.simulate_runs(engine, prepared)
         for name, duration in events(Path(folder)):
             if scope := scope_of.get(name):
                 time_ns[scope] += duration
@@ -61,7 +61,7 @@ def profile(engine: BatchEngine) -> list[tuple[str, int, int]]:
 
 
 def main() -> None:
-    """Flies a batch on one device under the profiler."""
+    """Simulates a batch on one device under the profiler."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--batch", type=int, default=256)
     parser.add_argument("--scenario", default="inspection")

@@ -1,16 +1,16 @@
-"""Speed of the closed loop's kernels on all devices: bare orbits, and the orbit filter by batch size."""
+"""Speed of kernels of the closed loop on all devices: orbit propagation, and the orbit filter by batch size."""
 
 import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from rpojax.benchmark import filter_speed, orbit_speed
-from rpojax.scenario import scenario_file
+from rpojax.scenario.loading import scenario_loader
 
 
 @pytest.mark.parametrize("vehicles", [256, orbit_speed.DEFAULT_VEHICLES, 4096])
 def test_orbits(benchmark: BenchmarkFixture, vehicles: int) -> None:
     program = orbit_speed.compile_propagation(vehicles)
-    benchmark.group = "orbits with J2, by vehicles on a device"
+    benchmark.group = "orbit propagation with J2, by vehicles on a device"
     benchmark.pedantic(program.run, warmup_rounds=1, rounds=6)
     assert benchmark.stats is not None
     total = vehicles * len(program.inputs) * orbit_speed.DEFAULT_STEPS
@@ -23,7 +23,7 @@ def test_orbits(benchmark: BenchmarkFixture, vehicles: int) -> None:
 
 @pytest.mark.parametrize("batch", [1, *filter_speed.DEFAULT_BATCHES])
 def test_filter(benchmark: BenchmarkFixture, batch: int) -> None:
-    program = filter_speed.compile_filter(scenario_file.load("inspection"), batch)
+    program = filter_speed.compile_filter(scenario_loader.load("inspection"), batch)
     benchmark.group = "orbit filter, by runs on a device"
     benchmark.pedantic(program.run, warmup_rounds=1, rounds=6)
     assert benchmark.stats is not None

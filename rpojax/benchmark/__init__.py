@@ -1,1 +1,1 @@
-"""Floor 7: what `rpojax bench` measures."""
+"""Speed of the closed loop, its kernels and the rendered camera on this machine, as `rpojax bench` measures it."""

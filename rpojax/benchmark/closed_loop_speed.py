@@ -1,4 +1,4 @@
-"""Speed of the closed loop: simulated seconds per second for batches of runs, with the time to compile beside it."""
+"""Speed of the closed loop: simulated seconds per second for batches of runs, and its compilation time."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -11,8 +11,8 @@ from rpojax.benchmark import compile_time, timing
 from rpojax.benchmark.timing import REPEATS, ElapsedTime
 from rpojax.campaign.execution import batch_engine
 from rpojax.campaign.execution.batch_engine import BatchEngine, PreparedRuns
-from rpojax.dispersions import designs
-from rpojax.dispersions.designs import RunRange
+from rpojax.dispersions.designs import experiment_design
+from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.errors import RpojaxError
 from rpojax.scenario.schema import ScenarioFile
 
@@ -23,23 +23,23 @@ REFERENCE_RUN_S = 3000.0
 """Duration of the runs that are counted per hour [s]."""
 
 RECOMMENDED_BELOW = 0.9
-"""Another block size is recommended where a run takes at most this share of its time with the default one."""
+"""Another block size is recommended if a run takes at most this fraction of its time with the default one."""
 
 
 @dataclass(frozen=True)
 class ClosedLoopSpeed:
-    """One batch size.
+    """Speed of one batch size.
 
     Attributes:
         batch: runs at once
         devices: devices that share them
         compile_s: tracing and compiling both programs [s]
-        loop_compile_s: of that, what XLA takes for the loop [s]
-        compile_cached_s: the same in a later process, which finds them in the cache [s]
+        loop_compile_s: XLA's part of it for the loop [s]
+        compile_cached_s: the same as `compile_s` in a later process, from the cache [s]
         run_s: fastest pass through the scenario [s]
-        cpu_s: what it took of the processor [s]
+        cpu_s: processor time of that pass [s]
         run_seconds_per_s: simulated seconds, summed over the runs, per second
-        runs_per_hour: runs of `LONG_RUN_S` per hour
+        runs_per_hour: runs of `REFERENCE_RUN_S` per hour
     """
 
     batch: int
@@ -54,18 +54,18 @@ class ClosedLoopSpeed:
 
 
 def default_batch(file: ScenarioFile) -> int:
-    """Runs that a campaign takes at once on this machine."""
+    """Runs that a campaign simulates at once on this machine."""
     return batch_engine.default_block_size(file) * len(jax.devices())
 
 
 def default_batches(file: ScenarioFile) -> tuple[int, ...]:
-    """Batch sizes that are measured unless others are asked for; pictures leave no room for large ones."""
+    """Batch sizes measured by default; large ones are left out for rendered cameras, which take too long."""
     fixed = DEFAULT_BATCHES[:1] if file.camera.model == "rendered" else DEFAULT_BATCHES
     return tuple(sorted({*fixed, default_batch(file)}))
 
 
 def check_batches(batches: Sequence[int]) -> None:
-    """Refuses batch sizes that make no sense.
+    """Refuses an empty list and batch sizes that are not positive.
 
     Raises:
         RpojaxError: there is no batch, or one is not positive.
@@ -75,58 +75,53 @@ def check_batches(batches: Sequence[int]) -> None:
 
 
 def compile_engine(file: ScenarioFile, batch: int, devices: Sequence[Any] | None = None) -> BatchEngine:
-    """Compiled engine that takes `batch` runs at once, spread evenly over the devices."""
+    """Compiled engine that simulates `batch` runs at once, divided evenly among the devices."""
     used = list(jax.devices() if devices is None else devices)[:batch]
     size = -(-batch // len(used))
-    ready = BatchEngine(file, size, used, design=designs.make_design(file, 0, RunRange(0, size * len(used))))
-    ready.compile()
-    return ready
+    design = experiment_design.make_design(file, 0, RunRange(0, size * len(used)))
+    engine = BatchEngine(file, size, used, design=design)
+    engine.compile()
+    return engine
 
 
 def prepare_runs(engine: BatchEngine) -> PreparedRuns:
     """A full batch of runs, ready on the devices."""
-    runs = engine.prepare(0, np.arange(engine.capacity))
-    jax.block_until_ready(runs.device_inputs)
-    return runs
+    prepared = engine.prepare(0, np.arange(engine.capacity))
+    jax.block_until_ready(prepared.device_inputs)
+    return prepared
 
 
-def simulate_runs(engine: BatchEngine, runs: PreparedRuns) -> None:
-    """Carries a batch to the end of the scenario and its channels to the host."""
-    for _ in engine.simulate(runs):
+def simulate_runs(engine: BatchEngine, prepared: PreparedRuns) -> None:
+    """Simulates a batch to the end of the scenario and copies its channels to the host."""
+    for _ in engine.simulate(prepared):
         pass
 
 
 def time_pass(engine: BatchEngine) -> ElapsedTime:
-    """What one pass of a full batch through the scenario takes."""
-    runs = prepare_runs(engine)
-    return timing.time_call(lambda: simulate_runs(engine, runs))
-
-
-def loop_program(engine: BatchEngine) -> Any:
-    """The compiled closed loop of the first device, to look into: its text and what XLA counts in it."""
-    assert engine._programs is not None
-    return engine._programs[1][0]
+    """Time of one pass of a full batch through the scenario, without its preparation."""
+    prepared = prepare_runs(engine)
+    return timing.time_call(lambda: simulate_runs(engine, prepared))
 
 
 def measure_batch(engine: BatchEngine, batch: int, compile_cached_s: float, repeats: int = REPEATS) -> ClosedLoopSpeed:
-    """Fastest of some passes, after one that does not count."""
-    taken = timing.fastest_pass(lambda: time_pass(engine), repeats)
-    rate = batch * engine.file.duration_s / taken.wall_s
+    """Speed of one batch size, from its fastest pass."""
+    elapsed = timing.fastest_pass(lambda: time_pass(engine), repeats)
+    rate = batch * engine.file.duration_s / elapsed.wall_s
     return ClosedLoopSpeed(
         batch=batch,
         devices=len(engine.devices),
         compile_s=engine.compile_s,
         loop_compile_s=engine.loop_compile_s,
         compile_cached_s=compile_cached_s,
-        run_s=taken.wall_s,
-        cpu_s=taken.cpu_s,
+        run_s=elapsed.wall_s,
+        cpu_s=elapsed.cpu_s,
         run_seconds_per_s=rate,
         runs_per_hour=3600.0 * rate / REFERENCE_RUN_S,
     )
 
 
 def measure(file: ScenarioFile, batches: Sequence[int] = DEFAULT_BATCHES) -> dict[str, Any]:
-    """Speeds of all batch sizes; the headline is that of the fastest batch.
+    """Speeds of all batch sizes as JSON, with those of the fastest batch at the top.
 
     Raises:
         RpojaxError: there is no batch, or one is not positive.
@@ -134,8 +129,8 @@ def measure(file: ScenarioFile, batches: Sequence[int] = DEFAULT_BATCHES) -> dic
     check_batches(batches)
     speeds = []
     for batch in batches:
-        ready, again_s = compile_time.compile_cold_and_cached(lambda batch=batch: compile_engine(file, batch))
-        speeds.append(measure_batch(ready, batch, again_s))
+        engine, cached_s = compile_time.compile_cold_and_cached(lambda batch=batch: compile_engine(file, batch))
+        speeds.append(measure_batch(engine, batch, cached_s))
     best = max(speeds, key=lambda entry: entry.run_seconds_per_s)
     return {
         **asdict(best),
@@ -148,12 +143,12 @@ def measure(file: ScenarioFile, batches: Sequence[int] = DEFAULT_BATCHES) -> dic
 
 
 def recommended_block_size(speeds: Sequence[ClosedLoopSpeed], default: int) -> int | None:
-    """Runs per device and block that are worth asking for instead of the default, if one was measured.
+    """Block size of the fastest batch, if it is clearly faster than the default one.
 
-    `default` is the batch that the default block size makes; without its speed there is nothing to compare with.
+    `default` is the batch of the default block size; without its speed there is no recommendation.
     """
-    usual = next((entry for entry in speeds if entry.batch == default), None)
+    default_speed = next((entry for entry in speeds if entry.batch == default), None)
     best = max(speeds, key=lambda entry: entry.run_seconds_per_s)
-    if usual is None or usual.run_seconds_per_s > RECOMMENDED_BELOW * best.run_seconds_per_s:
+    if default_speed is None or default_speed.run_seconds_per_s > RECOMMENDED_BELOW * best.run_seconds_per_s:
         return None
     return -(-best.batch // best.devices)

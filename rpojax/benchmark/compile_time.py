@@ -1,4 +1,4 @@
-"""Compiling for the first time and again, with a cache of compiled programs that nobody else uses."""
+"""Compilation time with an empty cache and with a filled one, in a compilation cache of the benchmark's own."""
 
 import os
 import tempfile
@@ -21,11 +21,14 @@ _SETTINGS = (
 
 @contextmanager
 def temporary_cache() -> Iterator[Path]:
-    """Compiled programs are kept in a new folder, as the command line keeps them in the user's, and then thrown away.
+    """Context with compilation and trace caches in a temporary folder, in place of those of the process.
 
-    What the process has compiled so far is forgotten when it begins.
+    At its begin, compiled programs in memory are dropped.
     """
-    before, kept = [getattr(jax.config, name) for name in _SETTINGS], os.environ.get(trace_cache.FOLDER_VARIABLE)
+    before, trace_folder = (
+        [getattr(jax.config, name) for name in _SETTINGS],
+        os.environ.get(trace_cache.FOLDER_VARIABLE),
+    )
     with tempfile.TemporaryDirectory(prefix="rpojax-bench-") as folder:
         try:
             _configure_cache(folder, 0.0, -1)
@@ -35,23 +38,23 @@ def temporary_cache() -> Iterator[Path]:
         finally:
             _configure_cache(*before)
             os.environ.pop(trace_cache.FOLDER_VARIABLE, None)
-            if kept is not None:
-                os.environ[trace_cache.FOLDER_VARIABLE] = kept
+            if trace_folder is not None:
+                os.environ[trace_cache.FOLDER_VARIABLE] = trace_folder
 
 
 def _configure_cache(*values: object) -> None:
     for name, value in zip(_SETTINGS, values, strict=True):
         jax.config.update(name, value)
-    # The cache is opened once, at the first compilation, and would stay where it was.
+    # jax opens its cache once, at the first compilation, and would keep the former folder.
     compilation_cache.reset_cache()
 
 
-def compile_cold_and_cached(prepare: Callable[[], BatchEngine]) -> tuple[BatchEngine, float]:
-    """A compiled engine, compiled anew, and how long the next process takes to get the same one from the cache [s].
+def compile_cold_and_cached(compile_engine: Callable[[], BatchEngine]) -> tuple[BatchEngine, float]:
+    """An engine compiled with an empty cache, and the time to compile it again from the cache [s].
 
-    Tracing is part of both times. Forgetting what the process has compiled stands for a new process.
+    Tracing is part of both times. Dropping the programs in memory stands for a new process.
     """
     with temporary_cache():
-        engine = prepare()
+        engine = compile_engine()
         jax.clear_caches()
-        return engine, prepare().compile_s
+        return engine, compile_engine().compile_s

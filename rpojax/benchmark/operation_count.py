@@ -1,7 +1,4 @@
-"""What a compiled program does, by its optimised text: its instructions, and the part of the tick that they belong to.
-
-The text is XLA's own; nothing here is asked of JAX beyond `Compiled.as_text`.
-"""
+"""Instructions of a compiled program, parsed from its optimised HLO text, with the stage of the tick of each."""
 
 import re
 from dataclasses import dataclass
@@ -10,10 +7,10 @@ SCOPES = ("draw", "sense", "navigate", "plan_burn", "guide", "act", "check", "ob
 """Named scopes of a tick, in their order."""
 
 OTHER = "other"
-"""Where an instruction belongs that comes from no scope: the loop over ticks, its counters, channels put in place."""
+"""Scope of instructions outside of all named scopes: the loop over ticks, its counters, writing of channels."""
 
 COPIES = "copies"
-"""Where a copy belongs that the compiler has added: of what a loop carries, from one place in memory to another."""
+"""Scope of copies that the compiler adds, between buffers of values that a loop carries."""
 
 _COMPUTATION = re.compile(r"(?:ENTRY )?%?([\w.\-]+) \(.*\{\s*$")
 _INSTRUCTION = re.compile(r"\s+(?:ROOT )?%?([\w.\-]+) = .*?[\s)}\]]([a-z][\w\-]*)\(")
@@ -26,11 +23,11 @@ _CONTROL_FLOW_OPCODES = {"while", "conditional", "call"}
 
 @dataclass(frozen=True)
 class Instruction:
-    """One instruction that is carried out by itself: not a part of a fusion, and not one without work.
+    """One instruction that is executed by itself, neither part of a fusion nor without work.
 
     Attributes:
         name: as in a profile
-        kind: such as fusion or copy
+        opcode: such as fusion or copy
         scope: one of `SCOPES`, `OTHER` or `COPIES`
     """
 
@@ -45,14 +42,14 @@ class Instruction:
 
 
 def instructions(text: str) -> list[Instruction]:
-    """Instructions of a program's optimised text."""
-    inner = _fused_computations(text)
-    found, inside = [], False
+    """Instructions of a program's optimised HLO text (`Compiled.as_text`)."""
+    fused = _fused_computations(text)
+    found, inside_fused = [], False
     for line in text.splitlines():
-        if begun := _COMPUTATION.match(line):
-            inside = begun[1] in inner
-        elif not inside and (made := _INSTRUCTION.match(line)) and made[2] not in _WORKLESS_OPCODES:
-            found.append(Instruction(name=made[1], opcode=made[2], scope=_scope(made[2], line)))
+        if begin := _COMPUTATION.match(line):
+            inside_fused = begin[1] in fused
+        elif not inside_fused and (match := _INSTRUCTION.match(line)) and match[2] not in _WORKLESS_OPCODES:
+            found.append(Instruction(name=match[1], opcode=match[2], scope=_scope(match[2], line)))
     return found
 
 
@@ -60,16 +57,16 @@ def _fused_computations(text: str) -> set[str]:
     """Names of the computations that are parts of an instruction: of a fusion, a reduction, a sort."""
     names = set()
     for line in text.splitlines():
-        made = _INSTRUCTION.match(line)
-        if made and made[2] not in _CONTROL_FLOW_OPCODES:
+        match = _INSTRUCTION.match(line)
+        if match and match[2] not in _CONTROL_FLOW_OPCODES:
             names |= set(_CALLED_COMPUTATION.findall(line))
     return names
 
 
-def _scope(kind: str, line: str) -> str:
-    """The innermost named scope that an instruction's origin tells."""
+def _scope(opcode: str, line: str) -> str:
+    """The innermost named scope in the metadata of an instruction."""
     origin = _OP_NAME.search(line)
-    if origin is None and kind == "copy":
+    if origin is None and opcode == "copy":
         return COPIES
     names = _SCOPE.findall(origin[1]) if origin else []
     return names[-1] if names else OTHER

@@ -1,4 +1,4 @@
-"""Speed of bare orbits: vehicles under J2, step by step, as many at once as a core's fast memory holds."""
+"""Speed of orbit propagation with J2: many vehicles at once, by classical Runge-Kutta steps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,23 +8,22 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from rpojax.benchmark import timing
-from rpojax.benchmark.timing import DeviceProgram
+from rpojax.benchmark.multi_device_program import MultiDeviceProgram, compile_for_devices
 from rpojax.core.constants import MU_EARTH, RADIUS_EARTH, ZONALS_EARTH
 
 Vectors = Float[Array, "3 n"]
 
 DEFAULT_VEHICLES = 1024
-"""Per device."""
+"""Vehicles per device: as many as a core's fast memory holds."""
 DEFAULT_STEPS = 10_000
 STEP_S = 0.2
 
-_POLE = np.array([[1.0], [1.0], [3.0]])
+_POLAR_FACTORS = np.array([[1.0], [1.0], [3.0]])
 
 
 @dataclass(frozen=True)
 class OrbitSpeed:
-    """Bare orbits.
+    """Speed of orbit propagation.
 
     Attributes:
         vehicles: at once, on all devices together
@@ -33,7 +32,7 @@ class OrbitSpeed:
         step_s: length of a step, four force evaluations [s]
         compile_s: tracing and compiling [s]
         run_s: fastest pass [s]
-        cpu_s: what it took of the processor [s]
+        cpu_s: processor time of that pass [s]
         vehicle_steps_per_s: steps of all vehicles per second
     """
 
@@ -48,21 +47,21 @@ class OrbitSpeed:
 
 
 def j2_gravity(r_N: Vectors) -> Vectors:
-    """Gravity [m/s^2] with J2 at the positions [m] of many vehicles, the vehicles in the last axis.
+    """Gravity [m/s^2] with J2 at the positions [m] of many vehicles, vehicles in the last axis.
 
-    The same as `orbital_mechanics.gravity` at degree 2 without its differences. One reciprocal root for a vehicle is
-    all that XLA stores; written with a sum over the components it stores as much again, in another order.
+    Equal to `zonal_gravity.gravity` at degree 2 without its differences. XLA stores only one reciprocal root per
+    vehicle; written as a sum over the components, the radius would be stored too, in another layout.
     """
     square = r_N[0:1] * r_N[0:1] + r_N[1:2] * r_N[1:2] + r_N[2:3] * r_N[2:3]
     inverse = jax.lax.rsqrt(square)
     inverse2 = inverse * inverse
     oblateness = 1.5 * ZONALS_EARTH[0] * RADIUS_EARTH**2 * inverse2
     sine2 = r_N[2:3] * r_N[2:3] * inverse2
-    return -MU_EARTH * inverse * inverse2 * (1.0 + oblateness * (_POLE - 5.0 * sine2)) * r_N
+    return -MU_EARTH * inverse * inverse2 * (1.0 + oblateness * (_POLAR_FACTORS - 5.0 * sine2)) * r_N
 
 
 def rk4_step(r_N: Vectors, v_N: Vectors, dt: float) -> tuple[Vectors, Vectors]:
-    """Positions and velocities after one classical Runge-Kutta step, written out: rolled up it takes twice as long."""
+    """Positions and velocities after one classical Runge-Kutta step, unrolled, as a loop over its stages is slower."""
     half = 0.5 * dt
     a1 = j2_gravity(r_N)
     v2 = v_N + half * a1
@@ -75,7 +74,7 @@ def rk4_step(r_N: Vectors, v_N: Vectors, dt: float) -> tuple[Vectors, Vectors]:
 
 
 def initial_orbits(vehicles: int) -> tuple[np.ndarray, np.ndarray]:
-    """Positions [m] and velocities [m/s] (3, vehicles) all along an inclined circular orbit at 7000 km."""
+    """Positions [m] and velocities [m/s] (3, vehicles), evenly spaced along an inclined circular orbit at 7000 km."""
     angle = np.linspace(0.0, 2.0 * np.pi, vehicles, endpoint=False)
     radius, inclination = 7.0e6, np.radians(51.6)
     speed = np.sqrt(MU_EARTH / radius)
@@ -89,25 +88,25 @@ def initial_orbits(vehicles: int) -> tuple[np.ndarray, np.ndarray]:
 
 def compile_propagation(
     vehicles: int = DEFAULT_VEHICLES, steps: int = DEFAULT_STEPS, devices: Sequence[Any] | None = None
-) -> DeviceProgram:
-    """Program that carries so many vehicles on each device through so many steps."""
+) -> MultiDeviceProgram:
+    """Program that propagates `vehicles` vehicles on each device through `steps` steps."""
     used = list(jax.devices() if devices is None else devices)
 
-    def carried(r_N: Vectors, v_N: Vectors) -> tuple[Vectors, Vectors]:
-        def body(at: tuple[Vectors, Vectors], _: None) -> tuple[tuple[Vectors, Vectors], None]:
-            return rk4_step(*at, STEP_S), None
+    def propagate(r_N: Vectors, v_N: Vectors) -> tuple[Vectors, Vectors]:
+        def body(state: tuple[Vectors, Vectors], _: None) -> tuple[tuple[Vectors, Vectors], None]:
+            return rk4_step(*state, STEP_S), None
 
         return jax.lax.scan(body, (r_N, v_N), None, length=steps)[0]
 
-    return timing.compile_for_devices(carried, [initial_orbits(vehicles)] * len(used), used)
+    return compile_for_devices(propagate, [initial_orbits(vehicles)] * len(used), used)
 
 
 def measure(
     vehicles: int = DEFAULT_VEHICLES, steps: int = DEFAULT_STEPS, devices: Sequence[Any] | None = None
 ) -> OrbitSpeed:
-    """Steps per second of so many vehicles on each device, carried through so many steps."""
+    """Steps per second of `vehicles` vehicles on each device, propagated through `steps` steps."""
     program = compile_propagation(vehicles, steps, devices)
-    taken = program.fastest_pass()
+    elapsed = program.fastest_pass()
     total = vehicles * len(program.inputs)
     return OrbitSpeed(
         vehicles=total,
@@ -115,7 +114,7 @@ def measure(
         steps=steps,
         step_s=STEP_S,
         compile_s=program.compile_s,
-        run_s=taken.wall_s,
-        cpu_s=taken.cpu_s,
-        vehicle_steps_per_s=total * steps / taken.wall_s,
+        run_s=elapsed.wall_s,
+        cpu_s=elapsed.cpu_s,
+        vehicle_steps_per_s=total * steps / elapsed.wall_s,
     )

@@ -1,4 +1,4 @@
-"""Speed of the rendered camera: pictures of the packaged target, and looks of the packaged detector at them."""
+"""Speed of the rendered camera: images of the packaged target, and detections in them by the packaged detector."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,41 +9,41 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.benchmark import timing
-from rpojax.benchmark.timing import DeviceProgram
+from rpojax.benchmark.multi_device_program import MultiDeviceProgram, compile_for_devices
 from rpojax.campaign import single_run
 from rpojax.campaign.execution import batch_engine
 from rpojax.core import random_streams
 from rpojax.core.pytree import replace
-from rpojax.scenario import scenario_file
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.params import Params
-from rpojax.scenario.scenario_file import Scenario
+from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import rendered_camera
-from rpojax.simulation import camera_models, closed_loop
+from rpojax.simulation import camera_models
 from rpojax.simulation.state import State
-from rpojax.vision.detector import two_stage_detector
+from rpojax.simulation.step_stages import sun_and_moon_at
+from rpojax.vision.detector import box_decoding, two_stage_detector
 
 _RANGE_M = 30.0
-"""Where the packaged mission keeps station."""
+"""Range at which the packaged mission keeps station."""
 
 
 @dataclass(frozen=True)
 class VisionSpeed:
-    """Pictures as they are flown.
+    """Speed of rendering and detection for a batch of images as in a campaign.
 
     Attributes:
-        batch: pictures at once, on all devices together
+        batch: images at once, on all devices together
         devices: devices that share them
-        side_px: of a picture
+        side_px: width and height of an image
         range_m: of the target
         render_compile_s: tracing and compiling [s]
         detect_compile_s: the same of the detector [s]
         render_s: fastest pass of a batch [s]
-        render_cpu_s: what it took of the processor [s]
-        detect_s: the same of the detector [s]
-        detect_cpu_s: what it took of the processor [s]
-        frames_per_s: pictures rendered per second
-        detections_per_s: pictures looked at per second
+        render_cpu_s: processor time of that pass [s]
+        detect_s: fastest pass of the detector [s]
+        detect_cpu_s: processor time of that pass [s]
+        frames_per_s: images rendered per second
+        detections_per_s: images searched by the detector per second
     """
 
     batch: int
@@ -62,57 +62,57 @@ class VisionSpeed:
 
 def compile_camera_and_detector(
     size: int | None = None, devices: Sequence[Any] | None = None
-) -> tuple[DeviceProgram, DeviceProgram]:
-    """Program that takes `size` pictures on each device, and one that looks at them for boxes.
+) -> tuple[MultiDeviceProgram, MultiDeviceProgram]:
+    """Program that renders `size` images on each device, and one that detects boxes in them.
 
-    By default they are as many as a campaign's block has.
+    By default they are as many as a block of a campaign has.
     """
     used = list(jax.devices() if devices is None else devices)
     place = f"[0.0, -{_RANGE_M}, 0.0]"
-    file = scenario_file.load("inspection", ["camera.model=rendered", f"initial.relative_position_m={place}"])
+    file = scenario_loader.load("inspection", ["camera.model=rendered", f"initial.relative_position_m={place}"])
     size = size or batch_engine.default_block_size(file)
-    static, params, state = single_run.initialise_run(file)
+    scenario, params, state = single_run.initialise_run(file)
     networks = params.networks
     assert networks is not None
-    # One turn of the target for each picture, for matter fills some views more than others.
-    turns = np.random.default_rng(0).standard_normal((len(used), size, 4))
-    turns /= np.linalg.norm(turns, axis=2, keepdims=True)
+    # One random attitude of the target per image, since the cost of an image depends on its content.
+    attitudes = np.random.default_rng(0).standard_normal((len(used), size, 4))
+    attitudes /= np.linalg.norm(attitudes, axis=2, keepdims=True)
     keys = jax.vmap(random_streams.fold_in, in_axes=(None, 0))(random_streams.master_key(0), jnp.arange(size))
-    take = jax.vmap(lambda *own: _render(static, *own), in_axes=(None, None, 0, 0))
-    render = timing.compile_for_devices(take, [(params, state, share, keys) for share in turns], used)
-    shown = [(networks.detector, pictures) for pictures in render.run()]
-    return render, timing.compile_for_devices(jax.vmap(_detect, in_axes=(None, 0)), shown, used)
+    batched_render = jax.vmap(lambda *own: _render(scenario, *own), in_axes=(None, None, 0, 0))
+    render = compile_for_devices(batched_render, [(params, state, q_TN, keys) for q_TN in attitudes], used)
+    arguments = [(networks.detector, images) for images in render.run()]
+    return render, compile_for_devices(jax.vmap(_detect, in_axes=(None, 0)), arguments, used)
 
 
-def _render(static: Scenario, params: Params, state: State, q_TN: Array, key: Array) -> Array:
+def _render(scenario: Scenario, params: Params, state: State, q_TN: Array, key: Array) -> Array:
     truth = replace(state.truth, q_TN=q_TN)
-    sky = closed_loop.sky_at(static, state.tick.astype(jnp.float64) * static.tick_s)
-    view = camera_models.detector_window(static, params, state.flight)
-    return camera_models.render_picture(static, params, view, truth, sky, key, state.tick)
+    sky = sun_and_moon_at(scenario, state.tick.astype(jnp.float64) * scenario.tick_s)
+    window = camera_models.detector_window(scenario, params, state.flight)
+    return camera_models.render_picture(scenario, params, window, truth, sky, key, state.tick)
 
 
-def _detect(weights: two_stage_detector.DetectorParams, picture: Array) -> two_stage_detector.Detections:
-    """Boxes in one picture, as every run looks for them."""
-    return two_stage_detector.detect(weights, picture[None], rendered_camera.REFINED_PROPOSALS)
+def _detect(weights: two_stage_detector.DetectorParams, image: Array) -> box_decoding.Detections:
+    """Boxes in one image, with the settings of the closed loop."""
+    return two_stage_detector.detect(weights, image[None], rendered_camera.REFINED_PROPOSALS)
 
 
 def measure(size: int | None = None, devices: Sequence[Any] | None = None) -> VisionSpeed:
-    """Pictures per second, `size` on each device, by default as many as a campaign's block has."""
-    render, look = compile_camera_and_detector(size, devices)
-    rendered, looked = render.fastest_pass(), look.fastest_pass()
-    pictures = look.inputs[0][1]
-    total = pictures.shape[0] * len(look.inputs)
+    """Images per second, `size` on each device, by default as many as a block of a campaign has."""
+    render, detect = compile_camera_and_detector(size, devices)
+    rendering, detection = render.fastest_pass(), detect.fastest_pass()
+    images = detect.inputs[0][1]
+    total = images.shape[0] * len(detect.inputs)
     return VisionSpeed(
         batch=total,
-        devices=len(look.inputs),
-        side_px=pictures.shape[1],
+        devices=len(detect.inputs),
+        side_px=images.shape[1],
         range_m=_RANGE_M,
         render_compile_s=render.compile_s,
-        detect_compile_s=look.compile_s,
-        render_s=rendered.wall_s,
-        render_cpu_s=rendered.cpu_s,
-        detect_s=looked.wall_s,
-        detect_cpu_s=looked.cpu_s,
-        frames_per_s=total / rendered.wall_s,
-        detections_per_s=total / looked.wall_s,
+        detect_compile_s=detect.compile_s,
+        render_s=rendering.wall_s,
+        render_cpu_s=rendering.cpu_s,
+        detect_s=detection.wall_s,
+        detect_cpu_s=detection.cpu_s,
+        frames_per_s=total / rendering.wall_s,
+        detections_per_s=total / detection.wall_s,
     )

@@ -1,4 +1,4 @@
-"""How much the compiled closed loop does: bounds on what XLA counts in it, which no busy machine can change."""
+"""Bounds on the operations of the compiled closed loop, which do not depend on the load of the machine."""
 
 import json
 import os
@@ -15,26 +15,29 @@ from rpojax.benchmark import operation_count
 from rpojax.benchmark.operation_count import COPIES, OTHER, SCOPES, Instruction
 from rpojax.flight.computer import Stages
 from rpojax.scenario.params import Params
-from rpojax.scenario.scenario_file import Scenario
-from rpojax.simulation import closed_loop, telemetry
+from rpojax.scenario.static_settings import Scenario
+from rpojax.simulation import initial_state
+from rpojax.simulation.channels import Channels, compute_channels
+from rpojax.simulation.noise import run_key
+from rpojax.simulation.step import step
 
 RUNS = 64
-"""On one device; larger batches do the same operations for each run."""
+"""Batch size on one device; larger batches have the same operations per run."""
 
-MOST_FLOPS_PER_RUN = 29_000.0
-"""Floating-point operations of a tick and run as `cost_analysis` counts them, the bodies of inner loops once.
+MAX_FLOPS_PER_RUN = 29_000.0
+"""Floating-point operations per tick and run from `cost_analysis`, which counts the bodies of inner loops once.
 
 A fifth above the 24,149 that this test counts (JAX 0.10.2 on a CPU).
 """
 
-MOST_INSTRUCTIONS = 940
-"""Instructions of the optimised program, a fused one being one: each of them is started once a tick or more often.
+MAX_INSTRUCTIONS = 940
+"""Instructions of the optimised program, fusions counted once; each is started at least once per tick.
 
 A fifth above the 779 that this test counts (JAX 0.10.2 on a CPU).
 """
 
-MOST_MULTIPLICATIONS = 2520
-"""A fifth above the 2091 of the compiled loop; recomputing across stage borders takes several times as many."""
+MAX_MULTIPLICATIONS = 2520
+"""A fifth above the 2091 of the compiled loop; recomputation across stages takes several times as many."""
 
 COUNT = """
 import json, sys
@@ -44,24 +47,24 @@ prepare_jax(cache=False)
 set_loop_fusion_flag(rendered=False)
 import jax
 import rpojax
-from rpojax.benchmark import closed_loop_speed, operation_count
+from rpojax.benchmark import operation_count
 from rpojax.campaign.execution.batch_engine import BatchEngine
 
 runs = int(sys.argv[1])
 engine = BatchEngine(rpojax.load("inspection"), runs, jax.devices()[:1])
 engine.compile()
-loop = closed_loop_speed.loop_program(engine)
+loop = engine.loop_program
 text = loop.as_text()
 counts = len(operation_count.instructions(text)), text.count(" multiply(")
 print(json.dumps([loop.cost_analysis()["flops"] / runs, *counts]))
 """
-"""Compiles the loop as the verbs do, with flags that hold for a whole process."""
+"""Compiles the loop as the commands do, with flags that apply to a whole process."""
 
 
 @pytest.fixture(scope="module")
 def counted() -> tuple[float, int, int]:
     """Floating-point operations of a run and tick, instructions and multiplications of the compiled closed loop."""
-    # What is counted is settled before LLVM begins.
+    # The counts do not depend on the optimisation by LLVM, which these flags reduce.
     environment = {**os.environ, "XLA_FLAGS": fast_compile_flags.FLAGS[0]}
     environment["PYTHONPATH"] = str(Path(rpojax.__file__).parents[1])
     words = [sys.executable, "-c", COUNT, str(RUNS)]
@@ -70,30 +73,30 @@ def counted() -> tuple[float, int, int]:
     return flops, instructions, multiplications
 
 
-def test_a_tick_takes_no_more_operations_than_it_needs(counted: tuple[float, int, int]) -> None:
-    assert 0.0 < counted[0] < MOST_FLOPS_PER_RUN
+def test_floating_point_operations_per_tick_are_bounded(counted: tuple[float, int, int]) -> None:
+    assert 0.0 < counted[0] < MAX_FLOPS_PER_RUN
 
 
-def test_a_tick_takes_no_more_instructions_than_it_needs(counted: tuple[float, int, int]) -> None:
-    assert 0 < counted[1] < MOST_INSTRUCTIONS
+def test_instructions_per_tick_are_bounded(counted: tuple[float, int, int]) -> None:
+    assert 0 < counted[1] < MAX_INSTRUCTIONS
 
 
-def test_the_compiled_loop_does_not_recompute(counted: tuple[float, int, int]) -> None:
-    assert 0 < counted[2] < MOST_MULTIPLICATIONS
+def test_multiplications_of_the_loop_are_bounded(counted: tuple[float, int, int]) -> None:
+    assert 0 < counted[2] < MAX_MULTIPLICATIONS
 
 
-def test_every_scope_is_one_of_the_tick(inspection: Scenario, inspection_params: Params) -> None:
-    def first(params: Params) -> tuple[telemetry.Channels, jax.Array]:
-        state = closed_loop.init(inspection, params, closed_loop.run_key(0, 0))
-        after, seen = closed_loop.tick(Stages(), inspection, params, state)
-        return telemetry.compute_channels(inspection, params, seen), after.tick
+def test_every_scope_occurs_in_the_tick(inspection: Scenario, inspection_params: Params) -> None:
+    def first_tick(params: Params) -> tuple[Channels, jax.Array]:
+        state = initial_state.init(inspection, params, run_key(0, 0))
+        after, seen = step(inspection, params, state, Stages())
+        return compute_channels(inspection, params, seen), after.tick
 
-    traced = jax.make_jaxpr(first)(inspection_params)
+    traced = jax.make_jaxpr(first_tick)(inspection_params)
     names = {part for equation in traced.eqns for part in str(equation.source_info.name_stack).split("/")}
     assert set(SCOPES) <= names
 
 
-def test_instructions_are_those_that_are_carried_out_by_themselves() -> None:
+def test_parts_of_fusions_and_instructions_without_work_are_left_out() -> None:
     text = """HloModule m, entry_computation_layout={(f64[2]{0})->f64[]}
 
 %fused_computation.1 (p: f64[2]) -> f64[2] {
