@@ -1,4 +1,4 @@
-"""Where a training is, in a file, so that a call that was interrupted goes on."""
+"""Checkpoints of a training: a tree of arrays and its progress in one file."""
 
 import json
 from pathlib import Path
@@ -12,13 +12,13 @@ from rpojax.vision.weight_files import WeightsError, read_tensors, write_tensors
 
 
 def write_checkpoint(path: Path, key: str, content: Any, progress: Any) -> None:
-    """Writes a tree of arrays and what JSON can hold; `key` tells which training it is of."""
+    """Writes a tree of arrays and a progress that JSON can hold; `key` identifies the training."""
     leaves = {f"{index:04d}": np.asarray(leaf) for index, leaf in enumerate(jax.tree.leaves(content))}
     write_tensors(path, leaves, {"key": key, "progress": json.dumps(progress)})
 
 
 def read_checkpoint(path: Path, key: str, like: Any) -> tuple[Any, Any] | None:
-    """Arrays in the tree of `like`, and progress; None where there is no whole checkpoint of this training."""
+    """Arrays in the tree of `like`, and progress; None without an intact checkpoint of the training."""
     if not path.is_file():
         return None
     try:

@@ -1,4 +1,4 @@
-"""Bounding boxes: the message between a detector, real or modelled, and the flight software."""
+"""Bounding boxes: projection of a hull, clipping to the frame, intersection over union."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -9,7 +9,7 @@ from rpojax.vision.pinhole import Intrinsics, project
 
 @pytree
 class BoundingBox:
-    """One frame's bounding box.
+    """Bounding box of one frame: what a detector, or a model of one, passes to the flight software.
 
     Attributes:
         edges: (4,) left, top, right, bottom [px]
@@ -42,13 +42,13 @@ def intersection_over_union(a: Float[Array, "4"], b: Float[Array, "4"]) -> Float
 
 
 def projected_box(intrinsics: Intrinsics, hull_K: Float[Array, "n 3"]) -> Float[Array, "4"]:
-    """Box [px] around the projected hull vertices [m], not yet cut by the frame."""
+    """Box [px] around the projected hull vertices [m], not clipped to the frame."""
     pixels = project(intrinsics, hull_K)
     return jnp.concatenate([jnp.min(pixels, axis=1), jnp.max(pixels, axis=1)])
 
 
 def clip_to_frame(edges: Float[Array, "4"], width_px: int, height_px: int) -> tuple[Float[Array, "4"], Array]:
-    """Box cut to the frame, and whether the cut changed it."""
+    """Box clipped to the frame, and whether that changed it."""
     limits = jnp.array([width_px, height_px, width_px, height_px], dtype=edges.dtype)
     clipped = jnp.clip(edges, 0.0, limits)
     return clipped, jnp.any(clipped != edges, axis=0)
@@ -57,5 +57,5 @@ def clip_to_frame(edges: Float[Array, "4"], width_px: int, height_px: int) -> tu
 def touches_border(
     edges: Float[Array, "4"], low: Float[Array, "4"], high: Float[Array, "4"], margin: Array | float = 1.0
 ) -> Array:
-    """Whether an edge is within a margin [px] of the limits that a detector sees no further than."""
+    """Whether an edge is within a margin [px] of the limits of the image, so that the box may be truncated."""
     return jnp.any((edges[:2] < low[:2] + margin) | (edges[2:] > high[2:] - margin), axis=0)

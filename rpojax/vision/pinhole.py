@@ -1,6 +1,7 @@
-"""The pinhole camera: pixels of points, and where a box points."""
+"""Pinhole camera with square pixels: intrinsics, projection of points, directions of pixels."""
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
@@ -8,7 +9,7 @@ from rpojax.core.pytree import pytree
 
 @pytree
 class Intrinsics:
-    """Pinhole geometry of a camera with square pixels.
+    """Focal length and principal point.
 
     Attributes:
         focal_px: () focal length [px]
@@ -20,7 +21,7 @@ class Intrinsics:
 
 
 def pinhole_intrinsics(field_of_view: Float[Array, ""], width_px: int, height_px: int) -> Intrinsics:
-    """Lens whose horizontal field of view [rad] spans `width_px` pixels."""
+    """Intrinsics of a camera whose horizontal field of view [rad] spans `width_px` pixels."""
     focal = 0.5 * width_px / jnp.tan(0.5 * field_of_view)
     return Intrinsics(focal_px=focal, center_px=jnp.array([0.5 * width_px, 0.5 * height_px], dtype=jnp.float64))
 
@@ -36,6 +37,10 @@ def project(intrinsics: Intrinsics, points_K: Float[Array, "n 3"]) -> Float[Arra
     )
 
 
-def normalized_coordinates(intrinsics: Intrinsics, pixel: Float[Array, "2"]) -> Float[Array, "2"]:
-    """Tangents (x/z, y/z) of the ray through a pixel."""
-    return (pixel - intrinsics.center_px) / intrinsics.focal_px
+def pixel_directions(size_px: int, field_of_view_deg: float) -> np.ndarray:
+    """Unit vectors (p, p, 3) in camera axes through the pixel centres of a square frame."""
+    place = (np.arange(size_px) + 0.5) / size_px * 2.0 - 1.0
+    x, y = np.meshgrid(place, place)
+    tangent = np.tan(np.radians(0.5 * field_of_view_deg))
+    directions = np.stack([x * tangent, y * tangent, np.ones_like(x)], axis=2)
+    return (directions / np.linalg.norm(directions, axis=2, keepdims=True)).astype(np.float32)

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from rpojax.training.synthetic_data import ray_tracing
-from rpojax.training.synthetic_data.ray_tracing import Views, ViewSampling
-from rpojax.training.synthetic_data.target_mesh import Material, MeshPart, TargetMesh
+from rpojax.training.synthetic_data import ray_traced_views
+from rpojax.training.synthetic_data.meshes.target_mesh import Material, MeshPart, TargetMesh
+from rpojax.training.synthetic_data.ray_traced_views import Views
+from rpojax.training.synthetic_data.view_sampling import ViewSampling
 
 pytest.importorskip("mitsuba")
 trimesh = pytest.importorskip("trimesh")
@@ -22,4 +23,4 @@ def box() -> TargetMesh:
 @pytest.fixture(scope="session")
 def views(box: TargetMesh) -> Views:
     """Small views of the box."""
-    return ray_tracing.ray_trace_views(box, ViewSampling(24, size_px=32, samples=8, seed=5))
+    return ray_traced_views.ray_trace_views(box, ViewSampling(24, size_px=32, samples=8, seed=5))

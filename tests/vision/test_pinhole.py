@@ -3,14 +3,11 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from hypothesis import given
-from numpy_reference import SEEDS
 
 from rpojax.vision import pinhole
 
 lens = jax.jit(pinhole.pinhole_intrinsics, static_argnums=(1, 2))
 project = jax.jit(pinhole.project)
-tangents = jax.jit(pinhole.normalized_coordinates)
 RIGHT_ANGLE = jnp.float64(np.pi / 2)
 
 
@@ -29,12 +26,3 @@ def test_the_field_of_view_spans_the_width_of_the_frame() -> None:
 def test_points_to_the_right_and_below_have_larger_pixels_and_far_points_are_nearer_to_the_middle() -> None:
     pixels = project(lens(RIGHT_ANGLE, 640, 480), np.array([[1.0, 2.0, 4.0], [1.0, 2.0, 8.0], [0.0, 0.0, 1.0]]))
     np.testing.assert_allclose(pixels, [[400.0, 360.0, 320.0], [400.0, 320.0, 240.0]], rtol=1e-14)
-
-
-@given(SEEDS)
-def test_the_tangents_of_a_pixel_are_those_of_the_point_it_shows(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    point = np.array([*rng.uniform(-1, 1, 2), rng.uniform(1, 9)])
-    camera = lens(RIGHT_ANGLE, 640, 480)
-    found = tangents(camera, project(camera, point[None, :])[:, 0])
-    np.testing.assert_allclose(found, point[:2] / point[2], atol=1e-14)

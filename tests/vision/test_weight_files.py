@@ -8,17 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rpojax.vision.radiance_field.field_file import load_field, packaged_field_path, save_field
 from rpojax.vision.radiance_field.initial_grid import initialize_grid
 from rpojax.vision.radiance_field.nerf_field import initialize_nerf
 from rpojax.vision.radiance_field.target_field import RadianceField, density
-from rpojax.vision.weight_files import (
-    WeightsError,
-    load_field,
-    packaged_field_path,
-    read_tensors,
-    save_field,
-    write_tensors,
-)
+from rpojax.vision.weight_files import WeightsError, read_tensors, write_tensors
 
 Tensors = dict[str, np.ndarray]
 

@@ -1,4 +1,4 @@
-"""Average precision of found boxes by COCO's rule: 101 recalls, greedy matches by falling score (Lin et al., 2014)."""
+"""Average precision by the rule of COCO (Lin et al., 2014): 101 recalls, greedy matching by falling score."""
 
 from collections.abc import Sequence
 
@@ -25,44 +25,46 @@ def average_precision(
     ignored_boxes: Sequence[np.ndarray] | None = None,
     thresholds: np.ndarray = IOU_THRESHOLDS,
 ) -> np.ndarray:
-    """Average precision at every threshold of IoU; NaN where there is nothing to find.
+    """Average precision at every threshold of IoU; NaN without true boxes.
 
-    For each picture boxes (n, 4) with scores (n,), and true boxes (m, 4). Finding one that is `ignored` (m,) is neither
-    right nor wrong, and so is a box that matches nothing and is `unasked` (n,), such as one out of the range of sizes.
+    For each image boxes (n, 4) with scores (n,), and true boxes (m, 4). Matches of true boxes in `ignored_truth` (m,)
+    do not count, nor do unmatched boxes in `ignored_boxes` (n,), such as those outside of a range of sizes.
     """
     results = []
     for threshold in thresholds:
         score, right, counted = [], [], []
         for index, real in enumerate(truth):
-            skip = np.zeros(len(real), bool) if ignored_truth is None else ignored_truth[index]
-            idle = np.zeros(len(boxes[index]), bool) if ignored_boxes is None else ignored_boxes[index]
+            ignored = np.zeros(len(real), bool) if ignored_truth is None else ignored_truth[index]
+            unmatched_ignored = np.zeros(len(boxes[index]), bool) if ignored_boxes is None else ignored_boxes[index]
             order = np.argsort(-scores[index], kind="mergesort")
-            matched = _match(pairwise_iou(boxes[index][order], real), skip, float(threshold))
+            matched = _match(pairwise_iou(boxes[index][order], real), ignored, float(threshold))
             hit = matched >= 0
-            of_ignored = np.append(skip, False)[matched]
+            of_ignored = np.append(ignored, False)[matched]
             score.append(scores[index][order])
             right.append(hit & ~of_ignored)
-            counted.append(np.where(hit, ~of_ignored, ~idle[order]))
-        wanted = sum(len(real) for real in truth)
+            counted.append(np.where(hit, ~of_ignored, ~unmatched_ignored[order]))
+        true_count = sum(len(real) for real in truth)
         if ignored_truth is not None:
-            wanted -= sum(int(skip.sum()) for skip in ignored_truth)
+            true_count -= sum(int(ignored.sum()) for ignored in ignored_truth)
         results.append(
-            _mean_interpolated_precision(np.concatenate(score), np.concatenate(right), np.concatenate(counted), wanted)
+            _mean_interpolated_precision(
+                np.concatenate(score), np.concatenate(right), np.concatenate(counted), true_count
+            )
         )
     return np.array(results)
 
 
-def _match(overlap: np.ndarray, skip: np.ndarray, threshold: float) -> np.ndarray:
-    """For every box (n,) the number of the true box that it takes, or -1; those to skip are taken last."""
-    order = np.argsort(skip, kind="mergesort")
+def _match(iou: np.ndarray, ignored: np.ndarray, threshold: float) -> np.ndarray:
+    """Index of the true box matched by each box (n,), or -1; ignored true boxes are matched last."""
+    order = np.argsort(ignored, kind="mergesort")
     taken = np.zeros(len(order), bool)
-    found = np.full(len(overlap), -1)
-    for index, row in enumerate(overlap):
+    found = np.full(len(iou), -1)
+    for index, row in enumerate(iou):
         best, chosen = min(threshold, 1.0 - 1e-10), -1
         for other in order:
             if taken[other]:
                 continue
-            if chosen >= 0 and not skip[chosen] and skip[other]:
+            if chosen >= 0 and not ignored[chosen] and ignored[other]:
                 break
             if row[other] >= best:
                 best, chosen = row[other], other
@@ -72,14 +74,14 @@ def _match(overlap: np.ndarray, skip: np.ndarray, threshold: float) -> np.ndarra
     return found
 
 
-def _mean_interpolated_precision(score: np.ndarray, right: np.ndarray, counted: np.ndarray, wanted: int) -> float:
-    """Mean over 101 recalls of the best precision at that recall or beyond."""
-    if wanted == 0:
+def _mean_interpolated_precision(score: np.ndarray, right: np.ndarray, counted: np.ndarray, true_count: int) -> float:
+    """Mean over 101 recalls of the largest precision at that recall or a larger one."""
+    if true_count == 0:
         return float("nan")
     order = np.argsort(-score, kind="mergesort")
     right, counted = right[order], counted[order]
     hits, misses = np.cumsum(right & counted), np.cumsum(~right & counted)
-    recall = hits / wanted
+    recall = hits / true_count
     precision = hits / np.maximum(hits + misses, 1e-12)
     precision = np.maximum.accumulate(precision[::-1])[::-1]
     place = np.searchsorted(recall, _RECALLS, side="left")

@@ -1,4 +1,4 @@
-"""How well a detector does on a data set: the figures of `rpojax detector evaluate`."""
+"""Evaluation of a detector on a data set: the metrics of `rpojax detector evaluate`."""
 
 import dataclasses
 import itertools
@@ -12,11 +12,11 @@ import numpy as np
 
 from rpojax.training.detector.average_precision import average_precision, pairwise_iou
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
-from rpojax.training.synthetic_data.ray_tracing import batch_slices
-from rpojax.vision.detector.two_stage_detector import SCORE_THRESHOLD, Detections, detect
+from rpojax.vision.detector.box_decoding import Detections
+from rpojax.vision.detector.two_stage_detector import SCORE_THRESHOLD, detect
 
 MIN_SIDE_PX = 16.0
-"""Long side from which a box counts in the headline."""
+"""Least long side of a box that counts in the overall metrics."""
 SIZE_BINS_PX = (0.0, 8.0, 16.0, 24.0, 40.0, 64.0, 1e9)
 BOXES_PER_IMAGE = 8
 _BATCH = 50
@@ -24,7 +24,7 @@ _BATCH = 50
 
 @dataclasses.dataclass(frozen=True)
 class ImageDetections:
-    """What a detector found in pictures: for each boxes (k, 4) left, top, right, bottom [px] and scores (k,)."""
+    """Detections per image: boxes (k, 4) left, top, right, bottom [px] and scores (k,)."""
 
     boxes: list[np.ndarray]
     scores: list[np.ndarray]
@@ -33,18 +33,18 @@ class ImageDetections:
 def detect_images(
     params: Any, images: np.ndarray, detector: Callable[[Any, jax.Array, int], Detections] = detect
 ) -> ImageDetections:
-    """Detections in pictures (n, p, p, 3) of 8 bit sRGB codes, by the whole detector or another one of its kind."""
+    """Detections in images (n, p, p, 3) of 8 bit sRGB codes; `detector` is both networks or the proposals alone."""
     boxes, scores = [], []
-    for chosen in batch_slices(len(images), _BATCH):
-        part = images[chosen]
-        # Always the same number of pictures, so that the program is compiled once.
+    for start in range(0, len(images), _BATCH):
+        part = images[start : start + _BATCH]
+        # Padded to one shape, so that the program is compiled once.
         full = np.concatenate([part, np.zeros((_BATCH - len(part), *part.shape[1:]), np.uint8)])
         result = _detect(detector, params, jnp.asarray(full.astype(np.float32) / 255.0))
         for index in range(len(part)):
             score = np.asarray(result.score[index], np.float64)
-            seen = score > 1e-3
-            scores.append(score[seen])
-            boxes.append(np.asarray(result.box_px[index], np.float64)[seen])
+            kept = score > 1e-3
+            scores.append(score[kept])
+            boxes.append(np.asarray(result.box_px[index], np.float64)[kept])
     return ImageDetections(boxes, scores)
 
 
@@ -61,18 +61,18 @@ def long_side(boxes: np.ndarray) -> np.ndarray:
 def detection_metrics(
     found: ImageDetections, data: DetectionDataset, min_px: float = MIN_SIDE_PX, max_px: float = 1e9
 ) -> dict[str, Any]:
-    """Figures over the true boxes whose long side lies in a range [px].
+    """Metrics over the true boxes whose long side is in a range [px]; boxes outside of it are ignored.
 
-    A box outside of the range is ignored: finding it is neither right nor wrong. `median_iou` and `recall` count
-    misses as 0; `false_alarms_per_empty_frame` are boxes over the threshold where there is nothing.
+    `median_iou` and `recall` count misses as 0; `false_alarms_per_empty_frame` counts boxes over the threshold in
+    images without a spacecraft.
     """
-    ignored = [_outside_size_range(boxes, min_px, max_px) for boxes in data.boxes]
-    unasked = [_outside_size_range(boxes, min_px, max_px) for boxes in found.boxes]
-    precision = average_precision(found.boxes, found.scores, data.boxes, ignored, unasked)
+    ignored_truth = [_outside_size_range(boxes, min_px, max_px) for boxes in data.boxes]
+    ignored_boxes = [_outside_size_range(boxes, min_px, max_px) for boxes in found.boxes]
+    precision = average_precision(found.boxes, found.scores, data.boxes, ignored_truth, ignored_boxes)
     best = []
-    for boxes, scores, real, skip in zip(found.boxes, found.scores, data.boxes, ignored, strict=True):
-        overlap = pairwise_iou(boxes[scores >= SCORE_THRESHOLD], real.astype(np.float64))
-        best += list(np.max(overlap, axis=0, initial=0.0)[~skip])
+    for boxes, scores, real, ignored in zip(found.boxes, found.scores, data.boxes, ignored_truth, strict=True):
+        iou = pairwise_iou(boxes[scores >= SCORE_THRESHOLD], real.astype(np.float64))
+        best += list(np.max(iou, axis=0, initial=0.0)[~ignored])
     empty = [
         int((s >= SCORE_THRESHOLD).sum()) for s, real in zip(found.scores, data.boxes, strict=True) if len(real) == 0
     ]
@@ -88,7 +88,7 @@ def detection_metrics(
 
 
 def evaluation_report(found: ImageDetections, data: DetectionDataset) -> dict[str, Any]:
-    """The headline, and the same figures by apparent size, by background, and for the packaged target and others."""
+    """Overall metrics, and by apparent size, by background, and for the packaged target and others."""
     by_size = {}
     for low, high in itertools.pairwise(SIZE_BINS_PX):
         name = f"{low:g} to {high:g} px" if high < 1e9 else f"from {low:g} px"
@@ -109,7 +109,7 @@ def evaluation_report(found: ImageDetections, data: DetectionDataset) -> dict[st
 def _metrics_by_name(
     names: tuple[str, ...], found: ImageDetections, data: DetectionDataset
 ) -> dict[str, dict[str, Any]]:
-    """Figures of the pictures of each name."""
+    """Metrics of the images of each name."""
     parts = {}
     for name in sorted(set(names)):
         chosen = np.array([i for i, other in enumerate(names) if other == name])
@@ -119,13 +119,13 @@ def _metrics_by_name(
 
 
 def _without_empty_frames(values: dict[str, Any]) -> dict[str, Any]:
-    """Without what does not depend on the size of boxes."""
+    """Metrics without those of empty images, which do not depend on the size of boxes."""
     return {name: value for name, value in values.items() if "empty" not in name}
 
 
-def _outside_size_range(boxes: np.ndarray, least_px: float, most_px: float) -> np.ndarray:
+def _outside_size_range(boxes: np.ndarray, min_px: float, max_px: float) -> np.ndarray:
     side = long_side(boxes)
-    return (side < least_px) | (side >= most_px)
+    return (side < min_px) | (side >= max_px)
 
 
 def _rounded(value: Any) -> float | None:

@@ -1,11 +1,11 @@
-"""A measure of how well boxes agree that has a slope even where they are apart."""
+"""Generalised intersection over union (GIoU), which has a gradient also for disjoint boxes."""
 
 import jax
 import jax.numpy as jnp
 
 
 def generalized_iou(a: jax.Array, b: jax.Array) -> jax.Array:
-    """Generalised intersection over union of boxes (..., 4) (Rezatofighi et al., CVPR 2019)."""
+    """GIoU of boxes (..., 4) (Rezatofighi et al., CVPR 2019)."""
     low, high = jnp.maximum(a[..., :2], b[..., :2]), jnp.minimum(a[..., 2:], b[..., 2:])
     intersection = jnp.prod(jnp.maximum(high - low, 0.0), axis=-1)
     sides_a, sides_b = jnp.maximum(a[..., 2:] - a[..., :2], 0.0), b[..., 2:] - b[..., :2]

@@ -1,7 +1,7 @@
-"""An optimiser for kernels: the step is the momentum with all its singular values made about one.
+"""Muon optimiser: steps along the orthogonalised momentum of a kernel.
 
-Jordan et al., "Muon: an optimizer for hidden layers in neural networks", 2024. On this network it needs far fewer steps
-than Adam.
+Jordan et al., "Muon: an optimizer for hidden layers in neural networks", 2024. On these networks it needs far fewer
+steps than Adam.
 """
 
 from typing import Any
@@ -12,12 +12,12 @@ import optax
 from jaxtyping import Array
 
 _COEFFICIENTS = (3.4445, -4.7750, 2.0315)
-"""Of an odd polynomial that, applied five times, takes singular values from 0.01 to 1 to near one."""
+"""Of the odd polynomial of a Newton-Schulz step; five steps take singular values in 0.01..1 to near one."""
 _ITERATIONS = 5
 
 
 def scale_by_muon(momentum: float) -> optax.GradientTransformation:
-    """Steps along the orthogonalised gradient with Nesterov momentum, for kernels (..., in, out)."""
+    """Transformation of gradients to orthogonalised steps with Nesterov momentum, for kernels (..., in, out)."""
 
     def initialize(params: Any) -> Any:
         return jax.tree.map(jnp.zeros_like, params)
@@ -32,7 +32,7 @@ def scale_by_muon(momentum: float) -> optax.GradientTransformation:
 
 
 def orthogonalize(kernel: Array) -> Array:
-    """A kernel (..., in, out), seen as a matrix of `out` columns, with singular values near one."""
+    """A kernel (..., in, out) as a matrix of `out` columns, with its singular values moved near one (Newton-Schulz)."""
     first, second, third = _COEFFICIENTS
     matrix = kernel.reshape(-1, kernel.shape[-1])
     tall = matrix.shape[0] >= matrix.shape[1]

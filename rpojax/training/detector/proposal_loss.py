@@ -1,4 +1,4 @@
-"""Training of the detector's first look: focal loss on heat, GIoU and distance loss on edges."""
+"""Loss of the proposal network: focal loss of the heatmap, GIoU and distance loss of the edges."""
 
 from typing import Any
 
@@ -6,7 +6,8 @@ import jax
 import jax.numpy as jnp
 
 from rpojax.training.detector.giou_loss import generalized_iou
-from rpojax.vision.detector.proposal_network import NETWORK, STRIDE, maps_from_channels
+from rpojax.vision.detector.box_decoding import STRIDE, maps_from_channels
+from rpojax.vision.detector.proposal_network import NETWORK
 
 _HEAT_SIGMA_FRACTION = 0.12
 _MIN_HEAT_SIGMA_PX = 2.0
@@ -16,7 +17,7 @@ _MIN_EDGE_HEAT = 0.3
 def proposal_loss(
     params: dict[str, Any], frozen: Any, key: jax.Array, images: jax.Array, boxes: jax.Array, weight: jax.Array
 ) -> jax.Array:
-    """Loss of the network's parameters; see `descent.Loss`."""
+    """Loss of the network's parameters; see `training_loop.Loss`."""
     del frozen, key
     return maps_loss(NETWORK.apply({"params": params}, images), boxes, weight)  # pyright: ignore[reportArgumentType]
 
@@ -32,40 +33,41 @@ def maps_loss(raw: jax.Array, boxes: jax.Array, weight: jax.Array) -> jax.Array:
 def _image_loss(
     heat: jax.Array, edges: jax.Array, raw: jax.Array, boxes: jax.Array, weight: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
+    """Sums over the cells of an image of the heat loss and of the edge loss."""
     rows, columns = heat.shape
     x = ((jnp.arange(columns, dtype=jnp.float32) + 0.5) * STRIDE)[None, :]
     y = ((jnp.arange(rows, dtype=jnp.float32) + 0.5) * STRIDE)[None, :]
     left, top, right, bottom = (boxes[:, i, None] for i in range(4))
-    # One axis at a time (m, cells): a bell, the cell that holds the middle, and the cells that the box covers.
-    bells, middles, covers = [], [], []
+    # For each axis (m, cells): a Gaussian, the cell of the centre, and the cells that the box covers.
+    gaussians, centers, covers = [], [], []
     for place, low, high in ((x, left, right), (y, top, bottom)):
-        off = place - 0.5 * (low + high)
-        spread = jnp.maximum(_HEAT_SIGMA_FRACTION * (high - low), _MIN_HEAT_SIGMA_PX)
-        bells.append(jnp.exp(-0.5 * (off / spread) ** 2))
-        middles.append((off >= -0.5 * STRIDE) & (off < 0.5 * STRIDE))
+        offset = place - 0.5 * (low + high)
+        sigma = jnp.maximum(_HEAT_SIGMA_FRACTION * (high - low), _MIN_HEAT_SIGMA_PX)
+        gaussians.append(jnp.exp(-0.5 * (offset / sigma) ** 2))
+        centers.append((offset >= -0.5 * STRIDE) & (offset < 0.5 * STRIDE))
         covers.append((place > low - STRIDE) & (place < high + STRIDE))
-    learnt, unsure = (weight > 0.0)[:, None, None], (weight < 0.0)[:, None, None]
-    near = jnp.where(learnt, bells[1][:, :, None] * bells[0][:, None, :], 0.0)
-    inside = middles[1][:, :, None] & middles[0][:, None, :] & learnt
+    labelled, ignored = (weight > 0.0)[:, None, None], (weight < 0.0)[:, None, None]
+    near = jnp.where(labelled, gaussians[1][:, :, None] * gaussians[0][:, None, :], 0.0)
+    inside = centers[1][:, :, None] & centers[0][:, None, :] & labelled
     positive = jnp.any(inside, axis=0)
-    skipped = jnp.any(covers[1][:, :, None] & covers[0][:, None, :] & unsure, axis=0) & ~positive
+    skipped = jnp.any(covers[1][:, :, None] & covers[0][:, None, :] & ignored, axis=0) & ~positive
     target = jnp.max(near, axis=0)
     heat_loss = jnp.where(skipped, 0.0, _focal_loss(heat, target, positive))
-    # Each cell learns the edges of the one box whose middle it is nearest to.
+    # Each cell learns the edges of the box with the nearest centre.
     near = jnp.where(inside, 1.0, near)
     owner = jax.nn.one_hot(jnp.argmax(near, axis=0), boxes.shape[0], axis=0, dtype=jnp.float32)
-    pull = owner * jnp.where(near >= _MIN_EDGE_HEAT, near, 0.0)
-    pull = jnp.sum(pull / jnp.maximum(jnp.sum(pull, axis=(1, 2), keepdims=True), 1e-6), axis=0)
-    wanted = jnp.einsum("myx,mc->yxc", owner, boxes)
-    middle = jnp.stack(jnp.broadcast_arrays(x, y.T, x, y.T), axis=-1)
+    edge_weight = owner * jnp.where(near >= _MIN_EDGE_HEAT, near, 0.0)
+    edge_weight = jnp.sum(edge_weight / jnp.maximum(jnp.sum(edge_weight, axis=(1, 2), keepdims=True), 1e-6), axis=0)
+    target_box = jnp.einsum("myx,mc->yxc", owner, boxes)
+    cell_center = jnp.stack(jnp.broadcast_arrays(x, y.T, x, y.T), axis=-1)
     sign = jnp.array([-1.0, -1.0, 1.0, 1.0], jnp.float32)[None, None, :]
-    distance = jnp.mean(jnp.abs(raw - jnp.arcsinh(sign * (wanted - middle) / STRIDE)), axis=-1)
-    edge_loss = (1.0 - generalized_iou(edges, wanted)) + distance
-    return jnp.sum(heat_loss), jnp.sum(pull * edge_loss)
+    distance = jnp.mean(jnp.abs(raw - jnp.arcsinh(sign * (target_box - cell_center) / STRIDE)), axis=-1)
+    edge_loss = (1.0 - generalized_iou(edges, target_box)) + distance
+    return jnp.sum(heat_loss), jnp.sum(edge_weight * edge_loss)
 
 
 def _focal_loss(logit: jax.Array, target: jax.Array, positive: jax.Array) -> jax.Array:
-    """Focal loss of heat: full weight on middles, less on wrong heat the nearer it is to one."""
+    """Focal loss of the heatmap (Zhou et al., 2019, eq. 1): wrong heat counts less the nearer it is to a centre."""
     p = jax.nn.sigmoid(logit)
     right = -((1.0 - p) ** 2) * jax.nn.log_sigmoid(logit)
     wrong = -((1.0 - target) ** 4) * p * p * jax.nn.log_sigmoid(-logit)

@@ -1,20 +1,24 @@
-"""Training of the detector: the first look at whole pictures, then the second one at the boxes that the first names."""
+"""Training of the detector: the proposal network on whole images, then the refinement network on its boxes."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import jax
 
 from rpojax.training.detector import evaluate_detector, proposal_loss, refinement_loss
-from rpojax.training.detector.training_loop import NetworkTrainingOptions, NetworkTrainingProgress, train_network
+from rpojax.training.detector.training_loop import train_network
+from rpojax.training.detector.training_options import NetworkTrainingOptions, NetworkTrainingProgress
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 from rpojax.vision.detector import proposal_network
+from rpojax.vision.detector.detector_file import NAME_IN_FILES
 from rpojax.vision.detector.two_stage_detector import DetectorParams, detect, initialize
 
+NETWORKS = ("proposal", "refinement")
 OnDetectorProgress = Callable[[str, NetworkTrainingProgress], None]
-"""Called after every pass with the look that is trained."""
+"""Called after every epoch with the name of the network."""
 
 
 def train(
@@ -23,59 +27,58 @@ def train(
     proposal_options: NetworkTrainingOptions,
     refinement_options: NetworkTrainingOptions,
     checkpoint: Path | None = None,
-    on_progress: OnDetectorProgress = lambda look, step: None,
+    on_progress: OnDetectorProgress = lambda network, progress: None,
     start: DetectorParams | None = None,
 ) -> tuple[DetectorParams, dict[str, list[NetworkTrainingProgress]]]:
-    """Trains both looks on a data set and returns them with the history of checks on another one.
+    """Trains both networks from `start`, by default untrained; returns them, and their progress on `validation`.
 
-    They begin with the weights `start`, or untrained. With a checkpoint an interrupted call goes on after the last
-    finished pass, to the same result.
+    With a checkpoint an interrupted call continues after its last epoch, to the same result.
     """
     start = start or initialize(jax.random.key(proposal_options.seed))
-    files = {look: checkpoint and checkpoint.with_name(f"{checkpoint.name}.{look}") for look in start}
+    files = {network: _checkpoint_file(checkpoint, network) if checkpoint else None for network in NETWORKS}
 
     def evaluate_proposals(params: Any) -> dict[str, Any]:
-        return evaluate_detector.detection_metrics(
-            evaluate_detector.detect_images(params, validation.images, proposal_network.detect), validation
-        )
+        found = evaluate_detector.detect_images(params, validation.images, proposal_network.detect)
+        return evaluate_detector.detection_metrics(found, validation)
 
     proposal_params, proposal_history = train_network(
         proposal_loss.proposal_loss,
-        start["first"],
+        start["proposal"],
         (),
         data,
         proposal_options,
         evaluate_proposals,
-        files["first"],
-        lambda step: on_progress("first", step),
+        files["proposal"],
+        partial(on_progress, "proposal"),
     )
 
     def evaluate_detections(params: Any) -> dict[str, Any]:
-        both = {"first": proposal_params, "second": params}
-        return evaluate_detector.detection_metrics(
-            evaluate_detector.detect_images(both, validation.images, detect), validation
-        )
+        both = {"proposal": proposal_params, "refinement": params}
+        found = evaluate_detector.detect_images(both, validation.images, detect)
+        return evaluate_detector.detection_metrics(found, validation)
 
     refinement_params, refinement_history = train_network(
         refinement_loss.refinement_loss,
-        start["second"],
+        start["refinement"],
         proposal_params,
         data,
         refinement_options,
         evaluate_detections,
-        files["second"],
-        lambda step: on_progress("second", step),
+        files["refinement"],
+        partial(on_progress, "refinement"),
     )
-    return {"first": proposal_params, "second": refinement_params}, {
-        "first": proposal_history,
-        "second": refinement_history,
-    }
+    params = {"proposal": proposal_params, "refinement": refinement_params}
+    return params, {"proposal": proposal_history, "refinement": refinement_history}
+
+
+def _checkpoint_file(checkpoint: Path, network: str) -> Path:
+    return checkpoint.with_name(f"{checkpoint.name}.{network}")
 
 
 def remove_checkpoints(checkpoint: Path) -> None:
-    """Removes the checkpoints of a training that is over."""
-    for look in ("first", "second"):
-        checkpoint.with_name(f"{checkpoint.name}.{look}").unlink(missing_ok=True)
+    """Removes the checkpoints of a finished training."""
+    for network in NETWORKS:
+        _checkpoint_file(checkpoint, network).unlink(missing_ok=True)
 
 
 def model_card(
@@ -85,12 +88,12 @@ def model_card(
     metrics: Mapping[str, Any],
     command: str,
 ) -> dict[str, Any]:
-    """What to say about a detector: how it was made, and its figures on pictures held out."""
+    """Model card of a detector: data, options and duration of its training, and metrics on validation images."""
     return {
         "images": len(data),
         "size_px": int(data.images.shape[1]),
-        "recipe": {look: dataclasses.asdict(recipe) for look, recipe in options.items()},
-        "steps_done": {look: steps[-1].done if steps else 0 for look, steps in history.items()},
+        "recipe": {NAME_IN_FILES[network]: dataclasses.asdict(chosen) for network, chosen in options.items()},
+        "steps_done": {NAME_IN_FILES[network]: steps[-1].done if steps else 0 for network, steps in history.items()},
         "training_s": round(sum(steps[-1].elapsed_s for steps in history.values() if steps), 1),
         "held_out": dict(metrics),
         "command": command,

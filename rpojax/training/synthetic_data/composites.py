@@ -1,19 +1,15 @@
-"""Composites of sprites and backdrops with the boxes of the spacecraft in them.
-
-A box is that of the visible silhouette: of the pixels that the spacecraft covers by at least a tenth and that differ
-from the empty background by at least five of 255 code values and twice the camera's noise. So a craft in shadow before
-a bright limb has its whole box, and a part in shadow that is as black as the space behind it is outside of the box,
-because nothing in the picture says where it ends. An edge lies within its pixel where the covered share ends.
-"""
+"""Random composites of sprites and backdrops, with the boxes of the spacecraft in them."""
 
 import dataclasses
 
 import numpy as np
 
-from rpojax.training.synthetic_data.backdrops import BACKDROP_KINDS, EarthTextures, paint_backdrop
-from rpojax.training.synthetic_data.ray_tracing import linear_to_srgb
+from rpojax.training.synthetic_data.backdrops import BACKDROP_KINDS, paint_backdrop
+from rpojax.training.synthetic_data.earth_textures import EarthTextures
+from rpojax.training.synthetic_data.image_sensor import ImageSensor, expose_image
+from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
-from rpojax.training.synthetic_data.target_mesh import PACKAGED_TARGET
+from rpojax.training.synthetic_data.visible_box import visible_box
 
 Rng = np.random.Generator
 
@@ -22,10 +18,6 @@ EMPTY_FRACTION = 0.2
 _TWO_CRAFT_FRACTION = 0.06
 _TARGET_FRACTION = 0.25
 _CUT_FRACTION = 0.1
-_MIN_CODE_DIFFERENCE = 5.0 / 255.0
-_MIN_NOISE_SIGMAS = 2.0
-_MIN_ALPHA = 0.1
-_MIN_AREA_PX = 4.0
 _BACKDROP_PROBABILITIES = {
     "black": 0.2,
     "stars": 0.12,
@@ -48,7 +40,7 @@ _TARGET_BACKDROP_PROBABILITIES = {
 
 @dataclasses.dataclass(frozen=True)
 class Composite:
-    """A picture (p, p, 3) of 8 bit sRGB codes, boxes (n, 4) left, top, right, bottom [px], and how it was made."""
+    """Image (p, p, 3) of 8 bit sRGB codes, boxes (n, 4) left, top, right, bottom [px], backdrop and spacecraft."""
 
     image: np.ndarray
     boxes: np.ndarray
@@ -56,21 +48,8 @@ class Composite:
     craft: tuple[str, ...]
 
 
-@dataclasses.dataclass(frozen=True)
-class ImageSensor:
-    """Electrons at white, and read noise [electrons, 1 sigma]."""
-
-    full_well_e: float
-    read_noise_e: float
-
-    def noise_sigma(self, image: np.ndarray) -> np.ndarray:
-        """1 sigma of every value of a linear picture."""
-        electrons = np.maximum(image, 0.0) * self.full_well_e
-        return np.sqrt(electrons + self.read_noise_e**2) / self.full_well_e
-
-
 def random_composite(rng: Rng, sprites: list[Sprite], earth: EarthTextures, size_px: int = SIZE_PX) -> Composite:
-    """A picture with none, one or two spacecraft, as a camera would have taken it."""
+    """Image with none, one or two spacecraft, exposed by a random sensor."""
     targets = [sprite for sprite in sprites if sprite.craft == PACKAGED_TARGET]
     others = [sprite for sprite in sprites if sprite.craft != PACKAGED_TARGET]
     of_target = bool(targets) and (not others or rng.random() < _TARGET_FRACTION)
@@ -88,8 +67,7 @@ def random_composite(rng: Rng, sprites: list[Sprite], earth: EarthTextures, size
     else:
         image, boxes, chosen = background, np.zeros((0, 4)), []
     image = _add_artefacts(rng, image)
-    taken = expose_image(rng, image, sensor)
-    return Composite(taken, boxes, kind, tuple(sprite.craft for sprite in chosen))
+    return Composite(expose_image(rng, image, sensor), boxes, kind, tuple(sprite.craft for sprite in chosen))
 
 
 def _random_sprite(rng: Rng, sprites: list[Sprite]) -> Sprite:
@@ -97,7 +75,7 @@ def _random_sprite(rng: Rng, sprites: list[Sprite]) -> Sprite:
 
 
 def _random_layer(rng: Rng, sprite: Sprite, size_px: int, kind: str, is_target: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Light (p, p, 3) and cover (p, p) of a sprite at a random size and place, under a random light."""
+    """Colour (p, p, 3) and alpha (p, p) of a sprite at a random size and place, under random light."""
     side = _random_side(rng, size_px, is_target)
     sun, shine = _random_light(rng, kind, is_target)
     tint = np.array([1.0, 1.0, 1.0]) if is_target else 1.0 + rng.normal(scale=0.08, size=3)
@@ -109,12 +87,12 @@ def _random_layer(rng: Rng, sprite: Sprite, size_px: int, kind: str, is_target: 
     corner = [rng.uniform(min(0.0, s), max(0.0, s)) for s in (slack_x, slack_y)]
     if rng.random() < _CUT_FRACTION:
         corner = [rng.uniform(-0.5 * extent, size_px - 0.5 * extent) for extent in (width, height)]
-    placed = _resample(pixels, scale, corner, size_px)
-    return placed[..., :3], np.clip(placed[..., 3], 0.0, 1.0)
+    resampled = _resample(pixels, scale, corner, size_px)
+    return resampled[..., :3], np.clip(resampled[..., 3], 0.0, 1.0)
 
 
 def _random_side(rng: Rng, size_px: int, is_target: bool) -> float:
-    """Long side [px] of a spacecraft; most are 10 to 60 of 128 px, in the flight camera 13 to 45."""
+    """Random long side [px] of a spacecraft; most are 10 to 60 of 128 px, of the packaged target 13 to 45."""
     if is_target and rng.random() < 0.75:
         return float(np.exp(rng.uniform(np.log(0.1), np.log(0.36)))) * size_px
     if rng.random() < 0.55:
@@ -123,7 +101,7 @@ def _random_side(rng: Rng, size_px: int, is_target: bool) -> float:
 
 
 def _random_light(rng: Rng, kind: str, is_target: bool) -> tuple[float, float]:
-    """Strength of the Sun and of light from all sides: bright, dim, or hardly any before a bright background."""
+    """Random irradiance of the Sun and of uniform light; before a bright background sometimes hardly any."""
     if is_target:
         return float(np.exp(rng.normal(scale=0.25))), float(rng.choice([0.0, 0.0, rng.uniform(0.0, 0.1)]))
     bright = kind in ("earth", "limb", "glint", "moon")
@@ -134,11 +112,11 @@ def _random_light(rng: Rng, kind: str, is_target: bool) -> tuple[float, float]:
 
 
 def _resample(pixels: np.ndarray, scale: float, corner: list[float], size_px: int) -> np.ndarray:
-    """Premultiplied pixels (h, w, c) shrunk or enlarged, with their upper left corner [px] within a canvas."""
+    """Premultiplied pixels (h, w, c) resampled by a scale, with their upper left corner [px] in a canvas."""
     import cv2
 
     fine = 2
-    # First by areas to near the final size, so that the exact shift that follows drops no pixel.
+    # Area averaging to nearly the final size first, against aliasing in the exact resampling that follows.
     rough = [max(1, int(np.ceil(n * min(1.0, scale * fine)))) for n in pixels.shape[:2]]
     small = cv2.resize(pixels, rough[::-1], interpolation=cv2.INTER_AREA)
     ratio = [fine * scale * n / r for n, r in zip(pixels.shape[:2], rough, strict=True)]
@@ -151,42 +129,17 @@ def _resample(pixels: np.ndarray, scale: float, corner: list[float], size_px: in
 def _merge_layers(
     background: np.ndarray, layers: list[tuple[np.ndarray, np.ndarray]], sensor: ImageSensor
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The picture with all layers, later ones in front, and the boxes of those that are visible."""
-    image, covers = background, []
-    for color, cover in layers:
-        image = color + image * (1.0 - cover[..., None])
-        covers = [other * (1.0 - cover) for other in covers] + [cover]
-    boxes = [box for cover in covers if (box := visible_box(image, background, cover, sensor)) is not None]
+    """The background with all layers, later ones in front, and the boxes of those that are visible."""
+    image, alphas = background, []
+    for color, alpha in layers:
+        image = color + image * (1.0 - alpha[..., None])
+        alphas = [other * (1.0 - alpha) for other in alphas] + [alpha]
+    boxes = [box for alpha in alphas if (box := visible_box(image, background, alpha, sensor)) is not None]
     return image, np.array(boxes).reshape(-1, 4)
 
 
-def visible_box(
-    image: np.ndarray, background: np.ndarray, alpha: np.ndarray, sensor: ImageSensor | None = None
-) -> np.ndarray | None:
-    """Left, top, right, bottom [px] of the visible part of a silhouette, or None where hardly anything is visible.
-
-    `image` and `background` (p, p, 3) are linear, `cover` (p, p) is the covered share; without a sensor there is no
-    noise. See the module's docstring.
-    """
-    difference = np.abs(linear_to_srgb(image) - linear_to_srgb(background)).max(axis=2)
-    seen = difference >= _MIN_CODE_DIFFERENCE
-    if sensor is not None:
-        seen &= (np.abs(image - background) >= _MIN_NOISE_SIGMAS * sensor.noise_sigma(background)).any(axis=2)
-    visible = np.where(seen & (alpha >= _MIN_ALPHA), alpha, 0.0)
-    if visible.sum() < max(_MIN_AREA_PX, 0.2 * alpha.sum()):
-        return None
-    edges = []
-    for axis in (0, 1):
-        profile = visible.max(axis=axis)
-        found = np.nonzero(profile)[0]
-        first, last = int(found[0]), int(found[-1])
-        edges.append((first + 1.0 - profile[first], last + profile[last]))
-    (left, right), (top, bottom) = edges
-    return np.array([left, top, right, bottom]) if min(right - left, bottom - top) >= 1.5 else None
-
-
 def _any_overlap(boxes: np.ndarray) -> bool:
-    """Whether any box lies over another one."""
+    """Whether any two boxes overlap."""
     for i, a in enumerate(boxes):
         for b in boxes[i + 1 :]:
             if (np.minimum(a[2:], b[2:]) > np.maximum(a[:2], b[:2])).all():
@@ -195,7 +148,7 @@ def _any_overlap(boxes: np.ndarray) -> bool:
 
 
 def _add_artefacts(rng: Rng, image: np.ndarray) -> np.ndarray:
-    """What a camera sees that is not there: hot pixels, tracks of particles, ghosts of the Sun."""
+    """The image with random camera artefacts: hot pixels, particle tracks, ghosts of the Sun."""
     import cv2
 
     size = image.shape[0]
@@ -217,12 +170,3 @@ def _add_artefacts(rng: Rng, image: np.ndarray) -> np.ndarray:
             disc = 1.0 / (1.0 + np.exp((np.hypot(x - middle[0], y - middle[1]) - radius) / rng.uniform(0.5, 6.0)))
             image = image + np.float32(rng.uniform(0.005, 0.15)) * disc[..., None] * rng.uniform(0.3, 1.0, 3)
     return image.astype(np.float32)
-
-
-def expose_image(rng: Rng, image: np.ndarray, sensor: ImageSensor) -> np.ndarray:
-    """Codes (p, p, 3) 8 bit of a linear picture after blur, shot and read noise."""
-    import cv2
-
-    blurred = np.maximum(cv2.GaussianBlur(image, (0, 0), float(rng.uniform(0.2, 0.9))), 0.0)
-    noisy = blurred + sensor.noise_sigma(blurred) * rng.normal(size=image.shape)
-    return np.round(255.0 * linear_to_srgb(noisy)).astype(np.uint8)

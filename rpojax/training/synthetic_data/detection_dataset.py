@@ -1,4 +1,4 @@
-"""Pictures at the detector's size with the boxes of spacecraft in them, and folders of such in COCO's format."""
+"""Data sets of images with the boxes of spacecraft, in memory and in folders in COCO format."""
 
 import dataclasses
 import json
@@ -9,28 +9,28 @@ from typing import Any
 import numpy as np
 
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.training.synthetic_data.backdrops import EarthTextures
 from rpojax.training.synthetic_data.composites import SIZE_PX, random_composite
+from rpojax.training.synthetic_data.earth_textures import EarthTextures
+from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
-from rpojax.training.synthetic_data.target_mesh import PACKAGED_TARGET
 
 CATEGORY = "spacecraft"
 ANNOTATIONS = "annotations.json"
 
 
 class DatasetError(RpojaxError):
-    """A folder holds no data set that can be used."""
+    """A data set cannot be used."""
 
 
 @dataclasses.dataclass(frozen=True)
 class DetectionDataset:
-    """Pictures at the detector's size with their boxes.
+    """Square images with their boxes.
 
     Attributes:
         images: (n, p, p, 3) 8 bit sRGB codes
-        boxes: for every picture (m, 4) left, top, right, bottom [px] in it
-        backgrounds: what is behind, as the data set names it, or 'unknown'
-        craft: 'target' for pictures of the packaged target, else 'other'
+        boxes: for every image (m, 4) left, top, right, bottom [px]
+        backgrounds: background as the data set names it, or 'unknown'
+        craft: 'target' for images of the packaged target, else 'other'
     """
 
     images: np.ndarray
@@ -42,7 +42,7 @@ class DetectionDataset:
         return len(self.images)
 
     def subset(self, indices: np.ndarray) -> "DetectionDataset":
-        """Only the pictures of some numbers."""
+        """The images with the given indices."""
         return DetectionDataset(
             self.images[indices],
             tuple(self.boxes[i] for i in indices),
@@ -60,10 +60,9 @@ def write_dataset(
     provenance: str = "",
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> None:
-    """Writes `count` composites as PNG images with `annotations.json`; the annotations come last.
+    """Writes `count` composites as PNG images, then `annotations.json`, without which a folder is no data set.
 
-    Without them a folder is no data set, so pictures never stand beside the boxes of others. `made` tells what the set
-    was made of, for `is_made`.
+    `provenance` is stored for `is_complete`.
     """
     import cv2
 
@@ -72,15 +71,15 @@ def write_dataset(
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
     for index in range(count):
-        one = random_composite(np.random.default_rng([seed, index]), sprites, earth)
+        composite = random_composite(np.random.default_rng([seed, index]), sprites, earth)
         name = f"images/{index:06d}.png"
-        if not cv2.imwrite(str(folder / name), one.image[..., ::-1]):
+        if not cv2.imwrite(str(folder / name), composite.image[..., ::-1]):
             raise OutputError(f"{folder / name}: cannot be written, expected a writable place")
-        height, width = one.image.shape[:2]
+        height, width = composite.image.shape[:2]
         images.append(
-            {"id": index + 1, "file_name": name, "width": width, "height": height, "background": one.background}
+            {"id": index + 1, "file_name": name, "width": width, "height": height, "background": composite.background}
         )
-        for box, craft in zip(one.boxes, one.craft, strict=True):
+        for box, craft in zip(composite.boxes, composite.craft, strict=True):
             annotations.append(_annotation(len(annotations) + 1, index + 1, box, craft))
         on_progress(index + 1, count)
     content = {
@@ -95,7 +94,7 @@ def write_dataset(
 
 
 def is_complete(folder: Path, provenance: str) -> bool:
-    """Whether a folder holds the whole of a data set that `write` was told the same of."""
+    """Whether a folder holds a complete data set of the given provenance."""
     try:
         return bool(json.loads((folder / ANNOTATIONS).read_text(encoding="utf-8"))["info"]["made"] == provenance)
     except (OSError, ValueError, KeyError, TypeError):
@@ -117,7 +116,7 @@ def _annotation(number: int, image: int, box: np.ndarray, craft: str) -> dict[st
 
 
 def summary(folder: Path) -> dict[str, int]:
-    """Numbers of pictures, of those without a spacecraft, and of boxes."""
+    """Numbers of images, of those without a spacecraft, and of boxes."""
     _, boxes = _parse(folder / ANNOTATIONS)
     return {
         "images": len(boxes),
@@ -127,11 +126,10 @@ def summary(folder: Path) -> dict[str, int]:
 
 
 def read_dataset(folder: Path, size_px: int = SIZE_PX, limit: int | None = None) -> DetectionDataset:
-    """The data set of a folder with COCO's `annotations.json`; pictures are shrunk and padded to squares.
+    """Data set of a folder with `annotations.json` in COCO format; images are resized and padded to squares.
 
-    `limit` reads only so many of the first.
-
-    Raises `DatasetError` where the folder, its annotations or a picture cannot be used.
+    With `limit` only so many images are read. Raises `DatasetError` if the folder, its annotations or an image cannot
+    be used.
     """
     path = folder / ANNOTATIONS
     images, boxes = _parse(path)
@@ -184,7 +182,7 @@ def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray]]:
 
 
 def _picture(path: Path, declared: tuple[int, int], size_px: int) -> tuple[np.ndarray, float]:
-    """Codes (p, p, 3) of a picture, and the factor by which its boxes shrink."""
+    """Square image (p, p, 3) of codes, and the scale of its boxes."""
     import cv2
 
     found = cv2.imread(str(path), cv2.IMREAD_COLOR) if path.is_file() else None
@@ -203,7 +201,7 @@ def _picture(path: Path, declared: tuple[int, int], size_px: int) -> tuple[np.nd
 
 
 def draw_boxes(images: np.ndarray, boxes: "tuple[np.ndarray, ...] | list[np.ndarray]", columns: int = 12) -> np.ndarray:
-    """Pictures (n, p, p, 3) of 8 bit codes side by side with their boxes, three times enlarged (BGR)."""
+    """Images (n, p, p, 3) of 8 bit codes side by side with their boxes, three times enlarged (BGR)."""
     import cv2
 
     factor, size = 3, images.shape[1]

@@ -1,4 +1,4 @@
-"""Ray-traced sprites of many spacecraft: what the Sun lights and what light from all sides adds, with alpha."""
+"""Ray-traced sprites of spacecraft: radiance under the Sun and under uniform light, with alpha."""
 
 import dataclasses
 from collections.abc import Callable
@@ -6,9 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rpojax.training.synthetic_data import procedural_spacecraft, ray_tracing, target_mesh
-from rpojax.training.synthetic_data.ray_tracing import ViewSampling
-from rpojax.training.synthetic_data.target_mesh import TargetMesh
+from rpojax.training.synthetic_data import ray_traced_views
+from rpojax.training.synthetic_data.meshes import packaged_target, procedural_spacecraft
+from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
+from rpojax.training.synthetic_data.view_sampling import ViewSampling
 
 SIZE_PX = 160
 SAMPLES = 16
@@ -18,13 +19,13 @@ _MIN_ALPHA = 0.02
 
 @dataclasses.dataclass(frozen=True)
 class Sprite:
-    """One view of a spacecraft, cut to its silhouette: premultiplied linear radiance, 1 = white level.
+    """One view of a spacecraft, cropped to its silhouette: premultiplied linear radiance, 1 = white level.
 
     Attributes:
         craft: name of the spacecraft
-        sun: (h, w, 3) under the Sun alone
-        shine: (h, w, 3) under light from all sides that brings as much in all
-        alpha: (h, w) share of the pixel that the spacecraft covers
+        sunlit: (h, w, 3) under the Sun alone
+        earth_shine: (h, w, 3) under uniform light from all sides of the same irradiance
+        alpha: (h, w) fraction of the pixel that the spacecraft covers
     """
 
     craft: str
@@ -41,15 +42,15 @@ def trace_sprites(
     held_out: bool,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Sprite]:
-    """`views` sprites of each of `craft` spacecraft and, a quarter of all, of the packaged target.
+    """`views_per_craft` sprites of each of `craft_count` spacecraft and, a quarter of all, of the packaged target.
 
-    Those held out are of other spacecraft and of other views. Finished ones are kept in the folder.
+    Those held out are of other spacecraft and views. Finished ones are stored in the folder.
     """
     half = 1 if held_out else 0
     target_views = max(1, round(_TARGET_FRACTION / (1.0 - _TARGET_FRACTION) * craft_count * views_per_craft))
     total = craft_count * views_per_craft + target_views
-    # A target in the flight camera is rarely seen against the Sun; the others are, as a silhouette.
-    jobs = [(target_mesh.packaged_target(), _view_sampling(target_views, [seed, half, 0], 120.0))]
+    # The camera of a run rarely sees its target against the Sun; the others are also seen as silhouettes.
+    jobs = [(packaged_target.packaged_target(), _view_sampling(target_views, [seed, half, 0], 120.0))]
     for index in range(craft_count):
         jobs.append(
             (
@@ -72,16 +73,16 @@ def _view_sampling(views: int, seed: list[int], phase_limit_deg: float) -> ViewS
 
 
 def _sprites(mesh: TargetMesh, sampling: ViewSampling, folder: Path) -> list[Sprite]:
-    sun = ray_tracing.ray_trace_views(mesh, sampling, folder / "sun")
-    # The same random numbers make the same sunlit picture: what the second one has more is the light from all sides.
-    both = ray_tracing.ray_trace_views(mesh, dataclasses.replace(sampling, earth_shine=1.0), folder / "both")
+    sunlit = ray_traced_views.ray_trace_views(mesh, sampling, folder / "sun")
+    # With the same random numbers both have the same sunlit part; the difference is the uniform light.
+    both = ray_traced_views.ray_trace_views(mesh, dataclasses.replace(sampling, earth_shine=1.0), folder / "both")
     sprites = []
-    for index in range(len(sun)):
-        alpha = sun.alpha[index]
+    for index in range(len(sunlit)):
+        alpha = sunlit.alpha[index]
         rows, columns = np.nonzero(alpha.max(axis=1) > _MIN_ALPHA)[0], np.nonzero(alpha.max(axis=0) > _MIN_ALPHA)[0]
         if len(rows) == 0:
             continue
-        cut = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-        lit, more = sun.rgb[index][cut], both.rgb[index][cut]
-        sprites.append(Sprite(mesh.name, lit, np.maximum(more - lit, 0.0), alpha[cut]))
+        crop = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+        radiance, total = sunlit.rgb[index][crop], both.rgb[index][crop]
+        sprites.append(Sprite(mesh.name, radiance, np.maximum(total - radiance, 0.0), alpha[crop]))
     return sprites

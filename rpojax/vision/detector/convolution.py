@@ -1,11 +1,11 @@
-"""The convolution that both of the detector's networks are made of."""
+"""Convolution layer of both networks of the detector."""
 
 import jax.numpy as jnp
 from flax import linen
 
 
 def convolution(name: str, width: int, stride: int = 1, size: int = 3, padding: int | None = None) -> linen.Conv:
-    """A square convolution in float32 to `width` channels; its output is as large as its input over the stride."""
+    """Square convolution in float32 to `width` channels; by default the output is as large as the input over stride."""
     zero_padding = size // 2 if padding is None else padding
     return linen.Conv(
         width,

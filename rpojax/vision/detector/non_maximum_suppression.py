@@ -1,4 +1,4 @@
-"""Boxes (left, top, right, bottom) that lie over each other."""
+"""Greedy non-maximum suppression of boxes (left, top, right, bottom)."""
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +13,7 @@ def pairwise_iou(a: Float[Array, "m 4"], b: Float[Array, "n 4"]) -> Float[Array,
 
 
 def suppress_overlapping(boxes: Float[Array, "n 4"], scores: Float[Array, " n"], max_iou: float) -> Float[Array, " n"]:
-    """Scores, falling, of which those are 0 whose box overlaps one that is kept before it by more than `most`."""
+    """Scores, given by falling value, with 0 for boxes whose IoU with an earlier kept one is above `max_iou`."""
     count = boxes.shape[0]
     overlapping = pairwise_iou(boxes, boxes) > max_iou
 

@@ -1,4 +1,4 @@
-"""Pictures that a user brings: JPEG and PNG of any size and depth, refused with one line where they are not."""
+"""Image files of a user: JPEG and PNG of any size and depth."""
 
 import warnings
 from pathlib import Path
@@ -12,25 +12,25 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 PIXEL_LIMIT = 50_000_000
-"""Most pixels of a picture, checked before it is decoded."""
+"""Most pixels of an image, checked before it is decoded."""
 _FORMATS = ("JPEG", "MPO", "PNG")
 
 
 class ImageFileError(RpojaxError):
-    """A file is no picture that can be used."""
+    """An image file cannot be used."""
 
 
 def read_image(path: Path) -> np.ndarray:
     """sRGB codes (h, w, 3) in 0..1 float32, upright as its EXIF orientation says, transparent parts black.
 
-    Raises `PictureError` for what is no single JPEG or PNG picture of at most `PIXEL_LIMIT` pixels. Of a JPEG with
-    previews behind it (MPO) the first picture is taken.
+    Raises `ImageFileError` unless the file is a single JPEG or PNG image of at most `PIXEL_LIMIT` pixels. Of a JPEG
+    with previews (MPO) the first image is taken.
     """
     from PIL import Image, UnidentifiedImageError
 
     try:
         with warnings.catch_warnings():
-            # The limit of Pillow is another one than ours, and only warns.
+            # `PIXEL_LIMIT` replaces the limit of Pillow, which only warns.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(path) as image:
                 _check(path, image)

@@ -1,14 +1,16 @@
-"""The picture that a camera takes: the target before stars and Earth, through the optics and the detector."""
+"""Image formation: the target over stars and Earth, blurred, exposed and encoded as sRGB."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
 from rpojax.vision.imaging.exposure import Exposure, expose
-from rpojax.vision.imaging.stars_and_earth import Sky, background
+from rpojax.vision.imaging.sky_background import background
+from rpojax.vision.imaging.sky_maps import Sky
+from rpojax.vision.imaging.srgb import linear_to_srgb
 from rpojax.vision.pinhole import Intrinsics
 from rpojax.vision.radiance_field.ray_budget import RaySampling
-from rpojax.vision.radiance_field.render_image import alpha_composite, linear_to_srgb, render_target
+from rpojax.vision.radiance_field.render_image import alpha_composite, render_target
 from rpojax.vision.radiance_field.target_field import RadianceField
 
 Image = Float[Array, "h w 3"]
@@ -16,17 +18,17 @@ Image = Float[Array, "h w 3"]
 
 @pytree
 class Scene:
-    """Where everything is at the time of an exposure, float32.
+    """Geometry of target, camera, Sun and Earth at the time of an exposure, float32.
 
     Attributes:
         r_KT_T: (3,) camera from the target, in target axes [m]
         R_KT: (3, 3) target axes to camera axes
         sun_T: (3,) unit vector to the Sun, in target axes
-        sunlight: () share of the Sun's disc that the Earth leaves free at the target
+        sunlight: () fraction of the Sun's disc in view at the target
         R_KN: (3, 3) inertial axes to camera axes
-        place_N: (3,) camera from the Earth's centre [Earth radii]
+        position_N: (3,) camera from the Earth's centre [Earth radii]
         sun_N: (3,) unit vector to the Sun
-        earth_turn: () angle of Greenwich from the x axis of N [rad]
+        earth_rotation: () angle of Greenwich from the x axis of N [rad]
     """
 
     r_KT_T: Array
@@ -41,10 +43,10 @@ class Scene:
 
 @pytree
 class ImageWindow:
-    """The part of a frame that is looked at, as a lens of its own.
+    """Part of a frame that is read out, as a pinhole camera of its own.
 
     Attributes:
-        lens: pinhole of the window's pixels
+        intrinsics: of the window's pixels
         corner_px: (2,) of the window, in pixels of the frame
         binning: () pixels of the frame along a side of one of the window's
     """
@@ -73,11 +75,11 @@ def form_image(
     noise: Image,
 ) -> Image:
     """sRGB codes (size_px, size_px, 3) in 0..1 of a window; `noise` are standard normal numbers."""
-    frame = render_target(
+    target = render_target(
         field, window.intrinsics, size_px, size_px, sampling, scene.r_KT_T, scene.R_KT, scene.sun_T, scene.sunlight
     )
     binning = window.binning.astype(jnp.float32)
-    behind = background(
+    sky_image = background(
         sky,
         window.intrinsics,
         size_px,
@@ -88,5 +90,5 @@ def form_image(
         scene.earth_rotation,
         binning,
     )
-    seen = expose(alpha_composite(frame, behind), exposure, noise, binning)
-    return linear_to_srgb(seen)
+    exposed = expose(alpha_composite(target, sky_image), exposure, noise, binning)
+    return linear_to_srgb(exposed)

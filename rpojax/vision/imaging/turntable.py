@@ -1,4 +1,4 @@
-"""A field seen from all round."""
+"""Turntable views of a radiance field."""
 
 from collections.abc import Iterator
 
@@ -24,23 +24,23 @@ def camera_azimuths(frames: int, first_deg: float) -> np.ndarray:
 def render_turntable(
     field: RadianceField, azimuths_deg: np.ndarray, size_px: int, sun: np.ndarray, elevation_deg: float
 ) -> Iterator[np.ndarray]:
-    """Linear pictures (p, p, 3) from cameras round the field's z axis at one height, before a dim backdrop."""
-    middle, radius = (np.asarray(value) for value in bounding_sphere(field))
+    """Linear images (p, p, 3) from cameras round the field's z axis at one elevation, over a dim backdrop."""
+    center, radius = (np.asarray(value) for value in bounding_sphere(field))
     distance = radius / (_FILL * np.tan(0.5 * _FIELD_OF_VIEW))
-    optics = pinhole_intrinsics(jnp.asarray(_FIELD_OF_VIEW), size_px, size_px)
-    rays = choose_ray_sampling(field, float(optics.focal_px), float(distance), oversampling=1.0)
+    intrinsics = pinhole_intrinsics(jnp.asarray(_FIELD_OF_VIEW), size_px, size_px)
+    sampling = choose_ray_sampling(field, float(intrinsics.focal_px), float(distance), oversampling=1.0)
     light = jnp.asarray(sun / np.linalg.norm(sun), jnp.float32)
     elevation = np.radians(elevation_deg)
 
     @jax.jit
-    def one(field: RadianceField, position: jax.Array, rotation: jax.Array) -> tuple[jax.Array, jax.Array]:
+    def render_view(field: RadianceField, position: jax.Array, rotation: jax.Array) -> tuple[jax.Array, jax.Array]:
         lit = jnp.ones((), jnp.float32)
-        frame = render_target(field, optics, size_px, size_px, rays, position, rotation, light, lit)
+        frame = render_target(field, intrinsics, size_px, size_px, sampling, position, rotation, light, lit)
         return frame.color, frame.alpha
 
     for azimuth in np.radians(azimuths_deg):
         away = np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
         x = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
         rotation = np.stack([x, np.cross(-away, x), -away])
-        color, alpha = one(field, *(jnp.asarray(v, jnp.float32) for v in (middle + distance * away, rotation)))
+        color, alpha = render_view(field, *(jnp.asarray(v, jnp.float32) for v in (center + distance * away, rotation)))
         yield over_backdrop(np.asarray(color), np.asarray(alpha))

@@ -1,4 +1,4 @@
-"""A fresh grid around a surface: how fine, which nodes, and the normals that they start with."""
+"""Initial grid field around a surface: its spacing, its nodes and their normals."""
 
 import bisect
 
@@ -9,27 +9,23 @@ from jaxtyping import Array
 from scipy.ndimage import binary_dilation
 from scipy.spatial import KDTree
 
-from rpojax.vision.radiance_field.grid_field import (
-    LATENT_SIZE,
-    SHADING_INPUTS,
-    GridField,
-    number_near_nodes,
-    with_occupancy,
-)
-from rpojax.vision.radiance_field.volume_rendering import initialize_layers
+from rpojax.vision.multilayer_perceptron import initialize_layers
+from rpojax.vision.radiance_field.deferred_shading import SHADING_INPUTS
+from rpojax.vision.radiance_field.grid_field import LATENT_SIZE, GridField, number_near_nodes
+from rpojax.vision.radiance_field.occupancy_sampling import with_occupancy
 
 _EMPTY_RAW_DENSITY = -10.0
 
 
 def initialize_grid(surface: np.ndarray, normals: np.ndarray, key: Array, rows: int = 160_000) -> GridField:
-    """A fresh field around points (n, 3) of a surface [m] with their normals, as fine as a number of rows allows."""
+    """An untrained field around points (n, 3) of a surface [m] with their normals, as fine as `rows` nodes allow."""
     low, high = surface.min(axis=0), surface.max(axis=0)
     spacing = _choose_spacing(surface, low, high, rows)
     first, shape = _grid_extent(low, high, spacing)
     row = number_near_nodes(_nodes_near_surface(surface, first, spacing, shape))
     nodes = first + spacing * np.argwhere(row > 0)
     distance, nearest = KDTree(surface).query(nodes)
-    # A sheet has two sides and either may be its front: one sign for both, for the viewer decides which is seen.
+    # The two sides of a sheet have opposite normals; one sign for both, since rendering turns them to the viewer.
     facing = normals[nearest] * np.where(normals[nearest] @ [0.36, 0.48, 0.8] < 0.0, -1.0, 1.0)[:, None]
     count = len(nodes) + 1
     features = np.zeros((count, 3 + LATENT_SIZE), np.float32)
@@ -37,15 +33,15 @@ def initialize_grid(surface: np.ndarray, normals: np.ndarray, key: Array, rows: 
     features[1:, 3:] = 0.1 * np.asarray(
         jax.random.normal(jax.random.fold_in(key, 1), (count - 1, LATENT_SIZE), jnp.float32)
     )
-    matter = np.full((count,), _EMPTY_RAW_DENSITY, np.float32)
-    matter[1:] = np.clip(10.0 * (0.6 - distance / spacing), -6.0, 6.0)
+    raw_density = np.full((count,), _EMPTY_RAW_DENSITY, np.float32)
+    raw_density[1:] = np.clip(10.0 * (0.6 - distance / spacing), -6.0, 6.0)
     return with_occupancy(
         GridField(
             low=jnp.asarray(first, jnp.float32),
             spacing=jnp.asarray(spacing, jnp.float32),
             node_row=jnp.asarray(row),
             occupancy=jnp.zeros(shape, jnp.float32),
-            raw_density=jnp.asarray(matter),
+            raw_density=jnp.asarray(raw_density),
             features=jnp.asarray(features),
             network=initialize_layers(key, (SHADING_INPUTS, 64, 64, 3)),
         )
@@ -60,9 +56,9 @@ def _grid_extent(low: np.ndarray, high: np.ndarray, spacing: float) -> tuple[np.
 
 def _nodes_near_surface(surface: np.ndarray, first: np.ndarray, spacing: float, shape: tuple[int, ...]) -> np.ndarray:
     """Whether nodes (x, y, z) are corners of a cell that holds a point of the surface, or neighbours of such."""
-    held = np.zeros(shape, bool)
-    held[tuple(np.floor((surface - first) / spacing).astype(np.int64).T)] = True
-    cell = np.argwhere(held)
+    occupied = np.zeros(shape, bool)
+    occupied[tuple(np.floor((surface - first) / spacing).astype(np.int64).T)] = True
+    cell = np.argwhere(occupied)
     near = np.zeros(shape, bool)
     for corner in np.ndindex(2, 2, 2):
         near[tuple((cell + corner).T)] = True
@@ -72,17 +68,10 @@ def _nodes_near_surface(surface: np.ndarray, first: np.ndarray, spacing: float, 
 def _choose_spacing(surface: np.ndarray, low: np.ndarray, high: np.ndarray, rows: int) -> float:
     """Spacing [m] with fewer than `rows` nodes near the surface, to 5 %, and at most 250 nodes on the longest side."""
     finest = float((high - low).max()) / 250.0
-    fits = range(80)
-    best = bisect.bisect_left(
-        fits,
-        True,
-        key=lambda power: (
-            _nodes_near_surface(surface, *_extent_arguments(low, high, finest * 1.05**power)).sum() < rows
-        ),
-    )
-    return finest * 1.05**best
 
+    def fits(power: int) -> bool:
+        spacing = finest * 1.05**power
+        first, shape = _grid_extent(low, high, spacing)
+        return bool(_nodes_near_surface(surface, first, spacing, shape).sum() < rows)
 
-def _extent_arguments(low: np.ndarray, high: np.ndarray, spacing: float) -> tuple[np.ndarray, float, tuple[int, ...]]:
-    first, shape = _grid_extent(low, high, spacing)
-    return first, spacing, shape
+    return finest * 1.05 ** bisect.bisect_left(range(80), True, key=fits)

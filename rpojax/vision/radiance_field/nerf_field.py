@@ -1,4 +1,4 @@
-"""The reference field: the classic network of Mildenhall et al., "NeRF", ECCV 2020, at small size, for comparison."""
+"""Reference radiance field: a small NeRF (Mildenhall et al., ECCV 2020) that is also given the Sun, for comparison."""
 
 import jax
 import jax.numpy as jnp
@@ -6,15 +6,11 @@ import numpy as np
 from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
-from rpojax.vision.radiance_field.volume_rendering import (
-    GAMMA,
-    Layers,
-    RenderedRays,
-    apply_layers,
-    initialize_layers,
-    positional_encoding,
-    ray_box_intersection,
-)
+from rpojax.vision.multilayer_perceptron import Layers, apply_layers, initialize_layers
+from rpojax.vision.radiance_field.deferred_shading import RADIANCE_GAMMA
+from rpojax.vision.radiance_field.positional_encoding import positional_encoding
+from rpojax.vision.radiance_field.ray_box_intersection import ray_box_intersection
+from rpojax.vision.radiance_field.volume_rendering import RenderedRays
 
 SAMPLES = 64
 FREQUENCIES = 6
@@ -38,7 +34,7 @@ class NerfField:
 
 
 def initialize_nerf(low: np.ndarray, high: np.ndarray, key: Array, width: int = 64) -> NerfField:
-    """A fresh reference field for the box between two corners [m]."""
+    """An untrained field for the box between two corners [m]."""
     inputs = 3 + 6 * FREQUENCIES
     return NerfField(
         low=jnp.asarray(low, jnp.float32),
@@ -69,7 +65,7 @@ def _density_and_feature(field: NerfField, point: Array) -> tuple[Array, Array]:
 
 
 def render_nerf_ray(field: NerfField, origin: Array, direction: Array, sun: Array, shift: Array) -> RenderedRays:
-    """What one ray brings back; `shift` in -0.5 to 0.5 moves its samples."""
+    """One ray rendered by quadrature at even distances; `shift` in -0.5 to 0.5 moves its samples."""
     near, far = ray_box_intersection(field.low, field.high, origin, direction)
     step = (far - near) / SAMPLES
     distance = near + step * (jnp.arange(SAMPLES, dtype=jnp.float32) + 0.5 + shift)
@@ -77,7 +73,7 @@ def render_nerf_ray(field: NerfField, origin: Array, direction: Array, sun: Arra
     optical_depth = jnp.cumsum(sigma * step)
     weight = jnp.exp(sigma * step - optical_depth) * (1.0 - jnp.exp(-sigma * step))
     head = jax.vmap(lambda f: apply_layers(field.head, jnp.concatenate([jax.nn.relu(f), direction, sun])))(feature)
-    color = jnp.sum(weight[:, None] * jax.nn.sigmoid(head) ** GAMMA, axis=0)
+    color = jnp.sum(weight[:, None] * jax.nn.sigmoid(head) ** RADIANCE_GAMMA, axis=0)
     return RenderedRays(
         color=color,
         alpha=1.0 - jnp.exp(-optical_depth[-1]),

@@ -1,12 +1,12 @@
-"""From a field to a camera's frame: rays in a square around the target, averaged to pixels, before a background."""
+"""Image of a target: rays of a square region around it, averaged to the camera's pixels, over a background."""
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
 from rpojax.vision.pinhole import Intrinsics
-from rpojax.vision.radiance_field.ray_budget import RaySampling, project_region, region_directions
+from rpojax.vision.radiance_field.image_region import project_region, region_directions
+from rpojax.vision.radiance_field.ray_budget import RaySampling
 from rpojax.vision.radiance_field.target_field import RadianceField, intersects, render_rays
 
 Vector = Float[Array, "3"]
@@ -17,33 +17,17 @@ Image = Float[Array, "h w 3"]
 
 @pytree
 class RenderedTarget:
-    """A target in a frame.
+    """Image of a target on black.
 
     Attributes:
-        color: (h, w, 3) linear radiance on black, 1 = white level
-        alpha: (h, w) share of the pixel that the target covers
-        depth: (h, w) distance [m] times that share
+        color: (h, w, 3) linear radiance, 1 = white level
+        alpha: (h, w) fraction of the pixel that the target covers
+        depth: (h, w) distance [m] times that fraction
     """
 
     color: Array
     alpha: Array
     depth: Array
-
-
-def linear_to_srgb(linear: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-    """sRGB code values of linear radiance, clipped to 0..1 (IEC 61966-2-1)."""
-    clipped = jnp.clip(linear, 0.0, 1.0)
-    root = 1.055 * jnp.maximum(clipped, 0.0031308) ** (1.0 / 2.4) - 0.055
-    return jnp.where(clipped <= 0.0031308, 12.92 * clipped, root)
-
-
-def pixel_directions(size_px: int, field_of_view_deg: float) -> np.ndarray:
-    """Unit vectors (p, p, 3) in camera axes through the middles of a square frame's pixels."""
-    place = (np.arange(size_px) + 0.5) / size_px * 2.0 - 1.0
-    x, y = np.meshgrid(place, place)
-    tangent = np.tan(np.radians(0.5 * field_of_view_deg))
-    directions = np.stack([x * tangent, y * tangent, np.ones_like(x)], axis=2)
-    return (directions / np.linalg.norm(directions, axis=2, keepdims=True)).astype(np.float32)
 
 
 def render_target(
@@ -57,9 +41,9 @@ def render_target(
     sun_T: Vector,
     sunlight: Scalar,
 ) -> RenderedTarget:
-    """The target in a frame, from the camera's position [m] and axes, the direction of the Sun, all in T, and sunlight.
+    """Image of the target from the camera's position [m] and axes and the unit vector to the Sun, all in T.
 
-    `sunlight` is 0 in eclipse and 1 outside; arrays are float32. Differentiable in pose and Sun.
+    `sunlight` is the fraction of the Sun's disc in view; arrays are float32. Differentiable in pose and Sun.
     """
     corner, side, visible = project_region(field, intrinsics, r_KT_T, R_KT)
     direction = region_directions(intrinsics, sampling.side, corner, side, R_KT)
@@ -73,7 +57,7 @@ def render_target(
 
 
 def _render_square(field: RadianceField, sampling: RaySampling, origin: Array, directions: Array, sun: Array) -> Array:
-    """Colour, alpha and depth (n, 5) of all rays of the square; only those that come near matter are followed."""
+    """Colour, alpha and depth (n, 5) of all rays of the square; only those that may hit the target are rendered."""
 
     def render(directions: Array) -> Array:
         origins, suns = (jnp.broadcast_to(v[None, :], directions.shape) for v in (origin, sun))
@@ -82,14 +66,14 @@ def _render_square(field: RadianceField, sampling: RaySampling, origin: Array, d
 
     if sampling.ray_count >= len(directions):
         return render(directions)
-    near = intersects(field, jnp.broadcast_to(origin[None, :], directions.shape), directions)
-    (chosen,) = jnp.nonzero(near, size=sampling.ray_count, fill_value=len(directions))
+    may_hit = intersects(field, jnp.broadcast_to(origin[None, :], directions.shape), directions)
+    (chosen,) = jnp.nonzero(may_hit, size=sampling.ray_count, fill_value=len(directions))
     found = render(directions.at[chosen].get(mode="clip"))
     return jnp.zeros((len(directions), 5), jnp.float32).at[chosen].set(found, mode="drop")
 
 
 def _pixel_coverage(corner: Array, side: Array, cells: int, pixels: int) -> Array:
-    """(pixels, cells) share of each pixel that each cell of a row of `cells` covers."""
+    """(pixels, cells) fraction of each pixel that each cell of a row of `cells` covers."""
     width = side / cells
     start = corner + width * jnp.arange(cells, dtype=jnp.float32)
     pixel = jnp.arange(pixels, dtype=jnp.float32)
@@ -99,5 +83,5 @@ def _pixel_coverage(corner: Array, side: Array, cells: int, pixels: int) -> Arra
 
 
 def alpha_composite(frame: RenderedTarget, background: Image) -> Image:
-    """Linear picture of a target before a background."""
+    """Linear image of a target over a background."""
     return frame.color + background * (1.0 - frame.alpha[:, :, None])

@@ -1,21 +1,14 @@
-"""The radiance field of a target: what a ray through its body axes T brings back, for any direction of the Sun.
-
-Two kinds of field stand behind the same functions: the grid to fly, and the classic network kept for comparison.
-"""
+"""Radiance field of a target: density, ray rendering and bounds in its body axes T, for a grid field or a NeRF."""
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.vision.radiance_field.grid_field import (
-    GridField,
-    grid_bounds,
-    grid_density,
-    grid_intersects,
-    render_grid_ray,
-)
+from rpojax.vision.radiance_field.grid_field import GridField, grid_bounds
+from rpojax.vision.radiance_field.grid_interpolation import grid_density
 from rpojax.vision.radiance_field.nerf_field import NerfField, nerf_density, nerf_intersects, render_nerf_ray
-from rpojax.vision.radiance_field.volume_rendering import RenderedRays
+from rpojax.vision.radiance_field.occupancy_sampling import grid_intersects
+from rpojax.vision.radiance_field.volume_rendering import RenderedRays, render_grid_ray
 
 Points = Float[Array, "n 3"]
 Vector = Float[Array, "3"]
@@ -34,7 +27,7 @@ def density(field: RadianceField, points_T: Points) -> Float[Array, " n"]:
 
 @jax.jit
 def intersects(field: RadianceField, origins_T: Points, directions_T: Points) -> Bool[Array, " n"]:
-    """Whether rays with unit directions come near matter; those that do not bring nothing back."""
+    """Whether rays with unit directions may hit the target; the others render as empty."""
     if isinstance(field, GridField):
         return jax.vmap(lambda o, d: grid_intersects(field, o, d))(origins_T, directions_T)
     return jax.vmap(lambda o, d: nerf_intersects(field, o, d))(origins_T, directions_T)
@@ -48,9 +41,9 @@ def render_rays(
     sun_T: Points,
     jitter: Float[Array, " n"] | None = None,
 ) -> RenderedRays:
-    """Colour, alpha, depth and normal of rays with unit directions, each under the light of a Sun of its own.
+    """Colour, alpha, depth and normal of rays with unit directions, each with its own unit vector to the Sun.
 
-    `jitter` (n,), in -0.5 to 0.5, shifts the samples of each ray for training. Differentiable in rays and Suns.
+    `jitter` (n,), in -0.5 to 0.5, shifts the samples of each ray for training. Differentiable in rays and Sun.
     """
     shift = jnp.zeros(origins_T.shape[:1], jnp.float32) if jitter is None else jitter
     if isinstance(field, GridField):
@@ -59,6 +52,6 @@ def render_rays(
 
 
 def bounding_sphere(field: RadianceField) -> tuple[Vector, Scalar]:
-    """Middle [m] and radius [m] of the ball around the field's box."""
+    """Centre [m] and radius [m] of the sphere around the field's box."""
     minimum, maximum = grid_bounds(field) if isinstance(field, GridField) else (field.low, field.high)
     return 0.5 * (minimum + maximum), 0.5 * jnp.sqrt(jnp.sum((maximum - minimum) ** 2))

@@ -1,29 +1,34 @@
-"""What every field shares: rays, the box they cross, the weights of samples, and small networks."""
-
-import itertools
-from collections.abc import Sequence
+"""Volume rendering of a grid field: emission and absorption along a ray, its shadow ray, and one shading call."""
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
+from rpojax.vision.radiance_field.deferred_shading import normalized, shade
+from rpojax.vision.radiance_field.grid_field import GridField
+from rpojax.vision.radiance_field.grid_interpolation import (
+    grid_density,
+    interpolate_density,
+    interpolate_features,
+    trilinear_nodes,
+)
+from rpojax.vision.radiance_field.occupancy_sampling import sample_distances
 
-Layers = tuple[tuple[Array, Array], ...]
-
-TINY = 1e-6
-GAMMA = 2.2
-"""A network's output is close to a code value; radiance is its power."""
+SAMPLES = 16
+"""Samples of a ray from the camera."""
+SHADOW_SAMPLES = 6
+"""Samples of a ray towards the Sun."""
+_TINY = 1e-6
 
 
 @pytree
 class RenderedRays:
-    """What rays bring back.
+    """Colour, alpha, depth and normal of rays.
 
     Attributes:
         color: (n, 3) linear radiance, 1 = white level, times alpha
-        alpha: (n,) share that the target covers
+        alpha: (n,) fraction that the target covers
         depth: (n,) distance [m] times alpha
         normal: (n, 3) unit normal towards the viewer in T times alpha; zero for a field without one
     """
@@ -34,41 +39,49 @@ class RenderedRays:
     normal: Array
 
 
-def ray_box_intersection(low: Array, high: Array, origin: Array, direction: Array) -> tuple[Array, Array]:
-    """Distances at which a ray enters and leaves a box; equal where it misses."""
-    safe_direction = jnp.where(jnp.abs(direction) < TINY, TINY, direction)
-    first, second = (low - origin) / safe_direction, (high - origin) / safe_direction
-    near = jnp.maximum(jnp.max(jnp.minimum(first, second)), 0.0)
-    return near, jnp.maximum(jnp.min(jnp.maximum(first, second)), near)
+def render_grid_ray(field: GridField, origin: Array, direction: Array, sun: Array, shift: Array) -> RenderedRays:
+    """One ray rendered; `shift` in -0.5 to 0.5 moves its samples."""
+    distance, length = sample_distances(field, origin, direction, SAMPLES, shift)
+    optical_depth, features, depth = _accumulate_samples(field, origin, direction, distance, length)
+    alpha = 1.0 - jnp.exp(-optical_depth)
+    inverse_alpha = 1.0 / (alpha + _TINY)
+    features, point = features * inverse_alpha, origin + depth * inverse_alpha * direction
+    normal = normalized(features[:3])
+    normal = jnp.where(jnp.sum(normal * direction) > 0.0, -normal, normal)
+    # The derivative of a shadow by the density that casts it is left out: it costs more than the rest of the ray.
+    transmittance = _sun_transmittance(
+        *jax.lax.stop_gradient((field, point + 1.5 * field.spacing * (normal + sun), sun))
+    )
+    color = shade(field, features[3:], point, normal, -direction, sun, transmittance)
+    return RenderedRays(color=color * alpha, alpha=alpha, depth=depth, normal=normal * alpha)
 
 
-def normalized(vector: Array) -> Array:
-    """Unit vector; zero for a zero."""
-    return vector * jax.lax.rsqrt(jnp.sum(vector * vector) + TINY)
+def _accumulate_samples(
+    field: GridField, origin: Array, direction: Array, distance: Array, length: Array
+) -> tuple[Array, ...]:
+    """Optical depth, and features (3 + LATENT_SIZE,) and distance [m] weighted by each sample's contribution."""
+
+    def accumulate(
+        carry: tuple[Array, Array, Array], sample: tuple[Array, Array]
+    ) -> tuple[tuple[Array, Array, Array], None]:
+        optical_depth, features, depth = carry
+        sample_distance, sample_length = sample
+        rows, corner_weights = trilinear_nodes(field, origin + sample_distance * direction)
+        thickness = interpolate_density(field, rows, corner_weights) * sample_length
+        weight = jnp.exp(-optical_depth) * (1.0 - jnp.exp(-thickness))
+        contribution = weight * interpolate_features(field, rows, corner_weights)
+        return (optical_depth + thickness, features + contribution, depth + weight * sample_distance), None
+
+    zero = jnp.zeros((), jnp.float32)
+    start = (zero, jnp.zeros(field.features.shape[1:], jnp.float32), zero)
+    return jax.lax.scan(accumulate, start, (distance, length))[0]
 
 
-def positional_encoding(point: Array, frequencies: int) -> Array:
-    """Sines and cosines of a point (3,) at doubling frequencies."""
-    scale = jnp.asarray(np.pi * 2.0 ** np.arange(frequencies), jnp.float32)
-    angles = (scale[:, None] * point[None, :]).reshape(-1)
-    return jnp.concatenate([jnp.sin(angles), jnp.cos(angles)])
+def _sun_transmittance(field: GridField, origin: Array, direction: Array) -> Array:
+    """Fraction of the light from a direction that reaches a point."""
+    distance, length = sample_distances(field, origin, direction, SHADOW_SAMPLES, jnp.zeros((), jnp.float32))
 
+    def accumulate(optical_depth: Array, sample: tuple[Array, Array]) -> tuple[Array, None]:
+        return optical_depth + grid_density(field, origin + sample[0] * direction) * sample[1], None
 
-def initialize_layers(key: Array, widths: Sequence[int]) -> Layers:
-    """Fresh layers between widths (He et al., 2015)."""
-    layers = []
-    for index, (fan_in, fan_out) in enumerate(itertools.pairwise(widths)):
-        scale = np.float32(np.sqrt(2.0 / fan_in))
-        weight = scale * jax.random.normal(jax.random.fold_in(key, 100 + index), (fan_in, fan_out), jnp.float32)
-        layers.append((weight, jnp.zeros((fan_out,), jnp.float32)))
-    return tuple(layers)
-
-
-def apply_layers(layers: Layers, inputs: Array) -> Array:
-    """Output of layers with rectifiers between them."""
-    values = inputs
-    for index, (weight, bias) in enumerate(layers):
-        values = values @ weight + bias
-        if index < len(layers) - 1:
-            values = jax.nn.relu(values)
-    return values
+    return jnp.exp(-jax.lax.scan(accumulate, jnp.zeros((), jnp.float32), (distance, length))[0])

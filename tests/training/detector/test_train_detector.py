@@ -11,14 +11,11 @@ from rpojax.training.detector import augmentation, evaluate_detector, refinement
 from rpojax.training.detector.evaluate_detector import ImageDetections
 from rpojax.training.detector.muon_optimizer import orthogonalize
 from rpojax.training.detector.proposal_loss import maps_loss as loss
-from rpojax.training.detector.training_loop import (
-    NetworkTrainingOptions,
-    NetworkTrainingProgress,
-    apply_channel_gains,
-    with_channel_gains,
-)
+from rpojax.training.detector.training_options import NetworkTrainingOptions, NetworkTrainingProgress
+from rpojax.training.detector.weight_standardization import apply_channel_gains, with_channel_gains
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
-from rpojax.vision.detector.proposal_network import STRIDE, initialize
+from rpojax.vision.detector.box_decoding import STRIDE
+from rpojax.vision.detector.proposal_network import initialize
 
 SIZE = 128
 
@@ -43,7 +40,7 @@ def test_boxes_follow_their_pixels_through_every_change_of_place(
     def plain(rng: object, image: np.ndarray, noise: object) -> np.ndarray:
         return image.astype(np.float32) / 255.0
 
-    monkeypatch.setattr(augmentation, "_augment_appearance", plain)
+    monkeypatch.setattr(augmentation, "augment_appearance", plain)
     made = augmentation.augment_batch(plates, np.arange(39), np.random.default_rng(1), pieces)
     side = SIZE // 2 if pieces else SIZE
     assert made.images.shape[1:] == (side, side, 3)

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rpojax.training.radiance_field import evaluate_field, train_field
+from rpojax.training.radiance_field import evaluate_field, image_quality, train_field
 from rpojax.training.radiance_field.train_field import FieldTrainingOptions, FieldTrainingProgress
-from rpojax.training.synthetic_data.ray_tracing import Views
-from rpojax.training.synthetic_data.target_mesh import TargetMesh
+from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
+from rpojax.training.synthetic_data.ray_traced_views import Views
 from rpojax.vision.radiance_field.grid_field import GridField
 from rpojax.vision.radiance_field.target_field import RadianceField
 
@@ -96,11 +96,9 @@ def test_the_figures_of_a_perfect_picture_are_perfect(views: Views) -> None:
 
 
 def test_psnr_and_boxes_are_as_worked_by_hand() -> None:
-    assert evaluate_field.psnr(np.full(10, 0.01)) == pytest.approx(20.0)
+    assert image_quality.psnr(np.full(10, 0.01)) == pytest.approx(20.0)
     alpha = np.zeros((8, 8), np.float32)
     alpha[2:5, 3:7] = 1.0
     alpha[2:5, 2] = 0.25
-    np.testing.assert_allclose(evaluate_field.silhouette_box(alpha), [2.75, 2.0, 7.0, 5.0])
-    assert evaluate_field.box_iou(np.array([0.0, 0.0, 2.0, 2.0]), np.array([1.0, 0.0, 3.0, 2.0])) == pytest.approx(
-        1 / 3
-    )
+    np.testing.assert_allclose(image_quality.silhouette_box(alpha), [2.75, 2.0, 7.0, 5.0])
+    assert image_quality.box_iou(np.array([0.0, 0.0, 2.0, 2.0]), np.array([1.0, 0.0, 3.0, 2.0])) == pytest.approx(1 / 3)

@@ -10,14 +10,18 @@ import pytest
 from rpojax.training.synthetic_data import (
     backdrops,
     detection_dataset,
-    procedural_spacecraft,
-    ray_tracing,
+    earth_textures,
+    ray_traced_views,
     spacecraft_sprites,
 )
-from rpojax.training.synthetic_data.backdrops import EarthTextures, paint_backdrop
-from rpojax.training.synthetic_data.composites import ImageSensor, random_composite, visible_box
+from rpojax.training.synthetic_data.backdrops import paint_backdrop
+from rpojax.training.synthetic_data.composites import random_composite
 from rpojax.training.synthetic_data.detection_dataset import ANNOTATIONS, DatasetError, read_dataset, write_dataset
+from rpojax.training.synthetic_data.earth_textures import EarthTextures
+from rpojax.training.synthetic_data.image_sensor import ImageSensor
+from rpojax.training.synthetic_data.meshes import procedural_spacecraft
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
+from rpojax.training.synthetic_data.visible_box import visible_box
 
 cv2 = pytest.importorskip("cv2")
 
@@ -25,12 +29,12 @@ cv2 = pytest.importorskip("cv2")
 @pytest.fixture(scope="module")
 def earth() -> EarthTextures:
     """A globe that is red at the longitudes of training and green at those held out, under noise."""
-    west, east = (round((longitude + 180.0) / 360.0 * 360) for longitude in backdrops.TRAINING_LONGITUDES_DEG)
+    west, east = (round((longitude + 180.0) / 360.0 * 360) for longitude in earth_textures.TRAINING_LONGITUDES_DEG)
     ground = np.zeros((180, 360, 3), np.uint8)
     ground[:, west:east, 0] = 255
     ground[:, east:, 1] = 255
     noise = np.random.default_rng(0).normal(size=(4, 1024, 1024)).astype(np.float32)
-    return EarthTextures((ground,), backdrops.TRAINING_LONGITUDES_DEG, tuple(noise))
+    return EarthTextures((ground,), earth_textures.TRAINING_LONGITUDES_DEG, tuple(noise))
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +126,7 @@ def test_training_never_sees_the_longitudes_that_are_held_out(earth: EarthTextur
         picture = paint_backdrop(np.random.default_rng([4, index]), "earth", earth, 48)
         # Clouds are grey, the air is a blue that has a little more green than red.
         assert (picture[..., 1] - picture[..., 0]).max() < 0.15
-    other = EarthTextures(earth.ground, backdrops.VALIDATION_LONGITUDES_DEG, earth.noise)
+    other = EarthTextures(earth.ground, earth_textures.VALIDATION_LONGITUDES_DEG, earth.noise)
     greens = [paint_backdrop(np.random.default_rng([4, i]), "earth", other, 48) for i in range(20)]
     assert max(float((p[..., 1] - p[..., 0]).max()) for p in greens) > 0.3
 
@@ -152,7 +156,7 @@ def test_sprites_are_kept_and_lie_in_their_silhouettes(tmp_path: Path, monkeypat
         assert sprite.sunlit[sprite.alpha == 0.0].max(initial=0.0) == 0.0
         # Light from all sides leaves nothing dark but the inside of tubes.
         assert np.mean(sprite.earth_shine[sprite.alpha == 1.0].max(axis=-1) > 0.003) > 0.9
-    monkeypatch.setattr(ray_tracing, "RayTracer", None)
+    monkeypatch.setattr(ray_traced_views, "RayTracer", None)
     second = spacecraft_sprites.trace_sprites(tmp_path, 1, 2, 0, held_out=False)
     for a, b in zip(first, second, strict=True):
         np.testing.assert_allclose(a.sunlit, b.sunlit, atol=2e-3)  # kept in half precision

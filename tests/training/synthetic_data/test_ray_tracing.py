@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rpojax.training.radiance_field.evaluate_field import silhouette_box
-from rpojax.training.synthetic_data import ray_tracing
-from rpojax.training.synthetic_data.ray_tracing import Views, ViewSampling
-from rpojax.training.synthetic_data.target_mesh import TargetMesh
-from rpojax.vision.radiance_field.render_image import pixel_directions
+from rpojax.training.radiance_field.image_quality import silhouette_box
+from rpojax.training.synthetic_data import ray_traced_views, ray_tracing, view_cache, view_sampling
+from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
+from rpojax.training.synthetic_data.ray_traced_views import Views
+from rpojax.training.synthetic_data.view_sampling import ViewSampling
+from rpojax.vision.pinhole import pixel_directions
 
 
 def test_silhouettes_are_where_the_pinhole_puts_the_vertices(box: TargetMesh, views: Views) -> None:
@@ -48,14 +49,14 @@ def test_the_middle_of_a_face_seen_head_on_is_as_far_as_it_is(box: TargetMesh) -
 def test_no_view_is_darker_than_its_phase_angle_allows(views: Views) -> None:
     away = views.position / np.linalg.norm(views.position, axis=1, keepdims=True)
     phase = np.degrees(np.arccos(np.sum(away * views.sun, axis=1)))
-    assert phase.max() <= ray_tracing.PHASE_LIMIT_DEG
+    assert phase.max() <= view_sampling.PHASE_LIMIT_DEG
     brightness = np.array([rgb[alpha > 0.999].mean() for rgb, alpha in zip(views.rgb, views.alpha, strict=True)])
     assert brightness[phase < 45.0].mean() > 2.0 * brightness[phase > 80.0].mean()
     assert (views.rgb[views.alpha == 0.0] == 0.0).all()
 
 
 def test_earth_shine_lights_what_the_sun_does_not(box: TargetMesh, views: Views) -> None:
-    lit = ray_tracing.ray_trace_views(box, ViewSampling(4, size_px=32, samples=8, seed=5, earth_shine=0.1))
+    lit = ray_traced_views.ray_trace_views(box, ViewSampling(4, size_px=32, samples=8, seed=5, earth_shine=0.1))
     assert (lit.rgb[lit.alpha > 0.999].mean(axis=1) > 0.0).all()
     np.testing.assert_array_equal(lit.position, views.position[:4])
 
@@ -68,19 +69,19 @@ def test_an_interrupted_call_goes_on_with_the_same_views(box: TargetMesh, tmp_pa
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        ray_tracing.ray_trace_views(box, shell, tmp_path, stop)
+        ray_traced_views.ray_trace_views(box, shell, tmp_path, stop)
     assert [path.name for path in tmp_path.iterdir()] == ["views_00000.npz"]
     first = (tmp_path / "views_00000.npz").stat().st_mtime_ns
-    resumed = ray_tracing.ray_trace_views(box, shell, tmp_path)
+    resumed = ray_traced_views.ray_trace_views(box, shell, tmp_path)
     assert (tmp_path / "views_00000.npz").stat().st_mtime_ns == first
     # To the last bit, or a training would not know these views again.
-    np.testing.assert_array_equal(resumed.rgb, ray_tracing.ray_trace_views(box, shell).rgb)
+    np.testing.assert_array_equal(resumed.rgb, ray_traced_views.ray_trace_views(box, shell).rgb)
 
 
 def test_the_first_views_can_be_seen_before_the_rest_are_traced(box: TargetMesh) -> None:
     shell, seen = ViewSampling(36, size_px=16, samples=2), []
     late = []
-    views = ray_tracing.ray_trace_views(
+    views = ray_traced_views.ray_trace_views(
         box,
         shell,
         None,
@@ -94,9 +95,9 @@ def test_the_first_views_can_be_seen_before_the_rest_are_traced(box: TargetMesh)
 
 
 def test_kept_views_of_another_shell_are_not_taken_for_these(box: TargetMesh, tmp_path: Path) -> None:
-    ray_tracing.ray_trace_views(box, ViewSampling(2, size_px=16, samples=2, seed=1), tmp_path)
-    other = ray_tracing.ray_trace_views(box, ViewSampling(2, size_px=16, samples=2, seed=2), tmp_path)
-    np.testing.assert_allclose(other.position, ray_tracing.sample_views(box, ViewSampling(2, seed=2))[1])
+    ray_traced_views.ray_trace_views(box, ViewSampling(2, size_px=16, samples=2, seed=1), tmp_path)
+    other = ray_traced_views.ray_trace_views(box, ViewSampling(2, size_px=16, samples=2, seed=2), tmp_path)
+    np.testing.assert_allclose(other.position, view_sampling.sample_views(box, ViewSampling(2, seed=2))[1])
 
 
 def test_views_of_the_same_mesh_with_another_unwrapping_are_traced_anew(box: TargetMesh, tmp_path: Path) -> None:
@@ -105,22 +106,22 @@ def test_views_of_the_same_mesh_with_another_unwrapping_are_traced_anew(box: Tar
     keys = []
     for _ in range(2):
         unwrapped = dataclasses.replace(part, uv=rng.random((len(part.vertices), 2)))
-        keys.append(ray_tracing._ViewCache(tmp_path, TargetMesh("box", (unwrapped,)), ViewSampling(2)).key)
+        keys.append(view_cache.ViewCache(tmp_path, TargetMesh("box", (unwrapped,)), ViewSampling(2)).key)
     assert keys[0] != keys[1]
 
 
 @pytest.mark.parametrize("place", [0.2, 0.5, 0.8])
 def test_a_block_with_a_wrong_byte_is_traced_anew(box: TargetMesh, tmp_path: Path, place: float) -> None:
     shell = ViewSampling(2, size_px=16, samples=2)
-    first = ray_tracing.ray_trace_views(box, shell, tmp_path)
+    first = ray_traced_views.ray_trace_views(box, shell, tmp_path)
     (block,) = tmp_path.glob("views_*.npz")
     content = bytearray(block.read_bytes())
     for index in range(int(place * len(content)), int(place * len(content)) + 8):
         content[index] ^= 0xFF
     block.write_bytes(bytes(content))
-    np.testing.assert_array_equal(ray_tracing.ray_trace_views(box, shell, tmp_path).alpha, first.alpha)
+    np.testing.assert_array_equal(ray_traced_views.ray_trace_views(box, shell, tmp_path).alpha, first.alpha)
 
 
 def test_a_damaged_block_is_traced_anew(box: TargetMesh, tmp_path: Path) -> None:
     (tmp_path / "views_00000.npz").write_bytes(b"PK\x03\x04 not a block")
-    assert len(ray_tracing.ray_trace_views(box, ViewSampling(2, size_px=16, samples=2), tmp_path)) == 2
+    assert len(ray_traced_views.ray_trace_views(box, ViewSampling(2, size_px=16, samples=2), tmp_path)) == 2

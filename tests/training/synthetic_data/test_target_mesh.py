@@ -11,15 +11,15 @@ from rpojax.core.constants import RADIUS_EARTH
 from rpojax.errors import RpojaxError
 from rpojax.optional import MissingExtraError, require_package
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.training.synthetic_data import target_mesh
-from rpojax.training.synthetic_data.target_mesh import MeshError
+from rpojax.training.synthetic_data.meshes import mesh_files, packaged_target, target_mesh
+from rpojax.training.synthetic_data.meshes.mesh_files import MeshError
 
 
 def test_the_packaged_target_fills_the_hull_of_the_scenario(inspection_file: ScenarioFile) -> None:
     from scipy.spatial import ConvexHull
 
     hull = ConvexHull(np.array(inspection_file.model_dump()["target"]["hull_m"]))
-    mesh = target_mesh.packaged_target()
+    mesh = packaged_target.packaged_target()
     outside = mesh.vertices @ hull.equations[:, :3].T + hull.equations[:, 3]
     assert outside.max() < 0.06  # the nozzle stands out by 5 cm
     assert np.mean(outside < 0.03) > 0.9
@@ -27,7 +27,7 @@ def test_the_packaged_target_fills_the_hull_of_the_scenario(inspection_file: Sce
 
 
 def test_the_packaged_target_has_a_shiny_foil_among_several_materials() -> None:
-    materials = [part.material for part in target_mesh.packaged_target().parts]
+    materials = [part.material for part in packaged_target.packaged_target().parts]
     assert len(materials) >= 5
     assert any(material.metallic == 1.0 and material.roughness < 0.4 for material in materials)
 
@@ -38,12 +38,12 @@ def test_a_mesh_in_millimetres_off_centre_is_put_right_when_asked(tmp_path: Path
     box.apply_translation((5000.0, 0.0, 0.0))
     path = tmp_path / f"box{suffix}"
     box.export(path)
-    mesh = target_mesh.load_mesh(path, units="mm", center=True)
+    mesh = mesh_files.load_mesh(path, units="mm", center=True)
     np.testing.assert_allclose(mesh.bounds, [[-0.5, -0.3, -0.2], [0.5, 0.3, 0.2]], atol=1e-6)
     with pytest.raises(MeshError, match="--units"):
-        target_mesh.load_mesh(path, center=True)
+        mesh_files.load_mesh(path, center=True)
     with pytest.raises(MeshError, match="--center"):
-        target_mesh.load_mesh(path, units="mm")
+        mesh_files.load_mesh(path, units="mm")
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_a_file_that_is_no_mesh_is_an_error_of_one_line(tmp_path: Path, name: st
     path = tmp_path / name
     path.write_text(content)
     with pytest.raises(MeshError, match=expected) as error:
-        target_mesh.load_mesh(path)
+        mesh_files.load_mesh(path)
     assert name in str(error.value)
 
 
@@ -69,7 +69,7 @@ def saved(tmp_path: Path, visual: object, suffix: str = ".glb") -> target_mesh.T
     box.visual = visual
     path = tmp_path / f"box{suffix}"
     box.export(path)
-    return target_mesh.load_mesh(path)
+    return mesh_files.load_mesh(path)
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_faces_of_several_colours_are_several_parts(tmp_path: Path) -> None:
     rainbow = np.random.default_rng(0).integers(0, 256, (len(sphere.faces), 4)).astype(np.uint8)
     sphere.visual = trimesh.visual.ColorVisuals(mesh=sphere, face_colors=rainbow)
     sphere.export(tmp_path / "rainbow.ply")
-    many = target_mesh.load_mesh(tmp_path / "rainbow.ply")
+    many = mesh_files.load_mesh(tmp_path / "rainbow.ply")
     assert 8 <= len(many.parts) <= 64
     assert many.face_count == len(sphere.faces)
 
@@ -128,7 +128,7 @@ def test_a_mesh_as_large_as_a_planet_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "planet.ply"
     trimesh.creation.icosphere(subdivisions=1, radius=RADIUS_EARTH).export(path)
     with pytest.raises(MeshError, match="span"):
-        target_mesh.load_mesh(path)
+        mesh_files.load_mesh(path)
 
 
 def test_surface_points_lie_on_the_surface(box: target_mesh.TargetMesh) -> None:
@@ -143,7 +143,7 @@ def test_outline_and_size_of_the_packaged_target_are_those_of_the_scenario(inspe
     size = tables["navigation"]["target_size_m"]
     # 4000 attitudes leave 0.5 % to chance.
     assert target_mesh.apparent_size(np.array(tables["target"]["hull_m"])) == pytest.approx(size, rel=0.01)
-    hull = target_mesh.outline_vertices(target_mesh.packaged_target())
+    hull = target_mesh.outline_vertices(packaged_target.packaged_target())
     assert 4 <= len(hull) <= 64
     # The nozzle and the dish stand out of the scenario's hull.
     assert target_mesh.apparent_size(hull) == pytest.approx(size, rel=0.05)

@@ -10,9 +10,9 @@ import pytest
 from jaxtyping import Array
 
 from rpojax.cli.commands.detect import detect
-from rpojax.vision.detector import multiscale_detection
-from rpojax.vision.detector.multiscale_detection import ScoredBox
-from rpojax.vision.detector.two_stage_detector import Detections
+from rpojax.vision.detector import multiscale_detection, sliding_windows
+from rpojax.vision.detector.box_decoding import Detections
+from rpojax.vision.detector.scored_box import ScoredBox
 
 
 def bright_boxes(pixels: np.ndarray) -> list[list[int]]:
@@ -92,9 +92,9 @@ def test_what_is_seen_in_one_view_alone_is_no_box(by_brightness: None, monkeypat
 
 @pytest.mark.parametrize("mirror", multiscale_detection._MIRRORS)
 def test_boxes_of_a_mirrored_window_come_back(mirror: tuple[int, int]) -> None:
-    image = picture(multiscale_detection.WINDOW_PX, multiscale_detection.WINDOW_PX, (20, 30, 60, 44))
+    image = picture(sliding_windows.WINDOW_PX, sliding_windows.WINDOW_PX, (20, 30, 60, 44))
     seen = bright_boxes(image[:: mirror[1], :: mirror[0]])
-    np.testing.assert_array_equal(multiscale_detection._mirror_boxes(np.array(seen, float), mirror), [[20, 30, 60, 44]])
+    np.testing.assert_array_equal(sliding_windows._mirror_boxes(np.array(seen, float), mirror), [[20, 30, 60, 44]])
 
 
 def test_the_verb_tells_boxes_from_the_same_score_on() -> None:
@@ -104,18 +104,18 @@ def test_the_verb_tells_boxes_from_the_same_score_on() -> None:
 @pytest.mark.parametrize("long_side", [1, 100, 128, 200, 300, 1024, 5000, 20_000])
 def test_levels_go_from_one_window_to_the_finest(long_side: int) -> None:
     levels = [side for sides in multiscale_detection._levels(long_side) for side in sides]
-    assert multiscale_detection.WINDOW_PX in levels
+    assert sliding_windows.WINDOW_PX in levels
     assert levels == sorted(set(levels))
     assert levels[-1] <= multiscale_detection.MAX_SIDE_PX
-    assert levels[-1] >= min(max(long_side, multiscale_detection.WINDOW_PX), multiscale_detection.MAX_SIDE_PX) / 1.4
+    assert levels[-1] >= min(max(long_side, sliding_windows.WINDOW_PX), multiscale_detection.MAX_SIDE_PX) / 1.4
 
 
 @pytest.mark.parametrize("length", [128, 129, 200, 208, 209, 1000])
 def test_windows_cover_every_pixel_and_overlap(length: int) -> None:
-    starts = multiscale_detection._starts(length)
+    starts = sliding_windows._starts(length)
     assert starts[0] == 0
-    assert starts[-1] == length - multiscale_detection.WINDOW_PX
-    assert all(0 < b - a <= multiscale_detection.WINDOW_PX - 40 for a, b in itertools.pairwise(starts))
+    assert starts[-1] == length - sliding_windows.WINDOW_PX
+    assert all(0 < b - a <= sliding_windows.WINDOW_PX - 40 for a, b in itertools.pairwise(starts))
 
 
 def test_shares_and_overlaps_are_as_worked_by_hand() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rpojax.vision.detector import proposal_network
-from rpojax.vision.detector.proposal_network import STRIDE, ProposalMaps, decode_boxes, soft_decode_box
+from rpojax.vision.detector.box_decoding import STRIDE, ProposalMaps, decode_boxes, soft_decode_box
 
 CELLS = 32
 

@@ -7,7 +7,8 @@ import pytest
 
 from rpojax.vision.detector import refinement_network
 from rpojax.vision.detector.non_maximum_suppression import pairwise_iou, suppress_overlapping
-from rpojax.vision.detector.refinement_network import CROP_PX, boxes_from_channels, crop_boxes
+from rpojax.vision.detector.refinement_network import boxes_from_channels
+from rpojax.vision.detector.region_crop import CROP_PX, crop_boxes
 
 SIZE = 96
 

@@ -10,13 +10,8 @@ import numpy as np
 import pytest
 
 from rpojax.vision.detector import proposal_network, two_stage_detector
-from rpojax.vision.detector.two_stage_detector import (
-    detect,
-    load_detector,
-    packaged_detector_path,
-    save_detector,
-    soft_detect,
-)
+from rpojax.vision.detector.detector_file import load_detector, packaged_detector_path, save_detector
+from rpojax.vision.detector.two_stage_detector import detect, soft_detect
 from rpojax.vision.weight_files import WeightsError, read_tensors, write_tensors
 
 Tensors = dict[str, np.ndarray]
@@ -133,7 +128,7 @@ def test_a_file_with_other_tensors_is_refused(tmp_path: Path, change: Callable[[
 
 
 def test_a_field_is_no_detector_and_rubbish_is_nothing(tmp_path: Path) -> None:
-    from rpojax.vision.weight_files import packaged_field_path
+    from rpojax.vision.radiance_field.field_file import packaged_field_path
 
     with pytest.raises(WeightsError, match="kind"):
         load_detector(packaged_field_path())

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from rpojax.core.pytree import replace
-from rpojax.vision.imaging.stars_and_earth import Sky, background, random_sky
+from rpojax.vision.imaging.sky_background import background
+from rpojax.vision.imaging.sky_maps import Sky, random_sky
 from rpojax.vision.pinhole import pinhole_intrinsics
 
 SIZE = 64

@@ -11,9 +11,10 @@ from experiment_modules import load_experiment
 from rpojax.vision.imaging.exposure import Exposure, expose
 from rpojax.vision.pinhole import pinhole_intrinsics, project
 from rpojax.vision.radiance_field import render_image
-from rpojax.vision.radiance_field.ray_budget import REGION_SIDES, RaySampling, project_region, region_side
+from rpojax.vision.radiance_field.field_file import load_field
+from rpojax.vision.radiance_field.image_region import project_region
+from rpojax.vision.radiance_field.ray_budget import REGION_SIDES, RaySampling, region_side
 from rpojax.vision.radiance_field.target_field import RadianceField, bounding_sphere
-from rpojax.vision.weight_files import load_field
 
 TIPS = np.array([[x, y, 0.0] for x in (-0.22, 0.22) for y in (-0.8, 0.8)])
 
@@ -40,7 +41,7 @@ def frame_of(
 ) -> render_image.RenderedTarget:
     optics = pinhole_intrinsics(jnp.asarray(np.radians(10.0)), size, size)
     parts = [jnp.asarray(value, jnp.float32) for value in (position, rotation, np.array([0.0, 0.6, 0.8]), light)]
-    return render_image.render_target(field, optics, size, size, RaySampling.all_rays(region), *parts)
+    return render_image.render_target(field, optics, size, size, RaySampling(region, region * region), *parts)
 
 
 DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
@@ -87,7 +88,7 @@ def test_frames_batch_under_vmap(field: RadianceField) -> None:
     def one(position: jax.Array) -> jax.Array:
         lit = jnp.ones((), jnp.float32)
         return render_image.render_target(
-            field, optics, 32, 32, RaySampling.all_rays(32), position, rotation, sun, lit
+            field, optics, 32, 32, RaySampling(32, 32 * 32), position, rotation, sun, lit
         ).color
 
     together = jax.vmap(one)(positions)

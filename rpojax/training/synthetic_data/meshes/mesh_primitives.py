@@ -1,10 +1,10 @@
-"""Solids of a procedural spacecraft: each is vertices (n, 3) [m] and triangles (m, 3), and moves as one."""
+"""Solids of triangles, from which procedural spacecraft are built."""
 
 import dataclasses
 
 import numpy as np
 
-from rpojax.training.synthetic_data.target_mesh import Material, MeshPart, TargetMesh
+from rpojax.training.synthetic_data.meshes.target_mesh import Material, MeshPart, TargetMesh
 
 
 @dataclasses.dataclass(frozen=True)
@@ -16,11 +16,11 @@ class Solid:
     faces: np.ndarray
 
     def translated(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Solid":
-        """The same solid elsewhere."""
+        """The solid translated [m]."""
         return dataclasses.replace(self, vertices=self.vertices + np.array([x, y, z]))
 
     def rotated(self, axis: str, angle_deg: float) -> "Solid":
-        """The same solid turned about an axis through the origin."""
+        """The solid rotated about an axis through the origin."""
         return dataclasses.replace(self, vertices=self.vertices @ rotation_matrix(axis, angle_deg).T)
 
 
@@ -28,7 +28,7 @@ Solids = list[Solid]
 
 
 def rotation_matrix(axis: str, angle_deg: float) -> np.ndarray:
-    """Matrix (3, 3) of a right-handed turn about 'x', 'y' or 'z'."""
+    """Matrix (3, 3) of a right-handed rotation about 'x', 'y' or 'z'."""
     first, second = {"x": (1, 2), "y": (2, 0), "z": (0, 1)}[axis]
     cosine, sine = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     matrix = np.eye(3)
@@ -38,12 +38,12 @@ def rotation_matrix(axis: str, angle_deg: float) -> np.ndarray:
 
 
 def translated(solids: Solids, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Solids:
-    """All solids moved alike."""
+    """All solids translated [m]."""
     return [solid.translated(x, y, z) for solid in solids]
 
 
 def rotated(solids: Solids, axis: str, angle_deg: float) -> Solids:
-    """All solids turned alike about an axis through the origin."""
+    """All solids rotated about an axis through the origin."""
     return [solid.rotated(axis, angle_deg) for solid in solids]
 
 
@@ -56,14 +56,14 @@ def box(material: Material, x: float, y: float, z: float) -> Solid:
 
 
 def crinkled_box(rng: np.random.Generator, material: Material, x: float, y: float, z: float) -> Solid:
-    """A box whose faces are dented as foil is: each face a grid of points moved at random."""
-    pieces = []
+    """A box whose faces are crinkled like foil: grids of points with random heights."""
+    sides = []
     dent = 0.012 * max(x, y, z)
     for axis, (u, v, w) in {"x": (y, z, x), "y": (z, x, y), "z": (x, y, z)}.items():
         for sign in (-1.0, 1.0):
             sheet = _sheet(rng, material, u, v, dent).translated(z=0.5 * w)
-            pieces.append(_permute_axes(sheet if sign > 0.0 else sheet.rotated("x", 180.0), axis))
-    return merge_solids(pieces)
+            sides.append(_permute_axes(sheet if sign > 0.0 else sheet.rotated("x", 180.0), axis))
+    return merge_solids(sides)
 
 
 def _sheet(rng: np.random.Generator, material: Material, x: float, y: float, dent: float) -> Solid:
@@ -77,20 +77,20 @@ def _sheet(rng: np.random.Generator, material: Material, x: float, y: float, den
 
 
 def _permute_axes(solid: Solid, axis: str) -> Solid:
-    """A solid along z, cyclically laid along another axis."""
+    """A solid along z, with its axes cyclically permuted to another axis."""
     order = {"z": [0, 1, 2], "x": [2, 0, 1], "y": [1, 2, 0]}[axis]
     return dataclasses.replace(solid, vertices=solid.vertices[:, order])
 
 
 def _grid_faces(rows: int, columns: int) -> np.ndarray:
-    """Triangles (m, 3) between the points of a grid, numbered row by row."""
+    """Triangles (m, 3) of a grid of points, numbered row by row."""
     first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)[None, :]).reshape(-1)
     a, b, c, d = first, first + columns, first + columns + 1, first + 1
     return np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
 
 
 def surface_of_revolution(material: Material, profile: list[tuple[float, float]], sections: int = 28) -> Solid:
-    """The surface that a profile of (radius, height along z) sweeps."""
+    """Surface of revolution about z of a profile of (radius, height)."""
     angle = np.linspace(0.0, 2.0 * np.pi, sections + 1)
     radius, height = np.array(profile).T
     shape = (len(profile), sections + 1)
@@ -108,14 +108,14 @@ def surface_of_revolution(material: Material, profile: list[tuple[float, float]]
 def frustum(
     material: Material, radius: float, length: float, end_radius: float | None = None, sections: int = 28
 ) -> Solid:
-    """A closed cylinder, cone or prism along z around the origin; `end` is the radius at its +z side."""
+    """A closed cylinder, cone or prism along z around the origin; `end_radius` is that at its +z side."""
     other = radius if end_radius is None else end_radius
     half = 0.5 * length
     return surface_of_revolution(material, [(0.0, -half), (radius, -half), (other, half), (0.0, half)], sections)
 
 
 def crinkled_cylinder(rng: np.random.Generator, material: Material, radius: float, length: float) -> Solid:
-    """A closed cylinder along z, dented as foil is."""
+    """A closed cylinder along z, crinkled like foil."""
     rows = 14
     heights = np.linspace(-0.5 * length, 0.5 * length, rows)
     solid = surface_of_revolution(material, [(0.0, heights[0]), *((radius, h) for h in heights), (0.0, heights[-1])])
@@ -125,12 +125,12 @@ def crinkled_cylinder(rng: np.random.Generator, material: Material, radius: floa
 
 def paraboloid(material: Material, radius: float, depth: float) -> Solid:
     """An open paraboloid with its apex at the origin and its rim at +z."""
-    share = np.linspace(0.0, 1.0, 7)
-    return surface_of_revolution(material, [(radius * s, depth * s * s) for s in share])
+    fraction = np.linspace(0.0, 1.0, 7)
+    return surface_of_revolution(material, [(radius * s, depth * s * s) for s in fraction])
 
 
 def extruded_polygon(material: Material, outline: list[tuple[float, float]], thickness: float) -> Solid:
-    """A flat convex plate of an outline in x and y, around z = 0."""
+    """A flat plate around z = 0 with a convex outline in x and y."""
     count = len(outline)
     points = np.array(outline)
     layers = [np.column_stack([points, np.full(count, side * 0.5 * thickness)]) for side in (-1.0, 1.0)]
@@ -146,14 +146,14 @@ def extruded_polygon(material: Material, outline: list[tuple[float, float]], thi
 
 
 def merge_solids(solids: list[Solid]) -> Solid:
-    """One solid of the first one's material."""
+    """The solids as one, of the material of the first."""
     offsets = np.cumsum([0, *(len(solid.vertices) for solid in solids[:-1])])
     faces = [solid.faces + offset for solid, offset in zip(solids, offsets, strict=True)]
     return Solid(solids[0].material, np.concatenate([solid.vertices for solid in solids]), np.concatenate(faces))
 
 
 def as_mesh(name: str, solids: Solids) -> TargetMesh:
-    """A target with one part for each material, its middle at the origin."""
+    """Mesh with one part per material, the centre of its box at the origin."""
     parts = []
     for material in dict.fromkeys(solid.material for solid in solids):
         whole = merge_solids([solid for solid in solids if solid.material == material])

@@ -1,0 +1,153 @@
+"""Random views of the Earth: camera over the ground or the limb, ground with clouds, daylight and atmosphere."""
+
+import dataclasses
+
+import numpy as np
+
+from rpojax.training.synthetic_data.earth_textures import TILE_PX, EarthTextures, ground_color, sample_noise
+
+Rng = np.random.Generator
+
+_SUNLIT_RADIANCE = 0.7
+"""Linear radiance of a white ground under the zenith Sun."""
+
+
+@dataclasses.dataclass(frozen=True)
+class EarthView:
+    """Camera position [Earth radii], rays (p, p, 3) and unit vector to the Sun, in Earth axes."""
+
+    position: np.ndarray
+    rays: np.ndarray
+    sun: np.ndarray
+
+
+def random_earth_view(
+    rng: Rng, earth: EarthTextures, size_px: int, limb: bool, sun_height: tuple[float, float]
+) -> EarthView:
+    """Random view of the ground, or of the limb, with the sine of the Sun's elevation at its centre in a range."""
+    altitude = float(np.exp(rng.uniform(np.log(0.045), np.log(0.2)))) if rng.random() < 0.85 else rng.uniform(0.3, 5.0)
+    field = np.radians(np.exp(rng.uniform(np.log(4.0), np.log(65.0))))
+    horizon = np.arcsin(1.0 / (1.0 + altitude))
+    west, east = np.radians(earth.longitudes)
+    longitude, latitude = rng.uniform(west, east), np.arcsin(rng.uniform(-0.95, 0.95))
+    up = _radial_direction(latitude, longitude)
+    off = (
+        horizon + rng.uniform(-0.35, 0.35) * field if limb else rng.uniform(0.0, 1.0) * max(horizon - 0.5 * field, 0.0)
+    )
+    side = np.cross(up, unit(rng.normal(size=3)))
+    side = unit(side)
+    axis = -np.cos(off) * up + np.sin(off) * side
+    right = unit(np.cross(axis, unit(rng.normal(size=3))))
+    down = np.cross(axis, right)
+    place = ((np.arange(size_px) + 0.5) / size_px * 2.0 - 1.0) * np.tan(0.5 * field)
+    rays = axis + place[None, :, None] * right + place[:, None, None] * down
+    rays = rays / np.linalg.norm(rays, axis=2, keepdims=True)
+    along = -(1.0 + altitude) * float(up @ axis)
+    depth = along - np.sqrt(max(along**2 - (1.0 + altitude) ** 2 + 1.0, 0.0))
+    ground = unit(up * (1.0 + altitude) + axis * max(depth, 0.0))
+    sun = unit(rng.normal(size=3))
+    for _ in range(200):
+        if sun_height[0] <= float(ground @ sun) <= sun_height[1]:
+            break
+        sun = unit(rng.normal(size=3))
+    return EarthView((1.0 + altitude) * up, rays, sun)
+
+
+@dataclasses.dataclass(frozen=True)
+class GroundImage:
+    """Ground seen in a view.
+
+    Attributes:
+        point: (p, p, 3) points of the ground [Earth radii]
+        hit: (p, p) whether the ray meets the ground
+        height: (p, p) least height of the ray above the ground
+        color: (p, p, 3) linear colour of the ground
+        sea: (p, p) fraction of sea
+        clouds: (p, p) opacity of clouds
+    """
+
+    point: np.ndarray
+    hit: np.ndarray
+    height: np.ndarray
+    color: np.ndarray
+    sea: np.ndarray
+    clouds: np.ndarray
+
+
+def ground_image(rng: Rng, earth: EarthTextures, view: EarthView, cloud_fraction: float) -> GroundImage:
+    """The ground in a view, under random clouds over a fraction of it."""
+    along = view.rays @ view.position
+    nearest = np.maximum(view.position @ view.position - along**2, 0.0)
+    hit = (nearest < 1.0) & (along < 0.0)
+    distance = -along - np.sqrt(np.where(hit, 1.0 - nearest, 0.0))
+    point = view.position + distance[..., None] * view.rays
+    latitude = np.arcsin(np.clip(point[..., 2] / np.linalg.norm(point, axis=2), -1.0, 1.0))
+    longitude = np.arctan2(point[..., 1], point[..., 0])
+    color = ground_color(earth, latitude, longitude, hit)
+    blue = np.clip((color[..., 2] - 1.15 * color[..., 0]) / 0.02, 0.0, 1.0)
+    dark = np.clip((0.16 - color.mean(axis=2)) / 0.05, 0.0, 1.0)
+    # Noise finer than the texture, at the scale of the view.
+    middle = unit(point[hit].mean(axis=0)) if hit.any() else unit(view.position)
+    east = unit(np.cross([0.0, 0.0, 1.0], middle))
+    x, y = (point - middle) @ east, (point - middle) @ np.cross(middle, east)
+    step = _ground_pixel_size(x, y, hit)
+    detail = sample_noise(earth.noise[3], x, y, rng, TILE_PX / (float(rng.uniform(100.0, 400.0)) * step))
+    color = color * np.clip(1.0 + rng.uniform(0.05, 0.3) * detail, 0.3, 2.0)[..., None]
+    clouds = _clouds(rng, earth, x, y, step, cloud_fraction)
+    return GroundImage(point, hit, np.sqrt(nearest) - 1.0, color, blue * dark, clouds * hit)
+
+
+def _radial_direction(latitude: float, longitude: float) -> np.ndarray:
+    return np.array(
+        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)],
+    )
+
+
+def _ground_pixel_size(x: np.ndarray, y: np.ndarray, hit: np.ndarray) -> float:
+    """Median distance of neighbouring pixels on the ground [Earth radii]."""
+    steps = np.hypot(np.diff(x, axis=1), np.diff(y, axis=1))[hit[:, 1:] & hit[:, :-1]]
+    return float(np.median(steps)) if steps.size else 1e-3
+
+
+def _clouds(rng: Rng, earth: EarthTextures, x: np.ndarray, y: np.ndarray, step: float, fraction: float) -> np.ndarray:
+    """Opacity (p, p) of clouds: stretched and warped noise above a threshold, with soft or hard edges."""
+    scale = TILE_PX / (float(np.exp(rng.uniform(np.log(60.0), np.log(700.0)))) * step)
+    stretch = float(np.exp(rng.normal(scale=0.25)))
+    twist = float(rng.uniform(0.0, 40.0)) / scale
+    bend_x, bend_y = (twist * sample_noise(earth.noise[0], x, y, rng, 0.5 * scale) for _ in range(2))
+    noise = sample_noise(earth.noise[int(rng.integers(1, 4))], x * stretch + bend_x, y / stretch + bend_y, rng, scale)
+    threshold = float(np.quantile(noise, 1.0 - np.clip(fraction, 0.02, 0.98)))
+    return np.clip((noise - threshold) / rng.uniform(0.2, 3.0), 0.0, 1.0) ** rng.uniform(0.5, 1.5) * rng.uniform(
+        0.5, 1.0
+    )
+
+
+def daylight(ground: GroundImage, view: EarthView) -> np.ndarray:
+    """Radiance (p, p, 3) of sunlit ground and clouds, under haze that is denser at grazing views."""
+    cosine = np.clip(ground.point @ view.sun, 0.0, 1.0)
+    seen = np.clip(-(ground.point * view.rays).sum(axis=2), 0.05, 1.0)
+    color = ground.color * (1.0 - ground.clouds[..., None]) + 0.85 * ground.clouds[..., None]
+    haze = np.clip(0.06 / seen, 0.0, 0.7)[..., None]
+    color = color * (1.0 - haze) + haze * np.array([0.25, 0.42, 0.8])
+    return _SUNLIT_RADIANCE * color * (cosine**0.9)[..., None] * ground.hit[..., None]
+
+
+def atmosphere(rng: Rng, ground: GroundImage, view: EarthView) -> np.ndarray:
+    """Radiance (p, p, 3) of the air above the limb, of random scale height and brightness."""
+    foot = view.position - (view.rays @ view.position)[..., None] * view.rays
+    day = np.clip(unit_rows(foot) @ view.sun + 0.15, 0.0, 1.0)
+    passing = ~ground.hit & (view.rays @ view.position < 0.0)
+    depth = float(np.exp(rng.uniform(np.log(0.0007), np.log(0.005))))
+    height = np.maximum(ground.height, 0.0) / depth
+    glow = rng.uniform(0.2, 1.2) * np.exp(-height)[..., None] * np.array([0.35, 0.55, 1.0])
+    return glow * (day * passing)[..., None]
+
+
+def unit(vector: np.ndarray) -> np.ndarray:
+    """Unit vector (3,)."""
+    return vector / np.linalg.norm(vector)
+
+
+def unit_rows(vectors: np.ndarray) -> np.ndarray:
+    """Unit vectors (p, p, 3)."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=2, keepdims=True), 1e-9)

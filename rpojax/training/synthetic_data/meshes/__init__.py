@@ -1,0 +1,1 @@
+"""Triangle meshes: from files, of the packaged target, and random spacecraft."""
