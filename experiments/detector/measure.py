@@ -15,17 +15,22 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.training.detector import evaluate_detector
-from rpojax.training.radiance_field import evaluate_field
-from rpojax.training.synthetic_data import backdrops, ray_tracing, target_mesh
-from rpojax.training.synthetic_data.composites import ImageSensor, expose_image, visible_box
+from rpojax.training.radiance_field import evaluate_field, image_quality
+from rpojax.training.synthetic_data import backdrops, earth_textures, ray_traced_views, view_sampling
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset, read_dataset
+from rpojax.training.synthetic_data.image_sensor import ImageSensor, expose_image
+from rpojax.training.synthetic_data.meshes import packaged_target
+from rpojax.training.synthetic_data.visible_box import visible_box
 from rpojax.vision.detector import proposal_network
-from rpojax.vision.detector.multiscale_detection import ScoredBox, detect_multiscale
-from rpojax.vision.detector.two_stage_detector import DetectorParams, detect, load_detector
-from rpojax.vision.imaging import image_files
-from rpojax.vision.imaging.stars_and_earth import background, random_sky
+from rpojax.vision.detector.detector_file import load_detector
+from rpojax.vision.detector.multiscale_detection import detect_multiscale
+from rpojax.vision.detector.scored_box import ScoredBox
+from rpojax.vision.detector.two_stage_detector import DetectorParams, detect
+from rpojax.vision.imaging import image_files, srgb
+from rpojax.vision.imaging.sky_background import background
+from rpojax.vision.imaging.sky_maps import random_sky
 from rpojax.vision.pinhole import pinhole_intrinsics
-from rpojax.vision.weight_files import load_field
+from rpojax.vision.radiance_field.field_file import load_field
 
 FIELD_OF_VIEW_DEG = 10.0
 SIZE_PX = 128
@@ -81,7 +86,7 @@ def _peer(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, An
 
 
 def _target(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, Any]:
-    shell = ray_tracing.ViewSampling(
+    shell = view_sampling.ViewSampling(
         arguments.views,
         size_px=SIZE_PX,
         samples=64,
@@ -90,7 +95,7 @@ def _target(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, 
         field_of_view_deg=FIELD_OF_VIEW_DEG,
         seed=77,
     )
-    views = ray_tracing.ray_trace_views(target_mesh.packaged_target(), shell)
+    views = ray_traced_views.ray_trace_views(packaged_target.packaged_target(), shell)
     shown = evaluate_field.render_views(load_field()[0], views)
     results: dict[str, Any] = {}
     sheet = []
@@ -119,7 +124,7 @@ def _dataset_before(
         linear, cover, real = (np.roll(v[index], shift, axis=(0, 1)) for v in (color, alpha, truth))
         back = np.zeros_like(linear) if behind == "black" else _random_sky_background(rng, heaven, optics)
         image = linear + back * (1.0 - cover[..., None])
-        box = visible_box(image, back, real) if visible else evaluate_field.silhouette_box(real)
+        box = visible_box(image, back, real) if visible else image_quality.silhouette_box(real)
         images.append(expose_image(rng, image, ImageSensor(2e4, 10.0)))
         boxes.append(np.zeros((0, 4)) if box is None else np.array(box).reshape(1, 4))
     return DetectionDataset(np.stack(images), tuple(boxes), (behind,) * len(images))
@@ -190,7 +195,7 @@ def _time_of(call: Callable[[], Any]) -> dict[str, float]:
 def _photographs(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, Any]:
     """Photographs alone and shrunk before other backgrounds, and backgrounds without anything."""
     known = json.loads((arguments.folder / "boxes.json").read_text())["images"]
-    earth = backdrops.load_earth_textures(held_out=True)
+    earth = earth_textures.load_earth_textures(held_out=True)
     rows, shrunk = [], []
     for name, entry in known.items():
         image = image_files.read_image(arguments.folder / name)
@@ -233,7 +238,7 @@ def _mean(values: list[Any]) -> float:
 
 
 def _detect_shrunk(
-    params: DetectorParams, image: np.ndarray, box: ScoredBox, side: int, kind: str, earth: backdrops.EarthTextures
+    params: DetectorParams, image: np.ndarray, box: ScoredBox, side: int, kind: str, earth: earth_textures.EarthTextures
 ) -> tuple[bool, int]:
     """Whether a photograph's spacecraft is found at a size in a 128 px frame, and how many boxes are wrong.
 
@@ -272,18 +277,18 @@ def _before_backdrop(
     box: ScoredBox,
     scale: float,
     kind: str,
-    earth: backdrops.EarthTextures,
+    earth: earth_textures.EarthTextures,
 ) -> np.ndarray:
     """The box of a photograph before a backdrop, blended by how much its pixels differ from its own background."""
     y, x = np.mgrid[:SIZE_PX, :SIZE_PX] + 0.5
     inside = (x > corner[0] - 1.0) & (x < corner[0] + scale * (box.right - box.left) + 1.0)
     inside &= (y > corner[1] - 1.0) & (y < corner[1] + scale * (box.bottom - box.top) + 1.0)
     matte = np.clip(placed.max(axis=2) / 0.12, 0.0, 1.0) * inside
-    back = ray_tracing.linear_to_srgb(backdrops.paint_backdrop(rng, kind, earth, SIZE_PX))
+    back = srgb.linear_to_srgb_numpy(backdrops.paint_backdrop(rng, kind, earth, SIZE_PX))
     return placed * matte[..., None] + back * (1.0 - matte[..., None])
 
 
-def _boxes_per_empty_frame(params: DetectorParams, kind: str, earth: backdrops.EarthTextures) -> float:
+def _boxes_per_empty_frame(params: DetectorParams, kind: str, earth: earth_textures.EarthTextures) -> float:
     counts = []
     for index in range(150):
         rng = np.random.default_rng([11, index])

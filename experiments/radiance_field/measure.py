@@ -26,13 +26,14 @@ import numpy as np
 import optax
 
 from rpojax.core import quaternion
-from rpojax.training.radiance_field import evaluate_field, train_field
-from rpojax.training.synthetic_data import ray_tracing, target_mesh
+from rpojax.training.radiance_field import evaluate_field, image_quality, train_field
+from rpojax.training.synthetic_data import ray_traced_views, view_sampling
+from rpojax.training.synthetic_data.meshes import packaged_target
 from rpojax.vision.pinhole import pinhole_intrinsics
+from rpojax.vision.radiance_field.field_file import load_field
 from rpojax.vision.radiance_field.ray_budget import RaySampling, choose_ray_sampling
 from rpojax.vision.radiance_field.render_image import render_target
 from rpojax.vision.radiance_field.target_field import RadianceField
-from rpojax.vision.weight_files import load_field
 
 HERE = Path(__file__).parent
 OUT = Path("out/radiance_field")
@@ -43,11 +44,11 @@ STEPS = {"grid": 2000, "point": 750}
 """Steps of the two trainings that are compared."""
 
 
-def fresh_views(count: int = 64, samples: int = 256, **changes: Any) -> ray_tracing.Views:
+def fresh_views(count: int = 64, samples: int = 256, **changes: Any) -> ray_traced_views.Views:
     """Views that no training has seen."""
-    shell = ray_tracing.ViewSampling(count, samples=samples, seed=SEED, **changes)
+    shell = view_sampling.ViewSampling(count, samples=samples, seed=SEED, **changes)
     name = "_".join(f"{key}{value}" for key, value in changes.items())
-    return ray_tracing.ray_trace_views(target_mesh.packaged_target(), shell, OUT / f"test_{name}")
+    return ray_traced_views.ray_trace_views(packaged_target.packaged_target(), shell, OUT / f"test_{name}")
 
 
 def quality(field: RadianceField) -> None:
@@ -55,7 +56,7 @@ def quality(field: RadianceField) -> None:
     views = fresh_views()
     found = evaluate_field.field_metrics(evaluate_field.render_views(field, views), views)
     rows = evaluate_field.metrics_per_view(evaluate_field.render_views(field, views), views)
-    boxes = np.array([evaluate_field.silhouette_box(alpha) for alpha in views.alpha])
+    boxes = np.array([image_quality.silhouette_box(alpha) for alpha in views.alpha])
     width = np.max(boxes[:, 2:] - boxes[:, :2], axis=1).mean() / views.alpha.shape[1]
     print(f"target's long side: {width:.0%} of the frame, mean over views")
     print("| figure | must | all pixels together | mean over views |\n|---|---|---|---|")
@@ -70,7 +71,7 @@ def ranges(field: RadianceField) -> None:
     for range_m in (10.0, 20.0, 30.0, 35.0, 50.0, 80.0):
         views = fresh_views(40, 128, range_m=range_m, field_of_view_deg=10.0)
         rows = evaluate_field.metrics_per_view(evaluate_field.render_views(field, views), views)
-        boxes = np.array([evaluate_field.silhouette_box(alpha) for alpha in views.alpha])
+        boxes = np.array([image_quality.silhouette_box(alpha) for alpha in views.alpha])
         long_px = np.max(boxes[:, 2:] - boxes[:, :2], axis=1).mean()
         iou = rows["box_iou"]
         print(
@@ -83,7 +84,7 @@ def phase(field: RadianceField) -> None:
     """Error by phase angle."""
     views = fresh_views()
     rows = evaluate_field.metrics_per_view(evaluate_field.render_views(field, views), views)
-    middle = target_mesh.packaged_target().bounds.mean(axis=0)
+    middle = packaged_target.packaged_target().bounds.mean(axis=0)
     away = views.position - middle
     away /= np.linalg.norm(away, axis=1, keepdims=True)
     angle = np.degrees(np.arccos(np.clip(np.sum(away * views.sun, axis=1), -1.0, 1.0)))
@@ -98,8 +99,8 @@ def phase(field: RadianceField) -> None:
 def frame_time(field: RadianceField, region: int = 64, batch: int = 8) -> float:
     """Milliseconds for a frame of `region` x `region` rays within a batch: shortest of several calls."""
     optics = pinhole_intrinsics(jnp.asarray(np.radians(10.0)), 128, 128)
-    rotations, positions, suns = ray_tracing.sample_views(
-        target_mesh.packaged_target(), ray_tracing.ViewSampling(batch, range_m=30.0)
+    rotations, positions, suns = view_sampling.sample_views(
+        packaged_target.packaged_target(), view_sampling.ViewSampling(batch, range_m=30.0)
     )
     lit = jnp.ones((), jnp.float32)
     share = choose_ray_sampling(field, float(optics.focal_px), 30.0)
@@ -139,8 +140,10 @@ def speed(field: RadianceField) -> None:
 def compare(field: RadianceField) -> None:
     """Both fields, trained on the same views in this run: error against training time and against render time."""
     del field
-    mesh = target_mesh.packaged_target()
-    views = ray_tracing.ray_trace_views(mesh, ray_tracing.ViewSampling(300, range_scale=(0.9, 1.15)), OUT / "train")
+    mesh = packaged_target.packaged_target()
+    views = ray_traced_views.ray_trace_views(
+        mesh, view_sampling.ViewSampling(300, range_scale=(0.9, 1.15)), OUT / "train"
+    )
     judged = fresh_views()
     final = []
     print("| field | steps | training [s] | of processors [s] | PSNR near the target, views held out [dB] |")
@@ -230,15 +233,17 @@ class PoseRecovery:
         return [100.0 * float(abs(error[3])) for error in self.errors]
 
 
-def pose_view_sampling(seed: int, **changes: Any) -> ray_tracing.ViewSampling:
+def pose_view_sampling(seed: int, **changes: Any) -> view_sampling.ViewSampling:
     """The one view whose pose is recovered."""
-    return ray_tracing.ViewSampling(1, seed=77 + seed, size_px=64, **changes)
+    return view_sampling.ViewSampling(1, seed=77 + seed, size_px=64, **changes)
 
 
 def traced_silhouette(seed: int) -> jax.Array:
     """Ray-traced silhouette (64, 64) of that view."""
     return jnp.asarray(
-        ray_tracing.ray_trace_views(target_mesh.packaged_target(), pose_view_sampling(seed, samples=256)).alpha[0]
+        ray_traced_views.ray_trace_views(
+            packaged_target.packaged_target(), pose_view_sampling(seed, samples=256)
+        ).alpha[0]
     )
 
 
@@ -247,7 +252,7 @@ def silhouette(
 ) -> jax.Array:
     """Alpha (size, size) of a view whose pose is wrong by an error."""
     rotation, position, sun = view
-    optics = pinhole_intrinsics(jnp.asarray(np.radians(ray_tracing.FIELD_OF_VIEW_DEG)), size, size)
+    optics = pinhole_intrinsics(jnp.asarray(np.radians(view_sampling.FIELD_OF_VIEW_DEG)), size, size)
     R_KT, r = perturbed_pose(rotation, position, error)
     return render_target(field, optics, size, size, rays, r, R_KT, sun, jnp.ones((), jnp.float32)).alpha
 
@@ -266,7 +271,7 @@ def recover_pose(
     """Descends from a pose 3 deg and 3 % wrong to a silhouette (64, 64), that of the field itself by default."""
     rotation, position, sun = (
         jnp.asarray(values[0], jnp.float32)
-        for values in ray_tracing.sample_views(target_mesh.packaged_target(), pose_view_sampling(seed))
+        for values in view_sampling.sample_views(packaged_target.packaged_target(), pose_view_sampling(seed))
     )
     view = (rotation, position, sun)
     axis = np.random.default_rng(seed).normal(size=3)
@@ -330,15 +335,15 @@ def strips(field: RadianceField) -> None:
     chosen = np.arange(0, 64, 8)
     views = select_views(views, chosen)
     shown = evaluate_field.render_views(field, views)
-    error = np.abs(evaluate_field.srgb_codes(shown.rgb) - evaluate_field.srgb_codes(views.rgb))
+    error = np.abs(image_quality.srgb_codes(shown.rgb) - image_quality.srgb_codes(views.rgb))
     save(HERE / "strip.png", sheet(views.rgb, shown.rgb, error), 1)
     far = select_views(fresh_views(40, 128, range_m=30.0, field_of_view_deg=10.0), np.arange(0, 40, 5))
     shown = evaluate_field.render_views(field, far)
-    error = np.abs(evaluate_field.srgb_codes(shown.rgb) - evaluate_field.srgb_codes(far.rgb))
+    error = np.abs(image_quality.srgb_codes(shown.rgb) - image_quality.srgb_codes(far.rgb))
     save(HERE / "strip_30m.png", sheet(far.rgb, shown.rgb, error), 1)
 
 
-def select_views(views: ray_tracing.Views, chosen: np.ndarray) -> ray_tracing.Views:
+def select_views(views: ray_traced_views.Views, chosen: np.ndarray) -> ray_traced_views.Views:
     """Some of the views."""
     names = ("rotation", "position", "sun", "rgb", "alpha", "depth")
     return dataclasses.replace(views, **{name: getattr(views, name)[chosen] for name in names})
@@ -346,7 +351,7 @@ def select_views(views: ray_tracing.Views, chosen: np.ndarray) -> ray_tracing.Vi
 
 def sheet(*rows: np.ndarray) -> np.ndarray:
     """Rows of pictures as one (h, w, 3) array of codes."""
-    return np.concatenate([np.concatenate(list(evaluate_field.srgb_codes(row)), axis=1) for row in rows], axis=0)
+    return np.concatenate([np.concatenate(list(image_quality.srgb_codes(row)), axis=1) for row in rows], axis=0)
 
 
 def save(path: Path, picture: np.ndarray, scale: int) -> None:

@@ -12,9 +12,9 @@ import pytest
 from PIL import Image
 
 from rpojax.cli import main
-from rpojax.vision.detector import two_stage_detector
+from rpojax.vision.detector import detector_file, two_stage_detector
 from rpojax.vision.imaging.turntable import render_turntable
-from rpojax.vision.weight_files import load_field
+from rpojax.vision.radiance_field.field_file import load_field
 
 CORNER = (300, 180)
 SIDE = 96
@@ -145,7 +145,7 @@ def test_a_foreign_data_set_is_trained_on_and_judged(call: Call, tmp_path: Path)
     outcome = call("detector", "train", folder, "--out", weights, "--epochs", "1", "--second-epochs", "1", "--json")
     assert outcome.status == 0
     assert outcome.json["images"] == 36
-    _, card = two_stage_detector.load_detector(weights)
+    _, card = detector_file.load_detector(weights)
     passes = "--epochs 1 --second-epochs 1 --rate 0.005 --seed 0"
     assert card["command"] == f"rpojax detector train plates --out weights.safetensors {passes}"
     assert card["steps_done"] == {"first": 1, "second": 1}
@@ -194,7 +194,7 @@ def test_wrong_numbers_are_one_line(call: Call, tmp_path: Path, words: tuple[str
 
 
 def test_float64_programs_leave_the_network_in_float32() -> None:
-    params, _ = two_stage_detector.load_detector()
+    params, _ = detector_file.load_detector()
     with jax.enable_x64(True):
         found = jax.eval_shape(
             lambda p: two_stage_detector.detect(p, jax.numpy.zeros((2, 128, 128, 3), jax.numpy.float32), 4), params

@@ -11,8 +11,9 @@ import trimesh
 
 from rpojax.cli import main
 from rpojax.training.synthetic_data import ray_tracing
+from rpojax.vision.radiance_field.field_file import load_field, save_field
 from rpojax.vision.radiance_field.initial_grid import initialize_grid
-from rpojax.vision.weight_files import load_field, save_field, write_tensors
+from rpojax.vision.weight_files import write_tensors
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from rpojax.errors import OutputError, RpojaxError
 if TYPE_CHECKING:
     import numpy as np
 
-    from rpojax.vision.detector.multiscale_detection import ScoredBox
+    from rpojax.vision.detector.scored_box import ScoredBox
 
 
 Force = Annotated[bool, arg(help="Replace what is there.")]
@@ -46,8 +46,8 @@ def detect(
         raise OutputError(f"{taken}: is one of the pictures to search, expected --drawn in another folder")
     if not force and (there := next((path for path in targets if path and path.exists()), None)):
         raise OutputError(f"{there}: exists already; --force replaces it")
+    from rpojax.vision.detector.detector_file import load_detector
     from rpojax.vision.detector.multiscale_detection import detect_multiscale
-    from rpojax.vision.detector.two_stage_detector import load_detector
     from rpojax.vision.imaging import image_files
 
     params, _ = load_detector(weights)

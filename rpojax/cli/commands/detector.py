@@ -13,7 +13,7 @@ from rpojax.runtime.jax_environment import prepare_jax
 from rpojax.runtime.progress import item_progress
 
 if TYPE_CHECKING:
-    from rpojax.training.detector.training_loop import NetworkTrainingOptions, NetworkTrainingProgress
+    from rpojax.training.detector.training_options import NetworkTrainingOptions, NetworkTrainingProgress
     from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 
 Seed = Annotated[int, arg(metavar="S", help="Seed.")]
@@ -51,7 +51,7 @@ def data(
     claim_folder(out)
     if preview:
         claim(preview, force, (".png", ".jpg"))
-    from rpojax.training.synthetic_data import backdrops, detection_dataset, spacecraft_sprites
+    from rpojax.training.synthetic_data import detection_dataset, earth_textures, spacecraft_sprites
 
     parts = ((_TRAINING, count, craft, False), (_VALIDATION, validation, max(1, round(_HELD_OUT_SHARE * craft)), True))
     made = {name: f"{number} of {variety} craft x {views} views, seed {seed}" for name, number, variety, _ in parts}
@@ -67,7 +67,7 @@ def data(
             with item_progress(f"ray tracing for {name}", quiet=as_json) as watch:
                 found = spacecraft_sprites.trace_sprites(work / "sprites", variety, views, seed, held_out, watch)
             with item_progress(f"composing for {name}", quiet=as_json) as watch:
-                earth = backdrops.load_earth_textures(held_out, seed)
+                earth = earth_textures.load_earth_textures(held_out, seed)
                 detection_dataset.write_dataset(
                     out / name, number, 2 * seed + held_out, found, earth, made[name], watch
                 )
@@ -102,7 +102,7 @@ def train(
     claim(out, force)
     prepare_jax(cache=True)
     from rpojax.training.detector import evaluate_detector, train_detector
-    from rpojax.vision.detector.two_stage_detector import load_detector, round_to_half_precision, save_detector
+    from rpojax.vision.detector.detector_file import load_detector, round_to_half_precision, save_detector
 
     begun, before = load_detector(start) if start else (None, {})
 
@@ -111,14 +111,14 @@ def train(
     checkpoint = out.with_name(out.name + ".checkpoint")
     with resumable(checkpoint), item_progress("training", quiet=as_json) as watch:
 
-        def tell(look: str, step: "NetworkTrainingProgress") -> None:
+        def tell(network: str, step: "NetworkTrainingProgress") -> None:
             share = epochs / (epochs + second_epochs)
-            begin, span = (0.0, share) if look == "first" else (share, 1.0 - share)
-            note = f"{look} look, mAP50 {step.map50:.3f}, mAP50-95 {step.map50_95:.3f}"
+            begin, span = (0.0, share) if network == "proposal" else (share, 1.0 - share)
+            note = f"{network} network, mAP50 {step.map50:.3f}, mAP50-95 {step.map50_95:.3f}"
             watch(round(1000 * (begin + span * step.done / step.total)), 1000, note)
 
         params, history = train_detector.train(
-            known, unseen, recipes["first"], recipes["second"], checkpoint, tell, begun
+            known, unseen, recipes["proposal"], recipes["refinement"], checkpoint, tell, begun
         )
     params = round_to_half_precision(params)
     figures = evaluate_detector.detection_metrics(evaluate_detector.detect_images(params, unseen.images), unseen)
@@ -149,13 +149,13 @@ def _recipes(
     epochs: int, second_epochs: int, seed: int, minutes: float | None, rate: float, pieces: bool
 ) -> "dict[str, NetworkTrainingOptions]":
     """Training options of both networks; a third of a time limit is for refinement, crops are for untrained weights."""
-    from rpojax.training.detector.training_loop import NetworkTrainingOptions
+    from rpojax.training.detector.training_options import NetworkTrainingOptions
 
     limits = (None, None) if minutes is None else (40.0 * minutes, 20.0 * minutes)
     share = 0.5 if pieces else 0.0
     return {
-        "first": NetworkTrainingOptions(epochs=epochs, seed=seed, rate=rate, limit_s=limits[0], pieces_share=share),
-        "second": NetworkTrainingOptions(
+        "proposal": NetworkTrainingOptions(epochs=epochs, seed=seed, rate=rate, limit_s=limits[0], pieces_share=share),
+        "refinement": NetworkTrainingOptions(
             epochs=second_epochs, seed=seed, rate=rate, limit_s=limits[1], pieces_share=0.0
         ),
     }
@@ -165,7 +165,7 @@ def _recipes(
 def evaluate(dataset: Source, *, weights: Weights = None, as_json: AsJson = False) -> int:
     """Evaluate a detector on pictures with boxes: average precision, accuracy of boxes, false alarms."""
     from rpojax.training.detector import evaluate_detector
-    from rpojax.vision.detector.two_stage_detector import load_detector
+    from rpojax.vision.detector.detector_file import load_detector
 
     params, _ = load_detector(weights)
     _, unseen = _training_and_validation(dataset, evaluate=True)

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     import numpy as np
 
     from rpojax.training.radiance_field.evaluate_field import RenderedViews
-    from rpojax.training.synthetic_data.ray_tracing import Views
-    from rpojax.training.synthetic_data.target_mesh import TargetMesh
+    from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
+    from rpojax.training.synthetic_data.ray_traced_views import Views
     from rpojax.vision.radiance_field.target_field import RadianceField
 
 Mesh = Annotated[str, arg(metavar="MESH", help="Mesh file (glb, obj, ply, stl), or 'target' for the packaged one.")]
@@ -56,19 +56,20 @@ def train(
     _check_seed(seed)
     claim(out, force)
     from rpojax.training.radiance_field import train_field
-    from rpojax.training.synthetic_data import ray_tracing, target_mesh
-    from rpojax.vision.weight_files import save_field
+    from rpojax.training.synthetic_data import ray_traced_views, view_sampling
+    from rpojax.training.synthetic_data.meshes import mesh_files, target_mesh
+    from rpojax.vision.radiance_field.field_file import save_field
 
-    target = target_mesh.load_mesh(mesh, units, center)
+    target = mesh_files.load_mesh(mesh, units, center)
     work = out.with_name(out.name + ".work")
-    shell = ray_tracing.ViewSampling(views, range_scale=(0.9, 1.15), seed=seed)
+    shell = view_sampling.ViewSampling(views, range_scale=(0.9, 1.15), seed=seed)
     recipe = train_field.FieldTrainingOptions(
         steps=steps, seed=seed, kind=kind, limit_s=None if minutes is None else 60.0 * minutes
     )
     preview = work / "contact_sheet.png"
     with resumable(work):
         with item_progress("ray tracing", quiet=as_json) as watch:
-            traced = ray_tracing.ray_trace_views(target, shell, work, watch, partial(_preview, preview, as_json))
+            traced = ray_traced_views.ray_trace_views(target, shell, work, watch, partial(_preview, preview, as_json))
         with item_progress("training", quiet=as_json) as watch:
             field, history = train_field.train(
                 target,
@@ -157,9 +158,9 @@ def render(
     import numpy as np
 
     from rpojax.campaign.storage.output_files import write_atomically
-    from rpojax.vision.imaging import contact_sheets
+    from rpojax.vision.imaging import contact_sheets, video_files
     from rpojax.vision.imaging.turntable import camera_azimuths, render_turntable
-    from rpojax.vision.weight_files import load_field
+    from rpojax.vision.radiance_field.field_file import load_field
 
     network, _ = load_field(field)
     around = camera_azimuths(frames, azimuth_deg)
@@ -170,7 +171,7 @@ def render(
             columns = min(8, math.ceil(math.sqrt(frames)))
             content = contact_sheets.contact_sheet_png(np.stack(list(pictures)), columns, captions)
         else:
-            content = contact_sheets.video_mp4(pictures, size_px)
+            content = video_files.video_mp4(pictures, size_px)
     write_atomically(out, content)
     _print_result({"file": str(out), "frames": frames, "bytes": len(content)}, as_json)
     return 0
@@ -179,14 +180,14 @@ def render(
 def _mesh_and_field(
     mesh: str | None, units: str | None, center: bool, field: Path | None
 ) -> "tuple[TargetMesh, RadianceField]":
-    from rpojax.training.synthetic_data import target_mesh
-    from rpojax.vision.weight_files import load_field
+    from rpojax.training.synthetic_data.meshes import mesh_files, packaged_target
+    from rpojax.vision.radiance_field.field_file import load_field
 
     network, card = load_field(field)
     trained_on = card.get("target")
-    if mesh is None and trained_on != target_mesh.PACKAGED_TARGET:
+    if mesh is None and trained_on != packaged_target.PACKAGED_TARGET:
         raise RpojaxError(f"--mesh: missing, expected the mesh that {field} was trained on, {trained_on!r}")
-    target = target_mesh.load_mesh(mesh or target_mesh.PACKAGED_TARGET, units, center)
+    target = mesh_files.load_mesh(mesh or packaged_target.PACKAGED_TARGET, units, center)
     _check_same(target, network)
     return target, network
 
@@ -215,21 +216,21 @@ def _ray_trace_fresh_views(
     fov_deg: float,
     quiet: bool,
 ) -> "Views":
-    from rpojax.training.synthetic_data import ray_tracing
+    from rpojax.training.synthetic_data import ray_traced_views, view_sampling
     from rpojax.vision.radiance_field.target_field import bounding_sphere
 
-    radius = ray_tracing.center_and_radius(mesh.bounds)[1]
+    radius = view_sampling.center_and_radius(mesh.bounds)[1]
     least = 1.02 * max(radius, float(bounding_sphere(field)[1]))
-    distance = ray_tracing.nominal_range(radius, fov_deg) if range_m is None else range_m
+    distance = view_sampling.nominal_range(radius, fov_deg) if range_m is None else range_m
     if not distance > least:
         how = "--fov-deg" if range_m is None else "--range-m"
         raise RpojaxError(f"{how}: found a range of {distance:.3g} m, expected the camera outside of {least:.3g} m")
     # Training uses the seed itself, so these views are independent of it.
-    shell = ray_tracing.ViewSampling(
+    shell = view_sampling.ViewSampling(
         views, samples=samples, seed=1_000_003 + seed, range_m=range_m, field_of_view_deg=fov_deg
     )
     with item_progress("ray tracing", quiet=quiet) as watch:
-        traced = ray_tracing.ray_trace_views(mesh, shell, None, watch)
+        traced = ray_traced_views.ray_trace_views(mesh, shell, None, watch)
     if not (traced.alpha > _LEAST_ALPHA).any():
         raise RpojaxError(
             "--range-m, --fov-deg: found views in which the target covers no pixel, expected a nearer one"
@@ -266,10 +267,10 @@ def _compare(path: Path, shown: "RenderedViews", traced: "Views", count: int = 8
     import numpy as np
 
     from rpojax.campaign.storage.output_files import write_atomically
-    from rpojax.training.radiance_field import evaluate_field
+    from rpojax.training.radiance_field import image_quality
     from rpojax.vision.imaging import contact_sheets
 
-    error = np.abs(evaluate_field.srgb_codes(shown.rgb[:count]) - evaluate_field.srgb_codes(traced.rgb[:count]))
+    error = np.abs(image_quality.srgb_codes(shown.rgb[:count]) - image_quality.srgb_codes(traced.rgb[:count]))
     rows = [contact_sheets.over_backdrop(p.rgb[:count], p.alpha[:count]) for p in (traced, shown)]
     captions = [f"{name} {i}" for name in ("ray trace", "field", "difference") for i in range(len(error))]
     write_atomically(path, contact_sheets.contact_sheet_png(np.concatenate([*rows, error]), len(error), captions))
