@@ -1,4 +1,6 @@
-"""The full environment in figures: speed, accuracy, eclipse, faults; prints Markdown tables, and 1 if a row fails.
+"""Measures speed, accuracy, eclipses and faults with the full environment; prints Markdown tables.
+
+The exit status is 1 if a row fails.
 
 python experiments/environment/measure.py --out out/environment [--runs 500]
 """
@@ -22,26 +24,27 @@ BATCH = 512
 
 
 class Table:
-    """Rows of figures against bars, and whether all of them held."""
+    """Markdown table of measured values against limits; `holds` is whether all of them are met."""
 
     def __init__(self) -> None:
         self.holds = True
-        print("| figure | bar | measured | holds |\n|---|---|---|---|")
+        print("| quantity | limit | measured | holds |\n|---|---|---|---|")
 
-    def add_row(self, what: str, bar: str, value: str, holds: bool) -> None:
+    def add_row(self, quantity: str, limit: str, value: str, holds: bool) -> None:
+        """Prints one row."""
         self.holds &= holds
-        print(f"| {what} | {bar} | {value} | {'yes' if holds else '**no**'} |", flush=True)
+        print(f"| {quantity} | {limit} | {value} | {'yes' if holds else '**no**'} |", flush=True)
 
 
 def run_or_resume(scenario: str, runs: int, out: Path) -> Campaign:
-    """Campaign of a scenario; one that is already there is taken up where it was left."""
+    """Campaign of a scenario; an existing one is resumed."""
     if (out / "campaign.json").exists():
         return rpojax.resume_campaign(out)
     return rpojax.run_campaign(rpojax.load(scenario), runs, out, seed=0, histories=range(8))
 
 
 def speed(table: Table) -> None:
-    """Closed loop with everything on against J2 alone, in turns in one sitting."""
+    """Closed-loop speed with all effects relative to J2 alone, measured alternately."""
     engines = {
         name: closed_loop_speed.compile_engine(rpojax.load(name, ["duration_s=200"]), BATCH)
         for name in ("inspection", "inspection_full")
@@ -63,19 +66,21 @@ def speed(table: Table) -> None:
 
 
 def median(result: Campaign, metric: str) -> float:
+    """Median of a metric over the runs in which it is defined."""
     return float(np.nanmedian(result.metrics[metric]))
 
 
 def accuracy(table: Table, full: Campaign) -> None:
-    bars = {
+    """Accuracy, consistency and failures with all effects."""
+    limits = {
         "formation_error_rms_m": 1.3,
         "nav_relative_position_error_rms_m": 1.3,
         "nav_servicer_position_error_rms_m": 3.0,
         "nav_target_position_error_rms_m": 3.0,
     }
-    for metric, bar in bars.items():
+    for metric, limit in limits.items():
         value = median(full, metric)
-        table.add_row(f"`inspection_full`: median `{metric}`", f"<= {bar} m", f"{value:.3f} m", value <= bar)
+        table.add_row(f"`inspection_full`: median `{metric}`", f"<= {limit} m", f"{value:.3f} m", value <= limit)
     p99 = float(np.nanpercentile(full.metrics["formation_error_rms_m"], 99))
     table.add_row("`inspection_full`: p99 `formation_error_rms_m`", "<= 6 m", f"{p99:.2f} m", p99 <= 6.0)
     nees = float(np.nanmean(full.metrics["nees_mean"])) / 12.0
@@ -88,15 +93,16 @@ def accuracy(table: Table, full: Campaign) -> None:
 
 
 def eclipse(table: Table, result: Campaign) -> None:
-    unseen = (result.metrics["reacquisition_peak_s"] > 200.0) | (result.metrics["longest_unseen_s"] > 2500.0)
-    lost = int((unseen | ~result.completed).sum())
+    """Lost runs, coverage and reacquisition times with eclipses."""
+    lost_target = (result.metrics["reacquisition_peak_s"] > 200.0) | (result.metrics["longest_unseen_s"] > 2500.0)
+    lost = int((lost_target | ~result.completed).sum())
     table.add_row("`inspection_eclipse`: lost or failed runs", "0", f"{lost} of {result.completed.size}", lost == 0)
     coverage = float(np.nanmean(result.metrics["sigma3_coverage"]))
     table.add_row("`inspection_eclipse`: `sigma3_coverage`", ">= 97 %", f"{100 * coverage:.2f} %", coverage >= 0.97)
     waits = result.metrics["reacquisition_peak_s"]
     longest = float(np.nanmax(waits))
     shown = f"at most {longest:.0f} s, median {np.nanmedian(waits):.0f} s, in all runs"
-    table.add_row("`inspection_eclipse`: from sunrise to a box", "<= 60 s", shown, longest <= 60.0)
+    table.add_row("`inspection_eclipse`: from the end of the eclipse to a box", "<= 60 s", shown, longest <= 60.0)
     for metric in ("formation_error_rms_m", "nav_relative_position_error_rms_m", "nees_mean"):
         values = result.metrics[metric]
         shown = f"median {np.nanmedian(values):.2f}, p99 {np.nanpercentile(values, 99):.2f}"
@@ -104,9 +110,9 @@ def eclipse(table: Table, result: Campaign) -> None:
 
 
 def faults(result: Campaign) -> bool:
-    """Table by kind of fault; true if no run came near or went non-finite."""
+    """Prints a table by kind of fault; true if no run failed."""
     kinds = np.round(result.used["fault.kind"]).astype(int)
-    print("\n| fault | runs | failed | formation error median, p95 [m] | least range [m] | 3-sigma coverage |")
+    print("\n| fault | runs | failed | formation error median, p95 [m] | smallest range [m] | 3-sigma coverage |")
     print("|---|---|---|---|---|---|")
     for code in sorted(set(kinds)):
         chosen = kinds == code
@@ -126,6 +132,7 @@ def faults(result: Campaign) -> bool:
 
 
 def main() -> None:
+    """Runs all measurements."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--runs", type=int, default=500)

@@ -1,4 +1,4 @@
-"""What each effect does to the relative position over one orbit of free flight; prints one Markdown table.
+"""Change of the relative position over one orbit of free drift due to each effect; prints a Markdown table.
 
 python experiments/environment/perturbation_effects.py
 """
@@ -10,16 +10,17 @@ import jax.numpy as jnp
 import numpy as np
 
 import rpojax
-from rpojax.core.frames import apply, hill_frame
+from rpojax.core.frames import hill_frame
 from rpojax.core.orbits import sun_moon_ephemeris
-from rpojax.core.orbits.orbital_mechanics import mean_motion
-from rpojax.physics import actuators, equipment_faults, plant
-from rpojax.physics.actuators import BurnError, ValveCommand
-from rpojax.physics.environment import SunMoonPositions
+from rpojax.core.orbits.keplerian_elements import mean_motion
+from rpojax.core.vectors import apply
+from rpojax.physics import equipment_faults, plant, plant_state
+from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.plant_options import Effects
+from rpojax.physics.thruster import BurnError, ValveCommand, thrust_over_step
 from rpojax.scenario import params as parameters
-from rpojax.scenario import scenario_file as scenarios
 from rpojax.scenario.params import Params
+from rpojax.scenario.static_settings import static_settings
 
 STEP_S = 2.0
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
@@ -36,15 +37,15 @@ WITHOUT = {
 
 
 def free_drift(params: Params, effects: Effects, epoch_s: float, steps: int) -> np.ndarray:
-    """Relative position [m] in the Hill frame at each step of free flight from the desired place, at rest there."""
+    """Relative position [m] in the Hill frame (steps, 3) of free drift from rest at the desired position."""
     zero = jnp.zeros(())
     burn = ValveCommand(ignition=zero, cutoff=zero, burn_error=BurnError(magnitude=zero, direction=jnp.zeros(3)))
-    thrust = actuators.thrust_over_step(params.plant.thruster, burn, effects.integrator, False, STEP_S)
-    start = plant.initial_truth(
+    thrust = thrust_over_step(params.plant.thruster, burn, effects.integrator, False, STEP_S)
+    start = plant_state.initial_truth(
         params.plant, params.orbit, params.flight.formation.desired_position, jnp.zeros(3), jnp.array(IDENTITY)
     )
 
-    def step(truth: plant.Truth, time: jax.Array) -> tuple[plant.Truth, jax.Array]:
+    def step(truth: plant_state.Truth, time: jax.Array) -> tuple[plant_state.Truth, jax.Array]:
         sky = SunMoonPositions(
             sun_N=sun_moon_ephemeris.sun_position(time, epoch_s), moon_N=sun_moon_ephemeris.moon_position(time, epoch_s)
         )
@@ -59,12 +60,13 @@ def free_drift(params: Params, effects: Effects, epoch_s: float, steps: int) -> 
 
 
 def main() -> None:
+    """Compares free drift with and without each effect."""
     print("| effect | `inspection_full`: largest, at the end [m] | `inspection_eclipse`: largest, at the end [m] |")
     print("|---|---|---|")
     columns = {}
     for name in ("inspection_full", "inspection_eclipse"):
         file = rpojax.load(name)
-        scenario = scenarios.static_settings(file)
+        scenario = static_settings(file)
         params = parameters.build_params(file.model_dump(), scenario.width_px, scenario.height_px)
         period = 2.0 * np.pi / float(mean_motion(params.orbit.semi_major_axis))
         steps = round(period / STEP_S)

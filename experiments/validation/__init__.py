@@ -1,1 +1,1 @@
-"""Does the plant agree with Basilisk, an independent simulator, on the same problems?"""
+"""Comparison of the plant with Basilisk, an independent simulator, on the same problems."""

@@ -1,4 +1,4 @@
-"""Where Basilisk itself limits the comparison: held surroundings, the cutoff of its thruster, two-body motion.
+"""Errors of Basilisk that limit the comparison: held environment, thruster cutoff, two-body motion.
 
 python -m experiments.validation.basilisk_limits
 """
@@ -24,7 +24,7 @@ FORCE, MASS = 0.5, 80.0
 
 
 def held_environment_error() -> None:
-    """Position difference as Basilisk's outer step shrinks: it halves with the step if holding is all there is."""
+    """Prints position differences against Basilisk's outer step; they are proportional to it if holding dominates."""
     drag: Arrays = {**zonal_gravity(2), **LOW, **exponential_atmosphere()}
     light: Arrays = {**zonal_gravity(0), **LOW, **sunlight()}
     print("| outer step of Basilisk s | drag, 12 h, m | sunlight, 2 orbits, m |\n|---|---|---|")
@@ -43,7 +43,7 @@ def _position_error(run: SimulationCase) -> float:
 
 
 def cutoff_error() -> None:
-    """How much too long Basilisk's on-time thruster burns with its fourth-order integrator."""
+    """Prints the excess burn time of Basilisk's on-time thruster with its RK4 integrator."""
     print("| on-time s | step s | excess s | excess over step |\n|---|---|---|---|")
     for on_time in (1.0, 1.05, 1.1, 1.13, 1.2, 2.5):
         for step in (0.2, 0.1):
@@ -83,16 +83,16 @@ def _thruster(on_time: float) -> tuple[Any, Any]:
 
 
 def two_body_error() -> None:
-    """Both simulators against Kepler's equation over a day."""
+    """Prints the errors of both simulators against Kepler's equation over a day."""
     inputs: Arrays = {**zonal_gravity(0), **LOW}
     reference = validate(
         "two-body", {**inputs, **BasiliskSimulation(SimulationCase(inputs, False, DAY, 10.0, 900.0)).simulate()}
     )
     exact = _kepler(inputs["r0"], inputs["v0"], reference["t"])
     truth, _ = replay.propagate(reference, ReplayOptions())
-    flown = {"package": np.asarray(truth.r_TN_N + truth.r_ST_N), "Basilisk": reference["r"]}
+    positions = {"package": np.asarray(truth.r_TN_N + truth.r_ST_N), "Basilisk": reference["r"]}
     print("| two-body, 1 day | from Kepler's equation m |\n|---|---|")
-    for name, r in flown.items():
+    for name, r in positions.items():
         print(f"| {name} | {np.max(np.linalg.norm((r - exact).astype(float), axis=1)):.1e} |")
 
 

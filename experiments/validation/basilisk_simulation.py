@@ -1,7 +1,7 @@
-"""Basilisk (`bsk`) made to fly what a reference's inputs describe.
+"""Basilisk (`bsk`) simulation of the inputs of a reference.
 
-Order inside a step: readers of commands and surroundings run before the spacecraft, so that what is written between two
-steps acts over the next one. Basilisk holds the density of the air and the Earth's shadow over a step.
+Order inside a step: commands and environment are updated before the spacecraft, so that what is written between two
+steps acts over the next one. Basilisk holds air density and shadow factor over a step.
 """
 
 from collections.abc import Callable
@@ -37,26 +37,26 @@ Arrays = dict[str, Numbers]
 Integrator = Literal["rk4", "rkf78"]
 
 TOLERANCE = 1e-14
-"""Of the adaptive integrator, relative and absolute."""
+"""Relative and absolute tolerance of the adaptive integrator."""
 
 _SECOND = 1_000_000_000
-"""Basilisk counts time in nanoseconds."""
+"""Nanoseconds per second, the time unit of Basilisk."""
 
 _BEFORE, _CRAFT, _AFTER = 100, 50, 10
-"""Priorities in a step: higher numbers run first."""
+"""Priorities within a step: higher numbers run first."""
 
 
 @dataclass(frozen=True)
 class SimulationCase:
-    """What to fly and for how long.
+    """Inputs and duration of a simulation.
 
     Attributes:
         inputs: parameters, initial state and commands under the keys of a reference file
-        gravity_gradient: with its torque
+        gravity_gradient: whether the gravity-gradient torque acts
         duration_s: [s]
-        step_s: outer step, which commands and edges of burns have to be multiples of [s]
-        sample_s: spacing of the record, a multiple of the step [s]
-        integrator: inside a step
+        step_s: outer step [s]; commands and burn edges are at multiples of it
+        sample_s: spacing of the samples, a multiple of the step [s]
+        integrator: within a step
     """
 
     inputs: Arrays
@@ -68,7 +68,7 @@ class SimulationCase:
 
 
 class BasiliskSimulation:
-    """One Basilisk simulation; `record` flies it and returns the histories of a reference file."""
+    """Basilisk simulation; `simulate` returns the histories of a reference file."""
 
     def __init__(self, run: SimulationCase) -> None:
         self.run = run
@@ -76,11 +76,11 @@ class BasiliskSimulation:
         self.sim = SimulationBaseClass.SimBaseClass()
         process = self.sim.CreateNewProcess("process")
         process.addTask(self.sim.CreateNewTask("task", round(run.step_s * _SECOND)))
-        self.keep_alive: list[Any] = []  # Basilisk does not keep alive what only C++ refers to.
+        self.keep_alive: list[Any] = []  # Basilisk does not keep objects alive that only C++ refers to.
         self.planet = self._planet()
         self.craft = {name: self._craft(name) for name in self._names()}
         self.samplers: dict[str, Callable[[], Any]] = {}
-        equipped = list(self.craft.values())[-1]  # of two, the chaser has the equipment
+        equipped = list(self.craft.values())[-1]  # with two spacecraft, the chaser
         if run.gravity_gradient:
             self._add_gravity_gradient(equipped)
         self.wheel_message = self._add_wheels(equipped) if "gs" in self.inputs else None
@@ -93,7 +93,7 @@ class BasiliskSimulation:
             self._add_feedback(equipped)
 
     def simulate(self) -> Arrays:
-        """Flies from the start and samples the state."""
+        """Simulates from the start and samples the state."""
         self.sim.InitializeSimulation()
         steps = round(self.run.duration_s / self.run.step_s)
         every = round(self.run.sample_s / self.run.step_s)
@@ -109,14 +109,12 @@ class BasiliskSimulation:
                 rows.append(self._sample(step + stride))
         return _histories(rows)
 
-    # Stepping.
-
     def _advance(self, step: int) -> None:
         self.sim.ConfigureStopTime(step * round(self.run.step_s * _SECOND))
         self.sim.ExecuteSimulation()
 
     def _command(self, step: int) -> None:
-        """Writes what acts from this step to the next."""
+        """Writes the commands that act from this step to the next."""
         now = step * self.run.step_s
         if self.wheel_message is not None and "u_cmd" in self.inputs:
             row = int(np.searchsorted(self.inputs["t_cmd"], now + 1e-9, side="right")) - 1
@@ -150,8 +148,6 @@ class BasiliskSimulation:
         if key in ("sigma_BN", "omega"):
             return "I" in self.inputs
         return key[0] not in "rv" or "mu" in self.inputs
-
-    # Building.
 
     def _names(self) -> tuple[str, ...]:
         return ("_target", "_chaser") if "r0_target" in self.inputs else ("",)
@@ -263,7 +259,7 @@ class BasiliskSimulation:
         self.samplers["illumination"] = lambda: sampled.eclipseOutMsgs[0].read().shadowFactor
 
     def _shadow(self, craft: Any, sun: Any, priority: int) -> Any:
-        """One shadow before the craft moves, which acts, and one after, which is of the state that is recorded."""
+        """Shadow model: one before the spacecraft moves, which acts, and one after it for the sampled state."""
         shadow = eclipse.Eclipse()
         shadow.sunInMsg.subscribeTo(sun)
         planet = _planet_state_message(messaging, np.zeros(3), "earth")
@@ -274,7 +270,7 @@ class BasiliskSimulation:
         return shadow
 
     def _add_feedback(self, craft: Any) -> None:
-        """Basilisk's own attitude feedback to inertial zero, once a step."""
+        """Basilisk's attitude feedback to the inertial frame, once per step."""
         sensed = simpleNav.SimpleNav()
         sensed.scStateInMsg.subscribeTo(craft.scStateOutMsg)
         wanted = messaging.AttRefMsg().write(messaging.AttRefMsgPayload())
@@ -317,12 +313,12 @@ def _state_vector(craft: Any, name: str) -> Numbers:
 
 
 def _item_or_scalar(value: Numbers, place: int) -> float:
-    """An item of an array, or the number that holds for all items."""
+    """Item of an array, or the number that holds for all items."""
     return float(value.ravel()[place] if value.size > 1 else value.item())
 
 
 def _spherical_harmonics(mu: float, radius: float, zonals: Numbers) -> Any:
-    """Fully normalised coefficients, as Basilisk wants them."""
+    """Gravity model with fully normalised coefficients, as Basilisk expects."""
     degree = zonals.size + 1
     cosine = [[0.0] * (row + 1) for row in range(degree + 1)]
     cosine[0][0] = 1.0
@@ -349,7 +345,7 @@ def _planet_state_message(messages: Any, position: Numbers, name: str = "sun") -
 
 
 def _histories(rows: list[Arrays]) -> Arrays:
-    """Samples stacked in time, with the attitude as a quaternion whose sign does not jump."""
+    """Samples stacked over time, with the attitude as a quaternion of continuous sign."""
     stacked = {key: np.stack([row[key] for row in rows]) for key in rows[-1]}
     if "sigma_BN" in stacked:
         q = quaternion_from_mrp(stacked["sigma_BN"])

@@ -1,4 +1,4 @@
-"""Whether a reference has the gravity-gradient torque, which no parameter of its own gives away."""
+"""Whether a reference includes the gravity-gradient torque, for which the format has no parameter."""
 
 import re
 from typing import Any
@@ -22,29 +22,33 @@ _OFF = ("off", "false", "no", "0", "none", "disabled", "excluded")
 
 
 def has_gravity_gradient(reference: Reference, override: str = "auto") -> bool:
-    """True if the torque acts: as wished, by a key, by the description, or because the torque was logged."""
+    """Whether the torque acts: by the override, a key, the description, or because it was logged.
+
+    Raises:
+        FormatError: the override is "on" for a reference without orbit or attitude.
+    """
     possible = {"mu", "q", "I"} <= reference.arrays.keys() and bool({"r", "r_target"} & reference.arrays.keys())
     if override == "on" and not possible:
         raise FormatError(f"{reference.case}: gravity gradient: found no orbit and attitude, expected both")
     if override != "auto" or not possible:
         return override == "on"
-    for told in (_stated_by_key(reference), _stated_by_text(reference)):
-        if told is not None:
-            return told
+    for stated in (_stated_by_key(reference), _stated_by_text(reference)):
+        if stated is not None:
+            return stated
     return "torque_gg" in reference
 
 
 def _stated_by_key(reference: Reference) -> bool | None:
     for key, value in (*reference.unknown.items(), *_nested_items(reference.meta)):
         match = _KEYS.fullmatch(_normalised_text(key))
-        told = _parse_switch(value)
-        if match and told is not None:
-            return told != bool(match["no"])
+        stated = _parse_switch(value)
+        if match and stated is not None:
+            return stated != bool(match["no"])
     return None
 
 
 def _nested_items(meta: dict[str, Any]) -> list[tuple[str, Any]]:
-    """Keys and values of a description, also of objects inside it."""
+    """Keys and values of a description, including those of nested objects."""
     inner = [pair for value in meta.values() if isinstance(value, dict) for pair in _nested_items(value)]
     return [*((key, value) for key, value in meta.items() if not isinstance(value, dict)), *inner]
 
@@ -59,13 +63,13 @@ def _parse_switch(value: Any) -> bool | None:
 
 
 def _stated_by_text(reference: Reference) -> bool | None:
-    """What the description says, then its name; None if it says nothing, or both."""
+    """Statement of the description, else of the name of the case; None if absent or contradictory."""
     described = {key: value for key, value in reference.meta.items() if key not in ("case", "made_with")}
     texts = [f"{key}: {_text(value)}" for key, value in _nested_items(described)]
     for text in (texts, [str(reference.meta.get("case", ""))]):
-        said = {acts for part in text for acts in torque_statements(part)}
-        if said:
-            return said.pop() if len(said) == 1 else None
+        statements = {acts for part in text for acts in torque_statements(part)}
+        if statements:
+            return statements.pop() if len(statements) == 1 else None
     return None
 
 
@@ -78,7 +82,7 @@ def _normalised_text(text: str) -> str:
 
 
 def torque_statements(text: str) -> list[bool]:
-    """For each time that a text names the torque whether it says that the torque acts."""
+    """Whether the torque acts, for each mention of it in a text."""
     found = []
     for sentence in re.split(r"[;\n]|\.(?=\s|$)|\bbut\b", re.sub(_DOUBLE_NEGATION, "", _normalised_text(text))):
         clauses = re.split(r"[,()]|\+|&", sentence)
@@ -91,14 +95,14 @@ def torque_statements(text: str) -> list[bool]:
 
 
 def _is_negated_before(before: str, ahead: str) -> bool:
-    """By a negation in the clause, in the list that "or" ends, or one that opens a list: "not modelled: drag, ..."."""
+    """Negated in the clause, in a list that ends with "or", or by the head of a list: "not modelled: drag, ..."."""
     listed = re.search(r"\b(or|nor)\b", ahead) is not None
     opens_list = re.search(rf"\b({_NEGATIONS})\b[^,:]*:", before) is not None
     return opens_list or re.search(rf"\b({_NEGATIONS})\b", before + ahead if listed else ahead) is not None
 
 
 def _is_negated_after(behind: str, after: str) -> bool:
-    """By a negation a few words on in the clause, or by one that is all of the next clause."""
+    """Negated within the next words of the clause, or by a next clause that is only a negation."""
     return (
         re.search(rf"^(?:\W*\w+){{0,5}}?\W*\b({_NEGATIONS_AFTER})\b|^( torque)? free\b", behind) is not None
         or re.search(rf"^\W*(is |are )?(not (\w+ed|on)|{_WHOLE_CLAUSE_NEGATIONS})\W*$", after) is not None

@@ -1,4 +1,4 @@
-"""Writes small reference trajectories of all families with Basilisk, which has to be installed.
+"""Makes the committed reference trajectories with Basilisk, which must be installed.
 
 python -m experiments.validation.make_references tests/validation/references
 """
@@ -50,7 +50,7 @@ def zonal_gravity(degree: int) -> Arrays:
 def rigid_body(
     sigma: tuple[float, float, float], omega: tuple[float, float, float], inertia: Arrays | None = None
 ) -> Arrays:
-    """A rigid body and its initial attitude and rate."""
+    """Rigid body with initial attitude and rate."""
     start = np.array(sigma)
     return {
         "I": INERTIA if inertia is None else inertia["I"],
@@ -62,20 +62,20 @@ def rigid_body(
 
 
 def wheels(axes: np.ndarray) -> Arrays:
-    """Three wheels with the given spin axes in rows."""
+    """Three wheels; spin axes in rows."""
     unit = axes / np.linalg.norm(axes, axis=1, keepdims=True)
     return {"Js": np.array(0.008), "gs": unit, "Omega0": np.array([120.0, -80.0, 30.0])}
 
 
 def torque_commands(period: float, duration: float) -> Arrays:
-    """Torque commands that change every so often: square waves of three amplitudes and lengths."""
+    """Wheel torque commands: square waves of three amplitudes and periods."""
     times = np.arange(0.0, duration, period)
     turn = np.stack([np.sign(np.sin(2.0 * np.pi * (times + 0.5 * period) / length)) for length in (90.0, 140.0, 70.0)])
     return {"t_cmd": times, "u_cmd": turn.T * np.array([0.03, -0.02, 0.025])}
 
 
 def thrusters(burns: list[tuple[int, float, float]]) -> Arrays:
-    """Two thrusters, one with a lever arm, and their burns: index, start, on-time."""
+    """Two thrusters, one with a lever arm, and burns as rows of index, start, on-time."""
     return {
         "F_max": np.array(0.6),
         "thr_loc": np.array([[-0.25, 0.0, 0.0], [-0.25, 0.03, -0.015]]),
@@ -85,7 +85,7 @@ def thrusters(burns: list[tuple[int, float, float]]) -> Arrays:
 
 
 def target_and_chaser() -> Arrays:
-    """A target and a chaser 80 m behind it, drifting."""
+    """Target, and chaser 80 m behind it with a relative velocity."""
     r, v = LOW["r0"], LOW["v0"]
     radial, normal = r / np.linalg.norm(r), np.cross(r, v)
     rate = normal / (r @ r)
@@ -96,7 +96,7 @@ def target_and_chaser() -> Arrays:
 
 
 def sunlight() -> Arrays:
-    """The Sun as Basilisk has it, and a sphere in its light."""
+    """Sun with Basilisk's constants, and a sphere in sunlight."""
     direction = np.array([0.9, -0.4, -0.17])
     distance = 149597870693.0
     return {
@@ -113,7 +113,7 @@ def sunlight() -> Arrays:
 
 
 def exponential_atmosphere() -> Arrays:
-    """An exponential atmosphere from the ground up, and a sphere in it."""
+    """Exponential atmosphere and a sphere with drag."""
     return {
         "Cd": np.array(2.1),
         "A": np.array(0.3),
@@ -124,7 +124,7 @@ def exponential_atmosphere() -> Arrays:
 
 
 def cases() -> Iterator[tuple[str, SimulationCase, dict[str, str]]]:
-    """Name, run and words of every reference."""
+    """Name, simulation and description of every reference."""
     gradient = {"torque": "gravity gradient of a point mass"}
     long_body = {"I": np.array([[30.0, 0.6, -0.5], [0.6, 120.0, 1.0], [-0.5, 1.0, 110.0]])}
     middle = {"I": np.diag([11.0, 8.0, 6.0])}
@@ -166,7 +166,7 @@ def cases() -> Iterator[tuple[str, SimulationCase, dict[str, str]]]:
 
 
 def add_hill_position(arrays: Arrays) -> Arrays:
-    """Adds the relative position in the target's Hill frame, where there are two craft."""
+    """Adds the relative position in the target's Hill frame, if there are two spacecraft."""
     if "r_target" not in arrays:
         return arrays
     r, v = arrays["r_target"], arrays["v_target"]
@@ -177,15 +177,15 @@ def add_hill_position(arrays: Arrays) -> Arrays:
     return {**arrays, "rho": np.einsum("tij,tj->ti", frame, arrays["r_chaser"] - r)}
 
 
-def write_reference(folder: Path, name: str, run: SimulationCase, words: dict[str, str]) -> int:
-    """Flies one case and writes its file; the size in bytes."""
+def write_reference(folder: Path, name: str, run: SimulationCase, description: dict[str, str]) -> int:
+    """Simulates one case and writes its file; returns the size in bytes."""
     histories = add_hill_position(BasiliskSimulation(run).simulate())
     histories.pop("u_last", None)
     meta = {
         "case": name,
         "made_with": f"Basilisk {version('bsk')}",
         "integrator": f"Basilisk {run.integrator}, outer step {run.step_s} s",
-        **words,
+        **description,
     }
     path = folder / f"{name}.npz"
     arrays: dict[str, Any] = {"meta_json": np.array(json.dumps(meta)), **run.inputs, **histories}
@@ -194,15 +194,15 @@ def write_reference(folder: Path, name: str, run: SimulationCase, words: dict[st
 
 
 def main() -> None:
-    """Writes all cases, or those named, and prints their sizes."""
+    """Writes all cases or those named, and prints their sizes."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("names", nargs="*", help="only these cases")
-    given = parser.parse_args()
-    given.folder.mkdir(parents=True, exist_ok=True)
-    for name, run, words in cases():
-        if not given.names or name in given.names:
-            print(f"{name}: {write_reference(given.folder, name, run, words)} bytes", flush=True)
+    parsed = parser.parse_args()
+    parsed.folder.mkdir(parents=True, exist_ok=True)
+    for name, run, description in cases():
+        if not parsed.names or name in parsed.names:
+            print(f"{name}: {write_reference(parsed.folder, name, run, description)} bytes", flush=True)
 
 
 if __name__ == "__main__":

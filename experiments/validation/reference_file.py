@@ -1,4 +1,4 @@
-"""Reference trajectories in npz files: what a file may hold, and how it is read and checked."""
+"""Reference trajectories in npz files: keys and shapes, reading and validation."""
 
 import json
 import zipfile
@@ -12,7 +12,7 @@ import numpy as np
 
 Numbers = np.ndarray
 
-# A letter is a size that must be the same everywhere: t samples, c commands, w wheels, h thrusters, b burns, z zonals.
+# A letter is a size that must be equal everywhere: t samples, c commands, w wheels, h thrusters, b burns, z zonals.
 _SHAPES = {
     "t": "t",
     "r": "t 3",
@@ -51,7 +51,7 @@ _SHAPES = {
     **dict.fromkeys(("Cd", "A", "H", "rho0", "Cr", "AU", "c", "flux", "R_sun", "Re_eclipse"), ""),
 }
 _SCALAR_OR_PER_ITEM = ("Js", "F_max", "u_max")
-"""One number for all, or one for each wheel or thruster."""
+"""Keys with one number for all, or one for each wheel or thruster."""
 
 _POSITIVE = ("mu", "Re", "m", "H", "AU", "c", "R_sun", "Re_eclipse", "dt_ctrl", "Js")
 
@@ -61,7 +61,7 @@ _REQUIRED_GROUPS = (
     ("gs", "Js", "Omega0"),
     ("Re_eclipse", "R_sun"),
 )
-"""Keys that mean something together only."""
+"""Keys that are required together."""
 
 _REQUIRED_KEY = {
     **dict.fromkeys(("u_cmd", "u_max", "Omega", "K"), "gs"),
@@ -70,26 +70,24 @@ _REQUIRED_KEY = {
     **dict.fromkeys(("v_target", "r_chaser", "v_chaser", "rho"), "r_target"),
     "r_target": "r_chaser",
 }
-"""Keys that mean nothing without another one."""
-
-
+"""Key -> key that it requires."""
 _READ_ERRORS = (OSError, EOFError, ValueError, KeyError, RuntimeError, MemoryError, zipfile.BadZipFile, zlib.error)
-"""What numpy and zipfile raise for a damaged archive; `RuntimeError` for one that is encrypted or oddly compressed."""
+"""Errors of numpy and zipfile for damaged, encrypted or unsupported archives."""
 
 
 class FormatError(ValueError):
-    """A file is not a reference of the known format; the message is one line."""
+    """A file is not a valid reference; the message is one line."""
 
 
 @dataclass(frozen=True)
 class Reference:
-    """A reference trajectory.
+    """Reference trajectory.
 
     Attributes:
-        case: its name
-        meta: its description
+        case: name
+        meta: description
         arrays: key -> array
-        other: key -> array of the keys that are not of the format
+        unknown: key -> array of the keys that the format does not define
     """
 
     case: str
@@ -106,18 +104,22 @@ class Reference:
         return self.arrays[key]
 
     def number(self, key: str, default: float | None = None) -> float:
-        """A scalar of the file, or the default if there is one and the file has not."""
+        """Scalar of the file, or the default if there is one and the file lacks the key."""
         return float(self[key]) if default is None or key in self else default
 
     def initial(self, key: str, history: str) -> Numbers:
-        """Initial value, under its own key or as the first sample of a history that begins at zero."""
+        """Initial value: its own key, or the first sample of a history that starts at time 0."""
         if key not in self and history in self and self["t"][0] == 0.0:
             return self[history][0]
         return self[key]
 
 
 def read_reference(path: Path) -> Reference:
-    """The reference in a file; raises `FormatError` if it is none."""
+    """Reads and validates a reference.
+
+    Raises:
+        FormatError: the file is not a valid reference.
+    """
     try:
         with np.load(path, allow_pickle=False) as file:
             if not isinstance(file, np.lib.npyio.NpzFile):
@@ -134,7 +136,11 @@ def read_reference(path: Path) -> Reference:
 
 
 def validate(stem: str, arrays: dict[str, Any]) -> Reference:
-    """A reference from the arrays of a file; raises `FormatError` if they make none."""
+    """Reference from the arrays of a file.
+
+    Raises:
+        FormatError: the arrays are not a valid reference.
+    """
     arrays = dict(arrays)
     meta = _meta(arrays.pop("meta_json", np.array("{}")))
     known = {key: _numbers(key, value) for key, value in arrays.items() if key in _SHAPES or key in _SCALAR_OR_PER_ITEM}
@@ -174,7 +180,7 @@ def _numbers(key: str, value: Numbers) -> Numbers:
 
 
 def _is_other(key: str, value: Numbers) -> bool:
-    """True for a key that means something else in this file: `rho` is a relative position or a density."""
+    """Whether a key has another meaning in this file: `rho` is a relative position or a density."""
     return (_SHAPES.get(key) == "" and value.size > 1) or (key == "rho" and value.ndim == 1)
 
 
@@ -220,7 +226,7 @@ def _check_values(arrays: dict[str, Numbers]) -> None:
 
 
 def _check_inertia(inertia: Numbers) -> None:
-    """A tensor that some body may have, within 1e-9 of its size."""
+    """Checks that a tensor is a possible inertia, within 1e-9 of its size."""
     slack = 1e-9 * float(np.max(np.abs(inertia)))
     if np.any(np.abs(inertia - inertia.T) > slack):
         raise FormatError("key 'I': found a tensor that is not symmetric, expected one of a body")

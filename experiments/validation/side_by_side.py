@@ -1,4 +1,4 @@
-"""The inspection mission's commands flown by Basilisk and by the package's plant; prints and plots the differences.
+"""Commands of the inspection mission simulated by Basilisk and by the plant; prints and plots the differences.
 
 python -m experiments.validation.side_by_side --out out/side_by_side
 """
@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import rpojax
-from experiments.validation import replay
+from experiments.validation import replay, replay_errors
 from experiments.validation.basilisk_simulation import Arrays, BasiliskSimulation, Integrator, SimulationCase
 from experiments.validation.make_references import add_hill_position
 from experiments.validation.reference_file import Numbers, Reference, validate
@@ -24,17 +24,18 @@ from rpojax.campaign import single_run
 from rpojax.core.numerics.runge_kutta import Method
 from rpojax.flight.control import attitude_control
 from rpojax.scenario.params import Params
-from rpojax.scenario.scenario_file import Scenario
-from rpojax.simulation import closed_loop
-from rpojax.simulation.closed_loop import State, Telemetry
+from rpojax.scenario.static_settings import Scenario
+from rpojax.simulation.rollout import rollout
+from rpojax.simulation.state import State
+from rpojax.simulation.telemetry import Telemetry
 
 WORDS = "gravity gradient of a point mass"
 
 
 def mission_commands(duration_s: float, seed: int) -> tuple[SimulationCase, int]:
-    """Plant, initial state and logged commands of one run of `inspection`, and how many ticks it lasted.
+    """Plant, initial state and logged commands of one run of `inspection`, and the number of commands.
 
-    Burns begin and end on steps of the attitude control here, because Basilisk can only switch there.
+    Burns are rounded to steps of the attitude control, because Basilisk switches forces only there.
     """
     file = rpojax.load("inspection", [f"duration_s={duration_s}"])
     static, params, state = single_run.initialise_run(file, seed)
@@ -60,7 +61,7 @@ def _stages_recording(torques: list[Numbers]) -> rpojax.Stages:
 
 @partial(jax.jit, static_argnums=(0, 1))
 def _rollout(static: Scenario, stages: rpojax.Stages, params: Params, state: State) -> Telemetry:
-    return closed_loop.rollout(static, params, state, static.ticks, stages)[1]
+    return rollout(static, params, state, static.ticks, stages)[1]
 
 
 def _plant(params: Params) -> Arrays:
@@ -96,7 +97,7 @@ def _initial_state(telemetry: Telemetry) -> Arrays:
 
 
 def _burns(params: Params, telemetry: Telemetry, static: Scenario) -> Arrays:
-    """Every plan that gave a burn, once."""
+    """Executed burns, each once."""
     plan, step_s = telemetry.flight.plan, static.step_s
     pairs = np.unique(np.round(np.stack([plan.ignition, plan.cutoff], axis=1) / step_s) * step_s, axis=0)
     least = float(params.plant.thruster.minimum_on_time)
@@ -115,7 +116,7 @@ class Comparison:
     """Histories of differences from Basilisk's adaptive integrator.
 
     Attributes:
-        name: what was compared with it
+        name: of the simulator that is compared with it
         time: [s]
         position: of the servicer [m]
         relative: of the servicer from the target, Hill frame [m]
@@ -130,24 +131,27 @@ class Comparison:
 
 
 def _as_reference(run: SimulationCase) -> Reference:
-    flown = add_hill_position(BasiliskSimulation(run).simulate())
-    flown.pop("u_last", None)
+    simulated = add_hill_position(BasiliskSimulation(run).simulate())
+    simulated.pop("u_last", None)
     meta = np.array(json.dumps({"case": "inspection", "torque": WORDS}))
-    return validate("inspection", {"meta_json": meta, **run.inputs, **flown})
+    return validate("inspection", {"meta_json": meta, **run.inputs, **simulated})
 
 
 def compare_package(name: str, truth: Reference, integrator: Method, step_s: float | None) -> Comparison:
-    """The package's plant, with whole steps of its own."""
-    flown, _ = replay.propagate(truth, ReplayOptions(integrator, step_s))
-    relative, attitude = replay.relative_errors(truth, flown), replay.attitude_errors(truth, flown)
+    """Compares the package's plant."""
+    simulated, _ = replay.propagate(truth, ReplayOptions(integrator, step_s))
+    relative, attitude = (
+        replay_errors.relative_errors(truth, simulated),
+        replay_errors.attitude_errors(truth, simulated),
+    )
     assert relative is not None and attitude is not None
-    ours = np.asarray(flown.r_TN_N + flown.r_ST_N)
+    ours = np.asarray(simulated.r_TN_N + simulated.r_ST_N)
     position = np.linalg.norm(ours - truth["r_chaser"], axis=1)
     return Comparison(name, truth["t"], position, relative, attitude)
 
 
 def compare_basilisk(name: str, truth: Reference, run: SimulationCase, integrator: Integrator) -> Comparison:
-    """Basilisk again with another integrator."""
+    """Compares Basilisk with another integrator."""
     other = _as_reference(SimulationCase(run.inputs, True, run.duration_s, run.step_s, run.sample_s, integrator))
     position = np.linalg.norm(other["r_chaser"] - truth["r_chaser"], axis=1)
     relative = np.linalg.norm(other["rho"] - truth["rho"], axis=1)
@@ -175,13 +179,13 @@ def plot(comparisons: list[Comparison], burns: Numbers, path: Path) -> None:
 
 
 def main() -> None:
-    """Flies the mission in the closed loop, then its commands in both simulators."""
+    """Simulates the mission in the closed loop, then its commands in both simulators."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--duration", type=float, default=3000.0, help="[s]")
     parser.add_argument("--seed", type=int, default=0)
-    given = parser.parse_args()
-    run, steps = mission_commands(given.duration, given.seed)
+    parsed = parser.parse_args()
+    run, steps = mission_commands(parsed.duration, parsed.seed)
     truth = _as_reference(run)
     comparisons = [
         compare_package("package, rk8, step fitted", truth, "rk8", None),
@@ -192,11 +196,11 @@ def main() -> None:
     turned = 2.0 * np.arccos(np.clip(np.abs(truth["q"] @ truth["q"][0]), 0.0, 1.0))
     print(f"{steps} torque commands, {len(burns)} burns of {burns[:, 2].sum():.1f} s together,", end=" ")
     print(f"turns of up to {np.rad2deg(turned.max()):.0f} deg; largest difference from Basilisk with RKF78:")
-    print("| flown by | position m | relative position m | attitude rad |\n|---|---|---|---|")
+    print("| simulator | position m | relative position m | attitude rad |\n|---|---|---|---|")
     for one in comparisons:
         print(f"| {one.name} | {one.position.max():.1e} | {one.relative.max():.1e} | {one.attitude.max():.1e} |")
-    given.out.mkdir(parents=True, exist_ok=True)
-    plot(comparisons, burns, given.out / "side_by_side.png")
+    parsed.out.mkdir(parents=True, exist_ok=True)
+    plot(comparisons, burns, parsed.out / "side_by_side.png")
 
 
 if __name__ == "__main__":
