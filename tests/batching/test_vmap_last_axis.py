@@ -1,4 +1,4 @@
-"""Batching along the last axis gives what `jax.vmap` gives, and keeps the items in the last axis on the way."""
+"""`vmap` over the last axis equals `jax.vmap`, and keeps the batch in the last axis of intermediate arrays."""
 
 from collections.abc import Callable
 from typing import Any
@@ -10,15 +10,15 @@ import pytest
 
 from rpojax.batching import vmap_last_axis
 
-ITEMS = 7
-X = np.random.default_rng(1).normal(size=(3, ITEMS))
-M = np.random.default_rng(2).normal(size=(3, 3, ITEMS))
-S = np.random.default_rng(3).normal(size=ITEMS)
-MARKER = np.int64(4)
+BATCH_SIZE = 7
+X = np.random.default_rng(1).normal(size=(3, BATCH_SIZE))
+M = np.random.default_rng(2).normal(size=(3, 3, BATCH_SIZE))
+S = np.random.default_rng(3).normal(size=BATCH_SIZE)
+SHARED = np.int64(4)
 
 
-def scanned(x: Any, m: Any, s: Any, marker: Any) -> Any:
-    """A carry that differs between items only after the second round, beside one that never does."""
+def scanned(x: Any, m: Any, s: Any, shared: Any) -> Any:
+    """A carry that becomes batched only in the second iteration, beside one that never does."""
 
     def body(carry: Any, row: Any) -> Any:
         own, later, common = carry
@@ -28,9 +28,9 @@ def scanned(x: Any, m: Any, s: Any, marker: Any) -> Any:
     return jax.lax.scan(body, (zero, zero, zero), m)
 
 
-def branched(x: Any, m: Any, s: Any, marker: Any) -> Any:
-    """One branch on what all items share, one on what they do not."""
-    shared = jax.lax.cond(marker > 3, lambda: (x * 2.0, jnp.zeros(())), lambda: (jnp.ones(3), s))
+def branched(x: Any, m: Any, s: Any, shared: Any) -> Any:
+    """One conditional on a shared index, two on batched ones."""
+    shared = jax.lax.cond(shared > 3, lambda: (x * 2.0, jnp.zeros(())), lambda: (jnp.ones(3), s))
     own = jax.lax.cond(s > 0.0, lambda: m[0], lambda: x)
     which = jax.lax.switch(
         (s > 0.0).astype(jnp.int32) + (s > 1.0).astype(jnp.int32), [lambda: s, lambda: x[0], lambda: x[1]]
@@ -39,14 +39,14 @@ def branched(x: Any, m: Any, s: Any, marker: Any) -> Any:
 
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
-    "elementwise": lambda x, m, s, marker: (
+    "elementwise": lambda x, m, s, shared: (
         jnp.sin(x) * s + 2.0,
         jnp.where(s > 0.0, x, -x),
-        jnp.where(marker > 3, x, s),
+        jnp.where(shared > 3, x, s),
     ),
-    "reductions": lambda x, m, s, marker: (jnp.sum(m, axis=1), jnp.max(x), jnp.argmin(x), jnp.all(x > s), jnp.prod(x)),
-    "slices": lambda x, m, s, marker: (m[1:, 0], x[::2], x[marker - 2], jax.lax.dynamic_slice(m, (marker, 0), (2, 1))),
-    "chosen": lambda x, m, s, marker: (
+    "reductions": lambda x, m, s, shared: (jnp.sum(m, axis=1), jnp.max(x), jnp.argmin(x), jnp.all(x > s), jnp.prod(x)),
+    "slices": lambda x, m, s, shared: (m[1:, 0], x[::2], x[shared - 2], jax.lax.dynamic_slice(m, (shared, 0), (2, 1))),
+    "indexing": lambda x, m, s, shared: (
         x[np.array([2, 0, 0, 1])],
         m[np.array([0, 2, 2])],
         m[:, np.array([1, 1])],
@@ -55,19 +55,19 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
         jnp.take_along_axis(m, np.array([[0, 2], [1, 1], [2, 0]]), axis=1),
         x[jnp.stack([jnp.argmax(x), jnp.argmin(x)])],
     ),
-    "own places": lambda x, m, s, marker: (m[jnp.argmax(x)], jax.lax.dynamic_slice(x, (jnp.argmin(x),), (1,))),
-    "shapes": lambda x, m, s, marker: (m.T, m.reshape(9), x[:, None] * m, jnp.pad(x, 1), jnp.diag(x), jnp.flip(x)),
-    "joins": lambda x, m, s, marker: (
-        jnp.stack([x[0], s, marker.astype(jnp.float64)]),
+    "batched indices": lambda x, m, s, shared: (m[jnp.argmax(x)], jax.lax.dynamic_slice(x, (jnp.argmin(x),), (1,))),
+    "shapes": lambda x, m, s, shared: (m.T, m.reshape(9), x[:, None] * m, jnp.pad(x, 1), jnp.diag(x), jnp.flip(x)),
+    "stacking": lambda x, m, s, shared: (
+        jnp.stack([x[0], s, shared.astype(jnp.float64)]),
         jnp.concatenate([x, jnp.ones(2), s[None]]),
     ),
-    "products": lambda x, m, s, marker: (m @ x, jnp.linalg.inv(m), jnp.cross(x, m[0])),
-    "common": lambda x, m, s, marker: (jnp.arange(3) * marker, x),
-    "sorted": lambda x, m, s, marker: (jnp.sort(x), jnp.cumsum(x)),
-    "repeated": lambda x, m, s, marker: jax.lax.while_loop(
+    "products": lambda x, m, s, shared: (m @ x, jnp.linalg.inv(m), jnp.cross(x, m[0])),
+    "shared result": lambda x, m, s, shared: (jnp.arange(3) * shared, x),
+    "sorted": lambda x, m, s, shared: (jnp.sort(x), jnp.cumsum(x)),
+    "while loop": lambda x, m, s, shared: jax.lax.while_loop(
         lambda c: c[0] < 3.0, lambda c: (c[0] + 1.0, c[1] * s), (s, x)
     ),
-    "given derivative": lambda x, m, s, marker: (jax.nn.relu(x), jax.grad(lambda y: jnp.sum(jnp.sqrt(y * y)))(x)),
+    "custom derivative": lambda x, m, s, shared: (jax.nn.relu(x), jax.grad(lambda y: jnp.sum(jnp.sqrt(y * y)))(x)),
     "scan": scanned,
     "branches": branched,
 }
@@ -76,8 +76,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_results_are_those_of_vmap(name: str) -> None:
     axes = (-1, -1, -1, None)
-    expected = jax.vmap(FUNCTIONS[name], in_axes=axes, out_axes=-1)(X, M, S, MARKER)
-    found = jax.jit(vmap_last_axis.vmap(FUNCTIONS[name], axes, -1))(X, M, S, MARKER)
+    expected = jax.vmap(FUNCTIONS[name], in_axes=axes, out_axes=-1)(X, M, S, SHARED)
+    found = jax.jit(vmap_last_axis.vmap(FUNCTIONS[name], axes, -1))(X, M, S, SHARED)
     assert jax.tree.structure(found) == jax.tree.structure(expected)
     for ours, theirs in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
         assert ours.shape == theirs.shape
@@ -90,9 +90,9 @@ def test_shared_results_have_no_batch_axis() -> None:
         return {"own": record["a"] * record["b"][0], "common": count + 1, "none": None}
 
     batched = vmap_last_axis.vmap(function, ({"a": -1, "b": None}, None), {"own": -1, "common": None, "none": None})
-    found = batched({"a": X, "b": jnp.ones(2)}, MARKER)
-    assert found["own"].shape == (3, ITEMS)
-    assert int(found["common"]) == MARKER + 1
+    found = batched({"a": X, "b": jnp.ones(2)}, SHARED)
+    assert found["own"].shape == (3, BATCH_SIZE)
+    assert int(found["common"]) == SHARED + 1
     assert found["none"] is None
 
 
@@ -102,7 +102,7 @@ def test_a_batched_result_cannot_be_declared_shared() -> None:
 
 
 def test_stacking_components_needs_no_transposition() -> None:
-    """No transposition is left of a function that takes vectors apart and puts them together again."""
+    """The lowered program of a function that splits and stacks vectors has no transposition."""
 
     def function(x: Any, m: Any) -> Any:
         y = jnp.stack([x[1] * x[2], x[2] - x[0], x[0]])
@@ -113,7 +113,7 @@ def test_stacking_components_needs_no_transposition() -> None:
 
 
 def test_repeated_operations_are_evaluated_once() -> None:
-    """Also across functions and the cases of a choice, but not within a loop, which has results of its own."""
+    """Also across functions and the branches of a conditional, but not between a loop and its surroundings."""
     again = jax.jit(lambda x: jnp.sin(x * 2.0) * 3.0)
 
     def function(x: Any, m: Any, s: Any) -> Any:
@@ -140,8 +140,8 @@ def test_shared_arrays_are_broadcast_once() -> None:
     assert traced.count("broadcast_in_dim") == 2  # as a number and as three
 
 
-def alike(x: Any, m: Any) -> Any:
-    """Operations that differ in one thing alone: sign of zero, type of zero, place, width."""
+def similar_operations(x: Any, m: Any) -> Any:
+    """Operations that differ only in the sign of zero, the type of zero, the position or the width."""
     signs = x / 0.0, x / -0.0
     kinds = x > 0.0, jnp.round(x).astype(int) > 0, jnp.zeros(3) + x, jnp.zeros(3, dtype=int) + jnp.round(x).astype(int)
     widths = [jax.lax.bitcast_convert_type(x, kind) for kind in (jnp.uint64, jnp.uint32)]
@@ -149,8 +149,8 @@ def alike(x: Any, m: Any) -> Any:
 
 
 def test_similar_operations_are_not_merged() -> None:
-    every = vmap_last_axis.vmap(alike, (-1, -1), -1)
-    expected = jax.vmap(alike, (-1, -1), -1)(jnp.abs(X), M)
+    every = vmap_last_axis.vmap(similar_operations, (-1, -1), -1)
+    expected = jax.vmap(similar_operations, (-1, -1), -1)(jnp.abs(X), M)
     for found, wanted in zip(jax.tree.leaves(every(jnp.abs(X), M)), jax.tree.leaves(expected), strict=True):
         np.testing.assert_array_equal(found, wanted)
 
@@ -174,7 +174,7 @@ def test_named_scopes_are_kept() -> None:
 
 @jax.custom_jvp
 def steep(x: Any) -> Any:
-    """A function whose derivative is a matter of agreement."""
+    """A function with an arbitrary custom derivative."""
     return x * 0.0
 
 

@@ -1,4 +1,4 @@
-"""Records packed into few arrays: nothing is lost, and a packed function is the function."""
+"""Packing of records into few arrays, and functions of packed records."""
 
 from typing import Any
 

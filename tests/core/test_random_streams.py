@@ -81,7 +81,7 @@ def test_each_key_needs_its_count() -> None:
 
 
 def test_the_key_of_a_run_is_pinned() -> None:
-    # Threefry's own numbers: a change here would silently change every stored result.
+    # Numbers of threefry: a change would silently change all stored results.
     assert run_key(1, 0).tolist() == [507451445, 1853169794]
     np.testing.assert_allclose(normal(run_key(1, 0), 3), [0.53193736, -0.72301704, 0.90725702], rtol=1e-6)
 

@@ -9,7 +9,7 @@ import numpy as np
 from jax.test_util import check_grads
 from numpy_reference import random_unit
 
-# Central differences with steps of 1e-6 of numbers near one: rounding 1e-10, and a margin for curvature.
+# Central differences with steps of 1e-6 of numbers near one: rounding 1e-10, and a margin for truncation.
 TOLERANCE = 1e-5
 
 RNG = np.random.default_rng(1)
@@ -23,8 +23,7 @@ Kernel = Callable[..., Any]
 def check(kernel: Kernel, size: int, *constants: Any) -> None:
     """Compares both derivatives of `kernel(x, *constants)` at x = 0 with finite differences.
 
-    `kernel` is compiled and takes `size` numbers, each scaled so that one means a large change; points that share a
-    kernel share its compilation.
+    `kernel` is compiled and takes `size` numbers, each scaled so that 1 is a large change.
     """
 
     def function(x: jax.Array) -> Any:
@@ -34,7 +33,7 @@ def check(kernel: Kernel, size: int, *constants: Any) -> None:
 
 
 def check_finite(kernel: Kernel, size: int, *constants: Any) -> None:
-    """Checks that both derivatives are finite where the kernel has a kink or a jump."""
+    """Checks that both derivatives are finite, at points where the kernel has a kink or a jump."""
 
     def function(x: jax.Array) -> Any:
         return kernel(x, *constants)

@@ -9,13 +9,13 @@ SUN_N = np.array([1.2e11, 0.0, 9e10])
 
 
 def behind(distance: float, off_axis: float) -> np.ndarray:
-    """Place in the night at a distance from the Earth's centre and an angle off the shadow's axis."""
+    """Position [m] behind the Earth at a distance from its centre and an angle [rad] off the axis of the shadow."""
     axis, across = -unit(SUN_N), unit(np.cross(SUN_N, V))
     return distance * (np.cos(off_axis) * axis + np.sin(off_axis) * across)
 
 
 def touching(distance: float, inner: bool, sun_radius: float = 7e8) -> float:
-    """Angle off the axis of a border of the penumbra."""
+    """Angle [rad] between the axis of the shadow and the inner or outer border of the penumbra."""
 
     def gap(angle: float) -> float:
         r = behind(distance, angle)

@@ -47,8 +47,8 @@ def from_matrix(x: jax.Array, phi: jax.Array) -> jax.Array:
 
 
 @jax.jit
-def turn_from(x: jax.Array, a: jax.Array, b: jax.Array) -> jax.Array:
-    """Turn from `a` to `b`, which the small rotation vector `x` moves."""
+def rotation_between(x: jax.Array, a: jax.Array, b: jax.Array) -> jax.Array:
+    """Rotation from `a` to `b`, with `b` rotated by a small rotation vector `x`."""
     return quaternion.rotation_vector_between(a, b + vectors.cross(x, b))
 
 
@@ -72,18 +72,18 @@ def test_derivatives_of_a_propagated_attitude_are_right() -> None:
 
 
 def test_derivatives_of_the_rotation_between_directions_are_right() -> None:
-    check(turn_from, 3, V, W)
+    check(rotation_between, 3, V, W)
 
 
 @pytest.mark.parametrize("direction", [np.array([1.0, 0.0, 0.0]), V], ids=["an axis", "a skew direction"])
 def test_the_rotation_between_equal_directions_follows_the_second_one(direction: np.ndarray) -> None:
-    found = jax.jacfwd(turn_from)(np.zeros(3), direction, direction)
-    # A small rotation x of the second direction is a turn by the part of x across it.
+    found = jax.jacfwd(rotation_between)(np.zeros(3), direction, direction)
+    # A small rotation x of the second direction rotates by the component of x perpendicular to it.
     np.testing.assert_allclose(found, np.eye(3) - np.outer(direction, direction), atol=TOLERANCE)
 
 
 def test_the_rotation_between_opposite_directions_has_a_finite_derivative() -> None:
-    check_finite(turn_from, 3, V, -V)
+    check_finite(rotation_between, 3, V, -V)
 
 
 @jax.jit
@@ -130,7 +130,7 @@ def test_derivatives_of_gravity_and_its_differences_are_right(place: np.ndarray,
 
 @jax.jit
 def harmonics(x: jax.Array, r_N: jax.Array) -> Any:
-    """What is left of gravity after the pull of a point, to its own constants."""
+    """Gravity less that of a point mass, as a function of position and of the field's constants."""
     field = replace(
         EARTH_GRAVITY,
         radius=EARTH_GRAVITY.radius * (1.0 + 0.1 * x[3]),
@@ -157,17 +157,17 @@ def test_derivatives_of_sun_and_moon_positions_are_right() -> None:
     check(sky, 1)
 
 
-def swing(x: jax.Array, method: Method) -> Any:
+def pendulum_step(x: jax.Array, method: Method) -> Any:
     """A pendulum over one step, forced at the method's nodes."""
     forces = 1.0 + x[2] * jnp.asarray(NODES[method])
     start = (0.5 + x[0], 1.0 + x[1])
     return runge_kutta.step(method, lambda y, u: (y[1], u * (1.0 + x[3]) - jnp.sin(y[0])), start, forces, 0.5)
 
 
-rk4_swing, rk8_swing = (jax.jit(lambda x, method=method: swing(x, method)) for method in ("rk4", "rk8"))
+rk4_pendulum, rk8_pendulum = (jax.jit(lambda x, method=method: pendulum_step(x, method)) for method in ("rk4", "rk8"))
 
 
-@pytest.mark.parametrize("kernel", [rk4_swing, rk8_swing], ids=["rk4", "rk8"])
+@pytest.mark.parametrize("kernel", [rk4_pendulum, rk8_pendulum], ids=["rk4", "rk8"])
 def test_derivatives_through_a_step_of_integration_are_right(kernel: Kernel) -> None:
     check(kernel, 4)
 

@@ -154,7 +154,7 @@ def test_the_orbit_filters_prediction_has_finite_derivatives_to_a_velocity_chang
 
 @jax.jit
 def box_update(x: jax.Array, flight: FlightParams, q_KN: jax.Array, box: BoxMeasurement, sigma: jax.Array) -> Any:
-    """Update by a box that the one before it confirms, of a target known to `sigma` [m]."""
+    """Update by a box that agrees with the previous one, of a target known to `sigma` [m]."""
     known = rendezvous_scene.estimate(flight).relative
     spread = jnp.eye(12).at[:3, :3].multiply(sigma**2 / 0.2**2)
     moved = replace(known, r_TS_N=known.r_TS_N + x[:3], covariance=known.covariance * spread)
@@ -171,7 +171,7 @@ def box_update(x: jax.Array, flight: FlightParams, q_KN: jax.Array, box: BoxMeas
 
 @pytest.fixture(scope="module")
 def q_KN(params: Params) -> np.ndarray:
-    """Attitude of a camera that looks at the target."""
+    """Attitude of a camera that points at the target."""
     return rendezvous_scene.camera_attitude(params.flight, rendezvous_scene.estimate(params.flight))
 
 

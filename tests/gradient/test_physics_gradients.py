@@ -27,7 +27,7 @@ from rpojax.scenario.params import Params
 
 @jax.jit
 def torques(x: jax.Array, plant_params: PlantParams, speed: jax.Array) -> Any:
-    """Wheel torques, what they do to body and wheels, and the gravity gradient."""
+    """Accelerations of body and wheels by motor torques and gravity-gradient torque."""
     body, wheels = plant_params.servicer, plant_params.wheels
     command = jnp.array([0.01, 0.1, 0.02]) + x[:3]
     motor = reaction_wheels.limit_torque(wheels, command, speed + x[3:6], 0.2)
@@ -99,7 +99,7 @@ def test_motor_torque_and_friction_have_finite_derivatives_at_the_limits_of_torq
 def valve(
     x: jax.Array, plant_params: PlantParams, ignition: jax.Array, on_time: jax.Array, method: Method, ramps: bool
 ) -> Any:
-    """Openings of a thruster of any on-time, and what it does."""
+    """Thrust over a step, with a minimum on-time of zero."""
     known = plant_params.thruster
     thruster = replace(
         known,
@@ -158,14 +158,14 @@ FULL = Effects(
     center_of_mass_shift=True,
     faults=True,
 )
-"""All but the steps of torque, which no finite difference follows; their derivative has its own test."""
+"""All effects but the quantisation of torque, whose derivative is a convention with its own test."""
 SKY = SunMoonPositions(sun_N=jnp.asarray(SUN_N), moon_N=3.84e8 * jnp.asarray(W))
 
 
 def plant_step(
     effects: Effects, x: jax.Array, plant_params: PlantParams, truth: Truth, ignition: jax.Array, cutoff: jax.Array
 ) -> Any:
-    """Parts of the truth after a step, each over what a large change of it would be."""
+    """Parts of the truth after a step, each scaled to the order of one."""
     moved = replace(
         truth,
         r_TN_N=truth.r_TN_N + 1e5 * x[15:18],
@@ -210,7 +210,7 @@ def truth(params: Params) -> Truth:
 
 @pytest.fixture(scope="module")
 def ready(params: Params) -> PlantParams:
-    """The plant with a thruster of any on-time, and with sunlight and air strong enough to be seen in a step."""
+    """Plant with a minimum on-time of zero, and sunlight and air dense enough to matter within a step."""
     return replace(
         params.plant,
         thruster=replace(params.plant.thruster, minimum_on_time=jnp.zeros(())),

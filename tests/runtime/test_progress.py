@@ -1,4 +1,4 @@
-"""Progress on stderr."""
+"""Progress display on stderr: lines in a file, a bar on a terminal."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Traced functions are kept, found again by what they mean, and made anew where the file is of no use."""
+"""Traces are cached, found again by their identity, and traced again if the file is damaged."""
 
 import gc
 from pathlib import Path
@@ -22,8 +22,8 @@ from rpojax.simulation.state import State
 ARGUMENTS = (np.arange(3.0), {"a": np.ones(2)})
 
 
-class Counted:
-    """A function that knows how often it has been traced."""
+class CountedFunction:
+    """A function that counts how often it is traced."""
 
     def __init__(self) -> None:
         self.times = 0
@@ -33,9 +33,9 @@ class Counted:
         return {"sum": x.sum() + others["a"].sum(), "same": others}
 
 
-def traced(function: Counted, arguments: Any = ARGUMENTS, meaning: str | None = "sum") -> Trace:
-    """As a new process would: JAX remembers what it has traced by the function's identity."""
-    return trace_cache.load_or_trace(lambda x, others: function(x, others), arguments, meaning)
+def traced(function: CountedFunction, arguments: Any = ARGUMENTS, identity: str | None = "sum") -> Trace:
+    """Trace as in a new process: JAX itself remembers traces by the identity of the function, so it is wrapped."""
+    return trace_cache.load_or_trace(lambda x, others: function(x, others), arguments, identity)
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_cached_trace_is_not_traced_again_and_computes_the_same(folder: Path) -> None:
-    function = Counted()
+    function = CountedFunction()
     first = traced(function)
     second = traced(function)
     assert function.times == 1
@@ -55,40 +55,40 @@ def test_a_cached_trace_is_not_traced_again_and_computes_the_same(folder: Path) 
 
 
 @pytest.mark.parametrize("collecting", [True, False])
-@pytest.mark.parametrize("meaning", ["sum", None])
+@pytest.mark.parametrize("identity", ["sum", None])
 def test_garbage_collection_resumes_after_tracing_succeeds_or_fails(
-    folder: Path, meaning: str | None, collecting: bool
+    folder: Path, identity: str | None, collecting: bool
 ) -> None:
-    meanwhile = []
+    states = []
 
     def failing(x: Any) -> Any:
-        meanwhile.append(gc.isenabled())
+        states.append(gc.isenabled())
         raise RuntimeError("no function")
 
     def working(x: Any) -> Any:
-        meanwhile.append(gc.isenabled())
+        states.append(gc.isenabled())
         return x + 1.0
 
     before = gc.isenabled()
     try:
         (gc.enable if collecting else gc.disable)()
-        trace_cache.load_or_trace(working, (np.ones(2),), meaning)
+        trace_cache.load_or_trace(working, (np.ones(2),), identity)
         assert gc.isenabled() is collecting
         with pytest.raises(RuntimeError, match="no function"):
-            trace_cache.load_or_trace(failing, (np.ones(3),), meaning)
+            trace_cache.load_or_trace(failing, (np.ones(3),), identity)
         assert gc.isenabled() is collecting
     finally:
         (gc.enable if before else gc.disable)()
-    assert meanwhile == [False, False]
+    assert states == [False, False]
 
 
-@pytest.mark.parametrize("change", ["meaning", "shape", "type", "structure", "code", "numbers"])
+@pytest.mark.parametrize("change", ["identity", "shape", "type", "structure", "code", "numbers"])
 def test_a_change_of_what_the_trace_depends_on_traces_again(
     folder: Path, change: str, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
-    function = Counted()
+    function = CountedFunction()
     traced(function)
-    meaning = "other" if change == "meaning" else "sum"
+    identity = "other" if change == "identity" else "sum"
     x, others = ARGUMENTS
     if change == "shape":
         x = np.arange(4.0)
@@ -104,14 +104,14 @@ def test_a_change_of_what_the_trace_depends_on_traces_again(
         partitionable = jax.config.jax_threefry_partitionable  # pyright: ignore[reportAttributeAccessIssue]
         request.addfinalizer(lambda: jax.config.update("jax_threefry_partitionable", partitionable))
         jax.config.update("jax_threefry_partitionable", not partitionable)
-    traced(function, (x, others), meaning)
+    traced(function, (x, others), identity)
     assert function.times == 2
     assert len(list(folder.iterdir())) == 2
 
 
 @pytest.mark.parametrize("damage", ["cut", "turned", "empty"])
 def test_a_damaged_trace_is_traced_again(folder: Path, damage: str) -> None:
-    function = Counted()
+    function = CountedFunction()
     traced(function)
     (path,) = folder.iterdir()
     whole = path.read_bytes()
@@ -124,26 +124,26 @@ def test_a_damaged_trace_is_traced_again(folder: Path, damage: str) -> None:
 def test_nothing_is_cached_if_the_source_has_changed_since_it_was_loaded(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(trace_cache, "_source_digest", lambda: "edited meanwhile")
-    assert traced(Counted()).call(*ARGUMENTS)["sum"] == 5.0
+    monkeypatch.setattr(trace_cache, "_source_digest", lambda: "edited states")
+    assert traced(CountedFunction()).call(*ARGUMENTS)["sum"] == 5.0
     assert not folder.exists()
 
 
 def test_a_trace_that_cannot_be_written_leaves_no_partial_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    traced(Counted())
+    traced(CountedFunction())
     (path,) = folder.iterdir()
     path.unlink()
     path.mkdir()
-    assert traced(Counted()).call(*ARGUMENTS)["sum"] == 5.0
+    assert traced(CountedFunction()).call(*ARGUMENTS)["sum"] == 5.0
     assert list(folder.iterdir()) == [path]
 
 
 def test_a_function_that_prints_can_be_traced_but_not_cached(folder: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    def talkative(x: Any, others: dict[str, Any]) -> Any:
+    def printing(x: Any, others: dict[str, Any]) -> Any:
         jax.debug.print("heard")
         return x
 
-    trace = trace_cache.load_or_trace(talkative, ARGUMENTS)
+    trace = trace_cache.load_or_trace(printing, ARGUMENTS)
     np.testing.assert_array_equal(jax.jit(trace.call)(*ARGUMENTS), ARGUMENTS[0])
     jax.effects_barrier()
     assert "heard" in capfd.readouterr().out
@@ -153,15 +153,15 @@ def test_a_function_that_prints_can_be_traced_but_not_cached(folder: Path, capfd
 def test_nothing_is_cached_without_a_folder_or_without_an_identity(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    traced(Counted(), meaning=None)
+    traced(CountedFunction(), identity=None)
     monkeypatch.delenv(trace_cache.FOLDER_VARIABLE)
-    assert traced(Counted()).call(*ARGUMENTS)["sum"] == 5.0
+    assert traced(CountedFunction()).call(*ARGUMENTS)["sum"] == 5.0
     assert not folder.exists()
 
 
 def test_a_folder_that_is_not_writable_is_no_error(folder: Path) -> None:
     folder.write_text("a file where a folder should be")
-    assert traced(Counted()).call(*ARGUMENTS)["sum"] == 5.0
+    assert traced(CountedFunction()).call(*ARGUMENTS)["sum"] == 5.0
 
 
 def test_a_loop_is_cached_unless_a_stage_is_the_users_own(

@@ -13,7 +13,7 @@ from numpy_reference import SEEDS, random_unit
 
 from rpojax.core.numerics.exact_difference import Difference, inverse_norm
 
-EXACT = 1e-14  # a few roundings, although the two values themselves may agree in all sixteen digits
+EXACT = 1e-14  # a few roundings, although the two values may agree in all sixteen digits
 
 inverse = jax.jit(inverse_norm)
 
@@ -44,7 +44,7 @@ def exact(rule: Callable, points: list[Difference]) -> tuple[float, float]:
 @given(SEEDS, st.floats(-12.0, 1.0))
 def test_each_rule_gives_value_and_change_to_full_relative_precision(name: str, seed: int, power: float) -> None:
     rng = np.random.default_rng(seed)
-    # Positive values and changes: then no sum cancels, and what is left is the rule itself.
+    # Values and changes are positive, so that no sum cancels.
     points = [number(v, c) for v, c in zip(rng.uniform(3.0, 5.0, 2), 10.0**power * rng.uniform(1, 2, 2), strict=True)]
     if "-" in name:
         points[1] = number(float(points[1].value) / 8.0, float(points[1].change) / 8.0)
@@ -69,7 +69,7 @@ def test_the_inverse_norm_and_its_change_are_exact_from_a_millimetre_to_a_thousa
         lengths = [sum(x * x for x in place).sqrt() for place in (near, far)]
         value, change = float(1 / lengths[0]), float(1 / lengths[1] - 1 / lengths[0])
     np.testing.assert_allclose(found.value, value, rtol=EXACT)
-    # Across the position the change is small by itself; a direction at least 6 deg off leaves 12 digits.
+    # Perpendicular to the position the change cancels to first order; 6 deg from there 12 digits remain.
     np.testing.assert_allclose(found.change, change, rtol=1e-12)
 
 

@@ -1,4 +1,4 @@
-"""The stage border changes nothing but when things are computed."""
+"""The fusion barrier is the identity in value and derivative."""
 
 import jax
 import jax.numpy as jnp
@@ -8,13 +8,13 @@ from rpojax.core.numerics.fusion_barrier import fusion_barrier
 
 
 def test_the_barrier_passes_values_and_derivatives() -> None:
-    def kernel(x: jax.Array, marker: jax.Array) -> jax.Array:
-        stored = fusion_barrier({"a": x**2, "b": (3.0 * x,)}, marker)
+    def kernel(x: jax.Array, runtime_value: jax.Array) -> jax.Array:
+        stored = fusion_barrier({"a": x**2, "b": (3.0 * x,)}, runtime_value)
         return jnp.sum(stored["a"] + stored["b"][0])
 
     x = np.array([1.0, -2.0])
-    for marker in (0, 7):
-        value, slope = jax.jit(jax.value_and_grad(kernel))(x, np.int32(marker))
+    for runtime_value in (0, 7):
+        value, slope = jax.jit(jax.value_and_grad(kernel))(x, np.int32(runtime_value))
         np.testing.assert_allclose(value, 5.0 - 3.0, rtol=1e-15)
         np.testing.assert_allclose(slope, 2.0 * x + 3.0, rtol=1e-15)
 

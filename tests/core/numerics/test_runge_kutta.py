@@ -1,4 +1,4 @@
-"""The Runge-Kutta steps: their orders, what they integrate exactly, and their pytrees."""
+"""Runge-Kutta methods: order of convergence, exactness for polynomials, pytrees."""
 
 from collections.abc import Callable
 
@@ -18,7 +18,7 @@ Pair = tuple[jax.Array, jax.Array]
 
 
 def orders(error: Callable[[int], float], steps: tuple[int, ...]) -> list[float]:
-    """Powers of the step with which the error falls from each number of steps to its double."""
+    """Observed orders of convergence when each number of steps is doubled."""
     return [np.log2(error(n) / error(2 * n)) for n in steps]
 
 
@@ -71,7 +71,7 @@ def test_a_forced_equation_converges_with_the_order_of_the_method(
     forced_error: Callable[[Method, int], float], method: Method, steps: tuple[int, int]
 ) -> None:
     found = orders(lambda n: forced_error(method, n), steps)
-    np.testing.assert_allclose(found, ORDER[method], atol=0.3)  # the next power of the step is still felt
+    np.testing.assert_allclose(found, ORDER[method], atol=0.3)  # the next power of the step still contributes
 
 
 @pytest.mark.parametrize(("method", "steps"), [("rk4", (100, 200)), ("rk8", (12, 20))])
@@ -93,7 +93,7 @@ def test_a_polynomial_in_time_is_integrated_exactly_up_to_the_degree_of_the_meth
 
 @pytest.mark.parametrize("method", METHODS)
 def test_an_input_changes_the_second_integral_by_its_first_moment(method: Method) -> None:
-    """Whatever the input's values at the nodes are: the quadrature of a force gives both velocity and position."""
+    """For any values at the nodes: the quadrature of a force gives both velocity and position."""
     nodes = np.array(NODES[method])
     pushes = np.random.default_rng(1).normal(size=nodes.size)
     powers = np.arange(nodes.size)

@@ -1,4 +1,4 @@
-"""Safe primitives: plain values at regular points, defined values and finite derivatives at the bad ones."""
+"""Safe primitives: values at regular points, defined values and finite derivatives at singular points."""
 
 from collections.abc import Callable
 
@@ -26,7 +26,7 @@ def test_values_at_regular_points_are_those_of_numpy(seed: int) -> None:
     np.testing.assert_allclose(safe.safe_div(jnp.asarray(x), jnp.asarray(-y)), -x / y, rtol=1e-15)
 
 
-BAD_POINTS: list[tuple[str, Callable[..., jax.Array], tuple[float | list[float], ...], float | list[float]]] = [
+SINGULAR_POINTS: list[tuple[str, Callable[..., jax.Array], tuple[float | list[float], ...], float | list[float]]] = [
     ("norm of zero", safe.norm, ([0.0, 0.0, 0.0],), 0.0),
     ("root of zero", safe.sqrt, (0.0,), 0.0),
     ("root of a negative", safe.sqrt, (-2.0,), 0.0),
@@ -36,8 +36,8 @@ BAD_POINTS: list[tuple[str, Callable[..., jax.Array], tuple[float | list[float],
 ]
 
 
-@pytest.mark.parametrize(("function", "arguments", "value"), [case[1:] for case in BAD_POINTS],
-                         ids=[case[0] for case in BAD_POINTS])  # fmt: skip
+@pytest.mark.parametrize(("function", "arguments", "value"), [case[1:] for case in SINGULAR_POINTS],
+                         ids=[case[0] for case in SINGULAR_POINTS])  # fmt: skip
 def test_singular_points_have_a_defined_value_and_zero_derivative_in_both_modes(
     function: Callable[..., jax.Array], arguments: tuple[float | list[float], ...], value: float | list[float]
 ) -> None:

@@ -1,4 +1,4 @@
-"""The power series of cosine, sine and arc tangent against the library's."""
+"""Power series of cosine, sine and arc tangent against numpy."""
 
 import jax
 import numpy as np

@@ -1,6 +1,6 @@
-"""Writes `ephemeris_golden.csv`: Sun and Moon by the IAU's routines (pyerfa: epv00 after VSOP2000, moon98 after ELP).
+"""Writes `ephemeris_golden.csv`: Sun and Moon by the IAU's routines (pyerfa: epv00 of VSOP2000, moon98 of ELP).
 
-To make it anew: `pip install pyerfa` and `python tests/core/orbits/make_ephemeris_golden.py`.
+Usage: `pip install pyerfa` and `python tests/core/orbits/make_ephemeris_golden.py`.
 """
 
 from pathlib import Path

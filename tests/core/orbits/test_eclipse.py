@@ -26,7 +26,7 @@ def place(distance: float, angle: float) -> np.ndarray:
 
 
 def discs(r: np.ndarray) -> tuple[float, float, float]:
-    """Apparent radii of Sun and Earth and the angle between them [rad]."""
+    """Apparent radii of Sun and Earth and the angle between their centres [rad]."""
     to_sun = SUN - r
     across = np.linalg.norm(np.cross(to_sun, -r))
     sun, earth = np.arcsin(SUN_RADIUS / np.linalg.norm(to_sun)), np.arcsin(RADIUS / np.linalg.norm(r))
@@ -34,7 +34,7 @@ def discs(r: np.ndarray) -> tuple[float, float, float]:
 
 
 def border(distance: float, inner: bool) -> float:
-    """Angle off the axis at which the discs touch, from outside or from inside."""
+    """Angle [rad] off the axis at which the discs touch, from outside or from inside."""
 
     def gap(angle: float) -> float:
         sun, earth, separation = discs(place(distance, angle))
@@ -43,8 +43,8 @@ def border(distance: float, inner: bool) -> float:
     return brentq(gap, 0.0, np.pi / 2, xtol=1e-15)
 
 
-def free_share(r: np.ndarray) -> float:
-    """Share of the Sun's disc that is free: rings about its centre, each with its arc outside of the Earth."""
+def visible_fraction(r: np.ndarray) -> float:
+    """Visible fraction of the Sun's disc, by quadrature over rings, each with its arc outside of the Earth's disc."""
     a, b, c = discs(r)
     touch = abs(c - b) / a
     if touch >= 1.0:
@@ -52,7 +52,7 @@ def free_share(r: np.ndarray) -> float:
     full_rings = touch**2 if c < b else 0.0
 
     def ring(s: float) -> float:
-        radius = touch + (1.0 - touch) * s * s  # the arc grows with the root of the distance from the first ring
+        radius = touch + (1.0 - touch) * s * s  # the arc grows with the square root of the distance from the first ring
         cosine = (radius * radius * a + (c - b) * (c + b) / a) / (2.0 * radius * c)
         arc = 2.0 * np.arccos(np.clip(cosine, -1.0, 1.0))
         return arc * radius * 2.0 * (1.0 - touch) * s
@@ -85,9 +85,9 @@ def test_illumination_in_the_penumbra_is_the_visible_fraction_of_the_suns_disc(d
     inner, outer = border(distance, inner=True), border(distance, inner=False)
     for way in (1e-6, 1e-3, 0.02, 0.3, 0.5, 0.7, 0.98, 1.0 - 1e-3, 1.0 - 1e-6):
         r = place(distance, inner + way * (outer - inner))
-        # The published formula takes arc cosines next to 1: half of the digits, times (Earth's disc / Sun's disc)^2.
+        # Arc cosines next to 1 have half of the digits; the error grows with (Earth's disc / Sun's disc)^2.
         rounding = 5e-9 if 1e-4 < way < 1.0 - 1e-4 else 3e-7
-        np.testing.assert_allclose(illumination(r, SUN), free_share(r), atol=rounding)
+        np.testing.assert_allclose(illumination(r, SUN), visible_fraction(r), atol=rounding)
         assert 0.0 <= illumination(r, SUN) <= 1.0
 
 
@@ -103,7 +103,7 @@ def test_illumination_is_symmetric_about_the_suns_direction() -> None:
 def test_beyond_the_umbra_a_ring_of_the_sun_remains_visible() -> None:
     sun, earth, _ = discs(place(2.0e9, 0.0))
     assert earth < sun
-    for angle in (0.0, 1e-9, 1e-4):  # the Earth's disc wanders over the Sun's, and covers as much
+    for angle in (0.0, 1e-9, 1e-4):  # the Earth's disc moves over the Sun's, and covers the same area
         np.testing.assert_allclose(illumination(place(2.0e9, angle), SUN), 1.0 - (earth / sun) ** 2, atol=1e-6)
     np.testing.assert_allclose(illumination(place(2.0e9, 0.0), SUN), 1.0 - (earth / sun) ** 2, atol=1e-12)
 
@@ -120,15 +120,15 @@ def test_illumination_and_its_gradient_are_continuous_across_the_borders_of_the_
     tangent = np.array([np.sin(edge), np.cos(edge), 0.0])
 
     def steepness(way: float) -> float:
-        """Slope of the light along the circle, over its mean in the penumbra, at a share of the penumbra's width."""
+        """Derivative along the circle over its mean in the penumbra, at a fraction of the penumbra's width."""
         slope = np.asarray(gradient(place(distance, edge + way * inwards), SUN))
         return float(slope @ tangent) * distance * width
 
     steps = np.array([1e-3, 1e-5, 1e-7])
     jumps = [float(illumination(place(distance, edge + way * inwards), SUN)) - outside for way in (1e-3, 1e-4)]
-    background = steepness(-1e-6)  # in the ring the light varies a little with distance
+    background = steepness(-1e-6)  # where a ring is visible the value varies slightly with distance
     slopes = np.array([steepness(way) for way in steps]) - background
-    # A tenth of the way in gives a 32nd of the light, a hundredth a tenth of the slope: powers 3/2 and 1/2.
+    # Near a border the value grows with the power 3/2 of the distance from it, the derivative with the power 1/2.
     np.testing.assert_allclose(np.abs(jumps[0] / jumps[1]), 10.0**1.5, rtol=0.02)
     np.testing.assert_allclose(slopes[:-1] / slopes[1:], 10.0, rtol=0.02)
     assert 0.01 < slopes[0] < 0.1
@@ -137,14 +137,14 @@ def test_illumination_and_its_gradient_are_continuous_across_the_borders_of_the_
 
 @pytest.mark.parametrize("angle", [0.0, 0.5, 2.0, np.pi], ids=["midnight", "umbra", "day", "noon"])
 def test_the_gradient_of_illumination_is_zero_in_the_umbra_and_outside_of_the_shadow(angle: float) -> None:
-    # In the penumbra it is a few 1e-5 per metre; roundings of the Sun's disc over itself are left.
+    # In the penumbra it is a few 1e-5 per metre; outside only rounding remains.
     np.testing.assert_allclose(gradient(place(7.0e6, angle), SUN), np.zeros(3), atol=1e-24)
 
 
 @pytest.mark.parametrize(("distance", "tolerance"), [(7.0e6, 1e-10), (4.2164e7, 1e-9), (3.84e8, 1e-6)])
 def test_a_position_is_lit_if_more_than_half_of_the_disc_is_visible(distance: float, tolerance: float) -> None:
     inner, outer = border(distance, inner=True), border(distance, inner=False)
-    half = brentq(lambda angle: free_share(place(distance, angle)) - 0.5, inner, outer, xtol=1e-14)
+    half = brentq(lambda angle: visible_fraction(place(distance, angle)) - 0.5, inner, outer, xtol=1e-14)
     assert not bool(is_lit(place(distance, half - tolerance), SUN))
     assert bool(is_lit(place(distance, half + tolerance), SUN))
 

@@ -1,4 +1,4 @@
-"""Orbits about a parabola in single precision: against the same orbits in double precision."""
+"""Encke's method in single precision against orbits in double precision."""
 
 import jax
 import jax.numpy as jnp
@@ -25,59 +25,59 @@ def starts() -> tuple[np.ndarray, np.ndarray]:
 
 
 ROUNDED = GravityField(mu=float(np.float32(EARTH_GRAVITY.mu)), radius=EARTH_GRAVITY.radius, zonals=EARTH_GRAVITY.zonals)
-"""Gravity with `mu` as single precision has it."""
+"""Gravity with `mu` rounded to float32."""
 
 
-def step(r: jax.Array, v: jax.Array, residue: jax.Array | None, dt: float) -> tuple[jax.Array, ...]:
-    """Position, velocity and what they lack `dt` [s] later."""
-    own = encke_reference.reference_orbit(ROUNDED, DEGREE, r, v, residue)
+def step(r: jax.Array, v: jax.Array, low: jax.Array | None, dt: float) -> tuple[jax.Array, ...]:
+    """Position, velocity and their low-order parts after `dt` [s]."""
+    reference = encke_reference.reference_orbit(ROUNDED, DEGREE, r, v, low)
 
     def derivative(y: tuple[jax.Array, jax.Array], time: jax.Array | None) -> tuple[jax.Array, jax.Array]:
-        return y[1], own.gravity(time, y[0], jnp.zeros(3)).value
+        return y[1], reference.gravity(time, y[0], jnp.zeros(3)).value
 
     change = runge_kutta.increment(
-        "rk4", derivative, own.integration_start, own.node_times(runge_kutta.NODES["rk4"], dt), dt
+        "rk4", derivative, reference.integration_start, reference.node_times(runge_kutta.NODES["rk4"], dt), dt
     )
-    return own.final_state(dt, *change)
+    return reference.final_state(dt, *change)
 
 
-def fly(r: np.ndarray, v: np.ndarray, dt: float, single: bool) -> tuple[np.ndarray, np.ndarray]:
+def propagate(r: np.ndarray, v: np.ndarray, dt: float, single: bool) -> tuple[np.ndarray, np.ndarray]:
     """Position [m] and velocity [m/s] after 500 s in steps of `dt` [s]."""
 
-    def whole(r: jax.Array, v: jax.Array, residue: jax.Array | None) -> tuple[jax.Array, ...]:
-        return jax.lax.scan(lambda y, _: (step(*y, dt), None), (r, v, residue), None, length=round(500 / dt))[0]
+    def whole(r: jax.Array, v: jax.Array, low: jax.Array | None) -> tuple[jax.Array, ...]:
+        return jax.lax.scan(lambda y, _: (step(*y, dt), None), (r, v, low), None, length=round(500 / dt))[0]
 
     if not single:
         after = jax.jit(jax.vmap(lambda r, v: whole(r, v, None)))(r, v)
         return np.asarray(after[0]), np.asarray(after[1])
     near = r.astype(np.float32), v.astype(np.float32)
-    residue = np.stack([r - near[0], v - near[1]], axis=1).astype(np.float32)
+    low = np.stack([r - near[0], v - near[1]], axis=1).astype(np.float32)
     with single_precision.tracing_in_single():
-        found = [np.asarray(each, dtype=np.float64) for each in jax.jit(jax.vmap(whole))(*near, residue)]
+        found = [np.asarray(each, dtype=np.float64) for each in jax.jit(jax.vmap(whole))(*near, low)]
     return found[0] + found[2][:, 0], found[1] + found[2][:, 1]
 
 
 @pytest.fixture(scope="module")
-def gone() -> dict[tuple[float, bool], tuple[np.ndarray, np.ndarray]]:
-    """Ends by step [s] and by whether they are in single precision."""
+def final_states() -> dict[tuple[float, bool], tuple[np.ndarray, np.ndarray]]:
+    """Final states by step [s] and by whether they are in single precision."""
     r, v = starts()
-    return {(dt, single): fly(r, v, dt, single) for dt in (0.2, 1.0) for single in (False, True)}
+    return {(dt, single): propagate(r, v, dt, single) for dt in (0.2, 1.0) for single in (False, True)}
 
 
 def test_steps_of_a_plant_and_of_a_filter_differ_by_far_less_than_the_filters_accuracy(
-    gone: dict[tuple[float, bool], tuple[np.ndarray, np.ndarray]],
+    final_states: dict[tuple[float, bool], tuple[np.ndarray, np.ndarray]],
 ) -> None:
     for number, bound in enumerate((5e-4, 1e-6)):  # [m], [m/s]
-        double, single = (gone[1.0, kind][number] - gone[0.2, kind][number] for kind in (False, True))
+        double, single = (final_states[1.0, kind][number] - final_states[0.2, kind][number] for kind in (False, True))
         assert np.max(np.abs(single - double)) < bound
 
 
 def test_orbits_in_single_precision_equal_those_in_double_precision(
-    gone: dict[tuple[float, bool], tuple[np.ndarray, np.ndarray]],
+    final_states: dict[tuple[float, bool], tuple[np.ndarray, np.ndarray]],
 ) -> None:
     for dt in (0.2, 1.0):
         for number, bound in enumerate((1e-3, 4e-6)):  # [m], [m/s]
-            assert np.max(np.abs(gone[dt, True][number] - gone[dt, False][number])) < bound
+            assert np.max(np.abs(final_states[dt, True][number] - final_states[dt, False][number])) < bound
 
 
 def test_state_and_gravity_in_the_middle_of_a_step() -> None:

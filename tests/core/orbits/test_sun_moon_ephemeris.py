@@ -1,4 +1,4 @@
-"""Sun and Moon against golden positions of the IAU's routines from 2000 to 2035."""
+"""Sun and Moon against reference positions of the IAU's routines from 2000 to 2035."""
 
 from pathlib import Path
 
@@ -18,7 +18,7 @@ sun, moon = jax.jit(jax.vmap(sun_moon_ephemeris.sun_position)), jax.jit(jax.vmap
 
 @pytest.fixture(scope="module")
 def found() -> dict[str, np.ndarray]:
-    """Positions by the package at the golden times."""
+    """Positions by the package at the reference times."""
     return {"sun": np.asarray(sun(GOLDEN[:, 0])), "moon": np.asarray(moon(GOLDEN[:, 0]))}
 
 
@@ -63,5 +63,5 @@ def test_times_after_an_epoch_keep_their_precision_in_float32(body: str) -> None
     np.testing.assert_allclose(place(jnp.float64(seconds), epoch), whole, rtol=1e-11)
     with single_precision.tracing_in_single():
         found = np.asarray(jax.jit(lambda after: place(after, epoch))(jnp.float32(seconds)), dtype=np.float64)
-    # A fifth of a thousandth of the Sun from its middle to its edge; seconds since 2000 are rounded to 64 s.
+    # The bound is 1/5000 of the Sun's apparent radius; in float32, seconds since 2000 would be rounded to 64 s.
     assert np.linalg.norm(found - whole) < 1e-6 * np.linalg.norm(whole)
