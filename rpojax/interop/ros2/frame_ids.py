@@ -14,5 +14,3 @@ HILL = "hill"
 SERVICER = "servicer/base_link"
 TARGET = "target/base_link"
 CAMERA = "servicer/camera_optical_frame"
-
-FRAME_IDS = (ECI, HILL, SERVICER, TARGET, CAMERA)
