@@ -4,8 +4,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core import mahalanobis_distance, quaternion, vectors
+from rpojax.core import quaternion, vectors
 from rpojax.core.frames import hill_frame, inertial_to_hill
+from rpojax.core.mahalanobis_distance import squared_mahalanobis_and_log_determinant
 from rpojax.core.numerics import safe, trigonometric_series
 from rpojax.core.orbits import clohessy_wiltshire, keplerian_elements
 from rpojax.core.quaternion import rotate
@@ -62,7 +63,8 @@ def _navigation_errors(telemetry: Telemetry) -> Channels:
     servicer, relative = orbit_errors(telemetry)
     servicer_error, relative_error = servicer[:3], relative[:3]
     P_servicer, P_relative = orbit.servicer.covariance[:6, :6], orbit.relative.covariance[:6, :6]
-    nees_relative, nees_servicer = squared_mahalanobis(P_relative, relative), squared_mahalanobis(P_servicer, servicer)
+    nees_relative, _ = squared_mahalanobis_and_log_determinant(P_relative, relative)
+    nees_servicer, _ = squared_mahalanobis_and_log_determinant(P_servicer, servicer)
     return {
         "relative_error_H": apply(R_HN, relative_error),
         "relative_sigma_H": _hill_sigma(R_HN, P_relative[:3, :3]),
@@ -174,8 +176,3 @@ def _hill_sigma(R_HN: Matrix, P_N: Matrix) -> Vector:
     """1-sigma along the Hill axes."""
     PR = jnp.sum(P_N[None, :, :] * R_HN[:, None, :], axis=2)
     return safe.sqrt(jnp.sum(R_HN * PR, axis=1))
-
-
-def squared_mahalanobis(P: Float[Array, "n n"], error: Float[Array, " n"]) -> Float[Array, ""]:
-    """Squared error normalised by its covariance, `e' P^-1 e`."""
-    return mahalanobis_distance.squared_mahalanobis_and_log_determinant(P, error)[0]

@@ -1,4 +1,4 @@
-"""Dispersions made from standard normal numbers have their own distributions, and can be written into a scenario."""
+"""Dispersions as functions of standard normal variables: distributions, labels, and scenarios with fixed values."""
 
 from typing import Any
 
@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scenario_variants import with_dispersions
 from scipy.stats import kstest, norm
 
 from rpojax.core import random_streams
@@ -18,8 +19,8 @@ from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.schema import ScenarioFile
 
 RUNS = 2000
-UNLIKELY = 1e-4
-"""P-values below it condemn; numbers and seed are fixed, so a test cannot flicker."""
+LEAST_P_VALUE = 1e-4
+"""Least accepted p-value; the seed is fixed."""
 KEY = random_streams.fold_in(random_streams.master_key(5), 7)
 
 ENTRIES: list[dict[str, Any]] = [
@@ -42,24 +43,20 @@ ENTRIES: list[dict[str, Any]] = [
 ]
 
 
-def with_dispersions(mission: ScenarioFile, entries: list[dict[str, Any]]) -> ScenarioFile:
-    return scenario_loader.validate(mission.model_dump() | {"dispersions": entries})
-
-
 @pytest.fixture(scope="module")
 def space(mission: ScenarioFile) -> StandardNormalSpace:
-    return standard_normal_space.make_space(with_dispersions(mission, ENTRIES))
+    return standard_normal_space.make_space(with_dispersions(mission, *ENTRIES))
 
 
 @pytest.fixture(scope="module")
 def values(space: StandardNormalSpace) -> dict[str, np.ndarray]:
-    """Values for many standard normal numbers, all with the key of one run."""
-    numbers = np.random.default_rng(1).normal(size=(RUNS, space.dimension))
-    found = jax.jit(jax.vmap(space.values_at, in_axes=(0, None)))(jnp.asarray(numbers), jnp.asarray(KEY))
+    """Values at many points, all with the key of one run."""
+    z = np.random.default_rng(1).normal(size=(RUNS, space.dimension))
+    found = jax.jit(jax.vmap(space.values_at, in_axes=(0, None)))(jnp.asarray(z), jnp.asarray(KEY))
     return {name: np.asarray(value) for name, value in found.items()}
 
 
-def test_every_number_that_varies_has_a_label_and_a_group(space: StandardNormalSpace) -> None:
+def test_every_variable_has_a_label_and_a_group(space: StandardNormalSpace) -> None:
     assert space.dimension == len(space.labels) == len(space.groups) == 2 + 1 + 1 + 1 + 2 + 3 + 2 + 2 + 1
     assert len(set(space.labels)) == space.dimension
     assert space.labels[:3] == ("initial.relative_position_m[0]", "initial.relative_position_m[1]", "servicer.mass_kg")
@@ -81,17 +78,17 @@ def test_every_number_that_varies_has_a_label_and_a_group(space: StandardNormalS
         ("target.tumble_rate_deg_s", None),
     ],
 )
-def test_columns_of_a_campaign_find_their_group(space: StandardNormalSpace, column: str, group: str | None) -> None:
+def test_dispersed_numbers_belong_to_groups(space: StandardNormalSpace, column: str, group: str | None) -> None:
     assert space.group_of(column) == group
 
 
-def test_distributions_are_those_that_the_scenario_declares(
+def test_distributions_are_those_of_the_scenario(
     space: StandardNormalSpace, values: dict[str, np.ndarray], mission: ScenarioFile
 ) -> None:
     position = values["initial.relative_position_m"] - np.array(mission.initial.relative_position_m)
     axis, attitude = values["target.tumble_axis"], values["target.attitude"]
     low, high = norm.cdf([-1.5, 1.5])
-    shares = {
+    quantiles = {
         "normal": norm.cdf(position[:, 1] / 2.0),
         "truncated": (norm.cdf((values["servicer.mass_kg"] - mission.servicer.mass_kg) / 2.0) - low) / (high - low),
         "uniform": (values["orbit.true_anomaly_deg"] + 30.0) / 120.0,
@@ -101,8 +98,8 @@ def test_distributions_are_those_that_the_scenario_declares(
         "attitude": attitude[:, 0] ** 2 + attitude[:, 1] ** 2,
         "correlated": norm.cdf((values["thruster.force_scale"] - 1.0) / 0.01),
     }
-    assert {name: kstest(share, "uniform").pvalue for name, share in shares.items()} == {
-        name: pytest.approx(1.0, abs=1.0 - UNLIKELY) for name in shares
+    assert {name: kstest(quantile, "uniform").pvalue for name, quantile in quantiles.items()} == {
+        name: pytest.approx(1.0, abs=1.0 - LEAST_P_VALUE) for name in quantiles
     }
     pair = np.stack([values["thruster.force_n"], values["thruster.force_scale"]])
     np.testing.assert_allclose(np.corrcoef(pair)[0, 1], 0.5, atol=0.1)
@@ -110,7 +107,9 @@ def test_distributions_are_those_that_the_scenario_declares(
     assert np.all(position[:, 2] == 0.0)
 
 
-def test_what_is_held_is_what_the_run_draws(space: StandardNormalSpace, values: dict[str, np.ndarray]) -> None:
+def test_unmapped_dispersions_have_the_values_of_the_random_key(
+    space: StandardNormalSpace, values: dict[str, np.ndarray]
+) -> None:
     drawn = jax.jit(lambda key: dispersed_values.draw(space.file, key, {}))(jnp.asarray(KEY))
     for name in space.unmapped:
         np.testing.assert_allclose(values[name], np.broadcast_to(drawn[name], values[name].shape), rtol=1e-12)
@@ -123,30 +122,30 @@ def test_the_origin_is_the_median(space: StandardNormalSpace, mission: ScenarioF
     np.testing.assert_allclose(median["gps.noise_m"], mission.gps.noise_m)
 
 
-def test_a_pinned_scenario_draws_the_values_of_its_point(space: StandardNormalSpace) -> None:
-    numbers = np.random.default_rng(2).normal(size=space.dimension)
-    values = {name: np.asarray(value) for name, value in jax.jit(space.values_at)(jnp.asarray(numbers), KEY).items()}
-    pinned = scenario_loader.validate(standard_normal_space.with_fixed_values(space, values).model_dump(mode="json"))
-    again = jax.jit(lambda key: dispersed_values.draw(pinned, key, {}))(jnp.asarray(KEY))
-    assert dispersion_keys.varied_keys(pinned) == dispersion_keys.varied_keys(space.file)
+def test_a_scenario_with_fixed_values_draws_these_values(space: StandardNormalSpace) -> None:
+    z = np.random.default_rng(2).normal(size=space.dimension)
+    values = {name: np.asarray(value) for name, value in jax.jit(space.values_at)(jnp.asarray(z), KEY).items()}
+    fixed = scenario_loader.validate(standard_normal_space.with_fixed_values(space, values).model_dump(mode="json"))
+    again = jax.jit(lambda key: dispersed_values.draw(fixed, key, {}))(jnp.asarray(KEY))
+    assert dispersion_keys.varied_keys(fixed) == dispersion_keys.varied_keys(space.file)
     for name, value in values.items():
         np.testing.assert_allclose(again[name], value, rtol=1e-12, err_msg=name)
 
 
-def test_nothing_to_move_is_refused(mission: ScenarioFile) -> None:
-    still = [ENTRIES[4], {"key": "servicer.mass_kg", "kind": "normal", "sigma": 0.0}]
+def test_a_scenario_without_continuous_dispersion_is_refused(mission: ScenarioFile) -> None:
+    without = [ENTRIES[4], {"key": "servicer.mass_kg", "kind": "normal", "sigma": 0.0}]
     with pytest.raises(ScenarioError, match=r"^dispersions: found \['target.tumble_rate_deg_s', 'servicer.mass_kg'\]"):
-        standard_normal_space.make_space(with_dispersions(mission, still))
+        standard_normal_space.make_space(with_dispersions(mission, *without))
 
 
-def test_values_that_a_design_gives_are_refused(mission: ScenarioFile) -> None:
+def test_a_design_that_assigns_values_is_refused(mission: ScenarioFile) -> None:
     grid = {"kind": "grid", "values": {"gps.noise_m": [1.0, 2.0]}}
     file = scenario_loader.validate(mission.model_dump() | {"dispersions": ENTRIES[:1], "design": grid})
     with pytest.raises(ScenarioError, match=r"^design.kind: found 'grid', expected a design whose values"):
         standard_normal_space.make_space(file)
 
 
-def test_a_filled_cube_is_taken_for_independent_draws(mission: ScenarioFile) -> None:
+def test_a_scenario_with_fixed_values_has_independent_runs(mission: ScenarioFile) -> None:
     file = scenario_loader.validate(
         mission.model_dump() | {"design": design_kinds.SobolDesign(kind="sobol").model_dump()}
     )

@@ -1,4 +1,4 @@
-"""The random numbers of a tick and of the start: each from the stream of its name, whatever else is drawn."""
+"""Random numbers of a tick and of the initial state, each from its own stream."""
 
 import dataclasses
 
@@ -12,9 +12,9 @@ from rpojax.core.random_streams import Stream
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import noise
 
-START = 0x7FFFFFFF
-draw = jax.jit(noise.draw_tick_noise, static_argnums=0)
-draw_start = jax.jit(noise.draw_initial_noise, static_argnums=0)
+INITIAL_TICK = 0x7FFFFFFF
+draw_tick_noise = jax.jit(noise.draw_tick_noise, static_argnums=0)
+draw_initial_noise = jax.jit(noise.draw_initial_noise, static_argnums=0)
 fold_in = jax.jit(random_streams.fold_in)
 normal = jax.jit(random_streams.normal, static_argnums=1)
 uniform = jax.jit(random_streams.uniform, static_argnums=1)
@@ -22,17 +22,17 @@ uniform = jax.jit(random_streams.uniform, static_argnums=1)
 
 @pytest.fixture(scope="module")
 def keys() -> jax.Array:
-    """Keys of the streams of a run, by number of the stream."""
+    """Keys of the streams of a run by stream number."""
     return jnp.stack([fold_in(random_streams.master_key(11), stream) for stream in range(len(Stream) + 1)])
 
 
 @pytest.mark.parametrize("model", ["geometric", "statistical"])
 @pytest.mark.parametrize("tick", [0, 7, 200])
-def test_numbers_of_a_tick_come_from_the_streams_of_their_names(
+def test_numbers_of_a_tick_come_from_their_streams(
     inspection: Scenario, keys: jax.Array, tick: int, model: str
 ) -> None:
     scenario = dataclasses.replace(inspection, camera_model=model)
-    drawn = draw(scenario, keys, jnp.asarray(tick, dtype=jnp.int32))
+    drawn = draw_tick_noise(scenario, keys, jnp.asarray(tick, dtype=jnp.int32))
     now = {stream: fold_in(keys[stream], tick) for stream in Stream}
     later = fold_in(keys[Stream.SENSOR_BIAS], tick + 1)
     expected = {
@@ -51,12 +51,12 @@ def test_numbers_of_a_tick_come_from_the_streams_of_their_names(
         np.testing.assert_array_equal(getattr(drawn, name), values, err_msg=name)
 
 
-def test_numbers_of_the_start_come_from_the_streams_of_their_names(inspection: Scenario, keys: jax.Array) -> None:
-    drawn = draw_start(dataclasses.replace(inspection, camera_model="statistical"), keys)
-    samples = normal(fold_in(keys[Stream.STAR_TRACKER], START), 6)
+def test_numbers_of_the_initial_state_come_from_their_streams(inspection: Scenario, keys: jax.Array) -> None:
+    drawn = draw_initial_noise(dataclasses.replace(inspection, camera_model="statistical"), keys)
+    samples = normal(fold_in(keys[Stream.STAR_TRACKER], INITIAL_TICK), 6)
     np.testing.assert_array_equal(drawn.star_tracker, samples[:3])
     np.testing.assert_array_equal(drawn.gyro, samples[3:])
-    np.testing.assert_array_equal(drawn.biases, normal(fold_in(keys[Stream.SENSOR_BIAS], START), 6))
-    np.testing.assert_array_equal(drawn.box_edge_errors, normal(fold_in(keys[Stream.SENSOR_BIAS], START - 1), 4))
+    np.testing.assert_array_equal(drawn.biases, normal(fold_in(keys[Stream.SENSOR_BIAS], INITIAL_TICK), 6))
+    np.testing.assert_array_equal(drawn.box_edge_errors, normal(fold_in(keys[Stream.SENSOR_BIAS], INITIAL_TICK - 1), 4))
     np.testing.assert_array_equal(drawn.handover, normal(keys[Stream.HANDOVER], 12))
-    assert draw_start(inspection, keys).box_edge_errors is None
+    assert draw_initial_noise(inspection, keys).box_edge_errors is None

@@ -1,4 +1,4 @@
-"""Failed equipment and darkness in the closed loop: one batch of short runs that differ in their numbers alone."""
+"""Equipment faults and eclipse in the closed loop: one batch of short runs that differ in their parameters."""
 
 from functools import partial
 
@@ -22,7 +22,6 @@ from rpojax.simulation.telemetry import Telemetry
 
 TICKS, BEGIN, END = 400, 100, 300
 """Length of a run, and start and end of the fault [s]."""
-
 OVERRIDES = (
     f"duration_s={TICKS}.0",
     "rates.formation_period_s=100.0",
@@ -32,11 +31,9 @@ OVERRIDES = (
     f"fault.start_s={BEGIN}.0",
     f"fault.duration_s={END - BEGIN}.0",
 )
-"""Burns decided every 100 s and flown 40 s later."""
-
+"""Burns planned every 100 s and executed 40 s later."""
 ECLIPSE_RAAN = np.deg2rad(30.3)
 """The Sun 30 deg out of the orbit plane, as in the packaged scenario: sunset at 30 deg of anomaly, sunrise at 159."""
-
 SUNSET, SUNRISE = "sunset", "sunrise"
 CASES = (*equipment_faults.KINDS, SUNSET, SUNRISE)
 
@@ -54,8 +51,8 @@ def case(nominal: Params, name: str) -> Params:
 
 
 @partial(jax.jit, static_argnums=0)
-def fly(scenario: Scenario, params: Params, key: jax.Array) -> tuple[State, Telemetry]:
-    """All cases at once, with the same random numbers."""
+def simulate_all(scenario: Scenario, params: Params, key: jax.Array) -> tuple[State, Telemetry]:
+    """All cases as one batch, with the same random numbers."""
 
     def one(params: Params) -> tuple[State, Telemetry]:
         return rollout(scenario, params, initial_state.init(scenario, params, key), TICKS)
@@ -65,20 +62,20 @@ def fly(scenario: Scenario, params: Params, key: jax.Array) -> tuple[State, Tele
 
 @pytest.fixture(scope="module")
 def runs() -> dict[str, tuple[State, Telemetry]]:
-    """State at the end and telemetry of every case."""
+    """Final state and telemetry of every case."""
     file = scenarios.load("inspection_faults", OVERRIDES)
     static = static_settings(file)
     nominal = parameters.build_params(file.model_dump(), static.width_px, static.height_px)
     batch = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(case(nominal, name) for name in CASES))
-    flown = jax.tree.map(np.asarray, fly(static, batch, run_key(1, 0)))
-    return {name: jax.tree.map(lambda leaf, place=place: leaf[place], flown) for place, name in enumerate(CASES)}
+    results = jax.tree.map(np.asarray, simulate_all(static, batch, run_key(1, 0)))
+    return {name: jax.tree.map(lambda leaf, place=place: leaf[place], results) for place, name in enumerate(CASES)}
 
 
 Runs = dict[str, tuple[State, Telemetry]]
 
 
 def sigma(telemetry: Telemetry, what: str) -> np.ndarray:
-    """1-sigma, root of the sum over the axes, at each tick."""
+    """Root of the sum of variances at each tick."""
     orbit = telemetry.flight.orbit
     covariance, part = {
         "servicer": (orbit.servicer.covariance, slice(0, 3)),
@@ -97,7 +94,7 @@ def planned(telemetry: Telemetry) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_a_run_stays_finite_whatever_happens(runs: Runs, name: str) -> None:
+def test_all_runs_stay_finite(runs: Runs, name: str) -> None:
     state, telemetry = runs[name]
     assert int(state.failure) == 0
     assert np.all(telemetry.running)
@@ -106,15 +103,15 @@ def test_a_run_stays_finite_whatever_happens(runs: Runs, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", equipment_faults.KINDS)
-def test_until_the_fault_all_runs_are_the_same_and_then_not(runs: Runs, name: str) -> None:
+def test_a_fault_has_no_effect_before_it_begins(runs: Runs, name: str) -> None:
     healthy, struck = runs["none"][1].truth, runs[name][1].truth
-    # One program for all: equal numbers give equal results.
+    # One program computes all cases, so that equal inputs give equal results.
     np.testing.assert_array_equal(struck.q_BN[:BEGIN], healthy.q_BN[:BEGIN])
     if name != "none":
         assert np.max(np.abs(struck.q_BN - healthy.q_BN)) > 1e-9
 
 
-def test_a_healthy_run_burns_and_keeps_its_target_in_view(runs: Runs) -> None:
+def test_a_healthy_run_burns_and_tracks_its_target(runs: Runs) -> None:
     _, telemetry = runs["none"]
     assert planned(telemetry)[1:].sum() >= 2
     looking = (telemetry.mode == Mode.LOOK) & (np.arange(TICKS) > 20)
@@ -130,9 +127,7 @@ def test_a_healthy_run_burns_and_keeps_its_target_in_view(runs: Runs) -> None:
         ("camera_blackout", "relative", 1.3),
     ],
 )
-def test_an_outage_makes_what_is_no_longer_measured_less_certain_until_it_ends(
-    runs: Runs, name: str, what: str, growth: float
-) -> None:
+def test_an_outage_increases_the_covariance_until_it_ends(runs: Runs, name: str, what: str, growth: float) -> None:
     healthy, blind = (sigma(runs[kind][1], what) for kind in ("none", name))
     assert blind[END - 1] > growth * blind[BEGIN - 1]
     assert blind[END - 1] > growth * healthy[END - 1]
@@ -144,47 +139,45 @@ def test_a_blackout_gives_no_boxes_and_no_burns(runs: Runs) -> None:
     _, telemetry = runs["camera_blackout"]
     assert not np.any(telemetry.frame.box.present[BEGIN:END])
     assert not np.any(telemetry.innovation.accepted[BEGIN:END])
-    assert not np.any(planned(telemetry)[2:])  # at 100 s the target has only just gone
+    assert not np.any(planned(telemetry)[2:])  # at 100 s the estimate is still accurate
     assert telemetry.innovation.accepted[END:].any()
 
 
-def test_a_dead_thruster_is_noticed_and_left_alone(runs: Runs) -> None:
+def test_a_dead_thruster_is_detected_and_not_used(runs: Runs) -> None:
     _, telemetry = runs["thruster_off"]
     gained = telemetry.truth.delta_v
     assert gained[END - 1] == gained[BEGIN]
     assert BEGIN < telemetry.flight.thruster_failed_at[END - 1] < BEGIN + 80.0  # the last second of the one burn
     assert planned(telemetry).tolist()[2:] == [False, False]
-    # The filter was told of the missing thrust: its velocity is no worse than that of the healthy run by a burn.
+    # The filter takes the missing thrust into account.
     error = np.linalg.norm(telemetry.flight.orbit.relative.v_TS_N + telemetry.truth.v_ST_N, axis=1)
     assert error[BEGIN + 60] < 3.0 * sigma(telemetry, "velocity")[BEGIN + 60]
 
 
-def test_a_weak_thruster_gives_less_and_the_filter_knows_by_how_much(runs: Runs) -> None:
+def test_the_thrust_ratio_of_a_weak_thruster_is_estimated(runs: Runs) -> None:
     healthy, weak = runs["none"][1], runs["thruster_weak"][1]
     after = BEGIN + 60
     first = [telemetry.truth.delta_v[after] - telemetry.truth.delta_v[BEGIN] for telemetry in (weak, healthy)]
     np.testing.assert_allclose(first[0] / first[1], 0.5, rtol=0.02)
-    np.testing.assert_allclose(
-        weak.flight.thrust_estimate.ratio[after], 0.5, atol=0.06
-    )  # three sigma of what it believes
+    np.testing.assert_allclose(weak.flight.thrust_estimate.ratio[after], 0.5, atol=0.06)  # three sigma
     error = np.linalg.norm(weak.flight.orbit.relative.v_TS_N + weak.truth.v_ST_N, axis=1)
     assert error[after] < 3.0 * sigma(weak, "velocity")[after]
 
 
-def test_a_stuck_wheel_stops_and_the_others_go_on(runs: Runs) -> None:
+def test_a_stuck_wheel_stops_and_the_others_continue(runs: Runs) -> None:
     speed = runs["wheel_stuck"][1].truth.wheel_speed
     assert np.max(np.abs(speed[BEGIN + 30 : END, 0])) < 0.1  # fifteen time constants
     assert np.max(np.abs(speed[BEGIN + 30 : END, 1:])) > 1.0
 
 
-def test_a_burn_is_called_off_when_the_attitude_cannot_follow(runs: Runs) -> None:
+def test_a_burn_is_aborted_if_the_attitude_error_is_too_large(runs: Runs) -> None:
     _, telemetry = runs["wheel_stuck"]
     assert planned(telemetry)[1]
     assert telemetry.truth.delta_v[BEGIN + 90] == 0.0
     assert Mode.TURN_BACK in telemetry.mode[BEGIN : BEGIN + 90]
 
 
-def test_a_rubbing_wheel_is_overcome_by_the_controller(runs: Runs) -> None:
+def test_the_controller_compensates_wheel_friction(runs: Runs) -> None:
     _, telemetry = runs["wheel_friction"]
     looking = telemetry.mode == Mode.LOOK
     assert telemetry.innovation.accepted[looking & (np.arange(TICKS) > BEGIN)].mean() > 0.5
@@ -194,7 +187,7 @@ def dark(telemetry: Telemetry) -> np.ndarray:
     return ~telemetry.frame.observable
 
 
-def test_the_sun_sets_and_rises_once_in_the_runs_at_its_edges(runs: Runs) -> None:
+def test_the_eclipse_runs_have_one_sunset_or_sunrise(runs: Runs) -> None:
     for name, first in ((SUNSET, False), (SUNRISE, True)):
         flags = dark(runs[name][1])
         assert flags[0] == first
@@ -204,20 +197,20 @@ def test_the_sun_sets_and_rises_once_in_the_runs_at_its_edges(runs: Runs) -> Non
 
 
 @pytest.mark.parametrize("name", [SUNSET, SUNRISE])
-def test_in_the_dark_there_are_no_boxes_no_search_and_no_decisions_to_burn(runs: Runs, name: str) -> None:
+def test_in_eclipse_there_are_no_boxes_no_search_and_no_burn_plans(runs: Runs, name: str) -> None:
     _, telemetry = runs[name]
     flags = dark(telemetry)
     assert not np.any(telemetry.frame.box.present[flags])
     assert not np.any(telemetry.innovation.accepted[flags])
     assert not np.any(planned(telemetry)[flags[::100]])
-    # The computer's own idea of sunset and sunrise differs by a second or two.
+    # Sunset and sunrise as predicted on board differ by a second or two.
     deep = flags & np.roll(flags, 3) & np.roll(flags, -3)
     assert np.all(telemetry.mode[deep] != Mode.SEARCH)
     assert np.all(telemetry.flight.pointing.unseen_time[deep] == 0.0)
     assert np.all(telemetry.flight.pointing.recent_detections[deep] == 0.0)
 
 
-def test_after_sunset_the_target_is_tracked_blindly_with_growing_uncertainty(runs: Runs) -> None:
+def test_after_sunset_the_estimate_is_propagated_with_growing_covariance(runs: Runs) -> None:
     _, telemetry = runs[SUNSET]
     flags = dark(telemetry)
     last = np.flatnonzero(~flags)[-1]
@@ -227,7 +220,7 @@ def test_after_sunset_the_target_is_tracked_blindly_with_growing_uncertainty(run
     uncertain = sigma(telemetry, "relative")
     assert uncertain[-1] > 1.2 * uncertain[last]
     gained = telemetry.truth.delta_v
-    assert gained[-1] == gained[last + 60]  # a burn decided in the light may still be flown
+    assert gained[-1] == gained[last + 60]  # a burn planned before sunset may still be executed
 
 
 def test_after_sunrise_the_target_is_acquired_and_burns_begin(runs: Runs) -> None:

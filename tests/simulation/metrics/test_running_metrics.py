@@ -1,4 +1,4 @@
-"""Figures added up in flight against those from recorded channels."""
+"""Metrics accumulated during the simulation against those of recorded channels."""
 
 import jax
 import jax.numpy as jnp
@@ -9,67 +9,64 @@ import rpojax
 from rpojax.campaign import single_run
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.scenario.metric_catalogue import UNITS
-from rpojax.simulation.metrics import recorded_metrics, running_metrics
 from rpojax.simulation.channels import Channels, compute_channels
+from rpojax.simulation.metrics import recorded_metrics, running_metrics
 from rpojax.simulation.metrics.running_metric_definitions import RUNNING_METRICS
 from rpojax.simulation.metrics.running_metrics import RunningSums
 from rpojax.simulation.state import State
 from rpojax.simulation.step import step
 
 SHARED = [name for name in RUNNING_METRICS if name in UNITS]
-
-
-Flown = tuple[dict[str, float], dict[str, np.ndarray], dict[str, np.ndarray]]
+Results = tuple[dict[str, float], dict[str, np.ndarray], dict[str, np.ndarray]]
 
 
 @pytest.fixture(scope="module")
-def flown() -> Flown:
-    """Figures added up over 240 s with a burn, the metrics of the same flight's records, and these."""
+def results() -> Results:
+    """Accumulated metrics of a run of 240 s with a burn, metrics of its records, and the records."""
     file = rpojax.load("inspection", ["duration_s=240.0", "rates.formation_period_s=120.0"])
     scenario, params, state = single_run.initialise_run(file, seed=0, run_id=3)
     names = tuple(RUNNING_METRICS)
 
     @jax.jit
-    def fly(state: State) -> tuple[jax.Array, Channels]:
+    def simulate(state: State) -> tuple[jax.Array, Channels]:
         def body(carry: tuple[State, RunningSums], _: None) -> tuple[tuple[State, RunningSums], object]:
             state, sums = carry
-            after, seen = step(scenario, params, state, rpojax.Stages())
-            sums = running_metrics.add_tick(names, scenario, params, seen, sums)
-            return (after, sums), compute_channels(scenario, params, seen)
+            after, telemetry = step(scenario, params, state, rpojax.Stages())
+            sums = running_metrics.add_tick(names, scenario, params, telemetry, sums)
+            return (after, sums), compute_channels(scenario, params, telemetry)
 
         start = (state, running_metrics.initial_sums(names))
         (_, sums), channels = jax.lax.scan(body, start, None, length=scenario.ticks)
         return running_metrics.final_values(names, sums), channels
 
-    figures, channels = fly(state)
+    metrics, channels = simulate(state)
     records = {name: np.asarray(values)[None] for name, values in channels.items()}
-    return dict(zip(names, map(float, figures), strict=True)), recorded_metrics.evaluate(file, records), records
+    return dict(zip(names, map(float, metrics), strict=True)), recorded_metrics.evaluate(file, records), records
 
 
 @pytest.mark.parametrize("name", SHARED)
-def test_a_figure_that_is_a_metric_has_its_value(name: str, flown: Flown) -> None:
-    figures, expected, _ = flown
-    np.testing.assert_allclose(figures[name], expected[name][0], rtol=2e-5)
+def test_a_metric_equals_that_of_the_records(name: str, results: Results) -> None:
+    metrics, expected, _ = results
+    np.testing.assert_allclose(metrics[name], expected[name][0], rtol=2e-5)
 
 
-def test_the_flight_has_what_the_figures_are_about(flown: Flown) -> None:
-    figures, _, _ = flown
-    assert figures["delta_v_m_s"] > 0.0
-    assert 0.0 < figures["pointing_error_rms_deg"] < 1.0
-    # A density of metres and millimetres a second, of pixels over a focal length: neither is near one.
-    assert figures["estimate_surprise"] != pytest.approx(0.0, abs=0.1)
+def test_the_run_has_a_burn_and_a_pointing_error(results: Results) -> None:
+    metrics, _, _ = results
+    assert metrics["delta_v_m_s"] > 0.0
+    assert 0.0 < metrics["pointing_error_rms_deg"] < 1.0
+    assert metrics["estimate_surprise"] != pytest.approx(0.0, abs=0.1)
 
 
-def test_the_pointing_error_is_that_of_settled_looks_alone(flown: Flown) -> None:
-    figures, _, records = flown
+def test_the_pointing_error_is_of_settled_pointing_only(results: Results) -> None:
+    metrics, _, records = results
     looking = records["mode"][0] == Mode.LOOK
     settled = np.array([looking[max(0, tick - 5) : tick + 1].all() for tick in range(240)])
     settled[:80] = False
     expected = np.sqrt(np.mean(records["pointing_error_deg"][0][settled] ** 2))
-    np.testing.assert_allclose(figures["pointing_error_rms_deg"], expected, rtol=1e-4)
+    np.testing.assert_allclose(metrics["pointing_error_rms_deg"], expected, rtol=1e-4)
 
 
-def test_a_figure_without_any_weight_is_zero_and_has_a_zero_derivative() -> None:
+def test_a_metric_without_weight_is_zero_with_zero_derivative() -> None:
     names = ("nis_box_mean", "formation_error_rms_m")
 
     def last(x: jax.Array) -> jax.Array:
@@ -81,6 +78,6 @@ def test_a_figure_without_any_weight_is_zero_and_has_a_zero_derivative() -> None
             ),
         )
 
-    value, slope = jax.jvp(last, (jnp.ones(()),), (jnp.ones(()),))
+    value, derivative = jax.jvp(last, (jnp.ones(()),), (jnp.ones(()),))
     np.testing.assert_array_equal(value, 0.0)
-    np.testing.assert_array_equal(slope, 0.0)
+    np.testing.assert_array_equal(derivative, 0.0)

@@ -1,0 +1,71 @@
+"""Hash of a scenario: what changes it and what does not."""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from scenario_variants import with_design
+
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.scenario_digest import scenario_digest
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.static_settings import static_settings
+from rpojax.vision.radiance_field import field_file
+
+
+@pytest.fixture
+def tables(inspection_file: ScenarioFile) -> dict[str, Any]:
+    """Tables of the nominal scenario, free to be changed."""
+    return inspection_file.model_dump()
+
+
+def test_the_digest_depends_on_numbers_and_not_on_the_description(inspection_file: ScenarioFile) -> None:
+    digest = scenario_digest(inspection_file)
+    assert scenario_digest(scenario_loader.load("inspection", ["description=another"])) == digest
+    assert scenario_digest(scenario_loader.load("inspection", ["gps.noise_m=2.5"])) != digest
+
+
+def test_requirements_do_not_change_the_digest(tables: dict[str, Any]) -> None:
+    with_requirements = scenario_loader.validate(tables)
+    assert with_requirements.requirements
+    del tables["requirements"]
+    without = scenario_loader.validate(tables)
+    assert without.requirements == []
+    assert scenario_digest(without) == scenario_digest(with_requirements)
+    assert static_settings(without) == static_settings(with_requirements)
+
+
+def test_default_design_and_precision_are_not_hashed(
+    inspection_file: ScenarioFile,
+) -> None:
+    content = inspection_file.model_dump(mode="json")
+    for key in ("name", "description", "requirements", "tuning", "design", "precision"):
+        del content[key]
+    text = json.dumps(content, sort_keys=True)
+    assert scenario_digest(inspection_file) == hashlib.sha256(text.encode()).hexdigest()
+    single = inspection_file.model_copy(update={"precision": "single"})
+    assert scenario_digest(single) != scenario_digest(inspection_file)
+
+
+def test_the_content_of_trained_files_is_hashed(tmp_path: Path) -> None:
+    copy = tmp_path / "other.safetensors"
+    copy.write_bytes(field_file.packaged_field_path().read_bytes() + b" ")
+    one = scenario_loader.load("inspection", ["camera.model=rendered"])
+    other = scenario_loader.load("inspection", ["camera.model=rendered", f"imaging.field={copy}"])
+    assert scenario_digest(one) != scenario_digest(other)
+
+
+def test_the_order_of_the_keys_of_a_grid_is_hashed(mission: ScenarioFile) -> None:
+    values = {"gps.noise_m": [1.0, 2.0], "servicer.mass_kg": [29.0, 31.0]}
+    tables = mission.model_dump()
+    free = tables | {"dispersions": []}
+    there, back = (
+        scenario_loader.validate(free | {"design": {"kind": "grid", "values": dict(items)}})
+        for items in (values.items(), reversed(values.items()))
+    )
+    assert scenario_digest(there) != scenario_digest(back)
+    tables.pop("design")
+    assert scenario_digest(scenario_loader.validate(tables)) == scenario_digest(mission)
+    assert scenario_digest(with_design(mission, kind="sobol")) != scenario_digest(mission)

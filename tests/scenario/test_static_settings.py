@@ -1,0 +1,46 @@
+"""Static settings of a scenario."""
+
+import pytest
+
+from rpojax.physics.plant_options import Effects
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.static_settings import static_settings
+
+
+def test_model_switches_of_plant_and_filter_are_static_settings() -> None:
+    nominal = static_settings(scenario_loader.load("inspection"))
+    assert nominal.effects == Effects()
+    plant = ["effects.drag=true", "effects.integrator=rk8", "effects.zonal_degree=6", "effects.faults=true"]
+    filter_model = ["navigation.zonal_degree=4", "navigation.luni_solar=true"]
+    changed = static_settings(scenario_loader.load("inspection", [*plant, *filter_model]))
+    assert changed.effects == Effects(drag=True, integrator="rk8", zonal_degree=6, faults=True)
+    assert (changed.navigation_zonal_degree, changed.navigation_luni_solar) == (4, True)
+    assert (nominal.navigation_zonal_degree, nominal.navigation_luni_solar) == (2, False)
+    assert hash(changed) != hash(nominal)
+
+
+@pytest.mark.parametrize(
+    ("utc", "days"),
+    [
+        ("2000-01-01T12:00:00", 0.0),
+        ("2000-01-02T12:00", 1.0),
+        ("2026-03-20T14:46:00", 9575.0 + 2.0 / 24.0 + 46.0 / 1440.0),
+        ("2026-03-20T15:46:00+01:00", 9575.0 + 2.0 / 24.0 + 46.0 / 1440.0),
+        ("2026-03-20", 9574.5),
+    ],
+)
+def test_the_epoch_is_terrestrial_time_since_2000_01_01_noon(utc: str, days: float) -> None:
+    for written in (f'"{utc}"', utc):  # as text, and as the date that TOML knows
+        static = static_settings(scenario_loader.load("inspection", [f"epoch_utc={written}"]))
+        # 37 leap seconds by 2017 and 32.184 s between atomic and terrestrial time.
+        assert static.epoch_s == pytest.approx(days * 86400.0 + 69.184, abs=1e-6)
+
+
+def test_durations_are_integer_numbers_of_ticks_and_steps() -> None:
+    file = scenario_loader.load(
+        "inspection",
+        ["rates.camera_hz=2.0", "rates.plant_hz=10.0", "rates.formation_period_s=150.0", "duration_s=900.0"],
+    )
+    static = static_settings(file)
+    assert (static.ticks, static.substeps, static.formation_ticks) == (1800, 5, 300)
+    assert (static.tick_s, static.step_s, static.formation_period_s) == (0.5, 0.1, 150.0)

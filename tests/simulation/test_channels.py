@@ -1,0 +1,49 @@
+"""Passive range channel against step-wise propagation."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from free_drift_reference import least_drift_distance
+
+from rpojax.scenario import params as parameters
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.static_settings import static_settings
+from rpojax.simulation import channels, initial_state
+from rpojax.simulation.noise import run_key
+from rpojax.simulation.state import State
+from rpojax.simulation.telemetry import Telemetry
+
+
+@jax.jit
+def passive_range(state: State, tick: jax.Array) -> jax.Array:
+    """Passive range of a tick with this state."""
+    telemetry = Telemetry(
+        truth=state.truth,
+        flight=state.flight,
+        frame=None,
+        measurements=None,
+        innovation=None,
+        mode=jnp.zeros((), dtype=jnp.int32),
+        tick=tick,
+        running=jnp.asarray(True),
+    )
+    return channels._passive_range(telemetry)
+
+
+@pytest.fixture(scope="module")
+def drifting_state() -> State:
+    """State behind the target on its orbit, with a slow drift."""
+    file = scenario_loader.load("inspection", ["initial.relative_velocity_m_s=[0.0, 0.002, 0.0]"])
+    static = static_settings(file)
+    params = parameters.build_params(file.model_dump(), static.width_px, static.height_px)
+    return jax.jit(initial_state.init, static_argnums=0)(static, params, run_key(1, 0))
+
+
+def test_the_passive_range_is_evaluated_once_in_ten_ticks(drifting_state: State) -> None:
+    found = [float(passive_range(drifting_state, jnp.int32(tick))) for tick in range(21)]
+    assert [np.isfinite(value) for value in found] == [tick % 10 == 0 for tick in range(21)]
+    n = np.sqrt(3.986004418e14 / 6878137.0**3)
+    expected = least_drift_distance(n, np.array([0.0, -50.0, 0.0, 0.0, 0.002, 0.0]), 72)
+    # The eccentricity of 1e-3 changes the mean motion by no more.
+    np.testing.assert_allclose(found[10], expected, rtol=2e-3)
