@@ -16,7 +16,7 @@ import numpy as np
 
 from rpojax.training.detector import evaluate_detector
 from rpojax.training.radiance_field import evaluate_field, image_quality
-from rpojax.training.synthetic_data import backdrops, earth_textures, ray_traced_views, view_sampling
+from rpojax.training.synthetic_data import backdrops, earth_textures, random_views, ray_traced_views
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset, read_dataset
 from rpojax.training.synthetic_data.image_sensor import ImageSensor, expose_image
 from rpojax.training.synthetic_data.meshes import packaged_target
@@ -86,7 +86,7 @@ def _peer(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, An
 
 
 def _target(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, Any]:
-    shell = view_sampling.ViewSampling(
+    shell = random_views.ViewSampling(
         arguments.views,
         size_px=SIZE_PX,
         samples=64,

@@ -27,7 +27,7 @@ import optax
 
 from rpojax.core import quaternion
 from rpojax.training.radiance_field import evaluate_field, image_quality, train_field
-from rpojax.training.synthetic_data import ray_traced_views, view_sampling
+from rpojax.training.synthetic_data import random_views, ray_traced_views
 from rpojax.training.synthetic_data.meshes import packaged_target
 from rpojax.vision.pinhole import pinhole_intrinsics
 from rpojax.vision.radiance_field.field_file import load_field
@@ -46,7 +46,7 @@ STEPS = {"grid": 2000, "point": 750}
 
 def fresh_views(count: int = 64, samples: int = 256, **changes: Any) -> ray_traced_views.Views:
     """Views that no training has seen."""
-    shell = view_sampling.ViewSampling(count, samples=samples, seed=SEED, **changes)
+    shell = random_views.ViewSampling(count, samples=samples, seed=SEED, **changes)
     name = "_".join(f"{key}{value}" for key, value in changes.items())
     return ray_traced_views.ray_trace_views(packaged_target.packaged_target(), shell, OUT / f"test_{name}")
 
@@ -99,8 +99,8 @@ def phase(field: RadianceField) -> None:
 def frame_time(field: RadianceField, region: int = 64, batch: int = 8) -> float:
     """Milliseconds for a frame of `region` x `region` rays within a batch: shortest of several calls."""
     optics = pinhole_intrinsics(jnp.asarray(np.radians(10.0)), 128, 128)
-    rotations, positions, suns = view_sampling.sample_views(
-        packaged_target.packaged_target(), view_sampling.ViewSampling(batch, range_m=30.0)
+    rotations, positions, suns = random_views.sample_views(
+        packaged_target.packaged_target(), random_views.ViewSampling(batch, range_m=30.0)
     )
     lit = jnp.ones((), jnp.float32)
     share = choose_ray_sampling(field, float(optics.focal_px), 30.0)
@@ -142,7 +142,7 @@ def compare(field: RadianceField) -> None:
     del field
     mesh = packaged_target.packaged_target()
     views = ray_traced_views.ray_trace_views(
-        mesh, view_sampling.ViewSampling(300, range_scale=(0.9, 1.15)), OUT / "train"
+        mesh, random_views.ViewSampling(300, range_scale=(0.9, 1.15)), OUT / "train"
     )
     judged = fresh_views()
     final = []
@@ -233,9 +233,9 @@ class PoseRecovery:
         return [100.0 * float(abs(error[3])) for error in self.errors]
 
 
-def pose_view_sampling(seed: int, **changes: Any) -> view_sampling.ViewSampling:
+def pose_view_sampling(seed: int, **changes: Any) -> random_views.ViewSampling:
     """The one view whose pose is recovered."""
-    return view_sampling.ViewSampling(1, seed=77 + seed, size_px=64, **changes)
+    return random_views.ViewSampling(1, seed=77 + seed, size_px=64, **changes)
 
 
 def traced_silhouette(seed: int) -> jax.Array:
@@ -252,7 +252,7 @@ def silhouette(
 ) -> jax.Array:
     """Alpha (size, size) of a view whose pose is wrong by an error."""
     rotation, position, sun = view
-    optics = pinhole_intrinsics(jnp.asarray(np.radians(view_sampling.FIELD_OF_VIEW_DEG)), size, size)
+    optics = pinhole_intrinsics(jnp.asarray(np.radians(random_views.FIELD_OF_VIEW_DEG)), size, size)
     R_KT, r = perturbed_pose(rotation, position, error)
     return render_target(field, optics, size, size, rays, r, R_KT, sun, jnp.ones((), jnp.float32)).alpha
 
@@ -271,7 +271,7 @@ def recover_pose(
     """Descends from a pose 3 deg and 3 % wrong to a silhouette (64, 64), that of the field itself by default."""
     rotation, position, sun = (
         jnp.asarray(values[0], jnp.float32)
-        for values in view_sampling.sample_views(packaged_target.packaged_target(), pose_view_sampling(seed))
+        for values in random_views.sample_views(packaged_target.packaged_target(), pose_view_sampling(seed))
     )
     view = (rotation, position, sun)
     axis = np.random.default_rng(seed).normal(size=3)

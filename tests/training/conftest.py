@@ -1,12 +1,12 @@
-"""A small box of a target and a few ray-traced views of it."""
+"""A box as a target, and ray-traced views of it."""
 
 import numpy as np
 import pytest
+from rpojax.training.synthetic_data.random_views import ViewSampling
 
 from rpojax.training.synthetic_data import ray_traced_views
 from rpojax.training.synthetic_data.meshes.target_mesh import Material, MeshPart, TargetMesh
 from rpojax.training.synthetic_data.ray_traced_views import Views
-from rpojax.training.synthetic_data.view_sampling import ViewSampling
 
 pytest.importorskip("mitsuba")
 trimesh = pytest.importorskip("trimesh")

@@ -1,4 +1,4 @@
-"""Boxes: their size, centre, outline and cut."""
+"""Bounding boxes: size, centre, projection and clipping."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,24 +9,24 @@ from rpojax.vision import bounding_box, pinhole
 EDGES = jnp.array([10.0, 20.0, 18.0, 70.0])
 
 
-def test_the_centre_and_size_of_a_box_are_its_middle_and_its_geometric_mean_side() -> None:
+def test_box_center_and_geometric_mean_size() -> None:
     np.testing.assert_array_equal(bounding_box.box_center(EDGES), [14.0, 45.0])
     np.testing.assert_allclose(bounding_box.box_size(EDGES), 20.0, rtol=1e-15)
 
 
-def test_a_box_that_noise_has_turned_inside_out_still_has_a_positive_size() -> None:
+def test_inverted_box_has_positive_size() -> None:
     size = bounding_box.box_size(jnp.array([10.0, 20.0, 9.0, 30.0]))
     np.testing.assert_allclose(size, 1.0, rtol=1e-15)
 
 
-def test_the_outline_spans_the_extreme_pixels_of_the_hull() -> None:
-    lens = pinhole.pinhole_intrinsics(jnp.float64(np.pi / 2), 128, 128)
+def test_projected_box_spans_extreme_pixels_of_hull() -> None:
+    intrinsics = pinhole.pinhole_intrinsics(jnp.float64(np.pi / 2), 128, 128)
     hull = jnp.array([[1.0, -2.0, 8.0], [-3.0, 0.0, 8.0], [0.0, 4.0, 16.0]])
-    np.testing.assert_allclose(bounding_box.projected_box(lens, hull), [40.0, 48.0, 72.0, 80.0], rtol=1e-14)
+    np.testing.assert_allclose(bounding_box.projected_box(intrinsics, hull), [40.0, 48.0, 72.0, 80.0], rtol=1e-14)
 
 
 @pytest.mark.parametrize(
-    ("edges", "cut", "truncated"),
+    ("edges", "clipped", "truncated"),
     [
         ([10.0, 20.0, 18.0, 70.0], [10.0, 20.0, 18.0, 70.0], False),
         ([-5.0, 20.0, 18.0, 70.0], [0.0, 20.0, 18.0, 70.0], True),
@@ -34,7 +34,7 @@ def test_the_outline_spans_the_extreme_pixels_of_the_hull() -> None:
     ],
     ids=["inside", "over the left edge", "over the lower right corner"],
 )
-def test_a_box_is_cut_to_the_frame_and_says_so(edges: list[float], cut: list[float], truncated: bool) -> None:
+def test_box_is_clipped_to_frame_and_flagged(edges: list[float], clipped: list[float], truncated: bool) -> None:
     found, flag = bounding_box.clip_to_frame(jnp.array(edges), 128, 96)
-    np.testing.assert_array_equal(found, cut)
+    np.testing.assert_array_equal(found, clipped)
     assert bool(flag) is truncated

@@ -56,13 +56,13 @@ def train(
     _check_seed(seed)
     claim(out, force)
     from rpojax.training.radiance_field import train_field
-    from rpojax.training.synthetic_data import ray_traced_views, view_sampling
+    from rpojax.training.synthetic_data import random_views, ray_traced_views
     from rpojax.training.synthetic_data.meshes import mesh_files, target_mesh
     from rpojax.vision.radiance_field.field_file import save_field
 
     target = mesh_files.load_mesh(mesh, units, center)
     work = out.with_name(out.name + ".work")
-    shell = view_sampling.ViewSampling(views, range_scale=(0.9, 1.15), seed=seed)
+    shell = random_views.ViewSampling(views, range_scale=(0.9, 1.15), seed=seed)
     recipe = train_field.FieldTrainingOptions(
         steps=steps, seed=seed, kind=kind, limit_s=None if minutes is None else 60.0 * minutes
     )
@@ -216,17 +216,17 @@ def _ray_trace_fresh_views(
     fov_deg: float,
     quiet: bool,
 ) -> "Views":
-    from rpojax.training.synthetic_data import ray_traced_views, view_sampling
+    from rpojax.training.synthetic_data import random_views, ray_traced_views
     from rpojax.vision.radiance_field.target_field import bounding_sphere
 
-    radius = view_sampling.center_and_radius(mesh.bounds)[1]
+    radius = random_views.center_and_radius(mesh.bounds)[1]
     least = 1.02 * max(radius, float(bounding_sphere(field)[1]))
-    distance = view_sampling.nominal_range(radius, fov_deg) if range_m is None else range_m
+    distance = random_views.nominal_range(radius, fov_deg) if range_m is None else range_m
     if not distance > least:
         how = "--fov-deg" if range_m is None else "--range-m"
         raise RpojaxError(f"{how}: found a range of {distance:.3g} m, expected the camera outside of {least:.3g} m")
     # Training uses the seed itself, so these views are independent of it.
-    shell = view_sampling.ViewSampling(
+    shell = random_views.ViewSampling(
         views, samples=samples, seed=1_000_003 + seed, range_m=range_m, field_of_view_deg=fov_deg
     )
     with item_progress("ray tracing", quiet=quiet) as watch:

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
+from rpojax.training.synthetic_data.random_views import ViewSampling, sample_views
 from rpojax.training.synthetic_data.ray_tracing import RayTracer
 from rpojax.training.synthetic_data.view_cache import ViewCache
-from rpojax.training.synthetic_data.view_sampling import ViewSampling, sample_views
 
 VIEWS_PER_BLOCK = 32
 

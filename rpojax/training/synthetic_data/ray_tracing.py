@@ -6,7 +6,7 @@ import numpy as np
 
 from rpojax.optional import require_package
 from rpojax.training.synthetic_data.meshes.target_mesh import MeshPart, TargetMesh
-from rpojax.training.synthetic_data.view_sampling import ViewSampling
+from rpojax.training.synthetic_data.random_views import ViewSampling
 from rpojax.vision.pinhole import pixel_directions
 
 _SUN_IRRADIANCE = 2.2

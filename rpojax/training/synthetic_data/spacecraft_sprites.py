@@ -9,7 +9,7 @@ import numpy as np
 from rpojax.training.synthetic_data import ray_traced_views
 from rpojax.training.synthetic_data.meshes import packaged_target, procedural_spacecraft
 from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
-from rpojax.training.synthetic_data.view_sampling import ViewSampling
+from rpojax.training.synthetic_data.random_views import ViewSampling
 
 SIZE_PX = 160
 SAMPLES = 16

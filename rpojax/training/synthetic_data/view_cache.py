@@ -10,7 +10,7 @@ import numpy as np
 
 from rpojax.errors import RpojaxError
 from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
-from rpojax.training.synthetic_data.view_sampling import ViewSampling
+from rpojax.training.synthetic_data.random_views import ViewSampling
 
 _FORMAT = 2
 

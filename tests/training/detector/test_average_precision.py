@@ -1,4 +1,4 @@
-"""Average precision agrees with pycocotools, and with a case worked by hand."""
+"""Average precision against pycocotools and a worked case."""
 
 import contextlib
 import io
@@ -9,11 +9,11 @@ import pytest
 from rpojax.training.detector.average_precision import average_precision, pairwise_iou
 
 Boxes = list[np.ndarray]
-LEAST_PX = 16.0
+MIN_SIDE_PX = 16.0
 
 
 def scenes(seed: int, count: int = 40) -> tuple[Boxes, list[np.ndarray], Boxes]:
-    """Found boxes with scores, and true ones: some missed, some found twice, some found where nothing is."""
+    """Random found boxes with scores, and true boxes: with misses, duplicates and false boxes."""
     rng = np.random.default_rng(seed)
     found, scores, truth = [], [], []
     for _ in range(count):
@@ -35,14 +35,14 @@ def long_sides(boxes: np.ndarray) -> np.ndarray:
     return (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0.0)
 
 
-def by_pycocotools(found: Boxes, scores: list[np.ndarray], truth: Boxes, least_px: float) -> np.ndarray:
-    """Average precision at COCO's ten thresholds; its areas are made to say which boxes are out of range."""
+def by_pycocotools(found: Boxes, scores: list[np.ndarray], truth: Boxes, min_side_px: float) -> np.ndarray:
+    """Average precision at the ten thresholds of COCO, with areas that encode the range of long sides."""
     coco = pytest.importorskip("pycocotools.coco")
     evaluation = pytest.importorskip("pycocotools.cocoeval")
 
-    def entries(pictures: Boxes) -> list[dict]:
+    def entries(images: Boxes) -> list[dict]:
         listed = []
-        for index, boxes in enumerate(pictures):
+        for index, boxes in enumerate(images):
             for box, side in zip(boxes, long_sides(boxes), strict=True):
                 xywh = [*box[:2], *(box[2:] - box[:2])]
                 listed.append({"image_id": index, "category_id": 1, "bbox": xywh, "area": side**2, "iscrowd": 0})
@@ -56,32 +56,34 @@ def by_pycocotools(found: Boxes, scores: list[np.ndarray], truth: Boxes, least_p
             "annotations": entries(truth),
         }
         real.createIndex()
-        guesses = coco.COCO()
+        detections = coco.COCO()
         scored = [
             {**entry, "score": score} for entry, score in zip(entries(found), np.concatenate(scores), strict=True)
         ]
-        guesses.dataset = {**real.dataset, "annotations": scored}
-        guesses.createIndex()
-        judge = evaluation.COCOeval(real, guesses, "bbox")
-        judge.params.areaRng = [[least_px**2, 1e10]]
-        judge.params.areaRngLbl = ["all"]
-        judge.evaluate()
-        judge.accumulate()
-    return judge.eval["precision"][:, :, 0, 0, -1].mean(axis=1)
+        detections.dataset = {**real.dataset, "annotations": scored}
+        detections.createIndex()
+        coco_evaluation = evaluation.COCOeval(real, detections, "bbox")
+        coco_evaluation.params.areaRng = [[min_side_px**2, 1e10]]
+        coco_evaluation.params.areaRngLbl = ["all"]
+        coco_evaluation.evaluate()
+        coco_evaluation.accumulate()
+    return coco_evaluation.eval["precision"][:, :, 0, 0, -1].mean(axis=1)
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-@pytest.mark.parametrize("least_px", [0.0, LEAST_PX])
-def test_average_precision_is_that_of_pycocotools(seed: int, least_px: float) -> None:
+@pytest.mark.parametrize("min_side_px", [0.0, MIN_SIDE_PX])
+def test_average_precision_matches_pycocotools(seed: int, min_side_px: float) -> None:
     found, scores, truth = scenes(seed)
-    ignored = [long_sides(boxes) < least_px for boxes in truth]
-    unasked = [long_sides(boxes) < least_px for boxes in found]
-    expected = by_pycocotools(found, scores, truth, least_px)
-    assert 0.05 < expected.mean() < 0.95  # a case with something to count
-    np.testing.assert_allclose(average_precision(found, scores, truth, ignored, unasked), expected, atol=1e-9)
+    ignored_truth = [long_sides(boxes) < min_side_px for boxes in truth]
+    ignored_boxes = [long_sides(boxes) < min_side_px for boxes in found]
+    expected = by_pycocotools(found, scores, truth, min_side_px)
+    assert 0.05 < expected.mean() < 0.95
+    np.testing.assert_allclose(
+        average_precision(found, scores, truth, ignored_truth, ignored_boxes), expected, atol=1e-9
+    )
 
 
-def test_a_case_worked_by_hand() -> None:
+def test_average_precision_of_worked_case() -> None:
     truth = [np.array([[0.0, 0.0, 10.0, 10.0]]), np.array([[0.0, 0.0, 10.0, 10.0]])]
     found = [np.array([[0.0, 0.0, 10.0, 10.0]]), np.array([[20.0, 20.0, 30.0, 30.0], [0.0, 0.0, 10.0, 8.0]])]
     scores = [np.array([0.9]), np.array([0.8, 0.7])]
@@ -91,7 +93,7 @@ def test_a_case_worked_by_hand() -> None:
     np.testing.assert_allclose(precision, [expected, 51 / 101])
 
 
-def test_nothing_to_find_has_no_precision_and_overlaps_are_as_worked_by_hand() -> None:
+def test_without_true_boxes_precision_is_nan_and_iou_of_worked_boxes() -> None:
     assert np.isnan(average_precision([np.zeros((0, 4))], [np.zeros(0)], [np.zeros((0, 4))])).all()
     a, b = np.array([[0.0, 0.0, 2.0, 2.0]]), np.array([[1.0, 0.0, 3.0, 2.0], [5.0, 5.0, 6.0, 6.0]])
     np.testing.assert_allclose(pairwise_iou(a, b), [[1 / 3, 0.0]])

@@ -1,4 +1,4 @@
-"""Pictures of every common kind come in as codes, upright; anything else is refused with one line."""
+"""Image files are read as upright codes; other files are refused."""
 
 import struct
 import zlib
@@ -14,10 +14,10 @@ from rpojax.vision.imaging.image_files import PIXEL_LIMIT, ImageFileError, read_
 GREY = np.arange(20 * 30, dtype=np.uint8).reshape(20, 30)
 
 
-def test_grey_palette_alpha_and_16_bit_are_the_same_codes(tmp_path: Path) -> None:
+def test_grey_palette_alpha_and_16_bit_give_same_codes(tmp_path: Path) -> None:
     expected = np.repeat(GREY[..., None] / 255.0, 3, axis=2)
     opaque = np.dstack([GREY, GREY, GREY, np.full_like(GREY, 255)])
-    pictures = {
+    images = {
         "grey": Image.fromarray(GREY),
         "color": Image.fromarray(np.dstack([GREY] * 3)),
         "palette": Image.fromarray(GREY).convert("P"),
@@ -25,15 +25,15 @@ def test_grey_palette_alpha_and_16_bit_are_the_same_codes(tmp_path: Path) -> Non
         "grey_alpha": Image.fromarray(opaque).convert("LA"),
         "deep": Image.fromarray(GREY.astype(np.uint16) * 257),
     }
-    for name, picture in pictures.items():
+    for name, image in images.items():
         path = tmp_path / f"{name}.png"
-        picture.save(path)
+        image.save(path)
         codes = read_image(path)
         assert codes.dtype == np.float32
         np.testing.assert_allclose(codes, expected, atol=1e-4, err_msg=name)
 
 
-def test_what_is_transparent_is_black(tmp_path: Path) -> None:
+def test_transparent_pixels_are_black(tmp_path: Path) -> None:
     pixels = np.full((8, 8, 4), 200, np.uint8)
     pixels[:, :4, 3] = 0
     pixels[:, 4:, 3] = 255
@@ -43,11 +43,11 @@ def test_what_is_transparent_is_black(tmp_path: Path) -> None:
     np.testing.assert_allclose(codes[:, 4:], 200 / 255, atol=1e-6)
 
 
-def test_a_jpeg_is_upright_as_its_exif_says(tmp_path: Path) -> None:
+def test_exif_orientation_is_applied(tmp_path: Path) -> None:
     pixels = np.zeros((16, 40, 3), np.uint8)
     pixels[:, :8] = 255
     exif = Image.Exif()
-    exif[0x0112] = 6  # to be turned by 90 degrees clockwise
+    exif[0x0112] = 6  # rotate by 90 degrees clockwise
     Image.fromarray(pixels).save(tmp_path / "a.jpg", exif=exif, quality=95)
     codes = read_image(tmp_path / "a.jpg")
     assert codes.shape == (40, 16, 3)
@@ -70,7 +70,7 @@ def truncated(path: Path) -> None:
 
 
 def bomb(path: Path) -> None:
-    """A PNG that says it has 12000 x 12000 pixels, and holds next to nothing."""
+    """A PNG whose header claims 12000 x 12000 pixels."""
 
     def chunk(name: bytes, content: bytes) -> bytes:
         return struct.pack(">I", len(content)) + name + content + struct.pack(">I", zlib.crc32(name + content))
@@ -119,10 +119,8 @@ def nothing(path: Path) -> None:
     ],
 )
 @pytest.mark.filterwarnings("error")
-def test_what_is_no_single_picture_is_an_error_of_one_line(
-    tmp_path: Path, make: Callable[[Path], None], found: str
-) -> None:
-    path = tmp_path / "picture.png"
+def test_unusable_file_is_an_error_of_one_line(tmp_path: Path, make: Callable[[Path], None], found: str) -> None:
+    path = tmp_path / "image.png"
     make(path)
     with pytest.raises(ImageFileError, match=found) as error:
         read_image(path)
@@ -130,5 +128,5 @@ def test_what_is_no_single_picture_is_an_error_of_one_line(
     assert len(str(error.value).splitlines()) == 1
 
 
-def test_the_limit_is_above_a_large_camera_and_below_100_megapixels() -> None:
+def test_pixel_limit_is_above_45_and_below_100_megapixels() -> None:
     assert 8256 * 5504 < PIXEL_LIMIT < 100_000_000

@@ -1,4 +1,4 @@
-"""Rays through a ball of known size: where they end, what they miss, and how they differentiate."""
+"""Rays through the field of a sphere: depth, normals, density and gradients."""
 
 import jax
 import jax.numpy as jnp
@@ -13,15 +13,15 @@ RADIUS = 0.5
 
 
 @pytest.fixture(scope="module")
-def ball() -> RadianceField:
-    """A fresh field round a ball of 1 m diameter."""
+def sphere() -> RadianceField:
+    """Initial field of a sphere of 1 m diameter."""
     points = np.random.default_rng(0).normal(size=(60_000, 3))
     normals = points / np.linalg.norm(points, axis=1, keepdims=True)
     return initialize_grid(RADIUS * normals, normals, jax.random.key(0), 8000)
 
 
-def towards(offset: np.ndarray) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Rays along +z that pass the middle at offsets (n, 2), and a Sun behind the camera."""
+def rays_towards_sphere(offset: np.ndarray) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Rays along +z with offsets (n, 2) from the centre, and a Sun behind the camera."""
     count = len(offset)
     origins = np.concatenate([offset, np.full((count, 1), -3.0)], axis=1)
     directions = np.tile([0.0, 0.0, 1.0], (count, 1))
@@ -29,55 +29,55 @@ def towards(offset: np.ndarray) -> tuple[jax.Array, jax.Array, jax.Array]:
     return jnp.asarray(origins, jnp.float32), jnp.asarray(directions, jnp.float32), jnp.asarray(suns, jnp.float32)
 
 
-def test_rays_end_on_the_ball_with_its_normal(ball: RadianceField) -> None:
+def test_rays_hit_sphere_with_its_normal(sphere: RadianceField) -> None:
     offset = np.random.default_rng(1).uniform(-0.28, 0.28, (200, 2))
-    found = render_rays(ball, *towards(offset))
+    found = render_rays(sphere, *rays_towards_sphere(offset))
     height = np.sqrt(RADIUS**2 - np.sum(offset**2, axis=1))
-    # The grid is 2 to 3 cm fine, and a fresh field is as much thicker than the surface.
+    # The spacing of the grid is 2 to 3 cm, and the initial field is as much thicker than the surface.
     np.testing.assert_allclose(found.alpha, 1.0, atol=0.02)
     np.testing.assert_allclose(found.depth / found.alpha, 3.0 - height, atol=0.05)
     expected = np.concatenate([offset, -height[:, None]], axis=1) / RADIUS
     assert np.sum(np.asarray(found.normal) * expected, axis=1).min() > 0.99
 
 
-def test_rays_that_pass_beside_the_ball_bring_nothing_back(ball: RadianceField) -> None:
+def test_rays_beside_sphere_are_empty(sphere: RadianceField) -> None:
     angle = np.linspace(0.0, 6.0, 20)
     beside = (RADIUS + 0.15) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    found = render_rays(ball, *towards(beside))
+    found = render_rays(sphere, *rays_towards_sphere(beside))
     np.testing.assert_allclose(found.alpha, 0.0, atol=1e-3)
     np.testing.assert_allclose(found.color, 0.0, atol=1e-3)
 
 
-def test_density_is_high_on_the_surface_and_zero_away_from_it(ball: RadianceField) -> None:
+def test_density_is_high_on_surface_and_zero_elsewhere(sphere: RadianceField) -> None:
     points = jnp.array([[RADIUS, 0.0, 0.0], [0.0, -RADIUS, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.7]], jnp.float32)
-    found = np.asarray(density(ball, points))
+    found = np.asarray(density(sphere, points))
     assert found[:2].min() > 50.0
     assert found[2:].max() < 0.1
 
 
 @pytest.mark.parametrize("kind", ["grid", "point"])
-def test_colour_and_silhouette_have_finite_gradients_in_pose_and_sun(ball: RadianceField, kind: str) -> None:
-    field = ball if kind == "grid" else initialize_nerf(-np.ones(3) * 0.5, np.ones(3) * 0.5, jax.random.key(0))
+def test_colour_and_alpha_have_finite_gradients_in_pose_and_sun(sphere: RadianceField, kind: str) -> None:
+    field = sphere if kind == "grid" else initialize_nerf(-np.ones(3) * 0.5, np.ones(3) * 0.5, jax.random.key(0))
     offset = np.stack([np.linspace(0.3, 0.7, 21), np.zeros(21)], axis=1)
-    origins, directions, suns = towards(offset)
+    origins, directions, suns = rays_towards_sphere(offset)
 
     def brightness(origins: jax.Array, directions: jax.Array, suns: jax.Array) -> jax.Array:
         rays = render_rays(field, origins, directions, suns)
         return jnp.sum(rays.color) + jnp.sum(rays.alpha)
 
-    slopes = jax.grad(brightness, argnums=(0, 1, 2))(origins, directions, suns)
-    assert all(np.isfinite(np.asarray(slope)).all() for slope in slopes)
-    assert all(np.abs(np.asarray(slope)).max() > 1e-4 for slope in slopes)
+    gradients = jax.grad(brightness, argnums=(0, 1, 2))(origins, directions, suns)
+    assert all(np.isfinite(np.asarray(gradient)).all() for gradient in gradients)
+    assert all(np.abs(np.asarray(gradient)).max() > 1e-4 for gradient in gradients)
     if kind == "grid":
-        # The ball is on the side of smaller x: going there uncovers less of the ray.
+        # Alpha falls with the distance from the centre.
         edge = jax.grad(lambda o: jnp.sum(render_rays(field, o, directions, suns).alpha))(origins)
         assert float(jnp.sum(edge[:, 0])) < -1.0
 
 
-def test_a_batch_is_its_rays_one_by_one(ball: RadianceField) -> None:
-    origins, directions, suns = towards(np.random.default_rng(2).uniform(-0.5, 0.5, (6, 2)))
-    together = render_rays(ball, origins, directions, suns)
+def test_batch_equals_single_rays(sphere: RadianceField) -> None:
+    origins, directions, suns = rays_towards_sphere(np.random.default_rng(2).uniform(-0.5, 0.5, (6, 2)))
+    together = render_rays(sphere, origins, directions, suns)
     for index in range(6):
-        alone = render_rays(ball, origins[index : index + 1], directions[index : index + 1], suns[index : index + 1])
+        alone = render_rays(sphere, origins[index : index + 1], directions[index : index + 1], suns[index : index + 1])
         np.testing.assert_allclose(alone.color[0], together.color[index], atol=1e-5)
         np.testing.assert_allclose(alone.alpha[0], together.alpha[index], atol=1e-5)

@@ -1,0 +1,44 @@
+"""Augmented batches: boxes follow the pixels, codes stay in range."""
+
+import numpy as np
+import pytest
+
+from rpojax.training.detector import augmentation
+from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
+
+SIZE = 128
+
+
+@pytest.mark.parametrize("crops", [False, True])
+def test_boxes_follow_pixels_through_geometric_augmentation(
+    rectangles: DetectionDataset, crops: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unchanged(rng: object, image: np.ndarray, noise: object) -> np.ndarray:
+        return image.astype(np.float32) / 255.0
+
+    monkeypatch.setattr(augmentation, "augment_appearance", unchanged)
+    batch = augmentation.augment_batch(rectangles, np.arange(39), np.random.default_rng(1), crops)
+    side = SIZE // 2 if crops else SIZE
+    assert batch.images.shape[1:] == (side, side, 3)
+    assert len(batch.images) == (78 if crops else 39)
+    checked = 0
+    for image, boxes, weight in zip(batch.images, batch.boxes, batch.weight, strict=True):
+        bright = image.max(axis=2) > 0.2
+        for box in boxes[weight == 1.0]:
+            left, top, right, bottom = np.round(box).astype(int)
+            assert bright[top + 1 : bottom - 1, left + 1 : right - 1].all()
+            checked += 1
+        if (weight != 0.0).sum() == 1 and (weight == 1.0).any():
+            rows, columns = (np.nonzero(bright.any(axis=axis))[0] for axis in (1, 0))
+            box = boxes[weight == 1.0][0]
+            edges = [columns[0], rows[0], columns[-1] + 1, rows[-1] + 1]
+            np.testing.assert_allclose(edges, box, atol=1.5)  # interpolation spreads an edge over a pixel
+    assert checked >= 39
+
+
+def test_augmented_codes_are_in_range(rectangles: DetectionDataset) -> None:
+    batch = augmentation.augment_batch(rectangles, np.arange(40), np.random.default_rng(2))
+    assert batch.images.dtype == np.float32
+    assert batch.images.min() >= 0.0
+    assert batch.images.max() <= 1.0
+    assert batch.weight[39].sum() == 0.0 or batch.weight[39].max() == 1.0  # empty, or in a mosaic

@@ -1,0 +1,40 @@
+"""Loss of the proposal network for perfect_channels and wrong maps."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from rpojax.training.detector.proposal_loss import maps_loss as loss
+from rpojax.vision.detector.box_decoding import STRIDE
+
+
+def perfect_channels(box: np.ndarray, cells: int = 32) -> np.ndarray:
+    """Channels (1, y, x, 5) with one box at every cell, and heat only at its centre."""
+    raw = np.zeros((1, cells, cells, 5), np.float32)
+    place = (np.arange(cells) + 0.5) * STRIDE
+    raw[..., 0] = -12.0
+    center = 0.5 * (box[:2] + box[2:])
+    raw[0, int(center[1] // STRIDE), int(center[0] // STRIDE), 0] = 12.0
+    for channel, (edge, sign) in enumerate(zip(box, (-1, -1, 1, 1), strict=True)):
+        distance = sign * (edge - place) / STRIDE
+        raw[0, :, :, 1 + channel] = np.arcsinh(distance[None, :] if channel % 2 == 0 else distance[:, None])
+    return raw
+
+
+def test_proposal_loss_is_zero_for_perfect_maps_only() -> None:
+    box = np.array([20.5, 33.0, 61.0, 52.25])
+    boxes = jnp.zeros((1, 8, 4), jnp.float32).at[0, 0].set(jnp.asarray(box, jnp.float32))
+    weight = jnp.zeros((1, 8), jnp.float32).at[0, 0].set(1.0)
+    raw = perfect_channels(box)
+    best = float(loss(jnp.asarray(raw), boxes, weight))
+    assert best < 0.01
+    shifted = raw.copy()
+    shifted[..., 1] += 0.05
+    cold, alarmed = raw.copy(), raw.copy()
+    cold[..., 0] = -12.0
+    alarmed[0, 28, 28, 0] = 3.0
+    for fault in (shifted, cold, alarmed):
+        assert float(loss(jnp.asarray(fault), boxes, weight)) > best + 0.02
+    # Heat on an ignored box has no loss; heat without a box has.
+    ignored = jnp.where(weight > 0.0, -1.0, 0.0).astype(jnp.float32)
+    assert float(loss(jnp.asarray(raw), boxes, ignored)) < 0.01
+    assert float(loss(jnp.asarray(raw), boxes, 0.0 * weight)) > 5.0

@@ -1,0 +1,15 @@
+"""Image quality of worked cases."""
+
+import numpy as np
+import pytest
+
+from rpojax.training.radiance_field import image_quality
+
+
+def test_psnr_and_box_of_worked_cases() -> None:
+    assert image_quality.psnr(np.full(10, 0.01)) == pytest.approx(20.0)
+    alpha = np.zeros((8, 8), np.float32)
+    alpha[2:5, 3:7] = 1.0
+    alpha[2:5, 2] = 0.25
+    np.testing.assert_allclose(image_quality.silhouette_box(alpha), [2.75, 2.0, 7.0, 5.0])
+    assert image_quality.box_iou(np.array([0.0, 0.0, 2.0, 2.0]), np.array([1.0, 0.0, 3.0, 2.0])) == pytest.approx(1 / 3)
