@@ -43,7 +43,7 @@ def test_files_figures_and_warnings_come_of_what_was_found(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     linear, sampled = synthetic_linear_covariance(scale=1.5)
-    monkeypatch.setattr(linear_covariance, "analyse_scenario", lambda *_: linear)
+    monkeypatch.setattr(linear_covariance, "propagate_covariance", lambda *_, **__: linear)
     monkeypatch.setattr(monte_carlo_agreement, "simulate_sample", lambda *_: sampled)
     words = ("lincov", "inspection", "--runs", 400, "--out", tmp_path / "out")
     assert call(*words, "--json") == 0

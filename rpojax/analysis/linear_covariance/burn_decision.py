@@ -1,4 +1,4 @@
-"""A burn decision in a linear covariance: its describing function, and the execution errors of the burns it makes."""
+"""Burn decision in a linear covariance: its describing function, and the execution errors of its burns."""
 
 from dataclasses import dataclass
 
@@ -7,22 +7,23 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.analysis.linear_covariance import describing_function
-from rpojax.analysis.linear_covariance.linearised_loop import CompiledLoop, LinearisationPoint
-from rpojax.physics.actuators import Thruster
+from rpojax.analysis.linear_covariance.compiled_loop import CompiledLoop
+from rpojax.analysis.linear_covariance.linearised_loop import LinearisationPoint
+from rpojax.physics.thruster import Thruster
 
 
 @dataclass(frozen=True)
 class BurnDecision:
-    """A burn decision, linearised.
+    """A burn decision, statistically linearised.
 
     Attributes:
-        law: (3, size + inputs) derivative of the control law's output
-        found: the decision from that output to velocity change and its size, less the nominal ones
-        burns: (samples, 3) velocity changes that runs make [m/s]
-        nominal: (3,) that of the nominal run
+        command_jacobian: (3, size + inputs) of the control law's output
+        linearisation: from that output to velocity change and its size, less the nominal ones
+        burns: (samples, 3) velocity changes of the samples [m/s]
+        nominal_burn: (3,) that of the nominal run [m/s]
         probability: of a burn
-        size: mean size of its velocity change [m/s]
-        away: (2,) from when to when a run that burns looks away, from the decision on [s]
+        mean_size: of the velocity change, zero without a burn included [m/s]
+        look_away: (2,) begin and end of the look-away for a burn, from the decision on [s]
     """
 
     command_jacobian: np.ndarray
@@ -36,65 +37,64 @@ class BurnDecision:
 
 def linearise_decision(
     compiled: CompiledLoop,
-    moments: LinearisationPoint,
-    law: np.ndarray,
+    points: LinearisationPoint,
+    command_jacobian: np.ndarray,
     mean: np.ndarray,
     covariance: np.ndarray,
-    points: np.ndarray,
+    normal_points: np.ndarray,
 ) -> BurnDecision:
-    """The decision on the first of the moments, where the control law's output has that mean (3,) and covariance.
+    """Decision at the first linearisation point, for a command of the control law of that mean (3,) and covariance.
 
-    `law` is the output's derivative and `points` are the normal ones of the describing function.
+    `command_jacobian` is that of the command, `normal_points` (samples, 3) are those of the describing function.
     """
-    memory = jax.tree.map(lambda leaf: leaf[0], moments.memory)
-    tick = moments.state.tick[0]
+    memory = jax.tree.map(lambda leaf: leaf[0], points.memory)
+    tick = points.state.tick[0]
     nominal = np.asarray(memory.plan.delta_v_N)
-    away: list[np.ndarray] = []
+    look_away: list[np.ndarray] = []
 
-    def burn(laws: np.ndarray) -> np.ndarray:
-        burns, times = compiled.burns_for_commands(memory, tick, jnp.asarray(laws))
-        away.append(np.asarray(times))
+    def burn_deviations(commands: np.ndarray) -> np.ndarray:
+        burns, times = compiled.burns_for_commands(memory, tick, jnp.asarray(commands))
+        look_away.append(np.asarray(times))
         sizes = np.linalg.norm(burns, axis=1) - np.linalg.norm(nominal)
         return np.concatenate([np.asarray(burns) - nominal, sizes[:, None]], axis=1)
 
-    found = describing_function.statistical_linearisation(burn, mean, covariance, points)
+    found = describing_function.statistical_linearisation(burn_deviations, mean, covariance, normal_points)
     sizes = found.outputs[:, 3] + np.linalg.norm(nominal)
-    made = sizes > 0.0
+    burning = sizes > 0.0
+    now = float(tick) * compiled.loop.scenario.tick_s
     return BurnDecision(
-        command_jacobian=law,
+        command_jacobian=command_jacobian,
         linearisation=found,
         burns=found.outputs[:, :3] + nominal,
         nominal_burn=nominal,
-        probability=float(made.mean()),
+        probability=float(burning.mean()),
         mean_size=float(sizes.mean()),
-        look_away=away[0][made].mean(axis=0) - float(tick) * compiled.loop.scenario.tick_s
-        if np.any(made)
-        else np.zeros(2),
+        look_away=look_away[0][burning].mean(axis=0) - now if np.any(burning) else np.zeros(2),
     )
 
 
 def execution_error_columns(decision: BurnDecision, thruster: Thruster, along: float, across: float) -> np.ndarray:
-    """Columns (3, 3) [m/s] of the execution error of the nominal burn, or where there is none, of those that runs make.
+    """Noise columns (3, 3) [m/s] of the execution error of the nominal burn, or where there is none, of the samples'.
 
-    A run whose burn is a percent too strong in some direction also moves in that direction, and takes a percent
-    more of range for it; along a nominal run that moves otherwise the same error would do more. So the error is
-    that of the nominal burn, and what lasts from burn to burn is then in the derivative. Without a nominal burn the
-    burns go in all directions, and what lasts, of variance `along` and `across` the burn, counts like noise.
+    A run whose burn is a percent too strong also moves a percent more in that direction; along a nominal run that moves
+    otherwise the same error would have a larger effect. So the error is that of the nominal burn, and constant errors
+    are in the Jacobian. Without a nominal burn the burns go in all directions, and constant errors, of variance `along`
+    and `across` the burn, count like noise.
     """
     nominal = np.any(decision.nominal_burn)
     burns = decision.nominal_burn[None, :] if nominal else decision.burns
     moment = burns.T @ burns / len(burns)
-    beyond = np.zeros((3, 3)) if nominal else moment
-    covariance = _spread(moment, float(thruster.magnitude_noise) ** 2, float(thruster.direction_noise) ** 2)
-    return covariance_root(covariance + _spread(beyond, along, across))
+    constant = np.zeros((3, 3)) if nominal else moment
+    noise = _error_covariance(moment, float(thruster.magnitude_noise) ** 2, float(thruster.direction_noise) ** 2)
+    return covariance_root(noise + _error_covariance(constant, along, across))
 
 
 def covariance_root(covariance: np.ndarray) -> np.ndarray:
-    """Columns (n, n) of unit variance that make up a covariance."""
+    """Square root (n, n) of a covariance: columns of unit variance."""
     values, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
-def _spread(moment: np.ndarray, along: float, across: float) -> np.ndarray:
-    """Covariance (3, 3) of errors of burns with the given second moment: shares along them, and across per axis."""
+def _error_covariance(moment: np.ndarray, along: float, across: float) -> np.ndarray:
+    """Covariance (3, 3) of errors of burns with that second moment: variances along them, and across per axis."""
     return along * moment + across * (np.trace(moment) * np.eye(3) - moment)

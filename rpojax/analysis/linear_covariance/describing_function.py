@@ -1,4 +1,4 @@
-"""Statistical linearisation of a decision: the straight line that fits it best over what its input may be.
+"""Describing function (statistical linearisation): the linear function of least mean square error over a normal input.
 
 CADET (Gelb and Warren, "Direct statistical analysis of nonlinear systems: CADET", AIAA Journal 11, 1973): a normal
 input through a nonlinearity is replaced by mean, gain and residual of least mean square error. The expectations are
@@ -15,13 +15,13 @@ from scipy.stats import qmc
 
 @dataclass(frozen=True)
 class StatisticalLinearisation:
-    """A vector function of a normal vector, `f(u) = mean + gain (u - E u) + residual`.
+    """Linearisation of a vector function of a normal vector, `f(u) = mean + gain (u - E u) + residual`.
 
     Attributes:
         mean: (m,) of f
         gain: (m, n)
-        residual: (m, m) covariance of what the line leaves, uncorrelated with u
-        inputs: (samples, n) the values of u that this comes from
+        residual: (m, m) covariance of the residual, uncorrelated with u
+        inputs: (samples, n) sampled values of u
         outputs: (samples, m) f there
     """
 
@@ -33,7 +33,7 @@ class StatisticalLinearisation:
 
 
 def normal_points(dimension: int, power: int) -> np.ndarray:
-    """(2**power, dimension) standard normal numbers that fill space evenly, with mean 0 and unit covariance."""
+    """Quasi-random standard normal numbers (2**power, dimension), with mean 0 and unit covariance."""
     points = ndtri(qmc.Sobol(dimension, scramble=True, rng=0).random_base2(power))
     points = points - points.mean(axis=0)
     root = np.linalg.cholesky(points.T @ points / len(points))
@@ -43,20 +43,20 @@ def normal_points(dimension: int, power: int) -> np.ndarray:
 def statistical_linearisation(
     function: Callable[[np.ndarray], np.ndarray], mean: np.ndarray, covariance: np.ndarray, points: np.ndarray
 ) -> StatisticalLinearisation:
-    """Line through `function`, which maps (samples, n) to (samples, m), over a normal input at the `points` (s, n)."""
+    """Linearises `function`, from (samples, n) to (samples, m), over a normal input at standard normal `points`."""
     values, vectors = np.linalg.eigh(covariance)
     sigma = np.sqrt(np.maximum(values, 0.0))
     inputs = mean + points * sigma @ vectors.T
     outputs = function(inputs)
     centre = outputs.mean(axis=0)
-    slope = (outputs - centre).T @ points / len(points)
-    left = outputs - centre - points @ slope.T
-    # A direction in which the input does not vary has no say in the gain.
+    cross_moment = (outputs - centre).T @ points / len(points)
+    residual = outputs - centre - points @ cross_moment.T
+    # A direction in which the input does not vary does not enter the gain.
     inverse = np.where(sigma > 1e-12 * max(sigma.max(), 1e-300), 1.0 / np.maximum(sigma, 1e-300), 0.0)
     return StatisticalLinearisation(
         mean=centre,
-        gain=slope * inverse @ vectors.T,
-        residual=left.T @ left / len(points),
+        gain=cross_moment * inverse @ vectors.T,
+        residual=residual.T @ residual / len(points),
         inputs=inputs,
         outputs=outputs,
     )

@@ -1,6 +1,6 @@
-"""Which numbers of the closed loop deviate in a linear covariance, as one vector.
+"""Deviation vector of a linear covariance: the numbers of the closed loop that deviate from the nominal run.
 
-Left out is what has no small deviation or no effect of first order: the filters' covariances (their gains are those of
+Left out are numbers without small deviations or first-order effect: the filters' covariances (their gains are those of
 the nominal run), decisions and clocks of the flight software, and the target's attitude, which is dispersed over the
 whole sphere and enters as an ensemble of outlines.
 """
@@ -14,7 +14,7 @@ from jaxtyping import Array
 
 from rpojax.scenario import params as parameters
 from rpojax.scenario.params import Params
-from rpojax.simulation.closed_loop import State
+from rpojax.simulation.state import State
 
 Path = tuple[str, ...]
 
@@ -28,18 +28,18 @@ _STATES = (
     "flight.pointing.reference.omega_EN_E flight.pointing.reference.remainder"
 )
 PENDING_BURN = "pending"
-"""The burn decided and not yet flown: deviation of its velocity change (3) and of that one's size (1)."""
+"""A decided burn that is still to come: deviation of its velocity change (3) and of its size (1)."""
 
 
 @dataclass(frozen=True)
 class DeviationLayout:
-    """Places of the deviating numbers in a vector: of the state, of the dispersed numbers, and of the pending burn.
+    """Layout of the deviation vector: numbers of the state, dispersed constants, and the pending burn.
 
     Attributes:
         states: paths in `State`
-        constants: paths in `Params` of numbers that are dispersed and stay as they are
-        slices: dotted path -> where it stands
-        size: numbers in all
+        constants: paths in `Params` of dispersed numbers that are constant in a run
+        slices: of each dotted path
+        size: length of the vector
     """
 
     states: tuple[Path, ...]
@@ -48,13 +48,13 @@ class DeviationLayout:
     size: int
 
     def pack(self, state: State, params: Params) -> Array:
-        """The vector (size,); nothing is pending in it."""
-        places = [(state, path) for path in self.states] + [(params, path) for path in self.constants]
-        leaves = [parameters.get_leaf(record, path) for record, path in places]
+        """Vector (size,) of a state, without a pending burn."""
+        records = [(state, path) for path in self.states] + [(params, path) for path in self.constants]
+        leaves = [parameters.get_leaf(record, path) for record, path in records]
         return jnp.concatenate([jnp.ravel(leaf) for leaf in leaves] + [jnp.zeros(4, dtype=jnp.float64)])
 
     def unpack(self, vector: Array, state: State, params: Params) -> tuple[State, Params]:
-        """State and params with the numbers of the vector put in."""
+        """State and parameters with the numbers of a vector."""
         for path in self.states:
             state = parameters.replace_leaf(state, path, self._leaf(vector, path, parameters.get_leaf(state, path)))
         for path in self.constants:
@@ -65,7 +65,7 @@ class DeviationLayout:
         return vector[self.slices[".".join(path)]].reshape(like.shape)
 
     def quaternion_signs(self, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-        """(size,) factors, 1 or -1, that give the quaternions of `other` the signs of those of `one`."""
+        """Factors (size,), 1 or -1, that give the quaternions of `other` the signs of those of `one`."""
         found = np.ones(self.size)
         for name, part in self.slices.items():
             if name.rpartition(".")[2].startswith("q_") and one[part] @ other[part] < 0.0:
@@ -73,7 +73,7 @@ class DeviationLayout:
         return found
 
     def burn_jump(self) -> np.ndarray:
-        """(size, size) map over the middle of a burn: what was pending has changed truth and estimate."""
+        """Map (size, size) over the middle of a burn: the pending velocity change enters truth and estimate."""
         jump = np.eye(self.size)
         pending = self.slices[PENDING_BURN]
         jump[pending, pending] = 0.0
@@ -89,7 +89,7 @@ class DeviationLayout:
 
 
 def make_layout(state: State, params: Params, constants: tuple[Path, ...]) -> DeviationLayout:
-    """Layout for a state of the loop and the paths of the numbers that are dispersed and constant."""
+    """Layout for a state of the loop and the paths of its dispersed constants."""
     states = tuple(tuple(text.split(".")) for text in _STATES.split())
     slices: dict[str, slice] = {}
     start = 0

@@ -1,4 +1,4 @@
-"""Dispersed numbers, for a linear covariance: their mean, and what each changes per sigma of its inputs."""
+"""Linearisation of dispersions for a linear covariance: mean, and change per sigma of standard normal inputs."""
 
 from dataclasses import dataclass
 
@@ -11,16 +11,18 @@ from scipy.stats import truncnorm
 from rpojax.analysis.linear_covariance import target_outline_ensemble
 from rpojax.analysis.linear_covariance.deviation_vector import Path
 from rpojax.core import quaternion
-from rpojax.dispersions import dispersed_values
+from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
 from rpojax.errors import RpojaxError
-from rpojax.scenario import dispersion_keys, schema
+from rpojax.scenario import dispersion_keys, dispersion_kinds
 from rpojax.scenario import params as parameters
+from rpojax.scenario.dispersion_kinds import Dispersion
+from rpojax.scenario.parameter_keys import ParameterKey, expand_vectors, nominal_value, parse_key
 from rpojax.scenario.schema import ScenarioFile
 
 _AT_START = ("initial", "orbit")
-"""Sections whose numbers say where a run starts and nothing later."""
+"""Sections of initial conditions, without effect on the rest of a run."""
 _WIDEST_DEG = 10.0
-"""An orbit's angle that is dispersed further turns everything, and the derivative of a turn is no turn."""
+"""Widest dispersion of an orbit's angle with a useful derivative: it turns everything [deg]."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +30,9 @@ class LinearisedDispersions:
     """Dispersed numbers as a mean and independent standard normal inputs.
 
     Attributes:
-        mean: key -> value in the user's units
-        columns: name of the source -> key -> (size, inputs) change per sigma of each input
-        left_out: names of dispersions so wide that no derivative stands for them
+        mean: by key, in the user's units
+        columns: by source and key, the change (size, inputs) per sigma of each input
+        left_out: names of dispersions that are too wide for a derivative
     """
 
     mean: dict[str, np.ndarray]
@@ -38,12 +40,12 @@ class LinearisedDispersions:
     left_out: list[str]
 
     def constant_paths(self) -> tuple[Path, ...]:
-        """Paths in `Params` of the numbers that keep their value all through a run and act on it."""
+        """Paths in `Params` of the numbers that are constant in a run and act on it."""
         return tuple(parameters.leaf_path_and_factor(key)[0] for key in self.mean if key.split(".")[0] not in _AT_START)
 
 
 def linearise_dispersions(file: ScenarioFile) -> LinearisedDispersions:
-    """Mean and columns of all dispersions that small deviations make sense of; those of the tumble are left out.
+    """Mean and columns of all dispersions with small deviations; those of the tumble are left to the ensemble.
 
     Raises:
         RpojaxError: a dispersion without mean and variance, or values that a table or grid gives.
@@ -58,13 +60,13 @@ def linearise_dispersions(file: ScenarioFile) -> LinearisedDispersions:
         if name in target_outline_ensemble.KEYS:
             continue
         match entry:
-            case schema.CorrelatedNormal():
+            case dispersion_kinds.CorrelatedNormal():
                 columns[name] = _correlated(file, mean, entry)
-            case schema.Derived():
+            case dispersion_kinds.Derived():
                 _derive(file, mean, columns, entry)
             case _:
-                where = dispersion_keys.parse_key(entry.key)
-                centre, change = _own(entry, np.asarray(dispersion_keys.nominal_value(file, where), dtype=float))
+                where = parse_key(entry.key)
+                centre, change = _own(entry, np.asarray(nominal_value(file, where), dtype=float))
                 if where.key.startswith("orbit.") and where.key.endswith("_deg") and np.max(change) > _WIDEST_DEG:
                     left_out.append(name)
                     continue
@@ -73,25 +75,25 @@ def linearise_dispersions(file: ScenarioFile) -> LinearisedDispersions:
     return LinearisedDispersions(mean, columns, left_out)
 
 
-def _own(entry: schema.Dispersion, nominal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (...) and columns (size, inputs) of a dispersion of one place."""
+def _own(entry: Dispersion, nominal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (...) and columns (size, inputs) of a dispersion of one key or component."""
     size = nominal.size
     match entry:
-        case schema.Normal():
+        case dispersion_kinds.Normal():
             sigma = np.broadcast_to(np.asarray(entry.sigma, dtype=float), nominal.shape)
             return nominal, np.diag(sigma.reshape(-1))
-        case schema.TruncatedNormal():
+        case dispersion_kinds.TruncatedNormal():
             cut = truncnorm.std(-entry.limit_sigmas, entry.limit_sigmas)
             sigma = cut * np.broadcast_to(np.asarray(entry.sigma, dtype=float), nominal.shape)
             return nominal, np.diag(sigma.reshape(-1))
-        case schema.Uniform():
+        case dispersion_kinds.Uniform():
             middle = np.full_like(nominal, 0.5 * (entry.low + entry.high))
             return middle, (entry.high - entry.low) / np.sqrt(12.0) * np.eye(size)
-        case schema.LogNormal():
+        case dispersion_kinds.LogNormal():
             square = np.broadcast_to(np.asarray(entry.sigma, dtype=float) ** 2, nominal.shape)
             mean = np.asarray(nominal * np.exp(0.5 * square))
             return mean, np.diag((np.abs(mean) * np.sqrt(np.expm1(square))).reshape(-1))
-        case schema.SmallRotation():
+        case dispersion_kinds.SmallRotation():
             sigma = np.broadcast_to(np.deg2rad(np.asarray(entry.sigma_deg, dtype=float)), (3,))
 
             def turned(angle: Array) -> Array:
@@ -105,28 +107,31 @@ def _own(entry: schema.Dispersion, nominal: np.ndarray) -> tuple[np.ndarray, np.
             )
 
 
-def _correlated(file: ScenarioFile, mean: dict[str, np.ndarray], entry: schema.CorrelatedNormal) -> dict:
-    factor = dispersed_values.cholesky_factor(np.array(entry.covariance))
+def _correlated(file: ScenarioFile, mean: dict[str, np.ndarray], entry: dispersion_kinds.CorrelatedNormal) -> dict:
+    factor = cholesky_factor(np.array(entry.covariance))
     change: dict[str, np.ndarray] = {}
-    for row, where in zip(factor, dispersion_keys.expand_vectors(file, entry.keys), strict=True):
-        _enter(file, mean, where, np.asarray(dispersion_keys.nominal_value(file, where), dtype=float))
+    for row, where in zip(factor, expand_vectors(file, entry.keys), strict=True):
+        _enter(file, mean, where, np.asarray(nominal_value(file, where), dtype=float))
         whole = _whole(file, where, row[None, :])
         change[where.key] = change.get(where.key, 0.0) + whole
     return change
 
 
 def _derive(
-    file: ScenarioFile, mean: dict[str, np.ndarray], columns: dict[str, dict[str, np.ndarray]], entry: schema.Derived
+    file: ScenarioFile,
+    mean: dict[str, np.ndarray],
+    columns: dict[str, dict[str, np.ndarray]],
+    entry: dispersion_kinds.Derived,
 ) -> None:
-    """What follows from other numbers changes with the sources of those."""
-    where = dispersion_keys.parse_key(entry.key)
-    shape = np.shape(dispersion_keys.nominal_value(file, where))
+    """Adds the mean and columns of a number that is a linear function of others."""
+    where = parse_key(entry.key)
+    shape = np.shape(nominal_value(file, where))
     total = np.broadcast_to(np.asarray(entry.offset, dtype=float), shape)
     for term in entry.terms:
-        other = dispersion_keys.parse_key(term.key)
+        other = parse_key(term.key)
         base = mean.get(
             other.key,
-            np.asarray(dispersion_keys.nominal_value(file, dispersion_keys.parse_key(other.key)), dtype=float),
+            np.asarray(nominal_value(file, parse_key(other.key)), dtype=float),
         )
         total = total + np.broadcast_to(term.factor * (base if other.index is None else base[other.index]), shape)
         for change in columns.values():
@@ -137,12 +142,10 @@ def _derive(
     _enter(file, mean, where, np.asarray(total))
 
 
-def _enter(
-    file: ScenarioFile, mean: dict[str, np.ndarray], where: dispersion_keys.ParameterKey, value: np.ndarray
-) -> None:
+def _enter(file: ScenarioFile, mean: dict[str, np.ndarray], where: ParameterKey, value: np.ndarray) -> None:
     whole = mean.get(
         where.key,
-        np.asarray(dispersion_keys.nominal_value(file, dispersion_keys.ParameterKey(where.key, None)), dtype=float),
+        np.asarray(nominal_value(file, ParameterKey(where.key, None)), dtype=float),
     )
     if where.index is None:
         whole = value
@@ -152,11 +155,11 @@ def _enter(
     mean[where.key] = whole
 
 
-def _whole(file: ScenarioFile, where: dispersion_keys.ParameterKey, change: np.ndarray) -> np.ndarray:
-    """Columns of a whole key from those of a component of it."""
+def _whole(file: ScenarioFile, where: ParameterKey, change: np.ndarray) -> np.ndarray:
+    """Columns of a whole key from those of one component."""
     if where.index is None:
         return change
-    size = np.size(dispersion_keys.nominal_value(file, dispersion_keys.ParameterKey(where.key, None)))
+    size = np.size(nominal_value(file, ParameterKey(where.key, None)))
     rows = np.zeros((size, change.shape[1]))
     rows[where.index] = change
     return rows

@@ -1,14 +1,14 @@
-"""Which source makes how much of the error: the shares of a linear covariance, at the end and where each is worst."""
+"""Error budget of a linear covariance: the contribution of each source at the end, and at its greatest."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from rpojax.analysis.linear_covariance.linear_covariance import LinearCovariance
+from rpojax.analysis.linear_covariance.covariance_history import LinearCovariance
 from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS
 
 ERRORS = {"formation error": "rho_H", "relative estimation error": "relative_error_H"}
-"""What the budget is of, three axes together."""
+"""Outputs of the budget by title, three axes together."""
 
 
 @dataclass(frozen=True)
@@ -16,10 +16,10 @@ class ErrorBudget:
     """Standard deviations [m] of the three axes together, by error and source.
 
     Attributes:
-        at_end: that each source alone leaves at the last look
-        total_at_end: of all sources
-        at_worst: that each source leaves when it leaves most
-        worst_at_s: when that is
+        at_end: by each source alone, at the end
+        total_at_end: by all sources
+        at_worst: greatest by each source alone
+        worst_at_s: time of it [s]
     """
 
     at_end: dict[str, dict[str, float]]
@@ -29,10 +29,10 @@ class ErrorBudget:
 
 
 def error_budget(linear: LinearCovariance) -> ErrorBudget:
-    """The budget of a linear covariance."""
+    """Error budget of a linear covariance."""
     at_end, total, at_worst, worst_at = {}, {}, {}, {}
     for title, output in ERRORS.items():
-        # Rounding can leave a share of nothing below zero.
+        # Rounding can leave a share of zero slightly negative.
         sigma = np.sqrt(np.maximum(linear.shares[:, :, OUTPUTS[output]].sum(axis=2), 0.0))
         at_end[title] = dict(zip(linear.sources, sigma[-1].tolist(), strict=True))
         total[title] = float(np.sqrt(np.sum(sigma[-1] ** 2)))

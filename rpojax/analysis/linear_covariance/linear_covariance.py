@@ -1,163 +1,164 @@
-"""Linear covariance of the whole closed loop: mean and spread at every second from one nominal run, without sampling.
+"""Linear covariance analysis of a scenario: mean, spread and error budget of its runs, without sampling them."""
 
-The derivative of the loop's tick along the nominal run carries the covariance of truth, estimate and flight software
-together (Geller, "Linear covariance techniques for orbital rendezvous analysis and autonomous onboard mission
-planning", Journal of Guidance, Control and Dynamics 29, 2006). Three things that a derivative does not tell are put in
-otherwise: burn decisions by their describing function, the target's attitude by an ensemble of outlines, and boxes that
-are missed or given up for a burn by leaving them out of the nominal run at their rate.
-"""
-
-import time
-from concurrent.futures import Future, ThreadPoolExecutor
+import dataclasses
+import io
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
-from rpojax.analysis.linear_covariance import dispersion_linearisation
-from rpojax.analysis.linear_covariance.analysis_setup import AnalysisSetup
-from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS
-from rpojax.analysis.linear_covariance.nominal_recursion import (
-    NominalRecursion,
-    PeriodRecord,
-    average_records,
-    merge_recursions,
+from rpojax.analysis.linear_covariance import monte_carlo_agreement
+from rpojax.analysis.linear_covariance.covariance_history import (
+    ENSEMBLE_SIZE,
+    LinearCovariance,
+    check_scenario,
+    propagate_covariance,
 )
-from rpojax.errors import RpojaxError
+from rpojax.analysis.linear_covariance.error_budget import ErrorBudget, error_budget
+from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS
+from rpojax.analysis.linear_covariance.monte_carlo_agreement import CHANNELS, ChannelAgreement, MonteCarloSample
+from rpojax.campaign import preflight
+from rpojax.campaign.storage.json_types import to_json_types
+from rpojax.campaign.storage.output_files import write_atomically, write_json
+from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.computer import Stages
+from rpojax.runtime.progress import busy
 from rpojax.scenario.schema import ScenarioFile
 
-ENSEMBLE_SIZE = 256
-"""Targets in the ensemble of outlines."""
-MAX_HOLD_TICKS = 10
-"""Ticks that one derivative stands for once the transfer is over."""
+RECORD_NAME, ARRAYS_NAME = "lincov.json", "lincov.npz"
+_MIN_RUNS = 10
+_ARRAYS = ("rho_H", "rho_dot_H", "relative_error_H", "relative_rate_error_H", "servicer_error_H", "delta_v_m_s")
 
 
 @dataclass(frozen=True)
-class LinearCovariance:
-    """What a linear covariance tells.
+class LinearCovarianceAnalysis:
+    """Linear covariance of a scenario, its error budget, and its agreement with sampled runs.
 
     Attributes:
-        time_s: (ticks,)
-        nominal: (ticks, 19) outputs of the nominal runs, as `linear_loop.OUTPUTS`
-        mean: (ticks, 19) of all runs
-        covariance: (ticks, 19, 19)
-        filter_sigma_H: (ticks, 3) of the relative position in the nominal filter [m]
-        seen: (ticks,) share of the nominal runs whose filter used a box
-        sources: names of what makes runs differ
-        left_out: names of dispersions whose effect is not in it
-        share_time_s: (spans,)
-        shares: (spans, sources, 19) variance that comes of each source
-        burn_probability: (decisions,) of a burn at each decision
-        burn_size_m_s: (decisions,) mean size of its velocity change
-        compile_s: compilation, and what is worked out at the start [s]
-        run_s: everything after it [s]
-        run_cpu_s: the same, in time of the processor [s]
+        file: the scenario
+        members: targets in the ensemble of outlines
+        seed: of the sampled runs
+        covariance: mean and covariance over a run
+        budget: contributions of the error sources
+        sample: sampled runs; None without any
+        agreement: of every compared component with the sampled runs
     """
 
-    time_s: np.ndarray
-    nominal: np.ndarray
-    mean: np.ndarray
-    covariance: np.ndarray
-    filter_sigma_H: np.ndarray
-    box_fraction: np.ndarray
-    sources: list[str]
-    left_out: list[str]
-    share_time_s: np.ndarray
-    shares: np.ndarray
-    burn_probability: np.ndarray
-    burn_size_m_s: np.ndarray
-    compile_s: float
-    run_s: float
-    run_cpu_s: float
+    file: ScenarioFile
+    members: int
+    seed: int
+    covariance: LinearCovariance
+    budget: ErrorBudget
+    sample: MonteCarloSample | None
+    agreement: tuple[ChannelAgreement, ...]
 
-    def sigma(self, output: str) -> np.ndarray:
-        """Standard deviations (ticks, ...) of an output."""
-        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)[:, OUTPUTS[output]])
+    @property
+    def warnings(self) -> list[str]:
+        """Dispersions that are left out, and components that disagree with the sampled runs."""
+        left_out = [f"{name}: its spread is too large for a derivative; left out" for name in self.covariance.left_out]
+        return left_out + [
+            f"{row.channel} {row.component}".strip()
+            + f": off by more than 15 % and sampling together at {row.disagrees:.0%} of the times, "
+            f"ratio {row.least:.2f} at {row.least_at_s:g} s to {row.largest:.2f} at {row.largest_at_s:g} s; "
+            "the loop is not linear there"
+            for row in self.agreement
+            if row.disagrees > 0.0
+        ]
 
-    def output_mean(self, output: str) -> np.ndarray:
-        """Means (ticks, ...) of an output."""
-        return self.mean[:, OUTPUTS[output]]
+    def to_dict(self) -> dict[str, Any]:
+        """Content of lincov.json, in the types of JSON."""
+        found, sample = self.covariance, self.sample
+        content = {
+            "scenario": self.file.name,
+            "settings": {
+                "duration_s": self.file.duration_s,
+                "members": self.members,
+                "runs": None if sample is None else sample.runs,
+                "failed_runs": None if sample is None else sample.failed,
+                "seed": self.seed,
+            },
+            "compile_s": found.compile_s,
+            "run_s": found.run_s,
+            "run_cpu_s": found.run_cpu_s,
+            "sampling_s": None if sample is None else sample.run_s,
+            "at_end": {
+                name: {"mean": found.output_mean(name)[-1].tolist(), "sigma": found.sigma(name)[-1].tolist()}
+                for name in CHANNELS
+            },
+            "left_out": found.left_out,
+            "burn_probability": found.burn_probability.tolist(),
+            "budget": dataclasses.asdict(self.budget),
+            "agreement": [dataclasses.asdict(row) for row in self.agreement],
+            "warnings": self.warnings,
+        }
+        return to_json_types(content)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Content of lincov.npz: time histories, time first."""
+        found = self.covariance
+        # Six of truth, six of the error of the estimate.
+        rows = slice(0, OUTPUTS["servicer_error_H"].start)
+        return {
+            "time_s": found.time_s,
+            **{name: found.output_mean(name) for name in _ARRAYS},
+            **{f"{name}_sigma": found.sigma(name) for name in _ARRAYS},
+            "covariance": found.covariance[:, rows, rows],
+            "filter_sigma_H": found.filter_sigma_H,
+            "sources": np.array(found.sources),
+            "share_time_s": found.share_time_s,
+            "shares": found.shares,
+        }
+
+    def write(self, directory: Path | str, force: bool = False) -> None:
+        """Writes lincov.npz and lincov.json into a folder.
+
+        Raises:
+            OutputError: a file exists and is not to be replaced by `force`, or cannot be written.
+        """
+        directory = Path(directory)
+        for name in (RECORD_NAME, ARRAYS_NAME):
+            if (directory / name).exists() and not force:
+                raise OutputError(f"{directory / name}: exists already; force=True replaces it")
+        stream = io.BytesIO()
+        np.savez_compressed(stream, allow_pickle=False, **self.arrays())
+        write_atomically(directory / ARRAYS_NAME, stream.getvalue())
+        write_json(directory / RECORD_NAME, self.to_dict())
 
 
-def check_scenario(file: ScenarioFile) -> None:
-    """Refuses what no derivative can stand for.
+def linear_covariance(
+    file: ScenarioFile,
+    *,
+    members: int = ENSEMBLE_SIZE,
+    runs: int = 0,
+    seed: int = 0,
+    stages: Stages | None = None,
+    progress: bool = True,
+) -> LinearCovarianceAnalysis:
+    """Mean, covariance and error budget of a scenario's runs by linear covariance, without sampling.
+
+    Args:
+        file: scenario with the geometric camera and without faults
+        members: tumbling targets in the ensemble of outlines
+        runs: to simulate for comparison, at least 10; 0 for none
+        seed: master seed of these runs
+        stages: of the flight software, replaced ones included
+        progress: show progress on stderr
 
     Raises:
-        RpojaxError: naming the key.
+        RpojaxError: a number is out of range, or an effect of the scenario has no Jacobian.
     """
-    if file.camera.model != "geometric":
-        raise RpojaxError(f"camera.model: found {file.camera.model!r}, expected 'geometric' for a linear covariance")
-    if file.effects.faults:
-        raise RpojaxError("effects.faults: found true, expected false for a linear covariance")
-    if file.camera.edge_noise_px == 0.0:
-        raise RpojaxError("camera.edge_noise_px: found 0.0, expected more for a linear covariance")
-    dispersion_linearisation.linearise_dispersions(file)
-
-
-def analyse_scenario(
-    file: ScenarioFile, members: int = ENSEMBLE_SIZE, hold: int = MAX_HOLD_TICKS, stages: Stages | None = None
-) -> LinearCovariance:
-    """Linear covariance of a scenario with an ensemble of so many targets.
-
-    After the transfer, one derivative stands for up to `hold` ticks.
-
-    Raises:
-        RpojaxError: as `check` does.
-    """
+    if runs != 0 and runs < _MIN_RUNS:
+        raise RpojaxError(f"--runs: found {runs}, expected 0 or at least {_MIN_RUNS}")
+    if members < 2:
+        raise RpojaxError(f"--members: found {members}, expected at least 2")
+    preflight.check_numbers(max(runs, 1), 0, seed, None)
     check_scenario(file)
-    begin = time.perf_counter()
-    setup = AnalysisSetup(file, members, stages or Stages())
-    compiled = time.perf_counter()
-    begin_cpu = time.process_time()
-    records = _fly(setup, hold)
-    run_s, run_cpu_s = time.perf_counter() - compiled, time.process_time() - begin_cpu
-    return _result(setup, records, compiled - begin, run_s, run_cpu_s)
-
-
-def _fly(setup: AnalysisSetup, hold: int) -> list[PeriodRecord]:
-    """All burn periods, on both sides of the mean run until their burns are over, then on one."""
-    static = setup.loop.scenario
-    records: list[PeriodRecord] = []
-    # The recursion along one period goes on beside the nominal run of the next. Its matrices are small: BLAS with
-    # threads of its own would take twice as long and keep the other cores from the derivatives.
-    with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(2) as pool:
-        sides = [NominalRecursion(setup, start, hold, pool) for start in setup.initial_conditions]
-        waiting: list[list[Future[PeriodRecord]]] = []
-        for first in range(0, static.ticks, static.formation_ticks):
-            kept = min(static.formation_ticks, static.ticks - first)
-            waiting.append([side.advance_period(kept) for side in sides])
-            if len(sides) == 2 and all(side.arrived for side in sides):
-                sides = [merge_recursions(sides)]
-        for futures in waiting:
-            records.append(average_records([future.result() for future in futures]))
-    return records
-
-
-def _result(
-    setup: AnalysisSetup, records: list[PeriodRecord], compile_s: float, run_s: float, run_cpu_s: float
-) -> LinearCovariance:
-    static = setup.loop.scenario
-    time_s = np.arange(static.ticks) * static.tick_s
-
-    def joined(name: str) -> np.ndarray:
-        return np.concatenate([getattr(record, name) for record in records])
-
-    decisions = np.array([record.decision for record in records])
-    return LinearCovariance(
-        time_s=time_s,
-        nominal=joined("nominal"),
-        mean=joined("mean"),
-        covariance=joined("covariance"),
-        filter_sigma_H=np.sqrt(joined("filter_variance_H")),
-        box_fraction=joined("box_fraction"),
-        sources=setup.sources,
-        left_out=setup.left_out,
-        share_time_s=time_s[:: setup.span_ticks],
-        shares=joined("shares"),
-        burn_probability=decisions[:, 0],
-        burn_size_m_s=decisions[:, 1],
-        compile_s=compile_s,
-        run_s=run_s,
-        run_cpu_s=run_cpu_s,
-    )
+    with busy("linear covariance", quiet=not progress):
+        found = propagate_covariance(file, members, stages=stages)
+    sample, agreement = None, ()
+    if runs:
+        with busy(f"simulating {runs} runs", quiet=not progress):
+            sample = monte_carlo_agreement.simulate_sample(file, runs, seed, stages)
+        agreement = tuple(monte_carlo_agreement.compare_with_sample(found, sample))
+    return LinearCovarianceAnalysis(file, members, seed, found, error_budget(found), sample, agreement)

@@ -1,14 +1,10 @@
-"""The closed loop along its nominal run, and its derivative at every tick, compiled once for one burn period."""
+"""Linearisation of the closed loop: its nominal run, and the Jacobian of a tick along it."""
 
-import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array
 
 from rpojax.analysis.linear_covariance import target_outline_ensemble, tick_noise_vector
@@ -16,18 +12,22 @@ from rpojax.analysis.linear_covariance.deviation_vector import DeviationLayout
 from rpojax.analysis.linear_covariance.target_outline_ensemble import RelativeBox, TargetEnsemble
 from rpojax.analysis.linear_covariance.tick_noise_vector import TickNoiseVector
 from rpojax.batching import vmap_last_axis
-from rpojax.core.frames import apply, hill_frame
+from rpojax.core.frames import hill_frame
 from rpojax.core.pytree import pytree
-from rpojax.core.pytree import replace as put_in
+from rpojax.core.pytree import replace as replace_leaves
+from rpojax.core.vectors import apply
 from rpojax.flight import computer
 from rpojax.flight.computer import FlightMemory, Stages
 from rpojax.flight.guidance import burn_planning, target_pointing
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.scenario.params import Params
-from rpojax.scenario.scenario_file import Scenario
-from rpojax.simulation import closed_loop, telemetry
-from rpojax.simulation.closed_loop import State, Telemetry
+from rpojax.scenario.static_settings import Scenario
+from rpojax.simulation.channels import compute_channels
 from rpojax.simulation.noise import TickNoise
+from rpojax.simulation.state import State, true_relative_state
+from rpojax.simulation.step import step as simulate_tick
+from rpojax.simulation.step_stages import sun_and_moon_at
+from rpojax.simulation.telemetry import Telemetry
 
 OUTPUTS = {
     "rho_H": slice(0, 3),
@@ -36,11 +36,11 @@ OUTPUTS = {
     "relative_rate_error_H": slice(9, 12),
     "servicer_error_H": slice(12, 15),
     "delta_v_m_s": slice(15, 16),
-    "law_H": slice(16, 19),
+    "command_H": slice(16, 19),
 }
-"""What is looked at on every tick, and where it stands: [m], [m/s], in the true Hill frame of the run.
+"""Outputs of every tick, and their slices in a vector (19,): [m], [m/s], in the true Hill frame of the run.
 
-`law_H` is what the control law would ask for, before the conditions on a burn.
+`command_H` is the output of the control law, before the conditions on a burn.
 """
 
 
@@ -50,14 +50,14 @@ class LinearisationPoint:
 
     Attributes:
         state: before the tick
-        drawn: random numbers of the tick
-        framing: of the mean outline about the nominal one
-        edges: (members, 4) deviations of the targets' outlines [px]
+        noise: random numbers of the tick
+        relative_box: of the ensemble's mean outline relative to the nominal one
+        edge_deviations: (members, 4) deviations of the targets' outlines [px]
         outputs: (19,) as `OUTPUTS`
-        sigma_H: (3,) of the relative position as the filter sees it, in H [m]
-        seen: () bool, the filter used a box
-        quiet: () bool, the camera is on the target and no slew under way
-        memory: flight software's memory with which a burn would be decided
+        sigma_H: (3,) of the relative position by the filter's covariance, in H [m]
+        box_used: () bool, the filter used a box
+        on_target: () bool, the camera is on the target and no slew under way
+        memory: memory of the flight software that a burn decision starts from
     """
 
     state: State
@@ -73,12 +73,12 @@ class LinearisationPoint:
 
 @dataclass(frozen=True)
 class LinearisedLoop:
-    """A scenario's loop about the mean of its dispersions; box edges are in pixels, not in sigmas.
+    """Closed loop of a scenario about the mean of its dispersions; box edges are in pixels, not in sigmas.
 
     Attributes:
         scenario: static settings
-        params: mean numbers, the camera's edge noise one pixel
-        layout: the vector of deviations
+        params: mean parameters, with an edge noise of one pixel
+        layout: of the deviation vector
         stages: of the flight software
     """
 
@@ -89,107 +89,112 @@ class LinearisedLoop:
 
     @property
     def noise_vector(self) -> TickNoiseVector:
-        """The random numbers of a tick as a vector."""
+        """Layout of the random numbers of a tick."""
         return TickNoiseVector(self.scenario.substeps)
 
-    def _own(self, params: Params, state: State) -> Array:
+    def _outline(self, params: Params, state: State) -> Array:
         return target_outline_ensemble.target_outline(self.scenario, params, state.truth.q_TN, state.truth)
 
     def simulate_nominal(
-        self, state: State, tumble: TargetEnsemble, seen: Array
+        self, state: State, ensemble: TargetEnsemble, box_allowed: Array
     ) -> tuple[State, TargetEnsemble, LinearisationPoint]:
-        """The nominal run over as many ticks as `seen` (ticks,) has flags, which allow a box each."""
+        """The nominal run over a period; `box_allowed` (ticks,) flags frames that may have a box."""
 
-        def one(
-            carry: tuple[State, TargetEnsemble], seen: Array
+        def tick(
+            carry: tuple[State, TargetEnsemble], box_allowed: Array
         ) -> tuple[tuple[State, TargetEnsemble], LinearisationPoint]:
-            state, tumble = carry
-            shown = target_outline_ensemble.ensemble_outlines(self.scenario, self.params, tumble, state.truth)
-            own = self._own(self.params, state)
-            drawn = tick_noise_vector.zero_noise(self.scenario.substeps, shown.mean - own, seen)
-            after, found = closed_loop.tick(self.stages, self.scenario, self.params, state, drawn)
-            sigma_H = telemetry.compute_channels(self.scenario, self.params, found)["relative_sigma_H"]
-            moment = LinearisationPoint(
+            state, ensemble = carry
+            outlines = target_outline_ensemble.ensemble_outlines(self.scenario, self.params, ensemble, state.truth)
+            nominal = self._outline(self.params, state)
+            noise = tick_noise_vector.zero_noise(self.scenario.substeps, outlines.mean - nominal, box_allowed)
+            after, telemetry = simulate_tick(self.scenario, self.params, state, self.stages, noise)
+            sigma_H = compute_channels(self.scenario, self.params, telemetry)["relative_sigma_H"]
+            point = LinearisationPoint(
                 state=state,
-                noise=drawn,
-                relative_box=target_outline_ensemble.relative_box(own, shown.mean),
-                edge_deviations=shown.deviations,
-                outputs=self._outputs(self.params, found),
+                noise=noise,
+                relative_box=target_outline_ensemble.relative_box(nominal, outlines.mean),
+                edge_deviations=outlines.deviations,
+                outputs=self._outputs(self.params, telemetry),
                 sigma_H=sigma_H,
-                box_used=found.innovation.accepted,
-                on_target=found.mode == Mode.LOOK,
-                # Guidance goes on after the decision; what it remembered before counts.
-                memory=put_in(found.flight, pointing=state.flight.pointing),
+                box_used=telemetry.innovation.accepted,
+                on_target=telemetry.mode == Mode.LOOK,
+                # Guidance follows the decision, which therefore sees its memory from before.
+                memory=replace_leaves(telemetry.flight, pointing=state.flight.pointing),
             )
-            turned = target_outline_ensemble.propagate_ensemble(self.scenario, self.params, tumble, state.truth.r_TN_N)
-            return (after, turned), moment
+            turned = target_outline_ensemble.propagate_ensemble(
+                self.scenario, self.params, ensemble, state.truth.r_TN_N
+            )
+            return (after, turned), point
 
-        (state, tumble), moments = jax.lax.scan(one, (state, tumble), seen)
-        return state, tumble, moments
+        (state, ensemble), points = jax.lax.scan(tick, (state, ensemble), box_allowed)
+        return state, ensemble, points
 
-    def step(self, state: State, drawn: TickNoise, framing: RelativeBox) -> Callable[[Array], Array]:
-        """The tick as a function of one vector: (size + inputs,) deviating numbers to (size + 19,) next ones, outputs.
+    def step(self, state: State, nominal: TickNoise, relative_box: RelativeBox) -> Callable[[Array], Array]:
+        """A tick as a function of a vector: deviating state and inputs (size + inputs,) to next state and outputs
+        (size + 19,).
 
-        Numbers that do not deviate are those of `state`; inputs are added to `drawn`.
+        Numbers that do not deviate are those of `state`; inputs are added to the `nominal` noise.
         """
         size = self.layout.size
 
-        def step(both: Array) -> Array:
-            moved, params = self.layout.unpack(both[:size], state, self.params)
-            own = self._own(params, moved)
-            # The mean outline grows and moves as the nominal one does, not by as many pixels.
-            shift = target_outline_ensemble.apply_relative_box(own, framing) - own
-            noise = self.noise_vector.unpack(both[size:], put_in(drawn, box=jnp.concatenate([shift, drawn.camera[4:]])))
-            after, found = closed_loop.tick(self.stages, self.scenario, params, moved, noise)
-            return jnp.concatenate([self.layout.pack(after, params), self._outputs(params, found)])
+        def step(vector: Array) -> Array:
+            deviated, params = self.layout.unpack(vector[:size], state, self.params)
+            outline = self._outline(params, deviated)
+            # The mean outline grows and moves in proportion to the nominal one, not by as many pixels.
+            shift = target_outline_ensemble.apply_relative_box(outline, relative_box) - outline
+            camera = jnp.concatenate([shift, nominal.camera[4:]])
+            noise = self.noise_vector.unpack(vector[size:], replace_leaves(nominal, camera=camera))
+            after, telemetry = simulate_tick(self.scenario, params, deviated, self.stages, noise)
+            return jnp.concatenate([self.layout.pack(after, params), self._outputs(params, telemetry)])
 
         return step
 
-    def jacobians(self, states: State, drawn: TickNoise, framings: RelativeBox) -> Array:
-        """Derivatives (ticks, size + 19, size + inputs) of `step` at each tick."""
+    def jacobians(self, states: State, noises: TickNoise, relative_boxes: RelativeBox) -> Array:
+        """Jacobians (ticks, size + 19, size + inputs) of `step` at each tick."""
 
-        def one(moment: tuple[State, TickNoise, RelativeBox]) -> Array:
-            step, point = self.step(*moment), self.nominal_vector(moment[0])
+        def jacobian(point: tuple[State, TickNoise, RelativeBox]) -> Array:
+            step, vector = self.step(*point), self.nominal_vector(point[0])
 
             def along(direction: Array) -> Array:
-                return jax.jvp(step, (point,), (direction,))[1]
+                return jax.jvp(step, (vector,), (direction,))[1]
 
-            return vmap_last_axis.vmap(along, in_axes=-1, out_axes=-1)(jnp.eye(point.size))
+            return vmap_last_axis.vmap(along, in_axes=-1, out_axes=-1)(jnp.eye(vector.size))
 
-        return jax.lax.map(one, (states, drawn, framings))
+        return jax.lax.map(jacobian, (states, noises, relative_boxes))
 
     def nominal_vector(self, state: State) -> Array:
         """The vector (size + inputs,) at which a tick is the nominal one."""
         return jnp.concatenate([self.layout.pack(state, self.params), jnp.zeros(self.noise_vector.size)])
 
-    def burns_for_commands(self, memory: FlightMemory, tick: Array, laws: Array) -> tuple[Array, Array]:
-        """Burns (samples, 3) [m/s] in N that flight software makes of outputs (samples, 3) of its control law.
+    def burns_for_commands(self, memory: FlightMemory, tick: Array, commands: Array) -> tuple[Array, Array]:
+        """Burns (samples, 3) [m/s] in N that the flight software plans for commands (samples, 3) of its control law.
 
-        Also from when to when (samples, 2) [s] it then looks away.
+        Also begin and end (samples, 2) [s] of their look-aways.
         """
         time = tick.astype(jnp.float64) * self.scenario.tick_s
-        sky = closed_loop.sky_at(self.scenario, time)
-        sight = target_pointing.point_at_target(self.params.flight.vehicle, memory.orbit, sky.sun_N)
+        sun_N = sun_and_moon_at(self.scenario, time).sun_N
+        pointing = target_pointing.point_at_target(self.params.flight.vehicle, memory.orbit, sun_N)
 
-        def one(law: Array) -> tuple[Array, Array]:
-            stages = replace(self.stages, formation_law=lambda gain, deviation: law)
-            plan = computer.plan_burn(stages, self.params.flight, memory, sight, time).plan
+        def burn(command: Array) -> tuple[Array, Array]:
+            stages = replace(self.stages, formation_law=lambda gain, deviation: command)
+            plan = computer.plan_burn(stages, self.params.flight, memory, pointing, time).plan
             turn = plan.ignition - plan.turn_start
             return plan.delta_v_N, jnp.stack([plan.turn_start, plan.cutoff + turn])
 
-        return jax.vmap(one)(laws)
+        return jax.vmap(burn)(commands)
 
-    def _outputs(self, params: Params, found: Telemetry) -> Array:
-        memory = found.flight
+    def _outputs(self, params: Params, telemetry: Telemetry) -> Array:
+        memory = telemetry.flight
         deviation, _ = burn_planning.deviation_at_burn(params.flight.formation, memory.station_keeping, memory.orbit)
-        return jnp.concatenate([navigation_outputs(found), self.stages.formation_law(memory.gain, deviation)])
+        return jnp.concatenate([navigation_outputs(telemetry), self.stages.formation_law(memory.gain, deviation)])
 
 
-def navigation_outputs(found: Telemetry) -> Array:
-    """(16,) the first of `OUTPUTS`, after navigation."""
-    truth, servicer, relative = found.truth, found.flight.orbit.servicer, found.flight.orbit.relative
+def navigation_outputs(telemetry: Telemetry) -> Array:
+    """The first 16 of `OUTPUTS`, after navigation."""
+    truth, orbit = telemetry.truth, telemetry.flight.orbit
+    servicer, relative = orbit.servicer, orbit.relative
     R_HN, _ = hill_frame(truth.r_TN_N, truth.v_TN_N)
-    rho, rho_dot = closed_loop.true_relative_state(truth)
+    rho, rho_dot = true_relative_state(truth)
     return jnp.concatenate(
         [
             rho,
@@ -200,59 +205,3 @@ def navigation_outputs(found: Telemetry) -> Array:
             truth.delta_v[None],
         ]
     )
-
-
-class CompiledLoop:
-    """A loop compiled: the nominal run of one burn period, its derivatives on all devices, and a decision."""
-
-    def __init__(self, loop: LinearisedLoop, state: State, tumble: TargetEnsemble, samples: int) -> None:
-        begin = time.perf_counter()
-        self.loop = loop
-        self.ticks = loop.scenario.formation_ticks
-        count = jax.device_count()
-        self._batch = _BATCH * count
-        mesh = jax.make_mesh((count,), ("ticks",))
-        spread = jax.sharding.PartitionSpec("ticks")
-        derive = jax.shard_map(
-            loop.jacobians, mesh=mesh, in_specs=(spread, spread, spread), out_specs=spread, check_vma=False
-        )
-        self._placed = jax.sharding.NamedSharding(mesh, spread)
-        seen = jnp.ones(self.ticks, dtype=bool)
-        _, _, moments = jax.eval_shape(loop.simulate_nominal, state, tumble, seen)
-        part = jax.tree.map(
-            lambda leaf: jax.ShapeDtypeStruct((self._batch, *leaf.shape[1:]), leaf.dtype, sharding=self._placed),
-            (moments.state, moments.drawn, moments.framing),
-        )
-        lowered: list[Any] = [
-            jax.jit(loop.simulate_nominal).lower(state, tumble, seen),
-            jax.jit(derive).lower(*part),
-            jax.jit(loop.burns_for_commands).lower(
-                jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype), moments.memory),
-                state.tick,
-                jnp.zeros((samples, 3)),
-            ),
-        ]
-        with ThreadPoolExecutor(len(lowered)) as pool:
-            self._fly, self._derive, self.burns_for_commands = pool.map(lambda each: each.compile(), lowered)
-        self.compile_s = time.perf_counter() - begin
-
-    def simulate_period(
-        self, state: State, tumble: TargetEnsemble, seen: np.ndarray
-    ) -> tuple[State, TargetEnsemble, LinearisationPoint]:
-        """One burn period of the nominal run."""
-        return self._fly(state, tumble, jnp.asarray(seen))
-
-    def jacobians(self, moments: LinearisationPoint, ticks: np.ndarray) -> np.ndarray:
-        """Derivatives (ticks, size + 19, size + inputs) at some ticks of a period."""
-        leaves = jax.tree.map(np.asarray, (moments.state, moments.noise, moments.relative_box))
-        parts = []
-        for first in range(0, len(ticks), self._batch):
-            # The last batch is filled up with the last tick.
-            rows = ticks[np.minimum(first + np.arange(self._batch), len(ticks) - 1)]
-            own = jax.tree.map(lambda leaf, rows=rows: leaf[rows], leaves)
-            parts.append(self._derive(*jax.device_put(own, self._placed)))
-        return np.concatenate([np.asarray(part) for part in parts])[: len(ticks)]
-
-
-_BATCH = 10
-"""Ticks whose derivatives a device works out at once."""

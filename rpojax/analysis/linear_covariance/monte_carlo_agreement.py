@@ -1,4 +1,4 @@
-"""Does a linear covariance agree with sampled runs? Ratios of standard deviations, with what sampling leaves open."""
+"""Agreement of a linear covariance with sampled runs: ratios of standard deviations, and their sampling error."""
 
 import time
 from collections.abc import Iterator
@@ -8,30 +8,31 @@ import jax
 import numpy as np
 from scipy.stats import chi2
 
-from rpojax.analysis.linear_covariance.linear_covariance import LinearCovariance
+from rpojax.analysis.linear_covariance.covariance_history import LinearCovariance
 from rpojax.campaign.execution.batch_engine import BatchEngine, Segment, default_block_size
-from rpojax.dispersions import designs
-from rpojax.dispersions.designs import RunRange
+from rpojax.dispersions.designs import experiment_design
+from rpojax.dispersions.designs.run_range import RunRange
+from rpojax.flight.computer import Stages
 from rpojax.scenario.schema import ScenarioFile
 
 CHANNELS = {"rho_H": ("x", "y", "z"), "relative_error_H": ("x", "y", "z"), "delta_v_m_s": ("",)}
-"""What is compared, and its components."""
+"""Compared channels and their components."""
 TOLERANCE = 0.15
-"""A standard deviation this far off, beyond what sampling explains, is a disagreement."""
+"""Relative error of a standard deviation that counts as a disagreement, beyond the sampling error."""
 _EVERY_S = 10.0
 _CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
 class MonteCarloSample:
-    """Sampled runs, decimated.
+    """Sampled runs, decimated in time.
 
     Attributes:
         time_s: (times,)
         values: channel -> (times, runs, components) of the runs that completed
-        runs: how many completed
-        failed: how many did not
-        run_s: flying them, compilation apart [s]
+        runs: number that completed
+        failed: number that did not
+        run_s: simulating them, without compilation [s]
     """
 
     time_s: np.ndarray
@@ -45,7 +46,7 @@ class MonteCarloSample:
         return np.std(self.values[channel], axis=1, ddof=1)
 
     def sigma_interval(self, channel: str) -> tuple[np.ndarray, np.ndarray]:
-        """95 % confidence interval of the standard deviations if values are normal, from the chi-square law."""
+        """95 % confidence interval of the standard deviations of normal values, from the chi-square distribution."""
         freedom = self.runs - 1
         low, high = chi2.ppf([0.5 + 0.5 * _CONFIDENCE, 0.5 - 0.5 * _CONFIDENCE], freedom)
         sigma = self.sigma(channel)
@@ -54,19 +55,19 @@ class MonteCarloSample:
 
 @dataclass(frozen=True)
 class ChannelAgreement:
-    """One component of one channel, linear over sampled standard deviation.
+    """Ratios of linear to sampled standard deviation of one component of one channel.
 
     Attributes:
         channel: as `CHANNELS`
         component: axis of H
-        median: ratio over all times
-        least: ratio
-        least_at_s: when
-        largest: ratio
-        largest_at_s: when
+        median: over all times
+        least: over all times
+        least_at_s: time of it [s]
+        largest: over all times
+        largest_at_s: time of it [s]
         rms: of the ratio less one
-        within: share of the times at which the ratio is within 15 % of one
-        disagrees: share of the times at which it is further off than 15 % and sampling together allow
+        within: fraction of the times with a ratio within 15 % of one
+        disagrees: fraction of the times with an error beyond 15 % and the sampling error together
         mean_off_sigmas: largest difference of the means over the sampled standard deviation
     """
 
@@ -83,10 +84,11 @@ class ChannelAgreement:
     mean_off_sigmas: float
 
 
-def simulate_sample(file: ScenarioFile, runs: int, seed: int) -> MonteCarloSample:
-    """Flies runs 0, 1, ... of a scenario and keeps what is compared, once in ten seconds."""
-    planned = designs.make_design(file, seed, RunRange(0, runs))
-    engine = BatchEngine(file, min(default_block_size(file), -(-runs // jax.device_count())), design=planned)
+def simulate_sample(file: ScenarioFile, runs: int, seed: int, stages: Stages | None = None) -> MonteCarloSample:
+    """Simulates runs 0 to `runs` - 1 of a scenario and keeps the compared channels, once in ten seconds."""
+    design = experiment_design.make_design(file, seed, RunRange(0, runs))
+    size = min(default_block_size(file), -(-runs // jax.device_count()))
+    engine = BatchEngine(file, size, stages=stages, design=design)
     engine.compile()
     step = max(1, round(_EVERY_S / engine.scenario.tick_s))
     begin = time.perf_counter()
@@ -123,35 +125,39 @@ def _collect(segments: Iterator[Segment], step: int, count: int) -> dict[str, np
 
 
 def compare_with_sample(linear: LinearCovariance, sampled: MonteCarloSample) -> list[ChannelAgreement]:
-    """Agreement of every component over the times that were sampled; what does not vary yet is left out."""
+    """Agreement of every component over the sampled times; times without variation are left out."""
     rows = np.searchsorted(linear.time_s, sampled.time_s)
     found = []
     for channel, components in CHANNELS.items():
         sigma, mean = linear.sigma(channel)[rows], linear.output_mean(channel)[rows]
-        own, centre = sampled.sigma(channel), np.mean(sampled.values[channel], axis=1)
+        sampled_sigma, sampled_mean = sampled.sigma(channel), np.mean(sampled.values[channel], axis=1)
         low, high = sampled.sigma_interval(channel)
         for index, component in enumerate(components):
-            varies = own[:, index] > 1e-9 * max(own[:, index].max(), 1e-300)
+            own = sampled_sigma[:, index]
+            varies = own > 1e-9 * max(own.max(), 1e-300)
             if not np.any(varies):
                 continue
-            at = sampled.time_s[varies]
-            ratio = sigma[varies, index] / own[varies, index]
             too_small = sigma[varies, index] < (1.0 - TOLERANCE) * low[varies, index]
             too_large = sigma[varies, index] > (1.0 + TOLERANCE) * high[varies, index]
-            off = np.abs(mean[varies, index] - centre[varies, index]) / own[varies, index]
-            found.append(
-                ChannelAgreement(
-                    channel=channel,
-                    component=component,
-                    median=float(np.median(ratio)),
-                    least=float(ratio.min()),
-                    least_at_s=float(at[ratio.argmin()]),
-                    largest=float(ratio.max()),
-                    largest_at_s=float(at[ratio.argmax()]),
-                    rms=float(np.sqrt(np.mean((ratio - 1.0) ** 2))),
-                    within=float(np.mean(np.abs(ratio - 1.0) <= TOLERANCE)),
-                    disagrees=float(np.mean(too_small | too_large)),
-                    mean_off_sigmas=float(off.max()),
-                )
-            )
+            offset = np.abs(mean[varies, index] - sampled_mean[varies, index]) / own[varies]
+            ratio = sigma[varies, index] / own[varies]
+            found.append(_agreement(channel, component, sampled.time_s[varies], ratio, too_small | too_large, offset))
     return found
+
+
+def _agreement(
+    channel: str, component: str, time_s: np.ndarray, ratio: np.ndarray, disagrees: np.ndarray, offset: np.ndarray
+) -> ChannelAgreement:
+    return ChannelAgreement(
+        channel=channel,
+        component=component,
+        median=float(np.median(ratio)),
+        least=float(ratio.min()),
+        least_at_s=float(time_s[ratio.argmin()]),
+        largest=float(ratio.max()),
+        largest_at_s=float(time_s[ratio.argmax()]),
+        rms=float(np.sqrt(np.mean((ratio - 1.0) ** 2))),
+        within=float(np.mean(np.abs(ratio - 1.0) <= TOLERANCE)),
+        disagrees=float(np.mean(disagrees)),
+        mean_off_sigmas=float(offset.max()),
+    )

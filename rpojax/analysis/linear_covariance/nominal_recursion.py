@@ -1,4 +1,4 @@
-"""The recursion along one nominal run of a linear covariance, burn period by burn period."""
+"""Covariance recursion along one nominal run, burn period by burn period."""
 
 import dataclasses
 import math
@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rpojax.analysis.linear_covariance import initial_conditions, tick_noise_vector
+from rpojax.analysis.linear_covariance import error_sources
 from rpojax.analysis.linear_covariance.analysis_setup import AnalysisSetup
+from rpojax.analysis.linear_covariance.box_schedule import BoxSchedule
 from rpojax.analysis.linear_covariance.burn_decision import (
     BurnDecision,
     covariance_root,
@@ -17,15 +18,16 @@ from rpojax.analysis.linear_covariance.burn_decision import (
 )
 from rpojax.analysis.linear_covariance.covariance_recursion import CovarianceRecursion, TickSystem
 from rpojax.analysis.linear_covariance.deviation_vector import PENDING_BURN
+from rpojax.analysis.linear_covariance.initial_conditions import InitialCondition
 from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS, LinearisationPoint
 
-_HOLD_UNDER_WAY = 3
-"""Ticks that one derivative stands for during the transfer."""
+_MAX_TRANSFER_HOLD_TICKS = 3
+"""Most ticks that share one Jacobian during the transfer."""
 
 
 @dataclass(frozen=True)
 class PeriodRecord:
-    """What a period gives; fields as those of `LinearCovariance`, and the decision's probability and size of a burn."""
+    """Results of one burn period; fields as in `LinearCovariance`, and the decision's probability and burn size."""
 
     nominal: np.ndarray
     mean: np.ndarray
@@ -37,148 +39,116 @@ class PeriodRecord:
 
 
 class NominalRecursion:
-    """The recursion along one nominal run, burn period by burn period."""
+    """Covariance recursion along one nominal run.
+
+    Attributes:
+        arrived: the nominal run's transfer is over: it has burned, and then stopped
+    """
 
     def __init__(
-        self, setup: AnalysisSetup, start: initial_conditions.InitialCondition, hold: int, pool: ThreadPoolExecutor
+        self, setup: AnalysisSetup, initial: InitialCondition, max_hold_ticks: int, pool: ThreadPoolExecutor
     ) -> None:
-        self.setup, self.hold, self.pool = setup, hold, pool
-        self.file, self.loop, self.compiled, self.sigma = setup.file, setup.loop, setup.compiled, setup.noise_sigma
-        self.state, self.tumble, self.mean = start.state, setup.ensemble, start.mean_offset
-        size, count = setup.loop.layout.size, len(setup.ensemble.q_TN)
-        columns = [*start.columns.values(), np.zeros((size, count))]
+        self.setup, self.max_hold_ticks, self.pool = setup, max_hold_ticks, pool
+        self.loop, self.compiled, self.sigma = setup.loop, setup.compiled, setup.noise_sigma
+        self.state, self.ensemble, self.mean = initial.state, setup.ensemble, initial.mean_offset
+        self.box_schedule = BoxSchedule(setup.loop.scenario, setup.file.camera)
+        size, members = setup.loop.layout.size, len(setup.ensemble.q_TN)
+        columns = [*initial.columns.values(), np.zeros((size, members))]
         self.recursion = CovarianceRecursion(
             columns=np.concatenate(columns, axis=1),
             noise=np.zeros((len(setup.noise_sources), size, size)),
-            noise_source=self._noise_of(),
+            noise_source=self._noise_source(),
         )
-        owners = [setup.source_index[name] for name in (*start.columns, tick_noise_vector.OUTLINE)]
-        self.column_of = np.repeat(owners, [each.shape[1] for each in columns])
-        # Factors of the outlines' deviations in the columns.
-        self.driven = np.concatenate([np.zeros((count, self.column_of.size - count)), np.eye(count)], axis=1)
-        self.missed, self.owed = 0.0, 0.0
-        self.last: BurnDecision | None = None
-        # Whether the nominal run burns in this period, has burned at all, and has then stopped.
+        sources = [setup.source_index[name] for name in (*initial.columns, error_sources.OUTLINE)]
+        self.column_source = np.repeat(sources, [each.shape[1] for each in columns])
+        # Factors (members, columns) of the outlines' deviations in the columns.
+        other_columns = self.column_source.size - members
+        self.outline_columns = np.concatenate([np.zeros((members, other_columns)), np.eye(members)], axis=1)
+        self.last_decision: BurnDecision | None = None
         self.burned, self.moved, self.arrived = True, False, False
-        self.carried: Future[PeriodRecord] | None = None
+        self.pending: Future[PeriodRecord] | None = None
 
-    def _noise_of(self) -> np.ndarray:
-        inputs = self.loop.noise_vector
-        numbers = np.zeros(inputs.size, dtype=int)
-        for name, part in inputs.slices.items():
-            numbers[part] = self.setup.noise_sources.index(name)
-        return numbers
+    def _noise_source(self) -> np.ndarray:
+        vector = self.loop.noise_vector
+        sources = np.zeros(vector.size, dtype=int)
+        for name, part in vector.slices.items():
+            sources[part] = self.setup.noise_sources.index(name)
+        return sources
 
     def advance_period(self, count: int) -> Future[PeriodRecord]:
-        """The next burn period, of which the first `count` ticks count; what it gives is still being worked out."""
-        seen = self._seen()
-        self.state, self.tumble, moments = self.compiled.simulate_period(self.state, self.tumble, seen)
-        keys = self._keys(moments, count)
-        ticks = np.unique(keys)
-        derivatives = self.compiled.jacobians(moments, ticks)
+        """Simulates the next burn period and propagates its first `count` ticks in the background."""
+        box_allowed = self.box_schedule.next_period(self.last_decision)
+        self.state, self.ensemble, points = self.compiled.simulate_period(self.state, self.ensemble, box_allowed)
+        jacobian_of = self._jacobian_ticks(points, count)
+        ticks = np.unique(jacobian_of)
+        jacobians = self.compiled.jacobians(points, ticks)
         self.wait()
-        self.last = self._decide(moments, derivatives[0])
-        burned, self.burned = self.burned, bool(np.any(self.last.nominal_burn))
+        self.last_decision = self._decide(points, jacobians[0])
+        burned, self.burned = self.burned, bool(np.any(self.last_decision.nominal_burn))
         self.arrived = self.arrived or (burned and not self.burned and self.moved)
         self.moved = self.moved or self.burned
-        self.carried = self.pool.submit(self._carry, moments, derivatives, np.searchsorted(ticks, keys), self.last)
-        return self.carried
+        rows = np.searchsorted(ticks, jacobian_of)
+        self.pending = self.pool.submit(self._propagate, points, jacobians, rows, self.last_decision)
+        return self.pending
 
     def wait(self) -> None:
-        """Until the recursion has come to the end of the period before."""
-        if self.carried is not None:
-            self.carried.result()
+        """Blocks until the recursion has reached the end of the period before."""
+        if self.pending is not None:
+            self.pending.result()
 
-    def _keys(self, moments: LinearisationPoint, count: int) -> np.ndarray:
-        """For each of the period's first `count` ticks the one whose derivative stands for it.
+    def _jacobian_ticks(self, points: LinearisationPoint, count: int) -> np.ndarray:
+        """For each of the period's first `count` ticks the one whose Jacobian is used.
 
-        Once there has been a decision little changes from tick to tick while the camera looks on and boxes come: then
-        one derivative in a few is enough, and in many when the transfer is over.
+        From the second decision on little changes from tick to tick while the camera is on the target and boxes come:
+        then some ticks share one Jacobian, and more of them when the transfer is over.
         """
-        keys = np.arange(count)
-        burns = np.any(np.asarray(moments.memory.plan.delta_v_N[0]))
-        hold = self.hold if self.arrived and not burns else min(self.hold, _HOLD_UNDER_WAY)
-        if self.last is None:
-            return keys
-        seen, quiet = np.asarray(moments.box_used), np.asarray(moments.on_target)
+        ticks = np.arange(count)
+        burns = np.any(np.asarray(points.memory.plan.delta_v_N[0]))
+        transfer_hold = min(self.max_hold_ticks, _MAX_TRANSFER_HOLD_TICKS)
+        hold = self.max_hold_ticks if self.arrived and not burns else transfer_hold
+        if self.last_decision is None:
+            return ticks
+        box_used, on_target = np.asarray(points.box_used), np.asarray(points.on_target)
         for tick in range(2, count):
-            key = keys[tick - 1]
-            alike = quiet[tick] and quiet[key] and seen[tick] == seen[key]
-            if key > 0 and alike and tick - key < hold:
-                keys[tick] = key
-        return keys
+            shared = ticks[tick - 1]
+            alike = on_target[tick] and on_target[shared] and box_used[tick] == box_used[shared]
+            if shared > 0 and alike and tick - shared < hold:
+                ticks[tick] = shared
+        return ticks
 
     def _forcing(self, edges: np.ndarray) -> np.ndarray:
-        """(inputs, columns) of the outlines (members, 4) [px], as multiples of the inputs' sigmas."""
-        forcing = np.zeros((len(self.sigma), self.driven.shape[1]))
+        """(inputs, columns) of the outlines' deviations (members, 4) [px], as multiples of the inputs' sigmas."""
+        forcing = np.zeros((len(self.sigma), self.outline_columns.shape[1]))
         scale = self.setup.edge_noise_px * math.sqrt(len(edges))
-        forcing[self.loop.noise_vector.slices[tick_noise_vector.BOX]] = edges.T @ self.driven / scale
+        forcing[self.loop.noise_vector.slices[error_sources.BOX]] = edges.T @ self.outline_columns / scale
         return forcing
 
-    def _decide(self, moments: LinearisationPoint, derivative: np.ndarray) -> BurnDecision:
-        """The decision on the first of the moments, where the derivative is `derivative`."""
+    def _decide(self, points: LinearisationPoint, jacobian: np.ndarray) -> BurnDecision:
+        """The burn decision at the first of the linearisation points, with that Jacobian."""
         size = self.loop.layout.size
-        gradient = derivative[size:][OUTPUTS["law_H"]]
+        gradient = jacobian[size:][OUTPUTS["command_H"]]
         U, V = gradient[:, :size], gradient[:, size:]
-        forcing = self._forcing(np.asarray(moments.edge_deviations[0]))
+        forcing = self._forcing(np.asarray(points.edge_deviations[0]))
         covariance = self.recursion.output_covariance(U, V * self.sigma, forcing)
-        mean = np.asarray(moments.outputs[0])[OUTPUTS["law_H"]] + U @ self.mean
-        return linearise_decision(self.compiled, moments, gradient, mean, covariance, self.setup.normal_points)
+        mean = np.asarray(points.outputs[0])[OUTPUTS["command_H"]] + U @ self.mean
+        return linearise_decision(self.compiled, points, gradient, mean, covariance, self.setup.normal_points)
 
-    def _seen(self) -> np.ndarray:
-        """Which frames of the next period may have a box: missed ones, and look-aways for burns, come at their rate.
-
-        A run may burn where the nominal one does not; how likely that is, the decision before tells.
-        """
-        static, camera = self.loop.scenario, self.file.camera
-        seen = np.ones(static.formation_ticks, dtype=bool)
-        rate = 1.0 - (1.0 - camera.miss_probability) * (1.0 - camera.outlier_probability)
-        for tick in range(len(seen)):
-            self.missed += rate
-            seen[tick] = self.missed < 1.0
-            self.missed -= 0.0 if seen[tick] else 1.0
-        if self.last is not None and not np.any(self.last.nominal_burn):
-            self.owed += self.last.probability
-            if self.owed >= 1.0:
-                self.owed -= 1.0
-                times = np.arange(len(seen)) * static.tick_s
-                seen &= (times < self.last.look_away[0]) | (times >= self.last.look_away[1])
-        return seen
-
-    def _carry(
-        self, moments: LinearisationPoint, derivatives: np.ndarray, rows: np.ndarray, decision: BurnDecision
+    def _propagate(
+        self, points: LinearisationPoint, jacobians: np.ndarray, rows: np.ndarray, decision: BurnDecision
     ) -> PeriodRecord:
-        """The recursion along one period."""
-        size, sigma = self.loop.layout.size, self.sigma
+        """The recursion along one period; `rows` (ticks,) are those of the Jacobians."""
         middle = round(float(self.loop.params.flight.formation.lead) / self.loop.scenario.tick_s)
-        edges = np.asarray(moments.edge_deviations)
-        nominal = np.asarray(moments.outputs)
+        edges = np.asarray(points.edge_deviations)
+        nominal = np.asarray(points.outputs)
         means, covariances, shares = [], [], []
         for index, row in enumerate(rows):
-            derivative = derivatives[row]
-            A, B = derivative[:size, :size].copy(), derivative[:size, size:] * sigma
-            C, D = derivative[size:, :size].copy(), derivative[size:, size:] * sigma
-            forcing = self._forcing(edges[index])
-            pending = self.loop.layout.slices[PENDING_BURN]
-            A[pending, pending] = np.eye(4)
-            added = before = (np.zeros((size, 0)), np.zeros(0, dtype=int))
-            if index == middle:
-                jump = self.loop.layout.burn_jump()
-                before = self._execution(decision)
-                A, C = A @ jump, C @ jump
-            mean_y = nominal[index] + C @ self.mean
-            self.mean = A @ self.mean
-            if index == 0:
-                A[pending] = decision.linearisation.gain @ decision.command_jacobian[:, :size]
-                B = B.copy()
-                B[pending] = decision.linearisation.gain @ (decision.command_jacobian[:, size:] * sigma)
-                self.mean[pending] = decision.linearisation.mean
-                added = self._decided(decision)
-            tick = TickSystem(A, B, C, D, forcing, *added, *before)
+            jump = decision if index == middle else None
+            made = decision if index == 0 else None
+            tick, deviation = self._advance_mean(jacobians[row], self._forcing(edges[index]), jump, made)
             if index % self.setup.span_ticks == 0:
-                shares.append(self._share(tick))
+                shares.append(self._variance_shares(tick))
             covariance = self.recursion.step(tick)
-            means.append(mean_y)
+            means.append(nominal[index] + deviation)
             covariances.append(covariance)
             if (index + 1) % self.setup.span_ticks == 0 or index + 1 == len(rows):
                 self.recursion.end_span()
@@ -187,38 +157,67 @@ class NominalRecursion:
             nominal=nominal[:kept],
             mean=np.array(means),
             covariance=np.array(covariances),
-            filter_variance_H=np.asarray(moments.sigma_H)[:kept].astype(np.float64) ** 2,
-            box_fraction=np.asarray(moments.box_used)[:kept].astype(np.float64),
+            filter_variance_H=np.asarray(points.sigma_H)[:kept].astype(np.float64) ** 2,
+            box_fraction=np.asarray(points.box_used)[:kept].astype(np.float64),
             shares=np.array(shares),
             decision=np.array([decision.probability, decision.mean_size]),
         )
 
-    def _share(self, tick: TickSystem) -> np.ndarray:
-        columns, noise = self.recursion.variance_shares(tick)
-        found = np.zeros((len(self.setup.sources), noise.shape[1]))
-        np.add.at(found, [self.setup.source_index[name] for name in self.setup.noise_sources], noise)
-        np.add.at(found, self.column_of, columns.T)
-        return found
+    def _advance_mean(
+        self, jacobian: np.ndarray, forcing: np.ndarray, jump: BurnDecision | None, made: BurnDecision | None
+    ) -> tuple[TickSystem, np.ndarray]:
+        """Linear system of one tick, and the mean deviation (19,) of its outputs; advances the mean state.
 
-    def _decided(self, decision: BurnDecision) -> tuple[np.ndarray, np.ndarray]:
-        """What the decision leaves of its input."""
+        `jump` is the decision whose burn has its middle at this tick, `made` the decision made at it.
+        """
+        size, sigma = self.loop.layout.size, self.sigma
+        A, B = jacobian[:size, :size].copy(), jacobian[:size, size:] * sigma
+        C, D = jacobian[size:, :size].copy(), jacobian[size:, size:] * sigma
+        pending = self.loop.layout.slices[PENDING_BURN]
+        A[pending, pending] = np.eye(4)
+        added = before = (np.zeros((size, 0)), np.zeros(0, dtype=int))
+        if jump is not None:
+            burn_jump = self.loop.layout.burn_jump()
+            before = self._execution_errors(jump)
+            A, C = A @ burn_jump, C @ burn_jump
+        deviation = C @ self.mean
+        self.mean = A @ self.mean
+        if made is not None:
+            gain = made.linearisation.gain
+            A[pending] = gain @ made.command_jacobian[:, :size]
+            B[pending] = gain @ (made.command_jacobian[:, size:] * sigma)
+            self.mean[pending] = made.linearisation.mean
+            added = self._decision_residual(made)
+        return TickSystem(A, B, C, D, forcing, *added, *before), deviation
+
+    def _variance_shares(self, tick: TickSystem) -> np.ndarray:
+        columns, noise = self.recursion.variance_shares(tick)
+        shares = np.zeros((len(self.setup.sources), noise.shape[1]))
+        np.add.at(shares, [self.setup.source_index[name] for name in self.setup.noise_sources], noise)
+        np.add.at(shares, self.column_source, columns.T)
+        return shares
+
+    def _decision_residual(self, decision: BurnDecision) -> tuple[np.ndarray, np.ndarray]:
+        """Noise columns of the decision's residual, and their sources."""
         columns = np.zeros((self.loop.layout.size, 4))
         columns[self.loop.layout.slices[PENDING_BURN]] = covariance_root(decision.linearisation.residual)
-        return columns, np.full(4, self.setup.noise_sources.index(tick_noise_vector.DECISION))
+        return columns, np.full(4, self.setup.noise_sources.index(error_sources.DECISION))
 
-    def _execution(self, decision: BurnDecision) -> tuple[np.ndarray, np.ndarray]:
-        """Execution errors of the burns that are decided on."""
+    def _execution_errors(self, decision: BurnDecision) -> tuple[np.ndarray, np.ndarray]:
+        """Noise columns of the execution errors of the decided burns, and their sources."""
         mass = float(self.loop.params.plant.servicer.mass)
-        along = self._variance("plant.thruster.force_scale") + self._variance("truth.mass") / mass**2
-        across = self._variance("plant.thruster.misalignment") + self._variance("star_tracker.misalignment")
+        along = self._initial_variance("plant.thruster.force_scale") + self._initial_variance("truth.mass") / mass**2
+        across = self._initial_variance("plant.thruster.misalignment") + self._initial_variance(
+            "star_tracker.misalignment"
+        )
         columns = np.zeros((self.loop.layout.size, 3))
         columns[self.loop.layout.slices["truth.v_ST_N"]] = execution_error_columns(
             decision, self.loop.params.plant.thruster, along, across
         )
-        return columns, np.full(3, self.setup.noise_sources.index(tick_noise_vector.BURN))
+        return columns, np.full(3, self.setup.noise_sources.index(error_sources.BURN))
 
-    def _variance(self, name: str) -> float:
-        """Mean variance of the components of a number, from what it started with."""
+    def _initial_variance(self, name: str) -> float:
+        """Mean variance of the components of a number that comes from its initial dispersion."""
         part = self.loop.layout.slices.get(name)
         if part is None:
             return 0.0
@@ -226,24 +225,24 @@ class NominalRecursion:
 
 
 def average_records(records: list[PeriodRecord]) -> PeriodRecord:
-    """What one period gives in the mean of the nominal runs."""
+    """Mean of the records of one period over the nominal runs."""
     names = [each.name for each in dataclasses.fields(PeriodRecord)]
     return PeriodRecord(**{name: np.mean([getattr(record, name) for record in records], axis=0) for name in names})
 
 
-def merge_recursions(sides: list[NominalRecursion]) -> NominalRecursion:
-    """One side that goes on with the mean covariance of two, along the first one's nominal run."""
-    for side in sides:
-        side.wait()
-    one, other = sides
+def merge_recursions(recursions: list[NominalRecursion]) -> NominalRecursion:
+    """A recursion with the mean covariance of two, along the first one's nominal run."""
+    for each in recursions:
+        each.wait()
+    one, other = recursions
     layout, params = one.loop.layout, one.loop.params
-    places = [np.asarray(layout.pack(side.state, params)) for side in sides]
-    sign = layout.quaternion_signs(*places)
-    one.mean = 0.5 * (one.mean + sign * (places[1] + other.mean) - places[0])
+    nominal = [np.asarray(layout.pack(each.state, params)) for each in recursions]
+    sign = layout.quaternion_signs(*nominal)
+    one.mean = 0.5 * (one.mean + sign * (nominal[1] + other.mean) - nominal[0])
     half = math.sqrt(0.5)
     columns = np.concatenate([one.recursion.columns, sign[:, None] * other.recursion.columns], axis=1)
     noise = 0.5 * (one.recursion.noise + np.outer(sign, sign) * other.recursion.noise)
     one.recursion = CovarianceRecursion(columns=half * columns, noise=noise, noise_source=one.recursion.noise_source)
-    one.column_of = np.concatenate([one.column_of, other.column_of])
-    one.driven = half * np.concatenate([one.driven, other.driven], axis=1)
+    one.column_source = np.concatenate([one.column_source, other.column_source])
+    one.outline_columns = half * np.concatenate([one.outline_columns, other.outline_columns], axis=1)
     return one

@@ -1,22 +1,18 @@
-"""Random numbers of a tick as one vector, and the names of what makes runs differ, for a linear covariance."""
+"""Random numbers of a tick as one vector, for a linear covariance."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from rpojax.analysis.linear_covariance.error_sources import BOX, GPS, GPS_BIAS, GYRO, GYRO_BIAS, STAR_TRACKER
 from rpojax.simulation.noise import TickNoise
-
-HANDOVER, GPS_BIAS, GYRO_BIAS = "hand-over estimate", "GPS bias", "gyro bias"
-STAR_TRACKER, GYRO, GPS, BOX = "star tracker noise", "gyro noise", "GPS noise", "box edge noise"
-OUTLINE, BURN, DECISION = "target outline", "burn execution", "burn decision"
 
 
 @dataclass(frozen=True)
 class TickNoiseVector:
-    """Random numbers of a tick as one vector, edges of the box in pixels.
+    """Layout of the random numbers of a tick in one vector; box edges are in pixels.
 
     Attributes:
         substeps: gyro samples in a tick
@@ -26,14 +22,14 @@ class TickNoiseVector:
 
     @property
     def slices(self) -> dict[str, slice]:
-        """Name of the source -> where its numbers stand."""
+        """Slice of each source by its name."""
         widths = {GPS: 3, STAR_TRACKER: 3, GYRO: 3 * self.substeps, BOX: 4, GPS_BIAS: 3, GYRO_BIAS: 3}
         edges = np.cumsum([0, *widths.values()]).tolist()
         return {name: slice(*edges[i : i + 2]) for i, name in enumerate(widths)}
 
     @property
     def size(self) -> int:
-        """Numbers in all."""
+        """Length of the vector."""
         return max(part.stop for part in self.slices.values())
 
     def sigma(self, edge_noise_px: float) -> np.ndarray:
@@ -43,7 +39,7 @@ class TickNoiseVector:
         return sigma
 
     def unpack(self, vector: Array, nominal: TickNoise) -> TickNoise:
-        """The numbers of a nominal tick with a vector added."""
+        """Noise of a nominal tick with the deviations of a vector (size,) added."""
         parts = self.slices
         box = jnp.concatenate([vector[parts[BOX]], jnp.zeros_like(nominal.camera[4:])])
         return TickNoise(
@@ -60,7 +56,7 @@ class TickNoiseVector:
 
 
 def zero_noise(substeps: int, edge_offset: Array, box_allowed: Array) -> TickNoise:
-    """A tick without noise, with the box's edges displaced by `box` (4,) [px], and without a box unless `seen`."""
+    """Zero noise of a tick, with the box displaced by `edge_offset` (4,) [px], and missed unless `box_allowed`."""
     zero = jnp.zeros((), dtype=jnp.float64)
     return TickNoise(
         gps=jnp.zeros(3),
@@ -74,9 +70,3 @@ def zero_noise(substeps: int, edge_offset: Array, box_allowed: Array) -> TickNoi
         biases=jnp.zeros(6),
         box_edge_errors=None,
     )
-
-
-def source_names(found: Mapping[str, np.ndarray]) -> list[str]:
-    """All sources, dispersions first."""
-    own = (HANDOVER, GPS_BIAS, GYRO_BIAS, STAR_TRACKER, GYRO, GPS, BOX, OUTLINE, BURN, DECISION)
-    return [*(name for name in found if name not in own), *own]

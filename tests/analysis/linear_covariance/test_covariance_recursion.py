@@ -1,4 +1,4 @@
-"""The recursion over spans against one that goes tick by tick, and against a textbook process."""
+"""The recursion over spans against a recursion tick by tick, and against the double integrator."""
 
 import numpy as np
 import pytest
@@ -6,12 +6,12 @@ import pytest
 from rpojax.analysis.linear_covariance.covariance_recursion import CovarianceRecursion, TickSystem
 
 SIZE, INPUTS, OUTPUTS, COLUMNS = 5, 3, 2, 4
-NOISE_OF = np.array([0, 0, 1])
+NOISE_SOURCE = np.array([0, 0, 1])
 NONE = np.zeros((SIZE, 0)), np.zeros(0, dtype=int)
 
 
 def system(rng: np.random.Generator, ticks: int) -> list[TickSystem]:
-    """A stable system that changes from tick to tick, with everything that a tick can have."""
+    """A stable time-varying system with all kinds of noise."""
     found = []
     for index in range(ticks):
         forcing = np.zeros((INPUTS, COLUMNS))
@@ -24,7 +24,7 @@ def system(rng: np.random.Generator, ticks: int) -> list[TickSystem]:
     return found
 
 
-def test_spans_of_any_length_give_what_the_textbook_gives_tick_by_tick() -> None:
+def test_spans_of_any_length_agree_with_the_recursion_tick_by_tick() -> None:
     rng = np.random.default_rng(0)
     start = rng.normal(size=(SIZE, COLUMNS))
     ticks = system(rng, 12)
@@ -33,19 +33,19 @@ def test_spans_of_any_length_give_what_the_textbook_gives_tick_by_tick() -> None
     for tick in ticks:
         for column, source in zip(tick.before.T, tick.before_source, strict=True):
             noise[source] += np.outer(column, column)
-        seen = tick.C @ columns + tick.D @ tick.forcing
+        outputs = tick.C @ columns + tick.D @ tick.forcing
         by_source = np.array([np.diag(tick.C @ part @ tick.C.T) for part in noise])
-        for column, source in zip(tick.D.T, NOISE_OF, strict=True):
+        for column, source in zip(tick.D.T, NOISE_SOURCE, strict=True):
             by_source[source] += column**2
-        shares.append((seen**2, by_source))
-        covariances.append(seen @ seen.T + tick.C @ noise.sum(axis=0) @ tick.C.T + tick.D @ tick.D.T)
+        shares.append((outputs**2, by_source))
+        covariances.append(outputs @ outputs.T + tick.C @ noise.sum(axis=0) @ tick.C.T + tick.D @ tick.D.T)
         columns = tick.A @ columns + tick.B @ tick.forcing
         noise = tick.A @ noise @ tick.A.T
-        for gains, sources in ((tick.B, NOISE_OF), (tick.added, tick.added_source)):
+        for gains, sources in ((tick.B, NOISE_SOURCE), (tick.added, tick.added_source)):
             for column, source in zip(gains.T, sources, strict=True):
                 noise[source] += np.outer(column, column)
     for span in (1, 4, 12):
-        recursion = CovarianceRecursion(columns=start, noise=np.zeros((3, SIZE, SIZE)), noise_source=NOISE_OF)
+        recursion = CovarianceRecursion(columns=start, noise=np.zeros((3, SIZE, SIZE)), noise_source=NOISE_SOURCE)
         for index, tick in enumerate(ticks):
             if index % span == 0:
                 for found, expected in zip(recursion.variance_shares(tick), shares[index], strict=True):
@@ -57,7 +57,7 @@ def test_spans_of_any_length_give_what_the_textbook_gives_tick_by_tick() -> None
         np.testing.assert_allclose(recursion.noise, noise, rtol=1e-9, atol=1e-12)
 
 
-def test_the_double_integrator_spreads_as_the_textbook_says() -> None:
+def test_the_double_integrator_has_its_analytic_variances() -> None:
     # White acceleration a_k, x' = x + v, v' = v + a: after n ticks var v = n and var x = (n - 1) n (2 n - 1) / 6.
     recursion = CovarianceRecursion(columns=np.zeros((2, 1)), noise=np.zeros((1, 2, 2)), noise_source=np.array([0]))
     A, B = np.array([[1.0, 1.0], [0.0, 1.0]]), np.array([[0.0], [1.0]])

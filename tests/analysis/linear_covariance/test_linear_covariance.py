@@ -1,57 +1,50 @@
-"""Linear covariance of a short run against sampled runs, and what is made of the two."""
+"""The analysis of a scenario with a synthetic covariance: what it refuses, and what it writes."""
+
+import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 from synthetic_linear_covariance import synthetic_linear_covariance
 
-from rpojax.analysis.linear_covariance import error_budget, linear_covariance, monte_carlo_agreement
-from rpojax.scenario import scenario_file
-
-OVERRIDES = ("camera.outlier_probability=0.0", "duration_s=400.0")
-
-
-def test_samples_of_the_same_law_agree_and_wider_ones_do_not() -> None:
-    for row in monte_carlo_agreement.compare_with_sample(*synthetic_linear_covariance()):
-        assert row.median == pytest.approx(1.0, abs=0.03)
-        assert row.disagrees == 0.0
-        assert row.within == 1.0
-    for row in monte_carlo_agreement.compare_with_sample(*synthetic_linear_covariance(scale=1.5)):
-        assert row.median == pytest.approx(1.0 / 1.5, abs=0.03)
-        assert row.disagrees == 1.0
-        assert row.largest < 0.85
+from rpojax.analysis.linear_covariance import linear_covariance, monte_carlo_agreement
+from rpojax.errors import OutputError, RpojaxError
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.schema import ScenarioFile
 
 
-def test_the_interval_of_a_sampled_sigma_holds_the_true_one_about_as_often_as_it_says() -> None:
-    linear, sampled = synthetic_linear_covariance()
-    low, high = sampled.sigma_interval("rho_H")
-    inside = (low < linear.sigma("rho_H")) & (linear.sigma("rho_H") < high)
-    assert 0.88 < inside.mean() < 1.0
+@pytest.fixture(scope="module")
+def file() -> ScenarioFile:
+    return scenario_loader.load("inspection")
 
 
-def test_the_budget_adds_up_in_squares() -> None:
-    linear, _ = synthetic_linear_covariance()
-    found = error_budget.error_budget(linear)
-    for title, output in error_budget.ERRORS.items():
-        total = np.sqrt(np.sum(linear.sigma(output)[-1] ** 2))
-        assert found.total_at_end[title] == pytest.approx(total)
-        assert found.at_end[title]["one"] == pytest.approx(0.6 * total)
-        assert found.at_worst[title]["other"] == pytest.approx(0.8 * total)
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"runs": 5}, "--runs: found 5, expected 0 or at least 10"),
+        ({"members": 1}, "--members: found 1, expected at least 2"),
+        ({"seed": -1}, "--seed: found -1"),
+    ],
+)
+def test_numbers_out_of_range_are_refused(file: ScenarioFile, arguments: dict[str, int], message: str) -> None:
+    with pytest.raises(RpojaxError, match=message):
+        linear_covariance.linear_covariance(file, progress=False, **arguments)  # pyright: ignore[reportArgumentType]
 
 
-@pytest.mark.slow
-def test_a_short_run_spreads_as_sampled_runs_do() -> None:
-    file = scenario_file.load("inspection", OVERRIDES)
-    linear = linear_covariance.analyse_scenario(file, members=64)
-    sampled = monte_carlo_agreement.simulate_sample(file, 200, 0)
-    assert sampled.failed == 0
-    by_sigma = {(row.channel, row.component): row for row in monte_carlo_agreement.compare_with_sample(linear, sampled)}
-    for component in "xyz":
-        row = by_sigma["rho_H", component]
-        assert row.disagrees == 0.0
-        assert row.median == pytest.approx(1.0, abs=0.1)
-    # 200 runs leave 10 % open at 95 %.
-    assert by_sigma["relative_error_H", "y"].median == pytest.approx(1.0, abs=0.15)
-    total = np.sqrt(linear.shares[-1].sum(axis=0))
-    rows = np.searchsorted(linear.time_s, linear.share_time_s[-1])
-    expected = np.sqrt(np.diag(linear.covariance[rows]))
-    np.testing.assert_allclose(total, expected, rtol=1e-6, atol=1e-12)
+def test_an_analysis_writes_its_record_and_arrays(
+    file: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    linear, sample = synthetic_linear_covariance(scale=1.5)
+    monkeypatch.setattr(linear_covariance, "propagate_covariance", lambda *_, **__: linear)
+    monkeypatch.setattr(monte_carlo_agreement, "simulate_sample", lambda *_: sample)
+    found = linear_covariance.linear_covariance(file, runs=400, progress=False)
+    found.write(tmp_path / "out")
+    content = json.loads((tmp_path / "out" / "lincov.json").read_text())
+    assert content == found.to_dict()
+    assert content["settings"]["runs"] == 400
+    assert any(warning.startswith("rho_H x: off by more than 15 %") for warning in content["warnings"])
+    with np.load(tmp_path / "out" / "lincov.npz") as arrays:
+        assert set(arrays) == set(found.arrays())
+        np.testing.assert_array_equal(arrays["rho_H_sigma"], linear.sigma("rho_H"))
+    with pytest.raises(OutputError, match="exists already"):
+        found.write(tmp_path / "out")

@@ -1,4 +1,4 @@
-"""Derivatives of the whole tick against differences of it, and the bookkeeping of the vector."""
+"""Jacobian of a tick against central differences, and the deviation vector."""
 
 from collections.abc import Callable
 from functools import partial
@@ -13,12 +13,14 @@ from rpojax.analysis.linear_covariance.deviation_vector import PENDING_BURN, mak
 from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS, LinearisedLoop
 from rpojax.core.pytree import replace
 from rpojax.flight.computer import Stages
-from rpojax.scenario import params, scenario_file
+from rpojax.scenario import params
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.params import Params
-from rpojax.scenario.scenario_file import Scenario
-from rpojax.simulation import closed_loop
-from rpojax.simulation.closed_loop import State
-from rpojax.simulation.noise import InitialNoise
+from rpojax.scenario.static_settings import Scenario, static_settings
+from rpojax.simulation import initial_state
+from rpojax.simulation.noise import InitialNoise, run_key
+from rpojax.simulation.state import State
+from rpojax.simulation.step import step as simulate_tick
 
 CONSTANTS = (("plant", "thruster", "force_scale"), ("camera", "misalignment"), ("star_tracker", "misalignment"))
 STEP = 5e-5
@@ -28,7 +30,7 @@ quick = partial(
     jax.jit,
     compiler_options={"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True},
 )
-"""Compiles with less effort what runs a few times."""
+"""Compiles fast what is called a few times."""
 
 RADIUS = 7e6
 """Of the orbit [m]."""
@@ -38,16 +40,16 @@ Nominal = tuple[Scenario, Params, State]
 
 @pytest.fixture(scope="module")
 def nominal() -> Nominal:
-    """The packaged scenario a little beside its mean, as it starts; box edges in pixels."""
-    file = scenario_file.load("inspection", ["initial.relative_position_m=[1.0, -50.0, 2.0]"])
-    static = scenario_file.static_settings(file)
+    """The packaged scenario at its start, slightly off its mean; box edges in pixels."""
+    file = scenario_loader.load("inspection", ["initial.relative_position_m=[1.0, -50.0, 2.0]"])
+    static = static_settings(file)
     base = params.build_params(file.model_dump(), static.width_px, static.height_px)
     base = replace(base, camera=replace(base.camera, edge_noise=jnp.ones(())))
     zero = InitialNoise(
         biases=jnp.zeros(6), box_edge_errors=None, handover=jnp.zeros(12), star_tracker=jnp.zeros(3), gyro=jnp.zeros(3)
     )
-    start = jax.jit(lambda key: closed_loop.init(static, base, key, zero))
-    return static, base, start(closed_loop.run_key(0, 0))
+    start = jax.jit(lambda key: initial_state.init(static, base, key, zero))
+    return static, base, start(run_key(0, 0))
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +59,7 @@ def loop(nominal: Nominal) -> LinearisedLoop:
 
 
 def scales(loop: LinearisedLoop) -> np.ndarray:
-    """Changes of the vector that mean about as much as each other."""
+    """Changes of the vector of comparable effect."""
     found = np.ones(loop.layout.size + loop.noise_vector.size)
     for name, part in loop.layout.slices.items():
         quaternion = name.split(".")[-1].startswith("q_")
@@ -68,7 +70,7 @@ def scales(loop: LinearisedLoop) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def tick(nominal: Nominal, loop: LinearisedLoop) -> tuple[Callable[[jax.Array], jax.Array], np.ndarray]:
-    """The tick as a function of one vector, and the point of the nominal run."""
+    """The step function, and the vector of the nominal run."""
     _, base, state = nominal
     own = target_outline_ensemble.target_outline(loop.scenario, base, state.truth.q_TN, state.truth)
     larger = own + jnp.array([-2.0, -1.0, 3.0, 1.0])
@@ -77,14 +79,14 @@ def tick(nominal: Nominal, loop: LinearisedLoop) -> tuple[Callable[[jax.Array], 
     return step, np.asarray(loop.nominal_vector(state))
 
 
-def test_unpacking_what_was_packed_changes_nothing(nominal: Nominal, loop: LinearisedLoop) -> None:
+def test_unpacking_inverts_packing(nominal: Nominal, loop: LinearisedLoop) -> None:
     _, base, state = nominal
     again = loop.layout.unpack(loop.layout.pack(state, base), state, base)
     for found, expected in zip(jax.tree.leaves(again), jax.tree.leaves((state, base)), strict=True):
         np.testing.assert_array_equal(found, expected)
 
 
-def test_quaternions_of_either_sign_are_told_to_be_the_same(nominal: Nominal, loop: LinearisedLoop) -> None:
+def test_quaternion_signs_are_matched(nominal: Nominal, loop: LinearisedLoop) -> None:
     _, base, state = nominal
     turned = replace(state, truth=replace(state.truth, q_BN=-state.truth.q_BN))
     signs = loop.layout.quaternion_signs(*(np.asarray(loop.layout.pack(each, base)) for each in (state, turned)))
@@ -104,7 +106,7 @@ def test_a_pending_burn_changes_truth_and_estimate_alike(loop: LinearisedLoop) -
 
 
 @pytest.mark.slow
-def test_a_tick_of_the_function_is_a_tick_of_the_loop(
+def test_the_step_function_is_a_tick_of_the_loop(
     nominal: Nominal, loop: LinearisedLoop, tick: tuple[Callable[[jax.Array], jax.Array], np.ndarray]
 ) -> None:
     static, base, state = nominal
@@ -112,7 +114,7 @@ def test_a_tick_of_the_function_is_a_tick_of_the_loop(
     found = np.asarray(quick(step)(jnp.asarray(point)))
     shift = jnp.array([-2.0, -1.0, 3.0, 1.0])
     drawn = tick_noise_vector.zero_noise(static.substeps, shift, jnp.ones((), dtype=bool))
-    after, _ = quick(lambda state: closed_loop.tick(Stages(), static, base, state, drawn))(state)
+    after, _ = quick(lambda state: simulate_tick(static, base, state, Stages(), drawn))(state)
     for path in loop.layout.states:
         expected = np.ravel(params.get_leaf(after, path))
         part = found[loop.layout.slices[".".join(path)]]
