@@ -1,1 +1,1 @@
-"""Fits of the statistical camera to the rendered one."""
+"""Calibration of the statistical camera to the rendered camera and its detector."""

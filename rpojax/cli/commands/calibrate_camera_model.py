@@ -13,7 +13,7 @@ from rpojax.errors import RpojaxError
 from rpojax.runtime.progress import busy, item_progress
 
 if TYPE_CHECKING:
-    from rpojax.analysis.calibration.camera_calibration import CameraFit
+    from rpojax.analysis.calibration.camera_fit import CameraFit
     from rpojax.scenario.schema import ScenarioFile
     from rpojax.sensors.statistical_camera import CameraStatistics
 
@@ -40,8 +40,8 @@ def calibrate_camera_model(
     from rpojax.scenario.loading import scenario_loader as scenarios
 
     file = scenarios.load(scenario, overrides)
-    from rpojax.analysis.calibration import camera_calibration
-    from rpojax.scenario import trained_files
+    from rpojax.analysis.calibration import view_sampling
+    from rpojax.scenario.trained import fitted_camera
     from rpojax.sensors import statistical_camera_file
 
     fit, statistics, outcomes = _fit(file, samples, sequences, seed, as_json)
@@ -58,9 +58,9 @@ def calibrate_camera_model(
         "log_likelihood": fit.log_likelihood,
         "log_likelihood_held_out": fit.log_likelihood_held_out,
         "command": f"rpojax calibrate-camera-model {Path(scenario).name} --out {out.name} {numbers}",
-        "fitted_for": trained_files.fitted_for(tables),
-        "made_with": trained_files.made_with(tables),
-        "limits": camera_calibration.view_limits(file),
+        "fitted_for": fitted_camera.fitted_for(tables),
+        "made_with": fitted_camera.made_with(tables),
+        "limits": view_sampling.view_limits(file),
     }
     statistical_camera_file.save_statistics(statistics, out, card)
     shown = {"file": str(out), **{name: value for name, value in card.items() if name not in _NOT_PRINTED}}
@@ -72,17 +72,15 @@ def _fit(
     file: "ScenarioFile", samples: int, sequences: int, seed: int, quiet: bool
 ) -> "tuple[CameraFit, CameraStatistics, dict[str, Any]]":
     """Fit to rendered views, its camera with the correlation of errors, and a summary of the detector's outcomes."""
-    from rpojax.analysis.calibration import camera_calibration, error_correlation
+    from rpojax.analysis.calibration import camera_fit, detection_outcomes, error_correlation, view_sampling
 
     with item_progress("rendering", quiet=quiet) as watch:
-        found = camera_calibration.detect_in_views(
-            file, camera_calibration.sample_views(file, samples, seed), seed, watch
-        )
+        found = detection_outcomes.detect_in_views(file, view_sampling.sample_views(file, samples, seed), seed, watch)
     threshold = file.imaging.score_threshold
     with item_progress("rendering sequences", quiet=quiet) as watch:
         turning = error_correlation.sample_tumble_sequences(file, sequences, seed + 1)
-        seen = camera_calibration.detect_in_views(file, turning.views, seed + 1, watch)
+        seen = detection_outcomes.detect_in_views(file, turning.views, seed + 1, watch)
     with busy("fitting", quiet=quiet):
-        fit = camera_calibration.fit_camera(found, threshold, seed)
+        fit = camera_fit.fit_camera(found, threshold, seed)
         statistics = error_correlation.with_error_correlation(fit.statistics, seen, turning.turn_per_frame, threshold)
-    return fit, statistics, camera_calibration.outcome_summary(found, threshold)
+    return fit, statistics, camera_fit.outcome_summary(found, threshold)

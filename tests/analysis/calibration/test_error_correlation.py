@@ -1,4 +1,4 @@
-"""The share of a detector's errors that lasts, and for how long, are found where they are known."""
+"""The fit of the correlation of errors finds known shares and decay angles."""
 
 import itertools
 
@@ -6,12 +6,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.analysis.calibration import camera_calibration, error_correlation
-from rpojax.analysis.calibration.camera_calibration import DetectionOutcomes
+from rpojax.analysis.calibration import error_correlation
+from rpojax.analysis.calibration.camera_fit import fit_camera
+from rpojax.analysis.calibration.detection_outcomes import DetectionOutcomes
 from rpojax.analysis.calibration.error_correlation import FRAMES
 from rpojax.core import quaternion
-from rpojax.scenario import scenario_file
-from rpojax.sensors.statistical_camera import FEATURE_COUNT, WIDE_SIGMA_FACTOR
+from rpojax.scenario.loading import scenario_loader
+from rpojax.sensors.statistical_camera import WIDE_SIGMA_FACTOR
+from rpojax.sensors.view_features import FEATURE_COUNT
 
 SIDE = 30.0
 SIGMA = 0.04
@@ -19,7 +21,7 @@ COUNT = 400
 
 
 def sequences(share: float, angle: float, turn: np.ndarray, wide: float = 0.0) -> DetectionOutcomes:
-    """Boxes whose edges err by a lasting and a passing part, some three times as far; sides err alike by half."""
+    """Boxes with correlated and independent errors, some three times as wide; two sides correlate by half."""
     rng = np.random.default_rng(5)
     lasting = rng.normal(size=(len(turn), 4))
     errors = []
@@ -36,8 +38,8 @@ def sequences(share: float, angle: float, turn: np.ndarray, wide: float = 0.0) -
     return DetectionOutcomes(features, outline, np.ones(len(error), bool), outline + SIDE * SIGMA * error, score)
 
 
-def alike(share: float, wide: float) -> float:
-    """Correlation of two frames of a target that does not turn: width is drawn anew in each."""
+def frame_correlation(share: float, wide: float) -> float:
+    """Correlation of two frames of a target that does not turn: the width is drawn in each of them."""
     return share * (1.0 + 2.0 * wide) ** 2 / (1.0 + 8.0 * wide)
 
 
@@ -45,25 +47,25 @@ def alike(share: float, wide: float) -> float:
 def test_the_share_and_the_angle_are_found(share: float, angle_deg: float, wide: float) -> None:
     turn = np.radians(np.random.default_rng(1).uniform(0.1, 3.0, COUNT))
     made = sequences(share, np.radians(angle_deg), turn, wide)
-    fit = camera_calibration.fit_camera(made, 0.4)
+    fit = fit_camera(made, 0.4)
     found = error_correlation.with_error_correlation(fit.statistics, made, turn, 0.4)
-    drawn = alike(float(found.lasting_share), float(found.wide_share))
-    assert drawn == pytest.approx(alike(share, wide), abs=0.06)
+    drawn = frame_correlation(float(found.lasting_share), float(found.wide_share))
+    assert drawn == pytest.approx(frame_correlation(share, wide), abs=0.06)
     assert np.degrees(float(found.lasting_angle)) == pytest.approx(angle_deg, rel=0.2)
     correlation = np.asarray(found.mixing @ found.mixing.T)
     assert correlation[0, 2] == pytest.approx(0.5, abs=0.1)
     assert abs(correlation[0, 1]) < 0.1
 
 
-def test_errors_that_do_not_last_have_no_share() -> None:
+def test_uncorrelated_errors_have_no_share() -> None:
     turn = np.radians(np.random.default_rng(1).uniform(0.05, 3.0, COUNT))
     made = sequences(0.0, 1.0, turn)
-    fit = camera_calibration.fit_camera(made, 0.4)
+    fit = fit_camera(made, 0.4)
     assert float(error_correlation.with_error_correlation(fit.statistics, made, turn, 0.4).lasting_share) < 0.06
 
 
 def test_a_sequence_turns_by_equal_angles_and_nothing_else_changes() -> None:
-    made = error_correlation.sample_tumble_sequences(scenario_file.load("inspection"), 6, seed=3)
+    made = error_correlation.sample_tumble_sequences(scenario_loader.load("inspection"), 6, seed=3)
     q = made.views.q_TN.reshape(6, FRAMES, 4)
     for rows, turn in zip(q, made.turn_per_frame, strict=True):
         for one, other in itertools.pairwise(rows):

@@ -1,0 +1,123 @@
+"""Detections in rendered views: outlines, boxes and scores for the calibration of a statistical camera."""
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from rpojax.analysis.calibration.view_sampling import Views
+from rpojax.core import quaternion
+from rpojax.scenario import params
+from rpojax.scenario.params import Params
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.trained import image_sampling, trained_files
+from rpojax.sensors import rendered_camera, view_features, window_selection
+from rpojax.sensors.rendered_camera import Imaging, Networks
+from rpojax.vision import bounding_box, pinhole
+from rpojax.vision.detector.two_stage_detector import detect
+from rpojax.vision.imaging.image_formation import Scene
+from rpojax.vision.pinhole import Intrinsics
+from rpojax.vision.radiance_field.ray_budget import RaySampling
+
+_BATCH_SIZE = 16
+
+OnProgress = Callable[[int, int], None]
+"""Called with the number of rendered views, and of all views."""
+
+
+@dataclass(frozen=True)
+class DetectionOutcomes:
+    """Detections in views.
+
+    Attributes:
+        features: (n, f) of the view
+        outline: (n, 4) edges of the target's visible outline [px]
+        in_frame: (n,) bool, the target is in the frame
+        edges: (n, 4) of the detected box [px]
+        score: (n,) of the box
+    """
+
+    features: np.ndarray
+    outline: np.ndarray
+    in_frame: np.ndarray
+    edges: np.ndarray
+    score: np.ndarray
+
+    @property
+    def overlap(self) -> np.ndarray:
+        """Intersection over union (n,) of box and outline."""
+        return np.asarray(
+            jax.vmap(bounding_box.intersection_over_union)(jnp.asarray(self.edges), jnp.asarray(self.outline))
+        )
+
+
+def detect_in_views(
+    file: ScenarioFile, views: Views, seed: int, on_progress: OnProgress = lambda done, total: None
+) -> DetectionOutcomes:
+    """Renders views and detects boxes in them, as the rendered camera of a run does."""
+    tables = file.model_dump()
+    # The statistical camera to be fitted is not needed.
+    tables["camera"]["model"] = "geometric"
+    nominal = params.build_params(tables, file.camera.width_px, file.camera.height_px)
+    networks, rays = trained_files.load_networks(tables), image_sampling.image_sampling(tables)
+    size = (file.camera.width_px, file.camera.height_px)
+    lens = pinhole.pinhole_intrinsics(nominal.camera.field_of_view, *size)
+    detect_batch = jax.jit(jax.vmap(partial(_detect_in_view, nominal, rays, size, lens), in_axes=(None, None, 0, 0)))
+    count = len(views.r_ST_N)
+    keys = jax.random.key_data(jax.random.split(jax.random.key(seed, impl="threefry2x32"), count))
+    parts = []
+    for first in range(0, count, _BATCH_SIZE):
+        # The last batch is padded with views of the first, so that there is one program.
+        rows = (first + np.arange(_BATCH_SIZE)) % count
+        chosen = Views(**{f.name: getattr(views, f.name)[rows] for f in dataclasses.fields(Views)})
+        found = detect_batch(
+            nominal.imaging, networks, jax.tree.map(jnp.asarray, dataclasses.asdict(chosen)), keys[rows]
+        )
+        parts.append([np.asarray(value)[: count - first] for value in found])
+        on_progress(min(first + _BATCH_SIZE, count), count)
+    return DetectionOutcomes(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+
+
+def _detect_in_view(
+    nominal: Params,
+    rays: RaySampling,
+    size: tuple[int, int],
+    lens: Intrinsics,
+    imaging: Imaging,
+    networks: Networks,
+    view: dict[str, Array],
+    key: Array,
+) -> tuple[Array, ...]:
+    scene = rendered_camera.to_float32(_scene(view))
+    hull_T = nominal.plant.target.hull
+    R_KT, r_TK_K = scene.R_KT.astype(jnp.float64), quaternion.rotate(view["q_KN"], -view["r_ST_N"])
+    hull_K = jnp.sum(R_KT[None, :, :] * hull_T[:, None, :], axis=2) + r_TK_K[None, :]
+    outline = bounding_box.projected_box(lens, hull_K).astype(jnp.float32)
+    middle, extent = bounding_box.box_center(outline), bounding_box.box_size(outline)
+    window = window_selection.choose_window(lens, *size, middle, extent, jnp.ones((), bool))
+    picture = rendered_camera.render_window(imaging, networks, rays, window, *size, scene, key)
+    found = detect(networks.detector, picture[None], rendered_camera.REFINED_PROPOSALS)
+    corner = jnp.concatenate([window.corner_px, window.corner_px])
+    edges = jnp.clip(corner + found.box_px[0, 0] * window.binning, 0.0, jnp.array([*size, *size], jnp.float32))
+    visible, _ = view_features.visible_outline(outline, size)
+    in_frame = view_features.is_in_frame(outline, size)
+    return view_features.features(scene, outline, size), visible, in_frame, edges, found.score[0, 0]
+
+
+def _scene(view: dict[str, Array]) -> Scene:
+    q_KT = quaternion.multiply(view["q_KN"], quaternion.conjugate(view["q_TN"]))
+    return Scene(
+        r_KT_T=quaternion.rotate(view["q_TN"], view["r_ST_N"]),
+        R_KT=quaternion.to_matrix(q_KT),
+        sun_T=quaternion.rotate(view["q_TN"], view["sun_N"]),
+        sunlight=view["sunlight"],
+        R_KN=quaternion.to_matrix(view["q_KN"]),
+        position_N=view["place_N"],
+        sun_N=view["sun_N"],
+        earth_rotation=view["earth_turn"],
+    )
