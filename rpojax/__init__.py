@@ -1,6 +1,7 @@
 """rpojax: differentiable, batched Monte Carlo simulation of vision-based rendezvous and proximity operations.
 
-The names below load on first use, so that importing the package (or asking the command line for help) is instant.
+The public interface is the names below. They load on first use, so that importing the package, or asking the command
+line for help, is instant.
 """
 
 import importlib
@@ -9,37 +10,87 @@ from typing import TYPE_CHECKING, Any
 from rpojax.version import __version__
 
 if TYPE_CHECKING:
+    from rpojax.analysis.gradients.derivative_sensitivity import sensitivity
+    from rpojax.analysis.gradients.scenario_gradient import gradient
+    from rpojax.analysis.gradients.tuning.tune import tune
+    from rpojax.analysis.linear_covariance.linear_covariance import linear_covariance
+    from rpojax.analysis.reliability.worst_case import worst_case
+    from rpojax.analysis.statistics.campaign_comparison import compare
     from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
-    from rpojax.campaign.single_run import simulate
+    from rpojax.campaign.single_run import initialise_run, nominal_parameters, simulate
     from rpojax.campaign.storage.campaign_folder import Campaign
     from rpojax.campaign.storage.xarray_dataset import open_campaign
     from rpojax.errors import RpojaxError
     from rpojax.flight.computer import Stages
     from rpojax.report.page.html_report import write_report
     from rpojax.scenario.loading.scenario_loader import load
+    from rpojax.scenario.params import Params
+    from rpojax.scenario.schema import ScenarioFile
+    from rpojax.scenario.static_settings import Scenario
+    from rpojax.simulation.initial_state import init
+    from rpojax.simulation.noise import run_key
+    from rpojax.simulation.rollout import rollout
+    from rpojax.simulation.state import State
+    from rpojax.simulation.step import step
+    from rpojax.simulation.telemetry import Telemetry
 
 _HOMES = {
-    "Campaign": "rpojax.campaign.storage.campaign_folder",
-    "RpojaxError": "rpojax.errors",
-    "Stages": "rpojax.flight.computer",
-    "load": "rpojax.scenario.loading.scenario_loader",
-    "open_campaign": "rpojax.campaign.storage.xarray_dataset",
-    "resume_campaign": "rpojax.campaign.run_and_resume",
-    "run_campaign": "rpojax.campaign.run_and_resume",
-    "simulate": "rpojax.campaign.single_run",
-    "write_report": "rpojax.report.page.html_report",
+    "Campaign": "campaign.storage.campaign_folder",
+    "Params": "scenario.params",
+    "RpojaxError": "errors",
+    "Scenario": "scenario.static_settings",
+    "ScenarioFile": "scenario.schema",
+    "Stages": "flight.computer",
+    "State": "simulation.state",
+    "Telemetry": "simulation.telemetry",
+    "compare": "analysis.statistics.campaign_comparison",
+    "gradient": "analysis.gradients.scenario_gradient",
+    "init": "simulation.initial_state",
+    "initialise_run": "campaign.single_run",
+    "linear_covariance": "analysis.linear_covariance.linear_covariance",
+    "load": "scenario.loading.scenario_loader",
+    "nominal_parameters": "campaign.single_run",
+    "open_campaign": "campaign.storage.xarray_dataset",
+    "resume_campaign": "campaign.run_and_resume",
+    "rollout": "simulation.rollout",
+    "run_campaign": "campaign.run_and_resume",
+    "run_key": "simulation.noise",
+    "sensitivity": "analysis.gradients.derivative_sensitivity",
+    "simulate": "campaign.single_run",
+    "step": "simulation.step",
+    "tune": "analysis.gradients.tuning.tune",
+    "worst_case": "analysis.reliability.worst_case",
+    "write_report": "report.page.html_report",
 }
+"""Public name -> its module in the package."""
 
 __all__ = [
     "Campaign",
+    "Params",
     "RpojaxError",
+    "Scenario",
+    "ScenarioFile",
     "Stages",
+    "State",
+    "Telemetry",
     "__version__",
+    "compare",
+    "gradient",
+    "init",
+    "initialise_run",
+    "linear_covariance",
     "load",
+    "nominal_parameters",
     "open_campaign",
     "resume_campaign",
+    "rollout",
     "run_campaign",
+    "run_key",
+    "sensitivity",
     "simulate",
+    "step",
+    "tune",
+    "worst_case",
     "write_report",
 ]
 
@@ -47,4 +98,8 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'rpojax' has no attribute {name!r}")
-    return getattr(importlib.import_module(_HOMES[name]), name)
+    return getattr(importlib.import_module(f"rpojax.{_HOMES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOMES})

@@ -39,6 +39,7 @@ def replay_history(
             first_run=run_id,
             block_size=1,
             population=recorded_run_range(configuration),
+            progress=False,
             on_progress=on_progress,
         )
         return campaign.history(run_id)

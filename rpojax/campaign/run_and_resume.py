@@ -1,6 +1,7 @@
 """Campaigns of dispersed runs: start a new one, resume an interrupted one, keep the histories selected by results."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.dispersions.designs import experiment_design
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.computer import Stages
-from rpojax.runtime.progress import Progress, ProgressCallback
+from rpojax.runtime.progress import Progress, ProgressCallback, run_progress
 from rpojax.scenario.schema import ScenarioFile
 
 DEFAULT_HISTORIES = 8
@@ -41,6 +42,7 @@ def run_campaign(
     devices: Sequence[Any] | None = None,
     stages: Stages | None = None,
     population: RunRange | None = None,
+    progress: bool = True,
     on_progress: ProgressCallback | None = None,
     shard: Shard | None = None,
     executor: ExecutorFactory | None = None,
@@ -51,6 +53,7 @@ def run_campaign(
     With a `shard` the folder may be one that other shards of the same campaign have made, and only the shard's blocks
     are simulated. By default the `executor` uses all devices of this process. `population` is the range of runs that
     the design is made for, if larger than this one. `report` records in the folder that a report is wanted.
+    Progress is shown on stderr, or given to `on_progress`; with `progress=False` the call is silent.
 
     Raises:
         RpojaxError: a number is out of range, the folder cannot be used, or memory or disk are too small.
@@ -72,7 +75,8 @@ def run_campaign(
     _check_channels(retention, engine)
     campaign = _open_folder(Path(out), configuration, force, shared=shard is not None)
     chosen = executor(campaign) if executor else LocalExecutor(campaign, engine)
-    simulate_missing_blocks(campaign, chosen, on_progress, shard, stages)
+    with _progress_display(on_progress, progress, file.duration_s) as report_progress:
+        simulate_missing_blocks(campaign, chosen, report_progress, shard, stages)
     return campaign
 
 
@@ -106,11 +110,14 @@ def resume_campaign(
     directory: Path | str,
     *,
     stages: Stages | None = None,
+    progress: bool = True,
     on_progress: ProgressCallback | None = None,
     shard: Shard | None = None,
     executor: ExecutorFactory | None = None,
 ) -> Campaign:
     """Simulates the missing blocks and histories of a campaign; a complete one is not changed.
+
+    Progress is shown on stderr, or given to `on_progress`; with `progress=False` the call is silent.
 
     Raises:
         RpojaxError: the folder is no campaign, or `stages` are not those with which it began.
@@ -127,10 +134,24 @@ def resume_campaign(
             chosen: Executor = LocalExecutor(campaign, engine)
         else:
             chosen = executor(campaign)
-        simulate_missing_blocks(campaign, chosen, on_progress, shard, stages)
-    elif not campaign.missing_blocks():
-        _simulate_selected_histories(campaign, on_progress or _ignore_progress, stages)
+        with _progress_display(on_progress, progress, campaign.file.duration_s) as report_progress:
+            simulate_missing_blocks(campaign, chosen, report_progress, shard, stages)
+    elif not campaign.missing_blocks() and selected_histories.pending_histories(campaign):
+        with _progress_display(on_progress, progress, campaign.file.duration_s) as report_progress:
+            _simulate_selected_histories(campaign, report_progress, stages)
     return campaign
+
+
+@contextmanager
+def _progress_display(
+    on_progress: ProgressCallback | None, progress: bool, duration_s: float
+) -> Iterator[ProgressCallback]:
+    """The caller's own display of progress, or else one on stderr unless it is switched off."""
+    if on_progress is not None:
+        yield on_progress
+    else:
+        with run_progress(duration_s, quiet=not progress) as shown:
+            yield shown
 
 
 def is_complete(campaign: Campaign) -> bool:

@@ -15,7 +15,7 @@ Folder = Annotated[Positional[Path], arg(metavar="DIR", help="Folder of a campai
 Out = Annotated[Path, arg(metavar="DIR", help="Folder to create for the results.")]
 Overrides = Annotated[
     UseAppendAction[tuple[str, ...]],
-    arg(name="set", metavar="KEY=VALUE", help="Override a key of the scenario, in TOML; repeatable."),
+    arg(name="set", metavar="KEY=VALUE", help="Override a key of the scenario, in TOML."),
 ]
 Seed = Annotated[int, arg(metavar="S", help="Master seed.")]
 Force = Annotated[bool, arg(help="Replace the folder if it holds a campaign.")]

@@ -131,5 +131,6 @@ def simulate_worst_case(found: WorstCase, directory: Path, force: bool = False) 
         first_run=found.reported_point.replicate,
         block_size=1,
         force=force,
+        progress=False,
     )
     return float(campaign.metrics[found.limit.metric][0]) if campaign.completed.all() else math.nan

@@ -1,0 +1,105 @@
+"""Derivatives of metrics with respect to scenario keys."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import rpojax
+from rpojax.analysis.gradients import scenario_gradient
+from rpojax.analysis.gradients.rollout_evaluator import RolloutResult
+
+CALM = ["duration_s=120", "camera.outlier_probability=0.0"]
+METRIC = "nav_relative_position_error_rms_m"
+
+
+class SquaredValues:
+    """Takes the place of rollouts: the metric of a run is half the sum of squares of its values of two keys."""
+
+    compile_s = 0.0
+
+    def __init__(self, file: Any, input_function: Callable[..., Any], *_: Any) -> None:
+        self._values = input_function
+
+    def jacobian(self, inputs: np.ndarray, keys: np.ndarray) -> Any:
+        def metric(shifts: jax.Array, key: jax.Array) -> jax.Array:
+            values = self._values(shifts, key)
+            return 0.5 * (values["servicer.mass_kg"] ** 2 + jnp.sum(values["formation.desired_position_m"] ** 2))
+
+        rows = [(jnp.asarray(x), jnp.asarray(key)) for x, key in zip(inputs, keys, strict=True)]
+        return RolloutResult(
+            metrics=np.array([[metric(*row)] for row in rows]),
+            jacobian=np.array([[jax.jacfwd(metric)(*row)] for row in rows]),
+            gradient=None,
+            failed=np.array([False, True, False]),
+            events=np.zeros(3, dtype=np.uint32),
+        )
+
+
+def test_keys_are_shifted_from_the_dispersed_value_of_each_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scenario_gradient, "RolloutEvaluator", SquaredValues)
+    file = rpojax.load("inspection")
+    keys = ["servicer.mass_kg", "formation.desired_position_m"]
+    found = rpojax.gradient(file, keys, [METRIC], runs=3, seed=3, progress=False)
+    # The derivative of half a square is the value itself: dispersed for the mass, nominal for the place.
+    mass = found.derivatives[METRIC]["servicer.mass_kg"]
+    assert mass.shape == (3,)
+    assert len(set(mass.tolist())) == 3
+    drawn = [float(rpojax.initialise_run(file, 3, run_id)[1].plant.servicer.mass) for run_id in range(3)]
+    np.testing.assert_allclose(mass, drawn)
+    place = found.derivatives[METRIC]["formation.desired_position_m"]
+    np.testing.assert_allclose(place, [file.formation.desired_position_m] * 3)
+    np.testing.assert_allclose(found.mean(METRIC)["servicer.mass_kg"], mass[[0, 2]].mean())
+    assert found.completed.tolist() == [True, False, True]
+
+
+@pytest.mark.slow
+def test_derivatives_agree_with_central_differences() -> None:
+    keys = ["navigation.edge_noise_px", "initial.relative_position_m"]
+    file = rpojax.load("inspection", CALM)
+    found = rpojax.gradient(file, keys, [METRIC], runs=2, seed=3, progress=False)
+    assert found.derivatives[METRIC][keys[0]].shape == (2,)
+    assert found.derivatives[METRIC][keys[1]].shape == (2, 3)
+    assert found.completed.all()
+    nominal, step = file.navigation.edge_noise_px, 1e-5
+    sides = [
+        rpojax.gradient(
+            rpojax.load("inspection", [*CALM, f"navigation.edge_noise_px={nominal + sign * step}"]),
+            keys[:1],
+            [METRIC],
+            runs=2,
+            seed=3,
+            progress=False,
+        )
+        for sign in (1.0, -1.0)
+    ]
+    quiet = (sides[0].events == found.events) & (sides[1].events == found.events)
+    assert quiet.any()
+    central = (sides[0].metrics[METRIC] - sides[1].metrics[METRIC]) / (2.0 * step)
+    # The truncation error of the differences is of order step^2, their rounding error 1e-16 / step.
+    np.testing.assert_allclose(found.derivatives[METRIC][keys[0]][quiet], central[quiet], rtol=1e-5, atol=1e-8)
+    np.testing.assert_allclose(found.mean(METRIC)[keys[1]], found.derivatives[METRIC][keys[1]].mean(axis=0))
+
+
+@pytest.mark.parametrize(
+    ("keys", "metrics", "settings", "words"),
+    [
+        ([], [METRIC], {}, "keys"),
+        (["servicer.mas_kg"], [METRIC], {}, "servicer.mas_kg"),
+        (["fault.kind"], [METRIC], {}, "fault.kind"),
+        (["servicer.mass_kg"], ["no_such_metric"], {}, "no_such_metric"),
+        (["servicer.mass_kg"], [METRIC], {"runs": 0}, "runs"),
+    ],
+)
+def test_what_has_no_derivative_is_refused_before_anything_is_compiled(keys, metrics, settings, words) -> None:
+    with pytest.raises(rpojax.RpojaxError, match=words):
+        scenario_gradient.gradient(rpojax.load("inspection", CALM), keys, metrics, **settings)
+
+
+def test_runs_of_a_design_are_refused() -> None:
+    file = rpojax.load("inspection", [*CALM, "design.kind=sobol"])
+    with pytest.raises(rpojax.RpojaxError, match="independent"):
+        scenario_gradient.gradient(file, ["servicer.mass_kg"], [METRIC])
