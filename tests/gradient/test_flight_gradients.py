@@ -156,8 +156,8 @@ def test_the_orbit_filters_prediction_has_finite_derivatives_to_a_velocity_chang
 def box_update(x: jax.Array, flight: FlightParams, q_KN: jax.Array, box: BoxMeasurement, sigma: jax.Array) -> Any:
     """Update by a box that agrees with the previous one, of a target known to `sigma` [m]."""
     known = rendezvous_scene.estimate(flight).relative
-    spread = jnp.eye(12).at[:3, :3].multiply(sigma**2 / 0.2**2)
-    moved = replace(known, r_TS_N=known.r_TS_N + x[:3], covariance=known.covariance * spread)
+    scale = jnp.eye(12).at[:3, :3].multiply(sigma**2 / 0.2**2)
+    moved = replace(known, r_TS_N=known.r_TS_N + x[:3], covariance=known.covariance * scale)
     measured = replace(box, tangent=box.tangent + 0.1 * x[3:5], log_size=box.log_size + x[5])
     tuning = replace(flight.navigation, edge_noise=1.0 + x[6], scale_sigma=flight.navigation.scale_sigma + 0.1 * x[7:])
     track = replace(
