@@ -12,7 +12,7 @@ from rpojax.report.sections.dispersion_section import drawn_distributions
 
 
 def _intervals(value: Any, path: str = "") -> dict[str, Any]:
-    """Everything in `value` that only independent runs allow to say, by its place."""
+    """Values in `value` that require independent runs, by their paths."""
     if isinstance(value, dict):
         named = {f"{path}.{key}": item for key, item in value.items() if _needs_independence(str(key))}
         return named | {k: v for key, item in value.items() for k, v in _intervals(item, f"{path}.{key}").items()}

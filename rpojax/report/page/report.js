@@ -14,7 +14,7 @@
     setTimeout(() => drawNext(waiting), 0);
   }
 
-  // Plotly takes markup in texts; names are none.
+  // Plotly interprets markup in texts.
   function asText(name) {
     return name.replaceAll("&", "&amp;").replaceAll("<", "&lt;");
   }
@@ -95,7 +95,7 @@
 
   const closed = [];
 
-  // The page is laid out for paper only while it is printed, so charts get the width of what holds them there.
+  // The print layout applies only while printing, so charts are resized to the widths of their containers on paper.
   function fitPaper() {
     for (const details of document.querySelectorAll("details:not([open])")) {
       details.open = true;

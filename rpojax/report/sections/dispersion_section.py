@@ -57,7 +57,7 @@ class DrawnDistribution:
 
 
 def drawn_distributions(campaign: CampaignResults) -> list[DrawnDistribution]:
-    """Every dispersed scalar in drawing order; a dispersed attitude is shown as its rotation vector.
+    """Every dispersed scalar in drawing order; an attitude dispersed by a small rotation is shown as rotation vector.
 
     P-values are None for constants, unknown distributions and runs that are not independent.
     """

@@ -12,7 +12,7 @@ from rpojax.report.sections import requirement_verdict_section
 
 
 def _require(campaign: Any, **changes: Any) -> dict[str, Any]:
-    """Judgement of one requirement, by default that the velocity change is at most 1 m/s."""
+    """Verdict on one requirement, by default that the velocity change is at most 1 m/s."""
     usual = {"metric": "delta_v_m_s", "bound": "at most", "limit": 1.0, "probability": 0.99, "consumer_risk": 0.1}
     campaign.info["scenario"]["requirements"] = [{**usual, **changes}]
     return summarise(campaign)["requirements"][0]

@@ -13,8 +13,9 @@ def test_box_is_drawn_at_its_pixels_in_the_window() -> None:
 
 
 def test_gate_is_drawn_around_the_predicted_centre() -> None:
-    left, top, right, bottom = area_of(FILM_BLUE, camera_overlay.annotated_frame(*camera_frame())) or ()
-    np.testing.assert_allclose([left, top, right, bottom], [213, 228, 303, 288], atol=1)
+    area = area_of(FILM_BLUE, camera_overlay.annotated_frame(*camera_frame()))
+    assert area is not None
+    np.testing.assert_allclose(area, [213, 228, 303, 288], atol=1)
 
 
 def test_rejected_boxes_have_another_colour() -> None:

@@ -21,7 +21,7 @@ def test_accepted_and_rejected_boxes_and_those_beyond_the_scale(campaign):
     assert 0 < beyond.sum() < (present & ~accepted).sum()
     (edge,) = (line for line in axes.lines if line.get_gid() == "rejected beyond ^")
     np.testing.assert_array_equal(edge.get_xdata(), history["time_s"][beyond])
-    assert set(edge.get_ydata()) == {axes.get_ylim()[1]}
+    assert set(np.asarray(edge.get_ydata()).tolist()) == {axes.get_ylim()[1]}
     assert [text.get_text() for text in axes.texts] == [f"beyond the scale: {beyond.sum()}"]
     np.testing.assert_allclose(distance["truth"][1], np.linalg.norm(history["rho_H"], axis=1))
 
