@@ -1,6 +1,6 @@
-"""A campaign on a disk that fills up: one line, finished blocks intact, and a resume does the rest once there is room.
+"""Campaign on a disk that fills up, resumed once there is room, compared with an uninterrupted campaign.
 
-The disk is a small file system in memory, mounted in a name space of the script's own (`unshare`, no rights needed).
+The disk is a small file system in memory, mounted in a namespace of the script (`unshare`, without privileges).
 
 python experiments/campaign_storage/disk_full.py --out out/disk_full
 """
@@ -14,17 +14,17 @@ import sys
 import time
 from pathlib import Path
 
-import common
+import campaign_processes as processes
 
 SHAPE = (12, 2, "--histories", "9,")
 
 
 def fill(out: Path) -> int:
-    """In the name space: fills the disk while blocks are being done, makes room, resumes, compares."""
+    """Runs in the namespace: fills the disk during a campaign, makes room, resumes, compares."""
     disk = out / "disk"
     subprocess.run(["mount", "-t", "tmpfs", "-o", "size=32m", "tmpfs", str(disk)], check=True)
     folder, filler = disk / "runs", disk / "filler"
-    process = common.start(common.campaign(folder, *SHAPE))
+    process = processes.start(processes.campaign(folder, *SHAPE))
     while not (folder / "manifest" / "000001.json").exists() and process.poll() is None:
         time.sleep(0.01)
     with contextlib.suppress(OSError), filler.open("wb", buffering=0) as stream:
@@ -34,10 +34,10 @@ def fill(out: Path) -> int:
     kept = len(list((folder / "manifest").glob("*.json")))
     print(f"exit status {process.returncode}; blocks kept: {kept} of 6", flush=True)
     filler.unlink()
-    resumed = common.start(common.command("resume", folder))
+    resumed = processes.start(processes.command("resume", folder))
     resumed.communicate()
-    unequal = common.different(out / "whole", folder)
-    left = common.partial_files(folder)
+    unequal = processes.different(out / "reference", folder)
+    left = processes.partial_files(folder)
     print(f"resume with room: exit status {resumed.returncode}; partial files {left}; arrays not equal: {len(unequal)}")
     subprocess.run(["umount", str(disk)], check=True)
     return int(process.returncode != 4 or resumed.returncode != 0 or bool(unequal))
@@ -52,9 +52,9 @@ def main() -> int:
         return fill(options.out)
     shutil.rmtree(options.out, ignore_errors=True)
     (options.out / "disk").mkdir(parents=True)
-    common.start(common.campaign(options.out / "whole", *SHAPE)).communicate()
-    here = ["unshare", "--map-root-user", "--mount", sys.executable, __file__, "--out", str(options.out)]
-    return subprocess.run([*here, "--inside"], env=os.environ, check=False).returncode
+    processes.start(processes.campaign(options.out / "reference", *SHAPE)).communicate()
+    command = ["unshare", "--map-root-user", "--mount", sys.executable, __file__, "--out", str(options.out)]
+    return subprocess.run([*command, "--inside"], env=os.environ, check=False).returncode
 
 
 if __name__ == "__main__":

@@ -1,20 +1,20 @@
-"""Two failing runs planted into a campaign: does it list exactly these, with time and reason, and say so as it ends?
+"""Campaign with two runs that fail by design, which its output and exit status must report.
 
 python experiments/campaign_storage/planted.py --out out/planted
 """
 
 import json
 
-import common
+import campaign_processes as processes
 
 RUNS = 40
 PLANTED = (11, 29)
 FAR_M, INSIDE_M = -50.0, -8.0
-"""Starts behind the target; the second one is within the keep-out sphere of 10 m."""
+"""Initial positions behind the target; the second one is within the keep-out sphere of 10 m."""
 
 
 def main() -> int:
-    options = common.options(__doc__)
+    options = processes.options(__doc__)
     starts = [INSIDE_M if run in PLANTED else FAR_M for run in range(RUNS)]
     (options.out / "cases.csv").write_text("\n".join(["initial.relative_position_m[1]", *map(str, starts), ""]))
     scenario = options.out / "planted.toml"
@@ -23,12 +23,12 @@ def main() -> int:
     )
     without = ("--set", "dispersions=[]")
     folder = options.out / "runs"
-    process = common.start(
-        common.command("campaign", scenario, *without, "--runs", RUNS, "--block-size", 8, "--out", folder, "--json")
+    process = processes.start(
+        processes.command("campaign", scenario, *without, "--runs", RUNS, "--block-size", 8, "--out", folder, "--json")
     )
-    printed, said = process.communicate()
+    printed, error = process.communicate()
     if process.returncode not in (0, 3):
-        print(said)
+        print(error)
         return 1
     found = json.loads(printed)["failures"]
     for failure in found:

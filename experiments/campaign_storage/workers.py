@@ -1,4 +1,4 @@
-"""Two worker processes, one of which is killed at work: does the campaign come out the same?
+"""Campaign with two worker processes, one of which is killed, compared with a campaign of one process.
 
 python experiments/campaign_storage/workers.py --out out/workers
 """
@@ -8,11 +8,11 @@ import signal
 import subprocess
 import time
 
-import common
+import campaign_processes as processes
 
 
 def workers_of(process: int) -> list[int]:
-    """Numbers of the worker processes of a campaign's process."""
+    """Process numbers of the workers of a campaign."""
     found = subprocess.run(
         ["pgrep", "-P", str(process), "-f", "rpojax.campaign.execution.worker_process"],
         capture_output=True,
@@ -23,19 +23,21 @@ def workers_of(process: int) -> list[int]:
 
 
 def main() -> int:
-    options = common.options(__doc__, runs=120, block_size=2)
-    whole, shared = options.out / "whole", options.out / "shared"
-    common.start(common.campaign(whole, options.runs, options.block_size)).communicate()
-    process = common.start(common.campaign(shared, options.runs, options.block_size, "--workers", 2))
+    options = processes.options(__doc__, runs=120, block_size=2)
+    reference, shared = options.out / "reference", options.out / "shared"
+    processes.start(processes.campaign(reference, options.runs, options.block_size)).communicate()
+    process = processes.start(processes.campaign(shared, options.runs, options.block_size, "--workers", 2))
     while len(list((shared / "manifest").glob("*.json"))) < 3 and process.poll() is None:
         time.sleep(0.05)
     killed = workers_of(process.pid)[:1]
     for number in killed:
         os.kill(number, signal.SIGKILL)
-    said = process.communicate()[1]
-    unequal = common.different(whole, shared)
-    print(f"workers killed: {len(killed)}; exit status {process.returncode}: {said.strip().splitlines()[-1]}")
-    print(f"arrays compared: {len(common.arrays(whole))}; not equal to the last bit: {len(unequal)} {unequal[:3]}")
+    error = process.communicate()[1]
+    unequal = processes.different(reference, shared)
+    print(f"workers killed: {len(killed)}; exit status {process.returncode}: {error.strip().splitlines()[-1]}")
+    print(
+        f"arrays compared: {len(processes.arrays(reference))}; not equal to the last bit: {len(unequal)} {unequal[:3]}"
+    )
     return int(not killed or process.returncode != 0 or bool(unequal))
 
 

@@ -1,10 +1,10 @@
-"""Gradient of a formation-error loss through a 600 s closed loop against central differences.
+"""Gradient of a formation-error loss through a 600 s closed loop, compared with central differences.
 
     python experiments/inspection_campaign/gradient.py [--run-id 3]
 
-Fixed keys, no outliers, no dead band. A gain is stepped by 1e-4 of its value; the script checks that no box changes
-sides at the gate and that the pointing schedule stays the same within the step, which a difference would mistake for
-slope. With `--events` outliers and dead band are on, and only finiteness is checked.
+Fixed keys, no outliers, no dead band. A gain is changed by 1e-4 of its value; the script checks that no box crosses the
+gate and that the pointing schedule stays the same, since such events would corrupt the difference. With `--events`
+outliers and dead band are on, and only finiteness is checked.
 """
 
 import argparse
@@ -18,8 +18,10 @@ import rpojax
 from rpojax.campaign import single_run
 from rpojax.scenario import params
 from rpojax.scenario.params import Params
-from rpojax.simulation import closed_loop
-from rpojax.simulation.closed_loop import State
+from rpojax.simulation import initial_state
+from rpojax.simulation.noise import run_key
+from rpojax.simulation.state import State, true_relative_state
+from rpojax.simulation.step import step
 
 GAINS = {
     "formation.position_weight": ("flight", "formation", "position_weight"),
@@ -34,16 +36,16 @@ def main() -> None:
     parser.add_argument("--run-id", type=int, default=3)
     parser.add_argument("--events", action="store_true")
     options = parser.parse_args()
-    calm = [] if options.events else ["camera.outlier_probability=0.0", "formation.dead_band_mm_s=0.0"]
-    file = rpojax.load("inspection", ["duration_s=600.0", *calm])
-    scenario, chosen, _ = single_run.initialise_run(file, seed=0, run_id=options.run_id)
-    key = closed_loop.run_key(0, options.run_id)
+    overrides = [] if options.events else ["camera.outlier_probability=0.0", "formation.dead_band_mm_s=0.0"]
+    file = rpojax.load("inspection", ["duration_s=600.0", *overrides])
+    scenario, dispersed, _ = single_run.initialise_run(file, seed=0, run_id=options.run_id)
+    key = run_key(0, options.run_id)
     stages = rpojax.Stages()
 
     def scaled(factors: Array) -> Params:
-        changed = chosen
+        changed = dispersed
         for factor, path in zip(factors, GAINS.values(), strict=True):
-            changed = params.replace_leaf(changed, path, params.get_leaf(chosen, path) * factor)
+            changed = params.replace_leaf(changed, path, params.get_leaf(dispersed, path) * factor)
         return changed
 
     def loss(factors: Array) -> tuple[Array, tuple[Array, Array]]:
@@ -52,11 +54,11 @@ def main() -> None:
 
         @jax.checkpoint
         def tick(state: State) -> tuple[State, tuple[Array, Array, Array]]:
-            after, seen = closed_loop.tick(stages, scenario, gains, state)
-            rho_H, _ = closed_loop.true_relative_state(seen.truth)
+            after, seen = step(scenario, gains, state, stages)
+            rho_H, _ = true_relative_state(seen.truth)
             return after, (jnp.sum((rho_H - desired) ** 2), seen.innovation.accepted, seen.mode)
 
-        start = closed_loop.init(scenario, gains, key)
+        start = initial_state.init(scenario, gains, key)
         _, (square, accepted, mode) = jax.lax.scan(lambda state, _: tick(state), start, None, length=scenario.ticks)
         return jnp.sqrt(jnp.mean(square[-200:])), (accepted, mode)
 

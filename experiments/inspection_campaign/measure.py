@@ -1,4 +1,4 @@
-"""The inspection mission in figures: campaigns, consistency, outliers, look-aways, wheels; prints one Markdown table.
+"""Figures of the inspection mission: errors, consistency, outliers, look-aways, wheels; prints one Markdown table.
 
 python experiments/inspection_campaign/measure.py --out out/measure [--runs 2000] [--outlier-runs 500]
 
@@ -14,30 +14,30 @@ os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.
 import numpy as np
 
 import rpojax
-from rpojax.analysis.statistics.order_statistics import quantile_upper_bound
+from rpojax.analysis.statistics.intervals.order_statistics import quantile_upper_bound
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.flight.guidance.pointing_modes import Mode
 
 HISTORIES = 64
 SETTLED_S = 1000.0
-"""From here on the navigation metrics count."""
+"""Start of the interval of the navigation metrics."""
 
 
 def campaign(scenario: str, overrides: list[str], runs: int, out: Path) -> Campaign:
-    """Campaign of a scenario with overrides; one that is already there is taken up where it was left."""
+    """Campaign of a scenario with overrides; an existing one is resumed."""
     if (out / "campaign.json").exists():
         return rpojax.resume_campaign(out)
     file = rpojax.load(scenario, overrides)
     return rpojax.run_campaign(file, runs, out, seed=0, histories=range(min(runs, HISTORIES)))
 
 
-_fell_short: list[str] = []
+_failed_rows: list[str] = []
 
 
 def row(what: str, bar: str, value: str, holds: bool) -> None:
-    """Prints a row of the table and remembers it if it does not hold."""
+    """Prints a row of the table and records it if its bound is not met."""
     if not holds:
-        _fell_short.append(what)
+        _failed_rows.append(what)
     print(f"| {what} | {bar} | {value} | {'yes' if holds else '**no**'} |", flush=True)
 
 
@@ -47,7 +47,7 @@ def errors(name: str, result: Campaign, medians: dict[str, float], formation_p99
         median = float(np.nanmedian(result.metrics[metric]))
         row(f"{name}: median of `{metric}`", f"<= {bar} m", f"{median:.3f} m", median <= bar)
     formation = result.metrics["formation_error_rms_m"]
-    # A failed run has no figure, and is worse than any that has one.
+    # A failed run has no value, and counts as worse than any other.
     bound = quantile_upper_bound(np.where(result.completed, formation, np.inf), 0.99, 0.95)
     p99 = float(np.nanpercentile(formation, 99))
     shown = f"{p99:.2f} m, one-sided 95 % bound {bound:.2f} m" if bound is not None else f"{p99:.2f} m"
@@ -65,12 +65,12 @@ def consistency(result: Campaign) -> None:
     row("longest time without an accepted box, any run", "no run loses the target", f"{longest:.0f} s", longest < 200.0)
     growth = np.array([pair for run in result.history_ids for pair in look_away_growth(result.history(run))])
     settled = growth[:, 0] >= SETTLED_S * result.file.rates.camera_hz
-    uncertainty("every look-away", growth[:, 1:])
-    uncertainty(f"look-aways after {SETTLED_S:.0f} s", growth[settled, 1:])
+    uncertainty_row("every look-away", growth[:, 1:])
+    uncertainty_row(f"look-aways after {SETTLED_S:.0f} s", growth[settled, 1:])
 
 
-def uncertainty(which: str, growth: np.ndarray) -> None:
-    """Row on the bearing uncertainty over look-aways: columns are its growth while blind and in the minute after."""
+def uncertainty_row(which: str, growth: np.ndarray) -> None:
+    """Row on the bearing uncertainty over look-aways, from its factors while blind and in the minute after."""
     grown, fallen = growth[:, 0] > 1.0, growth[:, 1] < 1.0
     row(
         f"bearing uncertainty over {which} ({len(growth)}): grows, then falls",
@@ -82,7 +82,7 @@ def uncertainty(which: str, growth: np.ndarray) -> None:
 
 
 def look_away_growth(history: dict[str, np.ndarray]) -> list[tuple[float, float, float]]:
-    """For each look-away: its tick, uncertainty at its blind end over that at its start, a minute later over that."""
+    """For each look-away its tick, and the factors of the uncertainty while blind and in the minute after."""
     sigma = history["relative_sigma_H"]
     bearing = np.hypot(sigma[:, 0], sigma[:, 2]) / np.linalg.norm(history["rho_estimate_H"], axis=1)
     seen = np.flatnonzero(history["box_accepted"])
@@ -135,7 +135,7 @@ def main() -> int:
     clean = campaign("inspection", ["camera.outlier_probability=0.0"], few, out / "no_outliers")
     open_gate = campaign("inspection", ['navigation.gating="none"'], few, out / "no_gate")
     outliers(warm, clean, open_gate)
-    return 1 if _fell_short else 0
+    return 1 if _failed_rows else 0
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Run 17 alone, in a batch of 64 and in a batch of 500; one device against two. Prints the largest differences.
+"""Differences of one run between campaigns of other sizes, block sizes and devices; prints a Markdown table.
 
 python experiments/inspection_campaign/reproducibility.py
 """
@@ -23,7 +23,7 @@ def metrics_of(result: Campaign) -> dict[str, float]:
     return {name: float(values[place]) for name, values in result.metrics.items()}
 
 
-def largest(a: dict[str, float], b: dict[str, float]) -> float:
+def largest_difference(a: dict[str, float], b: dict[str, float]) -> float:
     """Largest relative difference of any metric."""
     return max(abs(a[name] - b[name]) / max(abs(a[name]), 1e-12) for name in a if np.isfinite(a[name]))
 
@@ -33,7 +33,7 @@ def main() -> None:
     devices = jax.devices()
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
-        many = metrics_of(rpojax.run_campaign(file, 500, out / "500", seed=0, histories=[]))
+        reference = metrics_of(rpojax.run_campaign(file, 500, out / "500", seed=0, histories=[]))
         others = {
             "in a batch of 64, recorded block size": rpojax.run_campaign(file, 64, out / "64", seed=0, histories=[]),
             "alone, recorded block size": rpojax.run_campaign(file, 1, out / "1", seed=0, first_run=RUN, histories=[]),
@@ -45,7 +45,7 @@ def main() -> None:
         print(f"run {RUN} of `inspection`, against the same run in a campaign of 500 on {len(devices)} devices")
         print("| case | largest relative difference of any metric |\n|---|---|")
         for name, result in others.items():
-            difference = largest(many, metrics_of(result))
+            difference = largest_difference(reference, metrics_of(result))
             print(f"| {name} | {'bit-equal' if difference == 0.0 else f'{difference:.1e}'} |", flush=True)
 
 

@@ -1,4 +1,4 @@
-"""Campaigns in single precision against the same runs in double precision: how far their metrics are apart."""
+"""Differences of metrics between single and double precision, for the same runs."""
 
 import argparse
 
@@ -15,12 +15,12 @@ MISSIONS = {
     "inspection_radial": 3000,
     "inspection_cold": 3000,
 }
-"""Packaged scenarios, and how long they are flown [s]."""
+"""Packaged scenario -> simulated duration [s]."""
 
 
 def compare(name: str, duration_s: int, runs: int, seed: int) -> str:
-    """A row of the table."""
-    from rpojax.analysis.gradients import tuning_validation
+    """Row of the table for a scenario."""
+    from rpojax.analysis.gradients.tuning import tuning_validation
 
     double, single = (
         tuning_validation.simulate_runs(
@@ -28,37 +28,36 @@ def compare(name: str, duration_s: int, runs: int, seed: int) -> str:
         )
         for kind in ("double", "single")
     )
-    means, strays = {}, {}
+    mean_differences, run_differences = {}, {}
     for metric, values in double.metrics.items():
-        there = np.isfinite(values)
-        if not np.array_equal(there, np.isfinite(single.metrics[metric])):
-            means[metric] = np.inf
-        elif there.sum() > 1 and (spread := float(np.std(values[there], ddof=1))) > 0.0:
-            apart = single.metrics[metric][there] - values[there]
-            means[metric] = abs(float(np.mean(apart))) / (1.96 * spread / np.sqrt(there.sum()))
-            strays[metric] = float(np.median(np.abs(apart))) / spread
-    worst, strayed = (max(each, key=lambda metric: each[metric]) for each in (means, strays))
-    alike = "the same" if np.array_equal(double.completed, single.completed) else "**others**"
-    return (
-        f"| `{name}`, {duration_s:,} s | {alike} | {means[worst]:.3f} (`{worst}`) | {means['nees_mean']:.4f} "
-        f"| {strays[strayed]:.4f} (`{strayed}`) |"
-    )
+        defined = np.isfinite(values)
+        if not np.array_equal(defined, np.isfinite(single.metrics[metric])):
+            mean_differences[metric] = np.inf
+        elif defined.sum() > 1 and (spread := float(np.std(values[defined], ddof=1))) > 0.0:
+            difference = single.metrics[metric][defined] - values[defined]
+            mean_differences[metric] = abs(float(np.mean(difference))) / (1.96 * spread / np.sqrt(defined.sum()))
+            run_differences[metric] = float(np.median(np.abs(difference))) / spread
+    worst_mean, worst_run = (max(each, key=lambda metric: each[metric]) for each in (mean_differences, run_differences))
+    completed = "the same" if np.array_equal(double.completed, single.completed) else "**different**"
+    mean = f"{mean_differences[worst_mean]:.3f} (`{worst_mean}`)"
+    run = f"{run_differences[worst_run]:.4f} (`{worst_run}`)"
+    return f"| `{name}`, {duration_s:,} s | {completed} | {mean} | {mean_differences['nees_mean']:.4f} | {run} |"
 
 
 def main() -> None:
-    """Prints the table."""
+    """Prints a Markdown table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("missions", nargs="*", help="NAME:SECONDS; all packaged scenarios unless given")
+    parser.add_argument("missions", nargs="*", help="NAME:SECONDS; default: all packaged scenarios")
     parser.add_argument("--runs", type=int, default=128)
     parser.add_argument("--seed", type=int, default=5)
-    chosen = parser.parse_args()
+    options = parser.parse_args()
     prepare_jax(cache=True)
     set_loop_fusion_flag(rendered=False)
-    print("| scenario | runs that complete | farthest mean | mean NEES | farthest runs |")
+    print("| scenario | runs that complete | largest difference of a mean | mean NEES | largest difference of runs |")
     print("|---|---|---|---|---|")
-    asked = [text.partition(":") for text in chosen.missions]
-    for name, duration_s in {name: int(seconds) for name, _, seconds in asked}.items() or MISSIONS.items():
-        print(compare(name, duration_s, chosen.runs, chosen.seed), flush=True)
+    pairs = [text.partition(":") for text in options.missions]
+    for name, duration_s in {name: int(seconds) for name, _, seconds in pairs}.items() or MISSIONS.items():
+        print(compare(name, duration_s, options.runs, options.seed), flush=True)
 
 
 if __name__ == "__main__":

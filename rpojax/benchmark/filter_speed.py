@@ -18,8 +18,8 @@ from rpojax.benchmark.synthetic_filter_inputs import (
     simulate_measurements,
 )
 from rpojax.flight.computer import FlightParams
-from rpojax.flight.navigation import orbit_filter, outlier_gate
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation import combined_orbit_filter, outlier_gate
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.outlier_gate import GateState
 from rpojax.scenario.schema import ScenarioFile
@@ -66,8 +66,8 @@ def predict_and_update(
     """Estimate a second later, updated with the measurements at its end, and the state of the outlier gate."""
     burn = (inputs.delta_v_N, inputs.burn_delta_v, inputs.covariance_inflation)
     degree, dt = scenario.navigation_zonal_degree, scenario.tick_s
-    estimate = orbit_filter.predict(tuning, degree, estimate, *burn, inputs.third_body_acceleration_N, dt)
-    estimate, gate, _ = orbit_filter.update(
+    estimate = combined_orbit_filter.predict(tuning, degree, estimate, *burn, inputs.third_body_acceleration_N, dt)
+    estimate, gate, _ = combined_orbit_filter.update(
         tuning, scenario.box_gating, focal_px, estimate, gate, inputs.gps, inputs.q_KN, inputs.box
     )
     return estimate, gate

@@ -10,12 +10,12 @@ from jaxtyping import Array, Float
 from rpojax.batching import vmap_last_axis
 from rpojax.campaign import single_run
 from rpojax.core import quaternion
-from rpojax.core.numerics import safe
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.guidance import target_pointing
-from rpojax.flight.navigation import orbit_filter
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation import combined_orbit_filter
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.physics import plant_state
 from rpojax.scenario.schema import ScenarioFile
@@ -62,7 +62,7 @@ def nominal_setup(file: ScenarioFile) -> tuple[Scenario, FlightParams, OrbitEsti
     return (
         scenario,
         params.flight,
-        orbit_filter.initial(params.flight.navigation, *servicer, -true.r_ST_N, -true.v_ST_N),
+        combined_orbit_filter.initial(params.flight.navigation, *servicer, -true.r_ST_N, -true.v_ST_N),
     )
 
 
@@ -70,7 +70,7 @@ def propagate_truth(scenario: Scenario, flight: FlightParams, truth: OrbitEstima
     """True orbits a second later, by the prediction of the filter."""
     zero, none = jnp.zeros((), dtype=jnp.float64), jnp.zeros(3, dtype=jnp.float64)
     degree, dt = scenario.navigation_zonal_degree, scenario.tick_s
-    return orbit_filter.predict(flight.navigation, degree, truth, none, zero, zero + 1.0, none, dt)
+    return combined_orbit_filter.predict(flight.navigation, degree, truth, none, zero, zero + 1.0, none, dt)
 
 
 def synthetic_measurements(flight: FlightParams, truth: OrbitEstimate, noise: Float[Array, "6"]) -> FilterInputs:
@@ -78,7 +78,7 @@ def synthetic_measurements(flight: FlightParams, truth: OrbitEstimate, noise: Fl
     tuning, focal = flight.navigation, flight.vehicle.focal_px
     q_BN, _ = target_pointing.look_attitude(flight.vehicle, truth)
     r_TS_N = truth.relative.r_TS_N
-    angle = tuning.target_size / safe.norm(r_TS_N)
+    angle = tuning.target_size / gradient_safe.norm(r_TS_N)
     pixel = tuning.edge_noise / focal
     zero, none, yes = jnp.zeros_like(angle), jnp.zeros_like(r_TS_N), jnp.ones_like(angle, dtype=bool)
     return FilterInputs(

@@ -1,1 +1,1 @@
-"""Floor 6: many runs through one compiled step, and the folder they leave."""
+"""Monte Carlo campaigns: many dispersed runs through one compiled step, and the folder with their results."""

@@ -10,7 +10,7 @@ import numpy as np
 from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.dispersions.designs.run_range import recorded_run_range
 from rpojax.errors import RpojaxError
-from rpojax.runtime.progress import ProgressCallback
+from rpojax.runtime.progress_bar import ProgressCallback
 from rpojax.scenario.schema import ScenarioFile
 
 

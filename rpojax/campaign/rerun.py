@@ -16,7 +16,7 @@ from rpojax.campaign.storage import campaign_configuration, folder_creation
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.computer import Stages
-from rpojax.runtime.progress import ProgressCallback
+from rpojax.runtime.progress_bar import ProgressCallback
 
 
 @dataclass(frozen=True)

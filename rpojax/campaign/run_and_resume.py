@@ -7,7 +7,7 @@ from typing import Any
 
 import jax
 
-from rpojax.campaign import history_retention, preflight, resource_estimates, stage_provenance
+from rpojax.campaign import history_retention, preflight, resource_estimates, replaced_stage_provenance
 from rpojax.campaign.execution import batch_engine, campaign_engine, selected_histories
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.execution.executor import Executor
@@ -19,7 +19,7 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.dispersions.designs import experiment_design
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.computer import Stages
-from rpojax.runtime.progress import Progress, ProgressCallback, run_progress
+from rpojax.runtime.progress_bar import Progress, ProgressCallback, run_progress
 from rpojax.scenario.schema import ScenarioFile
 
 DEFAULT_HISTORIES = 8
@@ -69,7 +69,7 @@ def run_campaign(
     history_count = -(-retention.max_histories(first_run, runs) // retention.every)
     resource_estimates.check_resources(file, runs, size, len(used_devices), history_count, Path(out))
     design = experiment_design.make_design(file, seed, population or RunRange(first_run, runs))
-    records = (retention.to_record(), stage_provenance.replaced_stages(stages or Stages()), design.record())
+    records = (retention.to_record(), replaced_stage_provenance.replaced_stages(stages or Stages()), design.record())
     configuration = campaign_configuration.new_configuration(file, seed, runs, first_run, size, *records, report)
     engine = BatchEngine(file, size, used_devices, stages, design)
     _check_channels(retention, engine)
@@ -127,7 +127,7 @@ def resume_campaign(
     stale_files.remove_stale_files(campaign.directory)
     blocks = (shard or ALL_BLOCKS).select(campaign.missing_blocks())
     if blocks:
-        stage_provenance.check_same_stages(campaign.configuration["stages"], stages or Stages())
+        replaced_stage_provenance.check_same_stages(campaign.configuration["stages"], stages or Stages())
         if executor is None:
             devices = _devices_for_blocks(None, len(blocks))
             engine = campaign_engine.recreate_engine(campaign.configuration, devices, stages)

@@ -1,4 +1,4 @@
-"""For every kind of dispersion and of design: what is planned is what is drawn, and what is drawn is what is used."""
+"""For every kind of dispersion and of design, planned, drawn and used values are equal."""
 
 import csv
 import io
@@ -74,11 +74,11 @@ CASES: dict[str, tuple[list[dict[str, Any]], dict[str, Any]]] = {
     "table": (ALWAYS + TURNED, {"kind": "table", "values": COLUMNS}),
     "grid": (ALWAYS + DRAWN[:1], {"kind": "grid", "values": POINTS}),
 }
-"""Dispersions and design; all of them change the same keys, so that the compiled loop is the same."""
+"""Dispersions and design of each case; all disperse the same keys, so that the compiled loop is the same."""
 
 
 def case(mission: ScenarioFile, kind: str) -> ScenarioFile:
-    """`mission` with one of the cases."""
+    """`mission` with the dispersions and design of a case."""
     entries, settings = CASES[kind]
     return scenario_loader.validate(mission.model_dump() | {"dispersions": entries, "design": settings})
 
@@ -89,7 +89,7 @@ def same_bits(found: dict[str, np.ndarray], expected: dict[str, np.ndarray]) -> 
         np.testing.assert_array_equal(found[key], values, err_msg=key)
 
 
-def test_the_cases_have_every_kind_of_dispersion_and_of_design(mission: ScenarioFile) -> None:
+def test_cases_cover_all_dispersions_and_designs(mission: ScenarioFile) -> None:
     def kinds(union: Any) -> set[str]:
         return {get_args(model.model_fields["kind"].annotation)[0] for model in get_args(get_args(union)[0])}
 
@@ -99,21 +99,21 @@ def test_the_cases_have_every_kind_of_dispersion_and_of_design(mission: Scenario
         assert set(dispersion_keys.varied_keys(case(mission, kind))) == set(dispersion_keys.varied_keys(mission))
 
 
-def held_alone(file: ScenarioFile, run_id: int) -> dict[str, np.ndarray]:
-    """The values that the Params of a run hold that is prepared alone."""
+def single_run_values(file: ScenarioFile, run_id: int) -> dict[str, np.ndarray]:
+    """Dispersed values of the Params of a run that is prepared alone."""
     _, chosen, _ = single_run.initialise_run(file, 5, run_id, RunRange(0, RUNS))
     return jax.tree.map(np.asarray, dispersed_values.read_back(chosen, dispersion_keys.varied_keys(file)))
 
 
 def check_campaign(file: ScenarioFile, out: Path) -> Campaign:
-    """Plan, drawn and used values of a campaign agree, whole, and in a run flown again alone."""
-    flown = run_campaign(file, RUNS, out, seed=5, block_size=1, histories=[], devices=ONE_DEVICE)
+    """Checks that planned, drawn and used values agree in a campaign, in a single run and in a campaign of that run."""
+    campaign = run_campaign(file, RUNS, out, seed=5, block_size=1, histories=[], devices=ONE_DEVICE)
     planned = dry_run.plan_campaign(file, RUNS, 5, block_size=1, devices=ONE_DEVICE)
-    same_bits(planned.values, flown.drawn)
+    same_bits(planned.values, campaign.drawn)
     assert set(planned.values) == set(dispersion_keys.varied_keys(file))
-    alone = held_alone(file, 2)
-    for key, values in flown.drawn.items():
-        np.testing.assert_allclose(flown.used[key], values, rtol=LAST_DIGITS, atol=1e-16, err_msg=key)
+    alone = single_run_values(file, 2)
+    for key, values in campaign.drawn.items():
+        np.testing.assert_allclose(campaign.used[key], values, rtol=LAST_DIGITS, atol=1e-16, err_msg=key)
         np.testing.assert_allclose(alone[key], values[2], rtol=1e-12, atol=1e-15, err_msg=key)
         assert len(np.unique(values.reshape(RUNS, -1), axis=0)) > 1 or key == "thruster.force_scale"
     again = run_campaign(
@@ -126,33 +126,33 @@ def check_campaign(file: ScenarioFile, out: Path) -> Campaign:
         devices=ONE_DEVICE,
         population=RunRange(0, RUNS),
     )
-    same_bits(again.drawn, {key: values[2:3] for key, values in flown.drawn.items()})
-    same_bits(again.metrics, {key: values[2:3] for key, values in flown.metrics.items()})
+    same_bits(again.drawn, {key: values[2:3] for key, values in campaign.drawn.items()})
+    same_bits(again.metrics, {key: values[2:3] for key, values in campaign.metrics.items()})
     assert recorded_run_range(again.info) == RunRange(0, RUNS)
-    return flown
+    return campaign
 
 
-def test_what_a_latin_hypercube_plans_is_drawn_and_used(mission: ScenarioFile, tmp_path: Path) -> None:
+def test_planned_values_of_a_latin_hypercube_are_drawn_and_used(mission: ScenarioFile, tmp_path: Path) -> None:
     file = case(mission, "latin_hypercube")
-    flown = check_campaign(file, tmp_path / "runs")
+    campaign = check_campaign(file, tmp_path / "runs")
     # One run in each quarter of the anomalies.
-    quarters = np.floor(flown.drawn["orbit.true_anomaly_deg"] / 360.0 * RUNS)
+    quarters = np.floor(campaign.drawn["orbit.true_anomaly_deg"] / 360.0 * RUNS)
     assert sorted(quarters) == [0.0, 1.0, 2.0, 3.0]
-    # A resume makes the design of the whole campaign, whatever is left to fly.
-    before = flown.drawn, flown.metrics
-    (flown.directory / "manifest" / "000002.json").unlink()
-    resumed = resume_campaign(flown.directory)
+    # A resume makes the design of the whole campaign for any missing blocks.
+    before = campaign.drawn, campaign.metrics
+    (campaign.directory / "manifest" / "000002.json").unlink()
+    resumed = resume_campaign(campaign.directory)
     same_bits(resumed.drawn, before[0])
     same_bits(resumed.metrics, before[1])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", sorted(set(CASES) - {"latin_hypercube"}))
-def test_what_is_planned_is_drawn_and_used(mission: ScenarioFile, tmp_path: Path, kind: str) -> None:
+def test_planned_values_are_drawn_and_used(mission: ScenarioFile, tmp_path: Path, kind: str) -> None:
     check_campaign(case(mission, kind), tmp_path / "runs")
 
 
-def test_a_campaign_whose_design_is_no_longer_the_same_is_not_resumed(
+def test_resume_with_another_design_is_refused(
     mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, edit_info: Any
 ) -> None:
     monkeypatch.setattr("rpojax.campaign.run_and_resume.simulate_missing_blocks", lambda *_: None)
@@ -167,12 +167,12 @@ def test_a_campaign_whose_design_is_no_longer_the_same_is_not_resumed(
 
 @pytest.fixture(scope="module")
 def grid_plan(mission: ScenarioFile) -> dry_run.Plan:
-    """Plan of a grid of four runs, two of which are asked for."""
+    """Plan of two of the four runs of a grid."""
     file = scenario_loader.validate(mission.model_dump() | {"dispersions": ALWAYS[:1], "design": CASES["grid"][1]})
     return dry_run.plan_campaign(file, 2, 5, first_run=1, block_size=2, devices=ONE_DEVICE, speed=400.0)
 
 
-def test_values_of_a_grid_and_of_derived_keys_are_those_of_the_formula(grid_plan: dry_run.Plan) -> None:
+def test_grid_values_are_in_the_order_of_runs(grid_plan: dry_run.Plan) -> None:
     assert grid_plan.run_ids.tolist() == [1, 2]
     np.testing.assert_array_equal(grid_plan.values["servicer.mass_kg"], [29.9, 30.1])
     np.testing.assert_array_equal(
@@ -180,8 +180,8 @@ def test_values_of_a_grid_and_of_derived_keys_are_those_of_the_formula(grid_plan
     )
 
 
-def drawn_at_once(file: ScenarioFile, runs: int) -> dict[str, np.ndarray]:
-    """Values that the first runs draw."""
+def draw_first_runs(file: ScenarioFile, runs: int) -> dict[str, np.ndarray]:
+    """Values drawn by the first runs."""
     given = experiment_design.make_design(file, 0, RunRange(0, runs)).assigned
 
     def one(run_id: jax.Array, row: dispersed_values.Values) -> dispersed_values.Values:
@@ -191,8 +191,8 @@ def drawn_at_once(file: ScenarioFile, runs: int) -> dict[str, np.ndarray]:
     return jax.tree.map(np.asarray, jax.jit(jax.vmap(one))(ids, given))
 
 
-def test_derived_keys_follow_what_they_are_derived_from(mission: ScenarioFile) -> None:
-    """Chains of derived keys, of drawn, tabled and nominal numbers, whatever the order in the file."""
+def test_derived_keys_are_computed_in_any_order(mission: ScenarioFile) -> None:
+    """Chains of keys derived from drawn, tabulated and nominal numbers, in any order in the file."""
     entries = [
         {
             "key": "navigation.edge_noise_px",
@@ -223,15 +223,15 @@ def test_derived_keys_follow_what_they_are_derived_from(mission: ScenarioFile) -
         "values": {"gps.bias_sigma_m": [1.0, 2.0, 3.0], "formation.desired_position_m[1]": [-40.0, -30.0, -20.0]},
     }
     file = scenario_loader.validate(mission.model_dump() | {"dispersions": entries, "design": settings})
-    values = drawn_at_once(file, 3)
-    told = 0.1 + 1.5 * values["gps.noise_m"] - 0.25 * np.array([1.0, 2.0, 3.0]) + 0.01 * 30.0
-    np.testing.assert_allclose(values["navigation.gps_noise_m"], told, rtol=1e-14)
-    np.testing.assert_allclose(values["navigation.edge_noise_px"], 0.5 + 2.0 * told, rtol=1e-14)
+    values = draw_first_runs(file, 3)
+    gps_noise = 0.1 + 1.5 * values["gps.noise_m"] - 0.25 * np.array([1.0, 2.0, 3.0]) + 0.01 * 30.0
+    np.testing.assert_allclose(values["navigation.gps_noise_m"], gps_noise, rtol=1e-14)
+    np.testing.assert_allclose(values["navigation.edge_noise_px"], 0.5 + 2.0 * gps_noise, rtol=1e-14)
     place = np.stack([values["gps.noise_m"], [-40.0, -30.0, -20.0], np.zeros(3)], axis=1)
     np.testing.assert_array_equal(values["formation.desired_position_m"], place)
 
 
-def test_a_plans_table_can_be_read_back_to_the_last_bit(grid_plan: dry_run.Plan) -> None:
+def test_csv_table_is_read_back_exactly(grid_plan: dry_run.Plan) -> None:
     rows = list(csv.DictReader(io.StringIO(dry_run.csv_text(grid_plan))))
     assert [(row["run_id"], row["seed"]) for row in rows] == [("1", "5"), ("2", "5")]
     for name, values in component_columns(grid_plan.values).items():
@@ -242,7 +242,7 @@ def test_a_plans_table_can_be_read_back_to_the_last_bit(grid_plan: dry_run.Plan)
     assert (content["design"], content["independent"], content["runs"]) == ("grid", False, 2)
 
 
-def test_a_plan_says_what_its_campaign_takes_and_where_the_speed_comes_from(
+def test_plan_estimates_resources_and_names_the_source_of_the_speed(
     grid_plan: dry_run.Plan, mission: ScenarioFile
 ) -> None:
     assert grid_plan.estimate.time_s == 2 * 400.0 / 400.0

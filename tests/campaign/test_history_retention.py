@@ -1,4 +1,4 @@
-"""Rules of which histories are kept."""
+"""Retention rules of histories."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ METRICS = {
         ("failures+worst:2:min_range_m", set()),
     ],
 )
-def test_runs_that_are_kept_whatever_becomes_of_them(rule: str, kept: set[int]) -> None:
+def test_runs_kept_independently_of_results(rule: str, kept: set[int]) -> None:
     assert Retention(rule).unconditional_run_ids(10, 6) == kept
 
 
@@ -39,14 +39,14 @@ def test_runs_that_are_kept_whatever_becomes_of_them(rule: str, kept: set[int]) 
     [
         ("all", set()),
         ("failures", {12}),
-        ("worst:1:min_range_m", {11}),  # low is bad; of equals the first
+        ("worst:1:min_range_m", {11}),  # low is bad; the first of equals
         ("worst:2:min_range_m", {11, 14}),
         ("worst:2:formation_error_rms_m", {11, 13}),  # high is bad
-        ("worst:9:formation_error_rms_m", {10, 11, 13, 15}),  # undefined is neither
+        ("worst:9:formation_error_rms_m", {10, 11, 13, 15}),  # undefined is never selected
         ("2+failures+worst:1:formation_error_rms_m", {11, 12}),
     ],
 )
-def test_runs_that_are_kept_for_what_became_of_them(rule: str, kept: set[int]) -> None:
+def test_runs_selected_by_results(rule: str, kept: set[int]) -> None:
     found = Retention(rule)
     assert found.selected_by_result(IDS, COMPLETED, METRICS) == kept
     assert found.depends_on_results == (rule != "all")
@@ -69,12 +69,12 @@ def test_runs_that_are_kept_for_what_became_of_them(rule: str, kept: set[int]) -
         "all:3",
     ],
 )
-def test_a_rule_that_makes_no_sense_is_refused_with_the_forms_there_are(rule: str) -> None:
+def test_invalid_rules_are_refused_with_the_possible_forms(rule: str) -> None:
     with pytest.raises(RpojaxError, match=r"--histories: found .*expected none, all, N .*worst:K:METRIC"):
         Retention(rule)
 
 
-def test_a_metric_or_channel_that_is_none_is_refused_with_one_that_is_like_it() -> None:
+def test_unknown_metrics_and_channels_are_refused_with_a_suggestion() -> None:
     with pytest.raises(RpojaxError, match=r"found metric 'min_rang_m', expected .*did you mean 'min_range_m'"):
         Retention("worst:2:min_rang_m")
     with pytest.raises(RpojaxError, match=r"--history-channels: found 'rho_h', expected .*'rho_H'"):
@@ -89,7 +89,7 @@ def test_runs_outside_of_the_campaign_are_refused() -> None:
         Retention("10,16").check_run_ids(10, 6)
 
 
-def test_channels_and_samples_are_thinned_but_for_what_figures_always_need() -> None:
+def test_thinning_always_keeps_time_and_desired_position() -> None:
     history = {
         "time_s": np.arange(7.0),
         "rho_desired_H": np.zeros(3),
@@ -103,7 +103,7 @@ def test_channels_and_samples_are_thinned_but_for_what_figures_always_need() -> 
     assert kept["rho_desired_H"].shape == (3,)
 
 
-def test_a_rule_is_read_back_as_it_was_recorded() -> None:
+def test_rule_is_read_back_from_its_record() -> None:
     for rule in (Retention("1+failures", ("range_m",), 5), Retention.from_run_ids([3, 1]), Retention.from_run_ids([])):
         assert Retention.from_record(rule.to_record()) == rule
     assert Retention.from_run_ids([3, 1]).unconditional_run_ids(0, 9) == {1, 3}

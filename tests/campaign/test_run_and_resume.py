@@ -1,4 +1,4 @@
-"""A campaign from start to finish, interrupted, resumed, and with runs that fail."""
+"""Campaigns from start to finish, interrupted, resumed, and with runs that fail."""
 
 import hashlib
 import inspect
@@ -10,27 +10,31 @@ import jax
 import numpy as np
 import pytest
 
-from rpojax.campaign import run_and_resume, stage_provenance
+from rpojax.campaign import run_and_resume
+from rpojax.campaign.history_retention import Retention
+from rpojax.campaign.job_shard import Shard
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
-from rpojax.campaign.storage import atomic_files
+from rpojax.campaign.storage import atomic_files, folder_creation
+from rpojax.campaign.storage.campaign_configuration import new_configuration
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, ResultError, RpojaxError
 from rpojax.flight.computer import Stages
 from rpojax.flight.control import formation_law
-from rpojax.runtime.progress import Progress
+from rpojax.runtime.progress_bar import Progress
 from rpojax.scenario import metric_catalogue
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation import trace_channels
+from rpojax.simulation.metrics import trace_channels
 
 ONE_DEVICE = jax.devices()[:1]
+
 LAST_DIGITS = 1e-13
 
 Read = Callable[[Path], dict[str, np.ndarray]]
 
 
 def contents(directory: Path) -> dict[str, bytes]:
-    """Every file of a folder."""
+    """Path -> content of every file of a folder."""
     return {str(path): path.read_bytes() for path in sorted(directory.rglob("*")) if path.is_file()}
 
 
@@ -48,14 +52,14 @@ def test_every_run_has_every_metric_trace_and_dispersed_value(three_runs: Campai
     assert len(set(three_runs.metrics["min_range_m"])) == 3
 
 
-def test_the_values_that_runs_used_are_the_values_drawn(three_runs: Campaign) -> None:
+def test_used_values_equal_drawn_values(three_runs: Campaign) -> None:
     drawn, used = three_runs.drawn, three_runs.used
     assert drawn.keys() == used.keys()
     for key in drawn:
         np.testing.assert_allclose(used[key], drawn[key], rtol=LAST_DIGITS, err_msg=key)
 
 
-def test_histories_are_those_asked_for_and_agree_with_metrics_and_traces(three_runs: Campaign) -> None:
+def test_histories_agree_with_metrics_and_traces(three_runs: Campaign) -> None:
     assert three_runs.history_ids == [0, 2]
     history = three_runs.history(2)
     np.testing.assert_array_equal(history["time_s"], np.arange(400.0))
@@ -67,7 +71,7 @@ def test_histories_are_those_asked_for_and_agree_with_metrics_and_traces(three_r
         three_runs.history(1)
 
 
-def test_one_run_alone_is_the_run_of_the_campaign(three_runs: Campaign, mission: ScenarioFile, tmp_path: Path) -> None:
+def test_single_run_equals_that_of_the_campaign(three_runs: Campaign, mission: ScenarioFile, tmp_path: Path) -> None:
     alone = run_campaign(mission, 1, tmp_path / "run", first_run=2, block_size=1, devices=ONE_DEVICE)
     assert alone.run_ids.tolist() == [2]
     assert alone.history_ids == [2]
@@ -87,7 +91,7 @@ def crash_when_writing(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     monkeypatch.setattr(atomic_files, "write_json", die)
 
 
-def test_a_crash_before_the_manifest_loses_one_block_and_resuming_gives_what_an_uninterrupted_campaign_gives(
+def test_resume_after_a_crash_gives_the_results_of_an_uninterrupted_campaign(
     three_runs: Campaign, mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arrays: Read
 ) -> None:
     out = tmp_path / "runs"
@@ -95,16 +99,16 @@ def test_a_crash_before_the_manifest_loses_one_block_and_resuming_gives_what_an_
         crash_when_writing(patch, "000001.json")
         with pytest.raises(MemoryError):
             run_campaign(mission, 3, out, block_size=1, histories=[0, 2], devices=ONE_DEVICE)
-    broken = Campaign(out)
-    assert broken.missing_blocks() == [1, 2]
-    assert broken.run_ids.tolist() == [0]
-    assert broken.metrics["min_range_m"].shape == (1,)
+    interrupted = Campaign(out)
+    assert interrupted.missing_blocks() == [1, 2]
+    assert interrupted.run_ids.tolist() == [0]
+    assert interrupted.metrics["min_range_m"].shape == (1,)
     kept = (out / "manifest" / "000000.json").read_bytes()
 
-    told: list[Progress] = []
-    whole = resume_campaign(out, on_progress=told.append)
+    reported: list[Progress] = []
+    whole = resume_campaign(out, on_progress=reported.append)
     assert whole.missing_blocks() == []
-    assert told[-1].total == told[-1].done == 2
+    assert reported[-1].total == reported[-1].done == 2
     assert (out / "manifest" / "000000.json").read_bytes() == kept
     expected, found = arrays(three_runs.directory), arrays(out)
     assert expected.keys() == found.keys()
@@ -112,41 +116,39 @@ def test_a_crash_before_the_manifest_loses_one_block_and_resuming_gives_what_an_
         np.testing.assert_array_equal(found[name], values, err_msg=name)
 
 
-def test_resuming_a_finished_campaign_changes_nothing(three_runs: Campaign) -> None:
+def test_resume_of_a_complete_campaign_changes_nothing(three_runs: Campaign) -> None:
     before = contents(three_runs.directory)
     resume_campaign(three_runs.directory)
     assert contents(three_runs.directory) == before
 
 
-def test_resuming_what_is_no_campaign_is_refused(tmp_path: Path) -> None:
+def test_resume_of_a_folder_without_a_campaign_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ResultError, match="expected a campaign folder"):
         resume_campaign(tmp_path)
 
 
-def cautious(gain: jax.Array, deviation: jax.Array) -> jax.Array:
-    """A law of one's own."""
+def half_gain_law(gain: jax.Array, deviation: jax.Array) -> jax.Array:
+    """A formation law that differs from the default."""
     return 0.5 * formation_law.lqr_feedback(gain, deviation)
 
 
-def test_a_campaign_goes_on_only_with_the_stages_it_began_with(
-    mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    stages = Stages(formation_law=cautious)
-    flown: list[Stages] = []
+def test_resume_needs_the_same_stages(mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stages = Stages(formation_law=half_gain_law)
+    used: list[Stages] = []
     monkeypatch.setattr(
-        run_and_resume, "simulate_missing_blocks", lambda _, local, *__: flown.append(local.engine.stages)
+        run_and_resume, "simulate_missing_blocks", lambda _, local, *__: used.append(local.engine.stages)
     )
     begun = run_campaign(mission, 2, tmp_path / "own", block_size=1, devices=ONE_DEVICE, stages=stages)
-    source = hashlib.sha256(inspect.getsource(cautious).encode()).hexdigest()
-    assert begun.info["stages"] == {"formation_law": {"function": f"{__name__}.cautious", "source_sha256": source}}
-    for others in (None, Stages(formation_law=lambda gain, deviation: cautious(gain, deviation))):
+    source = hashlib.sha256(inspect.getsource(half_gain_law).encode()).hexdigest()
+    assert begun.info["stages"] == {"formation_law": {"function": f"{__name__}.half_gain_law", "source_sha256": source}}
+    for others in (None, Stages(formation_law=lambda gain, deviation: half_gain_law(gain, deviation))):
         with pytest.raises(
-            RpojaxError, match=r"^stages: found .* for formation_law, expected .*cautious.*stages="
+            RpojaxError, match=r"^stages: found .* for formation_law, expected .*half_gain_law.*stages="
         ) as no:
             resume_campaign(begun.directory, stages=others)
         assert "\n" not in str(no.value)
     resume_campaign(begun.directory, stages=stages)
-    assert flown == [stages, stages]
+    assert used == [stages, stages]
 
     plain = run_campaign(mission, 2, tmp_path / "plain", block_size=1, devices=ONE_DEVICE)
     assert plain.info["stages"] == {}
@@ -154,33 +156,21 @@ def test_a_campaign_goes_on_only_with_the_stages_it_began_with(
         resume_campaign(plain.directory, stages=stages)
 
 
-def test_stages_of_any_kind_have_a_name_and_a_source_where_there_is_one() -> None:
-    class Law:
-        def __call__(self, gain: jax.Array, deviation: jax.Array) -> jax.Array:
-            return -deviation[3:]
-
-    described = stage_provenance.replaced_stages(Stages(formation_law=Law(), wheel_torque=eval("lambda *_: 0.0")))
-    assert set(described) == {"formation_law", "wheel_torque"}
-    assert str(described["formation_law"]["function"]).endswith("<locals>.Law")
-    assert described["formation_law"]["source_sha256"]
-    assert described["wheel_torque"]["source_sha256"] is None
+def test_progress_begins_with_compilation_and_never_decreases(mission: ScenarioFile, tmp_path: Path) -> None:
+    reported: list[Progress] = []
+    run_campaign(mission, 2, tmp_path / "runs", block_size=1, devices=ONE_DEVICE, on_progress=reported.append)
+    assert [entry.compiled for entry in reported[:2]] == [False, True]
+    assert [entry.done for entry in reported] == [0.0, 0.0, 0.5, 1.0, 1.5, 2.0]
+    assert {entry.total for entry in reported} == {2}
+    assert {entry.failed for entry in reported} == {0}
 
 
-def test_progress_begins_with_compiling_and_only_grows(mission: ScenarioFile, tmp_path: Path) -> None:
-    told: list[Progress] = []
-    run_campaign(mission, 2, tmp_path / "runs", block_size=1, devices=ONE_DEVICE, on_progress=told.append)
-    assert [entry.compiled for entry in told[:2]] == [False, True]
-    assert [entry.done for entry in told] == [0.0, 0.0, 0.5, 1.0, 1.5, 2.0]
-    assert {entry.total for entry in told} == {2}
-    assert {entry.failed for entry in told} == {0}
-
-
-def test_a_campaign_uses_no_more_devices_than_it_has_blocks() -> None:
+def test_no_more_devices_than_blocks_are_used() -> None:
     assert run_and_resume._devices_for_blocks(["a", "b", "c"], 2) == ["a", "b"]
     assert run_and_resume._devices_for_blocks(["a"], 5) == ["a"]
 
 
-def test_unacceptable_requests_leave_nothing_behind(mission: ScenarioFile, tmp_path: Path) -> None:
+def test_refused_requests_leave_no_files(mission: ScenarioFile, tmp_path: Path) -> None:
     with pytest.raises(RpojaxError, match="--runs: found 0"):
         run_campaign(mission, 0, tmp_path / "runs")
     with pytest.raises(RpojaxError, match="--histories: found run 3"):
@@ -192,7 +182,7 @@ def test_unacceptable_requests_leave_nothing_behind(mission: ScenarioFile, tmp_p
 
 @pytest.fixture(scope="module")
 def dangerous(mission: ScenarioFile) -> ScenarioFile:
-    """The mission with runs that drift into the target, and runs whose tumble is beyond all numbers."""
+    """The mission with runs that drift into the target, and runs whose tumble rate overflows."""
     replaced = {
         "initial.relative_velocity_m_s": {"kind": "choice", "values": [[0.0, 0.0, 0.0], [0.0, 0.5, 0.0]]},
         "target.tumble_rate_deg_s": {"kind": "choice", "values": [1.0, 1.0, 1e300]},
@@ -208,22 +198,22 @@ def dangerous(mission: ScenarioFile) -> ScenarioFile:
 
 @pytest.fixture(scope="module")
 def survivors(dangerous: ScenarioFile, tmp_path_factory: pytest.TempPathFactory) -> Campaign:
-    """Eight dangerous runs in eight blocks."""
+    """Eight runs of the dangerous mission in eight blocks."""
     out = tmp_path_factory.mktemp("dangerous") / "runs"
     return run_campaign(dangerous, 8, out, seed=1, block_size=1, devices=ONE_DEVICE)
 
 
-def test_failed_runs_are_flagged_with_reason_while_the_others_go_on(survivors: Campaign) -> None:
-    wild = survivors.drawn["target.tumble_rate_deg_s"] > 1.0
+def test_failed_runs_have_a_reason_and_others_complete(survivors: Campaign) -> None:
+    overflowing = survivors.drawn["target.tumble_rate_deg_s"] > 1.0
     approaching = survivors.drawn["initial.relative_velocity_m_s"][:, 1] == 0.5
-    expected = np.where(wild, "non-finite state", np.where(approaching, "entered the keep-out sphere", ""))
+    expected = np.where(overflowing, "non-finite state", np.where(approaching, "entered the keep-out sphere", ""))
     assert set(expected) == {"", "non-finite state", "entered the keep-out sphere"}
     np.testing.assert_array_equal(survivors.failure_reason, expected)
     np.testing.assert_array_equal(survivors.completed, expected == "")
     assert survivors.missing_blocks() == []
 
 
-def test_the_time_of_failure_is_when_the_limit_was_broken(survivors: Campaign) -> None:
+def test_failure_time_is_when_the_limit_was_violated(survivors: Campaign) -> None:
     inside = survivors.failure_reason == "entered the keep-out sphere"
     for run in np.flatnonzero(inside):
         history, failed_at = survivors.history(int(run)), survivors.failed_at_s[run]
@@ -234,7 +224,7 @@ def test_the_time_of_failure_is_when_the_limit_was_broken(survivors: Campaign) -
     assert np.isnan(survivors.failed_at_s[survivors.completed]).all()
 
 
-def test_figures_of_failed_runs_are_undefined_and_their_traces_end(survivors: Campaign) -> None:
+def test_metrics_of_failed_runs_are_undefined_and_traces_end(survivors: Campaign) -> None:
     failed = ~survivors.completed
     for name, values in survivors.metrics.items():
         assert np.isnan(values[failed]).all(), name
@@ -244,3 +234,12 @@ def test_figures_of_failed_runs_are_undefined_and_their_traces_end(survivors: Ca
     for name, values in survivors.traces.items():
         assert np.isnan(values[ended]).all(), name
         assert np.isfinite(values[~failed]).all(), name
+
+
+def test_shard_without_missing_blocks_leaves_selected_histories_to_the_last_one(
+    mission: ScenarioFile, tmp_path: Path
+) -> None:
+    retention = Retention("worst:1:min_range_m")
+    configuration = new_configuration(mission, 0, 4, 0, 2, retention.to_record())
+    folder_creation.create_folder(tmp_path / "runs", configuration, force=False)
+    assert resume_campaign(tmp_path / "runs", shard=Shard.parse("3/3")).missing_blocks() == [0, 1]

@@ -1,1 +1,1 @@
-"""How the blocks of a campaign are simulated: in this process, in worker processes, or on a Dask cluster."""
+"""Batched simulation of the blocks of a campaign: in this process, in worker processes, or on a Dask cluster."""

@@ -10,9 +10,9 @@ import numpy as np
 from rpojax.campaign.execution.batch_engine import PreparedRuns, Segment
 from rpojax.campaign.storage import campaign_folder
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation import metrics, trace_channels
+from rpojax.simulation.metrics import recorded_metrics, trace_channels
 
-RECORDED_CHANNELS = (*metrics.REQUIRED_CHANNELS, "running")
+RECORDED_CHANNELS = (*recorded_metrics.REQUIRED_CHANNELS, "running")
 """Channels that are recorded of every run."""
 
 
@@ -95,7 +95,7 @@ def block_arrays(
     stride = campaign_folder.trace_stride(file)
     arrays: dict[str, np.ndarray] = {}
     with np.errstate(invalid="ignore"):
-        for name, values in metrics.evaluate(file, records).items():
+        for name, values in recorded_metrics.evaluate(file, records).items():
             arrays[f"metrics/{name}"] = np.where(failed, np.nan, values)
         time_s = np.arange(recorder.ticks)[::stride] / file.rates.camera_hz
         after_failure = failed[:, None] & (time_s > failed_at[rows][:, None])

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rpojax.campaign import stage_provenance
+from rpojax.campaign import replaced_stage_provenance
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.storage.campaign_configuration import package_versions
 from rpojax.dispersions.designs import experiment_design
@@ -29,7 +29,7 @@ def recreate_engine(
         raise RpojaxError(
             "scenario: found another content or trained files, expected those that the campaign began with"
         )
-    stage_provenance.check_same_stages(configuration["stages"], stages or Stages())
+    replaced_stage_provenance.check_same_stages(configuration["stages"], stages or Stages())
     return BatchEngine(
         file, configuration["block_size"], devices, stages, experiment_design.recreate_design(file, configuration)
     )

@@ -1,1 +1,1 @@
-"""The campaign folder: campaign.json, block manifests, Zarr arrays, and their verified reading."""
+"""The campaign folder: configuration, block manifests, Zarr arrays written whole and read with verification."""

@@ -1,7 +1,7 @@
 """Units of the arrays that a campaign stores."""
 
 from rpojax.scenario import key_units, metric_catalogue
-from rpojax.simulation import trace_channels
+from rpojax.simulation.metrics import trace_channels
 
 
 def array_units(group: str, name: str) -> str:

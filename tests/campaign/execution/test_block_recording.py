@@ -1,4 +1,4 @@
-"""Channels of runs that are shared out among devices are recorded as if there were one device."""
+"""Channels of several devices are recorded as if there were one device."""
 
 import numpy as np
 import pytest
@@ -13,11 +13,11 @@ WHOLE = {
     "rho_H": np.arange(TICKS * 3 * RUNS, dtype=np.float32).reshape(TICKS, 3, RUNS),
     "box_px": -np.arange(TICKS * 4 * RUNS, dtype=np.float32).reshape(TICKS, 4, RUNS),
 }
-"""Channels (ticks, ..., runs); the last is recorded of no run but those that are kept."""
+"""Channels (ticks, ..., runs); the last is recorded only of runs with a history."""
 
 
 def segments() -> list[Segment]:
-    """The channels in stretches of three ticks and two, of two devices with four runs and two."""
+    """The channels in segments of three and two ticks, of two devices with four and two runs."""
     ends = np.zeros(RUNS), np.full(RUNS, np.inf)
 
     def share(ticks: slice, runs: slice) -> dict[str, np.ndarray]:
@@ -30,7 +30,7 @@ def segments() -> list[Segment]:
 
 
 @pytest.mark.parametrize("rows", [[1, 3, 5], [5, 0], [4], []])
-def test_records_of_two_devices_are_those_of_one(rows: list[int]) -> None:
+def test_records_of_two_devices_equal_those_of_one(rows: list[int]) -> None:
     recorder = ChannelRecorder(TICKS, rows, lambda _: True)
     for segment in segments():
         recorder.add_segment(segment)
@@ -44,7 +44,7 @@ def test_records_of_two_devices_are_those_of_one(rows: list[int]) -> None:
             np.testing.assert_array_equal(history[name], values[..., row])
 
 
-def test_channels_of_a_segment_are_those_of_all_devices_runs_before_components() -> None:
+def test_channels_of_a_segment_join_devices_and_put_runs_before_components() -> None:
     first = segments()[0].channels
     assert {name: values.shape for name, values in first.items()} == {
         "range_m": (3, RUNS),

@@ -1,4 +1,4 @@
-"""A campaign as an xarray dataset, and its groups read by xarray alone."""
+"""Campaigns as xarray datasets, and their groups opened by xarray itself."""
 
 import sys
 
@@ -14,14 +14,14 @@ from rpojax.scenario.schema import ScenarioFile
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory, mission: ScenarioFile) -> Campaign:
-    """Five runs from number 10, of which the block in the middle is missing."""
-    made = empty_campaign(tmp_path_factory.mktemp("dataset") / "runs", mission, 7, 5, 10, 2)
+    """Five runs from number 10, of which the middle block is missing."""
+    campaign = empty_campaign(tmp_path_factory.mktemp("dataset") / "runs", mission, 7, 5, 10, 2)
     for block in (0, 2):
-        made.write_block(block, synthetic_block(block), synthetic_timing())
-    return made
+        campaign.write_block(block, synthetic_block(block), synthetic_timing())
+    return campaign
 
 
-def test_variables_are_labelled_and_have_units(written: Campaign) -> None:
+def test_variables_have_dimensions_and_units(written: Campaign) -> None:
     found = rpojax.open_campaign(written.directory)
     assert found["run"].values.tolist() == [10, 11, 14]
     assert found["min_range_m"].dims == ("run",)
@@ -36,7 +36,7 @@ def test_variables_are_labelled_and_have_units(written: Campaign) -> None:
         assert found.attrs[key] == written.configuration[key]
 
 
-def test_xarray_reads_the_groups_by_itself(written: Campaign) -> None:
+def test_xarray_opens_the_groups(written: Campaign) -> None:
     import xarray
 
     found = xarray.open_zarr(str(written.directory / "results.zarr"), group="traces", consolidated=False)
@@ -45,7 +45,7 @@ def test_xarray_reads_the_groups_by_itself(written: Campaign) -> None:
     np.testing.assert_array_equal(found["range_m"].values[[0, 1, 4]], written.traces["range_m"])
 
 
-def test_without_xarray_it_says_what_to_install(written: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_error_without_xarray_names_the_install_command(written: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(RpojaxError, match=r"found no xarray, expected .*rpojax\[xarray\]"):
         rpojax.open_campaign(written.directory)

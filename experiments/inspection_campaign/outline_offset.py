@@ -1,6 +1,6 @@
-"""What happens when the middle of the target's outline is not its centre of mass; prints one Markdown table.
+"""Effect of an offset between the centre of the target's outline and its centre of mass; prints one Markdown table.
 
-python experiments/inspection_campaign/offset.py [--runs 256]
+python experiments/inspection_campaign/outline_offset.py [--runs 256]
 """
 
 import argparse
@@ -15,7 +15,7 @@ import numpy as np
 import rpojax
 
 OFFSETS_M = (0.0, 0.03)
-BELIEVED_M = (0.005, 0.02)
+FILTER_SIGMAS_M = (0.005, 0.02)
 
 
 def main() -> None:
@@ -27,15 +27,15 @@ def main() -> None:
     hull = np.array(rpojax.load("inspection").target.hull_m)
     for offset in OFFSETS_M:
         moved = (hull + np.array([offset, 0.0, 0.0])).round(6).tolist()
-        for believed in BELIEVED_M:
-            file = rpojax.load("inspection", [f"target.hull_m={moved}", f"navigation.center_sigma_m={believed}"])
+        for sigma in FILTER_SIGMAS_M:
+            file = rpojax.load("inspection", [f"target.hull_m={moved}", f"navigation.center_sigma_m={sigma}"])
             with tempfile.TemporaryDirectory() as folder:
                 metrics = rpojax.run_campaign(file, runs, Path(folder) / "out", seed=0, histories=[]).metrics
             formation = np.nanmedian(metrics["formation_error_rms_m"])
             nees = np.nanmean(metrics["nees_mean"]) / 12.0
             coverage = 100.0 * np.nanmean(metrics["sigma3_coverage"])
             figures = f"{formation:.2f} m | {nees:.2f} | {coverage:.1f} %"
-            print(f"| {100 * offset:.0f} cm | {believed} | {figures} |", flush=True)
+            print(f"| {100 * offset:.0f} cm | {sigma} | {figures} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What the scripts of this folder share: a short campaign, its command line, and a comparison value by value."""
+"""Processes of short campaigns, and the comparison of their folders value by value."""
 
 import argparse
 import os
@@ -15,7 +15,7 @@ ONE_DEVICE = {"XLA_FLAGS": "--xla_force_host_platform_device_count=1"}
 
 
 def options(about: str | None, **defaults: float) -> argparse.Namespace:
-    """Words of a script's command line: numbers with their defaults, and `--out`, a folder that is then empty."""
+    """Options of a script: numbers with their defaults, and `--out`, a folder that is emptied."""
     parser = argparse.ArgumentParser(description=about)
     parser.add_argument("--out", type=Path, required=True)
     for name, value in defaults.items():
@@ -27,7 +27,7 @@ def options(about: str | None, **defaults: float) -> argparse.Namespace:
 
 
 def command(verb: str, *words: object) -> list[str]:
-    """Words of a command line."""
+    """Command line of a command of rpojax."""
     return [sys.executable, "-m", "rpojax", verb, *map(str, words)]
 
 
@@ -38,24 +38,24 @@ def campaign(out: Path, runs: int, block_size: int, *words: object) -> list[str]
 
 
 def start(words: list[str], **environment: str) -> subprocess.Popen[str]:
-    """A process on one device, in a group of its own."""
+    """Starts a process on one device."""
     environment = {**os.environ, **ONE_DEVICE, **environment}
     return subprocess.Popen(words, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 
 def arrays(directory: Path) -> dict[str, np.ndarray]:
-    """Every array of a campaign folder, by its path."""
+    """Path -> every array of a campaign folder."""
     root = zarr.open_group(str(directory / "results.zarr"), mode="r")
     return {name: np.asarray(node[:]) for name, node in root.members(max_depth=None) if isinstance(node, zarr.Array)}
 
 
 def different(one: Path, other: Path) -> list[str]:
-    """Paths of the arrays that are not equal to the last bit, or that only one folder has."""
+    """Paths of the arrays that differ in any bit, or that only one folder has."""
     a, b = arrays(one), arrays(other)
     unequal = [name for name in a.keys() & b.keys() if a[name].tobytes() != b[name].tobytes()]
     return sorted(unequal + list(a.keys() ^ b.keys()))
 
 
 def partial_files(directory: Path) -> int:
-    """Files that a dead writer left behind."""
+    """Number of partial files of killed writers."""
     return len(list(directory.rglob("*.partial")))

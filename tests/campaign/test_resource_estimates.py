@@ -1,0 +1,67 @@
+"""Estimates of memory and disk cover what campaigns need."""
+
+import shutil
+import tracemalloc
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from rpojax.campaign import resource_estimates
+from rpojax.campaign.execution import block_recording
+from rpojax.campaign.execution.batch_engine import BatchEngine
+from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.errors import RpojaxError
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.metrics import recorded_metrics
+
+
+def test_too_little_memory_is_refused_with_amounts_and_remedies(
+    mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(resource_estimates, "_available_memory", lambda: 2e9)
+    resource_estimates.check_resources(mission, 1000, 256, 2, 8, tmp_path / "runs")
+    with pytest.raises(RpojaxError, match=r"memory: found 2\.0 GB available, expected 10.*lower --block-size"):
+        resource_estimates.check_resources(mission, 100_000, 100_000, 1, 8, tmp_path / "runs")
+
+
+def test_too_little_disk_is_refused_with_amounts_and_remedies(
+    mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usage = shutil.disk_usage(tmp_path)._replace(free=50_000_000)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
+    resource_estimates.check_resources(mission, 1000, 256, 1, 8, tmp_path / "runs")
+    with pytest.raises(RpojaxError, match=r"disk: found 50 MB free, expected .*lower --runs, duration_s"):
+        resource_estimates.check_resources(mission, 100_000, 256, 1, 8, tmp_path / "runs")
+
+
+def test_memory_estimate_of_records_is_tight(mission: ScenarioFile) -> None:
+    engine = BatchEngine(mission, 1, jax.devices()[:1])
+    segment = next(iter(engine.simulate(engine.prepare(0, np.zeros(1, int)))))
+    sizes = {name: values.nbytes / len(values) for name, values in segment.channels.items()}
+    recorded = sum(sizes[name] for name in block_recording.RECORDED_CHANNELS)
+    assert recorded <= resource_estimates.RECORD_BYTES_PER_TICK <= 1.3 * recorded
+    history = sum(sizes.values()) + 8.0  # with the time
+    assert history <= resource_estimates.HISTORY_BYTES_PER_TICK <= 1.3 * history
+
+
+def test_memory_estimate_covers_the_evaluation_of_metrics(mission: ScenarioFile) -> None:
+    engine = BatchEngine(mission, 1, jax.devices()[:1])
+    channels = next(iter(engine.simulate(engine.prepare(0, np.zeros(1, int))))).channels
+    runs, ticks = 100, len(channels["range_m"])
+    # In the layout of the recorder, with runs in the last axis of memory.
+    one_run = {name: np.moveaxis(channels[name], 1, -1) for name in recorded_metrics.REQUIRED_CHANNELS}
+    records = {name: np.moveaxis(np.repeat(values, runs, axis=-1), -1, 0) for name, values in one_run.items()}
+    tracemalloc.start()
+    recorded_metrics.evaluate(mission, records)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < resource_estimates.EVALUATION_BYTES_PER_TICK * runs * ticks
+
+
+def test_disk_estimate_covers_a_campaign(three_runs: Campaign, mission: ScenarioFile) -> None:
+    files = [path for path in three_runs.directory.rglob("*") if path.is_file()]
+    per_run = resource_estimates._RUN_BYTES + mission.duration_s * resource_estimates._TRACE_BYTES_PER_S
+    histories = 2 * 400 * resource_estimates.HISTORY_BYTES_PER_TICK
+    assert sum(path.stat().st_size for path in files) < resource_estimates._REPORT_BYTES + 3 * per_run + histories
