@@ -17,6 +17,6 @@ def least_drift_distance(n: float, state: np.ndarray, steps: int) -> float:
     transition = scipy.linalg.expm(dynamics(n) * 2.0 * np.pi / n / steps)
     least = np.inf
     for _ in range(steps + 1):
-        least = min(least, np.linalg.norm(state[:3]))
+        least = min(least, float(np.linalg.norm(state[:3])))
         state = transition @ state
     return least
