@@ -1,4 +1,4 @@
-"""Figures of the detector, part by part; see README.md."""
+"""Measurements of the detector; each part prints JSON, see README.md."""
 
 import argparse
 import json
@@ -36,11 +36,11 @@ FIELD_OF_VIEW_DEG = 10.0
 SIZE_PX = 128
 RANGES_M = (20.0, 60.0)
 SIDES_PX = (12, 16, 24, 32, 48, 64, 96)
-_SPEED_BATCH = 16
+_BATCH = 16
 
 
 def main() -> int:
-    """Prints the figures of one part as JSON."""
+    """Prints the metrics of one part as JSON."""
     parts: dict[str, Callable[[argparse.Namespace, DetectorParams], dict[str, Any]]] = {
         "validation": _validation,
         "target": _target,
@@ -51,10 +51,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("part", choices=parts)
     parser.add_argument("folder", type=Path, nargs="?", help="data set, or folder of photographs with boxes.json")
-    parser.add_argument("--found", type=Path, help="what peer.py found")
+    parser.add_argument("--found", type=Path, help="detections written by peer.py")
     parser.add_argument("--weights", type=Path)
     parser.add_argument("--views", type=int, default=200)
-    parser.add_argument("--sheet", type=Path, help="picture of what was found")
+    parser.add_argument("--sheet", type=Path, help="image of the detections to write")
     arguments = parser.parse_args()
     if arguments.part in ("validation", "photographs", "peer") and arguments.folder is None:
         parser.error(f"{arguments.part}: expected a folder")
@@ -82,11 +82,11 @@ def _peer(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, An
     return {**about, **evaluate_detector.evaluation_report(found, data)}
 
 
-# The packaged target, as the flight camera sees it.
+# The packaged target in the camera of the packaged scenarios.
 
 
 def _target(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, Any]:
-    shell = random_views.ViewSampling(
+    view_sampling = random_views.ViewSampling(
         arguments.views,
         size_px=SIZE_PX,
         samples=64,
@@ -95,16 +95,17 @@ def _target(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, 
         field_of_view_deg=FIELD_OF_VIEW_DEG,
         seed=77,
     )
-    views = ray_traced_views.ray_trace_views(packaged_target.packaged_target(), shell)
-    shown = evaluate_field.render_views(load_field()[0], views)
+    views = ray_traced_views.ray_trace_views(packaged_target.packaged_target(), view_sampling)
+    rendered = evaluate_field.render_views(load_field()[0], views)
     results: dict[str, Any] = {}
     sheet = []
-    for name, color, alpha in (("ray traces", views.rgb, views.alpha), ("radiance field", shown.rgb, shown.alpha)):
-        for behind in ("black", "sky"):
+    sources = {"ray traces": (views.rgb, views.alpha), "radiance field": (rendered.rgb, rendered.alpha)}
+    for name, (color, alpha) in sources.items():
+        for background_name in ("black", "sky"):
             for label in ("visible", "silhouette"):
-                data = _dataset_before(color, alpha, views.alpha, behind, label == "visible")
+                data = _dataset_before(color, alpha, views.alpha, background_name, label == "visible")
                 found = evaluate_detector.detect_images(params, data.images)
-                results[f"{name}, {behind}, {label}"] = evaluate_detector.detection_metrics(found, data)
+                results[f"{name}, {background_name}, {label}"] = evaluate_detector.detection_metrics(found, data)
                 if label == "visible":
                     sheet.append(_contact_sheet(data, found, 24))
     if arguments.sheet:
@@ -113,29 +114,29 @@ def _target(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, 
 
 
 def _dataset_before(
-    color: np.ndarray, alpha: np.ndarray, truth: np.ndarray, behind: str, visible: bool
+    color: np.ndarray, alpha: np.ndarray, truth: np.ndarray, background_name: str, visible: bool
 ) -> DetectionDataset:
-    """Pictures of views moved about the frame, with the boxes of the ray-traced silhouettes."""
+    """Images of views shifted in the frame, with the boxes of the ray-traced silhouettes."""
     images, boxes = [], []
-    heaven, optics = random_sky(), pinhole_intrinsics(jnp.asarray(np.radians(FIELD_OF_VIEW_DEG)), SIZE_PX, SIZE_PX)
+    sky, intrinsics = random_sky(), pinhole_intrinsics(jnp.asarray(np.radians(FIELD_OF_VIEW_DEG)), SIZE_PX, SIZE_PX)
     for index in range(len(color)):
         rng = np.random.default_rng([5, index])
         shift = tuple(int(n) for n in rng.integers(-40, 41, 2))
         linear, cover, real = (np.roll(v[index], shift, axis=(0, 1)) for v in (color, alpha, truth))
-        back = np.zeros_like(linear) if behind == "black" else _random_sky_background(rng, heaven, optics)
+        back = np.zeros_like(linear) if background_name == "black" else _random_sky_background(rng, sky, intrinsics)
         image = linear + back * (1.0 - cover[..., None])
         box = visible_box(image, back, real) if visible else image_quality.silhouette_box(real)
         images.append(expose_image(rng, image, ImageSensor(2e4, 10.0)))
         boxes.append(np.zeros((0, 4)) if box is None else np.array(box).reshape(1, 4))
-    return DetectionDataset(np.stack(images), tuple(boxes), (behind,) * len(images))
+    return DetectionDataset(np.stack(images), tuple(boxes), (background_name,) * len(images))
 
 
-def _random_sky_background(rng: np.random.Generator, heaven: Any, optics: Any) -> np.ndarray:
+def _random_sky_background(rng: np.random.Generator, sky: Any, intrinsics: Any) -> np.ndarray:
     axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     position, sun = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
     turned, place, light = (jnp.asarray(v, jnp.float32) for v in (axes * np.linalg.det(axes), 1.078 * position, sun))
     turn = jnp.zeros((), jnp.float32)
-    return np.asarray(background(heaven, optics, SIZE_PX, SIZE_PX, turned, place, light, turn))
+    return np.asarray(background(sky, intrinsics, SIZE_PX, SIZE_PX, turned, place, light, turn))
 
 
 def _contact_sheet(data: DetectionDataset, found: evaluate_detector.ImageDetections, count: int) -> np.ndarray:
@@ -154,15 +155,15 @@ def _contact_sheet(data: DetectionDataset, found: evaluate_detector.ImageDetecti
 
 
 def _speed(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, Any]:
-    """Milliseconds a picture in a batch, as one program and as one for each device, as campaigns run."""
+    """Milliseconds per image in a batch, as one program, and as one program per device as in campaigns."""
     results: dict[str, Any] = {"devices": jax.device_count()}
-    images = jnp.asarray(np.random.default_rng(0).random((_SPEED_BATCH, SIZE_PX, SIZE_PX, 3)), jnp.float32)
-    looks: dict[str, Callable[..., Any]] = {
-        "first look alone": lambda params, images: proposal_network.detect(params["first"], images, 1)
+    images = jnp.asarray(np.random.default_rng(0).random((_BATCH, SIZE_PX, SIZE_PX, 3)), jnp.float32)
+    functions: dict[str, Callable[..., Any]] = {
+        "proposals alone": lambda params, images: proposal_network.detect(params["proposal"], images, 1)
     }
-    looks |= {f"second look at {count}": partial(detect, count=count) for count in (1, 2, 4)}
-    for name, look in looks.items():
-        program = jax.jit(look)
+    functions |= {f"refinement of {count}": partial(detect, count=count) for count in (1, 2, 4)}
+    for name, function in functions.items():
+        program = jax.jit(function)
         begin = time.perf_counter()
         jax.block_until_ready(program(params, images))
         compiled = time.perf_counter() - begin
@@ -179,13 +180,13 @@ def _speed(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, A
 
 
 def _time_of(call: Callable[[], Any]) -> dict[str, float]:
-    """Best and median of many calls, by picture."""
+    """Best and median of 60 calls, per image."""
     times = []
     jax.block_until_ready(call())
     for _ in range(60):
         begin = time.perf_counter()
         jax.block_until_ready(call())
-        times.append((time.perf_counter() - begin) / _SPEED_BATCH * 1e3)
+        times.append((time.perf_counter() - begin) / _BATCH * 1e3)
     return {"best": round(min(times), 3), "median": round(float(np.median(times)), 3)}
 
 
@@ -193,7 +194,7 @@ def _time_of(call: Callable[[], Any]) -> dict[str, float]:
 
 
 def _photographs(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, Any]:
-    """Photographs alone and shrunk before other backgrounds, and backgrounds without anything."""
+    """Photographs as they are, shrunk in front of backgrounds, and empty backgrounds."""
     known = json.loads((arguments.folder / "boxes.json").read_text())["images"]
     earth = earth_textures.load_earth_textures(held_out=True)
     rows, shrunk = [], []
@@ -220,7 +221,7 @@ def _photographs(arguments: argparse.Namespace, params: DetectorParams) -> dict[
 
 
 def _on_black(image: np.ndarray) -> bool:
-    """Whether a photograph has space all round, so that its spacecraft can be cut out."""
+    """Whether a photograph has black all round, so that its spacecraft can be cut out."""
     rim = np.concatenate([image[:4].reshape(-1, 3), image[-4:].reshape(-1, 3), image[:, [0, -1]].reshape(-1, 3)])
     return float(np.quantile(rim, 0.99)) < 0.08
 
@@ -240,15 +241,15 @@ def _mean(values: list[Any]) -> float:
 def _detect_shrunk(
     params: DetectorParams, image: np.ndarray, box: ScoredBox, side: int, kind: str, earth: earth_textures.EarthTextures
 ) -> tuple[bool, int]:
-    """Whether a photograph's spacecraft is found at a size in a 128 px frame, and how many boxes are wrong.
+    """Whether the spacecraft of a photograph is found at a size in a 128 px frame, and the number of false boxes.
 
-    Before its own background the photograph is shrunk and cut, its edges continued; before another one a photograph on
-    black is laid over it where it is brighter than space.
+    With its own background the photograph is shrunk, cropped and padded by its edges; over another one a photograph on
+    black is blended by its brightness.
     """
     scale = side / max(box.right - box.left, box.bottom - box.top)
     rng = np.random.default_rng([side, len(kind)])
     corner = [rng.uniform(2.0, SIZE_PX - 2.0 - scale * n) for n in (box.right - box.left, box.bottom - box.top)]
-    # Areas first, then the exact place, as in the making of composites.
+    # Area averaging first, then the exact shift, as for composites.
     sides = [max(1, round(n * scale)) for n in image.shape[1::-1]]
     small = np.asarray(cv2.resize(image, sides, interpolation=cv2.INTER_AREA))
     ratio = [n / m for n, m in zip(sides, image.shape[1::-1], strict=True)]
@@ -279,7 +280,7 @@ def _before_backdrop(
     kind: str,
     earth: earth_textures.EarthTextures,
 ) -> np.ndarray:
-    """The box of a photograph before a backdrop, blended by how much its pixels differ from its own background."""
+    """The box of a photograph over a backdrop, with an alpha from its brightness."""
     y, x = np.mgrid[:SIZE_PX, :SIZE_PX] + 0.5
     inside = (x > corner[0] - 1.0) & (x < corner[0] + scale * (box.right - box.left) + 1.0)
     inside &= (y > corner[1] - 1.0) & (y < corner[1] + scale * (box.bottom - box.top) + 1.0)

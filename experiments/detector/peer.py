@@ -1,7 +1,7 @@
-"""Trains a YOLO of ultralytics from scratch on the same pictures, with the same augmentation, for the same time.
+"""Trains a YOLO of ultralytics from scratch on the same images, with the same augmentation, for comparison.
 
-Runs in an environment of its own (torch, ultralytics, numpy, opencv), and never in that of the package. What it found
-goes into a file that `measure.py peer` judges by the same rule as the package's detector.
+Runs in its own environment (torch, ultralytics, numpy, opencv), not in that of the package. `measure.py peer` evaluates
+the detections that it writes like those of the package's detector.
 """
 
 import argparse
@@ -23,12 +23,12 @@ from rpojax.training.synthetic_data.detection_dataset import DetectionDataset, r
 BATCH = 32
 RATE = 2e-3
 SUPPRESSION_IOU = 0.6
-LEAST_SCORE = 1e-3
-MOST = 8
+MIN_SCORE = 1e-3
+MAX_BOXES = 8
 
 
 def main() -> int:
-    """Trains, finds, and writes boxes, scores and timing."""
+    """Trains, detects, and writes boxes, scores and timing."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, help="data set with training and validation")
     parser.add_argument("--model", default="yolo11n")
@@ -40,8 +40,8 @@ def main() -> int:
     torch.set_num_threads(arguments.threads)
     torch.manual_seed(0)
     model, steps = train(torch, model, read_dataset(arguments.folder / "training"), 60.0 * arguments.minutes)
-    unseen = read_dataset(arguments.folder / "validation")
-    boxes, scores = find(torch, model, unseen.images)
+    validation = read_dataset(arguments.folder / "validation")
+    boxes, scores = find(torch, model, validation.images)
     timing = speed(torch, model)
     about = {
         "model": arguments.model,
@@ -58,7 +58,7 @@ def main() -> int:
 
 
 def build(name: str) -> tuple[Any, Any]:
-    """Torch and a fresh model of one class; torchvision may be missing: only its NMS is wanted."""
+    """Torch and an untrained model of one class; a missing torchvision is replaced by an empty module."""
     with contextlib.suppress(ImportError, RuntimeError):
         importlib.import_module("torchvision")
     if "torchvision.ops" not in sys.modules:
@@ -74,17 +74,17 @@ def build(name: str) -> tuple[Any, Any]:
 
 
 def train(torch: Any, model: Any, data: DetectionDataset, limit_s: float) -> tuple[Any, int]:
-    """The running mean of the weights after so long, and the steps taken: AdamW with warm-up and half a cosine."""
+    """Averaged weights after the time limit, and the number of steps: AdamW with warm-up and half a cosine."""
     optimiser = torch.optim.AdamW(model.parameters(), lr=RATE, weight_decay=5e-4)
     mean = deepcopy(model)
     begin, step = time.monotonic(), 0
     order: list[int] = []
-    while (share := (time.monotonic() - begin) / limit_s) < 1.0:
+    while (progress := (time.monotonic() - begin) / limit_s) < 1.0:
         rng = np.random.default_rng([0, step])
         if len(order) < BATCH:
             order = list(rng.permutation(len(data)))
         chosen, order = order[:BATCH], order[BATCH:]
-        rate = RATE * min(1.0, (step + 1) / 200.0) * (0.505 + 0.495 * np.cos(np.pi * share))
+        rate = RATE * min(1.0, (step + 1) / 200.0) * (0.505 + 0.495 * np.cos(np.pi * progress))
         for group in optimiser.param_groups:
             group["lr"] = rate
         model.train()
@@ -103,21 +103,21 @@ def train(torch: Any, model: Any, data: DetectionDataset, limit_s: float) -> tup
 
 
 def update_average(torch: Any, mean: Any, model: Any, decay: float) -> None:
-    """Moves the running mean of weights, and of statistics, towards a model's."""
+    """Updates the exponential moving average of weights and statistics."""
     with torch.no_grad():
         for slow, fast in zip(mean.state_dict().values(), model.state_dict().values(), strict=True):
             if slow.dtype.is_floating_point:
                 slow.mul_(decay).add_(fast, alpha=1.0 - decay)
 
 
-def as_targets(torch: Any, made: Batch) -> dict[str, Any]:
-    """A batch as ultralytics wants it: boxes by middle and size in shares of the picture."""
-    size = made.images.shape[1]
-    index, place = np.nonzero(made.weight > 0.0)
-    box = made.boxes[index, place] / size
+def as_targets(torch: Any, batch: Batch) -> dict[str, Any]:
+    """A batch in the format of ultralytics: boxes by centre and size as fractions of the image."""
+    size = batch.images.shape[1]
+    index, place = np.nonzero(batch.weight > 0.0)
+    box = batch.boxes[index, place] / size
     sides = np.column_stack([0.5 * (box[:, :2] + box[:, 2:]), box[:, 2:] - box[:, :2]])
     return {
-        "img": torch.from_numpy(np.ascontiguousarray(made.images.transpose(0, 3, 1, 2))),
+        "img": torch.from_numpy(np.ascontiguousarray(batch.images.transpose(0, 3, 1, 2))),
         "cls": torch.zeros(len(index), 1),
         "bboxes": torch.from_numpy(sides.astype(np.float32)),
         "batch_idx": torch.from_numpy(index.astype(np.float32)),
@@ -125,7 +125,7 @@ def as_targets(torch: Any, made: Batch) -> dict[str, Any]:
 
 
 def find(torch: Any, model: Any, images: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Boxes and scores of pictures."""
+    """Boxes and scores of images."""
     boxes, scores = [], []
     with torch.no_grad():
         for start in range(0, len(images), 50):
@@ -141,12 +141,12 @@ def find(torch: Any, model: Any, images: np.ndarray) -> tuple[list[np.ndarray], 
 
 
 def suppress(boxes: np.ndarray, scores: np.ndarray) -> list[int]:
-    """Numbers of the best boxes that no better one overlaps."""
+    """Indices of the boxes kept by non-maximum suppression."""
     from rpojax.training.detector.average_precision import pairwise_iou
 
     kept: list[int] = []
     for index in np.argsort(-scores)[:200]:
-        if scores[index] < LEAST_SCORE or len(kept) == MOST:
+        if scores[index] < MIN_SCORE or len(kept) == MAX_BOXES:
             break
         if not kept or pairwise_iou(boxes[[index]], boxes[kept]).max() < SUPPRESSION_IOU:
             kept.append(int(index))
@@ -154,7 +154,7 @@ def suppress(boxes: np.ndarray, scores: np.ndarray) -> list[int]:
 
 
 def speed(torch: Any, model: Any) -> dict[str, float]:
-    """Milliseconds an image of 128 px, by batch, without suppression; the best of several runs."""
+    """Milliseconds per image of 128 px by batch size, without suppression; the best of several runs."""
     results = {}
     with torch.no_grad():
         for size in (1, 16, 64):

@@ -1,4 +1,4 @@
-"""Figures of the packaged target's field; each part prints the rows of a table for the README.
+"""Measurements of the radiance field of the packaged target; each part prints a table for the README.
 
 python experiments/radiance_field/measure.py quality|ranges|phase|speed|compare|recovery|strips
 python experiments/radiance_field/measure.py meshes "hubble.glb --center" "parts.stl --units mm --center"
@@ -37,7 +37,7 @@ from rpojax.vision.radiance_field.target_field import RadianceField
 
 HERE = Path(__file__).parent
 OUT = Path("out/radiance_field")
-BARS = {"psnr_db": 32.0, "psnr_target_db": 23.5, "ssim": 0.955, "silhouette_iou": 0.98, "box_iou_median": 0.95}
+REQUIRED = {"psnr_db": 32.0, "psnr_target_db": 23.5, "ssim": 0.955, "silhouette_iou": 0.98, "box_iou_median": 0.95}
 SEED = 1001
 POSE_RAYS = RaySampling(64, 2048)
 STEPS = {"grid": 2000, "point": 750}
@@ -45,24 +45,24 @@ STEPS = {"grid": 2000, "point": 750}
 
 
 def fresh_views(count: int = 64, samples: int = 256, **changes: Any) -> ray_traced_views.Views:
-    """Views that no training has seen."""
-    shell = random_views.ViewSampling(count, samples=samples, seed=SEED, **changes)
+    """Views that are not in any training."""
+    view_sampling = random_views.ViewSampling(count, samples=samples, seed=SEED, **changes)
     name = "_".join(f"{key}{value}" for key, value in changes.items())
-    return ray_traced_views.ray_trace_views(packaged_target.packaged_target(), shell, OUT / f"test_{name}")
+    return ray_traced_views.ray_trace_views(packaged_target.packaged_target(), view_sampling, OUT / f"test_{name}")
 
 
 def quality(field: RadianceField) -> None:
-    """The figures that the packaged field must reach."""
+    """Metrics of the packaged field with their requirements."""
     views = fresh_views()
     found = evaluate_field.field_metrics(evaluate_field.render_views(field, views), views)
     rows = evaluate_field.metrics_per_view(evaluate_field.render_views(field, views), views)
     boxes = np.array([image_quality.silhouette_box(alpha) for alpha in views.alpha])
     width = np.max(boxes[:, 2:] - boxes[:, :2], axis=1).mean() / views.alpha.shape[1]
     print(f"target's long side: {width:.0%} of the frame, mean over views")
-    print("| figure | must | all pixels together | mean over views |\n|---|---|---|---|")
-    for name, bar in BARS.items():
+    print("| metric | required | all pixels together | mean over views |\n|---|---|---|---|")
+    for name, required in REQUIRED.items():
         other = "box_iou" if name == "box_iou_median" else name
-        print(f"| `{name}` | {bar:g} | {found[name]:.4g} | {rows[other].mean():.4g} |")
+        print(f"| `{name}` | {required:g} | {found[name]:.4g} | {rows[other].mean():.4g} |")
 
 
 def ranges(field: RadianceField) -> None:
@@ -84,8 +84,8 @@ def phase(field: RadianceField) -> None:
     """Error by phase angle."""
     views = fresh_views()
     rows = evaluate_field.metrics_per_view(evaluate_field.render_views(field, views), views)
-    middle = packaged_target.packaged_target().bounds.mean(axis=0)
-    away = views.position - middle
+    center = packaged_target.packaged_target().bounds.mean(axis=0)
+    away = views.position - center
     away /= np.linalg.norm(away, axis=1, keepdims=True)
     angle = np.degrees(np.arccos(np.clip(np.sum(away * views.sun, axis=1), -1.0, 1.0)))
     print("| phase angle [deg] | views | PSNR [dB] | on the target [dB] | SSIM |\n|---|---|---|---|---|")
@@ -98,18 +98,18 @@ def phase(field: RadianceField) -> None:
 
 def frame_time(field: RadianceField, region: int = 64, batch: int = 8) -> float:
     """Milliseconds for a frame of `region` x `region` rays within a batch: shortest of several calls."""
-    optics = pinhole_intrinsics(jnp.asarray(np.radians(10.0)), 128, 128)
+    intrinsics = pinhole_intrinsics(jnp.asarray(np.radians(10.0)), 128, 128)
     rotations, positions, suns = random_views.sample_views(
         packaged_target.packaged_target(), random_views.ViewSampling(batch, range_m=30.0)
     )
     lit = jnp.ones((), jnp.float32)
-    share = choose_ray_sampling(field, float(optics.focal_px), 30.0)
-    rays = RaySampling(region, math.ceil(region * region * share.ray_count / share.side**2))
+    nominal = choose_ray_sampling(field, float(intrinsics.focal_px), 30.0)
+    rays = RaySampling(region, math.ceil(region * region * nominal.ray_count / nominal.side**2))
 
     def one(
         field: RadianceField, position: jax.Array, rotation: jax.Array, sun: jax.Array
     ) -> tuple[jax.Array, jax.Array]:
-        frame = render_target(field, optics, 128, 128, rays, position, rotation, sun, lit)
+        frame = render_target(field, intrinsics, 128, 128, rays, position, rotation, sun, lit)
         return frame.color, frame.alpha
 
     run = jax.jit(jax.vmap(one, in_axes=(None, 0, 0, 0)))
@@ -130,7 +130,7 @@ def shortest(call: Callable[[], Any], times: int = 7) -> float:
 
 def speed(field: RadianceField) -> None:
     """Time of a frame."""
-    print("| region [rays] | batch | ms a frame |\n|---|---|---|")
+    print("| region [rays] | batch | ms per image |\n|---|---|---|")
     for region in (32, 64, 96):
         print(f"| {region} x {region} | 8 | {frame_time(field, region):.1f} |")
     if jax.default_backend() != "cpu":
@@ -138,31 +138,31 @@ def speed(field: RadianceField) -> None:
 
 
 def compare(field: RadianceField) -> None:
-    """Both fields, trained on the same views in this run: error against training time and against render time."""
+    """Grid field and NeRF trained on the same views: error against training time and rendering time."""
     del field
     mesh = packaged_target.packaged_target()
     views = ray_traced_views.ray_trace_views(
         mesh, random_views.ViewSampling(300, range_scale=(0.9, 1.15)), OUT / "train"
     )
-    judged = fresh_views()
+    validation = fresh_views()
     final = []
-    print("| field | steps | training [s] | of processors [s] | PSNR near the target, views held out [dB] |")
+    print("| field | steps | training [s] | of processors [s] | PSNR near the target, validation views [dB] |")
     print("|---|---|---|---|---|")
     for kind, steps in STEPS.items():
         trained, _ = train_field.train(
             mesh, views, train_field.FieldTrainingOptions(steps=steps, kind=kind), on_progress=progress_printer(kind)
         )
-        found = evaluate_field.field_metrics(evaluate_field.render_views(trained, judged), judged)
+        found = evaluate_field.field_metrics(evaluate_field.render_views(trained, validation), validation)
         final.append(
             f"| {kind} | {frame_time(trained, 64):.1f} | {found['psnr_db']:.1f} | {found['psnr_target_db']:.1f} "
             f"| {found['ssim']:.3f} | {found['silhouette_iou']:.3f} |"
         )
-    print("\n| field | ms a frame, 64 x 64 | PSNR [dB] | on the target [dB] | SSIM | silhouette IoU |")
+    print("\n| field | ms per image, 64 x 64 | PSNR [dB] | on the target [dB] | SSIM | silhouette IoU |")
     print("|---|---|---|---|---|---|", *final, sep="\n")
 
 
 def meshes(commands: list[str]) -> None:
-    """Meshes of other people, each trained and judged by the command line with its default settings."""
+    """Other meshes, each trained and evaluated by the command line with default settings."""
     print(
         "| mesh | faces | training command [s] | of processors [s] | load | PSNR [dB] | on the target [dB] | SSIM "
         "| silhouette IoU |\n|---|---|---|---|---|---|---|---|---|"
@@ -183,13 +183,13 @@ def meshes(commands: list[str]) -> None:
 
 
 def run_field_command(*words: str) -> dict[str, Any]:
-    """What a verb of `rpojax field` prints as JSON."""
+    """JSON output of a command of `rpojax field`."""
     done = subprocess.run([sys.executable, "-m", "rpojax", "field", *words, "--json"], check=True, capture_output=True)
     return json.loads(done.stdout)
 
 
 def progress_printer(kind: str) -> train_field.OnFieldProgress:
-    """What prints a row for every check of a training that begins now."""
+    """Callback that prints a row for every check of a training that starts now."""
     start = time.process_time()
 
     def show(step: train_field.FieldTrainingProgress) -> None:
@@ -200,24 +200,25 @@ def progress_printer(kind: str) -> train_field.OnFieldProgress:
 
 
 def recovery(field: RadianceField) -> None:
-    """A pose 3 deg and 3 % of range wrong, mended by the gradient of a silhouette loss; a picture of both."""
+    """Pose recovery by the gradient of a silhouette loss, from errors of 3 deg and 3 % of range; with a figure."""
     print(
-        "| view | measured by | turn wrong, start and end [deg] | range wrong, start and end [%] |\n|---|---|---|---|"
+        "| view | measured by | attitude error, start and end [deg] | range error, start and end [%] |\n"
+        "|---|---|---|---|"
     )
-    shown = []
+    rendered = []
     for seed in range(4):
-        for name, wanted in (("field", None), ("ray trace", traced_silhouette(seed))):
-            found = recover_pose(field, seed, wanted)
+        for name, measured in (("field", None), ("ray trace", traced_silhouette(seed))):
+            found = recover_pose(field, seed, measured)
             turn, scale = found.turn_deg, found.range_percent
             print(f"| {seed} | {name} | {turn[0]:.2f}, {turn[1]:.2f} | {scale[0]:.2f}, {scale[1]:.2f} |", flush=True)
-            if wanted is None:
-                shown.append(found)
-    plot_recovery(HERE / "pose_recovery.png", field, shown)
+            if measured is None:
+                rendered.append(found)
+    plot_recovery(HERE / "pose_recovery.png", field, rendered)
 
 
 @dataclasses.dataclass(frozen=True)
 class PoseRecovery:
-    """A view, and the errors of its pose (3 of turn [rad], range as a share) at the start and at the end."""
+    """A view, and errors of its pose (rotation vector [rad], relative range) at the start and at the end."""
 
     view: tuple[jax.Array, jax.Array, jax.Array]
     errors: tuple[jax.Array, jax.Array]
@@ -234,7 +235,7 @@ class PoseRecovery:
 
 
 def pose_view_sampling(seed: int, **changes: Any) -> random_views.ViewSampling:
-    """The one view whose pose is recovered."""
+    """Sampling of the view whose pose is recovered."""
     return random_views.ViewSampling(1, seed=77 + seed, size_px=64, **changes)
 
 
@@ -250,25 +251,25 @@ def traced_silhouette(seed: int) -> jax.Array:
 def silhouette(
     field: RadianceField, view: tuple[jax.Array, ...], error: jax.Array, rays: RaySampling, size: int
 ) -> jax.Array:
-    """Alpha (size, size) of a view whose pose is wrong by an error."""
+    """Alpha (size, size) of a view whose pose has an error."""
     rotation, position, sun = view
-    optics = pinhole_intrinsics(jnp.asarray(np.radians(random_views.FIELD_OF_VIEW_DEG)), size, size)
+    intrinsics = pinhole_intrinsics(jnp.asarray(np.radians(random_views.FIELD_OF_VIEW_DEG)), size, size)
     R_KT, r = perturbed_pose(rotation, position, error)
-    return render_target(field, optics, size, size, rays, r, R_KT, sun, jnp.ones((), jnp.float32)).alpha
+    return render_target(field, intrinsics, size, size, rays, r, R_KT, sun, jnp.ones((), jnp.float32)).alpha
 
 
 @partial(jax.jit, static_argnums=(4,))
 def silhouette_gradient(
-    field: RadianceField, view: tuple[jax.Array, ...], wanted: jax.Array, error: jax.Array, rays: RaySampling
+    field: RadianceField, view: tuple[jax.Array, ...], measured: jax.Array, error: jax.Array, rays: RaySampling
 ) -> jax.Array:
     """Gradient of the silhouette's mean squared error in the pose's error."""
-    return jax.grad(lambda e: jnp.mean((silhouette(field, view, e, rays, 64) - wanted) ** 2))(error)
+    return jax.grad(lambda e: jnp.mean((silhouette(field, view, e, rays, 64) - measured) ** 2))(error)
 
 
 def recover_pose(
-    field: RadianceField, seed: int, wanted: jax.Array | None = None, steps: int = 100, rays: RaySampling = POSE_RAYS
+    field: RadianceField, seed: int, measured: jax.Array | None = None, steps: int = 100, rays: RaySampling = POSE_RAYS
 ) -> PoseRecovery:
-    """Descends from a pose 3 deg and 3 % wrong to a silhouette (64, 64), that of the field itself by default."""
+    """Gradient descent from a pose error of 3 deg and 3 % to a silhouette (64, 64), by default that of the field."""
     rotation, position, sun = (
         jnp.asarray(values[0], jnp.float32)
         for values in random_views.sample_views(packaged_target.packaged_target(), pose_view_sampling(seed))
@@ -276,30 +277,30 @@ def recover_pose(
     view = (rotation, position, sun)
     axis = np.random.default_rng(seed).normal(size=3)
     wrong = jnp.asarray(np.concatenate([np.radians(3.0) * axis / np.linalg.norm(axis), [0.03]]), jnp.float32)
-    if wanted is None:
-        look = jax.jit(lambda field, view: silhouette(field, view, jnp.zeros(4, jnp.float32), rays, 64))
-        wanted = look(field, view)
+    if measured is None:
+        render_silhouette = jax.jit(lambda field, view: silhouette(field, view, jnp.zeros(4, jnp.float32), rays, 64))
+        measured = render_silhouette(field, view)
     optimiser = optax.adam(4e-3)
     error, state = wrong, optimiser.init(wrong)
     for step in range(steps):
-        with jax.numpy_dtype_promotion("standard"):  # optax raises a number to the power of its count
-            change, state = optimiser.update(silhouette_gradient(field, view, wanted, error, rays), state)
+        with jax.numpy_dtype_promotion("standard"):  # optax raises a float to an integer power
+            change, state = optimiser.update(silhouette_gradient(field, view, measured, error, rays), state)
         error = error + (0.5 + 0.49 * math.cos(math.pi * step / steps)) * cast(jax.Array, change)
     return PoseRecovery(view, (wrong, error))
 
 
 def plot_recovery(path: Path, field: RadianceField, found: list[PoseRecovery], size: int = 192) -> None:
-    """Silhouettes over each other before and after, one column a view."""
+    """Superposed silhouettes before and after, one column per view."""
     from matplotlib import pyplot
     from matplotlib.patches import Patch
 
-    look = jax.jit(lambda view, error: silhouette(field, view, error, RaySampling(256, 256 * 128), size))
+    render_silhouette = jax.jit(lambda view, error: silhouette(field, view, error, RaySampling(256, 256 * 128), size))
     figure, axes = pyplot.subplots(2, len(found), figsize=(2.2 * len(found), 5.2), layout="constrained")
     for column, one in enumerate(found):
-        measured = np.asarray(look(one.view, jnp.zeros(4, jnp.float32)))
+        measured = np.asarray(render_silhouette(one.view, jnp.zeros(4, jnp.float32)))
         for row, (name, error) in enumerate(zip(("start", "after 100 steps"), one.errors, strict=True)):
             axis = axes[row, column]
-            axis.imshow(overlay(measured, np.asarray(look(one.view, error))), interpolation="nearest")
+            axis.imshow(overlay(measured, np.asarray(render_silhouette(one.view, error))), interpolation="nearest")
             axis.set_title(
                 f"view {column}, {name}\n{one.turn_deg[row]:.2f} deg, {one.range_percent[row]:.2f} %", fontsize=9
             )
@@ -315,7 +316,7 @@ _BOTH, _MEASURED, _ASSUMED = (0.72, 0.75, 0.78), (0.0, 0.45, 0.70), (0.84, 0.37,
 
 
 def overlay(measured: np.ndarray, assumed: np.ndarray) -> np.ndarray:
-    """Picture (p, p, 3) of two silhouettes on white."""
+    """Image (p, p, 3) of two silhouettes on white."""
     shares = (np.minimum(measured, assumed), measured - assumed, assumed - measured)
     parts = [np.clip(share, 0.0, 1.0)[..., None] for share in shares]
     colors = [np.array(color) for color in (_BOTH, _MEASURED, _ASSUMED)]
@@ -323,7 +324,7 @@ def overlay(measured: np.ndarray, assumed: np.ndarray) -> np.ndarray:
 
 
 def perturbed_pose(rotation: jax.Array, position: jax.Array, error: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Camera axes and position when the target is turned by `error[:3]` [rad] and its range is `error[3]` too long."""
+    """Camera axes and position after a rotation `error[:3]` [rad] of the target and a relative range error."""
     turn = quaternion.to_matrix(quaternion.exp(error[:3]))
     R_KT = jnp.sum(rotation[:, :, None] * turn[None, :, :], axis=1)
     return R_KT, jnp.sum(turn * position[:, None], axis=0) * (1.0 + error[3])
@@ -334,13 +335,13 @@ def strips(field: RadianceField) -> None:
     views = fresh_views()
     chosen = np.arange(0, 64, 8)
     views = select_views(views, chosen)
-    shown = evaluate_field.render_views(field, views)
-    error = np.abs(image_quality.srgb_codes(shown.rgb) - image_quality.srgb_codes(views.rgb))
-    save(HERE / "strip.png", sheet(views.rgb, shown.rgb, error), 1)
+    rendered = evaluate_field.render_views(field, views)
+    error = np.abs(image_quality.srgb_codes(rendered.rgb) - image_quality.srgb_codes(views.rgb))
+    save(HERE / "strip.png", sheet(views.rgb, rendered.rgb, error), 1)
     far = select_views(fresh_views(40, 128, range_m=30.0, field_of_view_deg=10.0), np.arange(0, 40, 5))
-    shown = evaluate_field.render_views(field, far)
-    error = np.abs(image_quality.srgb_codes(shown.rgb) - image_quality.srgb_codes(far.rgb))
-    save(HERE / "strip_30m.png", sheet(far.rgb, shown.rgb, error), 1)
+    rendered = evaluate_field.render_views(field, far)
+    error = np.abs(image_quality.srgb_codes(rendered.rgb) - image_quality.srgb_codes(far.rgb))
+    save(HERE / "strip_30m.png", sheet(far.rgb, rendered.rgb, error), 1)
 
 
 def select_views(views: ray_traced_views.Views, chosen: np.ndarray) -> ray_traced_views.Views:
@@ -350,12 +351,12 @@ def select_views(views: ray_traced_views.Views, chosen: np.ndarray) -> ray_trace
 
 
 def sheet(*rows: np.ndarray) -> np.ndarray:
-    """Rows of pictures as one (h, w, 3) array of codes."""
+    """Rows of images as one (h, w, 3) array of codes."""
     return np.concatenate([np.concatenate(list(image_quality.srgb_codes(row)), axis=1) for row in rows], axis=0)
 
 
 def save(path: Path, picture: np.ndarray, scale: int) -> None:
-    """Writes a picture (codes 0..1, RGB), enlarged."""
+    """Writes an image (codes 0..1, RGB), enlarged."""
     pixels = np.round(255.0 * np.clip(picture, 0.0, 1.0)).astype(np.uint8)[..., ::-1]
     cv2.imwrite(str(path), cv2.resize(pixels, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST))
 
@@ -364,7 +365,7 @@ PARTS = {part.__name__: part for part in (quality, ranges, phase, speed, compare
 
 
 def main() -> int:
-    """Prints the part asked for."""
+    """Prints one part."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("part", choices=[*PARTS, "meshes"])
     parser.add_argument("meshes", nargs="*", help="for the part of that name: mesh files with their options")

@@ -1,1 +1,1 @@
-"""Floor 3: offline training of the radiance field and the detector; optional packages only here."""
+"""Floor 3: offline training of the radiance field and the detector, with optional packages."""

@@ -1,1 +1,1 @@
-"""Floor 2: from a scene to a picture, and from a picture to bounding boxes."""
+"""Floor 2: images of a target from a radiance field, and bounding boxes of spacecraft in images."""

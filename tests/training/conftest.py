@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from rpojax.training.synthetic_data.random_views import ViewSampling
 
 from rpojax.training.synthetic_data import ray_traced_views
 from rpojax.training.synthetic_data.meshes.target_mesh import Material, MeshPart, TargetMesh
+from rpojax.training.synthetic_data.random_views import ViewSampling
 from rpojax.training.synthetic_data.ray_traced_views import Views
 
 pytest.importorskip("mitsuba")

@@ -1,1 +1,1 @@
-"""Training of the detector: augmentation, losses, optimiser, evaluation."""
+"""Training and evaluation of the detector."""

@@ -63,12 +63,12 @@ def _clip_to_window(boxes: np.ndarray, corner: np.ndarray, zoom: float, size: in
 def _mosaic(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
     """Four images at half size side by side."""
     half = parts[0][0].shape[0] // 2
-    picture, boxes = np.empty_like(parts[0][0]), []
+    mosaic, boxes = np.empty_like(parts[0][0]), []
     for (top, left), (image, found) in zip(((0, 0), (0, half), (half, 0), (half, half)), parts, strict=True):
         small, moved = _half_size(image, found)
-        picture[top : top + half, left : left + half] = small
+        mosaic[top : top + half, left : left + half] = small
         boxes.append(moved + np.array([left, top, left, top, 0.0]))
-    return picture, np.concatenate(boxes)
+    return mosaic, np.concatenate(boxes)
 
 
 def _half_size(image: np.ndarray, boxes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -50,8 +50,8 @@ def _random_tone(rng: Rng, values: np.ndarray) -> np.ndarray:
 def _glare(rng: Rng, size: int) -> np.ndarray:
     """Glare of the Sun in or near the frame."""
     y, x = np.mgrid[:size, :size].astype(np.float32)
-    middle = rng.uniform(-0.3, 1.3, 2).astype(np.float32) * size
-    distance = np.hypot(x - middle[0], y - middle[1]) / np.float32(size)
+    center = rng.uniform(-0.3, 1.3, 2).astype(np.float32) * size
+    distance = np.hypot(x - center[0], y - center[1]) / np.float32(size)
     light = np.float32(rng.uniform(0.05, 0.5)) * np.exp(-distance / np.float32(rng.uniform(0.05, 0.5)))
     return light[..., None] * rng.uniform(0.7, 1.0, 3).astype(np.float32)
 

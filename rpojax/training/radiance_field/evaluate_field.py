@@ -31,8 +31,8 @@ def render_views(
     """Views of a field with the poses and Suns of ray-traced ones, by the renderer of the simulator."""
     size = views.alpha.shape[1]
     intrinsics = pinhole_intrinsics(jnp.asarray(np.radians(views.field_of_view_deg)), size, size)
-    middle = np.asarray(bounding_sphere(field)[0])
-    min_range_m = float(np.linalg.norm(views.position - middle, axis=1).min())
+    center = np.asarray(bounding_sphere(field)[0])
+    min_range_m = float(np.linalg.norm(views.position - center, axis=1).min())
     sampling = choose_ray_sampling(field, float(intrinsics.focal_px), min_range_m, oversampling=1.0)
 
     @jax.jit
@@ -53,11 +53,11 @@ def render_views(
     return RenderedViews(np.stack(colors), np.stack(alphas))
 
 
-def field_metrics(shown: RenderedViews, views: Views) -> dict[str, float]:
+def field_metrics(rendered: RenderedViews, views: Views) -> dict[str, float]:
     """Metrics of `rpojax field evaluate`: PSNR over all pixels of all views, means of SSIM and IoU, median box IoU."""
-    rows = metrics_per_view(shown, views)
+    rows = metrics_per_view(rendered, views)
     covered = views.alpha > _COVERED_ALPHA
-    square = _squared_errors(shown, views)
+    square = _squared_errors(rendered, views)
     return {
         "psnr_db": psnr(square),
         "psnr_target_db": psnr(square[covered]),
@@ -67,19 +67,21 @@ def field_metrics(shown: RenderedViews, views: Views) -> dict[str, float]:
     }
 
 
-def metrics_per_view(shown: RenderedViews, views: Views) -> dict[str, np.ndarray]:
+def metrics_per_view(rendered: RenderedViews, views: Views) -> dict[str, np.ndarray]:
     """The same metrics for every view."""
-    square = _squared_errors(shown, views)
+    square = _squared_errors(rendered, views)
     covered = views.alpha > _COVERED_ALPHA
     count = range(len(views))
     return {
         "psnr_db": np.array([psnr(square[i]) for i in count]),
         "psnr_target_db": np.array([psnr(square[i][covered[i]]) for i in count]),
-        "ssim": np.array([ssim(srgb_codes(shown.rgb[i]), srgb_codes(views.rgb[i])) for i in count]),
-        "silhouette_iou": np.array([mask_iou(shown.alpha[i] > 0.5, views.alpha[i] > 0.5) for i in count]),
-        "box_iou": np.array([box_iou(silhouette_box(shown.alpha[i]), silhouette_box(views.alpha[i])) for i in count]),
+        "ssim": np.array([ssim(srgb_codes(rendered.rgb[i]), srgb_codes(views.rgb[i])) for i in count]),
+        "silhouette_iou": np.array([mask_iou(rendered.alpha[i] > 0.5, views.alpha[i] > 0.5) for i in count]),
+        "box_iou": np.array(
+            [box_iou(silhouette_box(rendered.alpha[i]), silhouette_box(views.alpha[i])) for i in count]
+        ),
     }
 
 
-def _squared_errors(shown: RenderedViews, views: Views) -> np.ndarray:
-    return (srgb_codes(shown.rgb).astype(np.float64) - srgb_codes(views.rgb)) ** 2
+def _squared_errors(rendered: RenderedViews, views: Views) -> np.ndarray:
+    return (srgb_codes(rendered.rgb).astype(np.float64) - srgb_codes(views.rgb)) ** 2

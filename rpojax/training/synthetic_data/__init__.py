@@ -1,1 +1,1 @@
-"""Synthetic data: meshes, ray-traced views, composites with boxes."""
+"""Synthetic data: meshes, ray-traced views, and composites with boxes."""

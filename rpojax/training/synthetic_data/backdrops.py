@@ -53,9 +53,9 @@ def _stars(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
 def _moon(rng: Rng, earth: EarthTextures, size_px: int) -> np.ndarray:
     """The Moon with a phase and a random texture, whole or cut by the frame, in front of stars."""
     radius = float(np.exp(rng.uniform(np.log(2.5), np.log(0.6 * size_px))))
-    middle = rng.uniform(-0.1, 1.1, 2) * size_px
+    center = rng.uniform(-0.1, 1.1, 2) * size_px
     y, x = np.mgrid[:size_px, :size_px] + 0.5
-    u, v = (x - middle[0]) / radius, (y - middle[1]) / radius
+    u, v = (x - center[0]) / radius, (y - center[1]) / radius
     square = u * u + v * v
     height = np.sqrt(np.clip(1.0 - square, 0.0, 1.0))
     sun = rng.normal(size=3) + np.array([0.0, 0.0, 0.7])

@@ -166,7 +166,7 @@ def _add_artefacts(rng: Rng, image: np.ndarray) -> np.ndarray:
     if rng.random() < 0.08:
         y, x = np.mgrid[:size, :size].astype(np.float32)
         for _ in range(int(rng.integers(1, 4))):
-            middle, radius = rng.uniform(0.0, size, 2), rng.uniform(3.0, 40.0)
-            disc = 1.0 / (1.0 + np.exp((np.hypot(x - middle[0], y - middle[1]) - radius) / rng.uniform(0.5, 6.0)))
+            center, radius = rng.uniform(0.0, size, 2), rng.uniform(3.0, 40.0)
+            disc = 1.0 / (1.0 + np.exp((np.hypot(x - center[0], y - center[1]) - radius) / rng.uniform(0.5, 6.0)))
             image = image + np.float32(rng.uniform(0.005, 0.15)) * disc[..., None] * rng.uniform(0.3, 1.0, 3)
     return image.astype(np.float32)

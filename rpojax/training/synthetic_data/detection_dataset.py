@@ -134,14 +134,14 @@ def read_dataset(folder: Path, size_px: int = SIZE_PX, limit: int | None = None)
     path = folder / ANNOTATIONS
     images, boxes = _parse(path)
     images, boxes = images[:limit], boxes[:limit]
-    pictures, scaled = [], []
+    arrays, scaled = [], []
     for entry, found in zip(images, boxes, strict=True):
-        picture, scale = _picture(folder / entry["file_name"], (entry["width"], entry["height"]), size_px)
-        pictures.append(picture)
+        array, scale = _read_square_image(folder / entry["file_name"], (entry["width"], entry["height"]), size_px)
+        arrays.append(array)
         scaled.append((found * scale).astype(np.float32))
     backgrounds = tuple(str(entry.get("background", "unknown")) for entry in images)
     craft = tuple("target" if entry.get("craft") == PACKAGED_TARGET else "other" for entry in images)
-    return DetectionDataset(np.stack(pictures), tuple(scaled), backgrounds, craft)
+    return DetectionDataset(np.stack(arrays), tuple(scaled), backgrounds, craft)
 
 
 def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray]]:
@@ -181,13 +181,13 @@ def _parse(path: Path) -> tuple[list[dict[str, Any]], list[np.ndarray]]:
     return images, [np.array(by_image[entry["id"]]).reshape(-1, 4) for entry in images]
 
 
-def _picture(path: Path, declared: tuple[int, int], size_px: int) -> tuple[np.ndarray, float]:
+def _read_square_image(path: Path, declared: tuple[int, int], size_px: int) -> tuple[np.ndarray, float]:
     """Square image (p, p, 3) of codes, and the scale of its boxes."""
     import cv2
 
     found = cv2.imread(str(path), cv2.IMREAD_COLOR) if path.is_file() else None
     if found is None:
-        raise DatasetError(f"{path}: cannot be read, expected a picture that the annotations name")
+        raise DatasetError(f"{path}: cannot be read, expected an image that the annotations name")
     height, width = found.shape[:2]
     if (width, height) != declared:
         raise DatasetError(f"{path}: found {width} x {height} px, expected {declared[0]} x {declared[1]}")

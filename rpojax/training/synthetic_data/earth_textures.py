@@ -5,7 +5,7 @@ from importlib import resources
 
 import numpy as np
 
-from rpojax.optional import require_package
+from rpojax.optional_packages import require_package
 
 Rng = np.random.Generator
 

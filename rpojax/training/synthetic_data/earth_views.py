@@ -87,9 +87,9 @@ def ground_image(rng: Rng, earth: EarthTextures, view: EarthView, cloud_fraction
     blue = np.clip((color[..., 2] - 1.15 * color[..., 0]) / 0.02, 0.0, 1.0)
     dark = np.clip((0.16 - color.mean(axis=2)) / 0.05, 0.0, 1.0)
     # Noise finer than the texture, at the scale of the view.
-    middle = unit(point[hit].mean(axis=0)) if hit.any() else unit(view.position)
-    east = unit(np.cross([0.0, 0.0, 1.0], middle))
-    x, y = (point - middle) @ east, (point - middle) @ np.cross(middle, east)
+    center = unit(point[hit].mean(axis=0)) if hit.any() else unit(view.position)
+    east = unit(np.cross([0.0, 0.0, 1.0], center))
+    x, y = (point - center) @ east, (point - center) @ np.cross(center, east)
     step = _ground_pixel_size(x, y, hit)
     detail = sample_noise(earth.noise[3], x, y, rng, TILE_PX / (float(rng.uniform(100.0, 400.0)) * step))
     color = color * np.clip(1.0 + rng.uniform(0.05, 0.3) * detail, 0.3, 2.0)[..., None]

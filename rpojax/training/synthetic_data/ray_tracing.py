@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.optional import require_package
+from rpojax.optional_packages import require_package
 from rpojax.training.synthetic_data.meshes.target_mesh import MeshPart, TargetMesh
 from rpojax.training.synthetic_data.random_views import ViewSampling
 from rpojax.vision.pinhole import pixel_directions

@@ -59,8 +59,8 @@ def trace_sprites(
             )
         )
     found: list[Sprite] = []
-    for number, (mesh, shell) in enumerate(jobs):
-        found += _sprites(mesh, shell, folder / f"{'held_out' if held_out else 'seen'}_{number:04d}")
+    for number, (mesh, sampling) in enumerate(jobs):
+        found += _sprites(mesh, sampling, folder / f"{'held_out' if held_out else 'seen'}_{number:04d}")
         on_progress(len(found), total)
     return found
 

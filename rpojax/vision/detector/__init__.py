@@ -1,1 +1,1 @@
-"""The detector: proposal network, refinement network, non-maximum suppression."""
+"""Two-stage detector of spacecraft: proposal network, refinement network, non-maximum suppression."""

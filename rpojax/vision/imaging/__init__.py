@@ -1,1 +1,1 @@
-"""From radiance to pictures: background, exposure, image files, contact sheets."""
+"""Image formation: background, exposure, sRGB, image files, contact sheets and videos."""

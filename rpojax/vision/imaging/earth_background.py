@@ -44,10 +44,10 @@ def _surface(sky: Sky, point: Array, hit: Array, earth_rotation: Array) -> Array
         # The pattern converges with the meridians at the poles.
         small = small + strength * _bilinear(sky.detail, 0.5 * south * times, east * times)
     # The textures end half a texel from the poles; unlike their columns, their rows are not periodic.
-    middle = jnp.clip(south, 0.5 / sky.cloud.shape[0], 1.0 - 0.5 / sky.cloud.shape[0])
-    thickness = _bilinear(sky.cloud, middle, east) + 0.6 * small
+    clamped_south = jnp.clip(south, 0.5 / sky.cloud.shape[0], 1.0 - 0.5 / sky.cloud.shape[0])
+    thickness = _bilinear(sky.cloud, clamped_south, east) + 0.6 * small
     cover = jnp.clip(thickness, 0.0, 1.0)[:, :, None]
-    ground = _bilinear(sky.earth, middle, east) * (1.0 + 0.15 * small)[:, :, None]
+    ground = _bilinear(sky.earth, clamped_south, east) * (1.0 + 0.15 * small)[:, :, None]
     return jnp.maximum(ground, 0.0) * (1.0 - cover) + (0.75 + 0.05 * small)[:, :, None] * cover
 
 

@@ -37,23 +37,23 @@ def read_image(path: Path) -> np.ndarray:
                 return _codes(image)
     except UnidentifiedImageError:
         found = "an empty file" if path.stat().st_size == 0 else "something else"
-        raise ImageFileError(f"{path}: found {found}, expected a JPEG or PNG picture") from None
+        raise ImageFileError(f"{path}: found {found}, expected a JPEG or PNG image") from None
     except Image.DecompressionBombError:
         raise ImageFileError(f"{path}: found too many pixels, expected at most {PIXEL_LIMIT}") from None
     except (OSError, SyntaxError, ValueError, EOFError) as error:
         reason = " ".join(str(getattr(error, "strerror", None) or error).split())
-        raise ImageFileError(f"{path}: cannot be read ({reason}), expected a JPEG or PNG picture") from None
+        raise ImageFileError(f"{path}: cannot be read ({reason}), expected a JPEG or PNG image") from None
 
 
 def _check(path: Path, image: "Image") -> None:
     if image.format not in _FORMATS:
-        raise ImageFileError(f"{path}: found {image.format}, expected a JPEG or PNG picture")
+        raise ImageFileError(f"{path}: found {image.format}, expected a JPEG or PNG image")
     if image.width * image.height > PIXEL_LIMIT:
         found = f"{image.width} x {image.height} px"
         raise ImageFileError(f"{path}: found {found}, expected at most {PIXEL_LIMIT} pixels")
     frames = getattr(image, "n_frames", 1)
     if frames > 1 and image.format != "MPO":
-        raise ImageFileError(f"{path}: found {frames} frames, expected a single picture")
+        raise ImageFileError(f"{path}: found {frames} frames, expected a single image")
 
 
 def _codes(image: "Image") -> np.ndarray:

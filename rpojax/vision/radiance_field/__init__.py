@@ -1,1 +1,1 @@
-"""The radiance field of a target and its volume rendering."""
+"""Radiance field of a target: grid lookup, volume rendering, and images in a camera."""

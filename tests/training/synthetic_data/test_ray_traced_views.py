@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rpojax.training.synthetic_data.random_views import ViewSampling
 
 from rpojax.training.radiance_field.image_quality import silhouette_box
 from rpojax.training.synthetic_data import ray_traced_views
 from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
+from rpojax.training.synthetic_data.random_views import ViewSampling
 from rpojax.training.synthetic_data.ray_traced_views import Views
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from rpojax.training.synthetic_data.random_views import ViewSampling
 
 from rpojax.training.synthetic_data import ray_tracing
 from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
+from rpojax.training.synthetic_data.random_views import ViewSampling
 from rpojax.vision.pinhole import pixel_directions
 
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rpojax.training.synthetic_data.random_views import ViewSampling
 
 from rpojax.training.synthetic_data import random_views, ray_traced_views, view_cache
 from rpojax.training.synthetic_data.meshes.target_mesh import TargetMesh
+from rpojax.training.synthetic_data.random_views import ViewSampling
 
 
 def test_stored_views_of_other_sampling_are_not_used(box: TargetMesh, tmp_path: Path) -> None:

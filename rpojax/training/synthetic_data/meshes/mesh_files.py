@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rpojax.errors import RpojaxError
-from rpojax.optional import require_package
+from rpojax.optional_packages import require_package
 from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET, packaged_target
 from rpojax.training.synthetic_data.meshes.target_mesh import Material, MeshPart, TargetMesh
 
@@ -71,7 +71,7 @@ def _check_size(path: Path, mesh: TargetMesh, units: str | None) -> None:
     offset = float(np.abs(0.5 * (low + high)).max())
     if offset > _MAX_OFFSET_FRACTION * span:
         raise MeshError(
-            f"{path}: found its middle {offset:.3g} m from the origin, expected within a quarter of its span "
+            f"{path}: found its centre {offset:.3g} m from the origin, expected within a quarter of its span "
             f"({_MAX_OFFSET_FRACTION * span:.3g} m); --center moves it there"
         )
 

@@ -158,5 +158,5 @@ def as_mesh(name: str, solids: Solids) -> TargetMesh:
     for material in dict.fromkeys(solid.material for solid in solids):
         whole = merge_solids([solid for solid in solids if solid.material == material])
         parts.append(MeshPart(whole.vertices, whole.faces, material))
-    middle = TargetMesh(name, tuple(parts)).bounds.mean(axis=0)
-    return TargetMesh(name, tuple(dataclasses.replace(part, vertices=part.vertices - middle) for part in parts))
+    center = TargetMesh(name, tuple(parts)).bounds.mean(axis=0)
+    return TargetMesh(name, tuple(dataclasses.replace(part, vertices=part.vertices - center) for part in parts))

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.optional import require_package
+from rpojax.optional_packages import require_package
 from rpojax.training.synthetic_data.meshes.target_mesh import Material, MeshPart, TargetMesh
 
 PACKAGED_TARGET = "target"
@@ -45,14 +45,14 @@ def _panel(side: float) -> list[tuple[Material, Any]]:
     pieces += [(STEEL, _box((x, side * 0.27, 0.0), (0.03, 0.06, 0.02))) for x in (-0.1, 0.1)]
     for row in range(4):
         for column in range(4):
-            middle = ((column - 1.5) * 0.106, side * (0.355 + row * 0.1265), 0.0115)
-            pieces.append((CELL, _box(middle, (0.094, 0.114, 0.004))))
+            center = ((column - 1.5) * 0.106, side * (0.355 + row * 0.1265), 0.0115)
+            pieces.append((CELL, _box(center, (0.094, 0.114, 0.004))))
     return pieces
 
 
-def _box(middle: tuple[float, float, float], size: tuple[float, float, float]) -> Any:
+def _box(center: tuple[float, float, float], size: tuple[float, float, float]) -> Any:
     box = require_package("trimesh").creation.box(extents=size)
-    box.apply_translation(middle)
+    box.apply_translation(center)
     return box
 
 
@@ -73,7 +73,7 @@ def _open_paraboloid(radius: float, height: float) -> Any:
     )
 
 
-def _along_axis(piece: Any, axis: str, middle: tuple[float, float, float]) -> Any:
+def _along_axis(piece: Any, axis: str, center: tuple[float, float, float]) -> Any:
     """A piece along z, rotated to another axis and moved."""
     rotations = {
         "x": [[0, 0, 1], [0, 1, 0], [-1, 0, 0]],
@@ -81,7 +81,7 @@ def _along_axis(piece: Any, axis: str, middle: tuple[float, float, float]) -> An
         "y": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
     }
     transform = np.eye(4)
-    transform[:3, :3], transform[:3, 3] = rotations[axis], middle
+    transform[:3, :3], transform[:3, 3] = rotations[axis], center
     return piece.apply_transform(transform)
 
 

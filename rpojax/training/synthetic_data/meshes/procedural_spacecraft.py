@@ -108,7 +108,7 @@ def _telescope(rng: Rng) -> Solids:
 
 
 def _station(rng: Rng) -> Solids:
-    """A truss with pairs of long wings at its ends, modules across its middle, and radiators."""
+    """A truss with pairs of long wings at its ends, modules across its centre, and radiators."""
     length, side = float(rng.uniform(5.0, 9.0)), float(rng.uniform(0.25, 0.45))
     craft = random_truss(rng, random_bus_material(rng), length, side)
     cells, frame = random_solar_cell_material(rng), random_bus_material(rng)

@@ -1,8 +1,8 @@
-"""The loop closed through pixels: how it holds the formation, what it costs, how true the statistical camera is.
+"""The closed loop with the rendered camera: formation keeping, cost, and equivalence of the statistical camera.
 
-python experiments/pictures_in_the_loop/measure.py run [--scenario NAME] [--model rendered] [--runs 20] [--first-run 0]
-python experiments/pictures_in_the_loop/measure.py table DIR...
-python experiments/pictures_in_the_loop/measure.py equivalence RENDERED_DIR... --statistical DIR...
+python experiments/rendered_camera_loop/measure.py run [--scenario NAME] [--model rendered] [--runs 20] [--first-run 0]
+python experiments/rendered_camera_loop/measure.py table DIR...
+python experiments/rendered_camera_loop/measure.py equivalence RENDERED_DIR... --statistical DIR...
 """
 
 import argparse
@@ -15,7 +15,7 @@ import numpy as np
 if TYPE_CHECKING:
     from rpojax.campaign.storage.campaign_folder import Campaign
 
-OUT = Path("out/pictures")
+OUT = Path("out/rendered_camera_loop")
 METRICS = {
     "formation_error_rms_m": "formation error RMS [m]",
     "nav_relative_position_error_rms_m": "relative position error RMS [m]",
@@ -39,7 +39,7 @@ def run(
 
     prepare_jax(cache=True)
     from rpojax.campaign import run_and_resume
-    from rpojax.scenario import scenario_file as scenarios
+    from rpojax.scenario.loading import scenario_loader as scenarios
 
     file = scenarios.load(scenario, [f"camera.model={model}", f"duration_s={duration_s}"])
     out = OUT / (f"{scenario}_{model}_{runs}" + (f"_from_{first_run}" if first_run else ""))
@@ -57,7 +57,7 @@ def run(
 
 
 def open_campaign(folder: Path) -> "Campaign":
-    """A campaign that is there."""
+    """An existing campaign."""
     from rpojax.campaign.storage.campaign_folder import Campaign
 
     return Campaign(folder)
@@ -86,7 +86,7 @@ def table(folders: list[Path]) -> None:
 
 
 def false_boxes_off_target(campaign: "Campaign") -> str:
-    """Boxes while the camera was not on the target, of the runs whose history is kept."""
+    """Row of boxes while the camera was not on the target, over the runs with stored history."""
     from rpojax.flight.guidance.pointing_modes import Mode
 
     frames = boxes = false = 0
@@ -97,8 +97,8 @@ def false_boxes_off_target(campaign: "Campaign") -> str:
         frames += int(away.sum())
         boxes += int((present & away).sum())
         false += int((np.asarray(history["box_outlier"], bool) & away).sum())
-    share = false / frames if frames else float("nan")
-    return f"| | | look-away frames, boxes, false boxes | {frames} | {boxes} | {false} ({share:.2%}) |"
+    fraction = false / frames if frames else float("nan")
+    return f"| | | look-away frames, boxes, false boxes | {frames} | {boxes} | {false} ({fraction:.2%}) |"
 
 
 def by_run(folders: list[Path], name: str) -> dict[int, float]:
@@ -112,25 +112,25 @@ def by_run(folders: list[Path], name: str) -> dict[int, float]:
 
 
 def paired(first: list[Path], second: list[Path], name: str) -> np.ndarray:
-    """A metric (2, runs) of the runs that both sides have: run n has the same dispersions in either."""
+    """A metric (2, runs) of the runs that both have; run n has the same dispersions in both."""
     one, other = by_run(first, name), by_run(second, name)
     both = sorted(one.keys() & other.keys())
     return np.array([[one[run] for run in both], [other[run] for run in both]])
 
 
 def equivalence(rendered: list[Path], statistical: list[Path], seed: int = 0) -> bool:
-    """Whether the cameras are alike: ratios of medians with 90 % bootstrap intervals over pairs, detection rates."""
+    """Whether the cameras are equivalent: ratios of medians with 90 % bootstrap intervals, detection rates."""
     rng = np.random.default_rng(seed)
-    alike = True
+    equivalent = True
     print("| quantity | pairs | rendered | statistical | ratio or difference | 90 % interval | bound | holds |")
     print("|---|---|---|---|---|---|---|---|")
     for name in RATIOS:
         a, b = paired(rendered, statistical, name)
-        drawn = rng.integers(0, len(a), (RESAMPLES, len(a)))
-        medians = [np.median(x[drawn], axis=1) for x in (a, b)]
+        resampled = rng.integers(0, len(a), (RESAMPLES, len(a)))
+        medians = [np.median(x[resampled], axis=1) for x in (a, b)]
         low, high = np.percentile(medians[1] / medians[0], [5, 95])
         holds = bool(RATIO_BOUNDS[0] <= low and high <= RATIO_BOUNDS[1])
-        alike &= holds
+        equivalent &= holds
         first, second = np.median(a), np.median(b)
         bound = f"{RATIO_BOUNDS[0]} to {RATIO_BOUNDS[1]}"
         print(f"| {METRICS[name]}, median | {len(a)} | {first:.3f} | {second:.3f} | {second / first:.3f} ", end="")
@@ -140,7 +140,7 @@ def equivalence(rendered: list[Path], statistical: list[Path], seed: int = 0) ->
     holds = bool(abs(second - first) <= RATE_BOUND)
     print(f"| detection rate, mean | {len(a)} | {first:.4f} | {second:.4f} ", end="")
     print(f"| {second - first:+.4f} | | {RATE_BOUND} | {holds} |")
-    return alike and holds
+    return equivalent and holds
 
 
 def main() -> int:
