@@ -12,24 +12,24 @@ os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.
 
 import numpy as np
 
-from rpojax.analysis.linear_covariance import linear_covariance, monte_carlo_agreement
-from rpojax.analysis.linear_covariance.linear_covariance import LinearCovariance
+from rpojax.analysis.linear_covariance import covariance_history, monte_carlo_agreement
+from rpojax.analysis.linear_covariance.covariance_history import LinearCovariance
 from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS
 from rpojax.analysis.linear_covariance.monte_carlo_agreement import TOLERANCE, ChannelAgreement, MonteCarloSample
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.scenario import scenario_file
-from rpojax.scenario.dispersion_keys import component_columns
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.parameter_keys import component_columns
 from rpojax.scenario.schema import ScenarioFile
 
 MOST_RUN_S = 10.0
-LOOKS_S = (600.0, 1000.0, 3000.0, 5900.0)
+TIMES_S = (600.0, 1000.0, 3000.0, 5900.0)
 CHECKED = (
     "servicer.mass_kg",
     "thruster.force_scale",
     "camera.misalignment_deg",
     "star_tracker.misalignment_deg",
 )
-"""Dispersions whose effect can be told from sampled runs by regression."""
+"""Dispersions whose effect a regression on sampled runs resolves."""
 
 
 def row(found: ChannelAgreement) -> bool:
@@ -56,14 +56,14 @@ def effects(file: ScenarioFile, linear: LinearCovariance, sampled: MonteCarloSam
     inputs = np.stack([(value - value.mean()) / value.std() for value in used.values()], axis=1)
     along = OUTPUTS["relative_error_H"].start + 1
     print("\n| time | source | linear | by regression |\n|---|---|---|---|")
-    for look in LOOKS_S:
-        error = sampled.values["relative_error_H"][np.argmin(np.abs(sampled.time_s - look)), :, 1]
-        slopes = np.linalg.lstsq(inputs, error - error.mean(), rcond=None)[0]
-        shares = linear.shares[np.argmin(np.abs(linear.share_time_s - look))][:, along]
+    for time_s in TIMES_S:
+        error = sampled.values["relative_error_H"][np.argmin(np.abs(sampled.time_s - time_s)), :, 1]
+        coefficients = np.linalg.lstsq(inputs, error - error.mean(), rcond=None)[0]
+        shares = linear.shares[np.argmin(np.abs(linear.share_time_s - time_s))][:, along]
         for name in CHECKED:
-            own = [slope for key, slope in zip(used, slopes, strict=True) if key.split("[")[0] == name]
+            own = [each for key, each in zip(used, coefficients, strict=True) if key.split("[")[0] == name]
             expected = np.sqrt(shares[linear.sources.index(name)])
-            print(f"| {look:g} s | `{name}` | {expected:.3f} m | {np.linalg.norm(own):.3f} m |")
+            print(f"| {time_s:g} s | `{name}` | {expected:.3f} m | {np.linalg.norm(own):.3f} m |")
 
 
 def main() -> int:
@@ -71,14 +71,14 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=2000)
     arguments = parser.parse_args()
-    file = scenario_file.load("inspection", ["camera.outlier_probability=0.0"])
-    linear = linear_covariance.analyse_scenario(file)
+    file = scenario_loader.load("inspection", ["camera.outlier_probability=0.0"])
+    linear = covariance_history.propagate_covariance(file)
     print(
-        f"worked out in {linear.run_s:.1f} s ({linear.run_cpu_s:.1f} s of processor time), "
+        f"computed in {linear.run_s:.1f} s ({linear.run_cpu_s:.1f} s of processor time), "
         f"compiled in {linear.compile_s:.1f} s"
     )
     sampled = monte_carlo_agreement.simulate_sample(file, arguments.runs, 0)
-    print(f"{sampled.runs} runs flown in {sampled.run_s:.1f} s, {sampled.failed} failed\n")
+    print(f"{sampled.runs} runs simulated in {sampled.run_s:.1f} s, {sampled.failed} failed\n")
     print(f"| component | median ratio | least | largest | within {TOLERANCE:.0%} | disagrees |")
     print("|---|---|---|---|---|---|")
     held = [row(found) for found in monte_carlo_agreement.compare_with_sample(linear, sampled)]

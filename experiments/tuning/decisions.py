@@ -1,9 +1,9 @@
-"""Slopes of formation error and velocity change to what decides on burns: derivatives of runs, and differences.
+"""Gradients of formation error and velocity change to the numbers that decide on burns: derivatives and differences.
 
     python experiments/tuning/decisions.py [--runs 128] [--horizon 4000]
 
-All slopes are those of the mean logarithm to a number's coordinate. The derivative of each run is exact between two of
-its decisions; its mean over runs comes with its standard error, and once more with long gradients cut as in tuning.
+All gradients are those of the mean logarithm to a number's coordinate. The derivative of each run is exact between two
+of its decisions; its mean over runs is given with its standard error, and also with gradients clipped as in tuning.
 """
 
 import argparse
@@ -28,19 +28,19 @@ def main() -> None:
     prepare_jax(cache=True)
     set_loop_fusion_flag(rendered=False)
     import rpojax
-    from rpojax.analysis.gradients import gradient_estimator, tunable_parameters
     from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
-    from rpojax.analysis.gradients.tuning_objective import Objective
+    from rpojax.analysis.gradients.tuning import gradient_estimator, tunable_parameters
+    from rpojax.analysis.gradients.tuning.tuning_objective import Objective
 
     file = rpojax.load("inspection", [*SETTINGS, *ONLY, f"duration_s={options.horizon}"])
     chosen, names = tunable_parameters.select_parameters(file, PARAMETERS), Objective(file).metric_names
-    flights = RolloutEvaluator(
+    evaluator = RolloutEvaluator(
         file, partial(tunable_parameters.run_values, file, chosen), chosen.count, names, options.runs
     )
     keys = run_keys(options.seed, np.arange(options.runs))
 
     def logs(x: np.ndarray) -> np.ndarray:
-        return np.log(flights.evaluate(np.tile(x, (options.runs, 1)), keys).metrics)
+        return np.log(evaluator.evaluate(np.tile(x, (options.runs, 1)), keys).metrics)
 
     here = logs(chosen.initial)
     sides = {
@@ -48,18 +48,18 @@ def main() -> None:
         for index in range(chosen.count)
         for span in SPANS
     }
-    for column, figure in enumerate(names):
+    for column, metric in enumerate(names):
         weights = np.zeros_like(here)
         weights[:, column] = np.exp(-here[:, column])
-        found = flights.gradient(np.tile(chosen.initial, (options.runs, 1)), keys, weights).gradient
+        found = evaluator.gradient(np.tile(chosen.initial, (options.runs, 1)), keys, weights).gradient
         assert found is not None
-        cut, _, shortened = gradient_estimator.clipped_sum(found / options.runs)
-        print(f"\n`{figure}`, {shortened} of {options.runs} gradients cut\n")
+        clipped, _, clipped_runs = gradient_estimator.clipped_sum(found / options.runs)
+        print(f"\n`{metric}`, {clipped_runs} of {options.runs} gradients clipped\n")
         spans = " | ".join(f"differences over {span:g}" for span in SPANS)
-        print(f"| number | mean derivative | cut | median | {spans} |\n|---|---|---|---|{'---|' * len(SPANS)}")
+        print(f"| number | mean derivative | clipped | median | {spans} |\n|---|---|---|---|{'---|' * len(SPANS)}")
         for index, name in enumerate(chosen.names):
-            slope = found[:, index]
-            cells = [with_error(slope), f"{cut[index]:.2f}", f"{np.median(slope):.3f}"]
+            gradient = found[:, index]
+            cells = [with_error(gradient), f"{clipped[index]:.2f}", f"{np.median(gradient):.3f}"]
             for span in SPANS:
                 up, down = sides[index, span]
                 cells.append(with_error((up - down)[:, column] / (2.0 * span)))

@@ -2,8 +2,8 @@
 
     python experiments/tuning/front.py --out out/front [--runs 32] [--steps 12] [--horizon 4000] [--judge 300]
 
-Each point starts where the one before it ended. All points and the packaged gains are judged on the same full runs of a
-seed that no tuning has seen.
+Each point starts where the one before it ended. All points and the packaged gains are validated on the same full runs
+of an unseen seed.
 """
 
 import argparse
@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
 if TYPE_CHECKING:
-    from rpojax.analysis.statistics.campaign_comparison import RunMetrics
+    from rpojax.analysis.statistics.paired_comparison import RunMetrics
 
 PRICES = (0.05, 0.15, 0.4, 0.8, 1.5, 2.5)
 """Weights of the logarithm of the velocity change beside 1 for that of the formation error."""
 PARAMETERS = ("formation.position_weight", "schedule")
-"""The other weights of the control law: only ratios matter, and those of the velocity do next to nothing."""
+"""The other weights of the control law are fixed: only ratios matter, and the velocity weights have little effect."""
 ONLY = [f"tuning.{name}=0" for name in ("innovations", "estimate", "consistency", "navigation", "pointing")]
 
 
@@ -38,17 +38,17 @@ def main() -> None:
     set_loop_fusion_flag(rendered=False)
     options.out.mkdir(parents=True, exist_ok=True)
     points = tune_all(options)
-    found = judge_all(options, points)
+    found = validate_all(options, points)
     (options.out / "front.json").write_text(json.dumps(found, indent=2))
     show(found)
     draw(found, options.out / "front.png")
 
 
 def tune_all(options: argparse.Namespace) -> list[dict]:
-    """Tuned scenarios from the lowest price to the highest; those that are there already are kept."""
+    """Tuned scenarios from the lowest price to the highest; existing results are kept."""
     import rpojax
-    from rpojax.analysis.gradients import gradient_descent
-    from rpojax.scenario import scenario_file
+    from rpojax.analysis.gradients.tuning import tune
+    from rpojax.scenario.loading import scenario_loader
 
     file = rpojax.load(options.scenario, [*ONLY, "tuning.formation=1"])
     points = []
@@ -58,43 +58,43 @@ def tune_all(options: argparse.Namespace) -> list[dict]:
             tables = file.model_dump(mode="json")
             tables["tuning"]["delta_v"] = price
             seed = 1000 * options.seed + number
-            settings = gradient_descent.TuningSettings(
-                PARAMETERS, options.runs, options.steps, seed, options.horizon, rate=0.2
+            tuned = tune.tune(
+                scenario_loader.validate(tables),
+                PARAMETERS,
+                runs=options.runs,
+                steps=options.steps,
+                horizon_s=options.horizon,
+                validation_runs=0,
+                seed=seed,
             )
-            tuned = gradient_descent.descend(scenario_file.validate(tables), settings)
-            content = {
-                "price": price,
-                "values": tuned.values,
-                "steps": [dataclasses.asdict(step) for step in tuned.steps],
-            }
+            steps = [dataclasses.asdict(step) for step in tuned.result.steps]
+            content = {"price": price, "values": tuned.values, "steps": steps}
             kept.write_text(json.dumps(content))
         points.append(json.loads(kept.read_text()))
-        file = gradient_descent.tuned_scenario(file, points[-1]["values"])
+        file = tune.tuned_scenario(file, points[-1]["values"])
         print(f"price {price:g}: objective {points[-1]['steps'][-1]['objective']:.3f}", flush=True)
     return points
 
 
-def judge_all(options: argparse.Namespace, points: list[dict]) -> dict:
+def validate_all(options: argparse.Namespace, points: list[dict]) -> dict:
     """Means over unseen full runs, and ratios to the packaged gains with intervals from resampled runs."""
     import rpojax
-    from rpojax.analysis.gradients import gradient_descent, tuning_validation
+    from rpojax.analysis.gradients.tuning import tune, tuning_validation
 
     packaged = rpojax.load(options.scenario)
     seed = 777_000 + options.seed
     first = tuning_validation.simulate_runs(packaged, seed, options.judge)
     rows = [{"price": None, "values": {}, **ratios(first, first)}]
     for point in points:
-        flown = tuning_validation.simulate_runs(
-            gradient_descent.tuned_scenario(packaged, point["values"]), seed, options.judge
-        )
-        rows.append({"price": point["price"], "values": point["values"], **ratios(first, flown)})
-        print(f"judged price {point['price']:g}", flush=True)
+        runs = tuning_validation.simulate_runs(tune.tuned_scenario(packaged, point["values"]), seed, options.judge)
+        rows.append({"price": point["price"], "values": point["values"], **ratios(first, runs)})
+        print(f"validated price {point['price']:g}", flush=True)
     return {"runs": options.judge, "seed": seed, "points": rows}
 
 
 def ratios(first: "RunMetrics", other: "RunMetrics") -> dict:
     """Formation error and velocity change of runs, and their ratios to those of the same runs with packaged gains."""
-    from rpojax.analysis.gradients import tuning_validation
+    from rpojax.analysis.gradients.tuning import tuning_validation
 
     means = tuning_validation.compare_means(first, other)
     found: dict = {"failed": int((~other.completed).sum())}
@@ -117,7 +117,7 @@ def show(found: dict) -> None:
 
 
 def front(points: list[dict]) -> list[dict]:
-    """Points that no other one beats in both figures, by velocity change."""
+    """Pareto-optimal points, by velocity change."""
     found: list[dict] = []
     for point in sorted(points, key=lambda point: point["delta_v_m_s"]):
         if not found or point["formation_error_rms_m"] < found[-1]["formation_error_rms_m"]:
@@ -131,7 +131,7 @@ def places(points: list[dict]) -> list[list[float]]:
 
 
 def draw(found: dict, path: Path) -> None:
-    """The front, and the packaged gains beside it."""
+    """Plots the front and the packaged gains."""
     import matplotlib
 
     matplotlib.use("Agg")

@@ -1,9 +1,9 @@
-"""Gradients of the closed loop to every tunable number against central differences, events off and on.
+"""Gradients of the closed loop to every tunable number against central differences, with events off and on.
 
     python experiments/tuning/gradients.py [--runs 8] [--horizon 600] [--parameters A,B,...] [--json FILE]
 
 Events off: no false boxes, no dead band, no gate; a run counts for a number only where no box and no mode changes
-within the step, which a difference would mistake for slope. Events on: the scenario as it is, all runs.
+within the step, since a difference would include the jump. Events on: the packaged scenario, all runs.
 """
 
 import argparse
@@ -16,9 +16,9 @@ import numpy as np
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
 STEPS = (1e-4, 1e-3, 1e-2, 1e-1)
-"""In coordinates: the relative change of a number. Weak dependences need a longer one, for positions are rounded."""
+"""Steps in coordinates: the relative change of a number. Weak dependences need a longer one because of rounding."""
 STENCIL = {1: 8.0 / 12.0, 2: -1.0 / 12.0}
-"""Weights of central differences over one and two steps: an error of the fourth order, so steps may be long."""
+"""Weights of fourth-order central differences by the number of steps."""
 CALM = ["camera.outlier_probability=0.0", "formation.dead_band_mm_s=0.0", "navigation.gating=none"]
 SPEED_WEIGHTS = "formation.velocity_weight=[1e3, 1e3, 1e3]"
 
@@ -46,23 +46,23 @@ def main() -> None:
 def compare(source: str, overrides: list[str], options: argparse.Namespace) -> dict[str, dict[str, float]]:
     """Largest relative differences by number: forward, reverse, and the share of runs without an event in the step."""
     import rpojax
-    from rpojax.analysis.gradients import tunable_parameters
     from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
-    from rpojax.analysis.gradients.tuning_objective import Objective
+    from rpojax.analysis.gradients.tuning import tunable_parameters
+    from rpojax.analysis.gradients.tuning.tuning_objective import Objective
 
     file = rpojax.load(source, [*overrides, "tuning.estimate=1.0"])
     names = options.parameters.split(",") if options.parameters else list(tunable_parameters.GROUPS)
     chosen, objective = tunable_parameters.select_parameters(file, names), Objective(file)
-    flights = RolloutEvaluator(
+    evaluator = RolloutEvaluator(
         file, partial(tunable_parameters.run_values, file, chosen), chosen.count, objective.metric_names, options.runs
     )
     keys = run_keys(options.seed, np.arange(options.runs))
     x = np.tile(chosen.initial, (options.runs, 1))
-    # One random direction among the figures, each in units of its own spread, stands for all of them.
-    plain = flights.evaluate(x, keys)
+    # One random combination of the metrics, each over its own spread, represents all of them.
+    plain = evaluator.evaluate(x, keys)
     rng = np.random.default_rng(0)
     weights = np.tile(rng.standard_normal(len(objective.metric_names)) / plain.metrics.std(axis=0), (options.runs, 1))
-    forward, reverse = flights.jacobian(x, keys), flights.gradient(x, keys, weights)
+    forward, reverse = evaluator.jacobian(x, keys), evaluator.gradient(x, keys, weights)
     assert forward.jacobian is not None and reverse.gradient is not None
     along = np.einsum("rf,rfk->rk", weights, forward.jacobian)
     rows = {}
@@ -70,12 +70,12 @@ def compare(source: str, overrides: list[str], options: argparse.Namespace) -> d
         differences, quiet = [], []
         for step in STEPS:
             move = step * np.eye(chosen.count)[index]
-            slope, calm = np.zeros(options.runs), np.ones(options.runs, dtype=bool)
+            difference, calm = np.zeros(options.runs), np.ones(options.runs, dtype=bool)
             for steps, weight in STENCIL.items():
-                up, down = (flights.evaluate(x + sign * steps * move, keys) for sign in (1.0, -1.0))
-                slope += weight * ((up.metrics - down.metrics) * weights).sum(axis=1) / step
+                up, down = (evaluator.evaluate(x + sign * steps * move, keys) for sign in (1.0, -1.0))
+                difference += weight * ((up.metrics - down.metrics) * weights).sum(axis=1) / step
                 calm &= (up.events == plain.events) & (down.events == plain.events)
-            differences.append(slope)
+            differences.append(difference)
             quiet.append(calm)
         rows[name] = worst(along[:, index], reverse.gradient[:, index], differences, quiet)
     return rows

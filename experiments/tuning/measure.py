@@ -1,12 +1,12 @@
-"""A filter with noises wrong by a factor of ten, tuned back, and the packaged one tuned further.
+"""A filter with noises wrong by a factor of ten, tuned back, and the packaged filter tuned further.
 
     python experiments/tuning/measure.py up|down|packaged --out out/tuning [--steps 80] [--runs 64] [--horizon 2000]
     python experiments/tuning/measure.py table --out out/tuning
     python experiments/tuning/measure.py memory --out out/tuning
 
-`up` and `down` start with every noise and sigma of the orbit filter ten times too large or too small. `table` puts the
-tuned filters beside the packaged one, on the same runs. `memory` makes two steps of 512 runs of 3000 s and tells how
-much memory the process had at most.
+`up` and `down` start with every noise and sigma of the orbit filter ten times too large or too small. `table` compares
+the tuned filters with the packaged one on the same runs. `memory` makes two steps of 512 runs of 3000 s and prints the
+peak memory of the process.
 """
 
 import argparse
@@ -25,7 +25,7 @@ NOISES = {
     "acceleration_noise_m_s2_sqrt_hz": 1e-6,
     "relative_acceleration_noise_m_s2_sqrt_hz": 8e-6,
 }
-"""Packaged values of what is made wrong."""
+"""Packaged values of the numbers that are made wrong."""
 FACTORS = {"up": 10.0, "down": 0.1}
 SHOWN = ("nees_mean", "nees_relative_mean", "nav_relative_position_error_rms_m", "nav_servicer_position_error_rms_m")
 NEES_BAND = (0.8 * 12.0, 1.2 * 12.0)
@@ -76,7 +76,7 @@ def table(options: argparse.Namespace) -> int:
     import numpy as np
 
     import rpojax
-    from rpojax.analysis.gradients import tuning_validation
+    from rpojax.analysis.gradients.tuning import tuning_validation
 
     cases = {"packaged": rpojax.load("inspection")}
     for name in [*FACTORS, "packaged"]:
@@ -88,9 +88,9 @@ def table(options: argparse.Namespace) -> int:
     print(f"| filter | failed | {' | '.join(SHOWN)} | holds |\n|---|---|{'---|' * 5}")
     found, status = {}, 0
     for name, file in cases.items():
-        flown = tuning_validation.simulate_runs(file, seed, options.judge)
-        means = {metric: float(np.nanmean(flown.metrics[metric])) for metric in SHOWN}
-        found[name] = {"failed": int((~flown.completed).sum()), **means}
+        runs = tuning_validation.simulate_runs(file, seed, options.judge)
+        means = {metric: float(np.nanmean(runs.metrics[metric])) for metric in SHOWN}
+        found[name] = {"failed": int((~runs.completed).sum()), **means}
         close = means[SHOWN[2]] <= ERROR_RATIO * found["packaged"][SHOWN[2]]
         holds = NEES_BAND[0] <= means["nees_mean"] <= NEES_BAND[1] and close
         status |= int(name != "packaged" and not holds)
@@ -106,7 +106,7 @@ def table(options: argparse.Namespace) -> int:
 
 
 def memory(options: argparse.Namespace) -> int:
-    """Two steps of a large tuning; the most memory of the process and of the programs."""
+    """Two steps of a large tuning; peak memory of the process and of the programs."""
     import resource
 
     from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
@@ -114,10 +114,9 @@ def memory(options: argparse.Namespace) -> int:
     prepare_jax(cache=True)
     set_loop_fusion_flag(rendered=False)
     import rpojax
-    from rpojax.analysis.gradients import gradient_descent
+    from rpojax.analysis.gradients.tuning import tune
 
-    settings = gradient_descent.TuningSettings(("navigation",), runs=512, steps=2, horizon_s=3000.0)
-    tuned = gradient_descent.descend(rpojax.load("inspection"), settings)
+    tuned = tune.tune(rpojax.load("inspection"), runs=512, steps=2, horizon_s=3000.0, validation_runs=0).result
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9
     step = tuned.steps[-1].run_s
     print(f"512 runs of 3000 s: at most {peak:.2f} GB, programs {tuned.memory_bytes / 1e9:.2f} GB, {step:.0f} s a step")
