@@ -9,8 +9,8 @@ from rpojax.core import quaternion
 from rpojax.core.pytree import replace
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.guidance import target_pointing
-from rpojax.flight.navigation import orbit_filter
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation import combined_orbit_filter
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.vehicle_model import VehicleModel
 
@@ -32,7 +32,7 @@ SUN_OVERHEAD = 1.5e11 * unit(R_SN_N)
 SUN_BEHIND_EARTH = -SUN_OVERHEAD
 """Position of the Sun behind the Earth [m]."""
 
-_initial = jax.jit(orbit_filter.initial)
+_initial = jax.jit(combined_orbit_filter.initial)
 
 
 @jax.jit

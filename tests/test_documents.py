@@ -14,16 +14,21 @@ import pytest
 
 import rpojax
 from rpojax import Stages
-from rpojax.analysis.statistics.order_statistics import runs_for_bound
+from rpojax.analysis.statistics.intervals.order_statistics import runs_for_bound
 from rpojax.campaign.single_run import initialise_run
 from rpojax.core.random_streams import Stream
 from rpojax.errors import RpojaxError
 from rpojax.physics import equipment_faults
 from rpojax.report.labels import metric_label
-from rpojax.scenario import key_units, metric_catalogue, scenario_file, schema
-from rpojax.scenario.field_types import Section
+from rpojax.scenario import key_units, metric_catalogue, schema
+from rpojax.scenario.design_kinds import Design
+from rpojax.scenario.dispersion_kinds import Dispersion
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation import closed_loop, telemetry, trace_channels
+from rpojax.scenario.value_types import Section
+from rpojax.simulation.channels import Channels, compute_channels
+from rpojax.simulation.metrics import trace_channels
+from rpojax.simulation.step import step
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -117,7 +122,7 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
-@pytest.mark.parametrize("name", scenario_file.packaged_names())
+@pytest.mark.parametrize("name", scenario_loader.packaged_names())
 def test_every_packaged_scenario_is_mentioned(name: str) -> None:
     assert f"`{name}`" in README
     assert f"`{name}`" in SCENARIO_PAGE
@@ -141,7 +146,8 @@ def test_every_verb_that_a_page_uses_is_one_of_the_command_line(page: Path) -> N
 
     text = "\n".join([*blocks(page.read_text(encoding="utf-8"), ""), *quoted(page.read_text(encoding="utf-8"))])
     verbs = set(re.findall(r"\brpojax ([a-z][a-z-]*)\b", text))
-    assert {verb for verb in verbs if not callable(getattr(main, verb.replace("-", "_"), None))} == set()
+    known = {command.__name__.replace("_", "-") for command in (*main.COMMANDS, *main.VISION_COMMANDS)}
+    assert verbs <= known | {"field", "detector"}
 
 
 def test_names_of_the_package_in_the_readme_exist() -> None:
@@ -159,19 +165,19 @@ def test_the_scenario_files_in_the_readme_are_accepted(tmp_path: Path) -> None:
     change, dispersion = blocks(README, "toml")
     path = tmp_path / "closer.toml"
     path.write_text(change)
-    assert scenario_file.load(path).name == "closer"
+    assert scenario_loader.load(path).name == "closer"
     path.write_text('extends = "inspection"\n' + dispersion)
-    *base, added = [drawn.key for drawn in scenario_file.load(path).dispersions]
+    *base, added = [drawn.key for drawn in scenario_loader.load(path).dispersions]
     assert added == "gps.noise_m"
-    assert base == [drawn.key for drawn in scenario_file.load("inspection").dispersions]
-    assert scenario_file.load(path, ["dispersions=[]"]).dispersions == []
+    assert base == [drawn.key for drawn in scenario_loader.load("inspection").dispersions]
+    assert scenario_loader.load(path, ["dispersions=[]"]).dispersions == []
 
 
 def test_the_scenario_of_the_fields_page_is_accepted(tmp_path: Path) -> None:
     [text] = blocks((ROOT / "docs" / "field.md").read_text(encoding="utf-8"), "toml")
     path = tmp_path / "kepler.toml"
     path.write_text(text)
-    file = scenario_file.load(path)
+    file = scenario_loader.load(path)
     assert file.camera.model == "rendered"
     assert file.imaging.field == str(tmp_path / "kepler.field.safetensors")
     assert len(file.target.hull_m) >= 4
@@ -236,7 +242,7 @@ def test_the_scenario_page_says_how_many_runs_verify() -> None:
 
 @pytest.mark.parametrize(
     ("heading", "union"),
-    [("`dispersions`", schema.Dispersion), ("`design`", schema.Design)],
+    [("`dispersions`", Dispersion), ("`design`", Design)],
     ids=["dispersion", "design"],
 )
 def test_the_scenario_page_lists_every_kind_with_its_settings(heading: str, union: Any) -> None:
@@ -249,11 +255,11 @@ def test_the_scenarios_of_the_scenario_page_are_accepted(tmp_path: Path) -> None
     derived, grid = blocks(SCENARIO_PAGE, "toml")
     path = tmp_path / "mine.toml"
     path.write_text('extends = "inspection"\n' + derived)
-    assert scenario_file.load(path).dispersions[-1].kind == "derived"
+    assert scenario_loader.load(path).dispersions[-1].kind == "derived"
     path.write_text('extends = "inspection_cold"\n' + grid)
     with pytest.raises(RpojaxError, match=r"^design.values: found 'servicer.mass_kg'"):
-        scenario_file.load(path)
-    assert scenario_file.load(path, ["dispersions=[]"]).design.kind == "grid"
+        scenario_loader.load(path)
+    assert scenario_loader.load(path, ["dispersions=[]"]).design.kind == "grid"
 
 
 def test_keys_named_anywhere_in_the_pages_exist() -> None:
@@ -291,21 +297,19 @@ def test_the_folder_page_names_every_trace() -> None:
 
 
 def test_the_folder_page_lists_every_channel_of_a_history() -> None:
-    static, params, state = initialise_run(scenario_file.load("inspection"))
-    seen = jax.eval_shape(
-        lambda: telemetry.compute_channels(static, params, closed_loop.tick(Stages(), static, params, state)[1])
-    )
+    static, params, state = initialise_run(scenario_loader.load("inspection"))
+    seen = jax.eval_shape(lambda: compute_channels(static, params, step(static, params, state, Stages())[1]))
     assert names_listed("Channels of a history") == {"time_s", "rho_desired_H", *seen} - {"running"}
 
 
 def test_the_folder_page_lists_the_further_channels_of_a_rendered_camera() -> None:
-    static, params, state = initialise_run(scenario_file.load("inspection"))
+    static, params, state = initialise_run(scenario_loader.load("inspection"))
 
     def channels(model: str) -> set[str]:
         seen = replace(static, camera_model=model)
 
-        def observe() -> telemetry.Channels:
-            return telemetry.compute_channels(seen, params, closed_loop.tick(Stages(), static, params, state)[1])
+        def observe() -> Channels:
+            return compute_channels(seen, params, step(static, params, state, Stages())[1])
 
         return set(jax.eval_shape(observe))
 

@@ -12,7 +12,7 @@ PACKAGE = Path(__file__).parents[1] / "rpojax"
 FLOORS = {
     "errors": 0,
     "version": 0,
-    "optional": 0,
+    "optional_packages": 0,
     "core": 1,
     "batching": 1,
     "runtime": 1,

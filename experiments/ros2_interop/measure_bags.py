@@ -22,8 +22,8 @@ from rpojax.campaign.storage import folder_creation
 from rpojax.campaign.storage.campaign_configuration import new_configuration
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.interop import run_replay
-from rpojax.interop.ros2 import mcap_sqlite3_writer, message_values, run_bag
-from rpojax.interop.ros2.mcap_sqlite3_writer import BagFormat
+from rpojax.interop.ros2 import mcap_or_sqlite3_writer, message_values, run_bag
+from rpojax.interop.ros2.mcap_or_sqlite3_writer import BagFormat
 from rpojax.interop.ros2.message_values import RosTickValues
 from rpojax.interop.ros2.run_bag import ImageStorage
 from rpojax.interop.run_replay import ReplayedRun
@@ -68,7 +68,7 @@ def write_bag(
 ) -> int:
     """Writes a bag; returns the number of messages."""
     messages = run_bag.run_messages(run, images, pictures)
-    return mcap_sqlite3_writer.write_bag(
+    return mcap_or_sqlite3_writer.write_bag(
         out, form, run_bag.bag_topics(images), messages, run_bag.provenance(run), force=True
     )
 

@@ -11,7 +11,7 @@ from rpojax.cli import console
 from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
 from rpojax.errors import RpojaxError, UnfinishedError
-from rpojax.runtime.progress import busy
+from rpojax.runtime.progress_bar import busy
 
 if TYPE_CHECKING:
     from rpojax.campaign.storage.campaign_folder import Campaign

@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.console import Console
 
-from rpojax.runtime.progress import count_runs
+from rpojax.runtime.progress_bar import count_runs
 
 _KEY_METRICS = (
     "formation_error_rms_m",

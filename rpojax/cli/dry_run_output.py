@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from rpojax.cli.output_paths import claim
 from rpojax.errors import RpojaxError
-from rpojax.runtime.progress import busy
+from rpojax.runtime.progress_bar import busy
 
 if TYPE_CHECKING:
     from rpojax.campaign.dry_run import Plan

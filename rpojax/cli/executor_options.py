@@ -8,7 +8,7 @@ from tyro.conf import arg
 from rpojax.errors import RpojaxError
 
 if TYPE_CHECKING:
-    from rpojax.campaign.execution.executors import Executor
+    from rpojax.campaign.execution.executor import Executor
     from rpojax.campaign.storage.campaign_folder import Campaign
 
 
@@ -49,7 +49,7 @@ def make_executor(name: str, scheduler: str | None, workers: int | None) -> "Cal
 
         return lambda result: DaskExecutor(result, scheduler or "")
     if workers is not None:
-        from rpojax.campaign.execution.executors import ProcessExecutor
+        from rpojax.campaign.execution.process_executor import ProcessExecutor
 
         return lambda result: ProcessExecutor(result, workers)
     return None

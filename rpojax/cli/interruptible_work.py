@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from rpojax.campaign.storage.campaign_folder import Campaign
 
 from rpojax.cli.exit_status import Status
-from rpojax.runtime.progress import ProgressCallback, run_progress
+from rpojax.runtime.progress_bar import ProgressCallback, run_progress
 
 _WORKER = "rpojax-worker"
 

@@ -66,12 +66,15 @@ COMMANDS: tuple[Callable[..., int], ...] = (
 )
 """Commands in the order of `--help`, before those of the radiance field and the detector."""
 
+VISION_COMMANDS: tuple[Callable[..., int], ...] = (detect, calibrate_camera_model)
+"""Commands after those of the radiance field and the detector."""
+
 app = tyro.extras.SubcommandApp()
 for command in COMMANDS:
     app.command(name=command.__name__.replace("_", "-"))(command)
 app.command(field.app, name="field", help="Train, evaluate and show radiance fields of targets.")
 app.command(detector.app, name="detector", help="Make data for the detector, train it and evaluate it.")
-for command in (detect, calibrate_camera_model):
+for command in VISION_COMMANDS:
     app.command(name=command.__name__.replace("_", "-"))(command)
 
 

@@ -4,7 +4,7 @@ import dataclasses
 from typing import TYPE_CHECKING, Any
 
 from rpojax.cli.interruptible_work import with_progress
-from rpojax.runtime.progress import ProgressCallback
+from rpojax.runtime.progress_bar import ProgressCallback
 
 if TYPE_CHECKING:
     from rpojax.campaign.storage.campaign_folder import Campaign

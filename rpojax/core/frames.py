@@ -16,7 +16,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core.numerics.safe import normalize
+from rpojax.core.numerics.gradient_safe import normalize
 from rpojax.core.vectors import apply, apply_transposed, cross
 
 Vector = Float[Array, "3"]

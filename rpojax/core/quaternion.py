@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core.numerics import safe
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.trigonometric_series import arctan2, cos_sinc
 from rpojax.core.vectors import cross
 
@@ -100,14 +100,14 @@ def rotation_vector_between(a: Vector, b: Vector) -> Vector:
     The axis for opposite vectors is not unique: it is chosen from the coordinate axis most normal to `a`.
     """
     axis = cross(a, b)
-    sine, cosine = safe.norm(axis), jnp.sum(a * b, axis=0)
+    sine, cosine = gradient_safe.norm(axis), jnp.sum(a * b, axis=0)
     least = jnp.argmin(jnp.abs(a), axis=0)
     fallback = cross(a, jnp.where(jnp.arange(3) == least, 1.0, 0.0).astype(a.dtype))
     angle = arctan2(sine, cosine)
     small = sine < 1e-9
     # Angle over sine tends to one for equal vectors.
     ratio = jnp.where(small, 1.0, angle / jnp.where(small, 1.0, sine))
-    return jnp.where(small & (cosine < 0.0), angle * safe.normalize(fallback), ratio * axis)
+    return jnp.where(small & (cosine < 0.0), angle * gradient_safe.normalize(fallback), ratio * axis)
 
 
 def derivative(q_BN: Quaternion, omega_BN_B: Vector) -> Quaternion:

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
-from rpojax.core.numerics import safe
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace, select
@@ -28,9 +28,9 @@ from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.guidance.burn_planning import BurnPlan
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.guidance.target_pointing import TargetPointing
-from rpojax.flight.navigation import attitude_ekf, orbit_filter, outlier_gate, thrust_estimator
+from rpojax.flight.navigation import attitude_ekf, combined_orbit_filter, outlier_gate, thrust_estimator
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
-from rpojax.flight.navigation.orbit_filter import Innovation, OrbitEstimate
+from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.navigation.outlier_gate import GateState
@@ -122,8 +122,8 @@ class Stages:
         wheel_torque: attitude control, as `attitude_control.wheel_torque`
     """
 
-    orbit_update: OrbitUpdate = orbit_filter.update
-    orbit_predict: OrbitPrediction = orbit_filter.predict
+    orbit_update: OrbitUpdate = combined_orbit_filter.update
+    orbit_predict: OrbitPrediction = combined_orbit_filter.predict
     formation_law: FormationLaw = formation_law.lqr_feedback
     wheel_torque: WheelControl = attitude_control.wheel_torque
 
@@ -292,7 +292,7 @@ def predict(
             zonal_degree,
             memory.orbit,
             thrust_estimate.ratio * delta_v_N,
-            thrust_estimate.ratio * safe.norm(memory.plan.delta_v_N),
+            thrust_estimate.ratio * gradient_safe.norm(memory.plan.delta_v_N),
             thrust_estimator.sigma_inflation(thrust_estimate),
             third_body_acceleration_N,
             dt,

@@ -19,10 +19,10 @@ from rpojax.campaign import rerender, single_run
 from rpojax.campaign.execution import campaign_engine
 from rpojax.campaign.rerun import check_run_id
 from rpojax.campaign.storage.campaign_folder import Campaign, trace_stride
-from rpojax.core.numerics import safe
+from rpojax.core.numerics import gradient_safe
 from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
 from rpojax.flight.computer import Stages
-from rpojax.runtime.progress import Progress, ProgressCallback
+from rpojax.runtime.progress_bar import Progress, ProgressCallback
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
@@ -143,7 +143,7 @@ def _recorded_poses(scenario: Scenario, telemetry: Telemetry) -> dict[str, Array
     truth = telemetry.truth
     return {
         "time_s": telemetry.tick.astype(jnp.float64) * scenario.tick_s,
-        "range_m": safe.norm(truth.r_ST_N),
+        "range_m": gradient_safe.norm(truth.r_ST_N),
         "r_TN_N": truth.r_TN_N,
         "r_ST_N": truth.r_ST_N,
         "q_TN": truth.q_TN,

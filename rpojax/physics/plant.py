@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from rpojax.core import quaternion
 from rpojax.core.numerics import double_single, runge_kutta
-from rpojax.core.numerics.safe import norm
+from rpojax.core.numerics.gradient_safe import norm
 from rpojax.core.orbits import encke_reference
 from rpojax.core.orbits.encke_reference import EnckeReference
 from rpojax.core.pytree import replace

@@ -11,7 +11,7 @@ from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
 from rpojax.physics.environment.drag import Atmosphere
 from rpojax.physics.environment.solar_radiation_pressure import Sunlight
-from rpojax.physics.environment.surface import Surface
+from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.physics.equipment_faults import Fault
 from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.rigid_body import Body

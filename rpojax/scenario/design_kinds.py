@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from rpojax.physics.plant_options import FaultKind
-from rpojax.scenario.field_types import Finite, Section
+from rpojax.scenario.value_types import Finite, Section
 
 
 class IndependentDesign(Section):

@@ -8,7 +8,7 @@ from typing import Any, get_args
 import numpy as np
 
 from rpojax.physics.plant_options import FaultKind
-from rpojax.scenario.field_types import Section
+from rpojax.scenario.value_types import Section
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import EffectsSection, FaultSection, RatesSection, TuningSection
 

@@ -23,7 +23,7 @@ from rpojax.flight.vehicle_model import VehicleModel
 from rpojax.physics import equipment_faults
 from rpojax.physics.environment.drag import Atmosphere
 from rpojax.physics.environment.solar_radiation_pressure import Sunlight
-from rpojax.physics.environment.surface import Surface
+from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.physics.equipment_faults import Fault
 from rpojax.physics.plant_state import PlantParams, Target
 from rpojax.physics.reaction_wheels import ReactionWheels

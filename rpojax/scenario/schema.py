@@ -6,7 +6,7 @@ from pydantic import Field
 
 from rpojax.scenario.design_kinds import Design, IndependentDesign
 from rpojax.scenario.dispersion_kinds import Dispersion
-from rpojax.scenario.field_types import Epoch, Finite, MetricName, Positive, Section
+from rpojax.scenario.value_types import Epoch, Finite, MetricName, Positive, Section
 from rpojax.scenario.sections import (
     AtmosphereSection,
     AttitudeControlSection,

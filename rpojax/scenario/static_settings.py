@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from rpojax.errors import ScenarioError
 from rpojax.physics.plant_options import Effects
-from rpojax.scenario.field_types import epoch_seconds
+from rpojax.scenario.value_types import epoch_seconds
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained import image_sampling
 

@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 from rpojax.core import quaternion, random_streams
 from rpojax.core.constants import RADIUS_EARTH
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
-from rpojax.core.numerics.safe import normalize
+from rpojax.core.numerics.gradient_safe import normalize
 from rpojax.core.orbits import camera_visibility, earth_rotation, eclipse
 from rpojax.flight.computer import FlightMemory
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
@@ -15,7 +15,7 @@ from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
-from rpojax.sensors import camera_geometry, geometric_camera, rendered_camera, statistical_camera, window_selection
+from rpojax.sensors import camera_pose, geometric_camera, rendered_camera, statistical_camera, window_selection
 from rpojax.sensors.camera import CameraFrame
 from rpojax.simulation.noise import TickNoise
 from rpojax.vision import bounding_box, pinhole
@@ -56,8 +56,8 @@ def expose(
         truth.r_TN_N, truth.r_ST_N, sky.sun_N, camera.phase_limit, camera.sun_exclusion
     )
     # All vertices use the pose: the barrier keeps XLA from recomputing it for each.
-    pose = fusion_barrier(camera_geometry.target_pose_in_camera(camera, truth.q_TN, truth.r_ST_N, truth.q_BN), tick)
-    hull_K = camera_geometry.hull_in_camera(params.plant.target.hull, *pose)
+    pose = fusion_barrier(camera_pose.target_pose_in_camera(camera, truth.q_TN, truth.r_ST_N, truth.q_BN), tick)
+    hull_K = camera_pose.hull_in_camera(params.plant.target.hull, *pose)
     size = (scenario.width_px, scenario.height_px)
     normals, uniforms = noise.camera, noise.uniforms
     if scenario.camera_model == "geometric":
@@ -121,7 +121,7 @@ def _render_window(
 
 
 def _scene(scenario: Scenario, params: Params, truth: Truth, sky: SunMoonPositions, tick: Array) -> Scene:
-    q_KN = camera_geometry.camera_attitude(params.camera, truth.q_BN)
+    q_KN = camera_pose.camera_attitude(params.camera, truth.q_BN)
     q_KT = quaternion.multiply(q_KN, quaternion.conjugate(truth.q_TN))
     sun_N = normalize(sky.sun_N)
     time = scenario.epoch_s + tick.astype(jnp.float64) * scenario.tick_s
@@ -160,5 +160,5 @@ def box_measurement(scenario: Scenario, params: Params, frame: CameraFrame) -> B
 
 def boresight_N(params: Params, truth: Truth) -> Float[Array, "3"]:
     """True boresight of the camera in N."""
-    q_KN = camera_geometry.camera_attitude(params.camera, truth.q_BN)
+    q_KN = camera_pose.camera_attitude(params.camera, truth.q_BN)
     return quaternion.rotate(quaternion.conjugate(q_KN), jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64))

@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 from rpojax.core import quaternion, vectors
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.mahalanobis_distance import squared_mahalanobis_and_log_determinant
-from rpojax.core.numerics import safe, trigonometric_series
+from rpojax.core.numerics import gradient_safe, trigonometric_series
 from rpojax.core.orbits import clohessy_wiltshire, keplerian_elements
 from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import apply
@@ -53,7 +53,7 @@ def _relative_position(telemetry: Telemetry) -> Channels:
     return {
         "rho_H": apply(R_HN, truth.r_ST_N),
         "rho_estimate_H": apply(R_HN, -orbit.relative.r_TS_N),
-        "range_m": safe.norm(truth.r_ST_N),
+        "range_m": gradient_safe.norm(truth.r_ST_N),
     }
 
 
@@ -81,7 +81,7 @@ def _innovations(telemetry: Telemetry) -> Channels:
     """Decorrelated innovations divided by their sigma; NaN for rows that were not used."""
     innovation = telemetry.innovation
     used = innovation.weight > 0.5
-    sigmas = jnp.where(used, innovation.innovation / safe.sqrt(innovation.variance), jnp.nan)
+    sigmas = jnp.where(used, innovation.innovation / gradient_safe.sqrt(innovation.variance), jnp.nan)
     return {"gps_innovation_sigmas": sigmas[:3], "box_innovation_sigmas": sigmas[3:]}
 
 
@@ -94,7 +94,7 @@ def _camera(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channel
     ray_K = jnp.concatenate([measured.tangent, jnp.ones(1, dtype=jnp.float64)])
     q_KB = quaternion.normalize(vehicle.camera_mounting)
     q_KN = quaternion.multiply(q_KB, telemetry.flight.attitude.q_BN)
-    ray_N = rotate(quaternion.conjugate(q_KN), safe.normalize(ray_K))
+    ray_N = rotate(quaternion.conjugate(q_KN), gradient_safe.normalize(ray_K))
     size = params.flight.navigation.target_size
     return {
         "box_present": frame.box.present,
@@ -123,7 +123,7 @@ def _expected_box(scenario: Scenario, params: Params, telemetry: Telemetry) -> C
     side = focal * jnp.exp(expected.values[2:])
     return {
         "expected_px": jnp.where(expected.in_front, jnp.concatenate([center, side]), jnp.nan),
-        "gate_px": jnp.where(expected.in_front, sigmas * focal * safe.sqrt(expected.variance[:2]), jnp.nan),
+        "gate_px": jnp.where(expected.in_front, sigmas * focal * gradient_safe.sqrt(expected.variance[:2]), jnp.nan),
     }
 
 
@@ -142,8 +142,8 @@ def _picture_geometry(telemetry: Telemetry) -> Channels:
 def _vehicle(params: Params, telemetry: Telemetry) -> Channels:
     truth = telemetry.truth
     ahead_N = boresight_N(params, truth)
-    line_N = -safe.normalize(truth.r_ST_N)
-    off = trigonometric_series.arctan2(safe.norm(vectors.cross(ahead_N, line_N)), jnp.sum(ahead_N * line_N, axis=0))
+    line_N = -gradient_safe.normalize(truth.r_ST_N)
+    off = trigonometric_series.arctan2(gradient_safe.norm(vectors.cross(ahead_N, line_N)), jnp.sum(ahead_N * line_N, axis=0))
     return {
         "mode": telemetry.mode.astype(jnp.int8),
         "running": telemetry.running,
@@ -175,4 +175,4 @@ _PASSIVE_RANGE_PERIOD = 10
 def _hill_sigma(R_HN: Matrix, P_N: Matrix) -> Vector:
     """1-sigma along the Hill axes."""
     PR = jnp.sum(P_N[None, :, :] * R_HN[:, None, :], axis=2)
-    return safe.sqrt(jnp.sum(R_HN * PR, axis=1))
+    return gradient_safe.sqrt(jnp.sum(R_HN * PR, axis=1))

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core.numerics import safe
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace, select
 from rpojax.scenario.params import Params
 from rpojax.simulation.state import State
@@ -20,7 +20,7 @@ def freeze_if_failed(params: Params, before: State, after: State, time: Scalar) 
 
     A run fails if its state becomes non-finite or the servicer enters the keep-out sphere.
     """
-    finite = safe.is_finite(_finiteness_witnesses(after))
+    finite = gradient_safe.is_finite(_finiteness_witnesses(after))
     inside = jnp.sum(after.truth.r_ST_N**2, axis=0) < params.limits.keep_out**2
     code = jnp.where(~finite, 1, jnp.where(inside, 2, 0)).astype(jnp.int32)
     was_running = before.failure == 0

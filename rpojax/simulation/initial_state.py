@@ -9,7 +9,7 @@ from rpojax.core.pytree import replace
 from rpojax.core.random_streams import Stream
 from rpojax.flight import computer
 from rpojax.flight.guidance import target_pointing
-from rpojax.flight.navigation import orbit_filter, relative_orbit_ekf, servicer_orbit_ekf
+from rpojax.flight.navigation import combined_orbit_filter, relative_orbit_ekf, servicer_orbit_ekf
 from rpojax.physics import plant_state
 from rpojax.physics.thruster import BurnError
 from rpojax.scenario.params import Params
@@ -42,7 +42,7 @@ def init(scenario: Scenario, params: Params, key: Array, noise: InitialNoise | N
     )
     sigma = [servicer_orbit_ekf.initial_sigma(navigation)[:6], relative_orbit_ekf.initial_sigma(navigation)[:6]]
     error = jnp.concatenate(sigma) * noise.handover
-    orbit = orbit_filter.initial(
+    orbit = combined_orbit_filter.initial(
         navigation,
         truth.r_TN_N + truth.r_ST_N + error[0:3],
         truth.v_TN_N + truth.v_ST_N + error[3:6],

@@ -13,7 +13,7 @@ from rpojax.flight.computer import FlightMemory, Measurements, Stages
 from rpojax.flight.guidance import burn_planning, target_pointing
 from rpojax.flight.navigation import attitude_ekf
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
-from rpojax.flight.navigation.orbit_filter import Innovation
+from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.physics import equipment_faults, plant
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health

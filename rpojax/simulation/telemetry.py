@@ -4,7 +4,7 @@ from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
 from rpojax.flight.computer import FlightMemory, Measurements
-from rpojax.flight.navigation.orbit_filter import Innovation
+from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.physics.plant_state import Truth
 from rpojax.sensors.camera import CameraFrame
 

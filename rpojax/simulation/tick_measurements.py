@@ -2,7 +2,7 @@
 
 from jaxtyping import Array, Float
 
-from rpojax.core.numerics import double_single, safe
+from rpojax.core.numerics import double_single, gradient_safe
 from rpojax.flight.computer import Measurements
 from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
@@ -68,7 +68,7 @@ def advance_sensor_errors(scenario: Scenario, params: Params, state: State, nois
     if box_edges is not None:
         assert params.statistics is not None
         assert noise.box_edge_errors is not None
-        turned = safe.norm(state.truth.omega_TN_T) * scenario.tick_s
+        turned = gradient_safe.norm(state.truth.omega_TN_T) * scenario.tick_s
         box_edges = statistical_camera.advance_correlated_error(
             params.statistics, box_edges, turned, noise.box_edge_errors
         )

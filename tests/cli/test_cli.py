@@ -22,14 +22,14 @@ import pytest
 from shared_compilation import shared_programs
 
 import rpojax
-from rpojax.campaign.execution import executors
+from rpojax.campaign.execution import process_executor
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.storage import atomic_files
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import console, main
 from rpojax.cli.commands import bench
 from rpojax.runtime import jax_environment
-from rpojax.scenario import scenario_file
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 
 SHORT = ("--set", "duration_s=400")
@@ -373,7 +373,7 @@ def test_blocks_that_are_given_up_are_status_4_with_why(
     call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        executors.ProcessExecutor, "run_blocks", lambda self, blocks, on_progress: {1: "the worker ended with signal 9"}
+        process_executor.ProcessExecutor, "run_blocks", lambda self, blocks, on_progress: {1: "the worker ended with signal 9"}
     )
     out = tmp_path / "runs"
     words = ("--runs", 3, *SHORT, *SINGLY, "--no-report", "--json", "--workers", 2)
@@ -397,7 +397,7 @@ def test_an_interrupt_before_anything_is_written_says_so(
 
 def test_failed_runs_are_reported_with_status_3_while_the_others_complete(call: Call, tmp_path: Path) -> None:
     out = tmp_path / "runs"
-    dispersions = scenario_file.load("inspection").model_dump()["dispersions"]
+    dispersions = scenario_loader.load("inspection").model_dump()["dispersions"]
     for entry in dispersions:
         if entry["key"] == "initial.relative_velocity_m_s":
             entry.pop("sigma")

@@ -16,7 +16,7 @@ from rpojax.flight.computer import FlightMemory, FlightParams, Measurements, Sta
 from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.flight.navigation.orbit_filter import Innovation
+from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 
 expected_delta_v = jax.jit(computer.expected_delta_v)

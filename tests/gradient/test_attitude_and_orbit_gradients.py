@@ -9,7 +9,7 @@ import pytest
 from gradient_checks import POSITION, TOLERANCE, Kernel, P, Q, V, W, check, check_finite
 
 from rpojax.core import frames, quaternion, vectors
-from rpojax.core.numerics import runge_kutta, safe
+from rpojax.core.numerics import gradient_safe, runge_kutta
 from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.numerics.runge_kutta import NODES, Method
 from rpojax.core.orbits import (
@@ -181,7 +181,7 @@ def test_derivatives_of_hill_and_camera_axes_are_right() -> None:
 
 
 def test_the_gate_passes_a_derivative_only_near_its_threshold() -> None:
-    slope = jax.jit(jax.grad(lambda x: safe.gate(x, jnp.asarray(0.1))))
+    slope = jax.jit(jax.grad(lambda x: gradient_safe.gate(x, jnp.asarray(0.1))))
     assert float(slope(0.01)) > 1.0
     assert float(slope(-0.01)) > 1.0
     assert float(slope(50.0)) == 0.0

@@ -19,7 +19,13 @@ from rpojax.flight.control.attitude_control import AttitudeCommand
 from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.guidance import burn_planning, slew_profile, target_pointing
 from rpojax.flight.guidance.slew_profile import SlewReference
-from rpojax.flight.navigation import attitude_ekf, orbit_filter, outlier_gate, relative_orbit_ekf, servicer_orbit_ekf
+from rpojax.flight.navigation import (
+    attitude_ekf,
+    combined_orbit_filter,
+    outlier_gate,
+    relative_orbit_ekf,
+    servicer_orbit_ekf,
+)
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.scenario.params import Params
@@ -135,7 +141,7 @@ def prediction(x: jax.Array, flight: FlightParams, delta_v_N: jax.Array) -> Any:
     tuning = replace(flight.navigation, relative_acceleration_noise=1e-3 * (1.0 + x[6]))
     moved = replace(known, relative=relative, servicer=servicer)
     gained, doubt, pull_N = delta_v_N + 1e-3 * x[7:10], 2.0 + x[10], 1e-6 * x[11:]
-    after = orbit_filter.predict(tuning, 6, moved, gained, jnp.asarray(0.02), doubt, pull_N, 1.0)
+    after = combined_orbit_filter.predict(tuning, 6, moved, gained, jnp.asarray(0.02), doubt, pull_N, 1.0)
     sigma = jnp.repeat(jnp.array([0.2, 1e-3, 0.1, 1e-3, 5e-3]), np.array([3, 3, 2, 2, 2]), total_repeat_length=12)
     return (
         after.relative.r_TS_N - known.relative.r_TS_N,

@@ -10,7 +10,7 @@ from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
 from rpojax.interop.run_replay import ReplayedRun
 from rpojax.scenario.loading import scenario_loader
-from rpojax.sensors import camera_geometry
+from rpojax.sensors import camera_pose
 
 TICKS = 60
 NO_BOX, REJECTED = 5, 7
@@ -93,7 +93,7 @@ def synthetic_run(*overrides: str) -> ReplayedRun[ViewerChannels]:
     file = scenario_loader.load("inspection", overrides)
     params = single_run.nominal_parameters(file)[1]
     identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
-    q_KB = np.asarray(camera_geometry.camera_attitude(params.camera, identity))
+    q_KB = np.asarray(camera_pose.camera_attitude(params.camera, identity))
     values = channels_of(orbit_frames())
     poses = poses_of(values, Rotation.from_quat(np.roll(q_KB, -1)).as_matrix())
     return ReplayedRun(file, 1, 4, RunRange(0, 8), params, np.nan, values, poses)

@@ -25,7 +25,7 @@ from rpojax.campaign.storage.output_files import write_json
 from rpojax.dispersions import standard_normal_space
 from rpojax.dispersions.standard_normal_space import StandardNormalSpace
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.runtime.progress import busy
+from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.parameter_keys import component_columns
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics.running_metric_definitions import RUNNING_METRICS

@@ -8,13 +8,20 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.analysis.gradients.derivative_sensitivity import select_metrics
-from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
+from rpojax.analysis.gradients.rollout_evaluator import (
+    FORWARD_MODE_MAX_INPUTS,
+    RolloutEvaluator,
+    RolloutResult,
+    run_keys,
+)
+from rpojax.analysis.gradients.tuning.tuning_settings import check_differentiable
+from rpojax.campaign import preflight
 from rpojax.dispersions import dispersed_values
 from rpojax.dispersions.designs.experiment_design import has_independent_runs
 from rpojax.dispersions.dispersed_values import Values
 from rpojax.errors import RpojaxError
 from rpojax.flight.computer import Stages
-from rpojax.runtime.progress import busy
+from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.params import leaf_path_and_factor
@@ -31,6 +38,7 @@ class Gradient:
         derivatives: metric -> key -> (runs, ...), the key's own shape behind the runs
         completed: (runs,) bool; the values of other runs end with their failure
         events: (runs,) hash of accepted boxes and guidance modes; runs of the same hash differ smoothly
+        mode: of differentiation, 'forward' or 'reverse'
         compile_s: time to compile [s]
     """
 
@@ -39,12 +47,21 @@ class Gradient:
     derivatives: dict[str, dict[str, np.ndarray]]
     completed: np.ndarray
     events: np.ndarray
+    mode: str
     compile_s: float
 
     def mean(self, metric: str) -> dict[str, np.ndarray]:
         """Key -> mean derivative of a metric over completed runs, of the key's own shape."""
         return {
             key: np.asarray(values[self.completed].mean(axis=0)) for key, values in self.derivatives[metric].items()
+        }
+
+    def standard_error(self, metric: str) -> dict[str, np.ndarray]:
+        """Key -> standard error of the mean derivative; at least two completed runs are needed."""
+        root = np.sqrt(self.completed.sum())
+        return {
+            key: np.asarray(values[self.completed].std(axis=0, ddof=1) / root)
+            for key, values in self.derivatives[metric].items()
         }
 
 
@@ -57,32 +74,37 @@ def gradient(
     first_run: int = 0,
     horizon_s: float | None = None,
     seed: int = 0,
+    mode: str = "auto",
     stages: Stages | None = None,
     progress: bool = True,
 ) -> Gradient:
-    """Derivatives of metrics of single runs with respect to scenario keys, by forward-mode differentiation.
+    """Derivatives of metrics of single runs with respect to scenario keys, by automatic differentiation.
 
     A key that is dispersed is shifted by the same amount in all runs. Boxes, gates and burns are decided as in the
-    run itself: the derivative holds between two changes of such an event.
+    run itself: the derivative holds between two changes of such an event. Flight software keeps its own model of the
+    vehicle, as with dispersions.
 
     Args:
-        file: scenario with independent runs
+        file: scenario with independent runs and the geometric or statistical camera
         keys: such as `formation.delta_v_weight`; a vector counts with all its components
         metrics: names of metrics with a derivative; by default those of the scenario's requirements
         runs: number of runs, those of a campaign with the same seed
         first_run: number of the first run
         horizon_s: simulated time of a run [s], by default that of the scenario
         seed: master seed of the runs
+        mode: of differentiation; 'auto' is the forward mode for few keys per metric, else the reverse mode
         stages: of the flight software, replaced ones included
         progress: show progress on stderr
 
     Raises:
         RpojaxError: a key is no number of the scenario, a metric has no derivative, or runs are not independent.
     """
-    if runs < 1 or first_run < 0:
-        raise RpojaxError(f"runs, first_run: found {runs}, {first_run}, expected at least one run, numbered from 0")
+    preflight.check_numbers(runs, first_run, seed, None)
+    if mode not in ("auto", "forward", "reverse"):
+        raise RpojaxError(f"mode: found {mode!r}, expected 'auto', 'forward' or 'reverse'")
     if not has_independent_runs(file):
         raise RpojaxError(f"design: found {file.design.kind!r}, expected 'independent' for derivatives")
+    check_differentiable(file)
     used = file if horizon_s is None else scenario_loader.validate({**file.model_dump(), "duration_s": horizon_s})
     nominal = {key: _nominal_of(used, key) for key in dict.fromkeys(keys)}
     if not nominal:
@@ -90,18 +112,33 @@ def gradient(
     names = select_metrics(used, metrics)
     count = sum(value.size for value in nominal.values())
     run_ids = first_run + np.arange(runs)
+    if mode == "auto":
+        mode = "forward" if count <= FORWARD_MODE_MAX_INPUTS * len(names) else "reverse"
     evaluator = RolloutEvaluator(used, _shifted_values(used, nominal), count, names, runs, stages)
-    with busy("compiling runs and their derivatives, then simulating", quiet=not progress):
-        found = evaluator.jacobian(np.zeros((runs, count)), run_keys(seed, run_ids))
-    assert found.jacobian is not None
+    with busy(f"compiling runs and their derivatives ({mode} mode), then simulating", quiet=not progress):
+        found, jacobian = _jacobian(evaluator, np.zeros((runs, count)), run_keys(seed, run_ids), mode)
     return Gradient(
         run_ids=run_ids,
         metrics={name: found.metrics[:, index] for index, name in enumerate(names)},
-        derivatives={name: _by_key(found.jacobian[:, index], nominal) for index, name in enumerate(names)},
+        derivatives={name: _by_key(jacobian[:, index], nominal) for index, name in enumerate(names)},
         completed=~found.failed,
         events=found.events,
+        mode=mode,
         compile_s=evaluator.compile_s,
     )
+
+
+def _jacobian(
+    evaluator: RolloutEvaluator, inputs: np.ndarray, keys: np.ndarray, mode: str
+) -> tuple[RolloutResult, np.ndarray]:
+    """Metrics of runs, and their Jacobian (runs, metrics, k): at once in forward mode, else one row per metric."""
+    if mode == "forward":
+        found = evaluator.jacobian(inputs, keys)
+        assert found.jacobian is not None
+        return found, found.jacobian
+    count = len(evaluator.metric_names)
+    rows = [evaluator.gradient(inputs, keys, np.tile(row, (len(inputs), 1))) for row in np.eye(count)]
+    return rows[0], np.stack([np.asarray(row.gradient) for row in rows], axis=1)
 
 
 def _nominal_of(file: ScenarioFile, key: str) -> np.ndarray:

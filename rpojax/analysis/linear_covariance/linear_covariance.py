@@ -23,7 +23,7 @@ from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.campaign.storage.output_files import write_atomically, write_json
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.computer import Stages
-from rpojax.runtime.progress import busy
+from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.schema import ScenarioFile
 
 RECORD_NAME, ARRAYS_NAME = "lincov.json", "lincov.npz"

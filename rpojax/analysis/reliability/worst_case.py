@@ -28,7 +28,7 @@ from rpojax.campaign import run_and_resume
 from rpojax.dispersions import standard_normal_space
 from rpojax.dispersions.standard_normal_space import StandardNormalSpace
 from rpojax.errors import RpojaxError
-from rpojax.runtime.progress import busy
+from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.schema import ScenarioFile
 
 _MAX_STARTS = 64

@@ -12,7 +12,7 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.dispersions.designs import experiment_design
 from rpojax.errors import ResultError
-from rpojax.runtime.progress import busy
+from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.schema import RequirementSection
 
 

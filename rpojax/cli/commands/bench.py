@@ -14,7 +14,7 @@ from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
 from rpojax.errors import RpojaxError
 from rpojax.runtime.jax_environment import LOOP_FUSION_FLAG, prepare_jax, set_loop_fusion_flag
-from rpojax.runtime.progress import busy
+from rpojax.runtime.progress_bar import busy
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -54,6 +54,7 @@ def bench(
     apart = len(parts) > 1 and "vision" in parts
     set_loop_fusion_flag(rendered=parts == ["vision"] or file.camera.model == "rendered")
     from rpojax.benchmark import closed_loop_speed, suite
+    from rpojax.benchmark.platform_info import platform_info
 
     batches = runs or closed_loop_speed.default_batches(file)
     closed_loop_speed.check_batches(batches)
@@ -61,7 +62,7 @@ def bench(
     for part in parts:
         with busy(f"measuring {PARTS[part]}", quiet=as_json):
             found |= _vision_in_own_process() if apart and part == "vision" else suite.PARTS[part](file, batches)
-    found |= suite.platform_info()
+    found |= platform_info()
     if as_json:
         print_json(found)
     else:

@@ -77,7 +77,7 @@ def bridge(
         wait_s=wait_s,
         patience_s=patience_s,
         real_time_factor=real_time,
-        pictures=not no_pictures,
+        send_images=not no_pictures,
     )
     from rpojax.campaign import preflight
 

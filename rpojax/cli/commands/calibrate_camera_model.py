@@ -10,7 +10,7 @@ from tyro.conf import arg
 from rpojax.cli.arguments import AsJson, Overrides, Source
 from rpojax.cli.output_paths import claim
 from rpojax.errors import RpojaxError
-from rpojax.runtime.progress import busy, item_progress
+from rpojax.runtime.progress_bar import busy, item_progress
 
 if TYPE_CHECKING:
     from rpojax.analysis.calibration.camera_fit import CameraFit

@@ -12,7 +12,7 @@ from rpojax.cli.executor_options import ExecutorName, Scheduler, ShardText, Work
 from rpojax.cli.exit_status import Status
 from rpojax.cli.interruptible_work import with_progress
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
-from rpojax.runtime.progress import ProgressCallback
+from rpojax.runtime.progress_bar import ProgressCallback
 
 if TYPE_CHECKING:
     from rpojax.campaign.history_retention import Retention
@@ -81,8 +81,9 @@ def campaign(
     prepare_jax(cache=not no_cache)
     set_loop_fusion_flag(rendered=file.camera.model == "rendered")
     from rpojax.campaign import run_and_resume
+    from rpojax.campaign.job_shard import Shard
 
-    part = run_and_resume.Shard.parse(shard) if shard is not None else None
+    part = Shard.parse(shard) if shard is not None else None
     kept = _retention(histories, history_channels, history_every)
     if dry_run:
         dry_run_output.show(file, runs, seed, block_size, kept, out, force, plan, speed, as_json)

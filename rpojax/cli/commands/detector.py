@@ -10,7 +10,7 @@ from tyro.conf import Positional, arg
 from rpojax.cli.output_paths import claim, claim_folder, resumable
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.runtime.jax_environment import prepare_jax
-from rpojax.runtime.progress import item_progress
+from rpojax.runtime.progress_bar import item_progress
 
 if TYPE_CHECKING:
     from rpojax.training.detector.training_options import NetworkTrainingOptions, NetworkTrainingProgress

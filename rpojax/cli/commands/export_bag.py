@@ -11,7 +11,7 @@ from rpojax.cli.arguments import AsJson, Folder, NoCache
 from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
 from rpojax.runtime.jax_environment import prepare_jax
-from rpojax.runtime.progress import item_progress
+from rpojax.runtime.progress_bar import item_progress
 
 if TYPE_CHECKING:
     from rpojax.interop.ros2.message_values import RosTickValues
@@ -37,18 +37,18 @@ def export_bag(
     """Write one run of a campaign as a ROS 2 bag, without ROS; the run is replayed."""
     prepare_jax(cache=not no_cache)
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.interop.ros2 import mcap_sqlite3_writer, message_values, run_bag
+    from rpojax.interop.ros2 import mcap_or_sqlite3_writer, message_values, run_bag
     from rpojax.interop.ros2.message_types import typestore
 
     typestore()
-    mcap_sqlite3_writer.check_output(out, force)
+    mcap_or_sqlite3_writer.check_output(out, force)
     found = Campaign(directory)
     kind = run_bag.resolve_image_storage(found.configuration["scenario"]["camera"]["model"], images)
     begin = time.perf_counter()
     run, agreement = replay.replay_run(found, run_id, message_values.observe_tick, as_json)
     replayed = time.perf_counter()
     with item_progress("writing ticks", quiet=as_json) as watch:
-        count = run_bag.write_run(run, out, mcap_sqlite3_writer.BagFormat(form), kind, force, watch)
+        count = run_bag.write_run(run, out, mcap_or_sqlite3_writer.BagFormat(form), kind, force, watch)
     _print_result(
         out, count, run, agreement, {"fly_s": replayed - begin, "write_s": time.perf_counter() - replayed}, as_json
     )

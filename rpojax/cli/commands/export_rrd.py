@@ -13,11 +13,11 @@ from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim
 from rpojax.errors import RpojaxError
 from rpojax.runtime.jax_environment import prepare_jax
-from rpojax.runtime.progress import item_progress
+from rpojax.runtime.progress_bar import item_progress
 
 if TYPE_CHECKING:
     from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
-    from rpojax.interop.run_replay import PosedPicture, ReplayedRun
+    from rpojax.interop.run_replay import PosedImage, ReplayedRun
 
 
 def export_rrd(
@@ -36,15 +36,15 @@ def export_rrd(
         raise RpojaxError(f"--every: found {every}, expected at least 1")
     prepare_jax(cache=not no_cache)
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.interop.rerun_viewer import rerun_recording, viewer_channels
+    from rpojax.interop.rerun_viewer import rrd_recording, viewer_channels
 
-    rerun_recording.require_rerun()
+    rrd_recording.require_rerun()
     found = Campaign(directory)
     run, agreement = replay.replay_run(found, run_id, viewer_channels.observe_tick, as_json)
     with item_progress("taking pictures", quiet=as_json) as watch:
-        written = rerun_recording.write_recording(run, out, _shots(run, every, watch))
+        written = rrd_recording.write_recording(run, out, _shots(run, every, watch))
     if as_json:
-        told = {"ticks": written.ticks, "pictures": written.pictures, "size_bytes": written.size_bytes}
+        told = {"ticks": written.ticks, "pictures": written.images, "size_bytes": written.size_bytes}
         print_json({"file": str(out), "run_id": run_id, **told, "agreement": replay.content(agreement)})
     else:
         print(out)
@@ -52,9 +52,7 @@ def export_rrd(
     return Status.DONE
 
 
-def _shots(
-    run: "ReplayedRun[ViewerChannels]", every: int, watch: Callable[..., None]
-) -> "Iterator[PosedPicture] | None":
+def _shots(run: "ReplayedRun[ViewerChannels]", every: int, watch: Callable[..., None]) -> "Iterator[PosedImage] | None":
     """Pictures of a rendered camera; None for other camera models."""
     if run.file.camera.model != "rendered":
         return None
@@ -62,8 +60,8 @@ def _shots(
 
     ticks = range(0, run.ticks, every)
 
-    def counted() -> "Iterator[PosedPicture]":
-        for count, shot in enumerate(run_replay.rerendered_pictures(run, ticks)):
+    def counted() -> "Iterator[PosedImage]":
+        for count, shot in enumerate(run_replay.rerendered_images(run, ticks)):
             yield shot
             watch(count + 1, len(ticks))
 

@@ -13,7 +13,7 @@ from tyro.conf import Positional, arg
 
 from rpojax.cli.output_paths import claim, resumable
 from rpojax.errors import RpojaxError
-from rpojax.runtime.progress import item_progress
+from rpojax.runtime.progress_bar import item_progress
 
 if TYPE_CHECKING:
     import numpy as np

@@ -11,7 +11,7 @@ from rpojax.cli.exit_status import Status
 from rpojax.cli.interruptible_work import with_progress
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.runtime.jax_environment import prepare_jax
-from rpojax.runtime.progress import ProgressCallback, item_progress
+from rpojax.runtime.progress_bar import ProgressCallback, item_progress
 
 if TYPE_CHECKING:
     import numpy as np

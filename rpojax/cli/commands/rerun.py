@@ -1,7 +1,7 @@
 """The command `rpojax rerun`: one run of a campaign again, compared with what was recorded."""
 
 import sys
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import arg
 
@@ -9,9 +9,10 @@ from rpojax.cli.arguments import AsJson, Folder, Force, NoCache, NoFilm, Out
 from rpojax.cli.campaign_output import conclude, keeping_results
 from rpojax.cli.interruptible_work import with_progress
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
-from rpojax.runtime.progress import ProgressCallback
+from rpojax.runtime.progress_bar import ProgressCallback
 
 if TYPE_CHECKING:
+    from rpojax.campaign.rerun import RerunResult
     from rpojax.campaign.storage.campaign_folder import Campaign
 
 
@@ -47,12 +48,12 @@ def rerun(
     return conclude(simulated, report=True, as_json=as_json, film=not no_film, more={"rerun": comparison})
 
 
-def _verdict(outcome: Any) -> str:
+def _verdict(outcome: "RerunResult") -> str:
     """Agreement of the repeated run with the record, in one sentence."""
-    if not outcome.recorded:
+    if not outcome.was_recorded:
         return "the campaign has not recorded this run yet, so there is nothing to compare it with"
-    if not outcome.different:
-        return f"all {len(outcome.result.metrics)} metrics are those of the campaign, to the last bit"
-    name, (before, now) = next(iter(sorted(outcome.different.items())))
+    if not outcome.differences:
+        return f"all {len(outcome.campaign.metrics)} metrics are those of the campaign, to the last bit"
+    name, (before, now) = next(iter(sorted(outcome.differences.items())))
     example = f"{name}: {before!r} there, {now!r} here"
-    return f"{len(outcome.different)} metrics are not those of the campaign, such as {example}"
+    return f"{len(outcome.differences)} metrics are not those of the campaign, such as {example}"

@@ -8,7 +8,7 @@ from rpojax.cli.executor_options import ExecutorName, Scheduler, ShardText, Work
 from rpojax.cli.exit_status import Status
 from rpojax.cli.interruptible_work import with_progress
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
-from rpojax.runtime.progress import ProgressCallback
+from rpojax.runtime.progress_bar import ProgressCallback
 
 if TYPE_CHECKING:
     from rpojax.campaign.storage.campaign_folder import Campaign
@@ -28,14 +28,15 @@ def resume(
     check_executor(executor, scheduler, workers, shard, force=False)
     prepare_jax(cache=not no_cache)
     from rpojax.campaign import run_and_resume
-    from rpojax.campaign.storage import atomic_files
+    from rpojax.campaign.job_shard import Shard
+    from rpojax.campaign.storage import stale_files
     from rpojax.campaign.storage.campaign_folder import Campaign
 
-    part = run_and_resume.Shard.parse(shard) if shard is not None else None
+    part = Shard.parse(shard) if shard is not None else None
     found = Campaign(directory)
     set_loop_fusion_flag(rendered=found.file.camera.model == "rendered")
     if run_and_resume.is_complete(found):
-        atomic_files.remove_stale_files(found.directory)
+        stale_files.remove_stale_files(found.directory)
         if found.configuration["report"] and not has_whole_report(found):
             return conclude(found, report=True, as_json=as_json)
         show_results(found, lambda: report_of(found), as_json)

@@ -8,7 +8,7 @@ from rpojax.cli.arguments import AsJson, Force, NoCache, NoFilm, Out, Overrides,
 from rpojax.cli.campaign_output import conclude, keeping_results
 from rpojax.cli.interruptible_work import with_progress
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
-from rpojax.runtime.progress import ProgressCallback
+from rpojax.runtime.progress_bar import ProgressCallback
 
 if TYPE_CHECKING:
     from rpojax.campaign.storage.campaign_folder import Campaign

@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = False) -> int:
     """Check a scenario without running it."""
     from rpojax.scenario import dispersion_keys
-    from rpojax.scenario.loading import scenario_loader as scenarios
+    from rpojax.scenario.scenario_digest import scenario_digest
 
     file = load(scenario, overrides)
     content = {
         "name": file.name,
         "description": file.description,
         "duration_s": file.duration_s,
-        "scenario_hash": scenarios.digest(file),
+        "scenario_hash": scenario_digest(file),
         "dispersions": dispersion_keys.varied_keys(file),
         "design": file.design.kind,
     }

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.core.numerics.safe import normalize
+from rpojax.core.numerics.gradient_safe import normalize
 from rpojax.core.orbits.eclipse import is_lit
 
 Vector = Float[Array, "3"]

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.constants import RADIUS_EARTH, RADIUS_SUN
-from rpojax.core.numerics import safe
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.trigonometric_series import arctan2
 
 Vector = Float[Array, "3"]
@@ -40,7 +40,7 @@ def _disc_geometry(
 
 def _complementary_sine(sine: Scalar) -> Scalar:
     """Cosine of an angle from its sine, or sine from cosine, where the result is not negative."""
-    return safe.sqrt((1.0 - sine) * (1.0 + sine))
+    return gradient_safe.sqrt((1.0 - sine) * (1.0 + sine))
 
 
 def _arc_cosine(cosine: Scalar) -> Scalar:
@@ -63,7 +63,7 @@ def _lens_as_published(a: Scalar, b: Scalar, c: Scalar, crossing: Bool[Array, ""
     # values agree to 1e-13.
     x = (c * c + a * a - b * b) / (2.0 * jnp.where(crossing, c, 1.0))
     angle_a, angle_b = _arc_cosine(jnp.clip(x / a, -1.0, 1.0)), _arc_cosine(jnp.clip((c - x) / b, -1.0, 1.0))
-    return a * a * angle_a + b * b * angle_b - c * safe.sqrt(a * a - x * x)
+    return a * a * angle_a + b * b * angle_b - c * gradient_safe.sqrt(a * a - x * x)
 
 
 def _lens_from_chord(a: Scalar, b: Scalar, c: Scalar) -> Scalar:
@@ -88,7 +88,7 @@ def _common_chord(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar, Scal
     """Half the common chord of two circles and the half angles it subtends at their centres; 0 if they do not cross."""
     crossing = (c < a + b) & (c > jnp.abs(a - b))
     x = (c * c + (a - b) * (a + b)) / (2.0 * jnp.where(crossing, c, 1.0))
-    half_chord = jnp.where(crossing, safe.sqrt((a - x) * (a + x)), 0.0)
+    half_chord = jnp.where(crossing, gradient_safe.sqrt((a - x) * (a + x)), 0.0)
     # From sine and cosine: an arc cosine loses the derivative near the borders of the penumbra.
     angle_a, angle_b = arctan2(half_chord, x), arctan2(half_chord, c - x)
     return half_chord, jnp.where(crossing, angle_a, 0.0), jnp.where(crossing, angle_b, 0.0)

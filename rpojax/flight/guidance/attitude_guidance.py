@@ -15,7 +15,7 @@ from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.guidance.slew_profile import SlewReference
 from rpojax.flight.guidance.target_pointing import look_attitude
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.vehicle_model import VehicleModel
 
 Vector = Float[Array, "3"]

@@ -5,7 +5,7 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
 from rpojax.core.frames import hill_frame, inertial_to_hill
-from rpojax.core.numerics import safe
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits.clohessy_wiltshire import transition_matrix
 from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace, select
@@ -18,7 +18,7 @@ from rpojax.flight.guidance.line_of_sight_uncertainty import relative_range_sigm
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.guidance.slew_profile import slew_duration
 from rpojax.flight.guidance.target_pointing import look_attitude
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.vehicle_model import VehicleModel
 
 Vector = Float[Array, "3"]
@@ -71,15 +71,15 @@ def plan_burn(
     """
     deviation, R_CN = deviation_at_burn(formation, station_keeping, estimate)
     delta_v_N = apply_transposed(R_CN, station_keeping.impulse + law(gain, deviation))
-    size, direction_N = safe.norm(delta_v_N), safe.normalize(delta_v_N)
+    size, direction_N = gradient_safe.norm(delta_v_N), gradient_safe.normalize(delta_v_N)
 
     thrust_now_N = rotate(quaternion.conjugate(q_look), vehicle.thrust_direction)
     turn_N = quaternion.rotation_vector_between(thrust_now_N, direction_N)
-    turn_time = slew_duration(pointing, safe.norm(turn_N))
+    turn_time = slew_duration(pointing, gradient_safe.norm(turn_N))
 
     longest_on_time = pointing.look_away_limit - 2.0 * turn_time - pointing.settle_time - _SCHEDULE_MARGIN
     on_time = jnp.minimum(size * vehicle.mass / vehicle.thrust, jnp.maximum(longest_on_time, 0.0))
-    above_dead_band = safe.gate(size - formation.dead_band, 0.05 * formation.dead_band + 1e-6)
+    above_dead_band = gradient_safe.gate(size - formation.dead_band, 0.05 * formation.dead_band + 1e-6)
     possible = (
         (on_time >= vehicle.minimum_on_time)
         & (relative_range_sigma(estimate) < formation.range_uncertainty_limit)
@@ -141,7 +141,7 @@ def plan_from_command(
     wanted = cutoff > ignition
     q_look, _ = look_attitude(vehicle, estimate)
     turn = quaternion.log(quaternion.multiply(q_burn, quaternion.conjugate(q_look)))
-    turn_start = jnp.maximum(ignition - pointing.settle_time - slew_duration(pointing, safe.norm(turn)), time)
+    turn_start = jnp.maximum(ignition - pointing.settle_time - slew_duration(pointing, gradient_safe.norm(turn)), time)
     direction_N = rotate(quaternion.conjugate(q_burn), vehicle.thrust_direction)
     burn = BurnPlan(
         turn_start=jnp.where(ignition == before.ignition, before.turn_start, turn_start),

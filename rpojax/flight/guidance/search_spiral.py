@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 from rpojax.core.numerics.trigonometric_series import cos_sin
 from rpojax.flight.guidance.line_of_sight_uncertainty import bearing_sigma
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
-from rpojax.core.numerics import safe
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.trigonometric_series import cos_sinc
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
@@ -39,7 +39,7 @@ class SlewReference:
 
 def slew_duration(pointing: PointingTuning, angle: Scalar) -> Scalar:
     """Time [s] of a rest-to-rest slew over `angle` [rad] with the cycloidal profile of `evaluate`."""
-    time = safe.sqrt(2.0 * math.pi * angle / pointing.slew_acceleration)
+    time = gradient_safe.sqrt(2.0 * math.pi * angle / pointing.slew_acceleration)
     return jnp.maximum(time, pointing.slew_minimum_time)
 
 
@@ -72,7 +72,7 @@ def retarget(
     """
     step = jnp.asarray(dt, dtype=jnp.float64)
     q_end_expected = quaternion.propagate(before.q_EN, before.omega_EN_E, dt)
-    jump = safe.norm(quaternion.log(quaternion.multiply(q_end, quaternion.conjugate(q_end_expected))))
+    jump = gradient_safe.norm(quaternion.log(quaternion.multiply(q_end, quaternion.conjugate(q_end_expected))))
     restart = changed | (jump > _RESTART_ANGLE)
     command = evaluate(before, step)
     remainder = quaternion.log(quaternion.multiply(command.q_CN, quaternion.conjugate(q_end)))
@@ -81,7 +81,7 @@ def retarget(
         omega_EN_E=omega_end,
         remainder=jnp.where(restart, remainder, before.remainder),
         slew_age=jnp.where(restart, 0.0, before.slew_age + dt),
-        slew_time=jnp.where(restart, slew_duration(pointing, safe.norm(remainder)), before.slew_time),
+        slew_time=jnp.where(restart, slew_duration(pointing, gradient_safe.norm(remainder)), before.slew_time),
     )
 
 

@@ -5,12 +5,12 @@ from jaxtyping import Array, Float
 
 from rpojax.core import quaternion
 from rpojax.core.frames import look_at
-from rpojax.core.numerics import safe
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import cross
 from rpojax.flight.guidance.target_visibility import is_visible
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.vehicle_model import VehicleModel
 
 Vector = Float[Array, "3"]
@@ -21,15 +21,15 @@ def look_attitude(vehicle: VehicleModel, estimate: OrbitEstimate) -> tuple[Float
 
     The camera's x axis is as near as possible to the orbit normal.
     """
-    line_of_sight = safe.normalize(estimate.relative.r_TS_N)
-    distance = safe.norm(estimate.relative.r_TS_N)
+    line_of_sight = gradient_safe.normalize(estimate.relative.r_TS_N)
+    distance = gradient_safe.norm(estimate.relative.r_TS_N)
     v_TS_N = estimate.relative.v_TS_N
     line_of_sight_rate = (v_TS_N - jnp.sum(v_TS_N * line_of_sight, axis=0) * line_of_sight) / distance
-    normal = safe.normalize(cross(estimate.servicer.r_SN_N, estimate.servicer.v_SN_N))
+    normal = gradient_safe.normalize(cross(estimate.servicer.r_SN_N, estimate.servicer.v_SN_N))
     R_KN = look_at(line_of_sight, normal)
     elevation = jnp.sum(normal * line_of_sight, axis=0)
     roll_arm_rate = -elevation * jnp.sum(line_of_sight_rate * R_KN[1], axis=0)
-    roll_rate = roll_arm_rate / safe.norm(normal - elevation * line_of_sight)
+    roll_rate = roll_arm_rate / gradient_safe.norm(normal - elevation * line_of_sight)
     omega_N = cross(line_of_sight, line_of_sight_rate) + roll_rate * line_of_sight
     q_BK = quaternion.conjugate(quaternion.normalize(vehicle.camera_mounting))
     q_BN = quaternion.multiply(q_BK, quaternion.from_matrix(R_KN))

@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.core.numerics import safe
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import apply
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -78,7 +78,7 @@ def untruncated_bearing_variance(tuning: OrbitFilterTuning, focal_px: Scalar) ->
 def is_in_front(R_KN: Matrix, r_TS_N: Vector) -> Bool[Array, ""]:
     """True if the target at `r_TS_N` [m] is well in front of the camera."""
     r_K = apply(R_KN, r_TS_N)
-    return r_K[2] > _MIN_DEPTH_RATIO * safe.norm(r_K)
+    return r_K[2] > _MIN_DEPTH_RATIO * gradient_safe.norm(r_K)
 
 
 def may_be_truncated(
@@ -86,11 +86,11 @@ def may_be_truncated(
 ) -> Bool[Array, ""]:
     """True if the frame may cut the predicted outline within the gate, with the prior's variance of the box."""
     half_size = 0.5 * jnp.exp(
-        predicted.predicted[2] + tuning.gate_sigma * safe.sqrt(predicted.variance[2] + prior_variance[2])
+        predicted.predicted[2] + tuning.gate_sigma * gradient_safe.sqrt(predicted.variance[2] + prior_variance[2])
     )
     reach = (
         jnp.abs(predicted.predicted[:2])
-        + tuning.gate_sigma * safe.sqrt(prior_variance[:2])
+        + tuning.gate_sigma * gradient_safe.sqrt(prior_variance[:2])
         + _MAX_ASPECT_RATIO * half_size
     )
     return jnp.any(reach > box.half_frame_tangent, axis=0)

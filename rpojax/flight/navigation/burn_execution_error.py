@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core.numerics import safe
+from rpojax.core.numerics import gradient_safe
 
 Vector = Float[Array, "3"]
 Matrix = Float[Array, "3 3"]
@@ -18,8 +18,8 @@ def burn_covariance(
     A burn's execution error is drawn once for all of its steps. Each step gets its share of the burn's variance, so
     that the sum is right.
     """
-    size = safe.norm(delta_v_N)
-    along = safe.normalize(delta_v_N)
+    size = gradient_safe.norm(delta_v_N)
+    along = gradient_safe.normalize(delta_v_N)
     projection = along[:, None] * along[None, :]
     across = jnp.eye(3, dtype=delta_v_N.dtype) - projection
     return size * burn_delta_v * (magnitude_sigma**2 * projection + direction_sigma**2 * across)

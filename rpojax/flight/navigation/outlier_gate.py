@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import quaternion
-from rpojax.core.numerics import safe
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import apply
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -67,7 +67,7 @@ def accept(
     # The visible part of a truncated target may be smaller than the target, but not larger.
     size = jnp.where(box.truncated & (residual[2] < 0.0), 0.0, ratio[2])
     worst = jnp.maximum(bearing, size)
-    inside = safe.gate(tuning.gate_sigma**2 - worst, jnp.asarray(_GATE_WIDTH, dtype=worst.dtype))
+    inside = gradient_safe.gate(tuning.gate_sigma**2 - worst, jnp.asarray(_GATE_WIDTH, dtype=worst.dtype))
     confirmed = _is_confirmed(tuning, focal_px, R_KN, state, box)
     return jnp.where(box.present & possible & (confirmed | ~prior_is_wide), inside, 0.0)
 
@@ -91,7 +91,7 @@ def update(
     In frames without a box the count of rejections decays, so that isolated false boxes do not add up.
     """
     ray_K = jnp.concatenate([box.tangent, jnp.ones_like(box.tangent[:1])])
-    direction_N = quaternion.rotate(quaternion.conjugate(q_KN), safe.normalize(ray_K))
+    direction_N = quaternion.rotate(quaternion.conjugate(q_KN), gradient_safe.normalize(ray_K))
     idle = jnp.where(box.present, 0.0, _REJECTION_DECAY * state.rejections)
     count = jnp.where(rejected, state.rejections + 1.0, idle)
     recover = count >= tuning.rejections_before_recovery

@@ -20,7 +20,7 @@ from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S
 from rpojax.interop.ros2.ros_orientation import quaternion_from_orientation
 from rpojax.interop.ros2.tick_messages import TopicMessages
 from rpojax.interop.ros2.topics import Topic
-from rpojax.simulation.external_stages import BurnDecider, ExternalBurn, ExternalOrbitEstimate
+from rpojax.simulation.cosimulation_stages import BurnDecider, ExternalBurn, ExternalOrbitEstimate
 
 NO_BURN = ExternalBurn(ignition=jnp.zeros(()), cutoff=jnp.zeros(()), q_burn=jnp.array([1.0, 0.0, 0.0, 0.0]))
 """No burn."""

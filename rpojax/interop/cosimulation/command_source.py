@@ -8,7 +8,7 @@ from rpojax.interop.cosimulation.command_input import NO_BURN
 from rpojax.interop.cosimulation.odometry_input import orbit_estimate_from_odometry
 from rpojax.interop.ros2 import topics
 from rpojax.interop.ros2.tick_messages import TopicMessages
-from rpojax.simulation.external_stages import BurnDecider, ExternalBurn, ExternalOrbitEstimate
+from rpojax.simulation.cosimulation_stages import BurnDecider, ExternalBurn, ExternalOrbitEstimate
 
 
 @runtime_checkable

@@ -8,7 +8,7 @@ import numpy as np
 
 from rpojax.core.pytree import replace
 from rpojax.interop.cosimulation import live_topics
-from rpojax.interop.cosimulation.compiled_stages import AttitudeValues, GuidedValues, NavigatedValues
+from rpojax.interop.cosimulation.compiled_step_stages import AttitudeValues, GuidedValues, NavigatedValues
 from rpojax.interop.cosimulation.live_settings import ExternalStage, LiveSettings
 from rpojax.interop.ros2 import message_builders, topics
 from rpojax.interop.ros2.message_builders import nanoseconds

@@ -16,7 +16,7 @@ from rpojax.interop.cosimulation.clock import LockstepClock, RealTimeClock
 from rpojax.interop.cosimulation.command_checks import CommandLimits
 from rpojax.interop.cosimulation.command_input import NO_BURN, CommandInput
 from rpojax.interop.cosimulation.command_source import CommandSource, WarmUpCommands
-from rpojax.interop.cosimulation.compiled_stages import CompiledStages, PackedTick
+from rpojax.interop.cosimulation.compiled_step_stages import CompiledStages, PackedTick
 from rpojax.interop.cosimulation.event_log import EventLog, LineWriter
 from rpojax.interop.cosimulation.live_publisher import LiveMessages
 from rpojax.interop.cosimulation.live_settings import ExternalStage, LiveSettings
@@ -25,7 +25,7 @@ from rpojax.interop.ros2.message_builders import nanoseconds
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation import initial_state
 from rpojax.simulation.channels import Channels
-from rpojax.simulation.external_stages import BurnDecider
+from rpojax.simulation.cosimulation_stages import BurnDecider
 from rpojax.simulation.failure import FAILURE_REASONS
 from rpojax.simulation.metrics import recorded_metrics
 

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from rpojax.interop.rerun_viewer.rrd_chunks import RrdChunks
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
 from rpojax.interop.run_replay import ReplayedRun
-from rpojax.sensors import camera_geometry
+from rpojax.sensors import camera_pose
 from rpojax.vision import pinhole
 
 HILL = "hill"
@@ -130,7 +130,7 @@ def _add_servicer(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
 def _add_camera(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
     size, camera = run.file.camera, run.params.camera
     identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
-    R_KB = attitude_matrices(np.asarray(camera_geometry.camera_attitude(camera, identity))[None])[0]
+    R_KB = attitude_matrices(np.asarray(camera_pose.camera_attitude(camera, identity))[None])[0]
     lens = pinhole.pinhole_intrinsics(camera.field_of_view, size.width_px, size.height_px)
     frustum = rr.Pinhole(
         resolution=[size.width_px, size.height_px],

@@ -13,7 +13,7 @@ from rpojax.errors import RpojaxError
 from rpojax.interop.ros2.dds_types import dds_type_name, sample_class
 from rpojax.interop.ros2.message_types import type_hash
 from rpojax.interop.ros2.topics import Topic
-from rpojax.optional import require_package
+from rpojax.optional_packages import require_package
 
 LOOPBACK = (
     "<CycloneDDS><Domain>"

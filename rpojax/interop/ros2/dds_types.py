@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 from rpojax.errors import RpojaxError
 from rpojax.interop.ros2.message_types import deserialize, message_class, serialize, typestore
-from rpojax.optional import require_package
+from rpojax.optional_packages import require_package
 
 _PRIMITIVE_TYPES = {
     "bool": "bool",

@@ -8,7 +8,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from rpojax.errors import RpojaxError
-from rpojax.optional import require_package
+from rpojax.optional_packages import require_package
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore

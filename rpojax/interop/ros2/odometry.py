@@ -12,7 +12,7 @@ from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import apply
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.interop.ros2.ros_orientation import orientation_from_quaternion
 
 Vector = Float[Array, "3"]

@@ -8,8 +8,8 @@ import numpy as np
 
 from rpojax.errors import RpojaxError
 from rpojax.interop import run_replay
-from rpojax.interop.ros2 import mcap_sqlite3_writer, message_builders, topics
-from rpojax.interop.ros2.mcap_sqlite3_writer import BagFormat, TimedMessage
+from rpojax.interop.ros2 import mcap_or_sqlite3_writer, message_builders, topics
+from rpojax.interop.ros2.mcap_or_sqlite3_writer import BagFormat, TimedMessage
 from rpojax.interop.ros2.message_values import RosTickValues
 from rpojax.interop.ros2.tick_messages import tick_messages
 from rpojax.interop.ros2.topics import ALL_TOPICS, Topic
@@ -116,4 +116,4 @@ def write_run(
     """
     images = () if image_storage == ImageStorage.NONE else bag_images(run)
     messages = run_messages(run, image_storage, images, on_progress)
-    return mcap_sqlite3_writer.write_bag(out, storage, bag_topics(image_storage), messages, provenance(run), force)
+    return mcap_or_sqlite3_writer.write_bag(out, storage, bag_topics(image_storage), messages, provenance(run), force)

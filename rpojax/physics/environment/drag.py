@@ -3,9 +3,9 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core.numerics.safe import norm
+from rpojax.core.numerics.gradient_safe import norm
 from rpojax.core.pytree import pytree
-from rpojax.physics.environment.surface import Surface
+from rpojax.physics.environment.spacecraft_surface import Surface
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]

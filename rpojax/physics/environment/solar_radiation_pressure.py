@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 from rpojax.core.constants import ASTRONOMICAL_UNIT, RADIUS_EARTH, RADIUS_SUN, SPEED_OF_LIGHT
 from rpojax.core.orbits.eclipse import illumination
 from rpojax.core.pytree import pytree
-from rpojax.physics.environment.surface import Surface
+from rpojax.physics.environment.spacecraft_surface import Surface
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]

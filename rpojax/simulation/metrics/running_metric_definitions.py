@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import mahalanobis_distance, vectors
-from rpojax.core.numerics import safe
+from rpojax.core.numerics import gradient_safe
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation.camera_models import boresight_N
@@ -140,18 +140,18 @@ def _innovation_negative_log_likelihood(inputs: MetricInputs) -> WeightedValue:
     mixture = jnp.logaddexp(math.log1p(-FALSE_BOX_PROBABILITY) + true_box, math.log(FALSE_BOX_PROBABILITY) + false_box)
     rows = gps_rows + jnp.where(present, jnp.sum(used_box, axis=0), 0.0)
     total = gps + jnp.where(present, mixture, 0.0)
-    return -safe.safe_div(total, rows), rows
+    return -gradient_safe.safe_div(total, rows), rows
 
 
 def _pointing(inputs: MetricInputs) -> WeightedValue:
     truth = inputs.telemetry.truth
-    across = vectors.cross(boresight_N(inputs.params, truth), safe.normalize(truth.r_ST_N))
+    across = vectors.cross(boresight_N(inputs.params, truth), gradient_safe.normalize(truth.r_ST_N))
     # The angle is small while the camera points at the target: its sine approximates it.
     return jnp.rad2deg(1.0) ** 2 * jnp.sum(across**2, axis=0), inputs.settled
 
 
 def _range(inputs: MetricInputs) -> WeightedValue:
-    return safe.norm(inputs.telemetry.truth.r_ST_N), _unit_weight()
+    return gradient_safe.norm(inputs.telemetry.truth.r_ST_N), _unit_weight()
 
 
 def _wheel_speed(inputs: MetricInputs) -> WeightedValue:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core.numerics import safe
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.scenario import metric_catalogue
@@ -84,14 +84,14 @@ def _updated_event_hash(events: Array, telemetry: Telemetry) -> Array:
 
 def final_values(names: Sequence[str], sums: RunningSums) -> Float[Array, " metrics"]:
     """Metrics in the order of `names`; 0 where no tick has any weight."""
-    means = safe.safe_div(sums.total, sums.weight)
+    means = gradient_safe.safe_div(sums.total, sums.weight)
     results = []
     for index, name in enumerate(names):
         match RUNNING_METRICS[name].reduction:
             case "mean":
                 results.append(means[index])
             case "rms":
-                results.append(safe.sqrt(means[index]))
+                results.append(gradient_safe.sqrt(means[index]))
             case _:
                 results.append(sums.total[index])
     return jnp.stack(results)

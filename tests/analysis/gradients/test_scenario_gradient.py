@@ -10,19 +10,17 @@ import pytest
 
 import rpojax
 from rpojax.analysis.gradients import scenario_gradient
-from rpojax.analysis.gradients.rollout_evaluator import RolloutResult
+from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RolloutResult
 
 CALM = ["duration_s=120", "camera.outlier_probability=0.0"]
 METRIC = "nav_relative_position_error_rms_m"
 
 
-class SquaredValues:
+class SquaredValues(RolloutEvaluator):
     """Takes the place of rollouts: the metric of a run is half the sum of squares of its values of two keys."""
 
-    compile_s = 0.0
-
     def __init__(self, file: Any, input_function: Callable[..., Any], *_: Any) -> None:
-        self._values = input_function
+        self._values, self.compile_s = input_function, 0.0
 
     def jacobian(self, inputs: np.ndarray, keys: np.ndarray) -> Any:
         def metric(shifts: jax.Array, key: jax.Array) -> jax.Array:
@@ -53,6 +51,8 @@ def test_keys_are_shifted_from_the_dispersed_value_of_each_run(monkeypatch: pyte
     place = found.derivatives[METRIC]["formation.desired_position_m"]
     np.testing.assert_allclose(place, [file.formation.desired_position_m] * 3)
     np.testing.assert_allclose(found.mean(METRIC)["servicer.mass_kg"], mass[[0, 2]].mean())
+    error = found.standard_error(METRIC)["servicer.mass_kg"]
+    np.testing.assert_allclose(error, abs(mass[0] - mass[2]) / 2.0)
     assert found.completed.tolist() == [True, False, True]
 
 
@@ -64,6 +64,12 @@ def test_derivatives_agree_with_central_differences() -> None:
     assert found.derivatives[METRIC][keys[0]].shape == (2,)
     assert found.derivatives[METRIC][keys[1]].shape == (2, 3)
     assert found.completed.all()
+    assert found.mode == "forward"
+    backward = rpojax.gradient(file, keys, [METRIC], runs=2, seed=3, mode="reverse", progress=False)
+    for key in keys:
+        there, back = found.derivatives[METRIC][key], backward.derivatives[METRIC][key]
+        # Both modes carry out the same derivative; sums are taken in another order.
+        np.testing.assert_allclose(back, there, rtol=1e-7, atol=1e-10 * np.abs(there).max())
     nominal, step = file.navigation.edge_noise_px, 1e-5
     sides = [
         rpojax.gradient(
@@ -92,6 +98,7 @@ def test_derivatives_agree_with_central_differences() -> None:
         (["fault.kind"], [METRIC], {}, "fault.kind"),
         (["servicer.mass_kg"], ["no_such_metric"], {}, "no_such_metric"),
         (["servicer.mass_kg"], [METRIC], {"runs": 0}, "runs"),
+        (["servicer.mass_kg"], [METRIC], {"mode": "sideways"}, "sideways"),
     ],
 )
 def test_what_has_no_derivative_is_refused_before_anything_is_compiled(keys, metrics, settings, words) -> None:
@@ -99,7 +106,11 @@ def test_what_has_no_derivative_is_refused_before_anything_is_compiled(keys, met
         scenario_gradient.gradient(rpojax.load("inspection", CALM), keys, metrics, **settings)
 
 
-def test_runs_of_a_design_are_refused() -> None:
-    file = rpojax.load("inspection", [*CALM, "design.kind=sobol"])
-    with pytest.raises(rpojax.RpojaxError, match="independent"):
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [("design.kind=sobol", "independent"), ("camera.model=rendered", "'geometric' or 'statistical'")],
+)
+def test_designs_and_the_rendered_camera_are_refused(override: str, words: str) -> None:
+    file = rpojax.load("inspection", [*CALM, override])
+    with pytest.raises(rpojax.RpojaxError, match=words):
         scenario_gradient.gradient(file, ["servicer.mass_kg"], [METRIC])

@@ -4,7 +4,7 @@ import pytest
 import rendezvous_scene
 
 from rpojax.flight.computer import FlightParams
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
 
 @pytest.fixture(scope="session")

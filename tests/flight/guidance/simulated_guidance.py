@@ -19,7 +19,7 @@ from rpojax.flight.guidance import (
 )
 from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.guidance.burn_planning import BurnPlan
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
 GAIN = np.zeros((3, 6))
 NO_STATION_KEEPING = StationKeeping(arrival_velocity=np.zeros(3), impulse=np.zeros(3))

@@ -33,7 +33,7 @@ from rpojax.flight.guidance import (
 )
 from rpojax.flight.guidance.burn_planning import BurnPlan
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
 EXACT = 1e-12  # roundings of unit vectors and angles
 

@@ -24,7 +24,7 @@ from rpojax.flight.guidance import (
     burn_planning,
 )
 from rpojax.flight.guidance.burn_planning import BurnPlan
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.scenario.params import Params
 
 hill = jax.jit(hill_frame)

@@ -11,7 +11,7 @@ from rpojax.flight.computer import FlightParams
 from rpojax.flight.guidance import (
     attitude_guidance,
 )
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from numpy_reference import (
 from simulated_guidance import boresight, look_attitude
 
 from rpojax.core.pytree import replace
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.scenario.params import Params
 
 EXACT = 1e-12  # roundings of unit vectors and angles

@@ -11,7 +11,7 @@ from rpojax.flight.computer import FlightParams
 from rpojax.flight.guidance import (
     target_visibility,
 )
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
 is_visible = jax.jit(target_visibility.is_visible)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rpojax.interop.cosimulation import live_topics
-from rpojax.interop.cosimulation.compiled_stages import AttitudeValues, GuidedValues, NavigatedValues
+from rpojax.interop.cosimulation.compiled_step_stages import AttitudeValues, GuidedValues, NavigatedValues
 from rpojax.interop.cosimulation.live_publisher import LiveMessages
 from rpojax.interop.cosimulation.live_settings import LiveSettings, parse_external_stages
 from rpojax.interop.ros2 import topics

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
 from rpojax.interop.ros2 import message_builders, odometry

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 from rpojax.cli.commands import export_bag
-from rpojax.interop.ros2 import mcap_sqlite3_writer
+from rpojax.interop.ros2 import mcap_or_sqlite3_writer
 from rpojax.interop.ros2.frame_ids import CAMERA, ECI, HILL, SERVICER, TARGET
 from rpojax.interop.ros2.run_bag import ImageStorage
 from rpojax.interop.ros2.topics import ALL_TOPICS, LATCHED_QOS, STREAM_QOS
@@ -51,7 +51,7 @@ def test_the_page_states_the_quality_of_service() -> None:
     assert f"reliable, volatile, keep last {STREAM_QOS.depth};" in PAGE
     assert f"transient local (latched), keep last {LATCHED_QOS.depth}." in PAGE
     assert {topic.name for topic in ALL_TOPICS if topic.qos.latched} == {"/tf_static"}
-    assert f"`metadata.yaml` is of version {mcap_sqlite3_writer.METADATA_VERSION}:" in PAGE
+    assert f"`metadata.yaml` is of version {mcap_or_sqlite3_writer.METADATA_VERSION}:" in PAGE
 
 
 def test_the_options_on_the_page_are_those_of_the_command() -> None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rpojax.physics.environment.surface import Surface
+from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.scenario.params import Params
 
 

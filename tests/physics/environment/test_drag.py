@@ -8,7 +8,7 @@ from numpy_reference import RADIUS
 
 from rpojax.core.pytree import replace
 from rpojax.physics.environment.drag import Atmosphere, drag
-from rpojax.physics.environment.surface import Surface
+from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.scenario.params import Params
 
 drag_force = jax.jit(drag)

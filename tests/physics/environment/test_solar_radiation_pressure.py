@@ -6,7 +6,7 @@ import pytest
 from numpy_reference import RADIUS
 
 from rpojax.physics.environment.solar_radiation_pressure import Sunlight, solar_radiation_pressure, sunlit_fraction
-from rpojax.physics.environment.surface import Surface
+from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.scenario.params import Params
 
 

@@ -15,7 +15,7 @@ from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.campaign.storage.output_files import write_atomically, write_json
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.computer import Stages
-from rpojax.runtime.progress import item_progress
+from rpojax.runtime.progress_bar import item_progress
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.schema import ScenarioFile

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from rpojax.errors import OutputError
-from rpojax.optional import require_package
+from rpojax.optional_packages import require_package
 from rpojax.report.figures.camera.camera_overlay import CameraFrame, annotated_frame
 
 _FRAMES_PER_S = 12.0

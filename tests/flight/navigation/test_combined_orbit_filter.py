@@ -11,8 +11,8 @@ from scipy.stats import norm
 
 from rpojax.core.pytree import replace
 from rpojax.flight.computer import FlightParams
-from rpojax.flight.navigation import orbit_filter, outlier_gate
-from rpojax.flight.navigation.orbit_filter import OrbitEstimate
+from rpojax.flight.navigation import combined_orbit_filter, outlier_gate
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
 from rpojax.physics import equipment_faults, plant, plant_state
@@ -28,11 +28,11 @@ FIRST_ORDER = 5e-6
 
 HEALTHY = equipment_faults.healthy()
 
-initial = jax.jit(orbit_filter.initial)
+initial = jax.jit(combined_orbit_filter.initial)
 initial_truth = jax.jit(plant_state.initial_truth)
 step = jax.jit(plant.step, static_argnums=(0, 7))
-predict = jax.jit(orbit_filter.predict, static_argnums=(1, 7))
-update = jax.jit(orbit_filter.update, static_argnums=1)
+predict = jax.jit(combined_orbit_filter.predict, static_argnums=(1, 7))
+update = jax.jit(combined_orbit_filter.update, static_argnums=1)
 
 
 def coast(
@@ -107,7 +107,7 @@ def transitions(tuning: OrbitFilterTuning, estimate: OrbitEstimate) -> tuple[jax
             ),
         )
         return means(
-            orbit_filter.predict(tuning, 2, moved, jnp.zeros(3), jnp.zeros(()), jnp.ones(()), jnp.zeros(3), 1.0)
+            combined_orbit_filter.predict(tuning, 2, moved, jnp.zeros(3), jnp.zeros(()), jnp.ones(()), jnp.zeros(3), 1.0)
         )
 
     (servicer, _), (_, relative) = jax.jacfwd(after, argnums=(0, 1))(*means(estimate))
@@ -286,7 +286,7 @@ def test_without_a_box_only_the_servicer_is_updated(flight: FlightParams, estima
     present = rendezvous_scene.box(flight, rotation_matrix(q_KN), rendezvous_scene.TARGET_AHEAD)
     gps = fix(rendezvous_scene.R_SN_N + np.array([3.0, -2.0, 1.0]))
 
-    def after(box: orbit_filter.BoxMeasurement) -> tuple[OrbitEstimate, orbit_filter.Innovation]:
+    def after(box: combined_orbit_filter.BoxMeasurement) -> tuple[OrbitEstimate, combined_orbit_filter.Innovation]:
         found, _, innovation = update(
             flight.navigation, True, flight.vehicle.focal_px, estimate, outlier_gate.initial(), gps, q_KN, box
         )

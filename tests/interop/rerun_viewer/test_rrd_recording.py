@@ -15,7 +15,7 @@ from synthetic_run import synthetic_run as make_synthetic_run
 
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.interop.rerun_viewer import rerun_recording, scene_3d, time_plots
+from rpojax.interop.rerun_viewer import rrd_recording, scene_3d, time_plots
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
 from rpojax.interop.run_replay import PosedImage, ReplayedRun
 
@@ -54,7 +54,7 @@ def write(tmp_path: Path) -> Callable[..., RecordingReader]:
     """Writes a run and reads it back."""
 
     def made(flight: ReplayedRun[ViewerChannels], shots: Iterable[PosedImage] | None = None) -> RecordingReader:
-        return RecordingReader(rerun_recording.write_recording(flight, tmp_path / "run.rrd", shots).path)
+        return RecordingReader(rrd_recording.write_recording(flight, tmp_path / "run.rrd", shots).path)
 
     return made
 
@@ -238,14 +238,14 @@ def test_an_unwritable_path_is_named_and_no_file_is_left(
 ) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match=r"found .*, expected a file that can be written"):
-        rerun_recording.write_recording(synthetic_run, tmp_path / "file" / "run.rrd")
+        rrd_recording.write_recording(synthetic_run, tmp_path / "file" / "run.rrd")
 
     def broken() -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
         raise RpojaxError("no more")
         yield
 
     with pytest.raises(RpojaxError, match="no more"):
-        rerun_recording.write_recording(synthetic_run, tmp_path / "run.rrd", broken())
+        rrd_recording.write_recording(synthetic_run, tmp_path / "run.rrd", broken())
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
@@ -254,4 +254,4 @@ def test_a_missing_package_is_named_with_its_extra(
 ) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(RpojaxError, match=r"^rerun: not installed, expected: pip install 'rpojax\[viz\]'$"):
-        rerun_recording.write_recording(synthetic_run, tmp_path / "run.rrd")
+        rrd_recording.write_recording(synthetic_run, tmp_path / "run.rrd")

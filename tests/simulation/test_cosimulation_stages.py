@@ -10,8 +10,8 @@ from rpojax.flight.control import attitude_control
 from rpojax.flight.control.attitude_control import AttitudeCommand
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
-from rpojax.simulation import external_stages, step_stages
-from rpojax.simulation.external_stages import ExternalBurn
+from rpojax.simulation import cosimulation_stages, step_stages
+from rpojax.simulation.cosimulation_stages import ExternalBurn
 from rpojax.simulation.state import State
 from rpojax.simulation.step_stages import GuidedTick, Motion
 
@@ -22,12 +22,12 @@ def test_the_stages_one_by_one_equal_the_rollout(loop: tuple[Scenario, Params], 
     scenario, params = loop
     state, telemetries = start, []
     for _ in range(TICKS):
-        navigated = external_stages.sense_and_navigate(STAGES, scenario, params, state)
-        guided, telemetry = external_stages.plan_burn_and_guide(
+        navigated = cosimulation_stages.sense_and_navigate(STAGES, scenario, params, state)
+        guided, telemetry = cosimulation_stages.plan_burn_and_guide(
             STAGES, scenario, "flight_software", params, state, navigated, NO_BURN
         )
-        motion = external_stages.control_and_propagate(STAGES, scenario, params, state, guided)
-        state = external_stages.finish(STAGES, scenario, params, state, guided, motion)
+        motion = cosimulation_stages.control_and_propagate(STAGES, scenario, params, state, guided)
+        state = cosimulation_stages.finish(STAGES, scenario, params, state, guided, motion)
         telemetries.append(telemetry)
     assert_close(state, run[0])
     assert_close(jax.tree.map(lambda *leaves: jnp.stack(leaves), *telemetries), run[1])
@@ -42,18 +42,18 @@ def test_external_burns_and_torques_equal_to_those_of_the_flight_software_give_t
     for tick in range(TICKS):
         # The command is repeated in every tick.
         burn = ExternalBurn(ignition=plans.ignition[tick], cutoff=plans.cutoff[tick], q_burn=plans.q_burn[tick])
-        navigated = external_stages.sense_and_navigate(STAGES, scenario, params, state)
-        guided, _ = external_stages.plan_burn_and_guide(STAGES, scenario, "external", params, state, navigated, burn)
+        navigated = cosimulation_stages.sense_and_navigate(STAGES, scenario, params, state)
+        guided, _ = cosimulation_stages.plan_burn_and_guide(STAGES, scenario, "external", params, state, navigated, burn)
         motion = step_stages.initial_motion(state, guided)
-        commands = external_stages.attitude_commands(scenario, guided)
+        commands = cosimulation_stages.attitude_commands(scenario, guided)
         accelerations.append(float(jnp.max(jnp.abs(commands.acceleration_C))))
         for substep in range(scenario.substeps):
             command = jax.tree.map(lambda values, substep=substep: values[substep], commands)
             torque = wheel_torque(params, guided, motion, command)
-            motion = external_stages.propagate_substep(
+            motion = cosimulation_stages.propagate_substep(
                 scenario, params, state, guided, motion, torque, jnp.array(substep)
             )
-        state = external_stages.finish(STAGES, scenario, params, state, guided, motion)
+        state = cosimulation_stages.finish(STAGES, scenario, params, state, guided, motion)
     assert max(accelerations) > 0.01  # the reference contains a slew
     assert_close(state, run[0])
 
@@ -77,17 +77,17 @@ def test_an_external_program_can_abort_a_burn(loop: tuple[Scenario, Params], sta
     plan = jax.tree.map(lambda leaf: leaf[60], run[1].flight.plan)
     assert float(plan.ignition) < 60.0 < float(plan.cutoff) - 1.0
     state = replace(start, tick=jnp.array(60, dtype=jnp.int32), flight=replace(start.flight, plan=plan))
-    navigated = external_stages.sense_and_navigate(STAGES, scenario, params, state)
-    guided, _ = external_stages.plan_burn_and_guide(STAGES, scenario, "external", params, state, navigated, NO_BURN)
+    navigated = cosimulation_stages.sense_and_navigate(STAGES, scenario, params, state)
+    guided, _ = cosimulation_stages.plan_burn_and_guide(STAGES, scenario, "external", params, state, navigated, NO_BURN)
     aborted = guided.flight.plan
     np.testing.assert_array_equal([aborted.ignition, aborted.cutoff], [plan.ignition, 60.0])
     np.testing.assert_array_equal(guided.burn_error.magnitude, start.burn_error.magnitude)
 
 
 def test_an_external_orbit_estimate_replaces_that_of_the_filter(loop: tuple[Scenario, Params], start: State) -> None:
-    navigated = external_stages.sense_and_navigate(STAGES, *loop, start)
+    navigated = cosimulation_stages.sense_and_navigate(STAGES, *loop, start)
     servicer, relative = navigated.flight.orbit.servicer, navigated.flight.orbit.relative
-    estimate = external_stages.ExternalOrbitEstimate(
+    estimate = cosimulation_stages.ExternalOrbitEstimate(
         r_SN_N=servicer.r_SN_N + 1.0,
         v_SN_N=servicer.v_SN_N,
         r_TS_N=relative.r_TS_N,
@@ -95,7 +95,7 @@ def test_an_external_orbit_estimate_replaces_that_of_the_filter(loop: tuple[Scen
         servicer_covariance=2.0 * servicer.covariance[:6, :6],
         relative_covariance=jnp.eye(6),
     )
-    after = external_stages.replace_orbit_estimate(navigated, estimate).flight.orbit
+    after = cosimulation_stages.replace_orbit_estimate(navigated, estimate).flight.orbit
     np.testing.assert_array_equal(after.servicer.r_SN_N, servicer.r_SN_N + 1.0)
     np.testing.assert_array_equal(after.relative.v_TS_N, relative.v_TS_N - 0.5)
     np.testing.assert_array_equal(after.servicer.covariance[:6, :6], 2.0 * servicer.covariance[:6, :6])

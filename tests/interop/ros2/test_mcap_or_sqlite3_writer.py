@@ -15,8 +15,8 @@ from mcap_ros2.reader import read_ros2_messages
 from ruamel.yaml import YAML
 
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.interop.ros2 import mcap_sqlite3_writer, message_types, run_bag
-from rpojax.interop.ros2.mcap_sqlite3_writer import BagFormat, TimedMessage
+from rpojax.interop.ros2 import mcap_or_sqlite3_writer, message_types, run_bag
+from rpojax.interop.ros2.mcap_or_sqlite3_writer import BagFormat, TimedMessage
 from rpojax.interop.ros2.message_values import RosTickValues
 from rpojax.interop.ros2.run_bag import ImageStorage
 from rpojax.interop.run_replay import ReplayedRun
@@ -41,7 +41,7 @@ def write(
 ) -> Path:
     """Writes a bag of a run."""
     messages, bag_topics = run_bag.run_messages(ros_run, images, noise_images), run_bag.bag_topics(images)
-    mcap_sqlite3_writer.write_bag(out, storage, bag_topics, messages, run_bag.provenance(ros_run), force)
+    mcap_or_sqlite3_writer.write_bag(out, storage, bag_topics, messages, run_bag.provenance(ros_run), force)
     return out
 
 
@@ -174,7 +174,7 @@ def test_a_folder_that_is_no_bag_is_never_replaced(tmp_path: Path, inside: str) 
     (out / "deeper").mkdir(parents=True)
     (out / inside).write_text("mine")
     with pytest.raises(OutputError, match=r"mine: found something that is no bag, expected a new folder$"):
-        mcap_sqlite3_writer.check_output(out, force=True)
+        mcap_or_sqlite3_writer.check_output(out, force=True)
 
 
 def test_an_unfinished_bag_is_removed_and_the_old_one_kept(
@@ -189,7 +189,7 @@ def test_an_unfinished_bag_is_removed_and_the_old_one_kept(
 
     messages, bag_topics = run_bag.run_messages(burn_interval, ImageStorage.RAW, breaking()), run_bag.bag_topics
     with pytest.raises(RpojaxError, match="no more pictures"):
-        mcap_sqlite3_writer.write_bag(out, BagFormat.MCAP, bag_topics(ImageStorage.RAW), messages, {}, True)
+        mcap_or_sqlite3_writer.write_bag(out, BagFormat.MCAP, bag_topics(ImageStorage.RAW), messages, {}, True)
     assert (out / "bag.mcap").read_bytes() == before
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]
 
@@ -224,5 +224,5 @@ def test_a_full_disk_is_one_error_line_and_leaves_nothing(
 def test_the_old_bag_is_kept_if_the_new_one_cannot_be_moved(tmp_path: Path) -> None:
     (tmp_path / "bag").mkdir()
     with pytest.raises(OSError, match="No such file"):
-        mcap_sqlite3_writer._replace_bag(tmp_path / "nowhere", tmp_path / "bag", tmp_path / "aside")
+        mcap_or_sqlite3_writer._replace_bag(tmp_path / "nowhere", tmp_path / "bag", tmp_path / "aside")
     assert [path.name for path in tmp_path.iterdir()] == ["bag"]

@@ -16,7 +16,7 @@ from rpojax.core.pytree import pytree, replace, select
 from rpojax.flight.computer import FlightMemory, Stages
 from rpojax.flight.control.attitude_control import AttitudeCommand
 from rpojax.flight.guidance import burn_planning, slew_profile
-from rpojax.flight.navigation.orbit_filter import Innovation
+from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.physics.thruster import BurnError, draw_burn_error
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario

@@ -8,7 +8,7 @@ from pathlib import Path
 from rpojax.errors import OutputError
 from rpojax.interop.rerun_viewer.viewer_channels import ViewerChannels
 from rpojax.interop.run_replay import PosedImage, ReplayedRun
-from rpojax.optional import require_package
+from rpojax.optional_packages import require_package
 from rpojax.scenario.scenario_digest import scenario_digest
 
 APPLICATION = "rpojax"

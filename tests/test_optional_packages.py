@@ -3,7 +3,7 @@
 import pytest
 
 from rpojax.errors import RpojaxError
-from rpojax.optional import MissingExtraError, require_package
+from rpojax.optional_packages import MissingExtraError, require_package
 
 
 def test_missing_package_error_names_extra(monkeypatch: pytest.MonkeyPatch) -> None:

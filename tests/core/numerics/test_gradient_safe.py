@@ -9,30 +9,30 @@ import pytest
 from hypothesis import given
 from numpy_reference import SEEDS
 
-from rpojax.core.numerics import safe
+from rpojax.core.numerics import gradient_safe
 
-gate = jax.jit(safe.gate)
-gate_slopes = jax.jit(jax.grad(safe.gate, argnums=(0, 1)))
-is_finite = jax.jit(safe.is_finite)
+gate = jax.jit(gradient_safe.gate)
+gate_slopes = jax.jit(jax.grad(gradient_safe.gate, argnums=(0, 1)))
+is_finite = jax.jit(gradient_safe.is_finite)
 
 
 @given(SEEDS)
 def test_values_at_regular_points_are_those_of_numpy(seed: int) -> None:
     rng = np.random.default_rng(seed)
     v, x, y = rng.normal(size=3), *rng.uniform(0.1, 0.9, 2)
-    np.testing.assert_allclose(safe.norm(jnp.asarray(v)), np.linalg.norm(v), rtol=1e-15)
-    np.testing.assert_allclose(safe.normalize(jnp.asarray(v)), v / np.linalg.norm(v), rtol=1e-14)
-    np.testing.assert_allclose(safe.sqrt(jnp.asarray(x)), np.sqrt(x), rtol=1e-15)
-    np.testing.assert_allclose(safe.safe_div(jnp.asarray(x), jnp.asarray(-y)), -x / y, rtol=1e-15)
+    np.testing.assert_allclose(gradient_safe.norm(jnp.asarray(v)), np.linalg.norm(v), rtol=1e-15)
+    np.testing.assert_allclose(gradient_safe.normalize(jnp.asarray(v)), v / np.linalg.norm(v), rtol=1e-14)
+    np.testing.assert_allclose(gradient_safe.sqrt(jnp.asarray(x)), np.sqrt(x), rtol=1e-15)
+    np.testing.assert_allclose(gradient_safe.safe_div(jnp.asarray(x), jnp.asarray(-y)), -x / y, rtol=1e-15)
 
 
 SINGULAR_POINTS: list[tuple[str, Callable[..., jax.Array], tuple[float | list[float], ...], float | list[float]]] = [
-    ("norm of zero", safe.norm, ([0.0, 0.0, 0.0],), 0.0),
-    ("root of zero", safe.sqrt, (0.0,), 0.0),
-    ("root of a negative", safe.sqrt, (-2.0,), 0.0),
-    ("direction of zero", safe.normalize, ([0.0, 0.0, 0.0],), [0.0, 0.0, 0.0]),
-    ("division by zero", safe.safe_div, (3.0, 0.0), 0.0),
-    ("zero by zero", safe.safe_div, (0.0, 0.0), 0.0),
+    ("norm of zero", gradient_safe.norm, ([0.0, 0.0, 0.0],), 0.0),
+    ("root of zero", gradient_safe.sqrt, (0.0,), 0.0),
+    ("root of a negative", gradient_safe.sqrt, (-2.0,), 0.0),
+    ("direction of zero", gradient_safe.normalize, ([0.0, 0.0, 0.0],), [0.0, 0.0, 0.0]),
+    ("division by zero", gradient_safe.safe_div, (3.0, 0.0), 0.0),
+    ("zero by zero", gradient_safe.safe_div, (0.0, 0.0), 0.0),
 ]
 
 

@@ -8,7 +8,7 @@ from numpy_reference import SEEDS, attitude_difference, axis_angle_quaternion, r
 
 from rpojax.core.pytree import replace
 from rpojax.scenario.params import Params
-from rpojax.sensors import camera_geometry
+from rpojax.sensors import camera_pose
 from rpojax.sensors.camera import Camera
 
 EXACT = 1e-12  # roundings of pixels
@@ -16,10 +16,10 @@ EXACT = 1e-12  # roundings of pixels
 
 @jax.jit
 def hull_in_camera(camera: Camera, hull_T: jax.Array, q_TN: jax.Array, r_ST_N: jax.Array, q_BN: jax.Array) -> jax.Array:
-    return camera_geometry.hull_in_camera(hull_T, *camera_geometry.target_pose_in_camera(camera, q_TN, r_ST_N, q_BN))
+    return camera_pose.hull_in_camera(hull_T, *camera_pose.target_pose_in_camera(camera, q_TN, r_ST_N, q_BN))
 
 
-attitude = jax.jit(camera_geometry.camera_attitude)
+attitude = jax.jit(camera_pose.camera_attitude)
 
 
 def test_the_nominal_mounting_looks_along_body_x_with_image_right_along_body_y(params: Params) -> None:

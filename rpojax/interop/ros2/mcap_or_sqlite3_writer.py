@@ -16,7 +16,7 @@ from rpojax.campaign.storage import atomic_files
 from rpojax.errors import OutputError
 from rpojax.interop.ros2 import message_builders, message_types
 from rpojax.interop.ros2.topics import Qos, Topic
-from rpojax.optional import require_package
+from rpojax.optional_packages import require_package
 
 if TYPE_CHECKING:
     from rosbags.rosbag2 import Writer

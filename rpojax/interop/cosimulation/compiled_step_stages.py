@@ -22,9 +22,9 @@ from rpojax.interop.ros2.odometry import rate_covariance, rotate_covariance
 from rpojax.interop.ros2.ros_orientation import orientation_from_quaternion
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
-from rpojax.simulation import external_stages, step_stages
+from rpojax.simulation import cosimulation_stages, step_stages
 from rpojax.simulation.channels import Channels, compute_channels
-from rpojax.simulation.external_stages import BurnDecider, ExternalBurn, ExternalOrbitEstimate, NavigatedTick
+from rpojax.simulation.cosimulation_stages import BurnDecider, ExternalBurn, ExternalOrbitEstimate, NavigatedTick
 from rpojax.simulation.state import State
 from rpojax.simulation.step_stages import GuidedTick, Motion
 
@@ -172,7 +172,7 @@ def _fetch_tick(
 def _sense_and_navigate(
     scenario: Scenario, params: Params, state: State
 ) -> tuple[State, NavigatedTick, NavigatedValues, jax.Array]:
-    navigated = external_stages.sense_and_navigate(_STAGES, scenario, params, state)
+    navigated = cosimulation_stages.sense_and_navigate(_STAGES, scenario, params, state)
     # Guidance sets the mode later in the tick.
     mode = jnp.zeros((), dtype=jnp.int64)
     telemetry_record = step_stages.make_telemetry(state, navigated.sensed, navigated.flight, navigated.innovation, mode)
@@ -185,21 +185,21 @@ def _sense_and_navigate(
 
 
 def _camera_image(scenario: Scenario, params: Params, state: State, navigated: NavigatedTick) -> tuple[jax.Array]:
-    return (external_stages.detector_picture(scenario, params, state, navigated.sensed.frame.window),)
+    return (cosimulation_stages.detector_picture(scenario, params, state, navigated.sensed.frame.window),)
 
 
 def _replace_orbit(navigated: NavigatedTick, estimate: ExternalOrbitEstimate) -> tuple[NavigatedTick]:
-    return (external_stages.replace_orbit_estimate(navigated, estimate),)
+    return (cosimulation_stages.replace_orbit_estimate(navigated, estimate),)
 
 
 def _plan_and_guide(
     scenario: Scenario, decider: BurnDecider, params: Params, state: State, navigated: NavigatedTick, burn: ExternalBurn
 ) -> tuple[GuidedTick, Motion, GuidedValues]:
-    guided, telemetry_record = external_stages.plan_burn_and_guide(
+    guided, telemetry_record = cosimulation_stages.plan_burn_and_guide(
         _STAGES, scenario, decider, params, state, navigated, burn
     )
     motion = step_stages.initial_motion(state, guided)
-    reference = external_stages.attitude_commands(scenario, guided)
+    reference = cosimulation_stages.attitude_commands(scenario, guided)
     values = GuidedValues(
         tick=message_values.observe_tick(_STAGES, scenario, params, telemetry_record),
         channels=compute_channels(scenario, params, telemetry_record),
@@ -220,7 +220,7 @@ def _plant_step(
     motion: Motion,
     torque_and_step: tuple[jax.Array, jax.Array],
 ) -> tuple[Motion, AttitudeValues]:
-    motion = external_stages.propagate_substep(scenario, params, state, guided, motion, *torque_and_step)
+    motion = cosimulation_stages.propagate_substep(scenario, params, state, guided, motion, *torque_and_step)
     tick_estimate, wheels = guided.flight.attitude, motion.truth.wheel_speed
     return motion, _attitude_values(scenario, params, tick_estimate, motion.attitude, wheels)
 
@@ -235,16 +235,16 @@ def _last_plant_step(
 ) -> tuple[State, NavigatedTick, NavigatedValues, jax.Array]:
     motion, _ = _plant_step(scenario, params, state, guided, motion, torque_and_step)
     return _sense_and_navigate(
-        scenario, params, external_stages.finish(_STAGES, scenario, params, state, guided, motion)
+        scenario, params, cosimulation_stages.finish(_STAGES, scenario, params, state, guided, motion)
     )
 
 
 def _all_plant_steps(
     scenario: Scenario, params: Params, state: State, guided: GuidedTick
 ) -> tuple[State, NavigatedTick, NavigatedValues, jax.Array]:
-    motion = external_stages.control_and_propagate(_STAGES, scenario, params, state, guided)
+    motion = cosimulation_stages.control_and_propagate(_STAGES, scenario, params, state, guided)
     return _sense_and_navigate(
-        scenario, params, external_stages.finish(_STAGES, scenario, params, state, guided, motion)
+        scenario, params, cosimulation_stages.finish(_STAGES, scenario, params, state, guided, motion)
     )
 
 
