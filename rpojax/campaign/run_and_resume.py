@@ -7,7 +7,7 @@ from typing import Any
 
 import jax
 
-from rpojax.campaign import history_retention, preflight, resource_estimates, replaced_stage_provenance
+from rpojax.campaign import history_retention, preflight, replaced_stage_provenance, resource_estimates
 from rpojax.campaign.execution import batch_engine, campaign_engine, selected_histories
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.execution.executor import Executor

@@ -50,7 +50,7 @@ def show(
     """
     from rpojax.campaign import dry_run as plans
     from rpojax.campaign import preflight
-    from rpojax.campaign.storage.output_files import write_atomically
+    from rpojax.campaign.storage.atomic_outputs import write_atomically
 
     if out is not None:
         preflight.check_folder(out, force)

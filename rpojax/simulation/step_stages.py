@@ -1,4 +1,4 @@
-"""Stages of one tick in their order, composed by `step.step`, and one by one by `external_stages`."""
+"""Stages of one tick in their order, composed by `step.step`, and one by one by `cosimulation_stages`."""
 
 import jax
 import jax.numpy as jnp

@@ -21,7 +21,7 @@ from rpojax.analysis.statistics.dependence.rank_correlation import spearman
 from rpojax.analysis.statistics.shrunk_mean import shrunk_mean
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.json_types import to_json_types
-from rpojax.campaign.storage.output_files import write_json
+from rpojax.campaign.storage.atomic_outputs import write_json
 from rpojax.dispersions import standard_normal_space
 from rpojax.dispersions.standard_normal_space import StandardNormalSpace
 from rpojax.errors import OutputError, RpojaxError

@@ -45,38 +45,32 @@ def initial_conditions(
     the square of the offset, so that the two gain as much as runs do in the mean, and their errors are rotated as much
     out of the axes of H.
     """
-    names, widths = (
-        [*dispersions.columns],
-        [next(iter(each.values())).shape[1] for each in dispersions.columns.values()],
-    )
-    noise = {HANDOVER: 12, GPS_BIAS: 3, GYRO_BIAS: 3, STAR_TRACKER: 3, GYRO: 3}
-    edges = np.cumsum([0, *widths, *noise.values()])
-    parts = {name: slice(*edges[i : i + 2]) for i, name in enumerate([*names, *noise])}
+    parts = _input_slices(dispersions)
 
     def initial_vector(inputs: Array, centre: Mapping[str, Array]) -> tuple[Array, State]:
         values = dict(centre)
-        for name in names:
-            for key_of, change in dispersions.columns[name].items():
-                moved = jnp.sum(jnp.asarray(change) * inputs[parts[name]][None, :], axis=1)
-                values[key_of] = values[key_of] + moved.reshape(values[key_of].shape)
+        for name, changes in dispersions.columns.items():
+            for key_of, change in changes.items():
+                deviation = jnp.sum(jnp.asarray(change) * inputs[parts[name]][None, :], axis=1)
+                values[key_of] = values[key_of] + deviation.reshape(values[key_of].shape)
         chosen = dispersed_values.apply_to_params(params, values)
-        drawn = InitialNoise(
+        noise = InitialNoise(
             biases=jnp.concatenate([inputs[parts[GPS_BIAS]], inputs[parts[GYRO_BIAS]]]),
             box_edge_errors=None,
             handover=inputs[parts[HANDOVER]],
             star_tracker=inputs[parts[STAR_TRACKER]],
             gyro=inputs[parts[GYRO]],
         )
-        state = initial_state.init(scenario, chosen, key, drawn)
+        state = initial_state.init(scenario, chosen, key, noise)
         return layout.pack(state, chosen), state
 
     @jax.jit
     def jacobian_and_vector(inputs: Array, centre: Mapping[str, Array]) -> tuple[tuple[Array, State], Array]:
         return jax.jacfwd(initial_vector, has_aux=True)(inputs, centre), initial_vector(inputs, centre)[0]
 
-    zero = jnp.zeros(int(edges[-1]))
+    zero = jnp.zeros(max(int(part.stop) for part in parts.values()))
     mean = {key_of: jnp.asarray(value) for key_of, value in dispersions.mean.items()}
-    middle = np.asarray(jacobian_and_vector(zero, mean)[1])
+    mean_vector = np.asarray(jacobian_and_vector(zero, mean)[1])
     until_s = scenario.formation_period_s + float(params.flight.formation.lead)
     rho_H = np.asarray(params.initial.relative_position)
     result = []
@@ -86,8 +80,16 @@ def initial_conditions(
         }
         (jacobian, state), vector = jacobian_and_vector(zero, mean | off)
         columns = {name: np.asarray(jacobian)[:, part] for name, part in parts.items()}
-        result.append(InitialCondition(state, columns, middle - np.asarray(vector)))
+        result.append(InitialCondition(state, columns, mean_vector - np.asarray(vector)))
     return result
+
+
+def _input_slices(dispersions: LinearisedDispersions) -> dict[str, slice]:
+    """Slices of the standard normal inputs by source: the dispersions, then the initial noise."""
+    widths = {name: next(iter(changes.values())).shape[1] for name, changes in dispersions.columns.items()}
+    widths |= {HANDOVER: 12, GPS_BIAS: 3, GYRO_BIAS: 3, STAR_TRACKER: 3, GYRO: 3}
+    edges = np.cumsum([0, *widths.values()])
+    return {name: slice(*edges[i : i + 2]) for i, name in enumerate(widths)}
 
 
 def _offset_from_mean(

@@ -157,7 +157,7 @@ def render(
         raise RpojaxError(f"--elevation-deg, --azimuth-deg: found {found}, expected -89 to 89 and a finite angle")
     import numpy as np
 
-    from rpojax.campaign.storage.output_files import write_atomically
+    from rpojax.campaign.storage.atomic_outputs import write_atomically
     from rpojax.vision.imaging import contact_sheets, video_files
     from rpojax.vision.imaging.turntable import camera_azimuths, render_turntable
     from rpojax.vision.radiance_field.field_file import load_field
@@ -254,7 +254,7 @@ def _check_seed(seed: int) -> None:
 
 
 def _preview(path: Path, quiet: bool, rgb: "np.ndarray", alpha: "np.ndarray") -> None:
-    from rpojax.campaign.storage.output_files import write_atomically
+    from rpojax.campaign.storage.atomic_outputs import write_atomically
     from rpojax.vision.imaging import contact_sheets
 
     write_atomically(path, contact_sheets.contact_sheet_png(contact_sheets.over_backdrop(rgb, alpha), columns=8))
@@ -266,7 +266,7 @@ def _compare(path: Path, shown: "RenderedViews", traced: "Views", count: int = 8
     """Writes a sheet of three rows: ray traces, pictures of the field, and their differences."""
     import numpy as np
 
-    from rpojax.campaign.storage.output_files import write_atomically
+    from rpojax.campaign.storage.atomic_outputs import write_atomically
     from rpojax.training.radiance_field import image_quality
     from rpojax.vision.imaging import contact_sheets
 

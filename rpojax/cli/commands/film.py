@@ -44,7 +44,7 @@ def film(
     prepare_jax(cache=not no_cache)
     from rpojax.campaign import rerender
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.campaign.storage.output_files import write_atomically
+    from rpojax.campaign.storage.atomic_outputs import write_atomically
     from rpojax.dispersions.designs.run_range import recorded_run_range
     from rpojax.report.figures.camera import camera_film, camera_stills
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from rpojax.analysis.linear_covariance.covariance_history import LinearCovariance
 from rpojax.analysis.linear_covariance.error_budget import ErrorBudget
 from rpojax.analysis.linear_covariance.monte_carlo_agreement import MonteCarloSample
-from rpojax.campaign.storage.output_files import write_atomically
+from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.report.figures import png_export
 from rpojax.report.figures.colours import BLUE, GREEN, GRID, INK, MUTED, ORANGE, SHADE, VERMILLION
 from rpojax.report.figures.png_export import AXIS_NAMES

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from rpojax.campaign.storage.output_files import write_atomically
+from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.errors import RpojaxError
 from rpojax.report.campaign_results import CampaignResults
 

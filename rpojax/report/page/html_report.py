@@ -11,7 +11,7 @@ import jinja2
 from markupsafe import Markup, escape
 from plotly.offline import get_plotlyjs
 
-from rpojax.campaign.storage.output_files import write_atomically, write_json
+from rpojax.campaign.storage.atomic_outputs import write_atomically, write_json
 from rpojax.errors import OutputError
 from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults

@@ -12,7 +12,7 @@ from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.analysis.gradients.tuning.tuning_validation import Validation
 from rpojax.campaign.storage.json_types import to_json_types
-from rpojax.campaign.storage.output_files import write_atomically, write_json
+from rpojax.campaign.storage.atomic_outputs import write_atomically, write_json
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.computer import Stages
 from rpojax.runtime.progress_bar import item_progress
@@ -137,13 +137,14 @@ def tune(
             lambda number, step: watch(number, steps, f"objective {step.objective:.4f}"),
             stages,
         )
-    tuned, validation = tuned_scenario(file, result.values), None
-    if validation_runs:
-        with item_progress("validating", quiet=not progress) as watch:
-            validation = tuning_validation.validate(
-                file, tuned, seed + 1, validation_runs, lambda fraction: watch(round(100 * fraction), 100)
-            )
+    tuned = tuned_scenario(file, result.values)
+    validation = _validate(file, tuned, seed + 1, validation_runs, progress) if validation_runs else None
     return Tuning(file, tuned, settings, result, validation, time.perf_counter() - begin)
+
+
+def _validate(file: ScenarioFile, tuned: ScenarioFile, seed: int, runs: int, progress: bool) -> Validation:
+    with item_progress("validating", quiet=not progress) as watch:
+        return tuning_validation.validate(file, tuned, seed, runs, lambda fraction: watch(round(100 * fraction), 100))
 
 
 def tuned_scenario(file: ScenarioFile, values: dict[str, Any]) -> ScenarioFile:

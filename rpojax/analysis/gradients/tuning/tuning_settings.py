@@ -67,4 +67,4 @@ def check_differentiable(file: ScenarioFile) -> None:
         ScenarioError: the scenario has one.
     """
     if file.camera.model == "rendered":
-        raise ScenarioError("camera.model", "rendered", "'geometric' or 'statistical': pictures have no useful slope")
+        raise ScenarioError("camera.model", "rendered", "'geometric' or 'statistical': images have no useful gradient")

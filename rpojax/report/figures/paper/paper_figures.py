@@ -5,7 +5,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from rpojax.campaign.storage.output_files import write_atomically
+from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.report.figures import png_export
 from rpojax.report.figures.paper.bearing_and_range_figure import bearing_and_range
 from rpojax.report.figures.paper.estimation_error_figure import estimation_error

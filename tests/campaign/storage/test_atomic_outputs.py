@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from rpojax.campaign.storage.output_files import write_atomically
+from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.errors import OutputError
 
 

@@ -1,4 +1,4 @@
-"""Writing files so that a reader never meets half of one."""
+"""Atomic writing of the files that a user asks for, such as reports and records; errors name the file."""
 
 import json
 from pathlib import Path
