@@ -14,8 +14,8 @@ from rpojax.core.orbits.zonal_gravity import GravityField
 from rpojax.core.pytree import pytree
 from rpojax.physics.environment.drag import Atmosphere
 from rpojax.physics.environment.solar_radiation_pressure import Sunlight
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.environment.spacecraft_surface import Surface
+from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Fault
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import PlantParams, Target, Truth

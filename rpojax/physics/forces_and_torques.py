@@ -14,8 +14,8 @@ from rpojax.physics import reaction_wheels, thruster
 from rpojax.physics.environment.drag import drag
 from rpojax.physics.environment.gravity_gradient_torque import gravity_gradient_torque
 from rpojax.physics.environment.solar_radiation_pressure import solar_radiation_pressure, sunlit_fraction
-from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.environment.spacecraft_surface import Surface
+from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import SEIZURE_TIME_CONSTANT, Health
 from rpojax.physics.plant_options import Effects
 from rpojax.physics.plant_state import PlantParams, Truth

@@ -6,7 +6,6 @@ from pydantic import Field
 
 from rpojax.scenario.design_kinds import Design, IndependentDesign
 from rpojax.scenario.dispersion_kinds import Dispersion
-from rpojax.scenario.value_types import Epoch, Finite, MetricName, Positive, Section
 from rpojax.scenario.sections import (
     AtmosphereSection,
     AttitudeControlSection,
@@ -33,6 +32,7 @@ from rpojax.scenario.sections import (
     TuningSection,
     WheelsSection,
 )
+from rpojax.scenario.value_types import Epoch, Finite, MetricName, Positive, Section
 
 
 class RequirementSection(Section):

@@ -5,7 +5,23 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from rpojax.physics.plant_options import FaultKind
-from rpojax.scenario.value_types import Angle, Axes, Direction, Finite, Hull, Inertia, NonNegative, NonNegativeVector, Positive, PositivePair, PositiveVector, Probability, Quaternion, Section, Vector
+from rpojax.scenario.value_types import (
+    Angle,
+    Axes,
+    Direction,
+    Finite,
+    Hull,
+    Inertia,
+    NonNegative,
+    NonNegativeVector,
+    Positive,
+    PositivePair,
+    PositiveVector,
+    Probability,
+    Quaternion,
+    Section,
+    Vector,
+)
 
 
 class RatesSection(Section):

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.sensors.camera import Camera, CameraFrame
-from rpojax.vision import bounding_box, pinhole
+from rpojax.vision import bounding_box, box_projection, pinhole
 from rpojax.vision.bounding_box import BoundingBox
 
 
@@ -23,7 +23,7 @@ def measure(
     `observable` is the light, `working` the camera's health.
     """
     intrinsics = pinhole.pinhole_intrinsics(camera.field_of_view, width_px, height_px)
-    true_edges = bounding_box.projected_box(intrinsics, hull_K)
+    true_edges = box_projection.projected_box(intrinsics, hull_K)
     in_front = jnp.min(hull_K[:, 2], axis=0) > 0.1
     center = bounding_box.box_center(true_edges)
     frame_size = jnp.array([width_px, height_px], dtype=jnp.float64)

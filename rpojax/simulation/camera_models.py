@@ -18,7 +18,7 @@ from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import camera_pose, geometric_camera, rendered_camera, statistical_camera, window_selection
 from rpojax.sensors.camera import CameraFrame
 from rpojax.simulation.noise import TickNoise
-from rpojax.vision import bounding_box, pinhole
+from rpojax.vision import bounding_box, box_projection, pinhole
 from rpojax.vision.imaging.image_formation import ImageWindow, Scene
 
 _TRACKING_TIMEOUT_S = 5.0
@@ -63,7 +63,7 @@ def expose(
     if scenario.camera_model == "geometric":
         return geometric_camera.measure(camera, *size, hull_K, observable, health.camera, normals[:4], uniforms[:6])
     in_front = jnp.min(hull_K[:, 2], axis=0) > 0.1
-    outline = jnp.where(in_front, bounding_box.projected_box(_lens(scenario, params), hull_K), 0.0)
+    outline = jnp.where(in_front, box_projection.projected_box(_lens(scenario, params), hull_K), 0.0)
     scene = _scene(scenario, params, truth, sky, tick)
     light_and_health = (observable, health.camera)
     if scenario.camera_model == "statistical":

@@ -143,7 +143,9 @@ def _vehicle(params: Params, telemetry: Telemetry) -> Channels:
     truth = telemetry.truth
     ahead_N = boresight_N(params, truth)
     line_N = -gradient_safe.normalize(truth.r_ST_N)
-    off = trigonometric_series.arctan2(gradient_safe.norm(vectors.cross(ahead_N, line_N)), jnp.sum(ahead_N * line_N, axis=0))
+    off = trigonometric_series.arctan2(
+        gradient_safe.norm(vectors.cross(ahead_N, line_N)), jnp.sum(ahead_N * line_N, axis=0)
+    )
     return {
         "mode": telemetry.mode.astype(jnp.int8),
         "running": telemetry.running,

@@ -1,10 +1,9 @@
-"""Bounding boxes: projection of a hull, clipping to the frame, intersection over union."""
+"""Bounding boxes in an image: size, clipping to the frame, intersection over union."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.pytree import pytree
-from rpojax.vision.pinhole import Intrinsics, project
 
 
 @pytree
@@ -39,12 +38,6 @@ def intersection_over_union(a: Float[Array, "4"], b: Float[Array, "4"]) -> Float
     intersection = sides[0] * sides[1]
     union = (a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - intersection
     return intersection / jnp.maximum(union, 1e-6)
-
-
-def projected_box(intrinsics: Intrinsics, hull_K: Float[Array, "n 3"]) -> Float[Array, "4"]:
-    """Box [px] around the projected hull vertices [m], not clipped to the frame."""
-    pixels = project(intrinsics, hull_K)
-    return jnp.concatenate([jnp.min(pixels, axis=1), jnp.max(pixels, axis=1)])
 
 
 def clip_to_frame(edges: Float[Array, "4"], width_px: int, height_px: int) -> tuple[Float[Array, "4"], Array]:

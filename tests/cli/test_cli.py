@@ -373,7 +373,9 @@ def test_blocks_that_are_given_up_are_status_4_with_why(
     call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        process_executor.ProcessExecutor, "run_blocks", lambda self, blocks, on_progress: {1: "the worker ended with signal 9"}
+        process_executor.ProcessExecutor,
+        "run_blocks",
+        lambda self, blocks, on_progress: {1: "the worker ended with signal 9"},
     )
     out = tmp_path / "runs"
     words = ("--runs", 3, *SHORT, *SINGLY, "--no-report", "--json", "--workers", 2)

@@ -4,13 +4,13 @@ import jax
 import numpy as np
 from gradient_checks import check, check_finite
 
-from rpojax.vision import bounding_box, pinhole
+from rpojax.vision import box_projection, pinhole
 
 
 @jax.jit
 def outline(x: jax.Array, hull_K: jax.Array) -> jax.Array:
     lens = pinhole.pinhole_intrinsics(0.2 + 0.01 * x[12], 128, 128)
-    return 1e-2 * bounding_box.projected_box(lens, hull_K + x[:12].reshape(4, 3))
+    return 1e-2 * box_projection.projected_box(lens, hull_K + x[:12].reshape(4, 3))
 
 
 def test_derivatives_of_the_projected_box_are_right() -> None:

@@ -43,7 +43,9 @@ def test_external_burns_and_torques_equal_to_those_of_the_flight_software_give_t
         # The command is repeated in every tick.
         burn = ExternalBurn(ignition=plans.ignition[tick], cutoff=plans.cutoff[tick], q_burn=plans.q_burn[tick])
         navigated = cosimulation_stages.sense_and_navigate(STAGES, scenario, params, state)
-        guided, _ = cosimulation_stages.plan_burn_and_guide(STAGES, scenario, "external", params, state, navigated, burn)
+        guided, _ = cosimulation_stages.plan_burn_and_guide(
+            STAGES, scenario, "external", params, state, navigated, burn
+        )
         motion = step_stages.initial_motion(state, guided)
         commands = cosimulation_stages.attitude_commands(scenario, guided)
         accelerations.append(float(jnp.max(jnp.abs(commands.acceleration_C))))

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.vision import bounding_box, pinhole
+from rpojax.vision import bounding_box, box_projection, pinhole
 
 EDGES = jnp.array([10.0, 20.0, 18.0, 70.0])
 
@@ -22,7 +22,7 @@ def test_inverted_box_has_positive_size() -> None:
 def test_projected_box_spans_extreme_pixels_of_hull() -> None:
     intrinsics = pinhole.pinhole_intrinsics(jnp.float64(np.pi / 2), 128, 128)
     hull = jnp.array([[1.0, -2.0, 8.0], [-3.0, 0.0, 8.0], [0.0, 4.0, 16.0]])
-    np.testing.assert_allclose(bounding_box.projected_box(intrinsics, hull), [40.0, 48.0, 72.0, 80.0], rtol=1e-14)
+    np.testing.assert_allclose(box_projection.projected_box(intrinsics, hull), [40.0, 48.0, 72.0, 80.0], rtol=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained import image_sampling, trained_files
 from rpojax.sensors import rendered_camera, view_features, window_selection
 from rpojax.sensors.rendered_camera import Imaging, Networks
-from rpojax.vision import bounding_box, pinhole
+from rpojax.vision import bounding_box, box_projection, pinhole
 from rpojax.vision.detector.two_stage_detector import detect
 from rpojax.vision.imaging.image_formation import Scene
 from rpojax.vision.pinhole import Intrinsics
@@ -97,7 +97,7 @@ def _detect_in_view(
     hull_T = nominal.plant.target.hull
     R_KT, r_TK_K = scene.R_KT.astype(jnp.float64), quaternion.rotate(view["q_KN"], -view["r_ST_N"])
     hull_K = jnp.sum(R_KT[None, :, :] * hull_T[:, None, :], axis=2) + r_TK_K[None, :]
-    outline = bounding_box.projected_box(lens, hull_K).astype(jnp.float32)
+    outline = box_projection.projected_box(lens, hull_K).astype(jnp.float32)
     middle, extent = bounding_box.box_center(outline), bounding_box.box_size(outline)
     window = window_selection.choose_window(lens, *size, middle, extent, jnp.ones((), bool))
     picture = rendered_camera.render_window(imaging, networks, rays, window, *size, scene, key)

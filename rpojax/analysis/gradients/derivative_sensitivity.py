@@ -19,9 +19,9 @@ from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_ke
 from rpojax.analysis.statistics.dependence.input_ranking import InputRanking, rank_inputs
 from rpojax.analysis.statistics.dependence.rank_correlation import spearman
 from rpojax.analysis.statistics.shrunk_mean import shrunk_mean
+from rpojax.campaign.storage.atomic_outputs import write_json
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.json_types import to_json_types
-from rpojax.campaign.storage.atomic_outputs import write_json
 from rpojax.dispersions import standard_normal_space
 from rpojax.dispersions.standard_normal_space import StandardNormalSpace
 from rpojax.errors import OutputError, RpojaxError

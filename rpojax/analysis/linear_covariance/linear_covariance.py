@@ -19,8 +19,8 @@ from rpojax.analysis.linear_covariance.error_budget import ErrorBudget, error_bu
 from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS
 from rpojax.analysis.linear_covariance.monte_carlo_agreement import CHANNELS, ChannelAgreement, MonteCarloSample
 from rpojax.campaign import preflight
-from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.campaign.storage.atomic_outputs import write_atomically, write_json
+from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.computer import Stages
 from rpojax.runtime.progress_bar import busy

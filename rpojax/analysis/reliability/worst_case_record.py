@@ -11,8 +11,8 @@ from scipy.special import ndtr
 from rpojax.analysis.reliability.evaluation_log import EvaluatedPoint, SearchResult
 from rpojax.analysis.reliability.metric_limit import MetricLimit
 from rpojax.analysis.reliability.simulated_limit_state import EvaluationCosts
-from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.campaign.storage.atomic_outputs import write_atomically, write_json
+from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.dispersions import standard_normal_space
 from rpojax.dispersions.standard_normal_space import StandardNormalSpace
 from rpojax.errors import OutputError

@@ -43,8 +43,8 @@ def film(
         raise RpojaxError(f"--every: found {every}, expected at least 1")
     prepare_jax(cache=not no_cache)
     from rpojax.campaign import rerender
-    from rpojax.campaign.storage.campaign_folder import Campaign
     from rpojax.campaign.storage.atomic_outputs import write_atomically
+    from rpojax.campaign.storage.campaign_folder import Campaign
     from rpojax.dispersions.designs.run_range import recorded_run_range
     from rpojax.report.figures.camera import camera_film, camera_stills
 

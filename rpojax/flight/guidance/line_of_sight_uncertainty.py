@@ -14,7 +14,9 @@ def relative_range_sigma(estimate: OrbitEstimate) -> Scalar:
     """1-sigma of the range over the range [-]."""
     line_of_sight = gradient_safe.normalize(estimate.relative.r_TS_N)
     P = estimate.relative.covariance[:3, :3]
-    return gradient_safe.sqrt(jnp.sum(line_of_sight * apply(P, line_of_sight), axis=0)) / gradient_safe.norm(estimate.relative.r_TS_N)
+    return gradient_safe.sqrt(jnp.sum(line_of_sight * apply(P, line_of_sight), axis=0)) / gradient_safe.norm(
+        estimate.relative.r_TS_N
+    )
 
 
 def bearing_sigma(estimate: OrbitEstimate) -> Scalar:

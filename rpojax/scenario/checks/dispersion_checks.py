@@ -5,7 +5,12 @@ from typing import Any
 import numpy as np
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario.checks.assigned_value_checks import CATEGORICAL_KEYS, check_acceptable, check_key_exists, check_listed_values
+from rpojax.scenario.checks.assigned_value_checks import (
+    CATEGORICAL_KEYS,
+    check_acceptable,
+    check_key_exists,
+    check_listed_values,
+)
 from rpojax.scenario.dispersion_keys import assigned_keys, evaluation_order
 from rpojax.scenario.dispersion_kinds import CorrelatedNormal, Derived, Dispersion
 from rpojax.scenario.parameter_keys import ParameterKey, expand_vectors, nominal_value, parse_key

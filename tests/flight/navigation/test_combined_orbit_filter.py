@@ -107,7 +107,9 @@ def transitions(tuning: OrbitFilterTuning, estimate: OrbitEstimate) -> tuple[jax
             ),
         )
         return means(
-            combined_orbit_filter.predict(tuning, 2, moved, jnp.zeros(3), jnp.zeros(()), jnp.ones(()), jnp.zeros(3), 1.0)
+            combined_orbit_filter.predict(
+                tuning, 2, moved, jnp.zeros(3), jnp.zeros(()), jnp.ones(()), jnp.zeros(3), 1.0
+            )
         )
 
     (servicer, _), (_, relative) = jax.jacfwd(after, argnums=(0, 1))(*means(estimate))

@@ -11,8 +11,8 @@ from rpojax.analysis.gradients.tuning import gradient_descent, tuning_validation
 from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.analysis.gradients.tuning.tuning_validation import Validation
-from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.campaign.storage.atomic_outputs import write_atomically, write_json
+from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.computer import Stages
 from rpojax.runtime.progress_bar import item_progress
