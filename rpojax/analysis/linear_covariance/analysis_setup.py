@@ -3,16 +3,16 @@
 import jax
 import jax.numpy as jnp
 
-from rpojax.analysis.linear_covariance import (
-    describing_function,
+from rpojax.analysis.linear_covariance import describing_function
+from rpojax.analysis.linear_covariance.linearisation import (
     dispersion_linearisation,
     error_sources,
     initial_conditions,
     target_outline_ensemble,
 )
-from rpojax.analysis.linear_covariance.compiled_loop import CompiledLoop
-from rpojax.analysis.linear_covariance.deviation_vector import make_layout
-from rpojax.analysis.linear_covariance.linearised_loop import LinearisedLoop
+from rpojax.analysis.linear_covariance.linearisation.compiled_loop import CompiledLoop
+from rpojax.analysis.linear_covariance.linearisation.deviation_vector import make_layout
+from rpojax.analysis.linear_covariance.linearisation.linearised_loop import LinearisedLoop
 from rpojax.core.pytree import replace
 from rpojax.dispersions import dispersed_values
 from rpojax.flight.computer import Stages

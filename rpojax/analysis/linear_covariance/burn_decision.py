@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.analysis.linear_covariance import describing_function
-from rpojax.analysis.linear_covariance.compiled_loop import CompiledLoop
-from rpojax.analysis.linear_covariance.linearised_loop import LinearisationPoint
+from rpojax.analysis.linear_covariance.linearisation.compiled_loop import CompiledLoop
+from rpojax.analysis.linear_covariance.linearisation.linearised_loop import LinearisationPoint
 from rpojax.physics.thruster import Thruster
 
 

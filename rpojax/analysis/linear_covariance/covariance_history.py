@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from rpojax.analysis.linear_covariance import dispersion_linearisation
 from rpojax.analysis.linear_covariance.analysis_setup import AnalysisSetup
-from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS
+from rpojax.analysis.linear_covariance.linearisation import dispersion_linearisation
+from rpojax.analysis.linear_covariance.linearisation.linearised_loop import OUTPUTS
 from rpojax.analysis.linear_covariance.nominal_recursion import (
     NominalRecursion,
     PeriodRecord,

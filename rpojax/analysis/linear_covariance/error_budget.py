@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rpojax.analysis.linear_covariance.covariance_history import LinearCovariance
-from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS
+from rpojax.analysis.linear_covariance.linearisation.linearised_loop import OUTPUTS
 
 ERRORS = {"formation error": "rho_H", "relative estimation error": "relative_error_H"}
 """Outputs of the budget by title, three axes together."""

@@ -16,7 +16,7 @@ from rpojax.analysis.linear_covariance.covariance_history import (
     propagate_covariance,
 )
 from rpojax.analysis.linear_covariance.error_budget import ErrorBudget, error_budget
-from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS
+from rpojax.analysis.linear_covariance.linearisation.linearised_loop import OUTPUTS
 from rpojax.analysis.linear_covariance.monte_carlo_agreement import CHANNELS, ChannelAgreement, MonteCarloSample
 from rpojax.campaign import preflight
 from rpojax.campaign.storage.atomic_outputs import write_atomically, write_json

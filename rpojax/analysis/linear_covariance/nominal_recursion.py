@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rpojax.analysis.linear_covariance import error_sources
 from rpojax.analysis.linear_covariance.analysis_setup import AnalysisSetup
 from rpojax.analysis.linear_covariance.box_schedule import BoxSchedule
 from rpojax.analysis.linear_covariance.burn_decision import (
@@ -17,9 +16,10 @@ from rpojax.analysis.linear_covariance.burn_decision import (
     linearise_decision,
 )
 from rpojax.analysis.linear_covariance.covariance_recursion import CovarianceRecursion, TickSystem
-from rpojax.analysis.linear_covariance.deviation_vector import PENDING_BURN
-from rpojax.analysis.linear_covariance.initial_conditions import InitialCondition
-from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS, LinearisationPoint
+from rpojax.analysis.linear_covariance.linearisation import error_sources
+from rpojax.analysis.linear_covariance.linearisation.deviation_vector import PENDING_BURN
+from rpojax.analysis.linear_covariance.linearisation.initial_conditions import InitialCondition
+from rpojax.analysis.linear_covariance.linearisation.linearised_loop import OUTPUTS, LinearisationPoint
 
 _MAX_TRANSFER_HOLD_TICKS = 3
 """Most ticks that share one Jacobian during the transfer."""

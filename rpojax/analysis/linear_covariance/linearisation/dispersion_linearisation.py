@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Array
 from scipy.stats import truncnorm
 
-from rpojax.analysis.linear_covariance import target_outline_ensemble
-from rpojax.analysis.linear_covariance.deviation_vector import Path
+from rpojax.analysis.linear_covariance.linearisation import target_outline_ensemble
+from rpojax.analysis.linear_covariance.linearisation.deviation_vector import Path
 from rpojax.core import quaternion
 from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
 from rpojax.errors import RpojaxError

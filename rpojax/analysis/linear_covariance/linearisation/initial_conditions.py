@@ -8,9 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.analysis.linear_covariance.deviation_vector import DeviationLayout
-from rpojax.analysis.linear_covariance.dispersion_linearisation import LinearisedDispersions
-from rpojax.analysis.linear_covariance.error_sources import GPS_BIAS, GYRO, GYRO_BIAS, HANDOVER, STAR_TRACKER
+from rpojax.analysis.linear_covariance.linearisation.deviation_vector import DeviationLayout
+from rpojax.analysis.linear_covariance.linearisation.dispersion_linearisation import LinearisedDispersions
+from rpojax.analysis.linear_covariance.linearisation.error_sources import (
+    GPS_BIAS,
+    GYRO,
+    GYRO_BIAS,
+    HANDOVER,
+    STAR_TRACKER,
+)
 from rpojax.dispersions import dispersed_values
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario

@@ -8,8 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.analysis.linear_covariance.linearised_loop import LinearisationPoint, LinearisedLoop
-from rpojax.analysis.linear_covariance.target_outline_ensemble import TargetEnsemble
+from rpojax.analysis.linear_covariance.linearisation.linearised_loop import LinearisationPoint, LinearisedLoop
+from rpojax.analysis.linear_covariance.linearisation.target_outline_ensemble import TargetEnsemble
 from rpojax.simulation.state import State
 
 _TICKS_PER_DEVICE = 10

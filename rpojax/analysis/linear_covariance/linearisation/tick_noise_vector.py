@@ -6,7 +6,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.analysis.linear_covariance.error_sources import BOX, GPS, GPS_BIAS, GYRO, GYRO_BIAS, STAR_TRACKER
+from rpojax.analysis.linear_covariance.linearisation.error_sources import (
+    BOX,
+    GPS,
+    GPS_BIAS,
+    GYRO,
+    GYRO_BIAS,
+    STAR_TRACKER,
+)
 from rpojax.simulation.noise import TickNoise
 
 

@@ -7,10 +7,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from rpojax.analysis.linear_covariance import target_outline_ensemble, tick_noise_vector
-from rpojax.analysis.linear_covariance.deviation_vector import DeviationLayout
-from rpojax.analysis.linear_covariance.target_outline_ensemble import RelativeBox, TargetEnsemble
-from rpojax.analysis.linear_covariance.tick_noise_vector import TickNoiseVector
+from rpojax.analysis.linear_covariance.linearisation import target_outline_ensemble, tick_noise_vector
+from rpojax.analysis.linear_covariance.linearisation.deviation_vector import DeviationLayout
+from rpojax.analysis.linear_covariance.linearisation.target_outline_ensemble import RelativeBox, TargetEnsemble
+from rpojax.analysis.linear_covariance.linearisation.tick_noise_vector import TickNoiseVector
 from rpojax.batching import vmap_last_axis
 from rpojax.core.frames import hill_frame
 from rpojax.core.pytree import pytree

@@ -1,0 +1,1 @@
+"""Linearisation of the closed loop: its deviation vector, Jacobians at every tick, and the error sources that drive it."""
