@@ -6,6 +6,8 @@ from pathlib import Path
 from test_import_directions import FLOORS, MODULES
 
 PAGE = (Path(__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+LONGEST_FUNCTION_LINES = 62
+"""What a screen shows."""
 
 
 def summary(module: str) -> str:
@@ -49,3 +51,13 @@ def test_a_folder_shows_its_ideas_at_a_glance() -> None:
     }
     large = {folder: size for folder, size in sizes.items() if size > 16 and folder != "cli.commands"}
     assert large == {}
+
+
+def test_no_function_needs_scrolling() -> None:
+    long = [
+        f"{module}.{node.name}"
+        for module, path in MODULES.items()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef) and (node.end_lineno or 0) - node.lineno >= LONGEST_FUNCTION_LINES
+    ]
+    assert long == []

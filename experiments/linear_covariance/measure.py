@@ -14,7 +14,7 @@ import numpy as np
 
 from rpojax.analysis.linear_covariance import covariance_history, monte_carlo_agreement
 from rpojax.analysis.linear_covariance.covariance_history import LinearCovariance
-from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS
+from rpojax.analysis.linear_covariance.linearisation.linearised_loop import OUTPUTS
 from rpojax.analysis.linear_covariance.monte_carlo_agreement import TOLERANCE, ChannelAgreement, MonteCarloSample
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.scenario.loading import scenario_loader

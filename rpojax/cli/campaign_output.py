@@ -84,6 +84,7 @@ def show_results(
 
 
 def write_campaign_report(result: "Campaign", as_json: bool, film: bool, run_id: int | None = None) -> Path:
+    """Writes the report of a campaign, with a message while it lasts, and returns its path."""
     from rpojax.report.page.html_report import write_report
 
     with busy("writing the report", quiet=as_json):
@@ -100,5 +101,6 @@ def has_whole_report(result: "Campaign") -> bool:
 
 
 def report_of(result: "Campaign") -> Path | None:
+    """Path of the report of a campaign, None if there is none."""
     path = result.directory / "report.html"
     return path if path.is_file() else None

@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.analysis.linear_covariance import target_outline_ensemble, tick_noise_vector
-from rpojax.analysis.linear_covariance.deviation_vector import PENDING_BURN, make_layout
-from rpojax.analysis.linear_covariance.linearised_loop import OUTPUTS, LinearisedLoop
+from rpojax.analysis.linear_covariance.linearisation import target_outline_ensemble, tick_noise_vector
+from rpojax.analysis.linear_covariance.linearisation.deviation_vector import PENDING_BURN, make_layout
+from rpojax.analysis.linear_covariance.linearisation.linearised_loop import OUTPUTS, LinearisedLoop
 from rpojax.core.pytree import replace
 from rpojax.flight.computer import Stages
 from rpojax.scenario import params

@@ -3,7 +3,7 @@
 import jax
 import numpy as np
 
-from rpojax.analysis.linear_covariance import dispersion_linearisation
+from rpojax.analysis.linear_covariance.linearisation import dispersion_linearisation
 from rpojax.core import random_streams
 from rpojax.dispersions import dispersed_values
 from rpojax.scenario.loading import scenario_loader
