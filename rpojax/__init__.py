@@ -16,10 +16,13 @@ if TYPE_CHECKING:
     from rpojax.analysis.linear_covariance.linear_covariance import linear_covariance
     from rpojax.analysis.reliability.worst_case import worst_case
     from rpojax.analysis.statistics.campaign_comparison import compare
+    from rpojax.campaign.history_retention import Retention
+    from rpojax.campaign.job_shard import Shard
     from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
     from rpojax.campaign.single_run import initialise_run, nominal_parameters, simulate
     from rpojax.campaign.storage.campaign_folder import Campaign
     from rpojax.campaign.storage.xarray_dataset import open_campaign
+    from rpojax.dispersions.designs.run_range import RunRange
     from rpojax.errors import RpojaxError
     from rpojax.flight.computer import Stages
     from rpojax.report.page.html_report import write_report
@@ -34,12 +37,15 @@ if TYPE_CHECKING:
     from rpojax.simulation.step import step
     from rpojax.simulation.telemetry import Telemetry
 
-_HOMES = {
+_MODULE_OF = {
     "Campaign": "campaign.storage.campaign_folder",
     "Params": "scenario.params",
+    "Retention": "campaign.history_retention",
     "RpojaxError": "errors",
+    "RunRange": "dispersions.designs.run_range",
     "Scenario": "scenario.static_settings",
     "ScenarioFile": "scenario.schema",
+    "Shard": "campaign.job_shard",
     "Stages": "flight.computer",
     "State": "simulation.state",
     "Telemetry": "simulation.telemetry",
@@ -67,9 +73,12 @@ _HOMES = {
 __all__ = [
     "Campaign",
     "Params",
+    "Retention",
     "RpojaxError",
+    "RunRange",
     "Scenario",
     "ScenarioFile",
+    "Shard",
     "Stages",
     "State",
     "Telemetry",
@@ -96,10 +105,10 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module 'rpojax' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"rpojax.{_HOMES[name]}"), name)
+    return getattr(importlib.import_module(f"rpojax.{_MODULE_OF[name]}"), name)
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_HOMES})
+    return sorted({*globals(), *_MODULE_OF})

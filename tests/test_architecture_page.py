@@ -41,3 +41,22 @@ def test_the_page_names_enough_to_be_a_map() -> None:
     assert len(PATHS) > 40
     assert len(FUNCTIONS) >= 5
     assert len(IN_MODULE) >= 12
+
+
+CONTRIBUTING = re.findall(r"`([^`\n]+)`", (PACKAGE.parent / "CONTRIBUTING.md").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(
+    "path", sorted({text for text in CONTRIBUTING if re.fullmatch(r"[a-z_0-9]+/[a-z_0-9/]+\.py", text)})
+)
+def test_a_path_in_the_contributing_guide_exists(path: str) -> None:
+    assert (PACKAGE / path).exists() or (PACKAGE.parent / path).exists()
+
+
+@pytest.mark.parametrize(
+    "name", sorted({text for text in CONTRIBUTING if re.fullmatch(r"[a-z_]+\.[A-Za-z]\w+", text)} - {"jnp.linalg"})
+)
+def test_a_name_in_the_contributing_guide_exists(name: str) -> None:
+    module, found = name.split(".")
+    sources = [path.read_text(encoding="utf-8") for path in PACKAGE.rglob(f"{module}.py")]
+    assert any(re.search(rf"^(def|class) {found}\b|^{found}\b.*=", source, re.MULTILINE) for source in sources)

@@ -15,7 +15,8 @@ ROOT = Path(__file__).parents[1]
 NAMES = {
     *("load", "ScenarioFile", "Scenario", "Params", "State", "Telemetry", "Stages", "RpojaxError"),
     *("nominal_parameters", "initialise_run", "run_key", "init", "step", "rollout", "simulate"),
-    *("run_campaign", "resume_campaign", "open_campaign", "Campaign", "write_report"),
+    *("run_campaign", "resume_campaign", "open_campaign", "Campaign", "Retention", "Shard", "RunRange"),
+    "write_report",
     *("gradient", "tune", "linear_covariance", "sensitivity", "worst_case", "compare"),
 }
 SHOW_PROGRESS = (

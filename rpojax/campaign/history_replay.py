@@ -38,7 +38,7 @@ def replay_history(
             configuration["seed"],
             first_run=run_id,
             block_size=1,
-            population=recorded_run_range(configuration),
+            run_range=recorded_run_range(configuration),
             progress=False,
             on_progress=on_progress,
         )

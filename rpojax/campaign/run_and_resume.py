@@ -41,7 +41,7 @@ def run_campaign(
     force: bool = False,
     devices: Sequence[Any] | None = None,
     stages: Stages | None = None,
-    population: RunRange | None = None,
+    run_range: RunRange | None = None,
     progress: bool = True,
     on_progress: ProgressCallback | None = None,
     shard: Shard | None = None,
@@ -51,7 +51,7 @@ def run_campaign(
     """Simulates runs `first_run` to `first_run + runs - 1` of a scenario and stores them in a new folder.
 
     With a `shard` the folder may be one that other shards of the same campaign have made, and only the shard's blocks
-    are simulated. By default the `executor` uses all devices of this process. `population` is the range of runs that
+    are simulated. By default the `executor` uses all devices of this process. `run_range` is the range of runs that
     the design is made for, if larger than this one. `report` records in the folder that a report is wanted.
     Progress is shown on stderr, or given to `on_progress`; with `progress=False` the call is silent.
 
@@ -68,7 +68,7 @@ def run_campaign(
     used_devices = _devices_for_blocks(devices, -(-runs // size))
     history_count = -(-retention.max_histories(first_run, runs) // retention.every)
     resource_estimates.check_resources(file, runs, size, len(used_devices), history_count, Path(out))
-    design = experiment_design.make_design(file, seed, population or RunRange(first_run, runs))
+    design = experiment_design.make_design(file, seed, run_range or RunRange(first_run, runs))
     records = (retention.to_record(), replaced_stage_provenance.replaced_stages(stages or Stages()), design.record())
     configuration = campaign_configuration.new_configuration(file, seed, runs, first_run, size, *records, report)
     engine = BatchEngine(file, size, used_devices, stages, design)

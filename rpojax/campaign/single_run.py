@@ -55,13 +55,13 @@ def simulate(
     seed: int = 0,
     run_id: int = 0,
     stages: Stages | None = None,
-    population: RunRange | None = None,
+    run_range: RunRange | None = None,
 ) -> dict[str, np.ndarray]:
     """Channels of one run at every camera tick, time first, as in a history of a campaign.
 
-    `population` is the range of runs of the campaign, by default this run alone.
+    `run_range` is the range of runs of the campaign, by default this run alone.
     """
-    scenario, dispersed, state = initialise_run(file, seed, run_id, population)
+    scenario, dispersed, state = initialise_run(file, seed, run_id, run_range)
     channels = jax.tree.map(np.asarray, _simulate_ticks(scenario, stages or Stages(), dispersed, state))
     return {
         "time_s": np.arange(scenario.ticks) * scenario.tick_s,

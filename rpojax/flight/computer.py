@@ -116,8 +116,8 @@ class Stages:
     """Replaceable parts of the flight software, as functions of the same signature.
 
     Attributes:
-        orbit_update: filter update with GPS and box, as `orbit_filter.update`
-        orbit_predict: filter propagation, as `orbit_filter.predict`
+        orbit_update: filter update with GPS and box, as `combined_orbit_filter.update`
+        orbit_predict: filter propagation, as `combined_orbit_filter.predict`
         formation_law: velocity change from the predicted deviation, as `formation_law.lqr_feedback`
         wheel_torque: attitude control, as `attitude_control.wheel_torque`
     """

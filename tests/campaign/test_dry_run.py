@@ -124,7 +124,7 @@ def check_campaign(file: ScenarioFile, out: Path) -> Campaign:
         first_run=2,
         block_size=1,
         devices=ONE_DEVICE,
-        population=RunRange(0, RUNS),
+        run_range=RunRange(0, RUNS),
     )
     same_bits(again.drawn, {key: values[2:3] for key, values in campaign.drawn.items()})
     same_bits(again.metrics, {key: values[2:3] for key, values in campaign.metrics.items()})

@@ -89,7 +89,7 @@ def check_settings(settings: SearchSettings) -> None:
         raise RpojaxError(f"--starts: found {settings.starts}, expected 1 to {_MAX_STARTS}")
     if not settings.budget >= settings.screening_points:
         raise RpojaxError(
-            f"--budget: found {settings.budget:g}, expected at least the {settings.screening_points} first flights"
+            f"--budget: found {settings.budget:g}, expected at least the {settings.screening_points} first runs"
         )
 
 

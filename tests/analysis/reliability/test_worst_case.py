@@ -153,8 +153,8 @@ def test_a_gradient_costs_whole_runs() -> None:
     [
         (SearchSettings(starts=0), "--starts: found 0, expected 1 to 64"),
         (SearchSettings(starts=65), "--starts: found 65, expected 1 to 64"),
-        (SearchSettings(budget=15.0), "--budget: found 15, expected at least the 16 first flights"),
-        (SearchSettings(budget=math.nan), "--budget: found nan, expected at least the 16 first flights"),
+        (SearchSettings(budget=15.0), "--budget: found 15, expected at least the 16 first runs"),
+        (SearchSettings(budget=math.nan), "--budget: found nan, expected at least the 16 first runs"),
     ],
 )
 def test_settings_that_find_nothing_are_refused(settings: SearchSettings, message: str) -> None:

@@ -31,7 +31,7 @@ def test_channels_agree_with_message_values(
 
 @pytest.mark.slow
 def test_a_replay_has_the_channels_of_a_single_run(viewer_run: ReplayedRun[ViewerChannels]) -> None:
-    alone = single_run.simulate(viewer_run.file, viewer_run.seed, viewer_run.run_id, population=viewer_run.run_range)
+    alone = single_run.simulate(viewer_run.file, viewer_run.seed, viewer_run.run_id, run_range=viewer_run.run_range)
     assert set(viewer_run.values) - {"R_HN", "relative_covariance_H"} == set(alone) - {"time_s", "rho_desired_H"}
     np.testing.assert_array_equal(viewer_run.time_s, alone["time_s"])
     for name in ("rho_H", "relative_error_H", "box_px", "mode", "delta_v_m_s"):

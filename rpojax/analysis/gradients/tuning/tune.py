@@ -138,13 +138,17 @@ def tune(
             stages,
         )
     tuned = tuned_scenario(file, result.values)
-    validation = _validate(file, tuned, seed + 1, validation_runs, progress) if validation_runs else None
+    validation = _validate(file, tuned, seed + 1, validation_runs, stages, progress) if validation_runs else None
     return Tuning(file, tuned, settings, result, validation, time.perf_counter() - begin)
 
 
-def _validate(file: ScenarioFile, tuned: ScenarioFile, seed: int, runs: int, progress: bool) -> Validation:
+def _validate(
+    file: ScenarioFile, tuned: ScenarioFile, seed: int, runs: int, stages: Stages | None, progress: bool
+) -> Validation:
     with item_progress("validating", quiet=not progress) as watch:
-        return tuning_validation.validate(file, tuned, seed, runs, lambda fraction: watch(round(100 * fraction), 100))
+        return tuning_validation.validate(
+            file, tuned, seed, runs, lambda fraction: watch(round(100 * fraction), 100), stages
+        )
 
 
 def tuned_scenario(file: ScenarioFile, values: dict[str, Any]) -> ScenarioFile:

@@ -13,6 +13,7 @@ from rpojax.campaign.execution.batch_engine import BatchEngine, default_block_si
 from rpojax.campaign.history_retention import Retention
 from rpojax.dispersions.designs.experiment_design import make_design
 from rpojax.dispersions.designs.run_range import RunRange
+from rpojax.flight.computer import Stages
 from rpojax.scenario.schema import ScenarioFile
 
 OnProgress = Callable[[float], None]
@@ -52,22 +53,31 @@ class Validation:
 
 
 def validate(
-    baseline: ScenarioFile, tuned: ScenarioFile, seed: int, runs: int, on_progress: OnProgress = lambda fraction: None
+    baseline: ScenarioFile,
+    tuned: ScenarioFile,
+    seed: int,
+    runs: int,
+    on_progress: OnProgress = lambda fraction: None,
+    stages: Stages | None = None,
 ) -> Validation:
     """Simulates `runs` runs with both settings and compares them pair by pair."""
-    one = simulate_runs(baseline, seed, runs, lambda fraction: on_progress(0.5 * fraction))
-    other = simulate_runs(tuned, seed, runs, lambda fraction: on_progress(0.5 + 0.5 * fraction))
+    one = simulate_runs(baseline, seed, runs, lambda fraction: on_progress(0.5 * fraction), stages)
+    other = simulate_runs(tuned, seed, runs, lambda fraction: on_progress(0.5 + 0.5 * fraction), stages)
     medians = paired_comparison.compare_paired_runs(one, other, baseline.requirements, independent=True)
     return Validation(seed, one, other, medians, compare_means(one, other))
 
 
 def simulate_runs(
-    file: ScenarioFile, seed: int, runs: int, on_progress: OnProgress = lambda fraction: None
+    file: ScenarioFile,
+    seed: int,
+    runs: int,
+    on_progress: OnProgress = lambda fraction: None,
+    stages: Stages | None = None,
 ) -> RunMetrics:
     """Metrics of runs 0 to `runs` - 1 of a seed, simulated in memory."""
     devices = jax.devices()[:runs]
     size = min(default_block_size(file), -(-runs // len(devices)))
-    engine = BatchEngine(file, size, devices, design=make_design(file, seed, RunRange(0, runs)))
+    engine = BatchEngine(file, size, devices, stages, make_design(file, seed, RunRange(0, runs)))
     batches = -(-runs // engine.capacity)
     results = []
     for number in range(batches):
