@@ -28,7 +28,7 @@ from rpojax.campaign.storage import atomic_files
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import console, main
 from rpojax.cli.commands import bench
-from rpojax.runtime import jax_environment
+from rpojax.runtime import jax_environment, progress_bar
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 
@@ -238,7 +238,7 @@ def test_a_campaign_of_which_nothing_is_done_yet_has_a_report_that_says_so(
 def test_progress_goes_to_stderr_and_json_keeps_it_silent(
     call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(console, "_SHORTEST_S", 0.0)
+    monkeypatch.setattr(progress_bar, "_SHORTEST_S", 0.0)
     words = ("campaign", "inspection", "--runs", 1, *SHORT, *SINGLY, "--no-report")
     loud = call(*words, "--out", tmp_path / "loud")
     assert [line.split()[1] for line in loud.err.splitlines()] == ["compiling", "1", "0/1", "1/1"]
@@ -342,7 +342,7 @@ def test_shards_share_a_folder_and_the_last_one_writes_the_report_of_what_one_pr
         kept = shared.history(run)
         assert kept.keys() == {"time_s", "rho_desired_H", "range_m", "nees"}
         np.testing.assert_array_equal(kept["range_m"], whole.history(run)["range_m"][::10])
-    assert "estimation_error.png is left out" in (out / "report.html").read_text()
+    assert "estimation_error.png is omitted" in (out / "report.html").read_text()
     before = contents(out)
     assert call("resume", out, "--shard", "1/2", "--json").status == 0
     assert contents(out) == before
