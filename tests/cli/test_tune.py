@@ -25,6 +25,10 @@ def call(*words: object) -> int:
     return main.main(["tune", *map(str, words)])
 
 
+STAGES: dict[int, rpojax.Stages | None] = {0: None}
+"""Stages of the flight software that runs are expected to have."""
+
+
 @pytest.fixture
 def nothing_simulated(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """An empty folder to work in; a tuning doubles one number, and that halves all metrics."""
@@ -34,8 +38,8 @@ def nothing_simulated(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
         steps = tuple(TuningStep(objective, {}, 1.0, 0, 0, 2.0) for objective in (3.0, 1.0))
         return TuningResult(np.zeros(1), {"navigation.edge_noise_px": 2.0}, steps, "reverse", 9.0, 1000)
 
-    def simulate_runs(file: ScenarioFile, seed: int, runs: int, on_progress: Any) -> RunMetrics:
-        assert seed == 8
+    def simulate_runs(file: ScenarioFile, seed: int, runs: int, on_progress: Any, stages: Any) -> RunMetrics:
+        assert (seed, stages) == (8, STAGES[0])
         base = RNG.lognormal(0.0, 0.1, runs) / file.navigation.edge_noise_px
         return RunMetrics(np.arange(runs), np.ones(runs, dtype=bool), dict.fromkeys(UNITS, base))
 
@@ -57,6 +61,14 @@ def test_a_tuning_writes_a_scenario_and_its_record(nothing_simulated: Path, caps
     assert change["ratio"] == pytest.approx(0.5, abs=0.1)
     made = rpojax.load("new/tuned.toml")
     assert made == rpojax.load("inspection", ["navigation.edge_noise_px=2.0"])
+
+
+def test_validation_runs_have_the_stages_of_the_tuning(
+    nothing_simulated: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(STAGES, 0, rpojax.Stages(formation_law=lambda gain, deviation: -deviation[3:]))
+    found = rpojax.tune(rpojax.load("inspection"), stages=STAGES[0], seed=7, validation_runs=50, progress=False)
+    assert found.validation is not None
 
 
 def test_a_tuning_prints_what_it_changed(nothing_simulated: Path, capsys: pytest.CaptureFixture[str]) -> None:
