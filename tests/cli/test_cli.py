@@ -12,13 +12,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
 import pytest
+from command_line_calls import Call, Outcome
 from shared_compilation import shared_programs
 
 import rpojax
@@ -35,39 +35,6 @@ from rpojax.scenario.schema import ScenarioFile
 SHORT = ("--set", "duration_s=400")
 SINGLY = ("--block-size", "1")
 LONG = ("--runs", "40", *SHORT, *SINGLY, "--no-report")
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a command left: exit status and both streams."""
-
-    status: int
-    out: str
-    err: str
-
-    @property
-    def json(self) -> Any:
-        return json.loads(self.out)
-
-
-Call = Callable[..., Outcome]
-
-
-@pytest.fixture
-def call(capsys: pytest.CaptureFixture[str]) -> Call:
-    """Runs a command line in this process."""
-
-    def run(*words: object) -> Outcome:
-        capsys.readouterr()
-        try:
-            status = main.main([str(word) for word in words])
-        except SystemExit as end:
-            assert isinstance(end.code, int)
-            status = end.code
-        captured = capsys.readouterr()
-        return Outcome(status, captured.out, captured.err)
-
-    return run
 
 
 @pytest.fixture(scope="module", autouse=True)

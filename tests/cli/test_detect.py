@@ -1,52 +1,20 @@
 """`rpojax detect` and `rpojax detector` as people and programs use them."""
 
 import json
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import jax
 import numpy as np
 import pytest
+from command_line_calls import Call
 from PIL import Image
 
-from rpojax.cli import main
 from rpojax.vision.detector import detector_file, two_stage_detector
 from rpojax.vision.imaging.turntable import render_turntable
 from rpojax.vision.radiance_field.field_file import load_field
 
 CORNER = (300, 180)
 SIDE = 96
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What a command left: exit status and both streams."""
-
-    status: int
-    out: str
-    err: str
-
-    @property
-    def json(self) -> Any:
-        return json.loads(self.out)
-
-
-Call = Callable[..., Outcome]
-
-
-@pytest.fixture
-def call(capsys: pytest.CaptureFixture[str]) -> Call:
-    """Runs a command line in this process."""
-
-    def run(*words: object) -> Outcome:
-        capsys.readouterr()
-        status = main.main([str(word) for word in words])
-        captured = capsys.readouterr()
-        return Outcome(status, captured.out, captured.err)
-
-    return run
 
 
 @pytest.fixture(scope="module")

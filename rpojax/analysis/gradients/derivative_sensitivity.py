@@ -19,12 +19,12 @@ from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_ke
 from rpojax.analysis.statistics.dependence.input_ranking import InputRanking, rank_inputs
 from rpojax.analysis.statistics.dependence.rank_correlation import spearman
 from rpojax.analysis.statistics.shrunk_mean import shrunk_mean
-from rpojax.campaign.storage.atomic_outputs import write_json
+from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_json
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.dispersions import standard_normal_space
 from rpojax.dispersions.standard_normal_space import StandardNormalSpace
-from rpojax.errors import OutputError, RpojaxError
+from rpojax.errors import RpojaxError
 from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.parameter_keys import component_columns
 from rpojax.scenario.schema import ScenarioFile
@@ -144,8 +144,7 @@ class SensitivityAnalysis:
             OutputError: the file exists and is not to be replaced by `force`, or cannot be written.
         """
         path = Path(path)
-        if path.exists() and not force:
-            raise OutputError(f"{path}: exists already; force=True replaces it")
+        check_replaceable((path,), force)
         write_json(path, self.to_dict())
 
 

@@ -19,9 +19,9 @@ from rpojax.analysis.linear_covariance.error_budget import ErrorBudget, error_bu
 from rpojax.analysis.linear_covariance.linearisation.linearised_loop import OUTPUTS
 from rpojax.analysis.linear_covariance.monte_carlo_agreement import CHANNELS, ChannelAgreement, MonteCarloSample
 from rpojax.campaign import preflight
-from rpojax.campaign.storage.atomic_outputs import write_atomically, write_json
+from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically, write_json
 from rpojax.campaign.storage.json_types import to_json_types
-from rpojax.errors import OutputError, RpojaxError
+from rpojax.errors import RpojaxError
 from rpojax.flight.computer import Stages
 from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.schema import ScenarioFile
@@ -117,9 +117,7 @@ class LinearCovarianceAnalysis:
             OutputError: a file exists and is not to be replaced by `force`, or cannot be written.
         """
         directory = Path(directory)
-        for name in (RECORD_NAME, ARRAYS_NAME):
-            if (directory / name).exists() and not force:
-                raise OutputError(f"{directory / name}: exists already; force=True replaces it")
+        check_replaceable((directory / RECORD_NAME, directory / ARRAYS_NAME), force)
         stream = io.BytesIO()
         np.savez_compressed(stream, allow_pickle=False, **self.arrays())
         write_atomically(directory / ARRAYS_NAME, stream.getvalue())

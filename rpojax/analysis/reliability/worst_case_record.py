@@ -11,11 +11,10 @@ from scipy.special import ndtr
 from rpojax.analysis.reliability.evaluation_log import EvaluatedPoint, SearchResult
 from rpojax.analysis.reliability.metric_limit import MetricLimit
 from rpojax.analysis.reliability.simulated_limit_state import EvaluationCosts
-from rpojax.campaign.storage.atomic_outputs import write_atomically, write_json
+from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically, write_json
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.dispersions import standard_normal_space
 from rpojax.dispersions.standard_normal_space import StandardNormalSpace
-from rpojax.errors import OutputError
 from rpojax.scenario import dispersion_keys
 from rpojax.scenario.metric_catalogue import UNITS
 from rpojax.scenario.parameter_keys import nominal_value, parse_key
@@ -101,9 +100,7 @@ class WorstCase:
             OutputError: a file exists and is not to be replaced by `force`, or cannot be written.
         """
         directory = Path(directory)
-        for name in (SCENARIO_NAME, RECORD_NAME):
-            if (directory / name).exists() and not force:
-                raise OutputError(f"{directory / name}: exists already; force=True replaces it")
+        check_replaceable((directory / SCENARIO_NAME, directory / RECORD_NAME), force)
         write_atomically(directory / SCENARIO_NAME, self._scenario_text().encode())
         write_json(directory / RECORD_NAME, self.to_dict())
 

@@ -1,11 +1,23 @@
 """Atomic writing of the files that a user asks for, such as reports and records; errors name the file."""
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from rpojax.campaign.storage import atomic_files
 from rpojax.errors import OutputError
+
+
+def check_replaceable(paths: Iterable[Path], force: bool) -> None:
+    """Refuses to write over files that exist unless `force` is set.
+
+    Raises:
+        OutputError: naming the first file that exists.
+    """
+    for path in paths:
+        if path.exists() and not force:
+            raise OutputError(f"{path}: exists already; force=True replaces it")
 
 
 def write_atomically(path: Path, content: bytes) -> Path:

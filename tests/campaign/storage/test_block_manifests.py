@@ -1,6 +1,5 @@
 """Manifests are checked, and their times and attempts counted."""
 
-import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -10,42 +9,16 @@ import pytest
 from empty_campaign_folders import empty_campaign, synthetic_block, synthetic_timing
 from hypothesis import given
 from hypothesis import strategies as st
+from spoilt_campaign_files import JSON, read_all, read_with
 
 from rpojax.campaign.status import status
 from rpojax.campaign.storage import block_manifests
 from rpojax.campaign.storage.block_manifests import Manifest
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.errors import ResultError, RpojaxError
+from rpojax.errors import ResultError
 from rpojax.scenario.schema import ScenarioFile
 
-JSON = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=8),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3),
-    max_leaves=6,
-)
-
 ENTRY = Manifest("0f", 0, 2, 1, 1, {"x": 1}, {"metrics": "0" * 64}, 100.0, 10.0, 3.0, 1, "a cpu", {"jax": "1"})
-
-
-def read_all(directory: Path) -> None:
-    """Reads everything that a campaign folder offers."""
-    found = Campaign(directory)
-    for name in ("info", "metrics", "drawn", "traces", "completed", "failed_at_s", "run_ids", "history_ids"):
-        getattr(found, name)
-    status(directory)
-
-
-def read_with(begun: Campaign, name: str, key: str, value: Any) -> None:
-    """Reads everything with a changed entry in a file; errors must be of one line."""
-    path = begun.directory / name
-    before = path.read_bytes()
-    try:
-        path.write_text(json.dumps(json.loads(before) | {key: value}))
-        read_all(begun.directory)
-    except RpojaxError as error:
-        assert "\n" not in str(error)
-    finally:
-        path.write_bytes(before)
 
 
 RUNS, BLOCK = 60, 2

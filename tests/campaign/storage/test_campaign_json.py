@@ -1,6 +1,5 @@
 """Content of campaign.json is checked."""
 
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -8,38 +7,11 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from spoilt_campaign_files import JSON, read_with
 
-from rpojax.campaign.status import status
 from rpojax.campaign.storage import campaign_json
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.errors import ResultError, RpojaxError
-
-JSON = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text(max_size=8),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3),
-    max_leaves=6,
-)
-
-
-def read_all(directory: Path) -> None:
-    """Reads everything that a campaign folder offers."""
-    found = Campaign(directory)
-    for name in ("info", "metrics", "drawn", "traces", "completed", "failed_at_s", "run_ids", "history_ids"):
-        getattr(found, name)
-    status(directory)
-
-
-def read_with(begun: Campaign, name: str, key: str, value: Any) -> None:
-    """Reads everything with a changed entry in a file; errors must be of one line."""
-    path = begun.directory / name
-    before = path.read_bytes()
-    try:
-        path.write_text(json.dumps(json.loads(before) | {key: value}))
-        read_all(begun.directory)
-    except RpojaxError as error:
-        assert "\n" not in str(error)
-    finally:
-        path.write_bytes(before)
+from rpojax.errors import ResultError
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,9 @@ from rpojax.analysis.gradients.tuning import gradient_descent, tuning_validation
 from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.analysis.gradients.tuning.tuning_validation import Validation
-from rpojax.campaign.storage.atomic_outputs import write_atomically, write_json
+from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically, write_json
 from rpojax.campaign.storage.json_types import to_json_types
-from rpojax.errors import OutputError, RpojaxError
+from rpojax.errors import RpojaxError
 from rpojax.flight.computer import Stages
 from rpojax.runtime.progress_bar import item_progress
 from rpojax.scenario.loading import scenario_loader
@@ -77,9 +77,7 @@ class Tuning:
 
         path = Path(path)
         report = path.with_suffix(".json")
-        for each in (path, report):
-            if each.exists() and not force:
-                raise OutputError(f"{each}: exists already; force=True replaces it")
+        check_replaceable((path, report), force)
         names = ", ".join(self.settings.parameters)
         header = (
             f"# {self.initial.name} with {names} tuned by gradient; {report.name} holds the steps and the validation\n"
