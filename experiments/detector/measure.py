@@ -24,11 +24,12 @@ from rpojax.training.synthetic_data.visible_box import visible_box
 from rpojax.vision.detector import proposal_network
 from rpojax.vision.detector.detector_file import load_detector
 from rpojax.vision.detector.multiscale_detection import detect_multiscale
-from rpojax.vision.detector.scored_box import ScoredBox
+from rpojax.vision.detector.scored_box import ScoredBox, box_edges
 from rpojax.vision.detector.two_stage_detector import DetectorParams, detect
 from rpojax.vision.imaging import image_files, srgb
 from rpojax.vision.imaging.sky_background import background
 from rpojax.vision.imaging.sky_maps import random_sky
+from rpojax.vision.intersection_over_union import pairwise_iou
 from rpojax.vision.pinhole import pinhole_intrinsics
 from rpojax.vision.radiance_field.field_file import load_field
 
@@ -227,11 +228,16 @@ def _on_black(image: np.ndarray) -> bool:
 
 
 def _hits(real: list[ScoredBox], found: list[ScoredBox]) -> int:
-    return sum(any(other.intersection_over_union(box) >= 0.5 for other in found) for box in real)
+    return int(_overlaps(real, found).any(axis=1).sum())
 
 
 def _false_boxes(real: list[ScoredBox], found: list[ScoredBox]) -> int:
-    return sum(all(other.intersection_over_union(box) < 0.5 for box in real) for other in found)
+    return int((~_overlaps(real, found).any(axis=0)).sum())
+
+
+def _overlaps(real: list[ScoredBox], found: list[ScoredBox]) -> np.ndarray:
+    """Whether each real box (n,) overlaps each found one (m,) at least half."""
+    return pairwise_iou(box_edges(real), box_edges(found)) >= 0.5
 
 
 def _mean(values: list[Any]) -> float:

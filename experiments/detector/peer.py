@@ -142,7 +142,7 @@ def find(torch: Any, model: Any, images: np.ndarray) -> tuple[list[np.ndarray], 
 
 def suppress(boxes: np.ndarray, scores: np.ndarray) -> list[int]:
     """Indices of the boxes kept by non-maximum suppression."""
-    from rpojax.training.detector.average_precision import pairwise_iou
+    from rpojax.vision.intersection_over_union import pairwise_iou
 
     kept: list[int] = []
     for index in np.argsort(-scores)[:200]:

@@ -14,6 +14,7 @@ from rpojax.vision.detector.two_stage_detector import DetectorParams, detect
 from rpojax.vision.imaging.exposure import Exposure
 from rpojax.vision.imaging.image_formation import ImageWindow, Scene, form_image
 from rpojax.vision.imaging.sky_maps import Sky
+from rpojax.vision.intersection_over_union import intersection_over_union
 from rpojax.vision.radiance_field.ray_budget import RaySampling
 from rpojax.vision.radiance_field.target_field import RadianceField
 
@@ -113,7 +114,7 @@ def measure(
         observable=observable & working,
         score=jnp.where(working, score, 0.0),
         window=jnp.append(window.corner_px, image.shape[0] * window.binning).astype(jnp.float64),
-        outlier=present & (bounding_box.intersection_over_union(edges, visible) < _FALSE_BOX_OVERLAP),
+        outlier=present & (intersection_over_union(edges, visible) < _FALSE_BOX_OVERLAP),
         outline=visible,
     )
 

@@ -1,4 +1,4 @@
-"""Bounding boxes in an image: size, clipping to the frame, intersection over union."""
+"""Bounding boxes in an image: size, clipping to the frame."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -30,14 +30,6 @@ def box_size(edges: Float[Array, "4"]) -> Float[Array, ""]:
     """Geometric mean of width and height [px], at least a tenth of a pixel each."""
     sides = jnp.maximum(edges[2:] - edges[:2], 0.1)
     return jnp.sqrt(sides[0] * sides[1])
-
-
-def intersection_over_union(a: Float[Array, "4"], b: Float[Array, "4"]) -> Float[Array, ""]:
-    """Intersection over union of two boxes [px]; 0 where either is empty."""
-    sides = jnp.maximum(jnp.minimum(a[2:], b[2:]) - jnp.maximum(a[:2], b[:2]), 0.0)
-    intersection = sides[0] * sides[1]
-    union = (a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - intersection
-    return intersection / jnp.maximum(union, 1e-6)
 
 
 def clip_to_frame(edges: Float[Array, "4"], width_px: int, height_px: int) -> tuple[Float[Array, "4"], Array]:

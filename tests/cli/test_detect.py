@@ -11,6 +11,7 @@ from PIL import Image
 
 from rpojax.vision.detector import detector_file, two_stage_detector
 from rpojax.vision.imaging.turntable import render_turntable
+from rpojax.vision.intersection_over_union import intersection_over_union
 from rpojax.vision.radiance_field.field_file import load_field
 
 CORNER = (300, 180)
@@ -46,10 +47,7 @@ def test_the_target_is_found_in_the_pixels_of_a_large_picture(call: Call, scene:
     assert len(boxes) == 1
     found = np.array([boxes[0]["x"], boxes[0]["y"], boxes[0]["x"] + boxes[0]["w"], boxes[0]["y"] + boxes[0]["h"]])
     assert 0.4 <= boxes[0]["score"] <= 1.0
-    real = box_of(target)
-    sides = np.minimum(found[2:], real[2:]) - np.maximum(found[:2], real[:2])
-    either = np.prod(found[2:] - found[:2]) + np.prod(real[2:] - real[:2]) - np.prod(sides)
-    assert np.prod(sides) / either > 0.7
+    assert intersection_over_union(found[None], box_of(target)[None]) > 0.7
 
 
 def test_pictures_that_cannot_be_used_are_named_and_the_rest_is_searched(

@@ -21,6 +21,7 @@ from rpojax.sensors.rendered_camera import Imaging, Networks
 from rpojax.vision import bounding_box, box_projection, pinhole
 from rpojax.vision.detector.two_stage_detector import detect
 from rpojax.vision.imaging.image_formation import Scene
+from rpojax.vision.intersection_over_union import intersection_over_union
 from rpojax.vision.pinhole import Intrinsics
 from rpojax.vision.radiance_field.ray_budget import RaySampling
 
@@ -51,9 +52,7 @@ class DetectionOutcomes:
     @property
     def overlap(self) -> np.ndarray:
         """Intersection over union (n,) of box and outline."""
-        return np.asarray(
-            jax.vmap(bounding_box.intersection_over_union)(jnp.asarray(self.edges), jnp.asarray(self.outline))
-        )
+        return intersection_over_union(self.edges, self.outline)
 
 
 def detect_in_views(

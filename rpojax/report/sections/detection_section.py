@@ -8,6 +8,7 @@ import numpy as np
 
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.report.number_format import format_number
+from rpojax.vision.intersection_over_union import intersection_over_union
 
 History = Mapping[str, np.ndarray]
 Frames = dict[str, np.ndarray]
@@ -104,7 +105,7 @@ def _edge_errors(frames: Frames, chosen: np.ndarray) -> dict[str, Any] | None:
     return {
         "boxes": len(box),
         "side_px": float(np.median(np.sqrt(sides.prod(axis=1)))),
-        "overlap": float(_intersection_over_union(box, true).mean()),
+        "overlap": float(intersection_over_union(box, true).mean()),
         **{
             edge: {"bias_px": float(error[:, column].mean()), "sigma_px": float(error[:, column].std())}
             for column, edge in enumerate(_EDGES)
@@ -114,14 +115,6 @@ def _edge_errors(frames: Frames, chosen: np.ndarray) -> dict[str, Any] | None:
 
 def _corners(boxes: np.ndarray) -> np.ndarray:
     return np.concatenate([boxes[:, :2], boxes[:, :2] + boxes[:, 2:]], axis=1)
-
-
-def _intersection_over_union(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Intersection over union (n,) of boxes (n, 4)."""
-    low, high = np.maximum(a[:, :2], b[:, :2]), np.minimum(a[:, 2:], b[:, 2:])
-    both = np.maximum(high - low, 0.0).prod(axis=1)
-    either = sum((box[:, 2:] - box[:, :2]).prod(axis=1) for box in (a, b)) - both
-    return both / np.maximum(either, 1e-9)
 
 
 def _fraction(part: np.ndarray, whole: np.ndarray) -> float | None:

@@ -10,10 +10,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.training.detector.average_precision import average_precision, pairwise_iou
+from rpojax.training.detector.average_precision import average_precision
 from rpojax.training.synthetic_data.detection_dataset import DetectionDataset
 from rpojax.vision.detector.box_decoding import Detections
 from rpojax.vision.detector.two_stage_detector import SCORE_THRESHOLD, detect
+from rpojax.vision.intersection_over_union import pairwise_iou
 
 MIN_SIDE_PX = 16.0
 """Least long side of a box that counts in the overall metrics."""

@@ -5,9 +5,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from rpojax.training.detector.giou_loss import generalized_iou
 from rpojax.vision.detector.box_decoding import STRIDE, maps_from_channels
 from rpojax.vision.detector.proposal_network import NETWORK
+from rpojax.vision.intersection_over_union import generalized_iou
 
 _HEAT_SIGMA_FRACTION = 0.12
 _MIN_HEAT_SIGMA_PX = 2.0

@@ -5,12 +5,11 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from rpojax.training.detector.giou_loss import generalized_iou
 from rpojax.vision.detector import box_decoding, proposal_network
 from rpojax.vision.detector.box_decoding import ProposalMaps
-from rpojax.vision.detector.non_maximum_suppression import pairwise_iou
 from rpojax.vision.detector.refinement_network import NETWORK, boxes_from_channels
 from rpojax.vision.detector.region_crop import crop_boxes
+from rpojax.vision.intersection_over_union import generalized_iou, pairwise_iou
 
 _PROPOSALS = 4
 """Boxes of the proposal network per image."""

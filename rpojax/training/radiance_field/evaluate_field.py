@@ -7,8 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.training.radiance_field.image_quality import box_iou, mask_iou, psnr, silhouette_box, srgb_codes, ssim
+from rpojax.training.radiance_field.image_quality import mask_iou, psnr, silhouette_box, srgb_codes, ssim
 from rpojax.training.synthetic_data.ray_traced_views import Views
+from rpojax.vision.intersection_over_union import intersection_over_union
 from rpojax.vision.pinhole import pinhole_intrinsics
 from rpojax.vision.radiance_field.ray_budget import choose_ray_sampling
 from rpojax.vision.radiance_field.render_image import render_target
@@ -77,8 +78,8 @@ def metrics_per_view(rendered: RenderedViews, views: Views) -> dict[str, np.ndar
         "psnr_target_db": np.array([psnr(square[i][covered[i]]) for i in count]),
         "ssim": np.array([ssim(srgb_codes(rendered.rgb[i]), srgb_codes(views.rgb[i])) for i in count]),
         "silhouette_iou": np.array([mask_iou(rendered.alpha[i] > 0.5, views.alpha[i] > 0.5) for i in count]),
-        "box_iou": np.array(
-            [box_iou(silhouette_box(rendered.alpha[i]), silhouette_box(views.alpha[i])) for i in count]
+        "box_iou": intersection_over_union(
+            *(np.array([silhouette_box(alpha) for alpha in alphas]) for alphas in (rendered.alpha, views.alpha))
         ),
     }
 

@@ -1,4 +1,4 @@
-"""Image quality: PSNR and SSIM of sRGB codes, agreement of silhouettes and of their boxes."""
+"""Image quality: PSNR and SSIM of sRGB codes, boxes and agreement of silhouettes."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -45,14 +45,6 @@ def silhouette_box(alpha: np.ndarray) -> np.ndarray:
         first, last = found[0], found[-1]
         edges.append((first + 1.0 - profile[first], last + profile[last]))
     return np.array([edges[0][0], edges[1][0], edges[0][1], edges[1][1]])
-
-
-def box_iou(a: np.ndarray, b: np.ndarray) -> float:
-    """Intersection over union of two boxes."""
-    sides = np.maximum(np.minimum(a[2:], b[2:]) - np.maximum(a[:2], b[:2]), 0.0)
-    intersection = float(np.prod(sides))
-    union = float(np.prod(a[2:] - a[:2]) + np.prod(b[2:] - b[:2])) - intersection
-    return intersection / union if union > 0.0 else 0.0
 
 
 def mask_iou(a: np.ndarray, b: np.ndarray) -> float:

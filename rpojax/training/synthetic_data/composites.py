@@ -10,6 +10,7 @@ from rpojax.training.synthetic_data.image_sensor import ImageSensor, expose_imag
 from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET
 from rpojax.training.synthetic_data.spacecraft_sprites import Sprite
 from rpojax.training.synthetic_data.visible_box import visible_box
+from rpojax.vision.intersection_over_union import intersection_area
 
 Rng = np.random.Generator
 
@@ -140,11 +141,7 @@ def _merge_layers(
 
 def _any_overlap(boxes: np.ndarray) -> bool:
     """Whether any two boxes overlap."""
-    for i, a in enumerate(boxes):
-        for b in boxes[i + 1 :]:
-            if (np.minimum(a[2:], b[2:]) > np.maximum(a[:2], b[:2])).all():
-                return True
-    return False
+    return bool(np.triu(intersection_area(boxes[:, None], boxes[None]), 1).any())
 
 
 def _add_artefacts(rng: Rng, image: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.vision.detector.scored_box import ScoredBox
+from rpojax.vision.detector.scored_box import ScoredBox, box_edges
 from rpojax.vision.detector.sliding_windows import (
     WINDOW_PX,
     Window,
@@ -18,6 +18,7 @@ from rpojax.vision.detector.sliding_windows import (
     to_image_pixels,
 )
 from rpojax.vision.detector.two_stage_detector import DetectorParams, detect
+from rpojax.vision.intersection_over_union import box_area, intersection_area, intersection_over_union
 
 MAX_SIDE_PX = 2048
 """Long side of the finest scale; larger images are shrunk to it."""
@@ -59,11 +60,9 @@ def detect_multiscale(params: DetectorParams, image: np.ndarray, threshold: floa
 
 def _is_new(box: ScoredBox, coarser: list[ScoredBox]) -> bool:
     """Whether a box is neither a duplicate nor a part of a known one: fine windows show parts of large spacecraft."""
-    return all(
-        box.intersection_area(other) < _CONTAINED_FRACTION * box.area
-        and box.intersection_over_union(other) < _DUPLICATE_IOU
-        for other in coarser
-    )
+    edges, others = box_edges([box]), box_edges(coarser)
+    contained = intersection_area(edges, others) >= _CONTAINED_FRACTION * box_area(edges)
+    return not (contained | (intersection_over_union(edges, others) >= _DUPLICATE_IOU)).any()
 
 
 def _by_falling_score(boxes: list[ScoredBox]) -> list[ScoredBox]:
@@ -97,7 +96,7 @@ def _detect_in_windows(
             for index in np.nonzero(score >= threshold)[0]:
                 if whole or not is_cut(window, found[index], shape):
                     boxes.append(to_image_pixels(window, found[index], float(score[index]), shape))
-    return [box for box in boxes if box.area > 0.0]
+    return [box for box, area in zip(boxes, box_area(box_edges(boxes)), strict=True) if area > 0.0]
 
 
 def _verify(params: DetectorParams, image: np.ndarray, box: ScoredBox) -> ScoredBox | None:
@@ -115,13 +114,14 @@ def _verify(params: DetectorParams, image: np.ndarray, box: ScoredBox) -> Scored
         edges = mirror_boxes(np.asarray(result.box_px[place], np.float64), mirror)
         scores = np.asarray(result.score[place], np.float64)
         boxes = [to_image_pixels(window, e, float(s), image.shape[:2]) for e, s in zip(edges, scores, strict=True)]
-        boxes = [other for other in boxes if other.intersection_over_union(box) >= 0.5]
+        overlaps = intersection_over_union(box_edges(boxes), box_edges([box]))
+        boxes = [other for other, overlap in zip(boxes, overlaps, strict=True) if overlap >= 0.5]
         agreeing += [max(boxes, key=lambda other: other.score)] if boxes else []
     if not agreeing:
         return None
     scores = [box.score, *(other.score for other in agreeing)]
     scores += [_MISSED_SCORE] * (1 + len(_MIRRORS) - len(scores))
-    left, top, right, bottom = np.mean([[b.left, b.top, b.right, b.bottom] for b in agreeing], axis=0).tolist()
+    left, top, right, bottom = np.mean(box_edges(agreeing), axis=0).tolist()
     return ScoredBox(left, top, right, bottom, _mean_log_odds_score(scores))
 
 

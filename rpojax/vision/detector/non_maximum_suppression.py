@@ -4,12 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.vision.bounding_box import intersection_over_union
-
-
-def pairwise_iou(a: Float[Array, "m 4"], b: Float[Array, "n 4"]) -> Float[Array, "m n"]:
-    """Intersection over union of every box with every other one."""
-    return jax.vmap(lambda one: jax.vmap(lambda other: intersection_over_union(one, other))(b))(a)
+from rpojax.vision.intersection_over_union import pairwise_iou
 
 
 def suppress_overlapping(boxes: Float[Array, "n 4"], scores: Float[Array, " n"], max_iou: float) -> Float[Array, " n"]:

@@ -12,4 +12,3 @@ def test_psnr_and_box_of_worked_cases() -> None:
     alpha[2:5, 3:7] = 1.0
     alpha[2:5, 2] = 0.25
     np.testing.assert_allclose(image_quality.silhouette_box(alpha), [2.75, 2.0, 7.0, 5.0])
-    assert image_quality.box_iou(np.array([0.0, 0.0, 2.0, 2.0]), np.array([1.0, 0.0, 3.0, 2.0])) == pytest.approx(1 / 3)

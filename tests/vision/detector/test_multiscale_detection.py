@@ -11,7 +11,8 @@ from synthetic_rectangles import bright_boxes, image_with_rectangles
 from rpojax.cli.commands.detect import detect
 from rpojax.vision.detector import multiscale_detection, sliding_windows
 from rpojax.vision.detector.box_decoding import Detections
-from rpojax.vision.detector.scored_box import ScoredBox
+from rpojax.vision.detector.scored_box import box_edges
+from rpojax.vision.intersection_over_union import intersection_over_union
 
 
 @pytest.fixture
@@ -47,8 +48,7 @@ def test_rectangle_is_found_once_at_its_place(
     assert len(boxes) == 1
     # Pixels of the image per pixel of the window.
     coarse = max(1.0, max(shape) / 2048, max(rectangle[2] - rectangle[0], rectangle[3] - rectangle[1]) / 44.0)
-    box = boxes[0]
-    np.testing.assert_allclose([box.left, box.top, box.right, box.bottom], rectangle, atol=1.5 * coarse)
+    np.testing.assert_allclose(box_edges(boxes), [rectangle], atol=1.5 * coarse)
 
 
 def test_distant_rectangles_are_all_found_and_empty_image_has_none(by_brightness: None) -> None:
@@ -58,8 +58,7 @@ def test_distant_rectangles_are_all_found_and_empty_image_has_none(by_brightness
         key=lambda box: box.left,
     )
     assert len(boxes) == 2
-    for rectangle, box in zip(rectangles, boxes, strict=True):
-        assert box.intersection_over_union(ScoredBox(*(float(edge) for edge in rectangle), score=1.0)) > 0.8
+    assert (intersection_over_union(box_edges(boxes), np.array(rectangles)) > 0.8).all()
     assert multiscale_detection.detect_multiscale({}, image_with_rectangles(300, 400)) == []
 
 
