@@ -8,8 +8,8 @@ from jaxtyping import Array
 
 from rpojax.campaign import single_run
 from rpojax.core import quaternion
-from rpojax.dispersions import dispersed_values
 from rpojax.physics.plant_state import PlantParams, Truth
+from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation import initial_state
 from rpojax.simulation.noise import run_key

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.core import random_streams
-from rpojax.dispersions import dispersed_values
-from rpojax.scenario import dispersion_kinds
+from rpojax.dispersions import dispersion_kinds
+from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.schema import ScenarioFile
 
 RUNS = 4000

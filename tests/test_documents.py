@@ -17,15 +17,15 @@ from rpojax import Stages
 from rpojax.analysis.statistics.intervals.order_statistics import runs_for_bound
 from rpojax.campaign.single_run import initialise_run
 from rpojax.core.random_streams import Stream
+from rpojax.dispersions.designs.design_kinds import Design
+from rpojax.dispersions.dispersion_kinds import Dispersion
 from rpojax.errors import RpojaxError
+from rpojax.field_types import Section
 from rpojax.physics import equipment_faults
 from rpojax.report.labels import metric_label
 from rpojax.scenario import key_units, metric_catalogue, schema
-from rpojax.scenario.design_kinds import Design
-from rpojax.scenario.dispersion_kinds import Dispersion
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.value_types import Section
 from rpojax.simulation.channels import Channels, compute_channels
 from rpojax.simulation.metrics import trace_channels
 from rpojax.simulation.step import step

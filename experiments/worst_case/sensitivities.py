@@ -20,7 +20,7 @@ from rpojax.analysis.gradients import derivative_sensitivity
 from rpojax.analysis.gradients.derivative_sensitivity import MetricSensitivity, RankingAgreement
 from rpojax.analysis.reliability.simulated_limit_state import make_evaluator
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.dispersions import standard_normal_space
+from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.parameter_keys import component_columns
 
 METRICS = ("nav_relative_position_error_rms_m", "formation_error_rms_m", "min_range_m", "delta_v_m_s")

@@ -9,9 +9,9 @@ import numpy as np
 
 from rpojax.benchmark import compile_time, timing
 from rpojax.benchmark.timing import REPEATS, ElapsedTime
+from rpojax.campaign import experiment_design
 from rpojax.campaign.execution import batch_engine
 from rpojax.campaign.execution.batch_engine import BatchEngine, PreparedRuns
-from rpojax.dispersions.designs import experiment_design
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.errors import RpojaxError
 from rpojax.scenario.schema import ScenarioFile

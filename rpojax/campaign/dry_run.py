@@ -9,13 +9,12 @@ from typing import Any
 import jax
 import numpy as np
 
-from rpojax.campaign import preflight, resource_estimates
+from rpojax.campaign import experiment_design, preflight, resource_estimates
 from rpojax.campaign.execution import batch_engine
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.dispersions.designs import experiment_design
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.errors import RpojaxError
-from rpojax.scenario import dispersion_keys
+from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.parameter_keys import component_columns, nominal_of_key
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile

@@ -3,8 +3,8 @@
 import shutil
 from pathlib import Path
 
+from rpojax.campaign.experiment_design import design_bytes
 from rpojax.campaign.preflight import MAX_BLOCKS, existing_parent
-from rpojax.dispersions.designs.experiment_design import design_bytes
 from rpojax.errors import RpojaxError
 from rpojax.scenario.schema import ScenarioFile
 

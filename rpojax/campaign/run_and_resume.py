@@ -7,7 +7,13 @@ from typing import Any
 
 import jax
 
-from rpojax.campaign import history_retention, preflight, replaced_stage_provenance, resource_estimates
+from rpojax.campaign import (
+    experiment_design,
+    history_retention,
+    preflight,
+    replaced_stage_provenance,
+    resource_estimates,
+)
 from rpojax.campaign.execution import batch_engine, campaign_engine, selected_histories
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.execution.executor import Executor
@@ -16,7 +22,6 @@ from rpojax.campaign.history_retention import Retention
 from rpojax.campaign.job_shard import ALL_BLOCKS, Shard
 from rpojax.campaign.storage import campaign_configuration, campaign_json, folder_creation, stale_files
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.dispersions.designs import experiment_design
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.computer import Stages
 from rpojax.runtime.progress_bar import Progress, ProgressCallback, run_progress

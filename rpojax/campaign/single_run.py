@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.dispersions import dispersed_values
-from rpojax.dispersions.designs import experiment_design
+from rpojax.campaign import experiment_design
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.computer import Stages
 from rpojax.scenario import params
+from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario, static_settings

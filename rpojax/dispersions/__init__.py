@@ -1,1 +1,1 @@
-"""Floor 5: dispersed parameters of the runs of a campaign: distributions, experiment designs, standard-normal space."""
+"""Floor 3: kinds of dispersion about a nominal value, sources of their random numbers, and experiment designs."""

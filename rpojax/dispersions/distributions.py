@@ -6,10 +6,7 @@ from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Array, Float
 
 from rpojax.core import quaternion
-from rpojax.dispersions.random_source import RandomSource
-from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
-from rpojax.physics import equipment_faults
-from rpojax.scenario.dispersion_kinds import (
+from rpojax.dispersions.dispersion_kinds import (
     Choice,
     CorrelatedNormal,
     Derived,
@@ -22,6 +19,9 @@ from rpojax.scenario.dispersion_kinds import (
     TruncatedNormal,
     Uniform,
 )
+from rpojax.dispersions.random_source import RandomSource
+from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
+from rpojax.physics import equipment_faults
 
 
 def sample(dispersion: Dispersion, nominal: Array, source: RandomSource) -> Array:

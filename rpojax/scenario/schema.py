@@ -1,11 +1,14 @@
 """Schema of a whole scenario file; free of JAX, so that validation is instant."""
 
+import difflib
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
-from rpojax.scenario.design_kinds import Design, IndependentDesign
-from rpojax.scenario.dispersion_kinds import Dispersion
+from rpojax.dispersions.designs.design_kinds import Design, IndependentDesign
+from rpojax.dispersions.dispersion_kinds import Dispersion
+from rpojax.field_types import Epoch, Finite, Positive, Section
+from rpojax.scenario.metric_catalogue import UNITS
 from rpojax.scenario.sections import (
     AtmosphereSection,
     AttitudeControlSection,
@@ -32,7 +35,17 @@ from rpojax.scenario.sections import (
     TuningSection,
     WheelsSection,
 )
-from rpojax.scenario.value_types import Epoch, Finite, MetricName, Positive, Section
+
+
+def _check_metric_name(value: str) -> str:
+    if value not in UNITS:
+        close = difflib.get_close_matches(value, UNITS, n=1)
+        hint = f" (did you mean {close[0]!r}?)" if close else ", such as 'formation_error_rms_m'"
+        raise ValueError(f"expected the name of a metric{hint}")
+    return value
+
+
+MetricName = Annotated[str, AfterValidator(_check_metric_name), Field(json_schema_extra={"enum": list(UNITS)})]
 
 
 class RequirementSection(Section):

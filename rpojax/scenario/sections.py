@@ -4,8 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from rpojax.physics.plant_options import FaultKind
-from rpojax.scenario.value_types import (
+from rpojax.field_types import (
     Angle,
     Axes,
     Direction,
@@ -22,6 +21,7 @@ from rpojax.scenario.value_types import (
     Section,
     Vector,
 )
+from rpojax.physics.plant_options import FaultKind
 
 
 class RatesSection(Section):

@@ -11,17 +11,15 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rpojax.campaign import dry_run, single_run
+from rpojax.campaign import dry_run, experiment_design, single_run
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.core import random_streams
-from rpojax.dispersions import dispersed_values
-from rpojax.dispersions.designs import experiment_design
+from rpojax.dispersions.designs.design_kinds import Design
 from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
+from rpojax.dispersions.dispersion_kinds import Dispersion
 from rpojax.errors import ResultError, RpojaxError
-from rpojax.scenario import dispersion_keys
-from rpojax.scenario.design_kinds import Design
-from rpojax.scenario.dispersion_kinds import Dispersion
+from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import component_columns
 from rpojax.scenario.schema import ScenarioFile

@@ -7,8 +7,7 @@ import pytest
 from scipy import stats
 
 from rpojax.core import random_streams
-from rpojax.dispersions import dispersed_values
-from rpojax.scenario import dispersion_keys
+from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 

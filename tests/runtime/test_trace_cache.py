@@ -10,11 +10,11 @@ import pytest
 from jaxtyping import Array
 
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.dispersions.dispersed_values import Values
 from rpojax.flight.computer import Stages
 from rpojax.flight.control import formation_law
 from rpojax.runtime import trace_cache
 from rpojax.runtime.trace_cache import Trace
+from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.state import State

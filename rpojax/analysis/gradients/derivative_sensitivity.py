@@ -22,10 +22,10 @@ from rpojax.analysis.statistics.shrunk_mean import shrunk_mean
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_json
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.json_types import to_json_types
-from rpojax.dispersions import standard_normal_space
-from rpojax.dispersions.standard_normal_space import StandardNormalSpace
 from rpojax.errors import RpojaxError
 from rpojax.runtime.progress_bar import busy
+from rpojax.scenario.dispersed_numbers import standard_normal_space
+from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.parameter_keys import component_columns
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics.running_metric_definitions import RUNNING_METRICS

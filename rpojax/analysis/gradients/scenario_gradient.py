@@ -16,12 +16,12 @@ from rpojax.analysis.gradients.rollout_evaluator import (
 )
 from rpojax.analysis.gradients.tuning.tuning_settings import check_differentiable
 from rpojax.campaign import preflight
-from rpojax.dispersions import dispersed_values
-from rpojax.dispersions.designs.experiment_design import has_independent_runs
-from rpojax.dispersions.dispersed_values import Values
+from rpojax.campaign.experiment_design import has_independent_runs
 from rpojax.errors import RpojaxError
 from rpojax.flight.computer import Stages
 from rpojax.runtime.progress_bar import busy
+from rpojax.scenario.dispersed_numbers import dispersed_values
+from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.params import leaf_path_and_factor

@@ -9,8 +9,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from rpojax.analysis.linear_covariance.covariance_history import LinearCovariance
+from rpojax.campaign import experiment_design
 from rpojax.campaign.execution.batch_engine import BatchEngine, Segment, default_block_size
-from rpojax.dispersions.designs import experiment_design
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.computer import Stages
 from rpojax.scenario.schema import ScenarioFile

@@ -11,7 +11,7 @@ import numpy as np
 
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RolloutResult, run_keys
 from rpojax.analysis.reliability.metric_limit import MetricLimit
-from rpojax.dispersions.standard_normal_space import StandardNormalSpace
+from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 
 _FORWARD_MODE_MAX_RUNS = 1
 """Batch size up to which the forward mode is the faster one."""

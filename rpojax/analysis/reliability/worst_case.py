@@ -25,10 +25,10 @@ from rpojax.analysis.reliability.simulated_limit_state import (
 )
 from rpojax.analysis.reliability.worst_case_record import WorstCase
 from rpojax.campaign import run_and_resume
-from rpojax.dispersions import standard_normal_space
-from rpojax.dispersions.standard_normal_space import StandardNormalSpace
 from rpojax.errors import RpojaxError
 from rpojax.runtime.progress_bar import busy
+from rpojax.scenario.dispersed_numbers import standard_normal_space
+from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.schema import ScenarioFile
 
 _MAX_STARTS = 64

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from rpojax.analysis.statistics.paired_comparison import PairedComparison, RunMetrics, compare_paired_runs
+from rpojax.campaign import experiment_design
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.json_types import to_json_types
-from rpojax.dispersions.designs import experiment_design
 from rpojax.errors import ResultError
 from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.schema import RequirementSection

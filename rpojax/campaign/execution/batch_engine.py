@@ -16,15 +16,15 @@ import numpy as np
 from jaxtyping import Array
 
 from rpojax.campaign.execution.tick_batching import batch_transform, state_axes
+from rpojax.campaign.experiment_design import Design, has_independent_runs
 from rpojax.core import random_streams
-from rpojax.dispersions import dispersed_values
-from rpojax.dispersions.designs.experiment_design import Design, has_independent_runs
-from rpojax.dispersions.dispersed_values import Values
 from rpojax.errors import RpojaxError
 from rpojax.flight.computer import Stages
 from rpojax.runtime import compiler_options, device_programs, trace_cache
 from rpojax.runtime.trace_cache import Trace
-from rpojax.scenario import dispersion_keys, params
+from rpojax.scenario import params
+from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
+from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile

@@ -3,10 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rpojax.campaign import replaced_stage_provenance
+from rpojax.campaign import experiment_design, replaced_stage_provenance
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.storage.campaign_configuration import package_versions
-from rpojax.dispersions.designs import experiment_design
 from rpojax.errors import RpojaxError
 from rpojax.flight.computer import Stages
 from rpojax.scenario.loading import scenario_loader

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = False) -> int:
     """Check a scenario without running it."""
-    from rpojax.scenario import dispersion_keys
+    from rpojax.scenario.dispersed_numbers import dispersion_keys
     from rpojax.scenario.scenario_digest import scenario_digest
 
     file = load(scenario, overrides)

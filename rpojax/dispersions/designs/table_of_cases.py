@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from rpojax.dispersions.designs.design_kinds import TableDesign
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.physics import equipment_faults
-from rpojax.scenario.design_kinds import TableDesign
 
 
 def table_size(table: TableDesign) -> int:

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from rpojax.dispersions.designs.design_kinds import GridDesign, TableDesign
 from rpojax.errors import ScenarioError
 from rpojax.scenario.checks.assigned_value_checks import (
     CATEGORICAL_KEYS,
@@ -11,8 +12,7 @@ from rpojax.scenario.checks.assigned_value_checks import (
     check_key_exists,
     check_listed_values,
 )
-from rpojax.scenario.design_kinds import GridDesign, TableDesign
-from rpojax.scenario.dispersion_keys import assigned_keys
+from rpojax.scenario.dispersed_numbers.dispersion_keys import assigned_keys
 from rpojax.scenario.parameter_keys import ParameterKey, nominal_of_key, nominal_value, parse_key
 from rpojax.scenario.schema import ScenarioFile
 

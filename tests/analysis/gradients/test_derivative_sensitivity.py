@@ -10,9 +10,9 @@ import pytest
 from rpojax.analysis.gradients import derivative_sensitivity, rollout_evaluator
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
 from rpojax.cli import main
-from rpojax.dispersions import standard_normal_space
-from rpojax.dispersions.standard_normal_space import StandardNormalSpace
 from rpojax.errors import OutputError, RpojaxError
+from rpojax.scenario.dispersed_numbers import standard_normal_space
+from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.loading import scenario_loader
 
 METRICS = ("delta_v_m_s", "formation_error_rms_m")

@@ -10,7 +10,7 @@ import pytest
 import rpojax
 from rpojax.analysis.gradients import rollout_evaluator
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
-from rpojax.dispersions import dispersed_values
+from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.schema import ScenarioFile
 
 NAMES = ("formation_error_rms_m", "nav_relative_position_error_rms_m", "estimate_surprise", "delta_v_m_s")

@@ -18,8 +18,8 @@ from rpojax.analysis.reliability.simulated_limit_state import EvaluationCosts, S
 from rpojax.analysis.reliability.worst_case_record import WorstCase
 from rpojax.campaign import single_run
 from rpojax.cli import main
-from rpojax.dispersions import dispersed_values, standard_normal_space
 from rpojax.errors import RpojaxError
+from rpojax.scenario.dispersed_numbers import dispersed_values, standard_normal_space
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import recorded_metrics

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scenario_variants import with_design
 
-from rpojax.dispersions.designs import experiment_design
+from rpojax.campaign import experiment_design
 from rpojax.dispersions.designs.run_range import RunRange
-from rpojax.scenario import dispersion_keys
+from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 

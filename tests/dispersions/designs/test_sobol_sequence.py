@@ -3,9 +3,9 @@
 import numpy as np
 from scenario_variants import with_design
 
-from rpojax.dispersions.designs import experiment_design
+from rpojax.campaign import experiment_design
 from rpojax.dispersions.designs.run_range import RunRange
-from rpojax.scenario import dispersion_keys
+from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.schema import ScenarioFile
 
 

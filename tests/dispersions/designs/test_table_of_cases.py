@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scenario_variants import with_design
 
-from rpojax.dispersions.designs import experiment_design
+from rpojax.campaign import experiment_design
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.errors import RpojaxError
 from rpojax.scenario.schema import ScenarioFile

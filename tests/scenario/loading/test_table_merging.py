@@ -7,7 +7,7 @@ from scenario_error_assertions import assert_one_line
 from scenario_variants import TABLE, write_with_table
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario import dispersion_keys
+from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 

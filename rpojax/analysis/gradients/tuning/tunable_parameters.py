@@ -12,10 +12,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from rpojax.analysis.gradients.tuning.coordinate_transforms import Coordinate, LogCoordinate, LogitCoordinate
-from rpojax.dispersions import dispersed_values
-from rpojax.dispersions.dispersed_values import Values
 from rpojax.errors import ScenarioError
-from rpojax.scenario import dispersion_keys
+from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
+from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.parameter_keys import component_columns, nominal_of_key
 from rpojax.scenario.schema import ScenarioFile
 

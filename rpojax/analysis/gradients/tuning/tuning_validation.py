@@ -10,8 +10,8 @@ from rpojax.analysis.statistics import paired_comparison
 from rpojax.analysis.statistics.paired_comparison import PairedComparison, RunMetrics
 from rpojax.campaign.execution import block_runner
 from rpojax.campaign.execution.batch_engine import BatchEngine, default_block_size
+from rpojax.campaign.experiment_design import make_design
 from rpojax.campaign.history_retention import Retention
-from rpojax.dispersions.designs.experiment_design import make_design
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.computer import Stages
 from rpojax.scenario.schema import ScenarioFile

@@ -11,11 +11,12 @@ from scipy.stats import truncnorm
 from rpojax.analysis.linear_covariance.linearisation import target_outline_ensemble
 from rpojax.analysis.linear_covariance.linearisation.deviation_vector import Path
 from rpojax.core import quaternion
+from rpojax.dispersions import dispersion_kinds
+from rpojax.dispersions.dispersion_kinds import Dispersion
 from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
 from rpojax.errors import RpojaxError
-from rpojax.scenario import dispersion_keys, dispersion_kinds
 from rpojax.scenario import params as parameters
-from rpojax.scenario.dispersion_kinds import Dispersion
+from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.parameter_keys import ParameterKey, expand_vectors, nominal_value, parse_key
 from rpojax.scenario.schema import ScenarioFile
 

@@ -17,7 +17,7 @@ from rpojax.analysis.linear_covariance.linearisation.error_sources import (
     HANDOVER,
     STAR_TRACKER,
 )
-from rpojax.dispersions import dispersed_values
+from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import initial_state

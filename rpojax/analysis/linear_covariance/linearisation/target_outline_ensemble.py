@@ -9,11 +9,10 @@ from scipy.stats import qmc
 from rpojax.core import quaternion, random_streams
 from rpojax.core.numerics import runge_kutta
 from rpojax.core.pytree import pytree, replace
-from rpojax.dispersions import dispersed_values
 from rpojax.physics import rigid_body
 from rpojax.physics.environment.gravity_gradient_torque import gravity_gradient_torque
 from rpojax.physics.plant_state import Truth
-from rpojax.scenario import dispersion_keys
+from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario

@@ -5,7 +5,7 @@ import numpy as np
 
 from rpojax.analysis.linear_covariance.linearisation import dispersion_linearisation
 from rpojax.core import random_streams
-from rpojax.dispersions import dispersed_values
+from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.loading import scenario_loader
 
 DRAWS = 4000

@@ -10,10 +10,10 @@ from scenario_variants import with_dispersions
 from scipy.stats import kstest, norm
 
 from rpojax.core import random_streams
-from rpojax.dispersions import dispersed_values, standard_normal_space
-from rpojax.dispersions.standard_normal_space import StandardNormalSpace
+from rpojax.dispersions.designs import design_kinds
 from rpojax.errors import ScenarioError
-from rpojax.scenario import design_kinds, dispersion_keys
+from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys, standard_normal_space
+from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.schema import ScenarioFile

@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from rpojax.field_types import Covariance, Finite, NonNegative, Positive, Section
 from rpojax.physics.plant_options import FaultKind
-from rpojax.scenario.value_types import Covariance, Finite, NonNegative, Positive, Section
 
 
 class Normal(Section):

@@ -9,10 +9,11 @@ from dispersed_samples import FIVE_SIGMA, LAST_DIGITS, ONE_OF_EACH, RUNS, draw
 from scenario_variants import with_dispersions
 
 from rpojax.core import random_streams
-from rpojax.dispersions import dispersed_values
+from rpojax.dispersions import dispersion_kinds
 from rpojax.errors import ScenarioError
 from rpojax.physics import equipment_faults
-from rpojax.scenario import dispersion_kinds, params
+from rpojax.scenario import params
+from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.schema import ScenarioFile

@@ -14,14 +14,8 @@ import numpy as np
 from jax.scipy.special import ndtr
 from jaxtyping import Array, Float
 
-from rpojax.dispersions import dispersed_values
-from rpojax.dispersions.dispersed_values import Values
-from rpojax.dispersions.random_source import UNIT_MARGIN
-from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
-from rpojax.errors import ScenarioError
-from rpojax.scenario.design_kinds import IndependentDesign
-from rpojax.scenario.dispersion_keys import assigned_keys, coordinate_count, design_keys, dispersion_name
-from rpojax.scenario.dispersion_kinds import (
+from rpojax.dispersions.designs.design_kinds import IndependentDesign
+from rpojax.dispersions.dispersion_kinds import (
     Choice,
     CorrelatedNormal,
     Derived,
@@ -31,6 +25,17 @@ from rpojax.scenario.dispersion_kinds import (
     SmallRotation,
     TruncatedNormal,
     Uniform,
+)
+from rpojax.dispersions.random_source import UNIT_MARGIN
+from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
+from rpojax.errors import ScenarioError
+from rpojax.scenario.dispersed_numbers import dispersed_values
+from rpojax.scenario.dispersed_numbers.dispersed_values import Values
+from rpojax.scenario.dispersed_numbers.dispersion_keys import (
+    assigned_keys,
+    coordinate_count,
+    design_keys,
+    dispersion_name,
 )
 from rpojax.scenario.parameter_keys import ParameterKey, expand_vectors, nominal_value, parse_key
 from rpojax.scenario.schema import ScenarioFile

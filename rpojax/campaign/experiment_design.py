@@ -11,14 +11,20 @@ from typing import Any
 
 import numpy as np
 
+from rpojax.dispersions.designs.design_kinds import (
+    GridDesign,
+    IndependentDesign,
+    LatinHypercubeDesign,
+    SobolDesign,
+    TableDesign,
+)
 from rpojax.dispersions.designs.full_factorial_grid import grid_points, grid_size
 from rpojax.dispersions.designs.latin_hypercube import latin_hypercube
 from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
 from rpojax.dispersions.designs.sobol_sequence import sobol_sequence
 from rpojax.dispersions.designs.table_of_cases import table_rows, table_size
 from rpojax.errors import ResultError, RpojaxError
-from rpojax.scenario.design_kinds import GridDesign, IndependentDesign, LatinHypercubeDesign, SobolDesign, TableDesign
-from rpojax.scenario.dispersion_keys import coordinate_count, design_keys, dispersion_name
+from rpojax.scenario.dispersed_numbers.dispersion_keys import coordinate_count, design_keys, dispersion_name
 from rpojax.scenario.parameter_keys import nominal_value, parse_key
 from rpojax.scenario.schema import ScenarioFile
 

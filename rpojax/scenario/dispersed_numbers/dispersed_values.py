@@ -9,11 +9,11 @@ from jaxtyping import Array
 
 from rpojax.core import random_streams
 from rpojax.core.random_streams import Stream
+from rpojax.dispersions.dispersion_kinds import CorrelatedNormal, Derived
 from rpojax.dispersions.distributions import correlated_errors, sample
 from rpojax.dispersions.random_source import CoordinateSource, KeySource
 from rpojax.scenario import params as parameters
-from rpojax.scenario.dispersion_keys import design_keys, dispersion_name, evaluation_order
-from rpojax.scenario.dispersion_kinds import CorrelatedNormal, Derived
+from rpojax.scenario.dispersed_numbers.dispersion_keys import design_keys, dispersion_name, evaluation_order
 from rpojax.scenario.parameter_keys import ParameterKey, expand_vectors, nominal_value, parse_key
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile

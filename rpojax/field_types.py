@@ -1,14 +1,11 @@
-"""Field types of the scenario schema: bounded numbers, vectors, inertias, dates; and the base class of sections."""
+"""Field types of sections of a scenario: bounded numbers, vectors, inertias, dates; and the base class of sections."""
 
-import difflib
 import math
 from datetime import UTC, date, datetime
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
-
-from rpojax.scenario.metric_catalogue import UNITS
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -97,15 +94,6 @@ _TERRESTRIAL_LESS_UTC_S = 69.184
 """Valid since 2017 [s]; a leap second more changes the direction of the Sun by 2e-7 rad."""
 
 
-def _check_metric_name(value: str) -> str:
-    if value not in UNITS:
-        close = difflib.get_close_matches(value, UNITS, n=1)
-        hint = f" (did you mean {close[0]!r}?)" if close else ", such as 'formation_error_rms_m'"
-        raise ValueError(f"expected the name of a metric{hint}")
-    return value
-
-
-MetricName = Annotated[str, AfterValidator(_check_metric_name), Field(json_schema_extra={"enum": list(UNITS)})]
 Epoch = Annotated[str, BeforeValidator(_date_to_text), AfterValidator(_check_epoch)]
 Direction = Annotated[Vector, AfterValidator(_check_nonzero)]
 Quaternion = Annotated[list[Finite], Field(min_length=4, max_length=4), AfterValidator(_check_nonzero)]

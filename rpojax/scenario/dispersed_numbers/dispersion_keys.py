@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from rpojax.dispersions.designs.design_kinds import GridDesign, TableDesign
+from rpojax.dispersions.dispersion_kinds import CorrelatedNormal, Derived, Dispersion
 from rpojax.errors import ScenarioError
-from rpojax.scenario.design_kinds import GridDesign, TableDesign
-from rpojax.scenario.dispersion_kinds import CorrelatedNormal, Derived, Dispersion
 from rpojax.scenario.parameter_keys import ParameterKey, nominal_value, parse_key
 from rpojax.scenario.schema import ScenarioFile
 

@@ -2,7 +2,7 @@
 
 from scenario_variants import correlated, derived, with_sections
 
-from rpojax.scenario import dispersion_keys
+from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.schema import ScenarioFile
 
 
