@@ -1,10 +1,7 @@
 """Settings of the test session, made before the package is imported, and fixtures of the nominal scenario."""
 
-import atexit
 import gc
 import os
-import shutil
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +20,6 @@ CACHE = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "rpojax
 for flag in fast_compile_flags.FLAGS:
     if flag.partition("=")[0] not in os.environ.get("XLA_FLAGS", ""):
         os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {flag}".strip()
-
-# Workers of a session share traces; another session may test other code.
-if "RPOJAX_TRACES" not in os.environ:
-    os.environ["RPOJAX_TRACES"] = tempfile.mkdtemp(prefix="rpojax-traces-")
-    atexit.register(shutil.rmtree, os.environ["RPOJAX_TRACES"], ignore_errors=True)
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_rank_promotion", "raise")

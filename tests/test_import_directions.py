@@ -118,7 +118,7 @@ def test_a_circle_is_found() -> None:
     ("importer", "imported"),
     [
         ("core.frames", "physics.plant"),
-        ("core.frames", "runtime.trace_cache"),
+        ("core.frames", "runtime.device_programs"),
         ("flight.computer", "physics.plant"),
         ("physics.plant", "vision.pinhole"),
         ("flight.guidance.attitude_guidance", "sensors.gps"),

@@ -1,6 +1,5 @@
 """Compilation time with an empty cache and with a filled one, in a compilation cache of the benchmark's own."""
 
-import os
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,7 +9,6 @@ import jax
 from jax.experimental.compilation_cache import compilation_cache
 
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.runtime import trace_cache
 
 _SETTINGS = (
     "jax_compilation_cache_dir",
@@ -21,25 +19,18 @@ _SETTINGS = (
 
 @contextmanager
 def temporary_cache() -> Iterator[Path]:
-    """Context with compilation and trace caches in a temporary folder, in place of those of the process.
+    """Context with the compilation cache in a temporary folder, in place of that of the process.
 
     At its begin, compiled programs in memory are dropped.
     """
-    before, trace_folder = (
-        [getattr(jax.config, name) for name in _SETTINGS],
-        os.environ.get(trace_cache.FOLDER_VARIABLE),
-    )
+    before = [getattr(jax.config, name) for name in _SETTINGS]
     with tempfile.TemporaryDirectory(prefix="rpojax-bench-") as folder:
         try:
             _configure_cache(folder, 0.0, -1)
-            os.environ[trace_cache.FOLDER_VARIABLE] = str(Path(folder) / "traces")
             jax.clear_caches()
             yield Path(folder)
         finally:
             _configure_cache(*before)
-            os.environ.pop(trace_cache.FOLDER_VARIABLE, None)
-            if trace_folder is not None:
-                os.environ[trace_cache.FOLDER_VARIABLE] = trace_folder
 
 
 def _configure_cache(*values: object) -> None:

@@ -10,7 +10,7 @@ import jax
 
 from rpojax.benchmark import timing
 from rpojax.benchmark.timing import REPEATS, ElapsedTime
-from rpojax.runtime import device_programs, trace_cache
+from rpojax.runtime import device_programs
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ def compile_for_devices(
     targets = device_programs.compilation_devices(devices)
     inputs = [jax.device_put(each, target) for each, target in zip(arguments, targets, strict=True)]
     begin = time.perf_counter()
-    lowered = device_programs.lower_for_devices(trace_cache.load_or_trace(function, inputs[0]), inputs[0], devices)
+    lowered = device_programs.lower(device_programs.trace_for_devices(function, inputs[0], devices))
     with ThreadPoolExecutor(len(lowered)) as pool:
         compiled = dict(zip(lowered, pool.map(lambda each: each.compile(), lowered.values()), strict=True))
     return MultiDeviceProgram([compiled[target] for target in targets], inputs, time.perf_counter() - begin)

@@ -1,1 +1,1 @@
-"""Process-wide matters: environment of JAX, compiler options, cached traces, devices, progress display."""
+"""Process-wide matters: environment of JAX, compiler options, garbage collector, devices, progress display."""

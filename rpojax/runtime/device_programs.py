@@ -1,14 +1,15 @@
 """A traced function on several devices at once: one program for each accelerator, one for all cores of a CPU."""
 
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
 import jax
 from jax.sharding import SingleDeviceSharding
+from jax.stages import Lowered, Traced
 
-from rpojax.runtime.trace_cache import Trace
+from rpojax.runtime import garbage_collection
 
 T = TypeVar("T")
 
@@ -24,15 +25,22 @@ def compilation_devices(devices: Sequence[Any]) -> list[Any]:
     return [devices[0] if each.platform == "cpu" else each for each in devices]
 
 
-def lower_for_devices(
-    trace: Trace, arguments: Sequence[Any], devices: Sequence[Any], donate: tuple[int, ...] = ()
-) -> dict[Any, Any]:
-    """The function lowered for each of the `compilation_devices`; `donate` numbers the donated arguments."""
-    function = jax.jit(trace.call, donate_argnums=donate)
-    return {
-        device: function.lower(*jax.tree.map(lambda each, on=device: _abstract_array(each, on), arguments))
-        for device in dict.fromkeys(compilation_devices(devices))
-    }
+def trace_for_devices(
+    function: Callable[..., Any], arguments: Sequence[Any], devices: Sequence[Any], donate: tuple[int, ...] = ()
+) -> dict[Any, Traced]:
+    """The function traced once, for each of the `compilation_devices`; `donate` numbers the donated arguments."""
+    compiled = jax.jit(function, donate_argnums=donate)
+    with garbage_collection.suspended():
+        return {
+            device: compiled.trace(*jax.tree.map(lambda each, on=device: _abstract_array(each, on), arguments))
+            for device in dict.fromkeys(compilation_devices(devices))
+        }
+
+
+def lower(traces: Mapping[Any, Traced]) -> dict[Any, Lowered]:
+    """Traces of `trace_for_devices`, lowered."""
+    with garbage_collection.suspended():
+        return {device: trace.lower() for device, trace in traces.items()}
 
 
 def call_in_threads(functions: Sequence[Callable[[], T]], times: int) -> Generator[list[T], None, None]:

@@ -28,7 +28,6 @@ def prepare_jax(cache: bool) -> None:
         os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(folder))
         os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
         os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", "-1")
-        os.environ.setdefault("RPOJAX_TRACES", str(folder.with_name("traces")))
 
 
 def set_loop_fusion_flag(rendered: bool) -> None:

@@ -96,7 +96,7 @@ def test_propellant_below_the_last_digit_of_the_mass_accumulates() -> None:
 
 def test_state_of_the_loop_is_in_single_precision() -> None:
     engine = BatchEngine(mission(200.0, "single"), 1, jax.devices()[:1])
-    _, _, state = engine._preparation_trace.outputs
+    _, _, state = engine._preparation_trace.out_info
     dtypes = {leaf.dtype for leaf in jax.tree.leaves(state) if jnp.issubdtype(leaf.dtype, jnp.floating)}
     assert dtypes == {np.dtype(np.float32)}
     assert state.truth.orbit_low.shape == state.flight.orbit.servicer.orbit_low.shape == (2, 3, 1)

@@ -786,7 +786,6 @@ def test_jax_gets_a_device_per_core_and_a_cache(
     assert environment["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] == "0"
     assert environment["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] == "-1"
     assert (tmp_path / ".cache" / "rpojax" / "jax").is_dir()
-    assert environment["RPOJAX_TRACES"] == str(tmp_path / ".cache" / "rpojax" / "traces")
 
 
 def test_what_the_user_set_for_jax_stays(environment: dict[str, str], tmp_path: Path) -> None:
@@ -805,7 +804,6 @@ def test_the_cache_can_be_off_and_need_not_be_there(environment: dict[str, str],
         (tmp_path / ".cache").write_text("a file where a folder should be")
     jax_environment.prepare_jax(cache=switch != "argument")
     assert "JAX_COMPILATION_CACHE_DIR" not in environment
-    assert "RPOJAX_TRACES" not in environment
 
 
 def test_nothing_is_set_once_jax_is_imported(environment: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:

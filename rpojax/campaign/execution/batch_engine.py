@@ -13,6 +13,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.stages import Traced
 from jaxtyping import Array
 
 from rpojax.campaign.execution.tick_batching import batch_transform, state_axes
@@ -20,13 +21,11 @@ from rpojax.campaign.experiment_design import Design, has_independent_runs
 from rpojax.core import random_streams
 from rpojax.errors import RpojaxError
 from rpojax.flight.computer import Stages
-from rpojax.runtime import compiler_options, device_programs, trace_cache
-from rpojax.runtime.trace_cache import Trace
+from rpojax.runtime import compiler_options, device_programs, garbage_collection
 from rpojax.scenario import params
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
-from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import static_settings
 from rpojax.simulation import initial_state, single_precision
@@ -149,11 +148,10 @@ class BatchEngine:
         begin = time.perf_counter()
         with ThreadPoolExecutor(len(self.devices) + 1) as pool:
             # The preparation is compiled while the loop, which needs its output shapes, is traced.
-            arguments = self._loop_arguments()
-            preparation = pool.submit(lambda: self._compiled_preparation)
-            loop = self._loop_trace
+            preparation = pool.submit(_compile_preparation, self._preparation_trace)
+            traces = self._loop_traces
             with self._tracing_precision():
-                lowered = device_programs.lower_for_devices(loop, arguments, self.devices, donate=(2,))
+                lowered = device_programs.lower(traces)
             traced = time.perf_counter()
             compiled = pool.map(
                 lambda each: compiler_options.compile_with_options(each, compiler_options.LOOP_OPTIONS),
@@ -174,31 +172,26 @@ class BatchEngine:
 
     @functools.cached_property
     def _compiled_preparation(self) -> Any:
-        return compiler_options.compile_with_options(
-            jax.jit(self._preparation_trace.call).lower(*self._example_inputs()), compiler_options.PREPARATION_OPTIONS
-        )
+        return _compile_preparation(self._preparation_trace)
 
     @functools.cached_property
-    def _preparation_trace(self) -> Trace:
-        return trace_cache.load_or_trace(
-            self._prepare, self._example_inputs(), f"prepare {scenario_digest(self._segment_file)}"
-        )
+    def _preparation_trace(self) -> Traced:
+        with garbage_collection.suspended():
+            return jax.jit(self._prepare).trace(*self._example_inputs())
 
     @functools.cached_property
-    def _loop_trace(self) -> Trace:
-        # Cached traces are for the default kind of device and for the packaged stages.
-        cacheable = self.stages == Stages() and all(each.platform == jax.default_backend() for each in self.devices)
-        identity = f"advance {self._segment_scenario!r}" if cacheable else None
+    def _loop_traces(self) -> dict[Any, Traced]:
+        """Trace of the loop for each device that it is compiled for."""
         arguments = self._loop_arguments()
         with self._tracing_precision():
-            return trace_cache.load_or_trace(self._advance, arguments, identity)
+            return device_programs.trace_for_devices(self._advance, arguments, self.devices, donate=(2,))
 
     def _tracing_precision(self) -> contextlib.AbstractContextManager[None]:
         return single_precision.tracing_in_single() if self.is_single_precision else contextlib.nullcontext()
 
     def _loop_arguments(self) -> tuple[Any, Any, Any]:
         """Nominal Params, and the shapes of the dispersed values and states that the preparation returns."""
-        drawn, _, state = self._preparation_trace.outputs
+        drawn, _, state = self._preparation_trace.out_info
         if not self.is_single_precision:
             return self._nominal, drawn, state
         return (
@@ -224,7 +217,8 @@ class BatchEngine:
 
     def channel_names(self) -> list[str]:
         """Names of the telemetry channels, without compiling anything."""
-        return sorted(self._loop_trace.outputs[1])
+        _, channels = self._loop_traces[self.devices[0]].out_info
+        return sorted(channels)
 
     def prepare(self, seed: int, run_ids: np.ndarray) -> PreparedRuns:
         """Dispersed values and initial states of `capacity` runs."""
@@ -325,6 +319,10 @@ class _DeviceBatch:
         self.state, channels = jax.block_until_ready(self.program(self.nominal, self.values, self.state))
         # Copies: the state itself is donated to the next segment.
         return _DeviceSegment(channels, np.array(self.state.failure), np.array(self.state.failed_at))
+
+
+def _compile_preparation(trace: Traced) -> Any:
+    return compiler_options.compile_with_options(trace.lower(), compiler_options.PREPARATION_OPTIONS)
 
 
 def _concatenated(parts: Sequence[Mapping[str, Array | np.ndarray]], axis: int = -1) -> dict[str, np.ndarray]:

@@ -16,13 +16,12 @@ from rpojax.campaign.execution.executor import MAX_ATTEMPTS, ExecutorProgressCal
 from rpojax.campaign.storage import campaign_json
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError, UnfinishedError
-from rpojax.runtime import trace_cache
 
 _LOCK = threading.Lock()
 """Held while a block is simulated: the threads of a Dask worker take turns."""
 _FORWARDED_VARIABLES = (
     *("XLA_FLAGS", "JAX_COMPILATION_CACHE_DIR", "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"),
-    *("JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES", trace_cache.FOLDER_VARIABLE),
+    "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES",
 )
 """Environment variables that are sent to workers, for those that do not set them."""
 

@@ -18,9 +18,8 @@ import rpojax
 from rpojax.campaign.execution import batch_engine
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.run_and_resume import run_campaign
-from rpojax.runtime import trace_cache
+from rpojax.runtime import device_programs
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation import initial_state
 from rpojax.simulation.step import step
 
 BATCH = 64
@@ -101,30 +100,23 @@ def test_campaign_of_many_blocks_traces_the_loop_once(
         return simulate_tick(*arguments)
 
     monkeypatch.setattr(batch_engine, "step", counted)
-    monkeypatch.delenv(trace_cache.FOLDER_VARIABLE, raising=False)
     unique = mission.model_copy(update={"name": "not compiled by another test"})
     result = run_campaign(unique, 3, tmp_path / "runs", block_size=1, devices=jax.devices()[:1])
     assert result.missing_blocks() == []
     assert len(calls) == 1
 
 
-def test_missions_with_equal_segment_length_share_traces(
-    mission: ScenarioFile, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    calls = []
-    simulate_tick, init = step, initial_state.init
-    monkeypatch.setattr(batch_engine, "step", lambda *arguments: calls.append("step") or simulate_tick(*arguments))
-    monkeypatch.setattr(initial_state, "init", lambda *arguments: calls.append("init") or init(*arguments))
+def test_missions_with_equal_segment_length_share_compiled_programs(mission: ScenarioFile) -> None:
+    def programs(duration_s: float, **orbit: float) -> tuple[int, str, str]:
+        changes = {"duration_s": duration_s, "orbit": mission.orbit.model_copy(update=orbit)}
+        engine = BatchEngine(mission.model_copy(update=changes), 1, jax.devices()[:1])
+        (loop,) = device_programs.lower(engine._loop_traces).values()
+        return engine.segment_ticks, engine._preparation_trace.lower().as_text(), loop.as_text()
 
-    def traced(duration_s: float) -> BatchEngine:
-        engine = BatchEngine(mission.model_copy(update={"duration_s": duration_s}), 1, jax.devices()[:1])
-        assert engine._loop_trace.outputs is not None
-        return engine
-
-    assert traced(400.0).segment_ticks == 200
-    calls.clear()
-    assert traced(6000.0).segment_ticks == 200
-    assert calls == []
+    segment, preparation, loop = programs(400.0)
+    assert segment == 200
+    assert programs(6000.0) == (200, preparation, loop)
+    assert programs(400.0, raan_deg=78.0)[2] == loop, "numbers that runs are given are not part of the program"
 
 
 def in_process_with_devices(count: int, *words: str, flags: str = "") -> str:
@@ -142,7 +134,6 @@ EXCHANGE = """
 import jax
 import numpy as np
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.runtime import device_programs, trace_cache
 from rpojax.scenario.loading import scenario_loader
 
 engine = BatchEngine(scenario_loader.load("inspection", ["duration_s=200"]), 2)
