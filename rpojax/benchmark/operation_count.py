@@ -3,6 +3,9 @@
 import re
 from dataclasses import dataclass
 
+from rpojax.benchmark import hlo_text
+from rpojax.benchmark.hlo_text import HloInstruction, HloProgram
+
 SCOPES = ("draw", "sense", "navigate", "plan_burn", "guide", "act", "check", "observe")
 """Named scopes of a tick, in their order."""
 
@@ -12,13 +15,13 @@ OTHER = "other"
 COPIES = "copies"
 """Scope of copies that the compiler adds, between buffers of values that a loop carries."""
 
-_COMPUTATION = re.compile(r"(?:ENTRY )?%?([\w.\-]+) \(.*\{\s*$")
-_INSTRUCTION = re.compile(r"\s+(?:ROOT )?%?([\w.\-]+) = .*?[\s)}\]]([a-z][\w\-]*)\(")
-_CALLED_COMPUTATION = re.compile(r"(?:calls|to_apply)=%?([\w.\-]+)")
-_OP_NAME = re.compile(r'op_name="([^"]*)"')
 _SCOPE = re.compile(rf"(?:^|[/(])({'|'.join(SCOPES)})(?=[/)]|$)")
-_WORKLESS_OPCODES = {"parameter", "constant", "tuple", "get-tuple-element", "bitcast"}
-_CONTROL_FLOW_OPCODES = {"while", "conditional", "call"}
+
+WORKLESS_OPCODES = {"parameter", "constant", "tuple", "get-tuple-element", "bitcast"}
+"""Opcodes that only name values."""
+
+CONTROL_FLOW_OPCODES = {"while", "conditional", "call"}
+"""Opcodes of instructions that start others."""
 
 
 @dataclass(frozen=True)
@@ -38,35 +41,36 @@ class Instruction:
     @property
     def contains_instructions(self) -> bool:
         """Whether its time is that of other instructions: a loop, a branch, a call."""
-        return self.opcode in _CONTROL_FLOW_OPCODES
+        return self.opcode in CONTROL_FLOW_OPCODES
 
 
 def instructions(text: str) -> list[Instruction]:
     """Instructions of a program's optimised HLO text (`Compiled.as_text`)."""
-    fused = _fused_computations(text)
-    found, inside_fused = [], False
-    for line in text.splitlines():
-        if begin := _COMPUTATION.match(line):
-            inside_fused = begin[1] in fused
-        elif not inside_fused and (match := _INSTRUCTION.match(line)) and match[2] not in _WORKLESS_OPCODES:
-            found.append(Instruction(name=match[1], opcode=match[2], scope=_scope(match[2], line)))
-    return found
+    program = hlo_text.parse(text)
+    fused = _fused_computations(program)
+    return [
+        Instruction(each.name, each.opcode, scope_of(each))
+        for computation, content in program.computations.items()
+        if computation not in fused
+        for each in content
+        if each.opcode not in WORKLESS_OPCODES
+    ]
 
 
-def _fused_computations(text: str) -> set[str]:
+def _fused_computations(program: HloProgram) -> set[str]:
     """Names of the computations that are parts of an instruction: of a fusion, a reduction, a sort."""
-    names = set()
-    for line in text.splitlines():
-        match = _INSTRUCTION.match(line)
-        if match and match[2] not in _CONTROL_FLOW_OPCODES:
-            names |= set(_CALLED_COMPUTATION.findall(line))
-    return names
+    return {
+        name
+        for content in program.computations.values()
+        for each in content
+        if each.opcode not in CONTROL_FLOW_OPCODES
+        for name in each.called
+    }
 
 
-def _scope(opcode: str, line: str) -> str:
+def scope_of(instruction: HloInstruction) -> str:
     """The innermost named scope in the metadata of an instruction."""
-    origin = _OP_NAME.search(line)
-    if origin is None and opcode == "copy":
+    if instruction.opcode == "copy" and not instruction.op_name:
         return COPIES
-    names = _SCOPE.findall(origin[1]) if origin else []
+    names = _SCOPE.findall(instruction.op_name)
     return names[-1] if names else OTHER
