@@ -1,4 +1,4 @@
-"""Compiler options of XLA for the two programs of a campaign on a CPU."""
+"""Compiler options of XLA for the two programs of a campaign."""
 
 import os
 from collections.abc import Mapping
@@ -20,10 +20,17 @@ LOOP_OPTIONS: Mapping[str, Any] = {
 """No library calls for small sums; no reshape-mover, which runs all other passes again after each reshape it moves."""
 
 
+GPU_OPTIONS: Mapping[str, Any] = {"xla_disable_hlo_passes": "triton-softmax-rewriter"}
+"""XLA (of JAX 0.10) takes normalised vectors for softmax and fuses joined vectors into them, which it then refuses."""
+
+
 def compile_with_options(lowered: Any, cpu_options: Mapping[str, Any]) -> Any:
-    """Compiles a program, on a CPU with those options that XLA knows and the user has not set by flags."""
+    """Compiles a program with those options of its backend that XLA knows and the user has not set by flags.
+
+    On a CPU these are `cpu_options`, on a GPU `GPU_OPTIONS`.
+    """
     flags = os.environ.get("XLA_FLAGS", "")
-    wanted = cpu_options if jax.default_backend() == "cpu" else {}
+    wanted = {"cpu": cpu_options, "gpu": GPU_OPTIONS}.get(jax.default_backend(), {})
     options = {name: value for name, value in wanted.items() if f"--{name}" not in flags}
     while True:
         try:

@@ -33,3 +33,17 @@ def test_other_errors_of_the_compiler_are_not_hidden(monkeypatch: pytest.MonkeyP
     with pytest.raises(jax.errors.JaxRuntimeError, match="out of memory"):
         compiler_options.compile_with_options(other, compiler_options.PREPARATION_OPTIONS)
     assert len(other.requested) == 1
+
+
+@pytest.mark.parametrize(
+    ("backend", "expected"),
+    [("gpu", {"xla_disable_hlo_passes": "triton-softmax-rewriter"}), ("tpu", None)],
+)
+def test_options_of_a_cpu_are_not_for_other_backends(
+    monkeypatch: pytest.MonkeyPatch, backend: str, expected: dict[str, object] | None
+) -> None:
+    monkeypatch.setenv("XLA_FLAGS", "")
+    monkeypatch.setattr(jax, "default_backend", lambda: backend)
+    lowered = OtherXlaVersion("")
+    compiler_options.compile_with_options(lowered, compiler_options.PREPARATION_OPTIONS)
+    assert lowered.requested == [expected]
