@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rpojax.campaign.storage.xarray_dataset import open_campaign
     from rpojax.dispersions.designs.run_range import RunRange
     from rpojax.errors import RpojaxError
-    from rpojax.flight.computer import Stages
+    from rpojax.flight.stages import Stages
     from rpojax.report.page.html_report import write_report
     from rpojax.scenario.loading.scenario_loader import load
     from rpojax.scenario.params import Params
@@ -46,7 +46,7 @@ _MODULE_OF = {
     "Scenario": "scenario.static_settings",
     "ScenarioFile": "scenario.schema",
     "Shard": "campaign.job_shard",
-    "Stages": "flight.computer",
+    "Stages": "flight.stages",
     "State": "simulation.state",
     "Telemetry": "simulation.telemetry",
     "compare": "analysis.statistics.campaign_comparison",

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.campaign import single_run
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation import camera_models, noise
@@ -45,7 +45,7 @@ def simulate_rendered_run() -> RenderedRun:
 
     def tick(state: State, _: None) -> tuple[State, Any]:
         after, seen = step(scenario, params, state, Stages())
-        window = camera_models.detector_window(scenario, params, state.flight)
+        window = camera_models.commanded_window(scenario, params, seen.flight.camera)
         sky = sun_and_moon_at(scenario, state.tick.astype(jnp.float64) * scenario.tick_s)
         key = noise.camera_key(state.keys, state.tick)
         image = camera_models.render_picture(scenario, params, window, state.truth, sky, key, state.tick)

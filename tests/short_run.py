@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rpojax.flight.computer import Stages
 from rpojax.flight.control import formation_law
+from rpojax.flight.stages import Stages
 from rpojax.simulation import initial_state
 from rpojax.simulation.rollout import rollout as rollout_ticks
 from rpojax.simulation.state import State

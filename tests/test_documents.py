@@ -1,15 +1,17 @@
 """README, pages and scripts agree with the code and with each other."""
 
 import ast
+import inspect
 import json
 import os
 import re
 import subprocess
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, get_args
 
 import jax
+import jax.numpy as jnp
 import pytest
 
 import rpojax
@@ -28,6 +30,7 @@ from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.channels import Channels, compute_channels
 from rpojax.simulation.metrics import trace_channels
+from rpojax.simulation.rollout import rollout
 from rpojax.simulation.step import step
 
 ROOT = Path(__file__).parents[1]
@@ -36,6 +39,7 @@ SCENARIO_PAGE = (ROOT / "docs" / "scenario.md").read_text(encoding="utf-8")
 FOLDER_PAGE = (ROOT / "docs" / "campaign_folder.md").read_text(encoding="utf-8")
 CONVENTIONS_PAGE = (ROOT / "docs" / "conventions.md").read_text(encoding="utf-8")
 MODEL_PAGE = (ROOT / "docs" / "model.md").read_text(encoding="utf-8")
+FLIGHT_PAGE = (ROOT / "docs" / "flight_software.md").read_text(encoding="utf-8")
 SCRIPT = ROOT / ".ci" / "run"
 
 MAIN_JOB = (
@@ -335,3 +339,31 @@ def test_no_page_names_a_folder_of_one_machine() -> None:
     texts = {page.name: page.read_text(encoding="utf-8") for page in PAGES}
     texts["inspection.ipynb"] = json.dumps([cell.get("source") for cell in notebook["cells"]])
     assert {name for name, text in texts.items() if re.search(r"(?<![\w.])/(tmp|home|root|Users|work)/", text)} == set()
+
+
+def test_the_stages_of_the_page_on_flight_software_act_in_the_loop() -> None:
+    replaced: dict[str, Any] = {}
+    for block in blocks(FLIGHT_PAGE, "python"):
+        names: dict[str, Any] = {}
+        exec(compile(block, "flight_software.md", "exec"), names)
+        stages = names["stages"]
+        replaced |= {
+            each.name: getattr(stages, each.name)
+            for each in fields(Stages)
+            if getattr(stages, each.name) != each.default
+        }
+    assert set(replaced) == {"formation_law", "wheel_torque", "orbit_update"}
+    file = scenario_loader.load("inspection", ["initial.relative_position_m=[0, -70, 0]"])
+    _, telemetry = jax.jit(rollout, static_argnums=(0, 3, 4))(*initialise_run(file), 3, Stages(**replaced))
+    assert bool(telemetry.frame.box.present.any())
+    assert not bool(telemetry.innovation.accepted.any())  # the target is farther than 60 m
+    assert bool(jnp.isfinite(telemetry.truth.r_ST_N).all())
+
+
+def test_the_page_on_flight_software_names_every_stage_with_its_arguments() -> None:
+    rows = [line.strip("|").split("|") for line in FLIGHT_PAGE.splitlines() if line.startswith("| `")]
+    found = {cells[0].strip(" `"): quoted(cells[2]) for cells in rows}
+    for each in fields(Stages):
+        arguments = inspect.signature(each.metadata["protocol"].__call__).parameters
+        assert found.pop(each.name) == [name for name in arguments if name != "self"]
+    assert not found

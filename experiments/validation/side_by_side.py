@@ -22,7 +22,6 @@ from experiments.validation.reference_file import Numbers, Reference, validate
 from experiments.validation.replay import ReplayOptions
 from rpojax.campaign import single_run
 from rpojax.core.numerics.runge_kutta import Method
-from rpojax.flight.control import attitude_control
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation.rollout import rollout
@@ -51,8 +50,8 @@ def mission_commands(duration_s: float, seed: int) -> tuple[SimulationCase, int]
 
 
 def _stages_recording(torques: list[Numbers]) -> rpojax.Stages:
-    def wheel_torque(*arguments: Any) -> jax.Array:
-        torque = attitude_control.wheel_torque(*arguments)
+    def wheel_torque(**arguments: Any) -> jax.Array:
+        torque = rpojax.Stages().call("wheel_torque", **arguments)
         jax.debug.callback(lambda value: torques.append(np.array(value)), torque, ordered=True)
         return torque
 

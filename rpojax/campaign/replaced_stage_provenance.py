@@ -7,7 +7,7 @@ from dataclasses import fields
 from typing import Any
 
 from rpojax.errors import RpojaxError
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 
 StageRecords = dict[str, dict[str, str | None]]
 

@@ -15,7 +15,7 @@ from rpojax.campaign.history_retention import Retention
 from rpojax.campaign.storage import campaign_configuration, folder_creation
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.runtime.progress_bar import ProgressCallback
 
 

@@ -23,7 +23,7 @@ from rpojax.campaign.job_shard import ALL_BLOCKS, Shard
 from rpojax.campaign.storage import campaign_configuration, campaign_json, folder_creation, stale_files
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.dispersions.designs.run_range import RunRange
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.runtime.progress_bar import Progress, ProgressCallback, run_progress
 from rpojax.scenario.schema import ScenarioFile
 

@@ -9,7 +9,7 @@ from jaxtyping import Array
 
 from rpojax.campaign import experiment_design
 from rpojax.dispersions.designs.run_range import RunRange
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.scenario import params
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.params import Params

@@ -1,8 +1,5 @@
 """Flight computer: tuning, memory, and the stages of flight software in the order in which they run."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -11,30 +8,26 @@ from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace, select
-from rpojax.core.vectors import apply
-from rpojax.flight.control import (
-    attitude_control,
-    formation_law,
-    station_keeping,
-    wheel_torque_allocation,
-)
+from rpojax.core.vectors import apply, apply_transposed
+from rpojax.flight.control import station_keeping, wheel_torque_allocation
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
-from rpojax.flight.control.formation_law import FormationLaw
 from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.control.station_keeping import StationKeeping
-from rpojax.flight.guidance import attitude_guidance, burn_planning, slew_profile, target_visibility
+from rpojax.flight.guidance import attitude_guidance, burn_planning, detector_window, slew_profile, target_visibility
 from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.guidance.detector_window import CameraCommand, CameraFormat
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.guidance.target_pointing import TargetPointing
-from rpojax.flight.navigation import attitude_ekf, combined_orbit_filter, outlier_gate, thrust_estimator
+from rpojax.flight.navigation import attitude_ekf, outlier_gate, thrust_estimator
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.navigation.outlier_gate import GateState
 from rpojax.flight.navigation.thrust_estimator import ThrustEstimate
+from rpojax.flight.stages import Stages
 from rpojax.flight.vehicle_model import VehicleModel
 
 Vector = Float[Array, "3"]
@@ -66,6 +59,7 @@ class FlightMemory:
         thrust_estimate: estimated thrust
         thruster_failed_at: () when a burn last gave no thrust [s], minus infinity before
         pointing: state of the attitude guidance
+        camera: latest command for an exposure
         gain: (3, 6) of the formation controller, solved once at start
         station_keeping: free motion and impulse that keep the station, solved once at start
         wheel_allocation: (3, 3) body torque to wheel torques, solved once at start
@@ -79,6 +73,7 @@ class FlightMemory:
     thrust_estimate: ThrustEstimate
     thruster_failed_at: Array
     pointing: PointingState
+    camera: CameraCommand
     gain: Array
     station_keeping: StationKeeping
     wheel_allocation: Array
@@ -101,35 +96,13 @@ class Measurements:
     box: BoxMeasurement
 
 
-OrbitUpdate = Callable[
-    [OrbitFilterTuning, bool, Array, OrbitEstimate, GateState, GpsMeasurement, Array, BoxMeasurement],
-    tuple[OrbitEstimate, GateState, Innovation],
-]
-OrbitPrediction = Callable[[OrbitFilterTuning, int, OrbitEstimate, Array, Array, Array, Array, float], OrbitEstimate]
-WheelControl = Callable[
-    [AttitudeControlTuning, VehicleModel, Array, AttitudeEstimate, attitude_control.AttitudeCommand, Array], Array
-]
-
-
-@dataclass(frozen=True)
-class Stages:
-    """Replaceable parts of the flight software, as functions of the same signature.
-
-    Attributes:
-        orbit_update: filter update with GPS and box, as `combined_orbit_filter.update`
-        orbit_predict: filter propagation, as `combined_orbit_filter.predict`
-        formation_law: velocity change from the predicted deviation, as `formation_law.lqr_feedback`
-        wheel_torque: attitude control, as `attitude_control.wheel_torque`
-    """
-
-    orbit_update: OrbitUpdate = combined_orbit_filter.update
-    orbit_predict: OrbitPrediction = combined_orbit_filter.predict
-    formation_law: FormationLaw = formation_law.lqr_feedback
-    wheel_torque: WheelControl = attitude_control.wheel_torque
-
-
 def initial(
-    params: FlightParams, period: float, orbit: OrbitEstimate, star_tracker_q_BN: Array, gyro_B: Vector
+    params: FlightParams,
+    camera: CameraFormat,
+    period: float,
+    orbit: OrbitEstimate,
+    star_tracker_q_BN: Array,
+    gyro_B: Vector,
 ) -> FlightMemory:
     """Memory at the start of a run, from the hand-over's orbit estimate and the first attitude samples.
 
@@ -148,6 +121,7 @@ def initial(
         thrust_estimate=thrust_estimator.initial(),
         thruster_failed_at=jnp.full((), -jnp.inf, dtype=jnp.float64),
         pointing=attitude_guidance.initial_pointing(params.vehicle, orbit),
+        camera=detector_window.whole_frame(camera),
         gain=lqr_gain(params.formation, n, period),
         station_keeping=station_keeping.solve_station_keeping(params.formation, n, period),
         wheel_allocation=wheel_torque_allocation.allocation_matrix(params.vehicle.wheel_axes),
@@ -155,9 +129,15 @@ def initial(
 
 
 def navigate(
-    stages: Stages, params: FlightParams, gated: bool, memory: FlightMemory, measurements: Measurements, sun_N: Vector
+    stages: Stages,
+    params: FlightParams,
+    gated: bool,
+    memory: FlightMemory,
+    measurements: Measurements,
+    sun_N: Vector,
+    time: Scalar,
 ) -> tuple[FlightMemory, Innovation]:
-    """Memory after the updates of attitude and orbit filter, and the orbit filter's diagnostics.
+    """Memory after the updates of attitude and orbit filter at `time` [s], and the orbit filter's diagnostics.
 
     Boxes are ignored while the target should be dark, with the Sun at `sun_N` [m].
     """
@@ -171,20 +151,22 @@ def navigate(
     )
     variance = _attitude_variance(params.vehicle, attitude)
     q_KB = quaternion.normalize(params.vehicle.camera_mounting)
-    orbit, gate, innovation = stages.orbit_update(
-        params.navigation,
-        gated,
-        params.vehicle.focal_px,
-        memory.orbit,
-        memory.gate,
-        measurements.gps,
-        quaternion.multiply(q_KB, attitude.q_BN),
-        replace(
+    orbit, gate, innovation = stages.call(
+        "orbit_update",
+        tuning=params.navigation,
+        gated=gated,
+        focal_px=params.vehicle.focal_px,
+        estimate=memory.orbit,
+        gate=memory.gate,
+        gps=measurements.gps,
+        q_KN=quaternion.multiply(q_KB, attitude.q_BN),
+        box=replace(
             box,
             present=box.present & visible,
             # Absolute: when the star tracker returns, the bearing bias learnt under drift is as wrong.
             attitude_variance_change=jnp.abs(variance - memory.attitude_variance),
         ),
+        time=time,
     )
     after = replace(memory, attitude=attitude, attitude_variance=variance, orbit=orbit, gate=gate)
     return after, innovation
@@ -204,19 +186,27 @@ def plan_burn(
     """Memory with a new burn plan; no burn while the target is lost or dark, or soon after the thruster failed."""
     lost = attitude_guidance.is_lost(params.pointing, memory.pointing)
     thruster_works = time >= memory.thruster_failed_at + params.formation.thruster_retry
-    plan = burn_planning.plan_burn(
-        stages.formation_law,
+    command_H, R_CN = formation_command(stages, params, memory, time)
+    plan = burn_planning.schedule_burn(
         params.formation,
         params.pointing,
         params.vehicle,
-        memory.gain,
-        memory.station_keeping,
+        apply_transposed(R_CN, memory.station_keeping.impulse + command_H),
         memory.orbit,
         pointing.q_BN,
         pointing.visible & thruster_works & ~lost,
         time,
     )
     return replace(memory, plan=plan)
+
+
+def formation_command(
+    stages: Stages, params: FlightParams, memory: FlightMemory, time: Scalar
+) -> tuple[Vector, Float[Array, "3 3"]]:
+    """Velocity change [m/s] by the control law in the Hill frame C at the next burn's middle, and `R_CN`."""
+    deviation, R_CN = burn_planning.deviation_at_burn(params.formation, memory.station_keeping, memory.orbit)
+    command_H = stages.call("formation_law", gain=memory.gain, deviation=deviation, estimate=memory.orbit, time=time)
+    return command_H, R_CN
 
 
 def guide(
@@ -237,12 +227,19 @@ def guide(
 
 
 def control_attitude(
-    stages: Stages, params: FlightParams, memory: FlightMemory, wheel_speed: Vector, age: Scalar
+    stages: Stages, params: FlightParams, memory: FlightMemory, wheel_speed: Vector, age: Scalar, time: Scalar
 ) -> Vector:
-    """Wheel torque commands [N m] `age` [s] after the last guidance tick."""
-    command = fusion_barrier(slew_profile.evaluate(memory.pointing.reference, age), age)
-    return stages.wheel_torque(
-        params.attitude_control, params.vehicle, memory.wheel_allocation, memory.attitude, command, wheel_speed
+    """Wheel torque commands [N m] at `time` [s], `age` [s] after the last guidance tick."""
+    return stages.call(
+        "wheel_torque",
+        control=params.attitude_control,
+        vehicle=params.vehicle,
+        allocation=memory.wheel_allocation,
+        estimate=memory.attitude,
+        command=fusion_barrier(slew_profile.evaluate(memory.pointing.reference, age), age),
+        wheel_speed=wheel_speed,
+        orbit=memory.orbit,
+        time=time,
     )
 
 
@@ -287,18 +284,37 @@ def predict(
         thruster_failed_at=jnp.where(
             burning & (thrust_estimate.ratio < _FAILED_THRUST_RATIO), end, memory.thruster_failed_at
         ),
-        orbit=stages.orbit_predict(
-            params.navigation,
-            zonal_degree,
-            memory.orbit,
-            thrust_estimate.ratio * delta_v_N,
-            thrust_estimate.ratio * gradient_safe.norm(memory.plan.delta_v_N),
-            thrust_estimator.sigma_inflation(thrust_estimate),
-            third_body_acceleration_N,
-            dt,
+        orbit=stages.call(
+            "orbit_predict",
+            tuning=params.navigation,
+            zonal_degree=zonal_degree,
+            estimate=memory.orbit,
+            delta_v_N=thrust_estimate.ratio * delta_v_N,
+            burn_delta_v=thrust_estimate.ratio * gradient_safe.norm(memory.plan.delta_v_N),
+            burn_sigma_inflation=thrust_estimator.sigma_inflation(thrust_estimate),
+            third_body_acceleration_N=third_body_acceleration_N,
+            time=end - dt,
+            dt=dt,
         ),
         attitude=attitude_ekf.predict_covariance(params.attitude_filter, memory.attitude, q_BN_before, dt),
     )
+
+
+def command_camera(
+    stages: Stages, params: FlightParams, camera: CameraFormat, memory: FlightMemory, time: Scalar
+) -> FlightMemory:
+    """Memory with the command for an exposure at `time` [s], to which the estimates have been propagated."""
+    command = stages.call(
+        "detector_window",
+        camera=camera,
+        vehicle=params.vehicle,
+        target_size=params.navigation.target_size,
+        orbit=memory.orbit,
+        attitude=memory.attitude,
+        pointing=memory.pointing,
+        time=time,
+    )
+    return replace(memory, camera=command)
 
 
 _FAILED_THRUST_RATIO = 0.3
@@ -309,9 +325,10 @@ __all__ = [
     "FlightMemory",
     "FlightParams",
     "Measurements",
-    "Stages",
+    "command_camera",
     "control_attitude",
     "expected_delta_v",
+    "formation_command",
     "guide",
     "initial",
     "navigate",

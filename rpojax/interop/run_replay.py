@@ -21,7 +21,7 @@ from rpojax.campaign.rerun import check_run_id
 from rpojax.campaign.storage.campaign_folder import Campaign, trace_stride
 from rpojax.core.numerics import gradient_safe
 from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.runtime.progress_bar import Progress, ProgressCallback
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile

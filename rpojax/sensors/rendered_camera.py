@@ -7,7 +7,7 @@ from jaxtyping import Array, Bool, Float
 from rpojax.core import random_streams
 from rpojax.core.pytree import pytree
 from rpojax.sensors.camera import CameraFrame
-from rpojax.sensors.window_selection import input_side
+from rpojax.sensors.detector_input import input_side
 from rpojax.vision import bounding_box
 from rpojax.vision.bounding_box import BoundingBox
 from rpojax.vision.detector.two_stage_detector import DetectorParams, detect

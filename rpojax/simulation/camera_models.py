@@ -8,28 +8,25 @@ from rpojax.core.constants import RADIUS_EARTH
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.numerics.gradient_safe import normalize
 from rpojax.core.orbits import camera_visibility, earth_rotation, eclipse
-from rpojax.flight.computer import FlightMemory
+from rpojax.flight.guidance.detector_window import CameraCommand, CameraFormat
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
 from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
-from rpojax.sensors import camera_pose, geometric_camera, rendered_camera, statistical_camera, window_selection
+from rpojax.sensors import camera_pose, detector_input, geometric_camera, rendered_camera, statistical_camera
 from rpojax.sensors.camera import CameraFrame
 from rpojax.simulation.noise import TickNoise
 from rpojax.vision import bounding_box, box_projection, pinhole
 from rpojax.vision.imaging.image_formation import ImageWindow, Scene
-
-_TRACKING_TIMEOUT_S = 5.0
-"""Time since the last accepted box [s] up to which the detector gets the window around the predicted box."""
 
 
 def expose(
     scenario: Scenario,
     params: Params,
     truth: Truth,
-    flight: FlightMemory,
+    command: CameraCommand,
     box_edge_errors: Array | None,
     sky: SunMoonPositions,
     health: Health,
@@ -43,7 +40,7 @@ def expose(
         scenario: static settings
         params: parameters of the run
         truth: state of the plant
-        flight: memory of the flight software, which selects the window of a rendered camera
+        command: of the flight software to the camera
         box_edge_errors: (4,) correlated errors of the statistical camera, None for other cameras
         sky: positions of Sun and Moon
         health: of the equipment
@@ -73,32 +70,26 @@ def expose(
             params.statistics, scene, outline, in_front, size, *light_and_health, box_edge_errors, normals, uniforms
         )
     assert params.networks is not None
-    view = detector_window(scenario, params, flight)
+    view = commanded_window(scenario, params, command)
     picture = _render_window(scenario, params, view, scene, key)
     return rendered_camera.measure(params.imaging, params.networks, view, picture, size, outline, *light_and_health)
 
 
-def detector_window(scenario: Scenario, params: Params, flight: FlightMemory) -> ImageWindow:
-    """Window of the frame that the flight software selects for the detector."""
-    vehicle, navigation = params.flight.vehicle, params.flight.navigation
-    q_KN = quaternion.multiply(quaternion.normalize(vehicle.camera_mounting), flight.attitude.q_BN)
-    r_TK_K = quaternion.rotate(q_KN, flight.orbit.relative.r_TS_N)
-    lens = pinhole.Intrinsics(
-        focal_px=vehicle.focal_px,
-        center_px=jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=jnp.float64),
-    )
-    depth = jnp.maximum(r_TK_K[2], 1e-3)
-    expected = lens.center_px + lens.focal_px * r_TK_K[:2] / depth
-    tracked = flight.pointing.acquired & (flight.pointing.unseen_time < _TRACKING_TIMEOUT_S) & (r_TK_K[2] > 0.0)
-    size = lens.focal_px * navigation.target_size / depth
-    true_lens = _lens(scenario, params)
-    return window_selection.choose_window(true_lens, scenario.width_px, scenario.height_px, expected, size, tracked)
+def camera_format(scenario: Scenario) -> CameraFormat:
+    """Sizes of the camera's images."""
+    size = (scenario.width_px, scenario.height_px)
+    return CameraFormat(*size, input_px=detector_input.input_side(*size))
+
+
+def commanded_window(scenario: Scenario, params: Params, command: CameraCommand) -> ImageWindow:
+    """Window of the frame that a command selects."""
+    return detector_input.window_at(_lens(scenario, params), command.corner_px, command.binning)
 
 
 def recorded_window(scenario: Scenario, params: Params, window_px: Float[Array, "3"]) -> ImageWindow:
     """Window from the recorded left, top and side [px], float32."""
-    binning = window_px[2] / window_selection.input_side(scenario.width_px, scenario.height_px)
-    return window_selection.window_at(_lens(scenario, params), window_px[:2], binning)
+    binning = window_px[2] / detector_input.input_side(scenario.width_px, scenario.height_px)
+    return detector_input.window_at(_lens(scenario, params), window_px[:2], binning)
 
 
 def render_picture(

@@ -15,6 +15,7 @@ from rpojax.physics.thruster import BurnError
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import gyro, star_tracker
+from rpojax.simulation.camera_models import camera_format
 from rpojax.simulation.noise import InitialNoise, draw_initial_noise
 from rpojax.simulation.state import SensorErrors, State
 
@@ -56,7 +57,9 @@ def init(scenario: Scenario, params: Params, key: Array, noise: InitialNoise | N
     zero = jnp.zeros((), dtype=jnp.float64)
     return State(
         truth=truth,
-        flight=computer.initial(params.flight, scenario.formation_period_s, orbit, star_q, gyro_B),
+        flight=computer.initial(
+            params.flight, camera_format(scenario), scenario.formation_period_s, orbit, star_q, gyro_B
+        ),
         sensor_errors=sensors,
         burn_error=BurnError(magnitude=zero, direction=jnp.zeros(3)),
         keys=streams,

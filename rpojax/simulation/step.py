@@ -1,13 +1,21 @@
 """One tick of the closed loop as its sequence of stages."""
 
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
-from rpojax.simulation import step_stages
 from rpojax.simulation.noise import TickNoise
 from rpojax.simulation.state import State
-from rpojax.simulation.step_stages import GuidedTick
-from rpojax.simulation.telemetry import Telemetry
+from rpojax.simulation.step_stages import (
+    command_camera,
+    control_and_propagate,
+    finish,
+    guide,
+    navigate,
+    plan_burn,
+    sense,
+)
+from rpojax.simulation.telemetry import Telemetry, telemetry_of
+from rpojax.simulation.tick import Loop
 
 
 def step(
@@ -19,15 +27,14 @@ def step(
         scenario: static settings
         params: parameters of the run
         state: at the beginning of the tick
-        stages: replaceable parts of the flight software, by default its own
+        stages: replaceable stages of the flight software, by default its own
         noise: random numbers of the tick, by default those of the run's keys
     """
-    stages = stages or Stages()
-    sensed = step_stages.sense(scenario, params, state, noise)
-    flight, innovation = step_stages.navigate(stages, scenario, params, state, sensed)
-    flight, burn_error = step_stages.plan_burn(stages, scenario, params, state, sensed, flight)
-    flight, mode = step_stages.guide(scenario, params, sensed, flight, innovation.accepted)
-    telemetry = step_stages.make_telemetry(state, sensed, flight, innovation, mode)
-    guided = GuidedTick(sensed=sensed, flight=flight, burn_error=burn_error)
-    motion = step_stages.control_and_propagate(stages, scenario, params, state, guided)
-    return step_stages.finish(stages, scenario, params, state, guided, motion), telemetry
+    loop = Loop(scenario, params, stages or Stages())
+    state = command_camera(loop, state)
+    tick = sense(loop, state, noise)
+    tick = navigate(loop, tick)
+    tick = plan_burn(loop, tick)
+    tick = guide(loop, tick)
+    motion = control_and_propagate(loop, tick)
+    return finish(loop, tick, motion), telemetry_of(tick)

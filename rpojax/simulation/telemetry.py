@@ -1,5 +1,6 @@
 """Telemetry of one tick."""
 
+import jax.numpy as jnp
 from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
@@ -7,6 +8,7 @@ from rpojax.flight.computer import FlightMemory, Measurements
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.physics.plant_state import Truth
 from rpojax.sensors.camera import CameraFrame
+from rpojax.simulation.tick import Tick
 
 
 @pytree
@@ -32,3 +34,19 @@ class Telemetry:
     mode: Array
     tick: Array
     running: Array
+
+
+def telemetry_of(tick: Tick) -> Telemetry:
+    """Telemetry of a tick after guidance."""
+    assert tick.innovation is not None
+    assert tick.mode is not None
+    return Telemetry(
+        truth=tick.state.truth,
+        flight=tick.flight,
+        frame=tick.frame,
+        measurements=tick.measurements,
+        innovation=tick.innovation,
+        mode=tick.mode,
+        tick=tick.state.tick,
+        running=jnp.isinf(tick.state.failed_at),
+    )

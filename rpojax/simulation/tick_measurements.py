@@ -28,7 +28,7 @@ def measure(
         scenario,
         params,
         truth,
-        state.flight,
+        state.flight.camera,
         state.sensor_errors.box_edge_errors,
         sky,
         health,

@@ -13,7 +13,7 @@ import pytest
 import rpojax
 from rpojax.benchmark import operation_count
 from rpojax.benchmark.operation_count import COPIES, OTHER, SCOPES, Instruction
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import initial_state

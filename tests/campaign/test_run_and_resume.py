@@ -18,8 +18,8 @@ from rpojax.campaign.storage import atomic_files, folder_creation
 from rpojax.campaign.storage.campaign_configuration import new_configuration
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, ResultError, RpojaxError
-from rpojax.flight.computer import Stages
 from rpojax.flight.control import formation_law
+from rpojax.flight.stages import Stages
 from rpojax.runtime.progress_bar import Progress
 from rpojax.scenario import metric_catalogue
 from rpojax.scenario.loading import scenario_loader

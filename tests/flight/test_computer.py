@@ -12,19 +12,27 @@ from numpy_reference import IDENTITY, MU, axis_angle_quaternion, rotation_matrix
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
 from rpojax.flight import computer
-from rpojax.flight.computer import FlightMemory, FlightParams, Measurements, Stages
+from rpojax.flight.computer import FlightMemory, FlightParams, Measurements
 from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.guidance import target_pointing
+from rpojax.flight.guidance.detector_window import CameraFormat
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
+from rpojax.flight.stages import Stages
 
 expected_delta_v = jax.jit(computer.expected_delta_v)
-start = jax.jit(computer.initial, static_argnums=1)
+initial = jax.jit(computer.initial, static_argnums=(1, 2))
 navigate = jax.jit(computer.navigate, static_argnums=(0, 2))
 guide = jax.jit(computer.guide, static_argnums=5)
 predict = jax.jit(computer.predict, static_argnums=(0, 2, 9))
 control_attitude = jax.jit(computer.control_attitude, static_argnums=0)
+CAMERA = CameraFormat(width_px=128, height_px=128, input_px=128)
+
+
+def start(flight: FlightParams, period: float, *initial_values: object) -> FlightMemory:
+    """Initial memory, with a small camera."""
+    return initial(flight, CAMERA, period, *initial_values)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -91,10 +99,12 @@ def test_a_users_control_law_decides_the_burn(flight: FlightParams, memory: Flig
 
 
 def test_a_users_attitude_controller_commands_the_wheels(flight: FlightParams, memory: FlightMemory) -> None:
-    def constant(*_: object) -> jax.Array:
+    def constant() -> jax.Array:
         return jnp.array([1e-3, 2e-3, 3e-3])
 
-    found = control_attitude(Stages(wheel_torque=constant), flight, memory, np.zeros(3), np.float64(0.0))
+    found = control_attitude(
+        Stages(wheel_torque=constant), flight, memory, np.zeros(3), np.float64(0.0), np.float64(0.0)
+    )
     np.testing.assert_array_equal(found, [1e-3, 2e-3, 3e-3])
 
 
@@ -128,7 +138,7 @@ def sense(
         star_tracker_present=jnp.asarray(stars),
         box=box,
     )
-    return navigate(Stages(), flight, True, memory, measurements, sun_N)
+    return navigate(Stages(), flight, True, memory, measurements, sun_N, np.float64(0.0))
 
 
 def test_a_box_in_the_dark_is_neither_used_nor_rejected(flight: FlightParams, ready: FlightMemory) -> None:

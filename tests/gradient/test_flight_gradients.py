@@ -118,12 +118,14 @@ def test_the_duration_of_a_slew_over_zero_angle_has_a_finite_derivative(params: 
 @jax.jit
 def planned_burn(x: jax.Array, flight: FlightParams, r_TS_N: jax.Array, gain: jax.Array) -> Any:
     known = rendezvous_scene.estimate(flight, r_TS_N + x[:3], 0.01 * jnp.asarray(V) + 0.01 * x[3:6])
-    law, gain = formation_law.lqr_feedback, gain * (1.0 + 0.1 * x[6])
     allowed, time = jnp.asarray(True), jnp.asarray(0.0)
     station = station_keeping.solve_station_keeping(flight.formation, jnp.asarray(1.1e-3), 200.0)
     q_BN, omega = target_pointing.look_attitude(flight.vehicle, known)
-    plan = burn_planning.plan_burn(
-        law, flight.formation, flight.pointing, flight.vehicle, gain, station, known, q_BN, allowed, time
+    deviation, R_CN = burn_planning.deviation_at_burn(flight.formation, station, known)
+    command_H = formation_law.lqr_feedback(gain * (1.0 + 0.1 * x[6]), deviation)
+    delta_v_N = jnp.sum(R_CN * (station.impulse + command_H)[:, None], axis=0)
+    plan = burn_planning.schedule_burn(
+        flight.formation, flight.pointing, flight.vehicle, delta_v_N, known, q_BN, allowed, time
     )
     return 0.1 * plan.ignition, 0.1 * plan.cutoff, 1e2 * plan.delta_v_N, plan.q_burn, q_BN, 1e2 * omega
 

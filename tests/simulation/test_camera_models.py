@@ -6,7 +6,7 @@ import jax
 import numpy as np
 import pytest
 
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.scenario import params
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.static_settings import static_settings

@@ -12,11 +12,13 @@ from jaxtyping import Array
 
 from rpojax.analysis.calibration.view_sampling import Views
 from rpojax.core import quaternion
+from rpojax.flight.guidance import detector_window
+from rpojax.flight.guidance.detector_window import CameraFormat
 from rpojax.scenario import params
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained import image_sampling, trained_files
-from rpojax.sensors import rendered_camera, view_features, window_selection
+from rpojax.sensors import detector_input, rendered_camera, view_features
 from rpojax.sensors.rendered_camera import Imaging, Networks
 from rpojax.vision import bounding_box, box_projection, pinhole
 from rpojax.vision.detector.two_stage_detector import detect
@@ -98,7 +100,9 @@ def _detect_in_view(
     hull_K = jnp.sum(R_KT[None, :, :] * hull_T[:, None, :], axis=2) + r_TK_K[None, :]
     outline = box_projection.projected_box(lens, hull_K).astype(jnp.float32)
     middle, extent = bounding_box.box_center(outline), bounding_box.box_size(outline)
-    window = window_selection.choose_window(lens, *size, middle, extent, jnp.ones((), bool))
+    camera = CameraFormat(*size, input_px=detector_input.input_side(*size))
+    command = detector_window.window_around(camera, middle, extent, jnp.ones((), bool))
+    window = detector_input.window_at(lens, command.corner_px, command.binning)
     picture = rendered_camera.render_window(imaging, networks, rays, window, *size, scene, key)
     found = detect(networks.detector, picture[None], rendered_camera.REFINED_PROPOSALS)
     corner = jnp.concatenate([window.corner_px, window.corner_px])

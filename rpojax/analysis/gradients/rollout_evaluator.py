@@ -19,7 +19,7 @@ from jaxtyping import Array
 from rpojax.analysis.gradients.checkpointed_scan import checkpoint_interval, checkpointed_scan
 from rpojax.campaign import single_run
 from rpojax.campaign.execution.tick_batching import batch_transform, state_axes
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params

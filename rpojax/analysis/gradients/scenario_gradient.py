@@ -18,7 +18,7 @@ from rpojax.analysis.gradients.tuning.tuning_settings import check_differentiabl
 from rpojax.campaign import preflight
 from rpojax.campaign.experiment_design import has_independent_runs
 from rpojax.errors import RpojaxError
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values

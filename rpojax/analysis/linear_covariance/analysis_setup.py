@@ -14,7 +14,7 @@ from rpojax.analysis.linear_covariance.linearisation.compiled_loop import Compil
 from rpojax.analysis.linear_covariance.linearisation.deviation_vector import make_layout
 from rpojax.analysis.linear_covariance.linearisation.linearised_loop import LinearisedLoop
 from rpojax.core.pytree import replace
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.scenario import params
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.schema import ScenarioFile

@@ -24,7 +24,7 @@ from rpojax.analysis.linear_covariance.nominal_recursion import (
     merge_recursions,
 )
 from rpojax.errors import RpojaxError
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.scenario.schema import ScenarioFile
 
 ENSEMBLE_SIZE = 256

@@ -22,7 +22,7 @@ from rpojax.campaign import preflight
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically, write_json
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import RpojaxError
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.schema import ScenarioFile
 

@@ -12,7 +12,7 @@ from rpojax.analysis.linear_covariance.covariance_history import LinearCovarianc
 from rpojax.campaign import experiment_design
 from rpojax.campaign.execution.batch_engine import BatchEngine, Segment, default_block_size
 from rpojax.dispersions.designs.run_range import RunRange
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.scenario.schema import ScenarioFile
 
 CHANNELS = {"rho_H": ("x", "y", "z"), "relative_error_H": ("x", "y", "z"), "delta_v_m_s": ("",)}

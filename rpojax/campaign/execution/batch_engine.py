@@ -20,7 +20,7 @@ from rpojax.campaign.execution.tick_batching import batch_transform, state_axes
 from rpojax.campaign.experiment_design import Design, has_independent_runs
 from rpojax.core import random_streams
 from rpojax.errors import RpojaxError
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.runtime import compiler_options, device_programs, garbage_collection
 from rpojax.scenario import params
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys

@@ -7,7 +7,7 @@ from rpojax.campaign import experiment_design, replaced_stage_provenance
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.storage.campaign_configuration import package_versions
 from rpojax.errors import RpojaxError
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.scenario_digest import scenario_digest
 

@@ -10,8 +10,6 @@ from rpojax.core.orbits.clohessy_wiltshire import transition_matrix
 from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.quaternion import rotate
-from rpojax.core.vectors import apply_transposed
-from rpojax.flight.control.formation_law import FormationLaw
 from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.control.station_keeping import StationKeeping
 from rpojax.flight.guidance.line_of_sight_uncertainty import relative_range_sigma
@@ -52,25 +50,21 @@ def no_burn() -> BurnPlan:
     return BurnPlan(turn_start=zero, ignition=zero, cutoff=zero, delta_v_N=jnp.zeros(3), q_burn=identity)
 
 
-def plan_burn(
-    law: FormationLaw,
+def schedule_burn(
     formation: FormationTuning,
     pointing: PointingTuning,
     vehicle: VehicleModel,
-    gain: Float[Array, "3 6"],
-    station_keeping: StationKeeping,
+    delta_v_N: Vector,
     estimate: OrbitEstimate,
     q_look: Float[Array, "4"],
     allowed: Flag,
     time: Scalar,
 ) -> BurnPlan:
-    """Next burn by the control law at its predicted middle, with a turn from the look attitude `q_look` before it.
+    """Next burn with a commanded velocity change [m/s], and a turn from the look attitude `q_look` before it.
 
     There is no burn inside the dead band, below the thruster's minimum on-time, while the range is too uncertain, or
     unless `allowed`; a burn too long for the look-away limit is shortened.
     """
-    deviation, R_CN = deviation_at_burn(formation, station_keeping, estimate)
-    delta_v_N = apply_transposed(R_CN, station_keeping.impulse + law(gain, deviation))
     size, direction_N = gradient_safe.norm(delta_v_N), gradient_safe.normalize(delta_v_N)
 
     thrust_now_N = rotate(quaternion.conjugate(q_look), vehicle.thrust_direction)

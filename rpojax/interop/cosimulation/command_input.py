@@ -1,6 +1,7 @@
 """Commands of external nodes as the flight software uses them, and the fallback for late ones."""
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import jax.numpy as jnp
@@ -20,10 +21,14 @@ from rpojax.interop.ros2.message_builders import NANOSECONDS_PER_S
 from rpojax.interop.ros2.ros_orientation import quaternion_from_orientation
 from rpojax.interop.ros2.tick_messages import TopicMessages
 from rpojax.interop.ros2.topics import Topic
-from rpojax.simulation.cosimulation_stages import BurnDecider, ExternalBurn, ExternalOrbitEstimate
+from rpojax.simulation.external_inputs import ExternalBurn, ExternalOrbitEstimate
 
-NO_BURN = ExternalBurn(ignition=jnp.zeros(()), cutoff=jnp.zeros(()), q_burn=jnp.array([1.0, 0.0, 0.0, 0.0]))
-"""No burn."""
+NO_COMMAND = ExternalBurn(
+    commanded=jnp.array(False), ignition=jnp.zeros(()), cutoff=jnp.zeros(()), q_burn=jnp.array([1.0, 0.0, 0.0, 0.0])
+)
+"""No command on burns: the plan stays."""
+CLOSED_VALVE = replace(NO_COMMAND, commanded=jnp.array(True))
+"""Command that closes the valve."""
 
 
 class CommandInput:
@@ -62,8 +67,8 @@ class CommandInput:
         self._torque = found
         return found
 
-    def burn_command(self, time_ns: int) -> tuple[BurnDecider, ExternalBurn]:
-        """Decision on the burn of a tick, and the burn."""
+    def burn_command(self, time_ns: int) -> ExternalBurn:
+        """Burn command of a tick."""
 
         def check(message: Any) -> BurnWindow | command_checks.RejectionReason:
             return command_checks.burn_window(message, self._limits, time_ns, self._burn_window)
@@ -71,17 +76,18 @@ class CommandInput:
         found = self._wait_for_command(topics.THRUSTER_COMMAND, time_ns, check)
         if found is None:
             kept = self._count_late(topics.THRUSTER_COMMAND, time_ns, "the plan holds", "no burn")
-            return ("none", NO_BURN) if kept else self._close_valve(time_ns)
+            return NO_COMMAND if kept else self._close_valve(time_ns)
         if found == BurnWindow():
             return self._close_valve(time_ns)
         xyzw = self._wait_for_command(live_topics.ATTITUDE_TARGET, time_ns, command_checks.unit_orientation)
         if xyzw is None:
             kept = self._count_late(live_topics.ATTITUDE_TARGET, time_ns, "the plan holds", "no burn")
-            return ("none", NO_BURN) if kept else self._close_valve(time_ns)
+            return NO_COMMAND if kept else self._close_valve(time_ns)
         if found == self._burn_window:
-            return "none", NO_BURN
+            return NO_COMMAND
         self._burn_window = found
-        return "external", ExternalBurn(
+        return ExternalBurn(
+            commanded=jnp.array(True),
             ignition=jnp.asarray(found.ignition_ns / NANOSECONDS_PER_S, dtype=jnp.float64),
             cutoff=jnp.asarray(found.cutoff_ns / NANOSECONDS_PER_S, dtype=jnp.float64),
             q_burn=quaternion_from_orientation(jnp.asarray(xyzw)),
@@ -96,10 +102,10 @@ class CommandInput:
                 self._count_late(topic, time_ns, "the simulator's filter continues", "the simulator's filter continues")
         return None if servicer is None or relative is None else orbit_estimate_from_odometry(servicer, relative)
 
-    def _close_valve(self, time_ns: int) -> tuple[BurnDecider, ExternalBurn]:
+    def _close_valve(self, time_ns: int) -> ExternalBurn:
         """Burn command that closes the valve where it is open or will open, else leaves the plan."""
         pending, self._burn_window = self._burn_window.cutoff_ns > time_ns, BurnWindow()
-        return ("external" if pending else "none"), NO_BURN
+        return CLOSED_VALVE if pending else NO_COMMAND
 
     def _wait_for_command(self, topic: Topic, time_ns: int, check: CommandCheck[T]) -> T | None:
         found = self._clock.wait_for_command(self._exchange.subscriptions[topic.name], time_ns, check)

@@ -4,11 +4,11 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from rpojax.interop.cosimulation.command_input import NO_BURN
+from rpojax.interop.cosimulation.command_input import NO_COMMAND
 from rpojax.interop.cosimulation.odometry_input import orbit_estimate_from_odometry
 from rpojax.interop.ros2 import topics
 from rpojax.interop.ros2.tick_messages import TopicMessages
-from rpojax.simulation.cosimulation_stages import BurnDecider, ExternalBurn, ExternalOrbitEstimate
+from rpojax.simulation.external_inputs import ExternalBurn, ExternalOrbitEstimate
 
 
 @runtime_checkable
@@ -23,8 +23,8 @@ class CommandSource(Protocol):
         """Orbit estimate for a tick [ns]."""
         ...
 
-    def burn_command(self, time_ns: int) -> tuple[BurnDecider, ExternalBurn]:
-        """Decision on the burn at a tick [ns], and the burn."""
+    def burn_command(self, time_ns: int) -> ExternalBurn:
+        """Burn command at a tick [ns]."""
         ...
 
     def wheel_torque(self, time_ns: int) -> np.ndarray:
@@ -39,8 +39,7 @@ class CommandSource(Protocol):
 class WarmUpCommands:
     """Command source without external nodes: the simulator's own estimates, no burn and no torque."""
 
-    def __init__(self, decider: BurnDecider) -> None:
-        self._decider: BurnDecider = decider
+    def __init__(self) -> None:
         self._messages: dict[str, Any] = {}
 
     def publish(self, messages: TopicMessages) -> None:
@@ -52,9 +51,9 @@ class WarmUpCommands:
         names = (topics.SERVICER_ESTIMATE.name, topics.RELATIVE_ESTIMATE.name)
         return orbit_estimate_from_odometry(*(self._messages[name] for name in names))
 
-    def burn_command(self, time_ns: int) -> tuple[BurnDecider, ExternalBurn]:
-        """The given decision, without a burn."""
-        return self._decider, NO_BURN
+    def burn_command(self, time_ns: int) -> ExternalBurn:
+        """No command."""
+        return NO_COMMAND
 
     def wheel_torque(self, time_ns: int) -> np.ndarray:
         """Zero torque."""

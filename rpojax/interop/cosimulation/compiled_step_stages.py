@@ -14,19 +14,20 @@ import numpy as np
 from rpojax.core import quaternion
 from rpojax.core.array_packing import PackedFunction, PackedLayout, PackedRecord
 from rpojax.core.pytree import pytree
-from rpojax.flight.computer import Stages
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
+from rpojax.flight.stages import Stages
 from rpojax.interop.ros2 import message_values
 from rpojax.interop.ros2.message_values import RosTickValues
 from rpojax.interop.ros2.odometry import rate_covariance, rotate_covariance
 from rpojax.interop.ros2.ros_orientation import orientation_from_quaternion
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
-from rpojax.simulation import cosimulation_stages, step_stages
+from rpojax.simulation import external_inputs, step_stages
 from rpojax.simulation.channels import Channels, compute_channels
-from rpojax.simulation.cosimulation_stages import BurnDecider, ExternalBurn, ExternalOrbitEstimate, NavigatedTick
+from rpojax.simulation.external_inputs import ExternalBurn, ExternalOrbitEstimate
 from rpojax.simulation.state import State
-from rpojax.simulation.step_stages import GuidedTick, Motion
+from rpojax.simulation.telemetry import telemetry_of
+from rpojax.simulation.tick import Loop, Motion, Tick
 
 _STAGES = Stages()
 
@@ -87,72 +88,64 @@ class PackedTick:
     """Tick after sensing and navigation.
 
     Attributes:
-        state: packed state at the beginning of the tick
-        navigated: packed `NavigatedTick`
+        tick: packed `Tick`
         values: message values
         failure: code of the run's failure so far
     """
 
-    state: PackedRecord
-    navigated: PackedRecord
+    tick: PackedRecord
     values: NavigatedValues
     failure: int
 
 
 class CompiledStages:
-    """Stages of one run between which messages are exchanged."""
+    """Stages of one run between which messages are exchanged; `external_burns` replace those of the flight software."""
 
-    def __init__(self, scenario: Scenario, params: Params) -> None:
+    def __init__(self, scenario: Scenario, params: Params, external_burns: bool) -> None:
         packed = PackedRecord.of(params)
         self._params = PackedRecord(packed.layout, tuple(map(jnp.asarray, packed.arrays)))
-        self._sense_and_navigate = PackedFunction(partial(_sense_and_navigate, scenario))
+        self._begin_tick = PackedFunction(partial(_begin_tick, scenario))
         self._replace_orbit = PackedFunction(_replace_orbit)
-        self._plan_and_guide: dict[BurnDecider, PackedFunction] = {}
+        self._plan_and_guide = PackedFunction(partial(_plan_and_guide, scenario, external_burns))
         self._plant_step = PackedFunction(partial(_plant_step, scenario))
         self._last_plant_step = PackedFunction(partial(_last_plant_step, scenario))
         self._all_plant_steps = PackedFunction(partial(_all_plant_steps, scenario))
         self._camera_image = PackedFunction(partial(_camera_image, scenario))
-        self._scenario = scenario
 
     def first_tick(self, state: State) -> PackedTick:
         """The first tick."""
-        return _fetch_tick(*self._sense_and_navigate(self._params, PackedRecord.of(state)))
+        return _fetch_tick(*self._begin_tick(self._params, PackedRecord.of(state)))
 
     def with_orbit_estimate(self, tick: PackedTick, estimate: ExternalOrbitEstimate) -> PackedTick:
         """The tick with an external orbit estimate."""
-        return replace(tick, navigated=self._replace_orbit(tick.navigated, PackedRecord.of(estimate))[0])
+        return replace(tick, tick=self._replace_orbit(tick.tick, PackedRecord.of(estimate))[0])
 
-    def plan_and_guide(
-        self, decider: BurnDecider, tick: PackedTick, burn: ExternalBurn
-    ) -> tuple[PackedRecord, PackedRecord, GuidedValues]:
-        """Guided tick, the motion before the first plant step, and the message values."""
-        if decider not in self._plan_and_guide:
-            self._plan_and_guide[decider] = PackedFunction(partial(_plan_and_guide, self._scenario, decider))
-        guided, motion, values = self._plan_and_guide[decider](
-            self._params, tick.state, tick.navigated, PackedRecord.of(burn)
-        )
+    def plan_and_guide(self, tick: PackedTick, burn: ExternalBurn) -> tuple[PackedRecord, PackedRecord, GuidedValues]:
+        """The tick after guidance, the motion before the first plant step, and the message values.
+
+        `burn` counts only with external burns.
+        """
+        guided, motion, values = self._plan_and_guide(self._params, tick.tick, PackedRecord.of(burn))
         return guided, motion, values.to_numpy()
 
     def plant_step(
-        self, tick: PackedTick, guided: PackedRecord, motion: PackedRecord, torque: np.ndarray, step: int
+        self, guided: PackedRecord, motion: PackedRecord, torque: np.ndarray, step: int
     ) -> tuple[PackedRecord, AttitudeValues]:
         """One plant step under external torques (3,) [N m]: the motion and attitude after it."""
-        motion, values = self._plant_step(self._params, tick.state, guided, motion, _pack_torque(torque, step))
+        motion, values = self._plant_step(self._params, guided, motion, _pack_torque(torque, step))
         return motion, values.to_numpy()
 
-    def last_plant_step(
-        self, tick: PackedTick, guided: PackedRecord, motion: PackedRecord, torque: np.ndarray, step: int
-    ) -> PackedTick:
+    def last_plant_step(self, guided: PackedRecord, motion: PackedRecord, torque: np.ndarray, step: int) -> PackedTick:
         """The next tick, after the last plant step under external torques (3,) [N m]."""
-        return _fetch_tick(*self._last_plant_step(self._params, tick.state, guided, motion, _pack_torque(torque, step)))
+        return _fetch_tick(*self._last_plant_step(self._params, guided, motion, _pack_torque(torque, step)))
 
-    def all_plant_steps(self, tick: PackedTick, guided: PackedRecord) -> PackedTick:
+    def all_plant_steps(self, guided: PackedRecord) -> PackedTick:
         """The next tick, after all plant steps under the torques of the flight software."""
-        return _fetch_tick(*self._all_plant_steps(self._params, tick.state, guided))
+        return _fetch_tick(*self._all_plant_steps(self._params, guided))
 
     def camera_image(self, tick: PackedTick) -> np.ndarray:
         """Image (p, p, 3) that the detector of a rendered camera gets, uint8 sRGB codes."""
-        return self._camera_image(self._params, tick.state, tick.navigated)[0].to_numpy()
+        return self._camera_image(self._params, tick.tick)[0].to_numpy()
 
 
 _TORQUE_AND_STEP = PackedLayout.of((np.zeros(3), np.int32(0)))
@@ -163,89 +156,75 @@ def _pack_torque(torque: np.ndarray, step: int) -> PackedRecord:
     return PackedRecord(_TORQUE_AND_STEP, (torque, np.array([step], dtype=np.int32)))
 
 
-def _fetch_tick(
-    state: PackedRecord, navigated: PackedRecord, values: PackedRecord, failure: PackedRecord
-) -> PackedTick:
-    return PackedTick(state, navigated, values.to_numpy(), int(failure.to_numpy()))
+def _fetch_tick(tick: PackedRecord, values: PackedRecord, failure: PackedRecord) -> PackedTick:
+    return PackedTick(tick, values.to_numpy(), int(failure.to_numpy()))
 
 
-def _sense_and_navigate(
-    scenario: Scenario, params: Params, state: State
-) -> tuple[State, NavigatedTick, NavigatedValues, jax.Array]:
-    navigated = cosimulation_stages.sense_and_navigate(_STAGES, scenario, params, state)
+def _begin_tick(scenario: Scenario, params: Params, state: State) -> tuple[Tick, NavigatedValues, jax.Array]:
+    """Sensing and navigation."""
+    loop = Loop(scenario, params, _STAGES)
+    tick = step_stages.navigate(loop, step_stages.sense(loop, step_stages.command_camera(loop, state)))
     # Guidance sets the mode later in the tick.
-    mode = jnp.zeros((), dtype=jnp.int64)
-    telemetry_record = step_stages.make_telemetry(state, navigated.sensed, navigated.flight, navigated.innovation, mode)
-    attitude = navigated.flight.attitude
+    telemetry = telemetry_of(replace(tick, mode=jnp.zeros((), dtype=jnp.int64)))
+    attitude = tick.flight.attitude
     values = NavigatedValues(
-        tick=message_values.observe_tick(_STAGES, scenario, params, telemetry_record),
+        tick=message_values.observe_tick(_STAGES, scenario, params, telemetry),
         attitude=_attitude_values(scenario, params, attitude, attitude, state.truth.wheel_speed),
     )
-    return state, navigated, values, state.failure
+    return tick, values, state.failure
 
 
-def _camera_image(scenario: Scenario, params: Params, state: State, navigated: NavigatedTick) -> tuple[jax.Array]:
-    return (cosimulation_stages.detector_picture(scenario, params, state, navigated.sensed.frame.window),)
+def _camera_image(scenario: Scenario, params: Params, tick: Tick) -> tuple[jax.Array]:
+    return (external_inputs.detector_picture(Loop(scenario, params, _STAGES), tick),)
 
 
-def _replace_orbit(navigated: NavigatedTick, estimate: ExternalOrbitEstimate) -> tuple[NavigatedTick]:
-    return (cosimulation_stages.replace_orbit_estimate(navigated, estimate),)
+def _replace_orbit(tick: Tick, estimate: ExternalOrbitEstimate) -> tuple[Tick]:
+    return (external_inputs.replace_orbit_estimate(tick, estimate),)
 
 
 def _plan_and_guide(
-    scenario: Scenario, decider: BurnDecider, params: Params, state: State, navigated: NavigatedTick, burn: ExternalBurn
-) -> tuple[GuidedTick, Motion, GuidedValues]:
-    guided, telemetry_record = cosimulation_stages.plan_burn_and_guide(
-        _STAGES, scenario, decider, params, state, navigated, burn
+    scenario: Scenario, external_burns: bool, params: Params, tick: Tick, burn: ExternalBurn
+) -> tuple[Tick, Motion, GuidedValues]:
+    loop = Loop(scenario, params, _STAGES)
+    planned = (
+        external_inputs.plan_external_burn(loop, tick, burn) if external_burns else step_stages.plan_burn(loop, tick)
     )
-    motion = step_stages.initial_motion(state, guided)
-    reference = cosimulation_stages.attitude_commands(scenario, guided)
+    guided = step_stages.guide(loop, planned)
+    telemetry, reference = telemetry_of(guided), external_inputs.attitude_commands(loop, guided)
     values = GuidedValues(
-        tick=message_values.observe_tick(_STAGES, scenario, params, telemetry_record),
-        channels=compute_channels(scenario, params, telemetry_record),
+        tick=message_values.observe_tick(_STAGES, scenario, params, telemetry),
+        channels=compute_channels(scenario, params, telemetry),
         attitude_reference=(
             jax.vmap(orientation_from_quaternion)(reference.q_CN),
             reference.omega_CN_C,
             reference.acceleration_C,
         ),
     )
-    return guided, motion, values
+    return guided, step_stages.initial_motion(guided), values
 
 
 def _plant_step(
-    scenario: Scenario,
-    params: Params,
-    state: State,
-    guided: GuidedTick,
-    motion: Motion,
-    torque_and_step: tuple[jax.Array, jax.Array],
+    scenario: Scenario, params: Params, guided: Tick, motion: Motion, torque_and_step: tuple[jax.Array, jax.Array]
 ) -> tuple[Motion, AttitudeValues]:
-    motion = cosimulation_stages.propagate_substep(scenario, params, state, guided, motion, *torque_and_step)
+    torque, step = torque_and_step
+    offset, gyro_normals = step_stages.substep_offsets(scenario)[step], guided.noise.gyro[step]
+    loop = Loop(scenario, params, _STAGES)
+    motion = step_stages.propagate_substep(loop, guided, motion, torque, offset, gyro_normals)
     tick_estimate, wheels = guided.flight.attitude, motion.truth.wheel_speed
     return motion, _attitude_values(scenario, params, tick_estimate, motion.attitude, wheels)
 
 
 def _last_plant_step(
-    scenario: Scenario,
-    params: Params,
-    state: State,
-    guided: GuidedTick,
-    motion: Motion,
-    torque_and_step: tuple[jax.Array, jax.Array],
-) -> tuple[State, NavigatedTick, NavigatedValues, jax.Array]:
-    motion, _ = _plant_step(scenario, params, state, guided, motion, torque_and_step)
-    return _sense_and_navigate(
-        scenario, params, cosimulation_stages.finish(_STAGES, scenario, params, state, guided, motion)
-    )
+    scenario: Scenario, params: Params, guided: Tick, motion: Motion, torque_and_step: tuple[jax.Array, jax.Array]
+) -> tuple[Tick, NavigatedValues, jax.Array]:
+    motion, _ = _plant_step(scenario, params, guided, motion, torque_and_step)
+    return _begin_tick(scenario, params, step_stages.finish(Loop(scenario, params, _STAGES), guided, motion))
 
 
-def _all_plant_steps(
-    scenario: Scenario, params: Params, state: State, guided: GuidedTick
-) -> tuple[State, NavigatedTick, NavigatedValues, jax.Array]:
-    motion = cosimulation_stages.control_and_propagate(_STAGES, scenario, params, state, guided)
-    return _sense_and_navigate(
-        scenario, params, cosimulation_stages.finish(_STAGES, scenario, params, state, guided, motion)
-    )
+def _all_plant_steps(scenario: Scenario, params: Params, guided: Tick) -> tuple[Tick, NavigatedValues, jax.Array]:
+    loop = Loop(scenario, params, _STAGES)
+    motion = step_stages.control_and_propagate(loop, guided)
+    return _begin_tick(scenario, params, step_stages.finish(loop, guided, motion))
 
 
 def _attitude_values(

@@ -14,7 +14,7 @@ from rpojax.core.array_packing import PackedRecord
 from rpojax.errors import UnfinishedError
 from rpojax.interop.cosimulation.clock import LockstepClock, RealTimeClock
 from rpojax.interop.cosimulation.command_checks import CommandLimits
-from rpojax.interop.cosimulation.command_input import NO_BURN, CommandInput
+from rpojax.interop.cosimulation.command_input import NO_COMMAND, CommandInput
 from rpojax.interop.cosimulation.command_source import CommandSource, WarmUpCommands
 from rpojax.interop.cosimulation.compiled_step_stages import CompiledStages, PackedTick
 from rpojax.interop.cosimulation.event_log import EventLog, LineWriter
@@ -25,7 +25,6 @@ from rpojax.interop.ros2.message_builders import nanoseconds
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation import initial_state
 from rpojax.simulation.channels import Channels
-from rpojax.simulation.cosimulation_stages import BurnDecider
 from rpojax.simulation.failure import FAILURE_REASONS
 from rpojax.simulation.metrics import recorded_metrics
 
@@ -123,7 +122,8 @@ class _LiveRun:
     def __init__(self, file: ScenarioFile, seed: int, run_id: int, settings: LiveSettings) -> None:
         self._file, self._external_stages = file, settings.external_stages
         self.scenario, self._params, key = single_run.dispersed_parameters(file, seed, run_id)
-        self._stages = CompiledStages(self.scenario, self._params)
+        self._takes_burns = ExternalStage.FORMATION in settings.external_stages
+        self._stages = CompiledStages(self.scenario, self._params, self._takes_burns)
         start = jax.jit(initial_state.init, static_argnums=0)(self.scenario, self._params, key)
         self._tick = self._stages.first_tick(start)
         self._messages = LiveMessages(settings, nanoseconds(self.scenario.step_s))
@@ -153,14 +153,8 @@ class _LiveRun:
         return self.ticks < self.scenario.ticks and not self.failure
 
     def warm_up(self) -> None:
-        """Simulates ticks with every decision that can occur, to compile all stages; the state stays as it was."""
-        start = self._tick
-        deciders: tuple[BurnDecider, ...] = (
-            ("external", "none") if ExternalStage.FORMATION in self._external_stages else ("flight_software",)
-        )
-        for decider in deciders:
-            self._tick = self._simulate_tick(WarmUpCommands(decider), lambda _: None)
-        self._tick = start
+        """Simulates a tick to compile all stages; the state stays as it was."""
+        self._simulate_tick(WarmUpCommands(), lambda _: None)
 
     def tick(self, commands: CommandSource) -> None:
         """Simulates one tick."""
@@ -191,24 +185,19 @@ class _LiveRun:
             and (estimate := commands.orbit_estimate(time_ns)) is not None
         ):
             tick = stages.with_orbit_estimate(tick, estimate)
-        decider, burn = (
-            commands.burn_command(time_ns)
-            if ExternalStage.FORMATION in self._external_stages
-            else ("flight_software", NO_BURN)
-        )
-        guided, motion, values = stages.plan_and_guide(decider, tick, burn)
+        burn = commands.burn_command(time_ns) if self._takes_burns else NO_COMMAND
+        guided, motion, values = stages.plan_and_guide(tick, burn)
         commands.publish(self._messages.attitude_reference(values, tick.values))
 
         def publish_and_record() -> None:
             commands.publish(self._messages.after_guidance(values))
             record(values.channels)
 
-        return self._propagate_tick(commands, tick, guided, motion, publish_and_record)
+        return self._propagate_tick(commands, guided, motion, publish_and_record)
 
     def _propagate_tick(
         self,
         commands: CommandSource,
-        tick: PackedTick,
         guided: PackedRecord,
         motion: PackedRecord,
         publish_and_record: Callable[[], None],
@@ -220,12 +209,12 @@ class _LiveRun:
         last = self.scenario.substeps - 1
         if ExternalStage.ATTITUDE not in self._external_stages:
             publish_and_record()
-            next_tick = self._stages.all_plant_steps(tick, guided)
+            next_tick = self._stages.all_plant_steps(guided)
             commands.wait_until(self._step_start_ns(last + 1))
             return next_tick
         for step in range(last):
             motion, attitude = self._stages.plant_step(
-                tick, guided, motion, commands.wheel_torque(self._step_start_ns(step)), step
+                guided, motion, commands.wheel_torque(self._step_start_ns(step)), step
             )
             commands.wait_until(self._step_start_ns(step + 1))
             commands.publish(self._messages.plant_step(self._step_start_ns(step + 1), attitude))
@@ -233,9 +222,7 @@ class _LiveRun:
                 publish_and_record()
         if last == 0:
             publish_and_record()
-        next_tick = self._stages.last_plant_step(
-            tick, guided, motion, commands.wheel_torque(self._step_start_ns(last)), last
-        )
+        next_tick = self._stages.last_plant_step(guided, motion, commands.wheel_torque(self._step_start_ns(last)), last)
         commands.wait_until(self._step_start_ns(last + 1))
         return next_tick
 

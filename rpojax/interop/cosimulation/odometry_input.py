@@ -11,7 +11,7 @@ from rpojax.core.frames import hill_frame, hill_to_inertial
 from rpojax.core.quaternion import conjugate, rotate, to_matrix
 from rpojax.interop.ros2.odometry import block_diagonal, rotate_covariance
 from rpojax.interop.ros2.ros_orientation import quaternion_from_orientation
-from rpojax.simulation.cosimulation_stages import ExternalOrbitEstimate
+from rpojax.simulation.external_inputs import ExternalOrbitEstimate
 
 _FRAME_ITERATIONS = 3
 """Fixed-point iterations for the target's Hill frame, started at the servicer's, which is off by 1e-5 rad."""

@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Array
 
 from rpojax.core.frames import hill_frame
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation.channels import compute_channels

@@ -7,7 +7,7 @@ from rpojax.core import quaternion
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.pytree import pytree
 from rpojax.flight import computer
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.interop.ros2.odometry import (
     Odometry,
     relative_estimate,
@@ -21,7 +21,7 @@ from rpojax.physics import equipment_faults, forces_and_torques
 from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
-from rpojax.sensors import window_selection
+from rpojax.sensors import detector_input
 from rpojax.simulation.telemetry import Telemetry
 
 Vector = Float[Array, "3"]
@@ -124,7 +124,7 @@ def observe_tick(stages: Stages, scenario: Scenario, params: Params, telemetry: 
     R_HN, omega_HN_N = hill_frame(truth.r_TN_N, truth.v_TN_N)
     q_HN = quaternion.from_matrix(R_HN)
     zero = jnp.zeros((), dtype=jnp.float64)
-    wheel_command = computer.control_attitude(stages, params.flight, flight, truth.wheel_speed, zero)
+    wheel_command = computer.control_attitude(stages, params.flight, flight, truth.wheel_speed, zero, time)
     gyro_noise = gyro_variance(scenario, params)
     q_KB = quaternion.normalize(params.flight.vehicle.camera_mounting)
     servicer, relative, target = _true_odometries(truth, R_HN, omega_HN_N, q_HN)
@@ -190,7 +190,7 @@ def _detector_image(scenario: Scenario, params: Params, telemetry: Telemetry) ->
     frame = telemetry.frame
     frame_center = jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=jnp.float64)
     if scenario.camera_model == "rendered":
-        side = window_selection.input_side(scenario.width_px, scenario.height_px)
+        side = detector_input.input_side(scenario.width_px, scenario.height_px)
         size = (side, side)
         corner, binning = frame.window[:2], frame.window[2] / side
     else:

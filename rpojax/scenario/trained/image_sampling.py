@@ -22,15 +22,16 @@ def sampling_for_model(tables: Mapping[str, Any]) -> "RaySampling | None":
 
 def image_sampling(tables: Mapping[str, Any]) -> "RaySampling":
     """Ray sampling of the target for the ranges of the scenario, for any camera model."""
-    from rpojax.sensors import window_selection
+    from rpojax.flight.guidance import detector_window
+    from rpojax.sensors import detector_input
 
     camera = tables["camera"]
     focal = 0.5 * camera["width_px"] / math.tan(math.radians(0.5 * camera["field_of_view_deg"]))
     least = _RANGE_MARGIN * range_limits(tables)[0]
-    if max(camera["width_px"], camera["height_px"]) > window_selection.MAX_INPUT_PX:
+    if max(camera["width_px"], camera["height_px"]) > detector_input.MAX_INPUT_PX:
         # At lesser ranges a window of a large frame is binned, so that the target does not become larger in pixels.
         size = focal * tables["navigation"]["target_size_m"]
-        least = max(least, size / (window_selection.TARGET_FRACTION * window_selection.MAX_INPUT_PX))
+        least = max(least, size / (detector_window.TARGET_FRACTION * detector_input.MAX_INPUT_PX))
     return _cached_sampling(file_path(tables, "field"), focal, least)
 
 

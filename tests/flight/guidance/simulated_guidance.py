@@ -1,5 +1,8 @@
 """Control laws, burn plans and simulated guidance for the tests."""
 
+from collections.abc import Callable
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,6 +11,7 @@ from numpy_reference import (
     rotation_matrix,
 )
 
+from rpojax.core.vectors import apply_transposed
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.control.attitude_control import AttitudeCommand
 from rpojax.flight.control.station_keeping import StationKeeping
@@ -25,11 +29,27 @@ GAIN = np.zeros((3, 6))
 NO_STATION_KEEPING = StationKeeping(arrival_velocity=np.zeros(3), impulse=np.zeros(3))
 YES, NO = jnp.asarray(True), jnp.asarray(False)
 SAMPLES = 5
+Law = Callable[[jax.Array, jax.Array], jax.Array]
 TIME = np.float64(1000.0)  # of the decision
 evaluate = jax.jit(slew_profile.evaluate)
 guide = jax.jit(attitude_guidance.guide, static_argnums=8)
 look_attitude = jax.jit(target_pointing.look_attitude)
-plan_burn = jax.jit(burn_planning.plan_burn, static_argnums=0)
+
+
+@partial(jax.jit, static_argnums=0)
+def plan_burn(
+    law: Law,
+    flight: FlightParams,
+    estimate: OrbitEstimate,
+    q_look: jax.Array,
+    allowed: jax.Array,
+) -> BurnPlan:
+    """Burn plan for the velocity change of a law."""
+    deviation, R_CN = burn_planning.deviation_at_burn(flight.formation, NO_STATION_KEEPING, estimate)
+    delta_v_N = apply_transposed(R_CN, law(GAIN, deviation))
+    return burn_planning.schedule_burn(
+        flight.formation, flight.pointing, flight.vehicle, delta_v_N, estimate, q_look, allowed, jnp.asarray(TIME)
+    )
 
 
 def push_back(gain: jax.Array, deviation: jax.Array) -> jax.Array:
@@ -47,10 +67,14 @@ def push_gently(gain: jax.Array, deviation: jax.Array) -> jax.Array:
     return jnp.array([0.0, 9e-4, 0.0])
 
 
-def plan(law: object, flight: FlightParams, estimate: OrbitEstimate, allowed: bool = True) -> BurnPlan:
-    parts = (flight.formation, flight.pointing, flight.vehicle, GAIN, NO_STATION_KEEPING, estimate)
+def plan(
+    law: Law,
+    flight: FlightParams,
+    estimate: OrbitEstimate,
+    allowed: bool = True,
+) -> BurnPlan:
     q_look, _ = look_attitude(flight.vehicle, estimate)
-    found = plan_burn(law, *parts, q_look, np.asarray(allowed), TIME)
+    found = plan_burn(law, flight, estimate, q_look, np.asarray(allowed))
     return jax.tree.map(np.asarray, found)
 
 

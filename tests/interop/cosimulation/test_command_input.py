@@ -65,13 +65,13 @@ def test_a_repeated_burn_is_planned_once_with_its_attitude() -> None:
     commands, events = command_input(
         thruster=[burn(0), burn(NANO), burn(2 * NANO, 0, 0)], target=[target(0), target(NANO), target(2 * NANO)]
     )
-    decider, planned = commands.burn_command(0)
-    assert decider == "external"
+    planned = commands.burn_command(0)
+    assert planned.commanded
     np.testing.assert_array_equal([planned.ignition, planned.cutoff], [60.0, 80.0])
     np.testing.assert_array_equal(planned.q_burn, [0.8, -0.6, 0.0, 0.0])
-    assert commands.burn_command(NANO)[0] == "none"
-    decider, planned = commands.burn_command(2 * NANO)
-    assert decider == "external"
+    assert not commands.burn_command(NANO).commanded
+    planned = commands.burn_command(2 * NANO)
+    assert planned.commanded
     assert float(planned.cutoff) <= float(planned.ignition)
     assert not events.late
     assert not events.ignored
@@ -79,12 +79,12 @@ def test_a_repeated_burn_is_planned_once_with_its_attitude() -> None:
 
 def test_a_burn_without_its_attitude_is_not_planned() -> None:
     commands, events = command_input(thruster=[burn(0)])
-    assert commands.burn_command(0)[0] == "none"
+    assert not commands.burn_command(0).commanded
     assert events.late == {live_topics.ATTITUDE_TARGET.name: 1}
 
 
 def test_a_late_thruster_command_keeps_or_cancels_the_burn() -> None:
-    for on_late, decider in (("hold", "none"), ("zero", "external")):
+    for on_late, commanded in (("hold", False), ("zero", True)):
         commands, _ = command_input(on_late, thruster=[burn(0)], target=[target(0)])
-        assert commands.burn_command(0)[0] == "external"
-        assert commands.burn_command(NANO)[0] == decider
+        assert commands.burn_command(0).commanded
+        assert bool(commands.burn_command(NANO).commanded) is commanded

@@ -23,7 +23,7 @@ from rpojax.analysis.gradients.tuning.descent_state import DescentState, TuningS
 from rpojax.analysis.gradients.tuning.tuning_objective import Objective
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings, scenario_at_horizon
 from rpojax.errors import RpojaxError
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
 

@@ -14,7 +14,7 @@ from rpojax.analysis.gradients.tuning.tuning_validation import Validation
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically, write_json
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import RpojaxError
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.runtime.progress_bar import item_progress
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import nominal_of_key

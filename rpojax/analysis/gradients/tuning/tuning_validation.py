@@ -13,7 +13,7 @@ from rpojax.campaign.execution.batch_engine import BatchEngine, default_block_si
 from rpojax.campaign.experiment_design import make_design
 from rpojax.campaign.history_retention import Retention
 from rpojax.dispersions.designs.run_range import RunRange
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.scenario.schema import ScenarioFile
 
 OnProgress = Callable[[float], None]

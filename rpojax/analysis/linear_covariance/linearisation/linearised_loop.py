@@ -17,9 +17,10 @@ from rpojax.core.pytree import pytree
 from rpojax.core.pytree import replace as replace_leaves
 from rpojax.core.vectors import apply
 from rpojax.flight import computer
-from rpojax.flight.computer import FlightMemory, Stages
-from rpojax.flight.guidance import burn_planning, target_pointing
+from rpojax.flight.computer import FlightMemory
+from rpojax.flight.guidance import target_pointing
 from rpojax.flight.guidance.pointing_modes import Mode
+from rpojax.flight.stages import Stages
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation.channels import compute_channels
@@ -176,7 +177,7 @@ class LinearisedLoop:
         pointing = target_pointing.point_at_target(self.params.flight.vehicle, memory.orbit, sun_N)
 
         def burn(command: Array) -> tuple[Array, Array]:
-            stages = replace(self.stages, formation_law=lambda gain, deviation: command)
+            stages = replace(self.stages, formation_law=lambda: command)
             plan = computer.plan_burn(stages, self.params.flight, memory, pointing, time).plan
             turn = plan.ignition - plan.turn_start
             return plan.delta_v_N, jnp.stack([plan.turn_start, plan.cutoff + turn])
@@ -185,8 +186,9 @@ class LinearisedLoop:
 
     def _outputs(self, params: Params, telemetry: Telemetry) -> Array:
         memory = telemetry.flight
-        deviation, _ = burn_planning.deviation_at_burn(params.flight.formation, memory.station_keeping, memory.orbit)
-        return jnp.concatenate([navigation_outputs(telemetry), self.stages.formation_law(memory.gain, deviation)])
+        time = telemetry.tick.astype(jnp.float64) * self.scenario.tick_s
+        command_H, _ = computer.formation_command(self.stages, params.flight, memory, time)
+        return jnp.concatenate([navigation_outputs(telemetry), command_H])
 
 
 def navigation_outputs(telemetry: Telemetry) -> Array:

@@ -12,7 +12,7 @@ from rpojax.analysis.linear_covariance.linearisation import target_outline_ensem
 from rpojax.analysis.linear_covariance.linearisation.deviation_vector import PENDING_BURN, make_layout
 from rpojax.analysis.linear_covariance.linearisation.linearised_loop import OUTPUTS, LinearisedLoop
 from rpojax.core.pytree import replace
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.scenario import params
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.params import Params

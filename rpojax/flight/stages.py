@@ -1,0 +1,211 @@
+"""Replaceable stages of the flight software: the signature of each as a protocol, and the record that holds them.
+
+A stage is called with the named arguments of its protocol; a function declares those that it needs, by name, such as
+`def law(deviation, time)`. Examples: `docs/flight_software.md`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from typing import Any, Protocol
+
+from jaxtyping import Array, Float
+
+from rpojax.core import named_arguments
+from rpojax.flight.control import attitude_control, formation_law
+from rpojax.flight.control.attitude_control import AttitudeCommand, AttitudeControlTuning
+from rpojax.flight.guidance import detector_window
+from rpojax.flight.guidance.attitude_guidance import PointingState
+from rpojax.flight.guidance.detector_window import CameraCommand, CameraFormat
+from rpojax.flight.navigation import combined_orbit_filter
+from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
+from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
+from rpojax.flight.navigation.outlier_gate import GateState
+from rpojax.flight.vehicle_model import VehicleModel
+
+Scalar = Float[Array, ""]
+Vector = Float[Array, "3"]
+
+
+class OrbitUpdate(Protocol):
+    """Measurement update of the orbit filter."""
+
+    def __call__(
+        self,
+        *,
+        tuning: OrbitFilterTuning,
+        gated: bool,
+        focal_px: Scalar,
+        estimate: OrbitEstimate,
+        gate: GateState,
+        gps: GpsMeasurement,
+        q_KN: Float[Array, "4"],
+        box: BoxMeasurement,
+        time: Scalar,
+    ) -> tuple[OrbitEstimate, GateState, Innovation]:
+        """Estimate after GPS and box, state of the outlier gate, and diagnostics.
+
+        Args:
+            tuning: of the filter
+            gated: whether boxes must pass the gate
+            focal_px: () of the camera [px]
+            estimate: before the measurements
+            gate: state of the outlier gate
+            gps: position, if present
+            q_KN: (4,) attitude of the camera by the attitude filter
+            box: bounding box, if present
+            time: () since the start of the run [s]
+        """
+        ...
+
+
+class OrbitPrediction(Protocol):
+    """Propagation of the orbit filter over one tick."""
+
+    def __call__(
+        self,
+        *,
+        tuning: OrbitFilterTuning,
+        zonal_degree: int,
+        estimate: OrbitEstimate,
+        delta_v_N: Vector,
+        burn_delta_v: Scalar,
+        burn_sigma_inflation: Scalar,
+        third_body_acceleration_N: Vector,
+        time: Scalar,
+        dt: float,
+    ) -> OrbitEstimate:
+        """Estimate `dt` later.
+
+        Args:
+            tuning: of the filter
+            zonal_degree: highest zonal harmonic of the gravity model
+            estimate: at the beginning of the tick
+            delta_v_N: (3,) velocity change by the thruster during the tick [m/s]
+            burn_delta_v: () size of the whole burn that it is a part of [m/s]
+            burn_sigma_inflation: () factor on the sigma of the burn's magnitude
+            third_body_acceleration_N: (3,) of the servicer by Sun and Moon [m/s^2]
+            time: () of the estimate since the start of the run [s]
+            dt: length of the tick [s]
+        """
+        ...
+
+
+class FormationLaw(Protocol):
+    """Control law of the formation."""
+
+    def __call__(
+        self, *, gain: Float[Array, "3 6"], deviation: Float[Array, "6"], estimate: OrbitEstimate, time: Scalar
+    ) -> Vector:
+        """Velocity change (3,) of the next burn in the target's Hill frame [m/s].
+
+        Args:
+            gain: (3, 6) of the LQR
+            deviation: (6,) of (rho, rho_dot) from the desired state, predicted to the middle of the burn [m, m/s]
+            estimate: of both orbits at the decision
+            time: () of the decision since the start of the run [s]
+        """
+        ...
+
+
+class WheelControl(Protocol):
+    """Attitude control by the reaction wheels."""
+
+    def __call__(
+        self,
+        *,
+        control: AttitudeControlTuning,
+        vehicle: VehicleModel,
+        allocation: Float[Array, "3 3"],
+        estimate: AttitudeEstimate,
+        command: AttitudeCommand,
+        wheel_speed: Vector,
+        orbit: OrbitEstimate,
+        time: Scalar,
+    ) -> Vector:
+        """Motor torque command (3,) of the wheels [N m], constant over a plant step.
+
+        Args:
+            control: gains
+            vehicle: nominal properties of the servicer
+            allocation: (3, 3) body torque to wheel torques
+            estimate: of the attitude, propagated by the gyro
+            command: attitude motion commanded by guidance
+            wheel_speed: (3,) by the tachometers [rad/s]
+            orbit: estimate of both orbits
+            time: () since the start of the run [s]
+        """
+        ...
+
+
+class WindowSelection(Protocol):
+    """Choice of the part of the camera's frame that the detector gets next."""
+
+    def __call__(
+        self,
+        *,
+        camera: CameraFormat,
+        vehicle: VehicleModel,
+        target_size: Scalar,
+        orbit: OrbitEstimate,
+        attitude: AttitudeEstimate,
+        pointing: PointingState,
+        time: Scalar,
+    ) -> CameraCommand:
+        """Window of the next exposure.
+
+        Args:
+            camera: size of the frame and of the detector's input
+            vehicle: nominal properties of the servicer and its camera
+            target_size: () mean size of the target's outline [m]
+            orbit: estimate of both orbits at the exposure
+            attitude: estimate of the attitude at the exposure
+            pointing: state of the attitude guidance
+            time: () of the exposure since the start of the run [s]
+        """
+        ...
+
+
+AnyFunction = Callable[..., Any]
+"""A function that declares some of the arguments of its protocol."""
+
+
+@dataclass(frozen=True)
+class Stages:
+    """Replaceable stages of the flight software.
+
+    Attributes:
+        orbit_update: measurement update of the orbit filter
+        orbit_predict: propagation of the orbit filter
+        formation_law: velocity change of a burn
+        wheel_torque: attitude control
+        detector_window: window of the next exposure
+
+    Raises:
+        RpojaxError: a function declares an argument that its stage does not have.
+    """
+
+    orbit_update: OrbitUpdate | AnyFunction = field(
+        default=combined_orbit_filter.update, metadata={"protocol": OrbitUpdate}
+    )
+    orbit_predict: OrbitPrediction | AnyFunction = field(
+        default=combined_orbit_filter.predict, metadata={"protocol": OrbitPrediction}
+    )
+    formation_law: FormationLaw | AnyFunction = field(
+        default=formation_law.lqr_feedback, metadata={"protocol": FormationLaw}
+    )
+    wheel_torque: WheelControl | AnyFunction = field(
+        default=attitude_control.wheel_torque, metadata={"protocol": WheelControl}
+    )
+    detector_window: WindowSelection | AnyFunction = field(
+        default=detector_window.select_window, metadata={"protocol": WindowSelection}
+    )
+
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            named_arguments.check(f"stages.{each.name}", getattr(self, each.name), each.metadata["protocol"].__call__)
+
+    def call(self, stage: str, **arguments: Any) -> Any:
+        """Result of the named stage, whose function gets those of the arguments that it declares."""
+        return named_arguments.call(getattr(self, stage), **arguments)

@@ -1,0 +1,81 @@
+"""Records of a tick in progress: what its stages share, what they hand on, and the motion between two plant steps."""
+
+from dataclasses import dataclass
+
+from jaxtyping import Array
+
+from rpojax.core.pytree import pytree
+from rpojax.flight.computer import FlightMemory, Measurements
+from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
+from rpojax.flight.navigation.combined_orbit_filter import Innovation
+from rpojax.flight.stages import Stages
+from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
+from rpojax.physics.equipment_faults import Health
+from rpojax.physics.plant_state import Truth
+from rpojax.physics.thruster import BurnError
+from rpojax.scenario.params import Params
+from rpojax.scenario.static_settings import Scenario
+from rpojax.sensors.camera import CameraFrame
+from rpojax.simulation.noise import TickNoise
+from rpojax.simulation.state import State
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Closed loop of one run: what does not change from tick to tick.
+
+    Attributes:
+        scenario: static settings
+        params: parameters of the run
+        stages: replaceable parts of the flight software
+    """
+
+    scenario: Scenario
+    params: Params
+    stages: Stages
+
+
+@pytree
+class Tick:
+    """A tick in progress, which each stage takes and hands on.
+
+    Attributes:
+        state: at the beginning of the tick
+        time: () since the start of the run [s]
+        sky: positions of Sun and Moon
+        health: of the equipment
+        noise: random numbers of the tick
+        frame: camera frame
+        measurements: inputs of the flight software
+        flight: memory of the flight software after the latest stage
+        burn_error: execution error of the present burn
+        innovation: of the orbit filter, None before navigation
+        mode: () pointing mode, None before guidance
+    """
+
+    state: State
+    time: Array
+    sky: SunMoonPositions
+    health: Health
+    noise: TickNoise
+    frame: CameraFrame
+    measurements: Measurements
+    flight: FlightMemory
+    burn_error: BurnError
+    innovation: Innovation | None = None
+    mode: Array | None = None
+
+
+@pytree
+class Motion:
+    """State of the vehicle between two plant steps of a tick.
+
+    Attributes:
+        truth: state of the plant
+        attitude: estimate propagated by the gyro
+        delta_v_N: (3,) velocity change in this tick as expected by the flight software [m/s]
+    """
+
+    truth: Truth
+    attitude: AttitudeEstimate
+    delta_v_N: Array
