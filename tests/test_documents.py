@@ -23,9 +23,10 @@ from rpojax.dispersions.designs.design_kinds import Design
 from rpojax.dispersions.dispersion_kinds import Dispersion
 from rpojax.errors import RpojaxError
 from rpojax.field_types import Section
+from rpojax.metrics import metric_catalogue
 from rpojax.physics import equipment_faults
 from rpojax.report.labels import metric_label
-from rpojax.scenario import key_units, metric_catalogue, schema
+from rpojax.scenario import key_units, schema
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.channels import Channels, compute_channels

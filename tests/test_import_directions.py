@@ -23,6 +23,7 @@ FLOORS = {
     "dispersions": 3,
     "sensors": 3,
     "training": 3,
+    "metrics": 3,
     "scenario": 4,
     "simulation": 5,
     "campaign": 6,

@@ -23,9 +23,9 @@ from rpojax.analysis.reliability.metric_limit import MetricLimit
 from rpojax.analysis.reliability.simulated_limit_state import EvaluationCosts, make_evaluator, measure_costs
 from rpojax.analysis.reliability.worst_case_record import WorstCase
 from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.metrics.metric_catalogue import LOW_IS_BAD, UNITS
 from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
-from rpojax.scenario.metric_catalogue import LOW_IS_BAD, UNITS
 
 METRICS = ("nav_relative_position_error_rms_m", "formation_error_rms_m", "min_range_m", "delta_v_m_s")
 SETTINGS = ["duration_s=2000.0"]

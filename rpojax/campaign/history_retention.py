@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rpojax.errors import RpojaxError
-from rpojax.scenario.metric_catalogue import UNITS, worst_first
+from rpojax.metrics.metric_catalogue import UNITS, worst_first
 
 RULE_FORMS = (
     "none, all, N (the first N), I,J,... (run numbers), every:N, failures, worst:K:METRIC, or several joined by '+'"

@@ -28,7 +28,7 @@ class CampaignResults(Protocol):
 
     @property
     def metrics(self) -> Mapping[str, np.ndarray]:
-        """Metric name -> (runs,), in the unit that `rpojax.scenario.metric_catalogue.UNITS` gives."""
+        """Metric name -> (runs,), in the unit that `rpojax.metrics.metric_catalogue.UNITS` gives."""
         ...
 
     @property

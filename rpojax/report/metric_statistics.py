@@ -7,7 +7,7 @@ import numpy as np
 from rpojax.analysis.statistics.intervals.moment_intervals import deviation_interval, mean_interval
 from rpojax.analysis.statistics.intervals.normal_distribution import Z_95
 from rpojax.analysis.statistics.intervals.order_statistics import quantile_interval_ranks, quantile_upper_bound
-from rpojax.scenario.metric_catalogue import UNITS
+from rpojax.metrics.metric_catalogue import UNITS
 
 _PERCENTILES = {"min": 0.0, "p1": 1.0, "p5": 5.0, "p50": 50.0, "p95": 95.0, "p99": 99.0, "max": 100.0}
 _QUANTILES = ("p1", "p5", "p50", "p95", "p99")

@@ -8,7 +8,7 @@ from pydantic import AfterValidator, Field
 from rpojax.dispersions.designs.design_kinds import Design, IndependentDesign
 from rpojax.dispersions.dispersion_kinds import Dispersion
 from rpojax.field_types import Epoch, Finite, Positive, Section
-from rpojax.scenario.metric_catalogue import UNITS
+from rpojax.metrics.metric_catalogue import UNITS
 from rpojax.scenario.sections import (
     AtmosphereSection,
     AttitudeControlSection,

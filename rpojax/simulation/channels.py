@@ -1,5 +1,10 @@
 """Channels of a tick: named quantities for recording, with their unit in the name."""
 
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -11,6 +16,8 @@ from rpojax.core.numerics import gradient_safe, trigonometric_series
 from rpojax.core.orbits import clohessy_wiltshire, keplerian_elements
 from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import apply
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
+from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import camera_models
@@ -25,21 +32,87 @@ Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
 
 
+@dataclass(frozen=True)
+class ObservedTick:
+    """Scenario, parameters and telemetry of a tick; what several channels need is computed once, when first read."""
+
+    scenario: Scenario
+    params: Params
+    telemetry: Telemetry
+
+    @property
+    def truth(self) -> Truth:
+        """State of the plant."""
+        return self.telemetry.truth
+
+    @cached_property
+    def hill_frame(self) -> tuple[Matrix, Vector]:
+        """True Hill frame."""
+        return hill_frame(self.truth.r_TN_N, self.truth.v_TN_N)
+
+    @property
+    def R_HN(self) -> Matrix:
+        """Axes of the true Hill frame."""
+        return self.hill_frame[0]
+
+    @cached_property
+    def orbit_errors(self) -> tuple[Float[Array, "6"], Float[Array, "6"]]:
+        """Errors of the servicer, and of the target relative to it, in N [m, m/s]."""
+        return orbit_errors(self.telemetry)
+
+    @property
+    def servicer_covariance(self) -> Float[Array, "6 6"]:
+        """Covariance of the servicer's position and velocity in N."""
+        return self.telemetry.flight.orbit.servicer.covariance[:6, :6]
+
+    @property
+    def relative_covariance(self) -> Float[Array, "6 6"]:
+        """Covariance of the target's position and velocity relative to the servicer in N."""
+        return self.telemetry.flight.orbit.relative.covariance[:6, :6]
+
+    @cached_property
+    def servicer_density(self) -> tuple[Scalar, Scalar]:
+        """Squared Mahalanobis norm of the servicer's error, and log determinant of its covariance."""
+        return squared_mahalanobis_and_log_determinant(self.servicer_covariance, self.orbit_errors[0])
+
+    @cached_property
+    def relative_density(self) -> tuple[Scalar, Scalar]:
+        """Squared Mahalanobis norm of the relative error, and log determinant of its covariance."""
+        return squared_mahalanobis_and_log_determinant(self.relative_covariance, self.orbit_errors[1])
+
+    @cached_property
+    def innovation_sigmas(self) -> Float[Array, "6"]:
+        """Decorrelated innovations divided by their sigma; NaN for rows that were not used."""
+        innovation = self.telemetry.innovation
+        used = innovation.weight > 0.5
+        return jnp.where(used, innovation.innovation / gradient_safe.sqrt(innovation.variance), jnp.nan)
+
+    @cached_property
+    def boresight_and_line(self) -> tuple[Vector, Vector]:
+        """Unit vectors in N along the boresight and to the target."""
+        return boresight_N(self.params, self.truth), -gradient_safe.normalize(self.truth.r_ST_N)
+
+    @cached_property
+    def measured_box(self) -> BoxMeasurement:
+        """Measurement of the box."""
+        return camera_models.box_measurement(self.scenario, self.params, self.telemetry.frame)
+
+
+ChannelFunctions = dict[str, Callable[[ObservedTick], Array]]
+"""Channels by name, as functions of a tick."""
+
+
 def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channels:
     """Channels of one tick: vectors in the true Hill frame, errors as estimate minus truth, sigmas as 1 sigma."""
+    names = [*CHANNELS, *IMAGE_CHANNELS] if scenario.camera_model == "rendered" else CHANNELS
     with jax.named_scope("observe"):
-        channels = {
-            **_relative_position(telemetry),
-            **_navigation_errors(telemetry),
-            **_innovations(telemetry),
-            **_camera(scenario, params, telemetry),
-            **_expected_box(scenario, params, telemetry),
-            **_vehicle(params, telemetry),
-            "passive_range_m": _passive_range(telemetry),
-        }
-        if scenario.camera_model == "rendered":
-            channels |= _picture_geometry(telemetry)
+        channels = evaluate(CHANNELS | IMAGE_CHANNELS, names, ObservedTick(scenario, params, telemetry))
         return {name: _to_single_precision(value) for name, value in channels.items()}
+
+
+def evaluate(functions: ChannelFunctions, names: Iterable[str], tick: ObservedTick) -> Channels:
+    """Some quantities of a tick, in the precision of the simulation; no others are computed."""
+    return {name: functions[name](tick) for name in names}
 
 
 def _to_single_precision(value: Array) -> Array:
@@ -47,134 +120,120 @@ def _to_single_precision(value: Array) -> Array:
     return value.astype(jnp.float32) if jnp.issubdtype(value.dtype, jnp.floating) else value
 
 
-def _relative_position(telemetry: Telemetry) -> Channels:
-    truth, orbit = telemetry.truth, telemetry.flight.orbit
-    R_HN, _ = hill_frame(truth.r_TN_N, truth.v_TN_N)
-    return {
-        "rho_H": apply(R_HN, truth.r_ST_N),
-        "rho_estimate_H": apply(R_HN, -orbit.relative.r_TS_N),
-        "range_m": gradient_safe.norm(truth.r_ST_N),
-    }
+def _hill_sigma(tick: ObservedTick, P_N: Matrix) -> Vector:
+    """1-sigma along the Hill axes."""
+    PR = jnp.sum(P_N[None, :, :] * tick.R_HN[:, None, :], axis=2)
+    return gradient_safe.sqrt(jnp.sum(tick.R_HN * PR, axis=1))
 
 
-def _navigation_errors(telemetry: Telemetry) -> Channels:
-    truth, orbit = telemetry.truth, telemetry.flight.orbit
-    R_HN, _ = hill_frame(truth.r_TN_N, truth.v_TN_N)
-    servicer, relative = orbit_errors(telemetry)
-    servicer_error, relative_error = servicer[:3], relative[:3]
-    P_servicer, P_relative = orbit.servicer.covariance[:6, :6], orbit.relative.covariance[:6, :6]
-    nees_relative, _ = squared_mahalanobis_and_log_determinant(P_relative, relative)
-    nees_servicer, _ = squared_mahalanobis_and_log_determinant(P_servicer, servicer)
-    return {
-        "relative_error_H": apply(R_HN, relative_error),
-        "relative_sigma_H": _hill_sigma(R_HN, P_relative[:3, :3]),
-        "servicer_error_H": apply(R_HN, servicer_error),
-        "servicer_sigma_H": _hill_sigma(R_HN, P_servicer[:3, :3]),
-        "target_error_H": apply(R_HN, servicer_error + relative_error),
-        "target_sigma_H": _hill_sigma(R_HN, P_servicer[:3, :3] + P_relative[:3, :3]),
-        "nees": nees_servicer + nees_relative,
-        "nees_relative": nees_relative,
-    }
-
-
-def _innovations(telemetry: Telemetry) -> Channels:
-    """Decorrelated innovations divided by their sigma; NaN for rows that were not used."""
-    innovation = telemetry.innovation
-    used = innovation.weight > 0.5
-    sigmas = jnp.where(used, innovation.innovation / gradient_safe.sqrt(innovation.variance), jnp.nan)
-    return {"gps_innovation_sigmas": sigmas[:3], "box_innovation_sigmas": sigmas[3:]}
-
-
-def _camera(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channels:
-    truth, frame = telemetry.truth, telemetry.frame
-    vehicle = params.flight.vehicle
-    R_HN, _ = hill_frame(truth.r_TN_N, truth.v_TN_N)
-    edges = frame.box.edges
-    measured = camera_models.box_measurement(scenario, params, frame)
-    ray_K = jnp.concatenate([measured.tangent, jnp.ones(1, dtype=jnp.float64)])
-    q_KB = quaternion.normalize(vehicle.camera_mounting)
-    q_KN = quaternion.multiply(q_KB, telemetry.flight.attitude.q_BN)
-    ray_N = rotate(quaternion.conjugate(q_KN), gradient_safe.normalize(ray_K))
-    size = params.flight.navigation.target_size
-    return {
-        "box_present": frame.box.present,
-        "box_accepted": telemetry.innovation.accepted,
-        "box_outlier": frame.box.present & frame.outlier,
-        "box_truncated": frame.box.present & frame.box.truncated,
-        "observable": frame.observable,
-        "box_bearing_H": apply(R_HN, ray_N),
-        "box_range_m": size * jnp.exp(-measured.log_size),
-        "box_px": _corner_and_sides(edges),
-        "box_score": frame.score,
-        "outline_px": _corner_and_sides(frame.outline),
-    }
+def _box_bearing(tick: ObservedTick) -> Vector:
+    """Direction of the measured box in H, by the estimated attitude."""
+    ray_K = jnp.concatenate([tick.measured_box.tangent, jnp.ones(1, dtype=jnp.float64)])
+    q_KB = quaternion.normalize(tick.params.flight.vehicle.camera_mounting)
+    q_KN = quaternion.multiply(q_KB, tick.telemetry.flight.attitude.q_BN)
+    return apply(tick.R_HN, rotate(quaternion.conjugate(q_KN), gradient_safe.normalize(ray_K)))
 
 
 def _corner_and_sides(edges: Float[Array, "4"]) -> Float[Array, "4"]:
     return jnp.concatenate([edges[:2], edges[2:] - edges[:2]])
 
 
-def _expected_box(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channels:
-    """Box predicted by the orbit filter and its gate, NaN if the target is predicted behind the camera."""
-    expected = telemetry.innovation.expected_box
-    focal, sigmas = params.flight.vehicle.focal_px, params.flight.navigation.gate_sigma
-    center_px = jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=jnp.float64)
+def _expected_box(tick: ObservedTick) -> Vector:
+    """Centre and side of the box predicted by the orbit filter, NaN if the target is predicted behind the camera."""
+    expected, focal = tick.telemetry.innovation.expected_box, tick.params.flight.vehicle.focal_px
+    center_px = jnp.array([0.5 * tick.scenario.width_px, 0.5 * tick.scenario.height_px], dtype=jnp.float64)
     center = center_px + focal * expected.values[:2]
     side = focal * jnp.exp(expected.values[2:])
-    return {
-        "expected_px": jnp.where(expected.in_front, jnp.concatenate([center, side]), jnp.nan),
-        "gate_px": jnp.where(expected.in_front, sigmas * focal * gradient_safe.sqrt(expected.variance[:2]), jnp.nan),
-    }
+    return jnp.where(expected.in_front, jnp.concatenate([center, side]), jnp.nan)
 
 
-def _picture_geometry(telemetry: Telemetry) -> Channels:
-    """Window and poses of the image of a tick, from which it can be rendered again."""
-    truth = telemetry.truth
-    return {
-        "window_px": telemetry.frame.window,
-        "r_TN_N": truth.r_TN_N,
-        "r_ST_N": truth.r_ST_N,
-        "q_TN": truth.q_TN,
-        "q_BN": truth.q_BN,
-    }
+def _gate(tick: ObservedTick) -> Float[Array, "2"]:
+    """Half sides of the gate, NaN if the target is predicted behind the camera."""
+    expected, flight = tick.telemetry.innovation.expected_box, tick.params.flight
+    half_sides = flight.navigation.gate_sigma * flight.vehicle.focal_px * gradient_safe.sqrt(expected.variance[:2])
+    return jnp.where(expected.in_front, half_sides, jnp.nan)
 
 
-def _vehicle(params: Params, telemetry: Telemetry) -> Channels:
-    truth = telemetry.truth
-    ahead_N = boresight_N(params, truth)
-    line_N = -gradient_safe.normalize(truth.r_ST_N)
+def _pointing_error(tick: ObservedTick) -> Scalar:
+    """Angle from the boresight to the target [deg]."""
+    ahead_N, line_N = tick.boresight_and_line
     off = trigonometric_series.arctan2(
         gradient_safe.norm(vectors.cross(ahead_N, line_N)), jnp.sum(ahead_N * line_N, axis=0)
     )
-    return {
-        "mode": telemetry.mode.astype(jnp.int8),
-        "running": telemetry.running,
-        "pointing_error_deg": jnp.rad2deg(off),
-        "wheel_speed_fraction": truth.wheel_speed / params.plant.wheels.speed_limit,
-        "delta_v_m_s": truth.delta_v,
-        "mass_kg": truth.mass,
-    }
+    return jnp.rad2deg(off)
 
 
-def _passive_range(telemetry: Telemetry) -> Scalar:
+def _passive_range(tick: ObservedTick) -> Scalar:
     """Least range over one orbit of free drift from this tick [m]; evaluated once in ten ticks, else infinite."""
-    truth = telemetry.truth
+    truth = tick.truth
     # Outside of the branch, because other channels use it too.
-    frame = hill_frame(truth.r_TN_N, truth.v_TN_N)
+    frame = tick.hill_frame
 
-    def evaluate(_: None) -> Scalar:
+    def drift(_: None) -> Scalar:
         n = keplerian_elements.mean_motion(keplerian_elements.semi_major_axis(truth.r_TN_N, truth.v_TN_N))
         return clohessy_wiltshire.minimum_drift_distance(n, *inertial_to_hill(truth.r_ST_N, truth.v_ST_N, *frame))
 
-    due = telemetry.tick % _PASSIVE_RANGE_PERIOD == 0
-    return jax.lax.cond(due, evaluate, lambda _: jnp.full((), jnp.inf, dtype=jnp.float64), None)
+    due = tick.telemetry.tick % _PASSIVE_RANGE_PERIOD == 0
+    return jax.lax.cond(due, drift, lambda _: jnp.full((), jnp.inf, dtype=jnp.float64), None)
 
 
 _PASSIVE_RANGE_PERIOD = 10
 """Ticks between two evaluations of the free drift, about the duration of a burn."""
 
-
-def _hill_sigma(R_HN: Matrix, P_N: Matrix) -> Vector:
-    """1-sigma along the Hill axes."""
-    PR = jnp.sum(P_N[None, :, :] * R_HN[:, None, :], axis=2)
-    return gradient_safe.sqrt(jnp.sum(R_HN * PR, axis=1))
+_RELATIVE_POSITION: Final[ChannelFunctions] = {
+    "rho_H": lambda tick: apply(tick.R_HN, tick.truth.r_ST_N),
+    "rho_estimate_H": lambda tick: apply(tick.R_HN, -tick.telemetry.flight.orbit.relative.r_TS_N),
+    "range_m": lambda tick: gradient_safe.norm(tick.truth.r_ST_N),
+}
+_NAVIGATION: Final[ChannelFunctions] = {
+    "relative_error_H": lambda tick: apply(tick.R_HN, tick.orbit_errors[1][:3]),
+    "relative_sigma_H": lambda tick: _hill_sigma(tick, tick.relative_covariance[:3, :3]),
+    "servicer_error_H": lambda tick: apply(tick.R_HN, tick.orbit_errors[0][:3]),
+    "servicer_sigma_H": lambda tick: _hill_sigma(tick, tick.servicer_covariance[:3, :3]),
+    "target_error_H": lambda tick: apply(tick.R_HN, tick.orbit_errors[0][:3] + tick.orbit_errors[1][:3]),
+    "target_sigma_H": lambda tick: _hill_sigma(
+        tick, tick.servicer_covariance[:3, :3] + tick.relative_covariance[:3, :3]
+    ),
+    "nees": lambda tick: tick.servicer_density[0] + tick.relative_density[0],
+    "nees_relative": lambda tick: tick.relative_density[0],
+    "gps_innovation_sigmas": lambda tick: tick.innovation_sigmas[:3],
+    "box_innovation_sigmas": lambda tick: tick.innovation_sigmas[3:],
+}
+_CAMERA: Final[ChannelFunctions] = {
+    "box_present": lambda tick: tick.telemetry.frame.box.present,
+    "box_accepted": lambda tick: tick.telemetry.innovation.accepted,
+    "box_outlier": lambda tick: tick.telemetry.frame.box.present & tick.telemetry.frame.outlier,
+    "box_truncated": lambda tick: tick.telemetry.frame.box.present & tick.telemetry.frame.box.truncated,
+    "observable": lambda tick: tick.telemetry.frame.observable,
+    "box_bearing_H": _box_bearing,
+    "box_range_m": lambda tick: tick.params.flight.navigation.target_size * jnp.exp(-tick.measured_box.log_size),
+    "box_px": lambda tick: _corner_and_sides(tick.telemetry.frame.box.edges),
+    "box_score": lambda tick: tick.telemetry.frame.score,
+    "outline_px": lambda tick: _corner_and_sides(tick.telemetry.frame.outline),
+    "expected_px": _expected_box,
+    "gate_px": _gate,
+}
+_VEHICLE: Final[ChannelFunctions] = {
+    "mode": lambda tick: tick.telemetry.mode.astype(jnp.int8),
+    "running": lambda tick: tick.telemetry.running,
+    "pointing_error_deg": _pointing_error,
+    "wheel_speed_fraction": lambda tick: tick.truth.wheel_speed / tick.params.plant.wheels.speed_limit,
+    "delta_v_m_s": lambda tick: tick.truth.delta_v,
+    "mass_kg": lambda tick: tick.truth.mass,
+    "passive_range_m": _passive_range,
+}
+CHANNELS: Final[ChannelFunctions] = {
+    **_RELATIVE_POSITION,
+    **_NAVIGATION,
+    **_CAMERA,
+    **_VEHICLE,
+}
+"""Channels by name, as functions of a tick."""
+IMAGE_CHANNELS: Final[ChannelFunctions] = {
+    "window_px": lambda tick: tick.telemetry.frame.window,
+    "r_TN_N": lambda tick: tick.truth.r_TN_N,
+    "r_ST_N": lambda tick: tick.truth.r_ST_N,
+    "q_TN": lambda tick: tick.truth.q_TN,
+    "q_BN": lambda tick: tick.truth.q_BN,
+}
+"""Window and poses of the image of a tick, from which it can be rendered again."""

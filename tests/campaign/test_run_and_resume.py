@@ -20,8 +20,8 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, ResultError, RpojaxError
 from rpojax.flight.control import formation_law
 from rpojax.flight.stages import Stages
+from rpojax.metrics import metric_catalogue
 from rpojax.runtime.progress_bar import Progress
-from rpojax.scenario import metric_catalogue
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import trace_channels

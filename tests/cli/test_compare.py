@@ -8,8 +8,8 @@ import pytest
 from empty_campaign_folders import empty_campaign, synthetic_timing
 
 from rpojax.cli import main
+from rpojax.metrics.metric_catalogue import UNITS
 from rpojax.scenario.loading import scenario_loader
-from rpojax.scenario.metric_catalogue import UNITS
 
 RUNS = 40
 RNG = np.random.default_rng(0)

@@ -14,7 +14,7 @@ from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult
 from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings, scenario_at_horizon
 from rpojax.analysis.statistics.paired_comparison import RunMetrics
 from rpojax.cli import main
-from rpojax.scenario.metric_catalogue import UNITS
+from rpojax.metrics.metric_catalogue import UNITS
 from rpojax.scenario.schema import ScenarioFile
 
 RNG = np.random.default_rng(0)

@@ -23,12 +23,12 @@ from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_json
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.errors import RpojaxError
+from rpojax.metrics.metric_catalogue import DIFFERENTIABLE, METRICS
 from rpojax.runtime.progress_bar import busy
 from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 from rpojax.scenario.parameter_keys import component_columns
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.metrics.running_metric_definitions import RUNNING_METRICS
 
 LEADING = 5
 """Number of inputs that count as leading."""
@@ -183,11 +183,11 @@ def select_metrics(file: ScenarioFile, names: Sequence[str]) -> tuple[str, ...]:
     Raises:
         RpojaxError: a metric has no derivative, or there is none.
     """
-    known = RUNNING_METRICS
     for name in names:
-        if name not in known:
-            raise RpojaxError(f"--metric: found {name!r}, expected a metric with a derivative: {', '.join(known)}")
-    chosen = names or [each.metric for each in file.requirements if each.metric in known]
+        if name not in DIFFERENTIABLE:
+            known = ", ".join(DIFFERENTIABLE)
+            raise RpojaxError(f"--metric: found {name!r}, expected a metric with a derivative: {known}")
+    chosen = names or [each.metric for each in file.requirements if each.metric in DIFFERENTIABLE]
     if not chosen:
         raise RpojaxError("--metric: found none, expected one, for a scenario without requirements on such metrics")
     return tuple(dict.fromkeys(chosen))
@@ -223,7 +223,7 @@ def _metric_sensitivity(
     space: StandardNormalSpace, name: str, gradients: np.ndarray, at_median: np.ndarray, values: np.ndarray
 ) -> MetricSensitivity:
     """From gradients (runs, k) of a metric, that at the median run (k,), and the metric's values (runs,)."""
-    metric = RUNNING_METRICS[name]
+    metric = METRICS[name]
     groups = np.array(space.groups)
     shares = []
     for group in dict.fromkeys(space.groups):
@@ -239,7 +239,7 @@ def _metric_sensitivity(
         shares=tuple(sorted(shares, key=lambda share: (-share.trend, -share.sigma))),
         sigma=float(np.sqrt(np.mean(np.sum(gradients**2, axis=1)))),
         values=values,
-        kink=_KINKS.get(metric.reduction),
+        kink=_KINKS.get(str(metric.reduction)),
     )
 
 

@@ -79,7 +79,7 @@ class RolloutEvaluator:
 
     Attributes:
         file: the scenario
-        metric_names: from `running_metric_definitions.RUNNING_METRICS`
+        metric_names: from `metric_catalogue.METRICS`, without those that need whole records
         input_count: number of inputs, k
         runs_per_device: runs that a device simulates at once
         checkpoint_ticks: ticks from one kept state to the next in reverse mode

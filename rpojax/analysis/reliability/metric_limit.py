@@ -7,9 +7,8 @@ from typing import Literal
 import numpy as np
 
 from rpojax.errors import RpojaxError
-from rpojax.scenario.metric_catalogue import UNITS
+from rpojax.metrics.metric_catalogue import DIFFERENTIABLE, UNITS
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.metrics.running_metric_definitions import RUNNING_METRICS
 
 _ROUNDING = 1e-5
 """Fraction of the limit by which it must be exceeded: stored metrics are in single precision."""
@@ -84,7 +83,7 @@ def check_metric(option: str, name: str) -> None:
     Raises:
         RpojaxError: naming the option.
     """
-    known = [each for each in UNITS if each in RUNNING_METRICS]
+    known = [each for each in UNITS if each in DIFFERENTIABLE]
     if name not in known:
         what = "a metric with a derivative" if name in UNITS else "a metric"
         raise RpojaxError(f"{option}: found {name!r}, expected {what}: {', '.join(known)}")

@@ -13,9 +13,9 @@ from rpojax.analysis.reliability.metric_limit import MetricLimit
 from rpojax.analysis.reliability.simulated_limit_state import EvaluationCosts
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically, write_json
 from rpojax.campaign.storage.json_types import to_json_types
+from rpojax.metrics.metric_catalogue import UNITS
 from rpojax.scenario.dispersed_numbers import dispersion_keys, standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
-from rpojax.scenario.metric_catalogue import UNITS
 from rpojax.scenario.parameter_keys import nominal_value, parse_key
 from rpojax.scenario.schema import ScenarioFile
 

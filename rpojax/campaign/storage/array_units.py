@@ -1,6 +1,7 @@
 """Units of the arrays that a campaign stores."""
 
-from rpojax.scenario import key_units, metric_catalogue
+from rpojax.metrics import metric_catalogue
+from rpojax.scenario import key_units
 from rpojax.simulation.metrics import trace_channels
 
 

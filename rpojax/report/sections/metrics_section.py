@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from rpojax.metrics.metric_catalogue import worst_first
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.labels import in_display_order, metric_label
 from rpojax.report.number_format import format_number
-from rpojax.scenario.metric_catalogue import worst_first
 
 
 @dataclass(frozen=True)

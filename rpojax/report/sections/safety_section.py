@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from rpojax.analysis.statistics.intervals.binomial_intervals import clopper_pearson_interval
+from rpojax.metrics.metric_catalogue import worst_first
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.labels import metric_label
 from rpojax.report.number_format import format_number, with_unit
 from rpojax.report.run_independence import runs_are_independent
-from rpojax.scenario.metric_catalogue import worst_first
 from rpojax.simulation.failure import FAILURE_REASONS
 
 _KEEP_OUT = FAILURE_REASONS[2]

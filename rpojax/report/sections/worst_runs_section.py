@@ -2,11 +2,11 @@
 
 from typing import Any
 
+from rpojax.metrics.metric_catalogue import worst_first
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.key_metrics import select_key_metrics
 from rpojax.report.labels import metric_label
 from rpojax.report.number_format import format_number, with_unit
-from rpojax.scenario.metric_catalogue import worst_first
 
 _PLACES = ("worst", "2nd", "3rd", "4th", "5th")
 

@@ -1,51 +1,68 @@
-"""Metrics accumulated during the simulation, differentiable and without a history.
+"""Metrics accumulated during the simulation, differentiable and without a history, and a hash of its events.
 
-Those of the same name as in `metrics` have the same value. The others replace metrics without a useful derivative (a
-root mean square for a percentile), or are objectives of filter tuning.
+They have the same definitions as those of records. The quantities of a tick are in the precision of the simulation, and
+some of them are not recorded.
 """
 
-import math
 from collections.abc import Sequence
+from typing import Final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core.numerics import gradient_safe
+from rpojax.core import vectors
 from rpojax.core.pytree import pytree
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.scenario import metric_catalogue
+from rpojax.metrics import running_reduction
+from rpojax.metrics.metric_catalogue import METRICS
+from rpojax.metrics.metric_definition import Metric
+from rpojax.metrics.running_reduction import Accumulators
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
-from rpojax.simulation.metrics.running_metric_definitions import RUNNING_METRICS, MetricInputs, RunningMetric
+from rpojax.simulation.channels import CHANNELS, ChannelFunctions, ObservedTick, evaluate
 from rpojax.simulation.telemetry import Telemetry
 
 Scalar = Float[Array, ""]
 
+_QUANTITIES: Final[ChannelFunctions] = {
+    **CHANNELS,
+    "desired_position_H": lambda tick: tick.params.flight.formation.desired_position,
+    "log_determinant": lambda tick: tick.relative_density[1] + tick.servicer_density[1],
+    "innovation": lambda tick: tick.telemetry.innovation.innovation,
+    "innovation_variance": lambda tick: tick.telemetry.innovation.variance,
+    "innovation_used": lambda tick: tick.telemetry.innovation.weight > 0.5,
+    "box_received": lambda tick: tick.telemetry.innovation.accepted | tick.telemetry.innovation.rejected,
+    "image_area": lambda tick: (
+        tick.scenario.width_px * tick.scenario.height_px / tick.params.flight.vehicle.focal_px**2
+    ),
+    "pointing_error_sine_N": lambda tick: vectors.cross(*tick.boresight_and_line),
+}
+"""Channels and the other inputs of metrics, as functions of a tick."""
+
 
 @pytree
 class RunningSums:
-    """Accumulators, one row for each metric.
+    """What is accumulated over the ticks of a run.
 
     Attributes:
-        total: (metrics,) weighted sum, or extreme value
-        weight: (metrics,) sum of weights
+        accumulators: of the metrics
         pointing_ticks: () ticks for which the camera has pointed at the target
         event_hash: () uint32, hash of all accepted and rejected boxes and of the pointing modes
     """
 
-    total: Array
-    weight: Array
+    accumulators: Accumulators
     pointing_ticks: Array
     event_hash: Array
 
 
 def initial_sums(names: Sequence[str]) -> RunningSums:
-    """Accumulators before the first tick."""
-    first = {"min": math.inf, "max": -math.inf}
-    total = jnp.array([first.get(RUNNING_METRICS[name].reduction, 0.0) for name in names], dtype=jnp.float64)
+    """Sums before the first tick.
+
+    Raises:
+        RpojaxError: a metric needs whole records.
+    """
     return RunningSums(
-        total=total,
-        weight=jnp.zeros_like(total),
+        accumulators=running_reduction.initial_accumulators(_metrics(names)),
         pointing_ticks=jnp.zeros((), dtype=jnp.float64),
         event_hash=jnp.zeros((), dtype=jnp.uint32),
     )
@@ -54,23 +71,28 @@ def initial_sums(names: Sequence[str]) -> RunningSums:
 def add_tick(
     names: Sequence[str], scenario: Scenario, params: Params, telemetry: Telemetry, sums: RunningSums
 ) -> RunningSums:
-    """Accumulators after one more tick."""
+    """Sums after one more tick."""
+    metrics = _metrics(names)
     pointing_ticks = jnp.where(telemetry.mode == Mode.LOOK, sums.pointing_ticks + 1.0, 0.0)
-    settled = jnp.where(pointing_ticks > _settle_ticks(scenario, params), 1.0, 0.0)
-    inputs = MetricInputs(scenario, params, telemetry, settled)
-    totals, weights = [], []
-    for index, name in enumerate(names):
-        metric = RUNNING_METRICS[name]
-        value, weight = metric.evaluate(inputs)
-        weight = weight * _in_window(metric.window, scenario, telemetry.tick)
-        totals.append(_accumulate(metric, sums.total[index], value, weight))
-        weights.append(sums.weight[index] + weight)
+    inputs = {name for metric in metrics for name in metric.inputs} - {"is_settled"}
+    quantities = evaluate(_QUANTITIES, sorted(inputs), ObservedTick(scenario, params, telemetry))
+    quantities["is_settled"] = pointing_ticks > _settle_ticks(scenario, params)
     return RunningSums(
-        total=jnp.stack(totals),
-        weight=jnp.stack(weights),
+        accumulators=running_reduction.accumulate(
+            metrics, quantities, sums.accumulators, telemetry.tick, scenario.ticks, scenario.tick_s
+        ),
         pointing_ticks=pointing_ticks,
         event_hash=_updated_event_hash(sums.event_hash, telemetry),
     )
+
+
+def final_values(names: Sequence[str], sums: RunningSums) -> Float[Array, " metrics"]:
+    """Metrics in the order of `names`; 0 where no tick has any weight."""
+    return running_reduction.final_values(_metrics(names), sums.accumulators)
+
+
+def _metrics(names: Sequence[str]) -> list[Metric]:
+    return [METRICS[name] for name in names]
 
 
 def _updated_event_hash(events: Array, telemetry: Telemetry) -> Array:
@@ -80,40 +102,6 @@ def _updated_event_hash(events: Array, telemetry: Telemetry) -> Array:
         word.astype(jnp.uint32) for word in (innovation.accepted, innovation.rejected, telemetry.mode)
     )
     return events * jnp.uint32(1000003) + accepted + jnp.uint32(2) * rejected + jnp.uint32(4) * mode
-
-
-def final_values(names: Sequence[str], sums: RunningSums) -> Float[Array, " metrics"]:
-    """Metrics in the order of `names`; 0 where no tick has any weight."""
-    means = gradient_safe.safe_div(sums.total, sums.weight)
-    results = []
-    for index, name in enumerate(names):
-        match RUNNING_METRICS[name].reduction:
-            case "mean":
-                results.append(means[index])
-            case "rms":
-                results.append(gradient_safe.sqrt(means[index]))
-            case _:
-                results.append(sums.total[index])
-    return jnp.stack(results)
-
-
-def _accumulate(metric: RunningMetric, total: Scalar, value: Scalar, weight: Scalar) -> Scalar:
-    match metric.reduction:
-        case "min":
-            return jnp.where((weight > 0.0) & (value < total), value, total)
-        case "max":
-            return jnp.where((weight > 0.0) & (value > total), value, total)
-        case "end":
-            return value
-        case _:
-            # A value without weight may be undefined; excluded, it does not enter the derivative of the sum.
-            return total + weight * jnp.where(weight > 0.0, value, 0.0)
-
-
-def _in_window(window: str, scenario: Scenario, tick: Array) -> Scalar:
-    late, last = metric_catalogue.window_starts(scenario.ticks, scenario.tick_s)
-    first = {"all": 0, "late": late, "last": last}[window]
-    return jnp.where(tick >= first, 1.0, 0.0)
 
 
 def _settle_ticks(scenario: Scenario, params: Params) -> Scalar:

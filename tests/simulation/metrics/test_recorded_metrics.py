@@ -7,7 +7,7 @@ import pytest
 from synthetic_channel_records import SINGLE, TICKS, Records, perfect_run
 
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.scenario import metric_catalogue
+from rpojax.metrics import metric_catalogue
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import recorded_metrics

@@ -1,31 +1,39 @@
 """Metrics accumulated during the simulation against those of recorded channels."""
 
+from collections.abc import Iterator
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from synthetic_channel_records import SINGLE
 
 import rpojax
 from rpojax.campaign import single_run
+from rpojax.core.pytree import replace
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.scenario.metric_catalogue import UNITS
+from rpojax.metrics.metric_catalogue import METRICS
+from rpojax.metrics.metric_definition import Metric
 from rpojax.simulation.channels import Channels, compute_channels
 from rpojax.simulation.metrics import recorded_metrics, running_metrics
-from rpojax.simulation.metrics.running_metric_definitions import RUNNING_METRICS
 from rpojax.simulation.metrics.running_metrics import RunningSums
 from rpojax.simulation.state import State
 from rpojax.simulation.step import step
 
-SHARED = [name for name in RUNNING_METRICS if name in UNITS]
+ADDED = Metric(
+    "max_range_m", "m", title="Greatest range", meaning="Of the spacecraft.", inputs=("range_m",), reduction="max"
+)
+RUNNING = [name for name, metric in METRICS.items() if isinstance(metric.reduction, str)]
+SHARED = [name for name in RUNNING if METRICS[name].is_recorded]
 Results = tuple[dict[str, float], dict[str, np.ndarray], dict[str, np.ndarray]]
 
 
 @pytest.fixture(scope="module")
-def results() -> Results:
+def results() -> Iterator[Results]:
     """Accumulated metrics of a run of 240 s with a burn, metrics of its records, and the records."""
     file = rpojax.load("inspection", ["duration_s=240.0", "rates.formation_period_s=120.0"])
     scenario, params, state = single_run.initialise_run(file, seed=0, run_id=3)
-    names = tuple(RUNNING_METRICS)
+    names = (*RUNNING, ADDED.name)
 
     @jax.jit
     def simulate(state: State) -> tuple[jax.Array, Channels]:
@@ -39,15 +47,23 @@ def results() -> Results:
         (_, sums), channels = jax.lax.scan(body, start, None, length=scenario.ticks)
         return running_metrics.final_values(names, sums), channels
 
-    metrics, channels = simulate(state)
-    records = {name: np.asarray(values)[None] for name, values in channels.items()}
-    return dict(zip(names, map(float, metrics), strict=True)), recorded_metrics.evaluate(file, records), records
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(METRICS, ADDED.name, ADDED)
+        metrics, channels = simulate(state)
+        records = {name: np.asarray(values)[None] for name, values in channels.items()}
+        yield dict(zip(names, map(float, metrics), strict=True)), recorded_metrics.evaluate(file, records), records
 
 
 @pytest.mark.parametrize("name", SHARED)
 def test_a_metric_equals_that_of_the_records(name: str, results: Results) -> None:
     metrics, expected, _ = results
     np.testing.assert_allclose(metrics[name], expected[name][0], rtol=2e-5)
+
+
+def test_a_metric_that_is_added_to_the_catalogue_is_evaluated_in_both_ways(results: Results) -> None:
+    metrics, expected, records = results
+    assert expected["max_range_m"][0] == records["range_m"].max() > expected["min_range_m"][0]
+    np.testing.assert_allclose(metrics["max_range_m"], expected["max_range_m"][0], rtol=SINGLE)
 
 
 def test_the_run_has_a_burn_and_a_pointing_error(results: Results) -> None:
@@ -74,7 +90,9 @@ def test_a_metric_without_weight_is_zero_with_zero_derivative() -> None:
         return running_metrics.final_values(
             names,
             RunningSums(
-                total=sums.total * x, weight=sums.weight, pointing_ticks=sums.pointing_ticks, event_hash=sums.event_hash
+                accumulators=replace(sums.accumulators, total=sums.accumulators.total * x),
+                pointing_ticks=sums.pointing_ticks,
+                event_hash=sums.event_hash,
             ),
         )
 

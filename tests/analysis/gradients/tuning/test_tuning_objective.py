@@ -7,7 +7,7 @@ import pytest
 import rpojax
 from rpojax.analysis.gradients.tuning.tuning_objective import PART_METRICS, Objective
 from rpojax.errors import ScenarioError
-from rpojax.simulation.metrics.running_metric_definitions import RUNNING_METRICS
+from rpojax.metrics.metric_catalogue import DIFFERENTIABLE
 
 RNG = np.random.default_rng(2)
 
@@ -24,7 +24,7 @@ def gradient(made: Objective, metrics: np.ndarray, mask: np.ndarray | None = Non
 
 def test_all_parts_are_weights_of_the_scenario_and_need_existing_metrics() -> None:
     assert set(PART_METRICS) == set(rpojax.load("inspection").tuning.model_dump())
-    assert {name for names in PART_METRICS.values() for name in names} <= set(RUNNING_METRICS)
+    assert {name for names in PART_METRICS.values() for name in names} <= set(DIFFERENTIABLE)
 
 
 def test_an_error_counts_by_its_logarithm() -> None:

@@ -1,0 +1,102 @@
+"""Metrics of the consistency of the orbit filter: NEES, NIS, whiteness of innovations, and 3-sigma bounds."""
+
+from types import ModuleType
+from typing import Final
+
+from rpojax.metrics import record_statistics
+from rpojax.metrics.metric_definition import Metric, Quantity, WeightedValue
+
+
+def _complete_innovation(xp: ModuleType, sigmas: Quantity) -> WeightedValue:
+    """Decorrelated innovation in sigmas, of the ticks with all rows."""
+    complete = xp.all(xp.isfinite(sigmas), axis=-1)
+    return WeightedValue(xp.where(complete[..., None], sigmas, 0.0).astype(float), complete)
+
+
+def _innovation_squared(xp: ModuleType, sigmas: Quantity) -> WeightedValue:
+    """Normalised innovation squared, of the ticks with all rows."""
+    rows, complete = _complete_innovation(xp, sigmas)
+    return WeightedValue(xp.sum(rows * rows, axis=-1), complete)
+
+
+METRICS: Final = (
+    Metric(
+        "nees_mean",
+        "-",
+        title="NEES, both spacecraft",
+        meaning="Mean normalised estimation error squared of the 12 position and velocity components; "
+        "12 is consistent.",
+        inputs=("nees",),
+        reduction="mean",
+        has_derivative=True,
+    ),
+    Metric(
+        "nees_relative_mean",
+        "-",
+        title="NEES, relative",
+        meaning="Mean normalised estimation error squared of the 6 components of the relative state; 6 is consistent.",
+        inputs=("nees_relative",),
+        reduction="mean",
+        has_derivative=True,
+    ),
+    Metric(
+        "nis_gps_mean",
+        "-",
+        title="NIS, GPS",
+        meaning="Mean normalised innovation squared of the three GPS coordinates; 3 is consistent.",
+        inputs=("gps_innovation_sigmas",),
+        value=_innovation_squared,
+        reduction="mean",
+        has_derivative=True,
+    ),
+    Metric(
+        "nis_box_mean",
+        "-",
+        title="NIS, box",
+        meaning="Mean normalised innovation squared of bearing and size of the accepted, untruncated boxes; "
+        "3 is consistent.",
+        inputs=("box_innovation_sigmas",),
+        value=_innovation_squared,
+        reduction="mean",
+        has_derivative=True,
+    ),
+    Metric(
+        "gps_innovation_lag1",
+        "-",
+        title="Whiteness, GPS",
+        meaning="Correlation of normalised GPS innovations one tick apart; 0 for a consistent filter.",
+        inputs=("gps_innovation_sigmas",),
+        value=_complete_innovation,
+        reduction=record_statistics.lag_1_autocorrelation,
+    ),
+    Metric(
+        "box_innovation_lag1",
+        "-",
+        title="Whiteness, box",
+        meaning="Correlation of normalised box innovations one tick apart; 0 for a consistent filter.",
+        inputs=("box_innovation_sigmas",),
+        value=_complete_innovation,
+        reduction=record_statistics.lag_1_autocorrelation,
+    ),
+    Metric(
+        "sigma3_coverage",
+        "-",
+        title="3-sigma coverage",
+        meaning="Fraction of seconds and Hill axes in which the relative position error is inside 3 sigma; "
+        "a normal error gives 0.9973.",
+        inputs=("relative_error_H", "relative_sigma_H"),
+        value=lambda xp, error, sigma: xp.abs(error) <= 3.0 * sigma,
+        reduction="mean",
+        low_is_bad=True,
+    ),
+    Metric(
+        "error_over_sigma3_peak",
+        "-",
+        title="Worst error over 3 sigma",
+        meaning="Largest relative position error over its own 3-sigma bound, any axis and time.",
+        inputs=("relative_error_H", "relative_sigma_H"),
+        value=lambda xp, error, sigma: xp.abs(error) / (3.0 * sigma),
+        reduction="max",
+    ),
+)
+"""Rows of an innovation are decorrelated, so that a consistent filter has a mean of its squared norm of 3."""

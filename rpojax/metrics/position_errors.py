@@ -1,0 +1,54 @@
+"""Metrics of position errors: of the formation, and of navigation."""
+
+from typing import Final
+
+from rpojax.metrics.metric_definition import Metric
+
+_LAST_WINDOW = "over the last 1000 s or third of the run"
+_LATE_WINDOW = "from 1000 s (or a third of a shorter run) to the end"
+
+METRICS: Final = (
+    Metric(
+        "formation_error_rms_m",
+        "m",
+        title="Formation error",
+        meaning=f"RMS distance of the true relative position from the desired one, {_LAST_WINDOW}; "
+        "estimation error is part of it.",
+        inputs=("rho_H", "desired_position_H"),
+        value=lambda _, rho, desired: rho - desired,
+        reduction="rms",
+        window="last",
+        has_derivative=True,
+    ),
+    Metric(
+        "nav_relative_position_error_rms_m",
+        "m",
+        title="Relative navigation error",
+        meaning=f"RMS 3-D error of the estimated position of the servicer from the target, {_LATE_WINDOW}.",
+        inputs=("relative_error_H",),
+        reduction="rms",
+        window="late",
+        has_derivative=True,
+    ),
+    Metric(
+        "nav_servicer_position_error_rms_m",
+        "m",
+        title="Servicer navigation error",
+        meaning=f"RMS 3-D error of the servicer's estimated absolute position, {_LATE_WINDOW}.",
+        inputs=("servicer_error_H",),
+        reduction="rms",
+        window="late",
+        has_derivative=True,
+    ),
+    Metric(
+        "nav_target_position_error_rms_m",
+        "m",
+        title="Target navigation error",
+        meaning=f"RMS 3-D error of the target's estimated absolute position, {_LATE_WINDOW}.",
+        inputs=("target_error_H",),
+        reduction="rms",
+        window="late",
+        has_derivative=True,
+    ),
+)
+"""Errors count at all ticks of the window, whether the target is visible or not."""

@@ -1,0 +1,60 @@
+"""Reduction of metrics over recorded quantities, summed in order of time."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from rpojax.errors import RpojaxError
+from rpojax.metrics.metric_definition import Floats, Metric, RunTiming
+from rpojax.metrics.record_statistics import ratio, sum_in_time
+from rpojax.metrics.time_windows import first_tick
+
+
+def reduce_records(metric: Metric, records: Mapping[str, np.ndarray], timing: RunTiming) -> Floats:
+    """Metric (runs,), NaN where undefined, from quantities (runs, ticks) or (runs, ticks, components).
+
+    Raises:
+        RpojaxError: the metric is evaluated during the simulation alone.
+    """
+    if not metric.is_recorded:
+        raise RpojaxError(f"{metric.name}: found records, expected accumulation during the simulation")
+    ticks = records[metric.inputs[0]].shape[1]
+    window = slice(first_tick(metric.window, ticks, timing.tick_s), None)
+    weighted = metric.weighted_value(np, {name: records[name][:, window] for name in metric.inputs})
+    if callable(metric.reduction):
+        return metric.reduction(weighted, timing)
+    value, weight = weighted
+    over_ticks_and_components = tuple(range(1, value.ndim))
+    match metric.reduction:
+        case "mean":
+            return _mean(value, weight)
+        case "rms":
+            return np.sqrt(_mean(_squared_norm(value), weight))
+        case "sum":
+            return _sum(value, weight)
+        case "min":
+            return _counted(value, weight, np.inf).min(axis=over_ticks_and_components).astype(float)
+        case "max":
+            return _counted(value, weight, -np.inf).max(axis=over_ticks_and_components).astype(float)
+        case "end":
+            return value[:, -1].astype(float)
+
+
+def _squared_norm(value: np.ndarray) -> np.ndarray:
+    squares = np.square(value, dtype=float)
+    return squares.sum(axis=2) if value.ndim == 3 else squares
+
+
+def _counted(value: np.ndarray, weight: np.ndarray | None, neutral: float) -> np.ndarray:
+    """The value, `neutral` where it has no weight."""
+    return value if weight is None else np.where(weight, value, value.dtype.type(neutral))
+
+
+def _sum(value: np.ndarray, weight: np.ndarray | None) -> Floats:
+    weighted = value if weight is None else _counted(value, weight, 0.0) * weight
+    return sum_in_time(weighted.sum(axis=2, dtype=float) if value.ndim == 3 else weighted)
+
+
+def _mean(value: np.ndarray, weight: np.ndarray | None) -> Floats:
+    total = _sum(value, weight)
+    return total / np.prod(value.shape[1:]) if weight is None else ratio(total, sum_in_time(weight))

@@ -1,0 +1,36 @@
+"""Metrics of the trajectory: velocity change, range, and range of the free drift."""
+
+from typing import Final
+
+from rpojax.metrics.metric_definition import Metric
+
+METRICS: Final = (
+    Metric(
+        "delta_v_m_s",
+        "m/s",
+        title="Delta-v",
+        meaning="Velocity change that the thruster applied over the whole run.",
+        inputs=("delta_v_m_s",),
+        reduction="end",
+        has_derivative=True,
+    ),
+    Metric(
+        "min_range_m",
+        "m",
+        title="Minimum range",
+        meaning="Smallest true distance of the two spacecraft.",
+        inputs=("range_m",),
+        reduction="min",
+        low_is_bad=True,
+        has_derivative=True,
+    ),
+    Metric(
+        "passive_range_m",
+        "m",
+        title="Passive range",
+        meaning="Smallest distance within one orbit of free drift after a loss of thrust at any time.",
+        inputs=("passive_range_m",),
+        reduction="min",
+        low_is_bad=True,
+    ),
+)
