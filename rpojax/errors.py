@@ -31,3 +31,7 @@ class ResultError(RpojaxError):
 
 class UnfinishedError(RpojaxError):
     """A campaign could not be completed; finished blocks are kept, and it can be resumed."""
+
+
+class BatchingError(RpojaxError):
+    """A function or its arguments cannot be batched over the last axis; RPOJAX_BATCHING=jax chooses `jax.vmap`."""

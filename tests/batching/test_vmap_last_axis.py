@@ -1,4 +1,4 @@
-"""`vmap` over the last axis equals `jax.vmap`, and keeps the batch in the last axis of intermediate arrays."""
+"""`vmap` over the last axis keeps the batch there in intermediate arrays, and refuses what it does not honour."""
 
 from collections.abc import Callable
 from typing import Any
@@ -7,8 +7,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.experimental import io_callback
 
 from rpojax.batching import vmap_last_axis
+from rpojax.errors import BatchingError
 
 BATCH_SIZE = 7
 X = np.random.default_rng(1).normal(size=(3, BATCH_SIZE))
@@ -97,7 +99,7 @@ def test_shared_results_have_no_batch_axis() -> None:
 
 
 def test_a_batched_result_cannot_be_declared_shared() -> None:
-    with pytest.raises(ValueError, match="out_axes"):
+    with pytest.raises(BatchingError, match="out_axes"):
         vmap_last_axis.vmap(lambda x: x * 2.0, (-1,), None)(X)
 
 
@@ -112,55 +114,10 @@ def test_stacking_components_needs_no_transposition() -> None:
     assert "transpose" not in text
 
 
-def test_repeated_operations_are_evaluated_once() -> None:
-    """Also across functions and the branches of a conditional, but not between a loop and its surroundings."""
-    again = jax.jit(lambda x: jnp.sin(x * 2.0) * 3.0)
-
-    def function(x: Any, m: Any, s: Any) -> Any:
-        def body(carry: Any, row: Any) -> Any:
-            return carry + row * jnp.sin(s * 2.0), None
-
-        chosen = jax.lax.cond(s > 0.0, lambda: jnp.sin(x * 2.0), lambda: -jnp.sin(x * 2.0))
-        return (
-            again(x) + again(x) + chosen,
-            jax.lax.scan(body, jnp.sin(s * 2.0), m[0])[0] + jnp.sin(s * 2.0),
-            s[None] * 7.0,
-        )
-
-    every = vmap_last_axis.vmap(function, (-1, -1, -1), -1)
-    traced = str(jax.make_jaxpr(every)(X, M, S))
-    assert traced.count(" sin ") == 3  # of x, of s, and of s in the loop
-    for found, expected in zip(every(X, M, S), jax.vmap(function, -1, -1)(X, M, S), strict=True):
-        np.testing.assert_allclose(found, expected, rtol=1e-14)
-
-
 def test_shared_arrays_are_broadcast_once() -> None:
     every = vmap_last_axis.vmap(lambda x: (x[0] * 2.0 + 2.0, x * 2.0, x - 2.0), (-1,), -1)
     traced = str(jax.make_jaxpr(every)(X))
     assert traced.count("broadcast_in_dim") == 2  # as a number and as three
-
-
-def similar_operations(x: Any, m: Any) -> Any:
-    """Operations that differ only in the sign of zero, the type of zero, the position or the width."""
-    signs = x / 0.0, x / -0.0
-    kinds = x > 0.0, jnp.round(x).astype(int) > 0, jnp.zeros(3) + x, jnp.zeros(3, dtype=int) + jnp.round(x).astype(int)
-    widths = [jax.lax.bitcast_convert_type(x, kind) for kind in (jnp.uint64, jnp.uint32)]
-    return signs, kinds, (x[0:2], x[1:3], m[0], m[:, 0]), widths
-
-
-def test_similar_operations_are_not_merged() -> None:
-    every = vmap_last_axis.vmap(similar_operations, (-1, -1), -1)
-    expected = jax.vmap(similar_operations, (-1, -1), -1)(jnp.abs(X), M)
-    for found, wanted in zip(jax.tree.leaves(every(jnp.abs(X), M)), jax.tree.leaves(expected), strict=True):
-        np.testing.assert_array_equal(found, wanted)
-
-
-def test_the_same_array_batched_and_shared_is_not_merged() -> None:
-    square = jnp.asarray(X[:, :3])
-    many, common = vmap_last_axis.vmap(lambda a, b: (jnp.sin(a), jnp.sin(b)), (-1, None), (-1, None))(square, square)
-    np.testing.assert_array_equal(many, common)
-    summed, _ = vmap_last_axis.vmap(lambda a, b: (jnp.sin(a)[0], jnp.sin(b)), (-1, None), (-1, None))(square, square)
-    np.testing.assert_array_equal(summed, jnp.sin(square)[0])
 
 
 def test_named_scopes_are_kept() -> None:
@@ -188,3 +145,110 @@ def test_custom_derivatives_are_kept() -> None:
     np.testing.assert_array_equal(every(X), X)
     np.testing.assert_array_equal(jax.grad(lambda x: jnp.sum(every(x)))(X), np.full_like(X, 5.0))
     np.testing.assert_array_equal(jax.jvp(every, (X,), (X,))[1], 5.0 * X)
+
+
+def test_rematerialised_functions_stay_so() -> None:
+    """Reverse mode evaluates them again, under the policy of the function."""
+    policy = jax.checkpoint_policies.everything_saveable
+    every = vmap_last_axis.vmap(jax.checkpoint(jnp.sin, policy=policy, prevent_cse=False), (-1,), -1)
+    traced = jax.make_jaxpr(jax.grad(lambda x: jnp.sum(every(x))))(X)
+    (kept,) = [equation for equation in jax.make_jaxpr(every)(X).eqns if "policy" in equation.params]
+    assert (kept.params["policy"], kept.params["prevent_cse"]) == (policy, False)
+    again = vmap_last_axis.vmap(jax.checkpoint(lambda x: jnp.sin(jnp.sin(x))), (-1,), -1)
+    traced = str(jax.make_jaxpr(jax.grad(lambda x: jnp.sum(again(x))))(X))
+    plain = vmap_last_axis.vmap(lambda x: jnp.sin(jnp.sin(x)), (-1,), -1)
+    assert traced.count(" sin ") == 1 + str(jax.make_jaxpr(jax.grad(lambda x: jnp.sum(plain(x))))(X)).count(" sin ")
+
+
+def test_numbers_of_python_keep_the_type_of_arrays() -> None:
+    every = vmap_last_axis.vmap(lambda x, factor: x * factor, (-1, None), -1)
+    assert every(jnp.asarray(X, jnp.float32), 2.0).dtype == jnp.float32
+    assert every(jnp.asarray(X, jnp.float32), 2).dtype == jnp.float32
+
+
+def test_random_keys_are_batched() -> None:
+    keys = jax.random.split(jax.random.key(5), BATCH_SIZE)
+    function = jax.jit(vmap_last_axis.vmap(lambda key: jax.random.normal(jax.random.fold_in(key, 3), (2,)), (-1,), -1))
+    expected = jax.vmap(lambda key: jax.random.normal(jax.random.fold_in(key, 3), (2,)), out_axes=-1)(keys)
+    np.testing.assert_array_equal(function(keys), expected)
+
+
+@pytest.mark.parametrize(
+    ("in_axes", "arguments", "found"),
+    [
+        ((0,), (X,), "found 0, expected -1 or None"),
+        ((1,), (X,), "found 1"),
+        (({"a": -1},), ({"a": X, "b": X},), "found another tree"),
+        ((-1, -1), (X,), "found another tree"),
+        ((None,), (X,), "no argument with a batch axis"),
+        ((-1,), (np.zeros((3, 0)),), r"batches of \[0\] elements"),
+        ((-1, -1), (X, X[:, 1:]), r"batches of \[6, 7\] elements"),
+        ((-1, -1), (X, 2.0), "found -1 for a number"),
+    ],
+)
+def test_axes_that_are_not_honoured_are_refused(in_axes: Any, arguments: Any, found: str) -> None:
+    with pytest.raises(BatchingError, match=found):
+        vmap_last_axis.vmap(lambda *values: values[0], in_axes, -1)(*arguments)
+
+
+def test_other_axes_of_results_are_refused() -> None:
+    with pytest.raises(BatchingError, match="out_axes: found 0"):
+        vmap_last_axis.vmap(lambda x: x, (-1,), 0)(X)
+
+
+def printing(x: Any) -> Any:
+    """A function that prints."""
+    jax.debug.print("{}", x)
+    return x
+
+
+def speaking(x: Any) -> Any:
+    """A function that calls the host in order, in a branch."""
+
+    def call() -> Any:
+        jax.debug.callback(print, x, ordered=True)
+        return x
+
+    return jax.lax.cond(x[0] > 0.0, call, lambda: x)
+
+
+def asking(x: Any) -> Any:
+    """A function that asks the host in a loop."""
+    kind = jax.ShapeDtypeStruct((), float)
+    return jax.lax.scan(lambda c, e: (c + io_callback(np.sin, kind, e), None), jnp.zeros(()), x)[0]
+
+
+def remembering(x: Any) -> Any:
+    """A function that writes to an array of its own."""
+    memory = jax.new_ref(jnp.zeros(3))
+    memory[...] += x
+    return jax.freeze(memory)
+
+
+@pytest.mark.parametrize(
+    ("function", "kind"), [(printing, "DebugEffect"), (speaking, "OrderedDebugEffect"), (asking, "IOEffect")]
+)
+def test_effects_are_refused(function: Any, kind: str) -> None:
+    with pytest.raises(BatchingError, match=rf"effects \({kind}\)"):
+        vmap_last_axis.vmap(function, (-1,), -1)(X)
+
+
+def test_references_are_refused() -> None:
+    with pytest.raises(BatchingError, match="effects"):
+        vmap_last_axis.vmap(remembering, (-1,), -1)(X)
+
+
+NAMED = [lambda x: jax.lax.psum(x, "runs"), lambda x: x * jax.lax.axis_index("runs").astype(float)]
+
+
+@pytest.mark.parametrize("function", NAMED)
+def test_named_axes_are_refused(function: Any) -> None:
+    every = vmap_last_axis.vmap(function, (-1,), -1)
+    with pytest.raises(BatchingError, match="NamedAxisEffect"):
+        jax.vmap(every, axis_name="runs")(np.stack([X, X]))
+
+
+def test_unknown_functions_within_a_function_are_refused() -> None:
+    composite = jax.lax.composite(jnp.sin, "rpojax.sine")
+    with pytest.raises(BatchingError, match="primitive 'composite'"):
+        vmap_last_axis.vmap(composite, (-1,), -1)(X)
