@@ -20,7 +20,8 @@ def shared_programs() -> Iterator[None]:
     compile_engine = BatchEngine.compile
 
     def compile_once(engine: BatchEngine) -> None:
-        key = (engine._segment_file.model_dump_json(), engine.runs_per_device, tuple(engine.devices))
+        content = engine._segment_file.model_dump_json()
+        key = (content, engine.runs_per_device, tuple(engine.devices), engine.batching)
         if key not in programs:
             compile_engine(engine)
             programs[key] = engine._programs

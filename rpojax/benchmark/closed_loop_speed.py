@@ -7,6 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from rpojax.batching.batching_mode import BatchingMode
 from rpojax.benchmark import compile_time, timing
 from rpojax.benchmark.timing import REPEATS, ElapsedTime
 from rpojax.campaign import experiment_design
@@ -74,12 +75,14 @@ def check_batches(batches: Sequence[int]) -> None:
         raise RpojaxError(f"--runs: found {list(batches)}, expected batch sizes from 1")
 
 
-def compile_engine(file: ScenarioFile, batch: int, devices: Sequence[Any] | None = None) -> BatchEngine:
+def compile_engine(
+    file: ScenarioFile, batch: int, devices: Sequence[Any] | None = None, batching: BatchingMode | None = None
+) -> BatchEngine:
     """Compiled engine that simulates `batch` runs at once, divided evenly among the devices."""
     used = list(jax.devices() if devices is None else devices)[:batch]
     size = -(-batch // len(used))
     design = experiment_design.make_design(file, 0, RunRange(0, size * len(used)))
-    engine = BatchEngine(file, size, used, design=design)
+    engine = BatchEngine(file, size, used, design=design, batching=batching)
     engine.compile()
     return engine
 

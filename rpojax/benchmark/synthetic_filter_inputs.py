@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.batching import vmap_last_axis
+from rpojax.batching import batching_mode
 from rpojax.campaign import single_run
 from rpojax.core import quaternion
 from rpojax.core.numerics import gradient_safe
@@ -115,4 +115,4 @@ def simulate_measurements(
 
 def batch_last_axis(function: Callable[..., Any], in_axes: tuple[int | None, ...]) -> Callable[..., Any]:
     """A function of one run, batched over the last axes of its arguments and results."""
-    return vmap_last_axis.vmap(function, in_axes, -1)
+    return batching_mode.transform()(function, in_axes, -1)

@@ -75,8 +75,10 @@ def run_campaign(
     resource_estimates.check_resources(file, runs, size, len(used_devices), history_count, Path(out))
     design = experiment_design.make_design(file, seed, run_range or RunRange(first_run, runs))
     records = (retention.to_record(), replaced_stage_provenance.replaced_stages(stages or Stages()), design.record())
-    configuration = campaign_configuration.new_configuration(file, seed, runs, first_run, size, *records, report)
     engine = BatchEngine(file, size, used_devices, stages, design)
+    configuration = campaign_configuration.new_configuration(
+        file, seed, runs, first_run, size, *records, report, engine.batching
+    )
     _check_channels(retention, engine)
     campaign = _open_folder(Path(out), configuration, force, shared=shard is not None)
     chosen = executor(campaign) if executor else LocalExecutor(campaign, engine)

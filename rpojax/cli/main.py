@@ -8,7 +8,7 @@ full, or blocks were given up after three workers died of them; 130 interrupted.
 stored, and `rpojax resume` continues.
 
 Environment: compiled programs are kept in the user's cache folder unless RPOJAX_CACHE=off. There is one host device for
-each core unless XLA_FLAGS says how many.
+each core unless XLA_FLAGS says how many. RPOJAX_BATCHING=jax batches runs by jax.vmap, which is slower.
 """
 
 import os

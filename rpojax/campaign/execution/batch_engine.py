@@ -16,7 +16,8 @@ import numpy as np
 from jax.stages import Traced
 from jaxtyping import Array
 
-from rpojax.campaign.execution.tick_batching import batch_transform, state_axes
+from rpojax.batching.batching_mode import BatchingMode
+from rpojax.campaign.execution.tick_batching import batch_transform, state_axes, tick_batching_mode
 from rpojax.campaign.experiment_design import Design, has_independent_runs
 from rpojax.core import random_streams
 from rpojax.errors import RpojaxError
@@ -100,6 +101,7 @@ class BatchEngine:
         devices: all of the process by default
         stages: stages of the flight software
         design: values assigned to the runs; needed unless they are independent draws
+        batching: how a tick is batched over the runs, by default as the environment says
 
     Raises:
         RpojaxError: the runs depend on a design, and there is none.
@@ -112,12 +114,14 @@ class BatchEngine:
         devices: Sequence[Any] | None = None,
         stages: Stages | None = None,
         design: Design | None = None,
+        batching: BatchingMode | None = None,
     ) -> None:
         if design is None and not has_independent_runs(file):
             raise RpojaxError(f"design: found none, expected that of the campaign for {file.design.kind!r}")
         self.design = design
         self.file = file
         self.scenario = static_settings(file, allow_single=True)
+        self.batching: BatchingMode = tick_batching_mode(self.scenario, batching)
         self.is_single_precision = file.precision == "single"
         self.runs_per_device = runs_per_device or default_block_size(file)
         self.devices = list(devices if devices is not None else jax.devices())
@@ -288,7 +292,9 @@ class BatchEngine:
             return after, compute_channels(self._segment_scenario, dispersed, seen)
 
         axes = state_axes(-1)
-        batched_tick = batch_transform(self._segment_scenario)(tick, in_axes=(-1, axes), out_axes=(axes, -1))
+        batched_tick = batch_transform(self._segment_scenario, self.batching)(
+            tick, in_axes=(-1, axes), out_axes=(axes, -1)
+        )
         runs_last = {name: jnp.moveaxis(value, 0, -1) for name, value in values.items()}
         after, channels = jax.lax.scan(
             lambda carry, _: batched_tick(runs_last, carry), state, None, length=self.segment_ticks

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from rpojax.batching import batching_mode
 from rpojax.campaign import experiment_design, replaced_stage_provenance
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.storage.campaign_configuration import package_versions
@@ -18,10 +19,11 @@ _REPRODUCIBILITY_PACKAGES = ("rpojax", "jax")
 def recreate_engine(
     configuration: Mapping[str, Any], devices: Sequence[Any], stages: Stages | None = None
 ) -> BatchEngine:
-    """Engine with the scenario, block size, design and stages of a campaign's `campaign.json`.
+    """Engine with the scenario, block size, batching, design and stages of a campaign's `campaign.json`.
 
     Raises:
-        RpojaxError: the scenario, its trained files or the stages are not those of the campaign.
+        RpojaxError: the scenario, its trained files or the stages are not those of the campaign, or its batching is
+            unknown.
     """
     file = scenario_loader.validate(configuration["scenario"])
     if scenario_digest(file) != configuration["scenario_hash"]:
@@ -29,9 +31,10 @@ def recreate_engine(
             "scenario: found another content or trained files, expected those that the campaign began with"
         )
     replaced_stage_provenance.check_same_stages(configuration["stages"], stages or Stages())
-    return BatchEngine(
-        file, configuration["block_size"], devices, stages, experiment_design.recreate_design(file, configuration)
-    )
+    design = experiment_design.recreate_design(file, configuration)
+    # Campaigns that do not record it began when there was no choice.
+    batching = batching_mode.check_mode("batching", configuration.get("batching", batching_mode.DEFAULT_MODE))
+    return BatchEngine(file, configuration["block_size"], devices, stages, design, batching)
 
 
 def check_versions(recorded: Mapping[str, str]) -> None:

@@ -10,6 +10,8 @@ import jax
 import numpy as np
 import zarr
 
+from rpojax.batching import batching_mode
+from rpojax.batching.batching_mode import BatchingMode
 from rpojax.campaign.storage import campaign_json
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
@@ -26,6 +28,7 @@ def new_configuration(
     stages: Mapping[str, Any] | None = None,
     design: Mapping[str, Any] | None = None,
     report: bool = False,
+    batching: BatchingMode = batching_mode.DEFAULT_MODE,
 ) -> dict[str, Any]:
     """Content of `campaign.json`.
 
@@ -39,6 +42,7 @@ def new_configuration(
         stages: records of the replaced stages
         design: record of the experiment design, by default that of just these runs
         report: whether a report is wanted
+        batching: how a tick is batched over the runs
     """
     return {
         "format": campaign_json.FORMAT_VERSION,
@@ -54,6 +58,7 @@ def new_configuration(
         "stages": dict(stages or {}),
         "design": dict(design or {"first_run": first_run, "runs": runs}),
         "report": report,
+        "batching": batching,
         "dtype": "float32" if file.precision == "single" else "float64",
         **provenance(len(jax.devices())),
     }

@@ -37,7 +37,17 @@ _RANGES = {
     "first_run": (0, MAX_RUN_ID),
     "block_size": (1, MAX_RUN_ID),
 }
-_SHARED_ENTRIES = ("scenario_hash", "seed", "runs", "first_run", "block_size", "histories", "stages", "design")
+_SHARED_ENTRIES = (
+    "scenario_hash",
+    "seed",
+    "runs",
+    "first_run",
+    "block_size",
+    "histories",
+    "stages",
+    "design",
+    "batching",
+)
 """Entries that must be equal for processes that share one folder."""
 
 
@@ -98,7 +108,6 @@ def check_compatible(directory: Path, found: Mapping[str, Any], expected: Mappin
         ResultError: naming the entry that differs.
     """
     for key in _SHARED_ENTRIES:
-        if found[key] != expected[key]:
-            raise ResultError(
-                f"{directory}: found {key} {found[key]!r:.80}, expected {expected[key]!r:.80} to share the folder"
-            )
+        if found.get(key) != expected.get(key):
+            difference = f"found {key} {found.get(key)!r:.80}, expected {expected.get(key)!r:.80}"
+            raise ResultError(f"{directory}: {difference} to share the folder")

@@ -11,7 +11,7 @@ from rpojax.analysis.linear_covariance.linearisation import target_outline_ensem
 from rpojax.analysis.linear_covariance.linearisation.deviation_vector import DeviationLayout
 from rpojax.analysis.linear_covariance.linearisation.target_outline_ensemble import RelativeBox, TargetEnsemble
 from rpojax.analysis.linear_covariance.linearisation.tick_noise_vector import TickNoiseVector
-from rpojax.batching import vmap_last_axis
+from rpojax.batching import batching_mode
 from rpojax.core.frames import hill_frame
 from rpojax.core.pytree import pytree
 from rpojax.core.pytree import replace as replace_leaves
@@ -159,7 +159,7 @@ class LinearisedLoop:
             def along(direction: Array) -> Array:
                 return jax.jvp(step, (vector,), (direction,))[1]
 
-            return vmap_last_axis.vmap(along, in_axes=-1, out_axes=-1)(jnp.eye(vector.size))
+            return batching_mode.transform()(along, in_axes=-1, out_axes=-1)(jnp.eye(vector.size))
 
         return jax.lax.map(jacobian, (states, noises, relative_boxes))
 

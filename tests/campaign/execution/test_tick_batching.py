@@ -1,0 +1,139 @@
+"""A tick batched over the last axis is the tick batched by `jax.vmap`, with its derivatives; campaigns record which."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.batching import batching_mode
+from rpojax.batching.batching_mode import BatchingMode
+from rpojax.campaign import run_and_resume
+from rpojax.campaign.execution import campaign_engine
+from rpojax.campaign.execution.batch_engine import BatchEngine
+from rpojax.campaign.execution.tick_batching import state_axes, tick_batching_mode
+from rpojax.errors import RpojaxError
+from rpojax.flight.computer import Stages
+from rpojax.scenario.dispersed_numbers import dispersed_values
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.static_settings import Scenario
+from rpojax.simulation.channels import compute_channels
+from rpojax.simulation.step import step
+
+RUNS, TICKS = 3, 3
+SAME = 1e-12
+"""Relative rounding differences of two programs of the same loop after `TICKS`."""
+SMALL_DIFFERENCES = {"bias_B": 1.0}
+"""Leaves that are differences of much larger numbers -> magnitude of these: a gyro bias is one of rates [rad/s]."""
+SMALL_PICTURE = ("camera.model=rendered", "camera.width_px=32", "camera.height_px=32")
+
+
+def directions(tree: Any) -> Any:
+    """Random directions of change of all floating-point numbers, each in proportion to the largest of its leaf."""
+    random = np.random.default_rng(0)
+
+    def one(leaf: Any) -> np.ndarray:
+        if not jnp.issubdtype(leaf.dtype, jnp.floating):
+            return np.zeros(leaf.shape, jax.dtypes.float0)
+        return np.asarray(random.normal(size=leaf.shape) * largest(leaf), leaf.dtype)
+
+    return jax.tree.map(one, tree)
+
+
+def largest(leaf: Any) -> float:
+    """Magnitude of the largest finite number of a leaf."""
+    return float(np.max(np.abs(np.where(np.isfinite(leaf), leaf, 0.0)), initial=0.0))
+
+
+def simulate(engine: BatchEngine, mode: BatchingMode, values: Any, state: Any) -> Any:
+    """State and channels after some ticks, and their change along `directions` of dispersed values and state."""
+    nominal = jax.tree.map(jnp.asarray, engine._nominal)
+    scenario, axes = engine.scenario, state_axes(-1)
+
+    def tick(values: Any, state: Any) -> Any:
+        params = dispersed_values.apply_to_params(nominal, values)
+        after, telemetry = step(scenario, params, state, Stages())
+        return after, compute_channels(scenario, params, telemetry)
+
+    batched = batching_mode.transform(mode)(tick, in_axes=(-1, axes), out_axes=(axes, -1))
+
+    @jax.jit
+    def advance(values: Any, state: Any, tangents: Any) -> Any:
+        def ticks(values: Any, state: Any) -> Any:
+            return jax.lax.scan(lambda carry, _: batched(values, carry), state, None, length=TICKS)
+
+        return jax.jvp(ticks, (values, state), tangents)
+
+    return jax.tree.map(np.asarray, advance(values, state, directions((values, state))))
+
+
+def assert_both_ways_agree(name: str, overrides: Sequence[str] = ()) -> None:
+    """Asserts that both ways of batching have the same state, channels and derivatives after some ticks.
+
+    Floating-point numbers may differ by `SAME` of the largest number of their leaf, of all runs and components: a
+    component that happens to be near zero is the sum of larger ones. Times, flags, decisions and keys are equal.
+    """
+    file = scenario_loader.load(name, [f"duration_s={TICKS}", *overrides])
+    engine = BatchEngine(file, RUNS, jax.devices()[:1])
+    drawn, _, state = engine._compiled_preparation(*engine._preparation_inputs(0, np.arange(RUNS)))
+    values = {key: jnp.moveaxis(value, 0, -1) for key, value in drawn.items()}
+    ours, theirs = (simulate(engine, mode, values, state) for mode in ("last_axis", "jax"))
+    assert int(ours[0][0].tick) == TICKS
+    for (path, found), expected in zip(jax.tree.leaves_with_path(ours), jax.tree.leaves(theirs), strict=True):
+        leaf = jax.tree_util.keystr(path)
+        assert (found.shape, found.dtype) == (expected.shape, expected.dtype), leaf
+        if not jnp.issubdtype(found.dtype, jnp.floating):
+            assert found.dtype == jax.dtypes.float0 or np.array_equal(found, expected), leaf
+            continue
+        scale = max(largest(expected), SMALL_DIFFERENCES.get(path[-1].name if hasattr(path[-1], "name") else "", 0.0))
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=SAME * scale, err_msg=leaf)
+
+
+def test_a_batched_tick_is_that_of_vmap_with_its_derivatives() -> None:
+    assert_both_ways_agree("inspection")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in scenario_loader.packaged_names() if name != "inspection"])
+def test_a_batched_tick_of_other_scenarios_is_that_of_vmap(name: str) -> None:
+    assert_both_ways_agree(name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("camera", [("camera.model=statistical",), SMALL_PICTURE], ids=["statistical", "rendered"])
+def test_a_batched_tick_with_other_cameras_is_that_of_vmap(camera: tuple[str, ...]) -> None:
+    assert_both_ways_agree("inspection", camera)
+
+
+def test_an_engine_batches_as_the_environment_says(mission: ScenarioFile, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert BatchEngine(mission, 1).batching == "last_axis"
+    monkeypatch.setenv(batching_mode.VARIABLE, "jax")
+    assert BatchEngine(mission, 1).batching == "jax"
+    assert BatchEngine(mission, 1, batching="last_axis").batching == "last_axis"
+
+
+def test_rendered_cameras_are_always_batched_by_jax(inspection: Scenario) -> None:
+    assert tick_batching_mode(inspection, "last_axis") == "last_axis"
+    assert tick_batching_mode(replace(inspection, camera_model="rendered"), "last_axis") == "jax"
+
+
+def test_a_campaign_records_its_batching_and_goes_on_with_it(
+    mission: ScenarioFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_and_resume, "simulate_missing_blocks", lambda *_: None)
+    monkeypatch.setenv(batching_mode.VARIABLE, "jax")
+    campaign = run_and_resume.run_campaign(mission, 1, tmp_path / "runs", progress=False)
+    assert json.loads((tmp_path / "runs" / "campaign.json").read_text())["batching"] == "jax"
+    monkeypatch.delenv(batching_mode.VARIABLE)
+    configuration = dict(campaign.configuration)
+    assert campaign_engine.recreate_engine(configuration, jax.devices()[:1]).batching == "jax"
+    del configuration["batching"]  # as an earlier version wrote it
+    assert campaign_engine.recreate_engine(configuration, jax.devices()[:1]).batching == "last_axis"
+    with pytest.raises(RpojaxError, match="batching: found 'other', expected one of last_axis, jax"):
+        campaign_engine.recreate_engine({**configuration, "batching": "other"}, jax.devices()[:1])
