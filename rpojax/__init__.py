@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from rpojax.errors import RpojaxError
     from rpojax.flight.stages import Stages
     from rpojax.report.page.html_report import write_report
+    from rpojax.runtime.jax_environment import prepare_process
     from rpojax.scenario.loading.scenario_loader import load
     from rpojax.scenario.params import Params
     from rpojax.scenario.schema import ScenarioFile
@@ -57,6 +58,7 @@ _MODULE_OF = {
     "load": "scenario.loading.scenario_loader",
     "nominal_parameters": "campaign.single_run",
     "open_campaign": "campaign.storage.xarray_dataset",
+    "prepare_process": "runtime.jax_environment",
     "resume_campaign": "campaign.run_and_resume",
     "rollout": "simulation.rollout",
     "run_campaign": "campaign.run_and_resume",
@@ -91,6 +93,7 @@ __all__ = [
     "load",
     "nominal_parameters",
     "open_campaign",
+    "prepare_process",
     "resume_campaign",
     "rollout",
     "run_campaign",

@@ -16,7 +16,7 @@ NAMES = {
     *("load", "ScenarioFile", "Scenario", "Params", "State", "Telemetry", "Stages", "RpojaxError"),
     *("nominal_parameters", "initialise_run", "run_key", "init", "step", "rollout", "simulate"),
     *("run_campaign", "resume_campaign", "open_campaign", "Campaign", "Retention", "Shard", "RunRange"),
-    "write_report",
+    *("write_report", "prepare_process"),
     *("gradient", "tune", "linear_covariance", "sensitivity", "worst_case", "compare"),
 }
 SHOW_PROGRESS = (

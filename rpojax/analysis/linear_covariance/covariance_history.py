@@ -12,7 +12,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from rpojax.analysis.linear_covariance.analysis_setup import AnalysisSetup
 from rpojax.analysis.linear_covariance.linearisation import dispersion_linearisation
@@ -25,6 +24,7 @@ from rpojax.analysis.linear_covariance.nominal_recursion import (
 )
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
+from rpojax.runtime import blas_threads
 from rpojax.scenario.schema import ScenarioFile
 
 ENSEMBLE_SIZE = 256
@@ -124,7 +124,7 @@ def _propagate_periods(setup: AnalysisSetup, max_hold_ticks: int) -> list[Period
     records: list[PeriodRecord] = []
     # The recursion along one period overlaps with the nominal run of the next. Its matrices are small: BLAS with
     # threads of its own would take twice as long and keep the other cores from the Jacobians.
-    with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(2) as pool:
+    with blas_threads.one_thread(), ThreadPoolExecutor(2) as pool:
         recursions = [NominalRecursion(setup, each, max_hold_ticks, pool) for each in setup.initial_conditions]
         pending: list[list[Future[PeriodRecord]]] = []
         for first in range(0, static.ticks, static.formation_ticks):

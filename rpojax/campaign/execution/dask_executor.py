@@ -1,7 +1,6 @@
 """Executor that simulates blocks on a Dask cluster, whose workers see the campaign folder under the same path."""
 
 import functools
-import os
 import threading
 import uuid
 from collections.abc import Mapping, Sequence
@@ -16,14 +15,10 @@ from rpojax.campaign.execution.executor import MAX_ATTEMPTS, ExecutorProgressCal
 from rpojax.campaign.storage import campaign_json
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError, UnfinishedError
+from rpojax.runtime import jax_configuration
 
 _LOCK = threading.Lock()
 """Held while a block is simulated: the threads of a Dask worker take turns."""
-_FORWARDED_VARIABLES = (
-    *("XLA_FLAGS", "JAX_COMPILATION_CACHE_DIR", "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"),
-    "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES",
-)
-"""Environment variables that are sent to workers, for those that do not set them."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +50,7 @@ class DaskExecutor:
     def _submit(self, client: Any, blocks: Sequence[int]) -> dict[Any, int]:
         """Task -> block."""
         folder, token = str(self.campaign.directory.resolve()), uuid.uuid4().hex[:8]
-        environment = {name: os.environ[name] for name in _FORWARDED_VARIABLES if name in os.environ}
+        environment = jax_configuration.sent_variables()
         options = {"pure": False, "retries": MAX_ATTEMPTS - 1}
         return {
             client.submit(simulate_block, folder, block, environment, key=f"rpojax-{token}-{block}", **options): block
@@ -98,16 +93,7 @@ def simulate_block(directory: str, block: int, environment: dict[str, str]) -> t
     Returns:
         `done` and the number of failed runs, or the kind and text of an error
     """
-    for name, value in environment.items():
-        if name in os.environ:
-            continue
-        if not name.startswith("JAX_"):
-            # Read when the first program is compiled: equal flags give equal programs and thereby equal numbers.
-            os.environ[name] = value
-        else:
-            # jax has read its variables when it was imported.
-            kind = {"DIR": str, "SECS": float, "BYTES": int}[name.rpartition("_")[2]]
-            jax.config.update(name.lower(), kind(value))
+    jax_configuration.apply_variables(environment)
     try:
         with _LOCK:
             content = Path(directory, campaign_json.FILE_NAME).read_bytes()

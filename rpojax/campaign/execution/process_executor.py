@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import subprocess
 import sys
 import tempfile
@@ -16,6 +15,7 @@ from rpojax.campaign.execution.executor import MAX_ATTEMPTS, ExecutorProgressCal
 from rpojax.campaign.storage import campaign_json
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError, UnfinishedError
+from rpojax.runtime import jax_environment
 
 
 @dataclass(frozen=True)
@@ -172,11 +172,9 @@ def _run_worker(
 
 
 def _start_worker(directory: str, devices: int, cores: Sequence[int], errors: IO[bytes]) -> "subprocess.Popen[str]":
-    flags = re.sub(r"--xla_force_host_platform_device_count=\S*", "", os.environ.get("XLA_FLAGS", ""))
-    flags = f"{flags} --xla_force_host_platform_device_count={devices}".strip()
     return subprocess.Popen(
         [sys.executable, "-m", "rpojax.campaign.execution.worker_process", directory, ",".join(map(str, cores))],
-        env={**os.environ, "XLA_FLAGS": flags},
+        env=jax_environment.environment_with_devices(devices),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=errors,

@@ -13,6 +13,7 @@ import threading
 from collections.abc import Sequence
 
 from rpojax.errors import RpojaxError
+from rpojax.runtime import jax_environment
 
 
 def send(*message: object) -> None:
@@ -49,8 +50,7 @@ def serve(directory: str) -> None:
 
 def main(arguments: Sequence[str]) -> None:
     """Serves the campaign folder `arguments[0]` on the cores listed in `arguments[1]`."""
-    if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {int(core) for core in arguments[1].split(",")})
+    jax_environment.bind_to_cores({int(core) for core in arguments[1].split(",")})
     try:
         serve(arguments[0])
     except RpojaxError as error:

@@ -1,7 +1,6 @@
 """The command `rpojax bench`: speed of the closed loop, its kernels and the rendered camera on this machine."""
 
 import json
-import os
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -13,7 +12,7 @@ from rpojax.cli.arguments import AsJson, Overrides, Source, load
 from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
 from rpojax.errors import RpojaxError
-from rpojax.runtime.jax_environment import LOOP_FUSION_FLAG, prepare_jax, set_loop_fusion_flag
+from rpojax.runtime.jax_environment import environment_without_loop_fusion, prepare_jax, set_loop_fusion_flag
 from rpojax.runtime.progress_bar import busy
 
 if TYPE_CHECKING:
@@ -72,9 +71,8 @@ def bench(
 
 def _vision_in_own_process() -> dict[str, Any]:
     """Figures of rendering and detection, measured in a separate process."""
-    flags = os.environ["XLA_FLAGS"].replace(LOOP_FUSION_FLAG, "")
     words = [sys.executable, "-m", "rpojax", "bench", "--only", "vision", "--json"]
-    done = subprocess.run(words, env={**os.environ, "XLA_FLAGS": flags}, capture_output=True, text=True, check=False)
+    done = subprocess.run(words, env=environment_without_loop_fusion(), capture_output=True, text=True, check=False)
     if done.returncode:
         raise RpojaxError(f"--only vision: found {done.stderr.strip()[-200:]!r}, expected figures")
     return {"vision": json.loads(done.stdout)["vision"]}

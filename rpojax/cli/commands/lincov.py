@@ -1,6 +1,5 @@
 """The command `rpojax lincov`: mean and spread of a scenario's runs without sampling them."""
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +9,7 @@ from rpojax.cli.arguments import AsJson, NoCache, Out, Overrides, Seed, Source, 
 from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim
+from rpojax.runtime import blas_threads
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def lincov(
     for name in (_RECORD, _ARRAYS, *_FIGURES):
         claim(out / name, force)
     # The matrices are small: threads of the linear algebra would only wait for each other.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    blas_threads.start_with_one_thread()
     file = load(scenario, overrides)
     prepare_jax(cache=not no_cache)
     set_loop_fusion_flag(rendered=False)

@@ -1,6 +1,5 @@
 """Live run: publishes its measurements and estimates, and takes commands of chosen stages from external nodes."""
 
-import gc
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from rpojax.interop.cosimulation.live_publisher import LiveMessages
 from rpojax.interop.cosimulation.live_settings import ExternalStage, LiveSettings
 from rpojax.interop.cosimulation.message_exchange import MessageExchange
 from rpojax.interop.ros2.message_builders import nanoseconds
+from rpojax.runtime import garbage_collection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation import initial_state
 from rpojax.simulation.channels import Channels
@@ -82,22 +82,18 @@ def simulate_live(
     write_line("waiting for external nodes")
     exchange.wait_for_nodes(settings.wait_s)
     write_line("running")
-    # All objects that exist now live to the end; the garbage collector need not scan them.
-    gc.collect()
-    gc.freeze()
     clock: LockstepClock | RealTimeClock = LockstepClock(settings.timeout_s)
     if settings.real_time_factor is not None:
         clock = RealTimeClock(settings.real_time_factor, nanoseconds(run.scenario.step_s), settings.timeout_s)
     commands = CommandInput(settings, run.limits, exchange, clock, events)
     wall, cpu, stop_reason = time.perf_counter(), time.process_time(), ""
     try:
-        while run.is_running:
-            exchange.count_type_mismatches()
-            run.tick(commands)
+        with garbage_collection.existing_objects_spared():
+            while run.is_running:
+                exchange.count_type_mismatches()
+                run.tick(commands)
     except UnfinishedError as error:
         stop_reason = str(error)
-    finally:
-        gc.unfreeze()
     return LiveRunResult(
         ticks=run.ticks,
         steps=run.ticks * run.scenario.substeps,

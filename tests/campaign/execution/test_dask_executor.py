@@ -4,12 +4,14 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+import jax
 import pytest
 from empty_campaign_folders import empty_campaign, synthetic_block, synthetic_timing
 
 from rpojax.campaign.execution import block_runner, dask_executor
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError
+from rpojax.runtime import jax_configuration
 from rpojax.scenario.schema import ScenarioFile
 
 
@@ -62,8 +64,8 @@ def test_worker_applies_all_forwarded_variables(campaign: Campaign, monkeypatch:
     monkeypatch.setattr(block_runner, "simulate_and_store", lambda *_: 0)
     monkeypatch.setattr(dask_executor, "_campaign_and_engine", lambda directory, _: (Campaign(directory), None))
     updated: dict[str, object] = {}
-    monkeypatch.setattr(dask_executor.jax.config, "update", updated.__setitem__)
-    environment = dict.fromkeys(dask_executor._FORWARDED_VARIABLES, "7")
+    monkeypatch.setattr(jax.config, "update", updated.__setitem__)
+    environment = dict.fromkeys(jax_configuration._SENT_VARIABLES, "7")
     for name in environment:
         monkeypatch.setenv(name, "")
         monkeypatch.delenv(name)
