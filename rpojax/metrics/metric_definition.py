@@ -16,7 +16,8 @@ Window = Literal["all", "late", "last"]
 Reduction = Literal["mean", "rms", "sum", "min", "max", "end"]
 """Reduction over time that can be accumulated tick by tick.
 
-`rms` is that of the norm over components; the others are over ticks and components alike.
+`rms` is that of the norm over components, `end` the scalar value at the last tick; the others are over ticks and
+components alike.
 """
 
 
