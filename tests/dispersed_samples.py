@@ -7,7 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.core import random_streams
-from rpojax.dispersions import dispersion_kinds
+from rpojax.dispersions.kinds.attitude import RandomAttitude
+from rpojax.dispersions.kinds.choice import Choice
+from rpojax.dispersions.kinds.direction import RandomDirection
+from rpojax.dispersions.kinds.log_normal import LogNormal
+from rpojax.dispersions.kinds.normal import Normal
+from rpojax.dispersions.kinds.small_rotation import SmallRotation
+from rpojax.dispersions.kinds.truncated_normal import TruncatedNormal
+from rpojax.dispersions.kinds.uniform import Uniform
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.schema import ScenarioFile
 
@@ -18,14 +25,14 @@ LAST_DIGITS = 1e-13
 """Programs may differ in fused multiply-add operations."""
 
 ONE_OF_EACH = (
-    dispersion_kinds.Normal(key="initial.relative_position_m", kind="normal", sigma=[1.0, 2.0, 0.0]),
-    dispersion_kinds.TruncatedNormal(key="servicer.mass_kg", kind="truncated_normal", sigma=2.0, limit_sigmas=1.5),
-    dispersion_kinds.Uniform(key="orbit.true_anomaly_deg", kind="uniform", low=-30.0, high=90.0),
-    dispersion_kinds.LogNormal(key="gps.noise_m", kind="log_normal", sigma=0.4),
-    dispersion_kinds.Choice(key="target.tumble_rate_deg_s", kind="choice", values=[0.0, 1.0, 5.0]),
-    dispersion_kinds.RandomDirection(key="target.tumble_axis", kind="direction"),
-    dispersion_kinds.RandomAttitude(key="target.attitude", kind="attitude"),
-    dispersion_kinds.SmallRotation(key="camera.mounting", kind="small_rotation", sigma_deg=[1.0, 2.0, 3.0]),
+    Normal(key="initial.relative_position_m", kind="normal", sigma=[1.0, 2.0, 0.0]),
+    TruncatedNormal(key="servicer.mass_kg", kind="truncated_normal", sigma=2.0, limit_sigmas=1.5),
+    Uniform(key="orbit.true_anomaly_deg", kind="uniform", low=-30.0, high=90.0),
+    LogNormal(key="gps.noise_m", kind="log_normal", sigma=0.4),
+    Choice(key="target.tumble_rate_deg_s", kind="choice", values=[0.0, 1.0, 5.0]),
+    RandomDirection(key="target.tumble_axis", kind="direction"),
+    RandomAttitude(key="target.attitude", kind="attitude"),
+    SmallRotation(key="camera.mounting", kind="small_rotation", sigma_deg=[1.0, 2.0, 3.0]),
 )
 
 

@@ -20,7 +20,7 @@ from rpojax.analysis.statistics.intervals.order_statistics import runs_for_bound
 from rpojax.campaign.single_run import initialise_run
 from rpojax.core.random_streams import Stream
 from rpojax.dispersions.designs.design_kinds import Design
-from rpojax.dispersions.dispersion_kinds import Dispersion
+from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.errors import RpojaxError
 from rpojax.field_types import Section
 from rpojax.metrics import metric_catalogue

@@ -24,7 +24,7 @@ from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
 from rpojax.dispersions.designs.sobol_sequence import sobol_sequence
 from rpojax.dispersions.designs.table_of_cases import table_rows, table_size
 from rpojax.errors import ResultError, RpojaxError
-from rpojax.scenario.dispersed_numbers.dispersion_keys import coordinate_count, design_keys, dispersion_name
+from rpojax.scenario.dispersed_numbers.dispersion_keys import coordinate_count, design_keys
 from rpojax.scenario.parameter_keys import nominal_value, parse_key
 from rpojax.scenario.schema import ScenarioFile
 
@@ -70,7 +70,7 @@ def make_design(file: ScenarioFile, seed: int, run_range: RunRange) -> Design:
         RpojaxError: a table or grid has fewer runs, or the design takes too much memory.
     """
     check_size(file, run_range)
-    counts = {dispersion_name(entry): coordinate_count(file, entry) for entry in file.dispersions}
+    counts = {entry.name: coordinate_count(file, entry) for entry in file.dispersions}
     match file.design:
         case LatinHypercubeDesign():
             return Design(run_range, latin_hypercube(counts, seed, run_range))

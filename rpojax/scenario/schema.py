@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 
 from rpojax.dispersions.designs.design_kinds import Design, IndependentDesign
-from rpojax.dispersions.dispersion_kinds import Dispersion
+from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.field_types import Epoch, Finite, Positive, Section
 from rpojax.metrics.metric_catalogue import UNITS
 from rpojax.scenario.sections import (

@@ -17,7 +17,7 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.core import random_streams
 from rpojax.dispersions.designs.design_kinds import Design
 from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
-from rpojax.dispersions.dispersion_kinds import Dispersion
+from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.errors import ResultError, RpojaxError
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.loading import scenario_loader

@@ -30,7 +30,7 @@ def correlated(mission: ScenarioFile, unit: np.ndarray | None, covariance: np.nd
     """Errors (runs, 3) of three correlated numbers, with random keys or at coordinates."""
     entry = {"kind": "correlated_normal", "keys": KEYS, "covariance": covariance.tolist()}
     file = scenario_loader.validate(mission.model_dump() | {"dispersions": [entry]})
-    name = dispersion_keys.dispersion_name(file.dispersions[0])
+    name = file.dispersions[0].name
 
     def one(run_id: jax.Array, row: jax.Array) -> jax.Array:
         assigned = {} if unit is None else {name: row}

@@ -121,7 +121,7 @@ class WorstCase:
         space, z = self.space, self.reported_point.z
         entries = []
         for entry in space.mapped:
-            name = dispersion_keys.dispersion_name(entry)
+            name = entry.name
             rows = space.slices[name]
             keys = list(dict.fromkeys(parameter.key for parameter in dispersion_keys.assigned_keys(entry)))
             entries.append(

@@ -4,7 +4,7 @@ import numpy as np
 
 from rpojax.dispersions.designs.design_kinds import GridDesign
 from rpojax.dispersions.designs.run_range import RunRange
-from rpojax.physics import equipment_faults
+from rpojax.dispersions.listed_values import listed_numbers
 
 
 def grid_size(grid: GridDesign) -> int:
@@ -18,5 +18,5 @@ def grid_points(grid: GridDesign, run_range: RunRange) -> dict[str, np.ndarray]:
     points = {}
     for key, values in reversed(grid.values.items()):
         rest, digit = np.divmod(rest, len(values))
-        points[key] = np.array([equipment_faults.kind_code(value) for value in values], dtype=np.float64)[digit]
+        points[key] = listed_numbers(values)[digit]
     return points

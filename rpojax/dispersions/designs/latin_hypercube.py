@@ -5,8 +5,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from rpojax.dispersions.coordinate_source import clip_to_open_interval
 from rpojax.dispersions.designs.run_range import RunRange
-from rpojax.dispersions.random_source import clip_to_open_interval
 
 _STREAM = 1
 """Separates the random numbers from those of other designs."""

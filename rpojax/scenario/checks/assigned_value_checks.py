@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import numpy as np
 from pydantic import ValidationError
 
 from rpojax.errors import ScenarioError
@@ -18,16 +17,6 @@ def check_key_exists(file: ScenarioFile, where: str, text: str) -> None:
     """Refuses a key that names no number of the scenario."""
     if nominal_value(file, parse_key(text)) is None:
         raise ScenarioError(where, text, _EXPECTED_KEY)
-
-
-def check_listed_values(where: str, key: str, values: list[Any], shape: tuple[int, ...]) -> None:
-    """Refuses values of another shape than the key's, and numbers where names are needed or the reverse."""
-    named = any(isinstance(value, str) for value in values)
-    if named != (key == "fault.kind"):
-        raise ScenarioError(where, values[:5], "kinds of fault" if key == "fault.kind" else "numbers")
-    odd = [value for value in values if np.shape(value) != shape]
-    if odd:
-        raise ScenarioError(where, odd[0], f"values of shape {shape}")
 
 
 def check_acceptable(

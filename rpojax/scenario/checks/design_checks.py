@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 
 from rpojax.dispersions.designs.design_kinds import GridDesign, TableDesign
+from rpojax.dispersions.listed_values import check_listed_values
 from rpojax.errors import ScenarioError
 from rpojax.scenario.checks.assigned_value_checks import (
     CATEGORICAL_KEYS,
     check_acceptable,
     check_key_exists,
-    check_listed_values,
 )
 from rpojax.scenario.dispersed_numbers.dispersion_keys import assigned_keys
 from rpojax.scenario.parameter_keys import ParameterKey, nominal_of_key, nominal_value, parse_key

@@ -9,12 +9,17 @@ from jaxtyping import Array
 
 from rpojax.core import random_streams
 from rpojax.core.random_streams import Stream
-from rpojax.dispersions.dispersion_kinds import CorrelatedNormal, Derived
-from rpojax.dispersions.distributions import correlated_errors, sample
-from rpojax.dispersions.random_source import CoordinateSource, KeySource
+from rpojax.dispersions.coordinate_source import CoordinateSource
+from rpojax.dispersions.key_source import KeySource
+from rpojax.dispersions.kinds.derived import Derived
 from rpojax.scenario import params as parameters
-from rpojax.scenario.dispersed_numbers.dispersion_keys import design_keys, dispersion_name, evaluation_order
-from rpojax.scenario.parameter_keys import ParameterKey, expand_vectors, nominal_value, parse_key
+from rpojax.scenario.dispersed_numbers.dispersion_keys import (
+    assigned_parts,
+    design_keys,
+    evaluation_order,
+    nominal_numbers,
+)
+from rpojax.scenario.parameter_keys import ParameterKey, nominal_value, parse_key
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 
@@ -33,19 +38,16 @@ def draw(file: ScenarioFile, run_key: Array, assigned: Mapping[str, Array]) -> V
     for text in design_keys(file):
         _set_value(file, values, parse_key(text), assigned[text])
     entries = evaluation_order(file)
-    names = [dispersion_name(entry) for entry in entries]
+    names = [entry.name for entry in entries]
     for entry, name, key in zip(entries, names, _random_keys(stream, names), strict=True):
-        source = CoordinateSource(assigned[name]) if name in assigned else KeySource(key)
-        match entry:
-            case Derived():
-                _set_value(file, values, parse_key(entry.key), _derived_value(file, values, entry))
-            case CorrelatedNormal():
-                components = expand_vectors(file, entry.keys)
-                for parameter, error in zip(components, correlated_errors(entry, source), strict=True):
-                    _set_value(file, values, parameter, _nominal(file, parameter) + error)
-            case _:
-                parameter = parse_key(entry.key)
-                _set_value(file, values, parameter, sample(entry, _nominal(file, parameter), source))
+        nominal = nominal_numbers(file, entry)
+        if isinstance(entry, Derived):
+            value = entry.value(nominal.shape, [_value_of(file, values, parse_key(term.key)) for term in entry.terms])
+        else:
+            source = CoordinateSource(assigned[name]) if name in assigned else KeySource(key)
+            value = entry.draw(jnp.asarray(nominal), source)
+        for parameter, part in assigned_parts(file, entry, value):
+            _set_value(file, values, parameter, part)
     return values
 
 
@@ -68,16 +70,10 @@ def _set_value(file: ScenarioFile, values: Values, parameter: ParameterKey, valu
         values[parameter.key] = whole.at[parameter.index].set(value)
 
 
-def _derived_value(file: ScenarioFile, values: Values, entry: Derived) -> Array:
-    """Offset plus a linear combination of values of the run."""
-    shape = np.shape(nominal_value(file, parse_key(entry.key)))
-    total = jnp.broadcast_to(jnp.asarray(entry.offset, dtype=jnp.float64), shape)
-    for term in entry.terms:
-        parameter = parse_key(term.key)
-        value = values.get(parameter.key, _nominal(file, ParameterKey(parameter.key, None)))
-        component = value if parameter.index is None else value[parameter.index]
-        total = total + jnp.broadcast_to(term.factor * component, shape)
-    return total
+def _value_of(file: ScenarioFile, values: Values, parameter: ParameterKey) -> Array:
+    """Value of a key in the run, nominal if nothing has set it."""
+    value = values.get(parameter.key, _nominal(file, ParameterKey(parameter.key, None)))
+    return value if parameter.index is None else value[parameter.index]
 
 
 def apply_to_params(params: Params, values: Values) -> Params:

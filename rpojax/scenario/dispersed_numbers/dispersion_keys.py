@@ -1,27 +1,21 @@
 """Keys of a scenario that vary from run to run, and the order in which their values are computed; free of JAX."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from rpojax.dispersions.designs.design_kinds import GridDesign, TableDesign
-from rpojax.dispersions.dispersion_kinds import CorrelatedNormal, Derived, Dispersion
+from rpojax.dispersions.kinds.derived import Derived
+from rpojax.dispersions.kinds.dispersion_kind import DispersionKind, RandomKind
 from rpojax.errors import ScenarioError
-from rpojax.scenario.parameter_keys import ParameterKey, nominal_value, parse_key
+from rpojax.scenario.parameter_keys import ParameterKey, expand_vectors, nominal_value, parse_key
 from rpojax.scenario.schema import ScenarioFile
 
-_COORDINATE_COUNTS = {"choice": 1, "direction": 2, "attitude": 3, "small_rotation": 3, "derived": 0}
 
-
-def assigned_keys(dispersion: Dispersion) -> list[ParameterKey]:
+def assigned_keys(dispersion: DispersionKind) -> list[ParameterKey]:
     """Keys whose values a dispersion sets."""
-    texts = dispersion.keys if isinstance(dispersion, CorrelatedNormal) else [dispersion.key]
-    return [parse_key(text) for text in texts]
-
-
-def dispersion_name(dispersion: Dispersion) -> str:
-    """Unique name of a dispersion: its key, or its keys joined by `+`."""
-    return "+".join(dispersion.keys) if isinstance(dispersion, CorrelatedNormal) else dispersion.key
+    return [parse_key(text) for text in dispersion.key_texts]
 
 
 def design_keys(file: ScenarioFile) -> list[str]:
@@ -35,22 +29,38 @@ def varied_keys(file: ScenarioFile) -> list[str]:
     return list(dict.fromkeys(parameter.key for parameter in [*parameters, *map(parse_key, design_keys(file))]))
 
 
-def coordinate_count(file: ScenarioFile, dispersion: Dispersion) -> int:
+def nominal_numbers(file: ScenarioFile, dispersion: DispersionKind) -> np.ndarray:
+    """Nominal value of a dispersion's key, or the vector (n,) of the components of all keys of a joint one."""
+    if dispersion.is_joint:
+        components = expand_vectors(file, dispersion.key_texts)
+        return np.array([nominal_value(file, component) for component in components], dtype=np.float64)
+    return np.asarray(nominal_value(file, assigned_keys(dispersion)[0]), dtype=np.float64)
+
+
+def assigned_parts(file: ScenarioFile, dispersion: DispersionKind, value: Any) -> list[tuple[ParameterKey, Any]]:
+    """Keys with their parts of a value: one key with all of it, or each component of joint keys with its number."""
+    if dispersion.is_joint:
+        return list(zip(expand_vectors(file, dispersion.key_texts), value, strict=True))
+    return [(assigned_keys(dispersion)[0], value)]
+
+
+def coordinate_count(file: ScenarioFile, dispersion: DispersionKind) -> int:
     """Dimension of the unit cube from which a dispersion is sampled."""
-    if isinstance(dispersion, CorrelatedNormal):
-        return len(dispersion.covariance)
-    if dispersion.kind in _COORDINATE_COUNTS:
-        return _COORDINATE_COUNTS[dispersion.kind]
-    return np.size(nominal_value(file, parse_key(dispersion.key)))
+    return dispersion.coordinate_count(nominal_numbers(file, dispersion))
 
 
-def evaluation_order(file: ScenarioFile) -> list[Dispersion]:
+def random_dispersions(file: ScenarioFile) -> list[RandomKind]:
+    """Dispersions that draw their values."""
+    return [entry for entry in file.dispersions if isinstance(entry, RandomKind)]
+
+
+def evaluation_order(file: ScenarioFile) -> list[RandomKind | Derived]:
     """Dispersions sorted topologically: a derived one follows those that its terms refer to.
 
     Raises:
         ScenarioError: derived keys depend on each other in a cycle.
     """
-    ready: list[Dispersion] = [entry for entry in file.dispersions if not isinstance(entry, Derived)]
+    ready: list[RandomKind | Derived] = [*random_dispersions(file)]
     waiting = [entry for entry in file.dispersions if isinstance(entry, Derived)]
     while waiting:
         pending = [parse_key(entry.key) for entry in waiting]

@@ -14,20 +14,10 @@ import numpy as np
 from jax.scipy.special import ndtr
 from jaxtyping import Array, Float
 
+from rpojax.dispersions.coordinate_source import UNIT_MARGIN
 from rpojax.dispersions.designs.design_kinds import IndependentDesign
-from rpojax.dispersions.dispersion_kinds import (
-    Choice,
-    CorrelatedNormal,
-    Derived,
-    Dispersion,
-    LogNormal,
-    Normal,
-    SmallRotation,
-    TruncatedNormal,
-    Uniform,
-)
-from rpojax.dispersions.random_source import UNIT_MARGIN
-from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
+from rpojax.dispersions.kinds.choice import Choice
+from rpojax.dispersions.kinds.dispersion_kind import DispersionKind, RandomKind
 from rpojax.errors import ScenarioError
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
@@ -35,12 +25,11 @@ from rpojax.scenario.dispersed_numbers.dispersion_keys import (
     assigned_keys,
     coordinate_count,
     design_keys,
-    dispersion_name,
+    nominal_numbers,
+    random_dispersions,
 )
-from rpojax.scenario.parameter_keys import ParameterKey, expand_vectors, nominal_value, parse_key
+from rpojax.scenario.parameter_keys import ParameterKey, expand_vectors, parse_key
 from rpojax.scenario.schema import ScenarioFile
-
-_COORDINATE_NAMES = {"direction": ("height", "azimuth"), "attitude": ("share", "first angle", "second angle")}
 
 
 @dataclass(frozen=True)
@@ -54,7 +43,7 @@ class StandardNormalSpace:
     """
 
     file: ScenarioFile
-    mapped: tuple[Dispersion, ...]
+    mapped: tuple[RandomKind, ...]
     unmapped: tuple[str, ...]
 
     @property
@@ -65,7 +54,11 @@ class StandardNormalSpace:
     @cached_property
     def labels(self) -> tuple[str, ...]:
         """Name of each variable, such as `initial.relative_position_m[0]`."""
-        names = [name for entry in self.mapped for name in _labels(self.file, entry)]
+        names = [
+            label
+            for entry in self.mapped
+            for label in entry.coordinate_labels([str(key) for key in expand_vectors(self.file, entry.key_texts)])
+        ]
         return tuple(names[index] for index in self._varying)
 
     @cached_property
@@ -73,8 +66,8 @@ class StandardNormalSpace:
         """Input to which each variable belongs: its label, or the name of an inseparable dispersion."""
         groups = []
         for entry in self.mapped:
-            name, rows = dispersion_name(entry), self.slices[dispersion_name(entry)]
-            groups += [name if _is_inseparable(entry) else label for label in self.labels[rows]]
+            labels = self.labels[self.slices[entry.name]]
+            groups += labels if entry.is_separable else [entry.name] * len(labels)
         return tuple(groups)
 
     def group_of(self, column: str) -> str | None:
@@ -83,8 +76,8 @@ class StandardNormalSpace:
             return column
         key = parse_key(column).key
         for entry in self.mapped:
-            if _is_inseparable(entry) and any(parameter.key == key for parameter in assigned_keys(entry)):
-                return dispersion_name(entry)
+            if not entry.is_separable and any(parameter.key == key for parameter in assigned_keys(entry)):
+                return entry.name
         return None
 
     @cached_property
@@ -92,8 +85,8 @@ class StandardNormalSpace:
         """Variables of each mapped dispersion, by its name."""
         slices, first = {}, 0
         for entry in self.mapped:
-            size = int(_varying_coordinates(self.file, entry).sum())
-            slices[dispersion_name(entry)] = slice(first, first + size)
+            size = int(self._varies(entry).sum())
+            slices[entry.name] = slice(first, first + size)
             first += size
         return slices
 
@@ -104,7 +97,7 @@ class StandardNormalSpace:
         coordinates = jnp.clip(ndtr(normals), UNIT_MARGIN, 1.0 - UNIT_MARGIN)
         ends = np.cumsum([0, *sizes])
         assigned = {
-            dispersion_name(entry): coordinates[first:end]
+            entry.name: coordinates[first:end]
             for entry, first, end in zip(self.mapped, ends[:-1], ends[1:], strict=True)
         }
         return dispersed_values.draw(self.file, key, assigned)
@@ -112,7 +105,10 @@ class StandardNormalSpace:
     @cached_property
     def _varying(self) -> np.ndarray:
         """Indices of the coordinates that have an effect; those of a zero sigma have none."""
-        return np.flatnonzero(np.concatenate([_varying_coordinates(self.file, entry) for entry in self.mapped]))
+        return np.flatnonzero(np.concatenate([self._varies(entry) for entry in self.mapped]))
+
+    def _varies(self, entry: RandomKind) -> np.ndarray:
+        return entry.varies(nominal_numbers(self.file, entry))
 
 
 def make_space(file: ScenarioFile) -> StandardNormalSpace:
@@ -123,12 +119,12 @@ def make_space(file: ScenarioFile) -> StandardNormalSpace:
     """
     if design_keys(file):
         raise ScenarioError("design.kind", file.design.kind, "a design whose values the dispersions draw")
-    random = [entry for entry in file.dispersions if not isinstance(entry, Derived)]
-    mapped = tuple(entry for entry in random if _is_continuous(file, entry) and _varying_coordinates(file, entry).any())
+    mappable = [entry for entry in random_dispersions(file) if _is_mappable(file, entry)]
+    mapped = tuple(entry for entry in mappable if entry.varies(nominal_numbers(file, entry)).any())
     if not mapped:
-        names = [dispersion_name(entry) for entry in file.dispersions]
+        names = [entry.name for entry in file.dispersions]
         raise ScenarioError("dispersions", names, "at least one that varies without steps, so that it can be moved")
-    unmapped = tuple(dispersion_name(entry) for entry in random if not _is_continuous(file, entry))
+    unmapped = tuple(entry.name for entry in random_dispersions(file) if entry not in mappable)
     return StandardNormalSpace(file, mapped, unmapped)
 
 
@@ -137,7 +133,7 @@ def with_fixed_values(space: StandardNormalSpace, values: Mapping[str, Any]) -> 
 
     Nominal values, from which the flight software is configured, stay.
     """
-    entries: list[Dispersion] = []
+    entries: list[DispersionKind] = []
     for entry in space.file.dispersions:
         if entry in space.mapped:
             entries += [_single_value_choice(parameter, values) for parameter in assigned_keys(entry)]
@@ -153,39 +149,6 @@ def _single_value_choice(parameter: ParameterKey, values: Mapping[str, Any]) -> 
     return Choice(key=str(parameter), kind="choice", values=[chosen.tolist()])
 
 
-def _is_inseparable(entry: Dispersion) -> bool:
-    """Whether the variables of a dispersion do not correspond to its components one by one."""
-    return isinstance(entry, CorrelatedNormal | SmallRotation) or entry.kind in _COORDINATE_NAMES
-
-
-def _is_continuous(file: ScenarioFile, entry: Dispersion) -> bool:
+def _is_mappable(file: ScenarioFile, entry: RandomKind) -> bool:
     """Whether a dispersion is a continuous function of coordinates, with values that a scenario can prescribe."""
-    matrix = any(np.ndim(nominal_value(file, parameter)) > 1 for parameter in assigned_keys(entry))
-    return not isinstance(entry, Choice) and not matrix
-
-
-def _varying_coordinates(file: ScenarioFile, entry: Dispersion) -> np.ndarray:
-    """(coordinates,) bool, whether a coordinate of a dispersion has an effect."""
-    count = coordinate_count(file, entry)
-    match entry:
-        case CorrelatedNormal():
-            return np.any(cholesky_factor(np.array(entry.covariance)) != 0.0, axis=0)
-        case Uniform():
-            return np.full(count, entry.low < entry.high)
-        case SmallRotation():
-            return np.broadcast_to(np.asarray(entry.sigma_deg) > 0.0, (count,))
-        case Normal() | TruncatedNormal() | LogNormal():
-            return np.broadcast_to(np.ravel(entry.sigma) > 0.0, (count,))
-        case _:
-            return np.ones(count, dtype=bool)
-
-
-def _labels(file: ScenarioFile, entry: Dispersion) -> list[str]:
-    """Name of each coordinate of a dispersion."""
-    name, count = dispersion_name(entry), coordinate_count(file, entry)
-    if isinstance(entry, CorrelatedNormal):
-        return [str(parameter) for parameter in expand_vectors(file, entry.keys)]
-    if entry.kind in _COORDINATE_NAMES:
-        return [f"{name} ({axis})" for axis in _COORDINATE_NAMES[entry.kind]]
-    single = np.ndim(nominal_value(file, parse_key(name))) == 0
-    return [name] if single else [f"{name}[{index}]" for index in range(count)]
+    return entry.is_continuous and nominal_numbers(file, entry).ndim <= 1

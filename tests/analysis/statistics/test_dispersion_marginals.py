@@ -7,12 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import truncnorm
 
-from rpojax.analysis.statistics.dispersion_marginals import (
-    DiscreteDistribution,
-    declared_nominal,
-    drawn_marginals,
-    goodness_of_fit_p,
-)
+from rpojax.analysis.statistics.dispersion_marginals import declared_nominal, drawn_marginals, goodness_of_fit_p
+from rpojax.dispersions.marginal_distribution import DiscreteDistribution
 
 RUNS = 3000
 SCENARIO: dict[str, Any] = {
@@ -113,11 +109,19 @@ def test_constants_derived_values_and_values_of_a_table_have_no_law() -> None:
 
 def test_a_choice_counts_its_values_and_refuses_others() -> None:
     law = DiscreteDistribution(np.array([0.0, 5.0]), np.array([0.25, 0.75]))
-    np.testing.assert_allclose(law.cdf(np.array([-1.0, 0.0, 4.9, 5.0])), [0.0, 0.25, 0.25, 1.0])
-    assert (law.mean(), law.std()) == (3.75, pytest.approx(5.0 * np.sqrt(0.25 * 0.75)))
     # Pearson with one degree of freedom: (30 - 25)^2 / 25 + (70 - 75)^2 / 75 = 4/3, whose tail is 0.2482.
     assert goodness_of_fit_p(np.repeat([0.0, 5.0], [30, 70]), law) == pytest.approx(0.2482, abs=5e-5)
     assert goodness_of_fit_p(np.array([0.0, 5.0, 7.0]), law) == 0.0
+
+
+def test_every_element_of_a_matrix_has_its_law() -> None:
+    scenario = {
+        "servicer": {"inertia_kg_m2": [[1.0, 0.0], [0.0, 2.0]]},
+        "dispersions": [{"key": "servicer.inertia_kg_m2", "kind": "normal", "sigma": 0.1}],
+    }
+    found = drawn_marginals(scenario, {"servicer.inertia_kg_m2": np.zeros((3, 2, 2))})
+    assert [one.name for one in found] == [f"servicer.inertia_kg_m2[{index}]" for index in range(4)]
+    assert [one.distribution and one.distribution.mean() for one in found] == [1.0, 0.0, 0.0, 2.0]
 
 
 def test_nominal_values_of_keys_components_and_kinds_of_faults() -> None:

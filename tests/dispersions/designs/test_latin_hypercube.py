@@ -20,9 +20,9 @@ def hypercube(mission: ScenarioFile) -> ScenarioFile:
 def test_every_stratum_of_every_coordinate_contains_one_run(hypercube: ScenarioFile) -> None:
     runs = 97
     assigned = experiment_design.make_design(hypercube, 1, RunRange(0, runs)).assigned
-    assert set(assigned) == {dispersion_keys.dispersion_name(entry) for entry in hypercube.dispersions}
+    assert set(assigned) == {entry.name for entry in hypercube.dispersions}
     for entry in hypercube.dispersions:
-        values = assigned[dispersion_keys.dispersion_name(entry)]
+        values = assigned[entry.name]
         assert values.shape == (runs, dispersion_keys.coordinate_count(hypercube, entry))
         strata = np.sort(np.floor(values * runs), axis=0)
         np.testing.assert_array_equal(strata, np.broadcast_to(np.arange(runs)[:, None], values.shape))

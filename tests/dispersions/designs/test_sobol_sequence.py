@@ -12,7 +12,7 @@ from rpojax.scenario.schema import ScenarioFile
 def test_points_have_the_balance_of_a_digital_net(mission: ScenarioFile) -> None:
     """Equal intervals of each coordinate, and 64 cells of the first two, contain equal numbers of 64 runs."""
     assigned = experiment_design.make_design(with_design(mission, kind="sobol"), 1, RunRange(0, 64)).assigned
-    points = np.concatenate([assigned[dispersion_keys.dispersion_name(entry)] for entry in mission.dispersions], axis=1)
+    points = np.concatenate([assigned[entry.name] for entry in mission.dispersions], axis=1)
     assert points.shape[1] == sum(dispersion_keys.coordinate_count(mission, entry) for entry in mission.dispersions)
     for parts in (2, 4, 8, 16, 32, 64):
         counts = [np.bincount(np.floor(column * parts).astype(int), minlength=parts) for column in points.T]

@@ -54,6 +54,10 @@ BAD_DISPERSIONS: dict[str, tuple[dict[str, Any], str, tuple[str, ...]]] = {
     "sigma of the wrong shape": (
         {"key": "thruster.position_m", "kind": "normal", "sigma": [1.0, 1.0]}, "dispersions.0.sigma", ("(3,)",)
     ),
+    "sigma of a rotation of the wrong shape": (
+        {"key": "target.attitude", "kind": "small_rotation", "sigma_deg": [1.0, 1.0, 1.0, 1.0]},
+        "dispersions.0.sigma_deg", ("(3,)",),
+    ),
     "bounds in the wrong order": (
         {"key": "gps.noise_m", "kind": "uniform", "low": 2.0, "high": 1.0}, "dispersions.0", ("low at most high",)
     ),

@@ -9,7 +9,8 @@ from dispersed_samples import FIVE_SIGMA, LAST_DIGITS, ONE_OF_EACH, RUNS, draw
 from scenario_variants import with_dispersions
 
 from rpojax.core import random_streams
-from rpojax.dispersions import dispersion_kinds
+from rpojax.dispersions.kinds.choice import Choice
+from rpojax.dispersions.kinds.normal import Normal
 from rpojax.errors import ScenarioError
 from rpojax.physics import equipment_faults
 from rpojax.scenario import params
@@ -22,7 +23,7 @@ from rpojax.scenario.static_settings import static_settings
 
 def test_a_fault_kind_chosen_by_name_affects_the_equipment_of_that_name(mission: ScenarioFile) -> None:
     names = ["thruster_weak", "gps_outage", "camera_blackout"]
-    file = with_dispersions(mission, dispersion_kinds.Choice(key="fault.kind", kind="choice", values=names))
+    file = with_dispersions(mission, Choice(key="fault.kind", kind="choice", values=names))
     drawn = draw(file, np.arange(RUNS))["fault.kind"]
     codes = [equipment_faults.KINDS.index(name) for name in names]
     fractions = [np.mean(drawn == code) for code in codes]
@@ -53,7 +54,7 @@ def test_fault_kinds_are_chosen_by_name_and_other_keys_by_number(
 
 def test_keys_and_seeds_have_independent_numbers(mission: ScenarioFile) -> None:
     keys = ("servicer.mass_kg", "thruster.force_n")
-    file = with_dispersions(mission, *(dispersion_kinds.Normal(key=key, kind="normal", sigma=1.0) for key in keys))
+    file = with_dispersions(mission, *(Normal(key=key, kind="normal", sigma=1.0) for key in keys))
     first, second = draw(file, np.arange(RUNS)), draw(file, np.arange(RUNS), seed=4)
     mass, force, other = first[keys[0]], first[keys[1]], second[keys[0]]
     assert abs(np.corrcoef(mass, force)[0, 1]) < FIVE_SIGMA
@@ -87,10 +88,10 @@ def every_key(file: ScenarioFile) -> list[str]:
 def _any_dispersion(key: str) -> Any:
     """A valid dispersion of the key."""
     if key == "fault.kind":
-        return dispersion_kinds.Choice(key=key, kind="choice", values=["gps_outage"])
+        return Choice(key=key, kind="choice", values=["gps_outage"])
     if key == "fault.wheel":
-        return dispersion_kinds.Choice(key=key, kind="choice", values=[2.0])
-    return dispersion_kinds.Normal(key=key, kind="normal", sigma=0.01)
+        return Choice(key=key, kind="choice", values=[2.0])
+    return Normal(key=key, kind="normal", sigma=0.01)
 
 
 def test_the_parameters_hold_the_drawn_value_of_every_key(mission: ScenarioFile) -> None:

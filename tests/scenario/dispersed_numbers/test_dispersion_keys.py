@@ -13,7 +13,7 @@ def test_derived_components_are_evaluated_after_those_that_they_depend_on(inspec
         correlated(["thruster.position_m[0]", "gps.noise_m"], [[1e-6, 1e-6], [1e-6, 1e-6]]),
     ]
     file = with_sections(inspection_file, dispersions=entries)
-    assert [dispersion_keys.dispersion_name(entry) for entry in dispersion_keys.evaluation_order(file)] == [
+    assert [entry.name for entry in dispersion_keys.evaluation_order(file)] == [
         "thruster.position_m[0]+gps.noise_m",
         "thruster.position_m[1]",
         "thruster.position_m[2]",

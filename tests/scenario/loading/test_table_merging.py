@@ -7,7 +7,6 @@ from scenario_error_assertions import assert_one_line
 from scenario_variants import TABLE, write_with_table
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 
@@ -80,7 +79,7 @@ def test_correlated_dispersions_replace_those_of_the_same_keys_only(tmp_path: Pa
         f'{head}keys = ["gps.bias_sigma_m"]\ncovariance = [[1.0]]\n'
     )
     more.write_text(f'extends = "base.toml"\n{head}keys = ["gps.noise_m"]\ncovariance = [[4.0]]\n')
-    found = {dispersion_keys.dispersion_name(entry): entry for entry in scenario_loader.load(more).dispersions}
+    found = {entry.name: entry for entry in scenario_loader.load(more).dispersions}
     assert found["gps.noise_m"].model_dump()["covariance"] == [[4.0]]
     assert "gps.bias_sigma_m" in found
     assert len(found) == len(scenario_loader.load(base).dispersions)

@@ -2,22 +2,16 @@
 
 from dataclasses import dataclass
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
-from scipy.stats import truncnorm
 
 from rpojax.analysis.linear_covariance.linearisation import target_outline_ensemble
 from rpojax.analysis.linear_covariance.linearisation.deviation_vector import Path
-from rpojax.core import quaternion
-from rpojax.dispersions import dispersion_kinds
-from rpojax.dispersions.dispersion_kinds import Dispersion
-from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
+from rpojax.dispersions.kinds.derived import Derived
+from rpojax.dispersions.kinds.dispersion_kind import RandomKind
 from rpojax.errors import RpojaxError
 from rpojax.scenario import params as parameters
 from rpojax.scenario.dispersed_numbers import dispersion_keys
-from rpojax.scenario.parameter_keys import ParameterKey, expand_vectors, nominal_value, parse_key
+from rpojax.scenario.parameter_keys import ParameterKey, nominal_value, parse_key
 from rpojax.scenario.schema import ScenarioFile
 
 _AT_START = ("initial", "orbit")
@@ -57,110 +51,67 @@ def linearise_dispersions(file: ScenarioFile) -> LinearisedDispersions:
     columns: dict[str, dict[str, np.ndarray]] = {}
     left_out: list[str] = []
     for entry in dispersion_keys.evaluation_order(file):
-        name = dispersion_keys.dispersion_name(entry)
-        if name in target_outline_ensemble.KEYS:
+        if entry.name in target_outline_ensemble.KEYS:
             continue
-        match entry:
-            case dispersion_kinds.CorrelatedNormal():
-                columns[name] = _correlated(file, mean, entry)
-            case dispersion_kinds.Derived():
-                _derive(file, mean, columns, entry)
-            case _:
-                where = parse_key(entry.key)
-                centre, change = _own(entry, np.asarray(nominal_value(file, where), dtype=float))
-                if where.key.startswith("orbit.") and where.key.endswith("_deg") and np.max(change) > _WIDEST_DEG:
-                    left_out.append(name)
-                    continue
-                _enter(file, mean, where, centre)
-                columns[name] = {where.key: _whole(file, where, change)}
+        if isinstance(entry, Derived):
+            _derive(file, mean, columns, entry)
+            continue
+        centre, change = entry.linearise(dispersion_keys.nominal_numbers(file, entry))
+        if _is_wide_angle(entry, change):
+            left_out.append(entry.name)
+            continue
+        columns[entry.name] = {}
+        rows = dispersion_keys.assigned_parts(file, entry, change)
+        for (where, part), (_, own) in zip(dispersion_keys.assigned_parts(file, entry, centre), rows, strict=True):
+            _enter(file, mean, where, np.asarray(part))
+            _add_change(file, columns[entry.name], where, np.atleast_2d(own))
     return LinearisedDispersions(mean, columns, left_out)
 
 
-def _own(entry: Dispersion, nominal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (...) and columns (size, inputs) of a dispersion of one key or component."""
-    size = nominal.size
-    match entry:
-        case dispersion_kinds.Normal():
-            sigma = np.broadcast_to(np.asarray(entry.sigma, dtype=float), nominal.shape)
-            return nominal, np.diag(sigma.reshape(-1))
-        case dispersion_kinds.TruncatedNormal():
-            cut = truncnorm.std(-entry.limit_sigmas, entry.limit_sigmas)
-            sigma = cut * np.broadcast_to(np.asarray(entry.sigma, dtype=float), nominal.shape)
-            return nominal, np.diag(sigma.reshape(-1))
-        case dispersion_kinds.Uniform():
-            middle = np.full_like(nominal, 0.5 * (entry.low + entry.high))
-            return middle, (entry.high - entry.low) / np.sqrt(12.0) * np.eye(size)
-        case dispersion_kinds.LogNormal():
-            square = np.broadcast_to(np.asarray(entry.sigma, dtype=float) ** 2, nominal.shape)
-            mean = np.asarray(nominal * np.exp(0.5 * square))
-            return mean, np.diag((np.abs(mean) * np.sqrt(np.expm1(square))).reshape(-1))
-        case dispersion_kinds.SmallRotation():
-            sigma = np.broadcast_to(np.deg2rad(np.asarray(entry.sigma_deg, dtype=float)), (3,))
-
-            def turned(angle: Array) -> Array:
-                return quaternion.multiply(quaternion.exp(angle), quaternion.normalize(jnp.asarray(nominal)))
-
-            return np.asarray(turned(jnp.zeros(3))), np.asarray(jax.jacfwd(turned)(jnp.zeros(3))) * sigma
-        case _:
-            raise RpojaxError(
-                f"dispersions: found kind {entry.kind!r} for {dispersion_keys.dispersion_name(entry)!r}, "
-                "expected one with small deviations from a mean"
-            )
-
-
-def _correlated(file: ScenarioFile, mean: dict[str, np.ndarray], entry: dispersion_kinds.CorrelatedNormal) -> dict:
-    factor = cholesky_factor(np.array(entry.covariance))
-    change: dict[str, np.ndarray] = {}
-    for row, where in zip(factor, expand_vectors(file, entry.keys), strict=True):
-        _enter(file, mean, where, np.asarray(nominal_value(file, where), dtype=float))
-        whole = _whole(file, where, row[None, :])
-        change[where.key] = change.get(where.key, 0.0) + whole
-    return change
+def _is_wide_angle(entry: RandomKind, change: np.ndarray) -> bool:
+    """Whether an angle of the orbit is dispersed too widely."""
+    keys = [parameter.key for parameter in dispersion_keys.assigned_keys(entry)]
+    angles = any(key.startswith("orbit.") and key.endswith("_deg") for key in keys)
+    return angles and not entry.is_joint and bool(np.max(change) > _WIDEST_DEG)
 
 
 def _derive(
-    file: ScenarioFile,
-    mean: dict[str, np.ndarray],
-    columns: dict[str, dict[str, np.ndarray]],
-    entry: dispersion_kinds.Derived,
+    file: ScenarioFile, mean: dict[str, np.ndarray], columns: dict[str, dict[str, np.ndarray]], entry: Derived
 ) -> None:
-    """Adds the mean and columns of a number that is a linear function of others."""
-    where = parse_key(entry.key)
+    """Adds the mean and columns of a number that is a function of others."""
+    where, terms = parse_key(entry.key), [parse_key(term.key) for term in entry.terms]
     shape = np.shape(nominal_value(file, where))
-    total = np.broadcast_to(np.asarray(entry.offset, dtype=float), shape)
-    for term in entry.terms:
-        other = parse_key(term.key)
-        base = mean.get(
-            other.key,
-            np.asarray(nominal_value(file, parse_key(other.key)), dtype=float),
-        )
-        total = total + np.broadcast_to(term.factor * (base if other.index is None else base[other.index]), shape)
-        for change in columns.values():
-            if other.key in change:
-                rows = change[other.key] if other.index is None else change[other.key][other.index][None, :]
-                own = np.broadcast_to(term.factor * rows, (int(np.prod(shape)), rows.shape[1]))
-                change[where.key] = change.get(where.key, 0.0) + _whole(file, where, own)
-    _enter(file, mean, where, np.asarray(total))
+    _enter(file, mean, where, np.asarray(entry.value(shape, [_part(_mean_of(file, mean, key), key) for key in terms])))
+    for change in columns.values():
+        rows = [np.atleast_2d(_part(change[key.key], key)) if key.key in change else None for key in terms]
+        own = entry.change(int(np.prod(shape)), rows)
+        if own is not None:
+            _add_change(file, change, where, own)
+
+
+def _part(whole: np.ndarray, where: ParameterKey) -> np.ndarray:
+    return whole if where.index is None else np.asarray(whole[where.index])
+
+
+def _mean_of(file: ScenarioFile, mean: dict[str, np.ndarray], where: ParameterKey) -> np.ndarray:
+    """Mean of a whole key, nominal if nothing has set it."""
+    whole = ParameterKey(where.key, None)
+    return mean.get(where.key, np.asarray(nominal_value(file, whole), dtype=float))
 
 
 def _enter(file: ScenarioFile, mean: dict[str, np.ndarray], where: ParameterKey, value: np.ndarray) -> None:
-    whole = mean.get(
-        where.key,
-        np.asarray(nominal_value(file, ParameterKey(where.key, None)), dtype=float),
-    )
-    if where.index is None:
-        whole = value
-    else:
-        whole = whole.copy()
+    if where.index is not None:
+        whole = _mean_of(file, mean, where).copy()
         whole[where.index] = value
-    mean[where.key] = whole
+        value = whole
+    mean[where.key] = value
 
 
-def _whole(file: ScenarioFile, where: ParameterKey, change: np.ndarray) -> np.ndarray:
-    """Columns of a whole key from those of one component."""
-    if where.index is None:
-        return change
-    size = np.size(nominal_value(file, ParameterKey(where.key, None)))
-    rows = np.zeros((size, change.shape[1]))
-    rows[where.index] = change
-    return rows
+def _add_change(file: ScenarioFile, changes: dict[str, np.ndarray], where: ParameterKey, change: np.ndarray) -> None:
+    """Adds the columns of a key, or of one component of it, to those of its source by key."""
+    if where.index is not None:
+        size = np.size(nominal_value(file, ParameterKey(where.key, None)))
+        rows = np.zeros((size, change.shape[1]))
+        rows[where.index] = change
+        change = rows
+    changes[where.key] = changes[where.key] + change if where.key in changes else change

@@ -80,15 +80,13 @@ def apply_relative_box(reference: Float[Array, "4"], relative: RelativeBox) -> F
 
 def initial_ensemble(file: ScenarioFile, params: Params, members: int) -> TargetEnsemble:
     """Quasi-random attitudes, tumble axes and rates from their dispersions; a single target without dispersions."""
-    entries = [entry for entry in file.dispersions if dispersion_keys.dispersion_name(entry) in KEYS]
+    entries = [entry for entry in file.dispersions if entry.name in KEYS]
     kept = file.model_copy(update={"dispersions": entries})
     count = members if entries else 1
     coordinates = [dispersion_keys.coordinate_count(file, entry) for entry in entries]
     unit = np.clip(qmc.Sobol(max(sum(coordinates), 1), scramble=True, rng=0).random(count), 1e-12, 1.0 - 1e-12)
     columns = np.split(unit[:, : sum(coordinates)], np.cumsum(coordinates)[:-1], axis=1) if entries else []
-    cube = {
-        dispersion_keys.dispersion_name(entry): jnp.asarray(part) for entry, part in zip(entries, columns, strict=True)
-    }
+    cube = {entry.name: jnp.asarray(part) for entry, part in zip(entries, columns, strict=True)}
 
     def target_at(cube: dict[str, Array], _: Array) -> TargetEnsemble:
         values = dispersed_values.draw(kept, random_streams.master_key(0), cube)

@@ -19,7 +19,7 @@ LEAST_P_VALUE = 0.001
 def values_at(mission: ScenarioFile, entry: dict[str, object], unit: np.ndarray) -> np.ndarray:
     """Values of a dispersion at coordinates (runs, n)."""
     file = scenario_loader.validate(mission.model_dump() | {"dispersions": [entry]})
-    name = dispersion_keys.dispersion_name(file.dispersions[0])
+    name = file.dispersions[0].name
     [key] = dispersion_keys.varied_keys(file)
 
     def one(row: jax.Array) -> jax.Array:

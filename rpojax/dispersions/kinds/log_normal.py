@@ -1,0 +1,54 @@
+"""Dispersion by a log-normal factor on each component."""
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from rpojax.dispersions.kinds.dispersion_kind import SingleKeyKind
+from rpojax.dispersions.kinds.setting_checks import check_one_or_each
+from rpojax.dispersions.marginal_distribution import Distribution
+from rpojax.dispersions.random_source import RandomSource
+from rpojax.errors import ScenarioError
+from rpojax.field_types import NonNegative
+
+if TYPE_CHECKING:
+    import jax
+
+
+class LogNormal(SingleKeyKind):
+    """Nominal value times the exponential of a normal number, per component."""
+
+    kind: Literal["log_normal"]
+    sigma: NonNegative | list[NonNegative]
+
+    def check(self, where: str, nominal: np.ndarray) -> None:
+        """Checks that `sigma` fits the key, and that nominal values are positive."""
+        check_one_or_each(f"{where}.sigma", self.sigma, nominal.shape)
+        if np.any(nominal <= 0.0):
+            raise ScenarioError(f"{where}.key", self.key, "a nominal value above zero for a log-normal")
+
+    def draw(self, nominal: "jax.Array", source: RandomSource) -> "jax.Array":
+        """Value of one run, in the unit of the key."""
+        import jax.numpy as jnp
+
+        return nominal * jnp.exp(np.asarray(self.sigma, dtype=np.float64) * source.normals(nominal.shape))
+
+    def varies(self, nominal: np.ndarray) -> np.ndarray:
+        """(coordinates,) bool, whether a coordinate has an effect."""
+        return np.broadcast_to(np.ravel(self.sigma) > 0.0, (nominal.size,))
+
+    def marginals(self, nominal: np.ndarray) -> list[Distribution | None]:
+        """Distribution of each component with the median `nominal` (n,)."""
+        from scipy.stats import lognorm
+
+        sigmas = np.broadcast_to(self.sigma, nominal.shape)
+        return [
+            lognorm(sigma, scale=median) if sigma > 0.0 and median > 0.0 else None
+            for median, sigma in zip(nominal, sigmas, strict=True)
+        ]
+
+    def linearise(self, nominal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Mean (...) of a value, and its change (size, size) per sigma of standard normal inputs."""
+        square = np.broadcast_to(np.asarray(self.sigma, dtype=float) ** 2, nominal.shape)
+        mean = np.asarray(nominal * np.exp(0.5 * square))
+        return mean, np.diag((np.abs(mean) * np.sqrt(np.expm1(square))).reshape(-1))

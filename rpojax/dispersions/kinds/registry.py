@@ -1,0 +1,43 @@
+"""All kinds of dispersion.
+
+The schema imports them without JAX and SciPy, so that validation is instant: kinds import these where they compute.
+"""
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import Field, TypeAdapter, ValidationError
+
+from rpojax.dispersions.kinds.attitude import RandomAttitude
+from rpojax.dispersions.kinds.choice import Choice
+from rpojax.dispersions.kinds.correlated_normal import CorrelatedNormal
+from rpojax.dispersions.kinds.derived import Derived
+from rpojax.dispersions.kinds.direction import RandomDirection
+from rpojax.dispersions.kinds.dispersion_kind import DispersionKind
+from rpojax.dispersions.kinds.log_normal import LogNormal
+from rpojax.dispersions.kinds.normal import Normal
+from rpojax.dispersions.kinds.small_rotation import SmallRotation
+from rpojax.dispersions.kinds.truncated_normal import TruncatedNormal
+from rpojax.dispersions.kinds.uniform import Uniform
+
+Dispersion = Annotated[
+    Normal
+    | TruncatedNormal
+    | Uniform
+    | LogNormal
+    | Choice
+    | RandomDirection
+    | RandomAttitude
+    | SmallRotation
+    | CorrelatedNormal
+    | Derived,
+    Field(discriminator="kind"),
+]
+
+
+def recorded_dispersion(table: Mapping[str, Any]) -> DispersionKind | None:
+    """Dispersion of a recorded scenario from its table, None if this version does not know it."""
+    try:
+        return TypeAdapter(Dispersion).validate_python(table)
+    except ValidationError:
+        return None
