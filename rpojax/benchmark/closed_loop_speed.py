@@ -75,14 +75,21 @@ def check_batches(batches: Sequence[int]) -> None:
         raise RpojaxError(f"--runs: found {list(batches)}, expected batch sizes from 1")
 
 
-def compile_engine(
+def build_engine(
     file: ScenarioFile, batch: int, devices: Sequence[Any] | None = None, batching: BatchingMode | None = None
 ) -> BatchEngine:
-    """Compiled engine that simulates `batch` runs at once, divided evenly among the devices."""
+    """Engine, not compiled yet, that simulates `batch` runs at once, divided evenly among the devices."""
     used = list(jax.devices() if devices is None else devices)[:batch]
     size = -(-batch // len(used))
     design = experiment_design.make_design(file, 0, RunRange(0, size * len(used)))
-    engine = BatchEngine(file, size, used, design=design, batching=batching)
+    return BatchEngine(file, size, used, design=design, batching=batching)
+
+
+def compile_engine(
+    file: ScenarioFile, batch: int, devices: Sequence[Any] | None = None, batching: BatchingMode | None = None
+) -> BatchEngine:
+    """The same, compiled."""
+    engine = build_engine(file, batch, devices, batching)
     engine.compile()
     return engine
 

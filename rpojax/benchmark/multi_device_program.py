@@ -10,7 +10,7 @@ import jax
 
 from rpojax.benchmark import timing
 from rpojax.benchmark.timing import REPEATS, ElapsedTime
-from rpojax.runtime import device_programs
+from rpojax.runtime import compiler_options, device_programs
 
 
 @dataclass(frozen=True)
@@ -41,6 +41,10 @@ def _run_blocking(compiled: Any, inputs: tuple[Any, ...]) -> Any:
     return jax.block_until_ready(compiled(*inputs))
 
 
+def _compile(lowered: Any) -> Any:
+    return compiler_options.compile_with_options(lowered, {})
+
+
 def compile_for_devices(
     function: Callable[..., Any], arguments: Sequence[tuple[Any, ...]], devices: Sequence[Any]
 ) -> MultiDeviceProgram:
@@ -50,5 +54,5 @@ def compile_for_devices(
     begin = time.perf_counter()
     lowered = device_programs.lower(device_programs.trace_for_devices(function, inputs[0], devices))
     with ThreadPoolExecutor(len(lowered)) as pool:
-        compiled = dict(zip(lowered, pool.map(lambda each: each.compile(), lowered.values()), strict=True))
+        compiled = dict(zip(lowered, pool.map(_compile, lowered.values()), strict=True))
     return MultiDeviceProgram([compiled[target] for target in targets], inputs, time.perf_counter() - begin)

@@ -20,6 +20,7 @@ from rpojax.analysis.gradients.checkpointed_scan import checkpoint_interval, che
 from rpojax.campaign import single_run
 from rpojax.campaign.execution.tick_batching import batch_transform, state_axes
 from rpojax.flight.stages import Stages
+from rpojax.runtime import compiler_options
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
@@ -173,7 +174,8 @@ class RolloutEvaluator:
                 out_specs=PartitionSpec(_RUN_AXIS),
                 check_vma=False,
             )
-            program = jax.jit(sharded).lower(self._nominal, *arguments).compile()
+            lowered = jax.jit(sharded).lower(self._nominal, *arguments)
+            program = compiler_options.compile_with_options(lowered, {})
             self.compile_s += time.perf_counter() - begin
             if needed := program.memory_analysis():
                 self.program_memory_bytes = max(self.program_memory_bytes, needed.temp_size_in_bytes * self._mesh.size)

@@ -1,0 +1,1 @@
+"""Figures of one accelerator, measured in one sitting: `python -m benchmarks.accelerator`."""
