@@ -20,7 +20,7 @@ def table(content: Mapping[str, Any]) -> "Table":
     title = f"{where.get('machine', 'no device')}, {size}, {content['elapsed_s']:.0f} of {content['budget_s']:.0f} s"
     found = Table(title=Text(title))
     for heading in ("section", "of", "figure"):
-        found.add_column(heading)
+        found.add_column(heading, overflow="fold")
     found.add_column("value", justify="right", overflow="fold")
     for row in rows(content):
         found.add_row(*map(Text, row))

@@ -30,7 +30,7 @@ SECTIONS = (
     Section("loop_double", "loop_speed", 60.0, ("double",)),
     Section("precision", "precision_statistics", 50.0),
     Section("camera", "camera_speed", 40.0, rendered=True),
-    Section("gradient", "gradient_speed", 60.0),
+    Section("gradient", "gradient_speed", 90.0),
     Section("rendered_loop", "rendered_loop_speed", 40.0, rendered=True),
     Section("training", "training_speed", 30.0),
     Section("batches_single", "batch_sweep", 30.0, ("single",)),
