@@ -38,7 +38,7 @@ class BatchedInterpreter:
             return BatchedValue(atom, False) if isinstance(atom, np.ndarray) else environment[atom]
 
         for operation in program.operations:
-            with operation.context():
+            with operation.named_scope(), operation.settings():
                 results = self._evaluate_operation(operation, list(map(read, operation.operands)))
             environment.update(zip(operation.results, results, strict=True))
         return list(map(read, program.outputs))

@@ -23,9 +23,10 @@ class EqualOperations:
 
         An operation that may have effects, or functions as parameters, is evaluated every time.
         """
-        if operation.sharing_key is None:
+        sharing_key = operation.sharing_key
+        if sharing_key is None:
             return evaluate()
-        key = (operation.sharing_key, *(value.identity for value in operands))
+        key = (sharing_key, *(value.identity for value in operands))
         if key not in self._results:
             # Operands are kept as long as their results, so that no later array gets the same id.
             self._results[key] = operands, evaluate()

@@ -5,7 +5,7 @@ alone; `pyproject.toml` allows the versions for which that was done.
 """
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum, auto
 from typing import Any, NamedTuple
 
@@ -146,12 +146,14 @@ class Operation:
         options = {name: parameters[name] for name in ("length", "reverse", "unroll")}
         return Scan(Program(parameters["jaxpr"]), slice(0, first), slice(first, first + count), options)
 
-    @contextlib.contextmanager
-    def context(self) -> Iterator[None]:
-        """Context in which the operation was traced: its named scope, and settings such as the matmul precision."""
+    def named_scope(self) -> contextlib.AbstractContextManager[Any]:
+        """Context with the named scope in which the operation was traced."""
         scope = str(self._equation.source_info.name_stack)
-        with self._equation.ctx.manager, jax.named_scope(scope) if scope else contextlib.nullcontext():
-            yield
+        return jax.named_scope(scope) if scope else contextlib.nullcontext()
+
+    def settings(self) -> contextlib.AbstractContextManager[Any]:
+        """Context with the settings of JAX under which it was traced, such as metadata for XLA."""
+        return self._equation.ctx.manager
 
     def evaluate(self, *arrays: Any) -> list[Any]:
         """Results from arrays of the shapes of the operands; functions with custom derivatives keep them."""
