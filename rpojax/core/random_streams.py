@@ -24,6 +24,7 @@ class Stream(enum.IntEnum):
     THRUSTER = 7
     SENSOR_BIAS = 8
     CHAMBER_PRESSURE = 9
+    ADDITIONAL_SENSORS = 10
 
 
 def master_key(seed: int) -> Key:

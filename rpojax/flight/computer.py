@@ -1,5 +1,7 @@
 """Flight computer: tuning, memory, and the stages of flight software in the order in which they run."""
 
+from dataclasses import field
+
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -88,12 +90,14 @@ class Measurements:
         star_tracker_q_BN: (4,)
         star_tracker_present: () bool
         box: bounding box
+        additional: measurements of additional sensors by name
     """
 
     gps: GpsMeasurement
     star_tracker_q_BN: Array
     star_tracker_present: Array
     box: BoxMeasurement
+    additional: dict[str, Array] = field(default_factory=dict)
 
 
 def initial(
@@ -166,6 +170,7 @@ def navigate(
             # Absolute: when the star tracker returns, the bearing bias learnt under drift is as wrong.
             attitude_variance_change=jnp.abs(variance - memory.attitude_variance),
         ),
+        additional=measurements.additional,
         time=time,
     )
     after = replace(memory, attitude=attitude, attitude_variance=variance, orbit=orbit, gate=gate)

@@ -4,7 +4,7 @@ A stage is called with the named arguments of its protocol; a function declares 
 `def law(deviation, time)`. Examples: `docs/flight_software.md`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Protocol
 
@@ -42,6 +42,7 @@ class OrbitUpdate(Protocol):
         gps: GpsMeasurement,
         q_KN: Float[Array, "4"],
         box: BoxMeasurement,
+        additional: Mapping[str, Array],
         time: Scalar,
     ) -> tuple[OrbitEstimate, GateState, Innovation]:
         """Estimate after GPS and box, state of the outlier gate, and diagnostics.
@@ -55,6 +56,7 @@ class OrbitUpdate(Protocol):
             gps: position, if present
             q_KN: (4,) attitude of the camera by the attitude filter
             box: bounding box, if present
+            additional: measurements of additional sensors by name
             time: () since the start of the run [s]
         """
         ...

@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import field, fields
 from typing import Any
 
 import jax
@@ -31,6 +31,7 @@ from rpojax.physics.rigid_body import Body
 from rpojax.physics.thruster import Thruster
 from rpojax.scenario import key_units
 from rpojax.scenario.trained import fitted_camera, trained_files
+from rpojax.sensors.additional.registry import sensor_class, sensor_names
 from rpojax.sensors.camera import Camera
 from rpojax.sensors.gps import Gps
 from rpojax.sensors.gyro import Gyro
@@ -80,6 +81,7 @@ class Params:
     statistics: CameraStatistics | None
     flight: FlightParams
     limits: Limits
+    additional_sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
 
 
 _SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
@@ -131,6 +133,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         flight=flight,
         networks=trained_files.networks_for_model(tables),
         statistics=fitted_camera.statistics_for_model(tables),
+        additional_sensors={name: _numbers(tables[name]) for name in sensor_names() if name in tables},
         **{name: records[name] for name in rest},
     )
 
@@ -144,6 +147,12 @@ def _record(cls: type, table: Mapping[str, Any]) -> Any:
         if name in names:
             values[name] = jnp.asarray(equipment_faults.kind_code(value), dtype=jnp.float64) * factor
     return cls(**values)
+
+
+def _numbers(table: Mapping[str, Any]) -> dict[str, Array]:
+    """Numbers of a section in SI and radians, by name without unit."""
+    units = {key: key_units.split_unit(key) for key in table}
+    return {name: jnp.asarray(table[key], dtype=jnp.float64) * factor for key, (name, factor) in units.items()}
 
 
 def _with_detector_center_error(navigation: OrbitFilterTuning, imaging: Imaging) -> OrbitFilterTuning:
@@ -181,15 +190,20 @@ def leaf_path_and_factor(key: str) -> tuple[tuple[str, ...], float]:
         path, cls = _SECTIONS[section]
         if leaf in {field.name for field in fields(cls)}:
             return (*path, leaf), factor
+    if section in sensor_names() and name in sensor_class(section).model_fields:
+        return ("additional_sensors", section, leaf), factor
     raise ScenarioError("key", key, "the key of a number in the scenario, such as 'servicer.mass_kg'")
 
 
 def get_leaf(record: Any, path: tuple[str, ...]) -> Any:
     """Leaf of nested records at an attribute path."""
-    return functools.reduce(getattr, path, record)
+    return functools.reduce(
+        lambda node, name: node[name] if isinstance(node, dict) else getattr(node, name), path, record
+    )
 
 
 def replace_leaf(record: Any, path: tuple[str, ...], value: Any) -> Any:
     """Copy of nested records with one leaf replaced."""
     head, *rest = path
-    return replace(record, **{head: replace_leaf(getattr(record, head), tuple(rest), value) if rest else value})
+    new = replace_leaf(get_leaf(record, (head,)), tuple(rest), value) if rest else value
+    return {**record, head: new} if isinstance(record, dict) else replace(record, **{head: new})

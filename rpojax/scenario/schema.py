@@ -35,6 +35,7 @@ from rpojax.scenario.sections import (
     TuningSection,
     WheelsSection,
 )
+from rpojax.sensors.additional.registry import AdditionalSensors
 
 
 def _check_metric_name(value: str) -> str:
@@ -58,7 +59,7 @@ class RequirementSection(Section):
     consumer_risk: Annotated[float, Field(gt=0.0, lt=0.5, allow_inf_nan=False)]
 
 
-class ScenarioFile(Section):
+class ScenarioFile(AdditionalSensors):
     """A whole scenario, in the units of its keys."""
 
     name: Annotated[str, Field(min_length=1)]

@@ -8,6 +8,7 @@ from rpojax.field_types import epoch_seconds
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained import image_sampling
+from rpojax.sensors.additional.registry import present_sensors
 
 if TYPE_CHECKING:
     from rpojax.vision.radiance_field.ray_budget import RaySampling
@@ -31,6 +32,7 @@ class Scenario:
         epoch_s: start of the run, terrestrial time since 2000-01-01 12:00 [s]
         effects: model switches of the plant
         ray_sampling: of rendered images, None for other camera models
+        additional_sensors: names of the additional sensors
     """
 
     ticks: int
@@ -46,6 +48,7 @@ class Scenario:
     epoch_s: float
     effects: Effects
     ray_sampling: "RaySampling | None"
+    additional_sensors: tuple[str, ...] = ()
 
     @property
     def step_s(self) -> float:
@@ -81,4 +84,5 @@ def static_settings(file: ScenarioFile, allow_single: bool = False) -> Scenario:
         epoch_s=epoch_seconds(file.epoch_utc),
         effects=Effects(**file.effects.model_dump()),
         ray_sampling=image_sampling.sampling_for_model(file.model_dump()),
+        additional_sensors=tuple(present_sensors(file)),
     )

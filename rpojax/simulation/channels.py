@@ -103,10 +103,14 @@ ChannelFunctions = dict[str, Callable[[ObservedTick], Array]]
 
 
 def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -> Channels:
-    """Channels of one tick: vectors in the true Hill frame, errors as estimate minus truth, sigmas as 1 sigma."""
+    """Channels of one tick: vectors in the true Hill frame, errors as estimate minus truth, sigmas as 1 sigma.
+
+    Measurements of additional sensors are channels too.
+    """
     names = [*CHANNELS, *IMAGE_CHANNELS] if scenario.camera_model == "rendered" else CHANNELS
     with jax.named_scope("observe"):
         channels = evaluate(CHANNELS | IMAGE_CHANNELS, names, ObservedTick(scenario, params, telemetry))
+        channels |= telemetry.measurements.additional
         return {name: _to_single_precision(value) for name, value in channels.items()}
 
 

@@ -1,6 +1,8 @@
 """Random numbers of a run, for its initial state and for every tick, from the random keys of the run."""
 
+import zlib
 from collections.abc import Sequence
+from dataclasses import field
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,6 +14,7 @@ from rpojax.core.pytree import pytree
 from rpojax.core.random_streams import Stream
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import statistical_camera
+from rpojax.sensors.additional.registry import sensor_class
 
 _INITIAL_TICK = 0x7FFFFFFF
 """Tick number of the random numbers of the initial state."""
@@ -50,6 +53,7 @@ class TickNoise:
         chamber_pressure: ()
         biases: (6,) driving noise of the GPS error in N and the gyro bias in B
         box_edge_errors: (4,) driving noise of the statistical camera's correlated errors, None for other cameras
+        additional: (n,) of each additional sensor, by name
     """
 
     gps: Array
@@ -61,6 +65,7 @@ class TickNoise:
     chamber_pressure: Array
     biases: Array
     box_edge_errors: Array | None
+    additional: dict[str, Array] = field(default_factory=dict)
 
 
 def run_key(seed: int, run_id: int | Array) -> Array:
@@ -147,7 +152,14 @@ def draw_tick_noise(scenario: Scenario, keys: Array, tick: Array) -> TickNoise:
         chamber_pressure=normals[Stream.CHAMBER_PRESSURE, _FIRST][0],
         biases=normals[Stream.SENSOR_BIAS, _FIRST],
         box_edge_errors=normals[Stream.SENSOR_BIAS, _SECOND] if correlated else None,
+        additional={name: _sensor_normals(name, keys, tick) for name in scenario.additional_sensors},
     )
+
+
+def _sensor_normals(name: str, keys: Array, tick: Array) -> Array:
+    """Standard normal numbers of an additional sensor at a tick, from a key that depends on its name."""
+    key = random_streams.fold_in(keys[Stream.ADDITIONAL_SENSORS], zlib.crc32(name.encode()) & 0x7FFFFFFF)
+    return random_streams.normal(random_streams.fold_in(key, tick), sensor_class(name).normals)
 
 
 def _tick_keys(keys: Array, tick: Array) -> UInt32[Array, "n 2"]:

@@ -11,6 +11,8 @@ from rpojax.physics.thruster import BurnError
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import chamber_pressure, gps, gyro, star_tracker, statistical_camera
+from rpojax.sensors.additional.additional_sensor import SensedScene
+from rpojax.sensors.additional.registry import sensor_class
 from rpojax.sensors.camera import CameraFrame
 from rpojax.simulation import camera_models
 from rpojax.simulation.noise import TickNoise, camera_key
@@ -42,8 +44,21 @@ def measure(
         star_tracker_present=health.star_tracker
         & star_tracker.is_available(params.star_tracker, truth.q_BN, sky.sun_N),
         box=camera_models.box_measurement(scenario, params, frame),
+        additional=_measure_additional(scenario, params, state, noise, sky),
     )
     return measurements, frame
+
+
+def _measure_additional(
+    scenario: Scenario, params: Params, state: State, noise: TickNoise, sky: SunMoonPositions
+) -> dict[str, Array]:
+    """Measurements of the additional sensors, by name."""
+    time = state.tick.astype(state.failed_at.dtype) * scenario.tick_s
+    scene = SensedScene(truth=state.truth, sky=sky, time=time)
+    found: dict[str, Array] = {}
+    for name in scenario.additional_sensors:
+        found |= sensor_class(name).measure(params.additional_sensors[name], scene, noise.additional[name])
+    return found
 
 
 def _measure_gps(params: Params, state: State, noise: TickNoise, health: Health) -> GpsMeasurement:

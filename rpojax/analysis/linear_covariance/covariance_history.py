@@ -26,6 +26,7 @@ from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.runtime import blas_threads
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.sensors.additional.registry import present_sensors
 
 ENSEMBLE_SIZE = 256
 """Targets in the ensemble of outlines."""
@@ -92,6 +93,8 @@ def check_scenario(file: ScenarioFile) -> None:
         raise RpojaxError("effects.faults: found true, expected false for a linear covariance")
     if file.camera.edge_noise_px == 0.0:
         raise RpojaxError("camera.edge_noise_px: found 0.0, expected more for a linear covariance")
+    for name in present_sensors(file):
+        raise RpojaxError(f"{name}: found a section, expected none for a linear covariance")
     dispersion_linearisation.linearise_dispersions(file)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.loading.validation_errors import did_you_mean
+from rpojax.sensors.additional.registry import sensor_names
 
 
 def merge(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -34,7 +35,7 @@ def _merge_dispersions(base: list[Any], changes: list[Any]) -> list[Any]:
 
 
 def apply_override(tables: dict[str, Any], override: str) -> None:
-    """Sets one existing key in place; the value of `KEY=VALUE` is TOML, or text if it is no valid TOML.
+    """Sets one existing key in place, or one of an additional sensor; its value is TOML, or text if it is no TOML.
 
     Raises:
         ScenarioError: the text is no `KEY=VALUE`, or there is no such key.
@@ -48,6 +49,10 @@ def apply_override(tables: dict[str, Any], override: str) -> None:
     except tomllib.TOMLDecodeError:
         value = text
     *path, leaf = key.split(".")
+    if path and path[0] in sensor_names():
+        # The section of an additional sensor may be made by overrides alone; validation knows its keys.
+        tables.setdefault(path[0], {})[leaf] = value
+        return
     table: Any = tables
     for name in path:
         table = table.get(name) if isinstance(table, dict) else None
