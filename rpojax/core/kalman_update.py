@@ -14,7 +14,7 @@ class MeasurementRows:
         residual: (m,) measured less predicted at zero deviation
         jacobian: (m, n) derivative of the measurement with respect to the state
         variance: (m,) of the noise
-        weight: (m,) 1 where the row is used, 0 where it is not
+        weight: (m,) 1 where the row is used, 0 where it is not; a number, so that a decision can have a derivative
     """
 
     residual: Array
@@ -32,7 +32,7 @@ class KalmanUpdate:
         covariance: (n, n) after the update
         innovation: (m,) residual of each row given the rows before it
         innovation_variance: (m,)
-        weight: (m,) 1 for the rows that were used, 0 for the others
+        used: (m,) bool, rows that were used
         log_likelihood: () of the used rows
     """
 
@@ -40,7 +40,7 @@ class KalmanUpdate:
     covariance: Array
     innovation: Array
     innovation_variance: Array
-    weight: Array
+    used: Array
     log_likelihood: Array
 
 
@@ -87,6 +87,6 @@ def update(
         covariance=covariance,
         innovation=jnp.stack(innovations),
         innovation_variance=jnp.stack(variances),
-        weight=rows.weight,
+        used=rows.weight > 0.5,
         log_likelihood=log_likelihood,
     )

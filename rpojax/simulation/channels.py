@@ -84,8 +84,7 @@ class ObservedTick:
     def innovation_sigmas(self) -> Float[Array, "6"]:
         """Decorrelated innovations divided by their sigma; NaN for rows that were not used."""
         innovation = self.telemetry.innovation
-        used = innovation.weight > 0.5
-        return jnp.where(used, innovation.innovation / gradient_safe.sqrt(innovation.variance), jnp.nan)
+        return jnp.where(innovation.used, innovation.innovation / gradient_safe.sqrt(innovation.variance), jnp.nan)
 
     @cached_property
     def boresight_and_line(self) -> tuple[Vector, Vector]:

@@ -68,6 +68,7 @@ def test_rows_of_weight_zero_change_nothing_but_are_still_reported(seed: int) ->
     weight = np.array([1.0, 0.0, 1.0, 0.0])
     used = weight > 0.0
     result = update(P, z, H, R, weight)
+    np.testing.assert_array_equal(result.used, used)
     deviation, covariance = joint_update(P, z[used], H[used], R[used])
     np.testing.assert_allclose(result.deviation, deviation, atol=TEXTBOOK * np.max(np.abs(deviation)))
     np.testing.assert_allclose(result.covariance, covariance, atol=TEXTBOOK * np.max(np.abs(P)))

@@ -40,7 +40,7 @@ class Innovation:
     Attributes:
         innovation: (6,)
         variance: (6,) its variance by the filter
-        weight: (6,) 1 for the rows that were used, 0 for the others
+        used: (6,) bool, rows that were used
         log_likelihood: () of the rows used
         accepted: () bool, the box was used
         rejected: () bool, there was a box and it was not used
@@ -49,7 +49,7 @@ class Innovation:
 
     innovation: Array
     variance: Array
-    weight: Array
+    used: Array
     log_likelihood: Array
     accepted: Array
     rejected: Array
@@ -132,7 +132,7 @@ def update(
     innovation = Innovation(
         innovation=jnp.concatenate([gps_result.innovation, box_result.innovation]),
         variance=jnp.concatenate([gps_result.innovation_variance, box_result.innovation_variance]),
-        weight=jnp.concatenate([gps_result.weight, box_result.weight]),
+        used=jnp.concatenate([gps_result.used, box_result.used]),
         log_likelihood=gps_result.log_likelihood + box_result.log_likelihood,
         accepted=used,
         rejected=box.present & ~used,

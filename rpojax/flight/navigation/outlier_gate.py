@@ -37,6 +37,19 @@ class GateState:
     rejections: Array
 
 
+@pytree
+class GateDecision:
+    """Decision on a box.
+
+    Attributes:
+        accepted: () bool
+        weight: () 1 if it is accepted, else 0, with the derivative of a smooth gate
+    """
+
+    accepted: Array
+    weight: Array
+
+
 def initial() -> GateState:
     """State before the first frame."""
     return GateState(
@@ -56,8 +69,8 @@ def accept(
     variance: Vector,
     prior_is_wide: Bool[Array, ""],
     possible: Bool[Array, ""],
-) -> Scalar:
-    """1 if the box is within the gate and, while the prior is wide, a recent box confirms it; else 0.
+) -> GateDecision:
+    """Whether the box is within the gate and, while the prior is wide, a recent box confirms it.
 
     `residual` (tangents, log-size) has the innovation `variance`; `prior_is_wide` means that the prior is much less
     certain than a box, `possible` that the predicted target can have such a box.
@@ -69,7 +82,8 @@ def accept(
     worst = jnp.maximum(bearing, size)
     inside = gradient_safe.gate(tuning.gate_sigma**2 - worst, jnp.asarray(_GATE_WIDTH, dtype=worst.dtype))
     confirmed = _is_confirmed(tuning, focal_px, R_KN, state, box)
-    return jnp.where(box.present & possible & (confirmed | ~prior_is_wide), inside, 0.0)
+    allowed = box.present & possible & (confirmed | ~prior_is_wide)
+    return GateDecision(accepted=allowed & (inside > 0.5), weight=jnp.where(allowed, inside, 0.0))
 
 
 def _is_confirmed(

@@ -19,7 +19,7 @@ from rpojax.flight.navigation import box_measurement_model, orbit_covariance, ou
 from rpojax.flight.navigation.box_measurement_model import LinearisedBox, linearise_box
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.flight.navigation.outlier_gate import GateState
+from rpojax.flight.navigation.outlier_gate import GateDecision, GateState
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -160,10 +160,9 @@ def update(
     """
     R_KN = quaternion.to_matrix(q_KN)
     prior = _prior_box(tuning, focal_px, R_KN, estimate, box)
-    accepted = _accept(tuning, gated, focal_px, R_KN, gate, prior, box)
-    model, rows = _measurement_rows(tuning, focal_px, R_KN, estimate, prior, box, accepted)
-    used = accepted > 0.5
-    gate, recover = outlier_gate.update(tuning, gate, q_KN, box, box.present & ~used)
+    decision = _decide(tuning, gated, focal_px, R_KN, gate, prior, box)
+    model, rows = _measurement_rows(tuning, focal_px, R_KN, estimate, prior, box, decision.weight)
+    gate, recover = outlier_gate.update(tuning, gate, q_KN, box, box.present & ~decision.accepted)
     jacobian_times_covariance = _jacobian_times_covariance(estimate.covariance, model)
     result = kalman_update.update(
         estimate.covariance,
@@ -172,7 +171,7 @@ def update(
         process_variance=prior.process_variance,
         inflation_variance=_recovery_variance(tuning, estimate.r_TS_N, recover),
     )
-    return _corrected(estimate, result), gate, result, used, _expected_box(prior, box)
+    return _corrected(estimate, result), gate, result, decision.accepted, _expected_box(prior, box)
 
 
 def _prior_box(
@@ -203,7 +202,7 @@ def _prior_box(
     )
 
 
-def _accept(
+def _decide(
     tuning: OrbitFilterTuning,
     gated: bool,
     focal_px: Scalar,
@@ -211,11 +210,10 @@ def _accept(
     gate: GateState,
     prior: _PriorBox,
     box: BoxMeasurement,
-) -> Scalar:
-    """1 if the box is used, else 0."""
-    accepted = jnp.where(box.present, 1.0, 0.0)
+) -> GateDecision:
+    """Whether the box is used; without a gate every box is."""
     if not gated:
-        return accepted
+        return GateDecision(accepted=box.present, weight=jnp.where(box.present, 1.0, 0.0))
     possible = prior.in_front & (
         ~box.truncated | box_measurement_model.may_be_truncated(tuning, prior.model, prior.variance, box)
     )
@@ -232,7 +230,7 @@ def _measurement_rows(
     estimate: RelativeEstimate,
     prior: _PriorBox,
     box: BoxMeasurement,
-    accepted: Scalar,
+    weight: Scalar,
 ) -> tuple[LinearisedBox, MeasurementRows]:
     """Box at the linearisation point, and its rows for the update."""
     # Linearising at the posterior lets the noise of a box rotate its own Jacobian, which biases the range by decimetres
@@ -246,7 +244,7 @@ def _measurement_rows(
         - apply(model.position_jacobian, estimate.r_TS_N - linearisation_point),
         jacobian=_jacobian(model),
         variance=model.variance,
-        weight=jnp.stack([accepted, accepted, jnp.where(box.truncated, 0.0, accepted)]),
+        weight=jnp.stack([weight, weight, jnp.where(box.truncated, 0.0, weight)]),
     )
     return model, rows
 

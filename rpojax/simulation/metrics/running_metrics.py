@@ -30,7 +30,7 @@ _QUANTITIES: Final[ChannelFunctions] = {
     "log_determinant": lambda tick: tick.relative_density[1] + tick.servicer_density[1],
     "innovation": lambda tick: tick.telemetry.innovation.innovation,
     "innovation_variance": lambda tick: tick.telemetry.innovation.variance,
-    "innovation_used": lambda tick: tick.telemetry.innovation.weight > 0.5,
+    "innovation_used": lambda tick: tick.telemetry.innovation.used,
     "box_received": lambda tick: tick.telemetry.innovation.accepted | tick.telemetry.innovation.rejected,
     "image_area": lambda tick: (
         tick.scenario.width_px * tick.scenario.height_px / tick.params.flight.vehicle.focal_px**2
