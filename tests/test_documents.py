@@ -29,6 +29,7 @@ from rpojax.report.labels import metric_label
 from rpojax.scenario import key_units, schema
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.sensors.additional.registry import sensor_class, sensor_names
 from rpojax.simulation.channels import Channels, compute_channels
 from rpojax.simulation.metrics import trace_channels
 from rpojax.simulation.rollout import rollout
@@ -80,7 +81,7 @@ def blocks(text: str, language: str) -> list[str]:
 def sections_of_the_schema() -> dict[str, type[Section]]:
     """Name -> model of every section of a scenario."""
     fields = ScenarioFile.model_fields.items()
-    models = {name: field.annotation for name, field in fields}
+    models = {name: field.annotation for name, field in fields} | {name: sensor_class(name) for name in sensor_names()}
     return {name: model for name, model in models.items() if isinstance(model, type) and issubclass(model, Section)}
 
 

@@ -7,10 +7,13 @@ from pydantic import model_serializer
 
 from rpojax.field_types import Section
 from rpojax.sensors.additional.additional_sensor import AdditionalSensor
+from rpojax.sensors.additional.range_finder import RangeFinder
 
 
 class AdditionalSensors(Section):
     """Sections of additional sensors; a scenario without the section does not have the sensor."""
+
+    range_finder: RangeFinder | None = None
 
     @model_serializer(mode="wrap")
     def _leave_out_absent(self, serialise: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
