@@ -123,7 +123,7 @@ def initial(
         attitude_variance=_attitude_variance(params.vehicle, attitude),
         plan=burn_planning.no_burn(),
         thrust_estimate=thrust_estimator.initial(),
-        thruster_failed_at=jnp.full((), -jnp.inf, dtype=jnp.float64),
+        thruster_failed_at=jnp.full_like(n, -jnp.inf),
         pointing=attitude_guidance.initial_pointing(params.vehicle, orbit),
         camera=detector_window.whole_frame(camera),
         gain=lqr_gain(params.formation, n, period),
@@ -180,7 +180,7 @@ def navigate(
 def _attitude_variance(vehicle: VehicleModel, estimate: AttitudeEstimate) -> Scalar:
     """Variance of the camera's attitude [rad^2], mean of the two axes across its boresight."""
     q_BK = quaternion.conjugate(quaternion.normalize(vehicle.camera_mounting))
-    boresight = quaternion.rotate(q_BK, jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64))
+    boresight = quaternion.rotate(q_BK, jnp.array([0.0, 0.0, 1.0], dtype=q_BK.dtype))
     P = estimate.covariance[:3, :3]
     return 0.5 * (P[0, 0] + P[1, 1] + P[2, 2] - jnp.sum(boresight * apply(P, boresight), axis=0))
 

@@ -26,7 +26,7 @@ def measure(
     true_edges = box_projection.projected_box(intrinsics, hull_K)
     in_front = jnp.min(hull_K[:, 2], axis=0) > 0.1
     center = bounding_box.box_center(true_edges)
-    frame_size = jnp.array([width_px, height_px], dtype=jnp.float64)
+    frame_size = jnp.array([width_px, height_px], dtype=hull_K.dtype)
     inside = jnp.all((center > 0.0) & (center < frame_size), axis=0)
     sides = true_edges[2:] - true_edges[:2]
     large = jnp.max(sides, axis=0) > camera.minimum_size
@@ -47,7 +47,7 @@ def measure(
         box=box,
         observable=observable & working,
         score=jnp.where(box.present, 1.0, 0.0),
-        window=jnp.array([0.0, 0.0, max(width_px, height_px)], dtype=jnp.float64),
+        window=jnp.array([0.0, 0.0, max(width_px, height_px)], dtype=hull_K.dtype),
         outlier=outlier,
         outline=visible,
     )

@@ -100,20 +100,20 @@ def measure(
     tell false boxes and the true outline.
     """
     found = detect(networks.detector, image[None], REFINED_PROPOSALS)
-    box, score = found.box_px[0, 0], found.score[0, 0].astype(jnp.float64)
+    box, score = found.box_px[0, 0], found.score[0, 0].astype(true_edges.dtype)
     edges = jnp.concatenate([window.corner_px, window.corner_px]) + box * window.binning
     low = jnp.concatenate([window.corner_px, window.corner_px])
     frame_size = jnp.array([*size_px, *size_px], jnp.float32)
     high = jnp.minimum(low + image.shape[0] * window.binning, frame_size)
     truncated = bounding_box.touches_border(edges, low, high, window.binning)
-    edges = jnp.clip(edges, 0.0, frame_size).astype(jnp.float64)
+    edges = jnp.clip(edges, 0.0, frame_size).astype(true_edges.dtype)
     present = (score >= imaging.score_threshold) & observable & working
     visible, _ = bounding_box.clip_to_frame(true_edges, *size_px)
     return CameraFrame(
         box=BoundingBox(edges=edges, present=present, truncated=truncated),
         observable=observable & working,
         score=jnp.where(working, score, 0.0),
-        window=jnp.append(window.corner_px, image.shape[0] * window.binning).astype(jnp.float64),
+        window=jnp.append(window.corner_px, image.shape[0] * window.binning).astype(true_edges.dtype),
         outlier=present & (intersection_over_union(edges, visible) < _FALSE_BOX_OVERLAP),
         outline=visible,
     )

@@ -132,6 +132,7 @@ def measure(
     `outline` [px] is the target's, `observable` is the light, `working` the camera's health, `correlated_error` comes
     from `advance_correlated_error`.
     """
+    dtype = outline.dtype
     outline, correlated_error, normals, uniforms = (
         v.astype(jnp.float32) for v in (outline, correlated_error, normals, uniforms)
     )
@@ -148,15 +149,15 @@ def measure(
     score = _draw_score(statistics, distribution, false, normals)
     return CameraFrame(
         box=BoundingBox(
-            edges=edges.astype(jnp.float64),
+            edges=edges.astype(dtype),
             present=present,
             truncated=bounding_box.touches_border(edges, jnp.zeros_like(frame_size), frame_size),
         ),
         observable=observable & working,
-        score=jnp.where(present, score, 0.0).astype(jnp.float64),
-        window=jnp.array([0.0, 0.0, max(size_px)], dtype=jnp.float64),
+        score=jnp.where(present, score, 0.0).astype(dtype),
+        window=jnp.array([0.0, 0.0, max(size_px)], dtype=dtype),
         outlier=false & observable & working,
-        outline=visible.astype(jnp.float64),
+        outline=visible.astype(dtype),
     )
 
 

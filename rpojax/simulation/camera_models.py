@@ -115,7 +115,7 @@ def _scene(scenario: Scenario, params: Params, truth: Truth, sky: SunMoonPositio
     q_KN = camera_pose.camera_attitude(params.camera, truth.q_BN)
     q_KT = quaternion.multiply(q_KN, quaternion.conjugate(truth.q_TN))
     sun_N = normalize(sky.sun_N)
-    time = scenario.epoch_s + tick.astype(jnp.float64) * scenario.tick_s
+    time = scenario.epoch_s + tick.astype(truth.r_ST_N.dtype) * scenario.tick_s
     scene = Scene(
         r_KT_T=quaternion.rotate(truth.q_TN, truth.r_ST_N),
         R_KT=quaternion.to_matrix(q_KT),
@@ -136,7 +136,7 @@ def _lens(scenario: Scenario, params: Params) -> pinhole.Intrinsics:
 def box_measurement(scenario: Scenario, params: Params, frame: CameraFrame) -> BoxMeasurement:
     """Box as measured by the flight software, with the focal length of its vehicle model."""
     focal = params.flight.vehicle.focal_px
-    center_px = jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=jnp.float64)
+    center_px = jnp.array([0.5 * scenario.width_px, 0.5 * scenario.height_px], dtype=focal.dtype)
     side = bounding_box.box_size(frame.box.edges)
     return BoxMeasurement(
         tangent=(bounding_box.box_center(frame.box.edges) - center_px) / focal,
@@ -152,4 +152,4 @@ def box_measurement(scenario: Scenario, params: Params, frame: CameraFrame) -> B
 def boresight_N(params: Params, truth: Truth) -> Float[Array, "3"]:
     """True boresight of the camera in N."""
     q_KN = camera_pose.camera_attitude(params.camera, truth.q_BN)
-    return quaternion.rotate(quaternion.conjugate(q_KN), jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64))
+    return quaternion.rotate(quaternion.conjugate(q_KN), jnp.array([0.0, 0.0, 1.0], dtype=q_KN.dtype))

@@ -131,7 +131,8 @@ def _hill_sigma(tick: ObservedTick, P_N: Matrix) -> Vector:
 
 def _box_bearing(tick: ObservedTick) -> Vector:
     """Direction of the measured box in H, by the estimated attitude."""
-    ray_K = jnp.concatenate([tick.measured_box.tangent, jnp.ones(1, dtype=jnp.float64)])
+    tangent = tick.measured_box.tangent
+    ray_K = jnp.concatenate([tangent, jnp.ones_like(tangent[:1])])
     q_KB = quaternion.normalize(tick.params.flight.vehicle.camera_mounting)
     q_KN = quaternion.multiply(q_KB, tick.telemetry.flight.attitude.q_BN)
     return apply(tick.R_HN, rotate(quaternion.conjugate(q_KN), gradient_safe.normalize(ray_K)))
@@ -144,7 +145,7 @@ def _corner_and_sides(edges: Float[Array, "4"]) -> Float[Array, "4"]:
 def _expected_box(tick: ObservedTick) -> Vector:
     """Centre and side of the box predicted by the orbit filter, NaN if the target is predicted behind the camera."""
     expected, focal = tick.telemetry.innovation.expected_box, tick.params.flight.vehicle.focal_px
-    center_px = jnp.array([0.5 * tick.scenario.width_px, 0.5 * tick.scenario.height_px], dtype=jnp.float64)
+    center_px = jnp.array([0.5 * tick.scenario.width_px, 0.5 * tick.scenario.height_px], dtype=focal.dtype)
     center = center_px + focal * expected.values[:2]
     side = focal * jnp.exp(expected.values[2:])
     return jnp.where(expected.in_front, jnp.concatenate([center, side]), jnp.nan)
@@ -177,7 +178,7 @@ def _passive_range(tick: ObservedTick) -> Scalar:
         return clohessy_wiltshire.minimum_drift_distance(n, *inertial_to_hill(truth.r_ST_N, truth.v_ST_N, *frame))
 
     due = tick.telemetry.tick % _PASSIVE_RANGE_PERIOD == 0
-    return jax.lax.cond(due, drift, lambda _: jnp.full((), jnp.inf, dtype=jnp.float64), None)
+    return jax.lax.cond(due, drift, lambda _: jnp.full((), jnp.inf, dtype=truth.r_ST_N.dtype), None)
 
 
 _PASSIVE_RANGE_PERIOD = 10

@@ -32,7 +32,7 @@ def init(scenario: Scenario, params: Params, key: Array, noise: InitialNoise | N
     streams = jax.vmap(lambda stream: random_streams.fold_in(key, stream))(jnp.arange(len(Stream) + 1))
     noise = noise or draw_initial_noise(scenario, streams)
     navigation = params.flight.navigation
-    identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=jnp.float64)
+    identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=params.initial.relative_position.dtype)
     truth = plant_state.initial_truth(
         params.plant, params.orbit, params.initial.relative_position, params.initial.relative_velocity, identity
     )
@@ -54,7 +54,7 @@ def init(scenario: Scenario, params: Params, key: Array, noise: InitialNoise | N
     truth = replace(truth, q_BN=q_BN, omega_BN_B=omega)
     star_q = star_tracker.measure(params.star_tracker, q_BN, noise.star_tracker)
     gyro_B = gyro.measure(params.gyro, omega, sensors.gyro_bias_B, noise.gyro, scenario.step_s)
-    zero = jnp.zeros((), dtype=jnp.float64)
+    zero = jnp.zeros((), dtype=q_BN.dtype)
     return State(
         truth=truth,
         flight=computer.initial(

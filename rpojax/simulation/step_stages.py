@@ -38,7 +38,7 @@ def sun_and_moon_at(scenario: Scenario, time: Scalar) -> SunMoonPositions:
 
 def command_camera(loop: Loop, state: State) -> State:
     """The state with the flight software's command for the exposure that begins the tick."""
-    time = state.tick.astype(jnp.float64) * loop.scenario.tick_s
+    time = state.tick.astype(state.truth.r_ST_N.dtype) * loop.scenario.tick_s
     camera = camera_format(loop.scenario)
     with jax.named_scope("command"):
         flight = computer.command_camera(loop.stages, loop.params.flight, camera, state.flight, time)
@@ -50,7 +50,7 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
     scenario, params = loop.scenario, loop.params
     with jax.named_scope("draw"):
         noise = noise or draw_tick_noise(scenario, state.keys, state.tick)
-    time = state.tick.astype(jnp.float64) * scenario.tick_s
+    time = state.tick.astype(state.truth.r_ST_N.dtype) * scenario.tick_s
     sky = sun_and_moon_at(scenario, time)
     health = (
         equipment_faults.health_at(params.plant.fault, time) if scenario.effects.faults else equipment_faults.healthy()

@@ -23,7 +23,7 @@ class Intrinsics:
 def pinhole_intrinsics(field_of_view: Float[Array, ""], width_px: int, height_px: int) -> Intrinsics:
     """Intrinsics of a camera whose horizontal field of view [rad] spans `width_px` pixels."""
     focal = 0.5 * width_px / jnp.tan(0.5 * field_of_view)
-    return Intrinsics(focal_px=focal, center_px=jnp.array([0.5 * width_px, 0.5 * height_px], dtype=jnp.float64))
+    return Intrinsics(focal_px=focal, center_px=jnp.array([0.5 * width_px, 0.5 * height_px], dtype=focal.dtype))
 
 
 def project(intrinsics: Intrinsics, points_K: Float[Array, "n 3"]) -> Float[Array, "2 n"]:

@@ -53,10 +53,11 @@ def _rk4(derivative: Derivative[State], state: State, inputs: Any, dt: float | F
 
     The four stages are a rolled loop: a quarter of the code to compile, and each stage is computed once.
     """
+    dtype = jnp.result_type(*jax.tree.leaves(state))
     stages = (
         jax.tree.map(lambda nodes: jnp.stack([nodes[0], nodes[1], nodes[1], nodes[2]]), inputs),
-        jnp.array([0.5 * dt, 0.5 * dt, dt, 0.0], dtype=jnp.float64),
-        jnp.array([dt / 6.0, dt / 3.0, dt / 3.0, dt / 6.0], dtype=jnp.float64),
+        jnp.array([0.5 * dt, 0.5 * dt, dt, 0.0], dtype=dtype),
+        jnp.array([dt / 6.0, dt / 3.0, dt / 3.0, dt / 6.0], dtype=dtype),
     )
 
     def stage(carry: tuple[State, State], inputs: tuple[Any, Array, Array]) -> tuple[tuple[State, State], None]:

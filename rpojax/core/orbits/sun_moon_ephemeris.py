@@ -104,7 +104,7 @@ def _series(
     rows: tuple[tuple[int, ...], ...], arguments: Float[Array, "4"], function: Callable[[Array], Array]
 ) -> Scalar:
     """Sum of a trigonometric series."""
-    table = jnp.array(rows, dtype=jnp.float64)
+    table = jnp.array(rows, dtype=arguments.dtype)
     return jnp.sum(table[:, 0] * function(jnp.sum(table[:, 1:] * arguments[None, :], axis=1)), axis=0)
 
 

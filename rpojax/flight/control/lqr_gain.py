@@ -16,7 +16,7 @@ def lqr_gain(formation: FormationTuning, n: Scalar, period: float) -> Float[Arra
     The weights are discrete: they count once per burn, not per second. The state is the deviation just before the
     impulse; `x' = Phi(period) (x + [0; dv])`.
     """
-    A = transition_matrix(n, jnp.asarray(period, dtype=jnp.float64))
+    A = transition_matrix(n, jnp.asarray(period, dtype=n.dtype))
     B = A[:, 3:]
     Q = jnp.diag(jnp.concatenate([formation.position_weight, formation.velocity_weight]))
     R = jnp.diag(formation.delta_v_weight)

@@ -27,7 +27,7 @@ class StationKeeping:
 
 def solve_station_keeping(formation: FormationTuning, n: Scalar, period: float) -> StationKeeping:
     """Station keeping at the desired position with a `period` [s] at mean motion `n` [rad/s]."""
-    transition = transition_matrix(n, jnp.asarray(period, dtype=jnp.float64))
+    transition = transition_matrix(n, jnp.asarray(period, dtype=n.dtype))
     position = formation.desired_position
     drift = position - jnp.sum(transition[:3, :3] * position[None, :], axis=1)
     departure = jnp.linalg.solve(transition[:3, 3:], drift)

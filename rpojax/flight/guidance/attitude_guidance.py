@@ -47,9 +47,9 @@ class PointingState:
 def initial_pointing(vehicle: VehicleModel, estimate: OrbitEstimate) -> PointingState:
     """Pointing state with the camera on the estimated target and no slew under way."""
     q_EN, omega = look_attitude(vehicle, estimate)
-    zero = jnp.zeros((), dtype=jnp.float64)
+    zero = jnp.zeros((), dtype=q_EN.dtype)
     reference = SlewReference(
-        q_EN=q_EN, omega_EN_E=omega, remainder=jnp.zeros(3), slew_age=zero, slew_time=jnp.ones((), dtype=jnp.float64)
+        q_EN=q_EN, omega_EN_E=omega, remainder=jnp.zeros_like(omega), slew_age=zero, slew_time=jnp.ones_like(zero)
     )
     never = jnp.zeros((), dtype=bool)
     return PointingState(

@@ -70,7 +70,7 @@ def retarget(
 
     If the end attitude has `changed` its purpose or jumps, a new slew starts from the present command.
     """
-    step = jnp.asarray(dt, dtype=jnp.float64)
+    step = jnp.asarray(dt, dtype=before.slew_age.dtype)
     q_end_expected = quaternion.propagate(before.q_EN, before.omega_EN_E, dt)
     jump = gradient_safe.norm(quaternion.log(quaternion.multiply(q_end, quaternion.conjugate(q_end_expected))))
     restart = changed | (jump > _RESTART_ANGLE)
