@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from rpojax.analysis.linear_covariance.linear_covariance import linear_covariance
     from rpojax.analysis.reliability.worst_case import worst_case
     from rpojax.analysis.statistics.campaign_comparison import compare
-    from rpojax.campaign.history_retention import Retention
-    from rpojax.campaign.job_shard import Shard
+    from rpojax.campaign.options.history_retention import Retention
+    from rpojax.campaign.options.job_shard import Shard
     from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
     from rpojax.campaign.single_run import initialise_run, nominal_parameters, simulate
     from rpojax.campaign.storage.campaign_folder import Campaign
@@ -41,12 +41,12 @@ if TYPE_CHECKING:
 _MODULE_OF = {
     "Campaign": "campaign.storage.campaign_folder",
     "Params": "scenario.params",
-    "Retention": "campaign.history_retention",
+    "Retention": "campaign.options.history_retention",
     "RpojaxError": "errors",
     "RunRange": "dispersions.designs.run_range",
     "Scenario": "scenario.static_settings",
     "ScenarioFile": "scenario.schema",
-    "Shard": "campaign.job_shard",
+    "Shard": "campaign.options.job_shard",
     "Stages": "flight.stages",
     "State": "simulation.state",
     "Telemetry": "simulation.telemetry",

@@ -1,16 +1,33 @@
 """Exceptions of the package. Each message is one line: what, found, expected."""
 
+from typing import Self
+
 
 class RpojaxError(Exception):
-    """Base of all errors that a user can cause and correct."""
+    """Base of all errors that a user can cause and correct.
+
+    Attributes:
+        arguments: names of the arguments that cannot be used, with which the message begins; empty if it is about
+            something else
+    """
+
+    arguments: tuple[str, ...] = ()
+
+    @classmethod
+    def of_argument(cls, names: str, problem: str) -> Self:
+        """Error about an argument, or about several whose `names` are joined by ', '."""
+        error = cls(f"{names}: {problem}")
+        error.arguments = tuple(names.split(", "))
+        return error
 
 
 class ScenarioError(RpojaxError):
     """A scenario, or an override of it, is invalid."""
 
-    def __init__(self, key: str, found: object, expected: str) -> None:
+    def __init__(self, key: str, found: object, expected: str, is_argument: bool = False) -> None:
         super().__init__(f"{key}: found {found!r}, expected {expected}")
         self.key = key
+        self.arguments = (key,) if is_argument else ()
 
 
 class UnknownKeyError(ScenarioError):

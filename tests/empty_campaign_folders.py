@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from rpojax.campaign.history_retention import Retention
+from rpojax.campaign.options.campaign_options import CampaignOptions
+from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import folder_creation
-from rpojax.campaign.storage.campaign_configuration import new_configuration
 from rpojax.campaign.storage.campaign_folder import BlockTiming, Campaign
+from rpojax.campaign.storage.provenance import new_configuration
 from rpojax.scenario.schema import ScenarioFile
 
 BLOCK_RUNS = 2
@@ -27,8 +28,8 @@ def empty_campaign(
     force: bool = False,
 ) -> Campaign:
     """A new campaign folder without finished blocks."""
-    kept = Retention.from_run_ids(history_ids).to_record()
-    folder_creation.create_folder(directory, new_configuration(file, seed, runs, first_run, block_size, kept), force)
+    options = CampaignOptions(runs, seed, first_run, block_size, Retention.from_run_ids(history_ids))
+    folder_creation.create_folder(directory, new_configuration(file, options), force)
     return Campaign(directory)
 
 

@@ -6,6 +6,8 @@ from pathlib import Path
 from test_import_directions import FLOORS, MODULES
 
 PAGE = (Path(__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+MOST_PARAMETERS = 10
+"""More are fields of a record."""
 LONGEST_FUNCTION_LINES = 62
 """What a screen shows."""
 
@@ -61,3 +63,25 @@ def test_no_function_needs_scrolling() -> None:
         if isinstance(node, ast.FunctionDef) and (node.end_lineno or 0) - node.lineno >= LONGEST_FUNCTION_LINES
     ]
     assert long == []
+
+
+def parameter_count(function: ast.FunctionDef) -> int:
+    """Number of parameters, keywords included."""
+    found = function.args
+    return len(found.posonlyargs) + len(found.args) + len(found.kwonlyargs)
+
+
+def test_a_function_with_many_options_takes_them_as_a_record() -> None:
+    counts = {
+        f"{module}.{node.name}": parameter_count(node)
+        for module, path in MODULES.items()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef)
+    }
+    many = {name: count for name, count in counts.items() if count > MOST_PARAMETERS}
+    # Public calls whose keywords are the fields of a record.
+    assert many == {
+        "analysis.gradients.tuning.tune.tune": 12,
+        "analysis.reliability.worst_case.worst_case": 11,
+        "campaign.run_and_resume.run_campaign": 12,
+    }

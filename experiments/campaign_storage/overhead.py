@@ -14,17 +14,19 @@ import jax
 
 import rpojax
 from rpojax.campaign.execution import block_runner, campaign_engine
-from rpojax.campaign.history_retention import Retention
+from rpojax.campaign.options.campaign_options import CampaignOptions
+from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import folder_creation
-from rpojax.campaign.storage.campaign_configuration import new_configuration
 from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.campaign.storage.provenance import new_configuration
 
 
 def main() -> int:
     options = processes.options(__doc__, pairs=8, block_size=256, duration_s=1000.0)
     file = rpojax.load("inspection", [f"duration_s={options.duration_s}"])
     runs = options.block_size * (options.pairs + 1)
-    configuration = new_configuration(file, 0, runs, 0, options.block_size, Retention("none").to_record())
+    chosen = CampaignOptions(runs, block_size=options.block_size, histories=Retention("none"))
+    configuration = new_configuration(file, chosen)
     folder_creation.create_folder(options.out / "runs", configuration, force=False)
     campaign = Campaign(options.out / "runs")
     engine = campaign_engine.recreate_engine(configuration, jax.devices()[:1])

@@ -17,10 +17,11 @@ from typing import TypeVar
 import numpy as np
 
 import rpojax
-from rpojax.campaign.history_retention import Retention
+from rpojax.campaign.options.campaign_options import CampaignOptions
+from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import folder_creation
-from rpojax.campaign.storage.campaign_configuration import new_configuration
 from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.campaign.storage.provenance import new_configuration
 from rpojax.interop import run_replay
 from rpojax.interop.ros2 import mcap_or_sqlite3_writer, message_values, run_bag
 from rpojax.interop.ros2.mcap_or_sqlite3_writer import BagFormat
@@ -53,7 +54,8 @@ def timed(work: Callable[[], T]) -> tuple[T, Duration]:
 def empty_campaign(out: Path, duration_s: float) -> Campaign:
     """A campaign with a rendered camera without any results; an export simulates its run itself."""
     file = rpojax.load("inspection", ["camera.model=rendered", f"duration_s={duration_s}"])
-    folder_creation.create_folder(out, new_configuration(file, 0, 8, 0, 1, Retention("none").to_record()), force=True)
+    options = CampaignOptions(8, block_size=1, histories=Retention("none"))
+    folder_creation.create_folder(out, new_configuration(file, options), force=True)
     return Campaign(out)
 
 

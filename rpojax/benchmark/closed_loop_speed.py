@@ -72,7 +72,7 @@ def check_batches(batches: Sequence[int]) -> None:
         RpojaxError: there is no batch, or one is not positive.
     """
     if not batches or min(batches) < 1:
-        raise RpojaxError(f"--runs: found {list(batches)}, expected batch sizes from 1")
+        raise RpojaxError.of_argument("runs", f"found {list(batches)}, expected batch sizes from 1")
 
 
 def build_engine(

@@ -9,10 +9,10 @@ from typing import Any
 import jax
 import numpy as np
 
-from rpojax.campaign import experiment_design, preflight, resource_estimates
+from rpojax.campaign import experiment_design, resource_estimates
 from rpojax.campaign.execution import batch_engine
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.dispersions.designs.run_range import RunRange
+from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.errors import RpojaxError
 from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.parameter_keys import component_columns, nominal_of_key
@@ -68,31 +68,29 @@ class Plan:
 
 def plan_campaign(
     file: ScenarioFile,
-    runs: int,
-    seed: int = 0,
+    options: CampaignOptions,
     *,
-    first_run: int = 0,
-    block_size: int | None = None,
-    history_count: int = 0,
     devices: Sequence[Any] | None = None,
     speed: float | None = None,
 ) -> Plan:
-    """Plan of the campaign with the same arguments; `speed` in simulated seconds of all runs per second.
+    """Plan of the campaign with these options; `speed` in simulated seconds of all runs per second.
 
     The values are drawn by the compiled program that the campaign itself uses, and are equal to the last bit.
 
     Raises:
-        RpojaxError: a number is out of range, the design has fewer runs, or the plan does not fit into memory.
+        RpojaxError: the speed is not positive, the design has fewer runs, or the plan does not fit into memory.
     """
-    preflight.check_numbers(runs, first_run, seed, block_size)
+    runs, first_run, seed = options.runs, options.first_run, options.seed
     if speed is not None and not 0.0 < speed < float("inf"):
-        raise RpojaxError(f"--speed: found {speed}, expected simulated seconds per second, above 0")
+        raise RpojaxError.of_argument("speed", f"found {speed}, expected simulated seconds per second, above 0")
     bytes_per_run = 8 * sum(np.size(nominal_of_key(file, key)) for key in dispersion_keys.varied_keys(file))
     if runs * bytes_per_run > MAX_PLAN_BYTES:
-        raise RpojaxError(f"--runs: found {runs}, expected at most {MAX_PLAN_BYTES // bytes_per_run} for a plan")
-    size = block_size or batch_engine.default_block_size(file)
+        raise RpojaxError.of_argument(
+            "runs", f"found {runs}, expected at most {MAX_PLAN_BYTES // bytes_per_run} for a plan"
+        )
+    size = options.block_size or batch_engine.default_block_size(file)
     used_devices = list(jax.devices() if devices is None else devices)[: -(-runs // size)]
-    design = experiment_design.make_design(file, seed, RunRange(first_run, runs))
+    design = experiment_design.make_design(file, seed, options.design_range)
     engine = BatchEngine(file, size, used_devices, design=design)
     blocks = [engine.draw_values(seed, first_run + begin + np.arange(size)) for begin in range(0, runs, size)]
     return Plan(
@@ -100,7 +98,7 @@ def plan_campaign(
         seed=seed,
         run_ids=first_run + np.arange(runs),
         values={key: np.concatenate([block[key] for block in blocks])[:runs] for key in sorted(blocks[0])},
-        estimate=_estimate_resources(file, runs, size, used_devices, history_count, speed),
+        estimate=_estimate_resources(file, runs, size, used_devices, options.max_full_histories, speed),
     )
 
 

@@ -5,9 +5,7 @@ part of one and the replay of one run use the values of the whole campaign.
 """
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,7 +18,7 @@ from rpojax.dispersions.designs.design_kinds import (
 )
 from rpojax.dispersions.designs.full_factorial_grid import grid_points, grid_size
 from rpojax.dispersions.designs.latin_hypercube import latin_hypercube
-from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
+from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.dispersions.designs.sobol_sequence import sobol_sequence
 from rpojax.dispersions.designs.table_of_cases import table_rows, table_size
 from rpojax.errors import ResultError, RpojaxError
@@ -50,12 +48,12 @@ class Design:
         rows = np.clip(ids - self.run_range.first_run, 0, self.run_range.runs - 1)
         return {name: values[rows] for name, values in self.assigned.items()}
 
-    def record(self) -> dict[str, Any]:
-        """Entry of `campaign.json`: the run range, and the SHA-256 of what is assigned."""
+    def sha256(self) -> str:
+        """Digest of what is assigned, as `campaign.json` records it."""
         digest = hashlib.sha256()
         for name, values in sorted(self.assigned.items()):
             digest.update(name.encode() + b"\0" + np.ascontiguousarray(values, dtype="<f8").tobytes())
-        return {**asdict(self.run_range), "sha256": digest.hexdigest()}
+        return digest.hexdigest()
 
 
 def has_independent_runs(file: ScenarioFile) -> bool:
@@ -92,7 +90,7 @@ def check_size(file: ScenarioFile, run_range: RunRange) -> None:
     """
     if design_bytes(file, run_range.runs) > MAX_BYTES:
         most = MAX_BYTES // design_bytes(file, 1)
-        raise RpojaxError(f"--runs: found {run_range.runs}, expected at most {most} for this design")
+        raise RpojaxError.of_argument("runs", f"found {run_range.runs}, expected at most {most} for this design")
     match file.design:
         case TableDesign():
             size, reason = table_size(file.design), "the table of the design has rows"
@@ -102,7 +100,7 @@ def check_size(file: ScenarioFile, run_range: RunRange) -> None:
             return
     last = run_range.first_run + run_range.runs - 1
     if last >= size:
-        raise RpojaxError(f"--runs: found run {last}, expected runs up to {size - 1}: {reason} for no more")
+        raise RpojaxError.of_argument("runs", f"found run {last}, expected runs up to {size - 1}: {reason} for no more")
 
 
 def design_bytes(file: ScenarioFile, runs: int) -> int:
@@ -114,15 +112,14 @@ def design_bytes(file: ScenarioFile, runs: int) -> int:
     return 8 * runs * count
 
 
-def recreate_design(file: ScenarioFile, configuration: Mapping[str, Any]) -> Design:
-    """Design of a recorded campaign, from the content of its `campaign.json`.
+def recreate_design(file: ScenarioFile, seed: int, run_range: RunRange, sha256: str | None) -> Design:
+    """Design of a recorded campaign with the recorded digest, None if there is none.
 
     Raises:
         ResultError: the design differs from the recorded one.
     """
-    design = make_design(file, configuration["seed"], recorded_run_range(configuration))
-    recorded = configuration.get("design", {}).get("sha256")
-    if recorded is not None and recorded != design.record()["sha256"]:
+    design = make_design(file, seed, run_range)
+    if sha256 is not None and sha256 != design.sha256():
         raise ResultError(
             "campaign.json: found another design for its scenario and seed, expected that of its beginning"
         )

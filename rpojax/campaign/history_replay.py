@@ -1,14 +1,12 @@
 """Replay of one run of a campaign alone, for a full history that the campaign did not keep."""
 
 import tempfile
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from rpojax.campaign.run_and_resume import run_campaign
-from rpojax.dispersions.designs.run_range import recorded_run_range
+from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.errors import RpojaxError
 from rpojax.runtime.progress_bar import ProgressCallback
 from rpojax.scenario.schema import ScenarioFile
@@ -16,7 +14,7 @@ from rpojax.scenario.schema import ScenarioFile
 
 def replay_history(
     file: ScenarioFile,
-    configuration: Mapping[str, Any],
+    configuration: CampaignConfiguration,
     run_id: int,
     on_progress: ProgressCallback | None = None,
 ) -> dict[str, np.ndarray]:
@@ -28,17 +26,17 @@ def replay_history(
     Raises:
         RpojaxError: stages of the flight software were replaced.
     """
-    if stages := configuration["stages"]:
+    if stages := configuration.stages:
         raise RpojaxError(f"run {run_id}: found replaced stages {sorted(stages)}, expected a run with a kept history")
     with tempfile.TemporaryDirectory() as folder:
         campaign = run_campaign(
             file,
             1,
             Path(folder) / "run",
-            configuration["seed"],
+            configuration.options.seed,
             first_run=run_id,
             block_size=1,
-            run_range=recorded_run_range(configuration),
+            run_range=configuration.options.design_range,
             progress=False,
             on_progress=on_progress,
         )

@@ -17,18 +17,18 @@ def check_numbers(runs: int, first_run: int, seed: int, block_size: int | None) 
     """Refuses counts, run numbers and seeds out of range.
 
     Raises:
-        RpojaxError: naming the option, what was found and what was expected.
+        RpojaxError: naming the argument, what was found and what was expected.
     """
-    _check_range("--runs", runs, 1, MAX_RUN_ID)
-    _check_range("--run-id", first_run, 0, MAX_RUN_ID - runs)
-    _check_range("--seed", seed, 0, MAX_SEED)
+    _check_range("runs", runs, 1, MAX_RUN_ID)
+    _check_range("first_run", first_run, 0, MAX_RUN_ID - runs)
+    _check_range("seed", seed, 0, MAX_SEED)
     if block_size is not None:
-        _check_range("--block-size", block_size, 1, MAX_RUN_ID)
+        _check_range("block_size", block_size, 1, MAX_RUN_ID)
 
 
-def _check_range(option: str, found: int, low: int, high: int) -> None:
+def _check_range(argument: str, found: int, low: int, high: int) -> None:
     if not low <= found <= high:
-        raise RpojaxError(f"{option}: found {found}, expected a whole number from {low} to {high}")
+        raise RpojaxError.of_argument(argument, f"found {found}, expected a whole number from {low} to {high}")
 
 
 def check_folder(directory: Path, force: bool) -> None:
@@ -39,12 +39,16 @@ def check_folder(directory: Path, force: bool) -> None:
     """
     if os.path.lexists(directory):
         if not force:
-            raise OutputError(f"--out: found {str(directory)!r}, expected a folder that is not there yet (or --force)")
+            raise OutputError.of_argument(
+                "out", f"found {str(directory)!r}, expected a folder that is not there yet (or force=True)"
+            )
         if not is_campaign(directory):
-            raise OutputError(f"--out: found {str(directory)!r}, which is no campaign: --force does not remove it")
+            raise OutputError.of_argument(
+                "out", f"found {str(directory)!r}, which is no campaign: force=True does not remove it"
+            )
     parent = existing_parent(directory)
     if not parent.is_dir() or not os.access(parent, os.W_OK | os.X_OK):
-        raise OutputError(f"--out: found {str(parent)!r}, expected a folder that can be written to")
+        raise OutputError.of_argument("out", f"found {str(parent)!r}, expected a folder that can be written to")
 
 
 def is_campaign(directory: Path) -> bool:

@@ -34,17 +34,17 @@ _POSE_CHANNELS = ("r_TN_N", "r_ST_N", "q_TN", "q_BN")
 _REQUIRED_CHANNELS = (*_POSE_CHANNELS, "window_px")
 
 
-def rendered_scenario(configuration: Mapping[str, Any]) -> ScenarioFile:
-    """Scenario of a campaign whose images can be re-rendered.
+def rendered_scenario(scenario: Mapping[str, Any], scenario_hash: str) -> ScenarioFile:
+    """Scenario of a campaign whose images can be re-rendered, from those entries of its `campaign.json`.
 
     Raises:
         RpojaxError: its camera renders no images, or the trained files are not those of the campaign.
     """
-    model = configuration["scenario"]["camera"]["model"]
+    model = scenario["camera"]["model"]
     if model != "rendered":
         raise RpojaxError(f"camera.model: found {model!r}, which takes no pictures, expected 'rendered'")
-    file = scenario_loader.validate(configuration["scenario"])
-    if scenario_digest(file) != configuration["scenario_hash"]:
+    file = scenario_loader.validate(dict(scenario))
+    if scenario_digest(file) != scenario_hash:
         raise RpojaxError("imaging: found other trained files, expected those that the campaign was run with")
     return file
 

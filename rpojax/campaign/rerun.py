@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import jax
@@ -11,8 +11,8 @@ import numpy as np
 from rpojax.campaign import run_and_resume
 from rpojax.campaign.execution import campaign_engine
 from rpojax.campaign.execution.local_executor import LocalExecutor
-from rpojax.campaign.history_retention import Retention
-from rpojax.campaign.storage import campaign_configuration, folder_creation
+from rpojax.campaign.options.history_retention import Retention
+from rpojax.campaign.storage import folder_creation, provenance
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import OutputError, RpojaxError
 from rpojax.flight.stages import Stages
@@ -40,9 +40,10 @@ def check_run_id(campaign: Campaign, run_id: int) -> None:
     Raises:
         RpojaxError: naming the runs of the campaign.
     """
-    first, runs = campaign.configuration["first_run"], campaign.configuration["runs"]
+    first, runs = campaign.configuration.options.first_run, campaign.configuration.options.runs
     if not first <= run_id < first + runs:
-        raise RpojaxError(f"--run-id: found {run_id}, expected a run of this campaign, {first} to {first + runs - 1}")
+        expected = f"a run of this campaign, {first} to {first + runs - 1}"
+        raise RpojaxError.of_argument("run_id", f"found {run_id}, expected {expected}")
 
 
 def rerun(
@@ -63,15 +64,20 @@ def rerun(
     check_run_id(campaign, run_id)
     _check_separate_folder(campaign.directory, out)
     engine = campaign_engine.recreate_engine(campaign.configuration, jax.devices()[:1], stages)
-    configuration = {
-        **campaign.configuration,
-        "runs": 1,
-        "first_run": run_id,
-        "histories": Retention("all").to_record(),
-        "report": True,
-        "rerun_of": {key: campaign.configuration[key] for key in ("first_run", "runs")},
-        **campaign_configuration.provenance(1),
-    }
+    options = campaign.configuration.options
+    configuration = replace(
+        campaign.configuration,
+        options=replace(
+            options,
+            runs=1,
+            first_run=run_id,
+            histories=Retention("all"),
+            run_range=options.design_range,
+            report=True,
+        ),
+        rerun_of={"first_run": options.first_run, "runs": options.runs},
+        **provenance.new_provenance(1),
+    )
     folder_creation.create_folder(out, configuration, force)
     repeated = Campaign(out)
     run_and_resume.simulate_missing_blocks(repeated, LocalExecutor(repeated, engine), on_progress)
@@ -84,7 +90,9 @@ def _check_separate_folder(source: Path, out: Path) -> None:
     """Refuses a new folder that is the campaign's own or contains it."""
     place, origin = Path(os.path.realpath(out)), Path(os.path.realpath(source))
     if place == origin or place in origin.parents:
-        raise OutputError(f"--out: found {str(out)!r}, where the campaign itself is, expected another folder")
+        raise OutputError.of_argument(
+            "out", f"found {str(out)!r}, where the campaign itself is, expected another folder"
+        )
 
 
 def _metric_differences(

@@ -33,17 +33,17 @@ def check_resources(
     if memory > (available := _available_memory()):
         raise RpojaxError(
             f"memory: found {_format_bytes(available)} available, expected {_format_bytes(memory)} for "
-            f"{at_once} runs of {ticks} ticks at once; lower --block-size, duration_s or --histories"
+            f"{at_once} runs of {ticks} ticks at once; lower block_size, duration_s or histories"
         )
     disk = disk_bytes(file, runs, history_count)
     if disk > (free := shutil.disk_usage(existing_parent(directory)).free):
         raise RpojaxError(
             f"disk: found {_format_bytes(free)} free, expected {_format_bytes(disk)} for {runs} runs of "
-            f"{file.duration_s:g} s and {history_count} full histories; lower --runs, duration_s or --histories"
+            f"{file.duration_s:g} s and {history_count} full histories; lower runs, duration_s or histories"
         )
 
     if (blocks := -(-runs // block_size)) > MAX_BLOCKS:
-        raise RpojaxError(f"--block-size: found {blocks} blocks, expected at most {MAX_BLOCKS}")
+        raise RpojaxError.of_argument("block_size", f"found {blocks} blocks, expected at most {MAX_BLOCKS}")
 
 
 def memory_bytes(file: ScenarioFile, runs: int, block_size: int, devices: int, history_count: int) -> int:

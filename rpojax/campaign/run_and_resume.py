@@ -1,15 +1,15 @@
 """Campaigns of dispersed runs: start a new one, resume an interrupted one, keep the histories selected by results."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import jax
 
 from rpojax.campaign import (
     experiment_design,
-    history_retention,
     preflight,
     replaced_stage_provenance,
     resource_estimates,
@@ -18,20 +18,36 @@ from rpojax.campaign.execution import batch_engine, campaign_engine, selected_hi
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.execution.executor import Executor
 from rpojax.campaign.execution.local_executor import LocalExecutor
-from rpojax.campaign.history_retention import Retention
-from rpojax.campaign.job_shard import ALL_BLOCKS, Shard
-from rpojax.campaign.storage import campaign_configuration, campaign_json, folder_creation, stale_files
+from rpojax.campaign.options import history_retention
+from rpojax.campaign.options.campaign_options import DEFAULT_HISTORIES, CampaignOptions, FurtherOptions
+from rpojax.campaign.options.history_retention import Retention
+from rpojax.campaign.options.job_shard import ALL_BLOCKS, Shard
+from rpojax.campaign.storage import folder_creation, provenance, stale_files
+from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
 from rpojax.runtime.progress_bar import Progress, ProgressCallback, run_progress
 from rpojax.scenario.schema import ScenarioFile
 
-DEFAULT_HISTORIES = 8
-"""Number of runs, from the first, that keep a full history by default."""
-
 ExecutorFactory = Callable[[Campaign], Executor]
 """Makes the executor of a campaign."""
+
+
+@dataclass(frozen=True)
+class Execution:
+    """How the blocks of a campaign are simulated; results do not depend on it, except for replaced stages.
+
+    Attributes:
+        devices: of this process, by default all
+        stages: of the flight software, replaced ones included
+        shard: simulates only its blocks, in a folder that other shards of the same campaign may have made
+        executor: by default one that uses the devices of this process
+    """
+
+    devices: Sequence[Any] | None = None
+    stages: Stages | None = None
+    shard: Shard | None = None
+    executor: ExecutorFactory | None = None
 
 
 def run_campaign(
@@ -40,58 +56,81 @@ def run_campaign(
     out: Path | str,
     seed: int = 0,
     *,
-    first_run: int = 0,
-    block_size: int | None = None,
     histories: Sequence[int] | Retention | None = None,
     force: bool = False,
     devices: Sequence[Any] | None = None,
     stages: Stages | None = None,
-    run_range: RunRange | None = None,
     progress: bool = True,
     on_progress: ProgressCallback | None = None,
     shard: Shard | None = None,
     executor: ExecutorFactory | None = None,
-    report: bool = False,
+    **further: Unpack[FurtherOptions],
 ) -> Campaign:
-    """Simulates runs `first_run` to `first_run + runs - 1` of a scenario and stores them in a new folder.
+    """Simulates runs of a scenario and stores them in a new folder.
 
-    With a `shard` the folder may be one that other shards of the same campaign have made, and only the shard's blocks
-    are simulated. By default the `executor` uses all devices of this process. `run_range` is the range of runs that
-    the design is made for, if larger than this one. `report` records in the folder that a report is wanted.
-    Progress is shown on stderr, or given to `on_progress`; with `progress=False` the call is silent.
+    Args:
+        file: the scenario
+        runs: number of runs
+        out: folder to make
+        seed: master seed
+        histories: run numbers, or the rule, of the runs that keep a history; by default the first eight
+        force: replace the folder if it holds a campaign
+        devices: of this process, by default all
+        stages: of the flight software, replaced ones included
+        progress: show progress on stderr
+        on_progress: shows the progress instead
+        shard: simulates only its blocks, in a folder that other shards of the same campaign may have made
+        executor: by default one that uses the devices of this process
+        further: `first_run`, `block_size`, `run_range` and `report` of `CampaignOptions`
 
     Raises:
         RpojaxError: a number is out of range, the folder cannot be used, or memory or disk are too small.
         UnfinishedError: the results cannot be written.
     """
-    preflight.check_numbers(runs, first_run, seed, block_size)
-    if shard is None:
-        preflight.check_folder(Path(out), force)
-    retention = _as_retention(histories, first_run, runs)
-    retention.check_run_ids(first_run, runs)
-    size = block_size or batch_engine.default_block_size(file)
-    used_devices = _devices_for_blocks(devices, -(-runs // size))
-    history_count = -(-retention.max_histories(first_run, runs) // retention.every)
-    resource_estimates.check_resources(file, runs, size, len(used_devices), history_count, Path(out))
-    design = experiment_design.make_design(file, seed, run_range or RunRange(first_run, runs))
-    records = (retention.to_record(), replaced_stage_provenance.replaced_stages(stages or Stages()), design.record())
-    engine = BatchEngine(file, size, used_devices, stages, design)
-    configuration = campaign_configuration.new_configuration(
-        file, seed, runs, first_run, size, *records, report, engine.batching
-    )
-    _check_channels(retention, engine)
-    campaign = _open_folder(Path(out), configuration, force, shared=shard is not None)
-    chosen = executor(campaign) if executor else LocalExecutor(campaign, engine)
+    options = CampaignOptions(runs=runs, seed=seed, histories=_as_retention(histories), **further)
+    execution = Execution(devices, stages, shard, executor)
     with _progress_display(on_progress, progress, file.duration_s) as report_progress:
-        simulate_missing_blocks(campaign, chosen, report_progress, shard, stages)
+        return start_campaign(file, options, Path(out), execution, force=force, on_progress=report_progress)
+
+
+def start_campaign(
+    file: ScenarioFile,
+    options: CampaignOptions,
+    out: Path,
+    execution: Execution | None = None,
+    *,
+    force: bool = False,
+    on_progress: ProgressCallback | None = None,
+) -> Campaign:
+    """Simulates the runs of a record of options, as `run_campaign` does.
+
+    Raises:
+        RpojaxError: the folder cannot be used, or memory or disk are too small.
+        UnfinishedError: the results cannot be written.
+    """
+    used = execution or Execution()
+    if used.shard is None:
+        preflight.check_folder(out, force)
+    size = options.block_size or batch_engine.default_block_size(file)
+    options = replace(options, block_size=size)
+    devices = _devices_for_blocks(used.devices, -(-options.runs // size))
+    resource_estimates.check_resources(file, options.runs, size, len(devices), options.max_full_histories, out)
+    design = experiment_design.make_design(file, options.seed, options.design_range)
+    stages = replaced_stage_provenance.replaced_stages(used.stages or Stages())
+    engine = BatchEngine(file, size, devices, used.stages, design)
+    configuration = provenance.new_configuration(file, options, stages, design.sha256(), engine.batching)
+    if options.histories.channels is not None:
+        history_retention.check_channels(options.histories.channels, engine.channel_names())
+    campaign = _open_folder(out, configuration, force, shared=used.shard is not None)
+    executor = used.executor(campaign) if used.executor else LocalExecutor(campaign, engine)
+    simulate_missing_blocks(campaign, executor, on_progress, used.shard, used.stages)
     return campaign
 
 
-def _as_retention(histories: Sequence[int] | Retention | None, first_run: int, runs: int) -> Retention:
-    if isinstance(histories, Retention):
-        return histories
-    run_ids = range(first_run, first_run + min(runs, DEFAULT_HISTORIES)) if histories is None else histories
-    return Retention.from_run_ids(run_ids)
+def _as_retention(histories: Sequence[int] | Retention | None) -> Retention:
+    if histories is None:
+        return DEFAULT_HISTORIES
+    return histories if isinstance(histories, Retention) else Retention.from_run_ids(histories)
 
 
 def _devices_for_blocks(devices: Sequence[Any] | None, blocks: int) -> list[Any]:
@@ -99,12 +138,7 @@ def _devices_for_blocks(devices: Sequence[Any] | None, blocks: int) -> list[Any]
     return list(jax.devices() if devices is None else devices)[:blocks]
 
 
-def _check_channels(retention: Retention, engine: BatchEngine) -> None:
-    if retention.channels is not None:
-        history_retention.check_channels(retention.channels, engine.channel_names())
-
-
-def _open_folder(directory: Path, configuration: Mapping[str, Any], force: bool, shared: bool) -> Campaign:
+def _open_folder(directory: Path, configuration: CampaignConfiguration, force: bool, shared: bool) -> Campaign:
     """Creates the folder of a campaign; a shared one may exist already."""
     if shared:
         folder_creation.join_folder(directory, configuration)
@@ -134,7 +168,7 @@ def resume_campaign(
     stale_files.remove_stale_files(campaign.directory)
     blocks = (shard or ALL_BLOCKS).select(campaign.missing_blocks())
     if blocks:
-        replaced_stage_provenance.check_same_stages(campaign.configuration["stages"], stages or Stages())
+        replaced_stage_provenance.check_same_stages(campaign.configuration.stages, stages or Stages())
         if executor is None:
             devices = _devices_for_blocks(None, len(blocks))
             engine = campaign_engine.recreate_engine(campaign.configuration, devices, stages)
@@ -182,7 +216,7 @@ def simulate_missing_blocks(
     """
     blocks = (shard or ALL_BLOCKS).select(campaign.missing_blocks())
     report_progress = on_progress or _ignore_progress
-    total = sum(campaign_json.runs_in_block(campaign.configuration, block) for block in blocks)
+    total = sum(campaign.configuration.runs_in_block(block) for block in blocks)
 
     def report_runs(done: float, failed: int, compiled: bool) -> None:
         report_progress(Progress(done=done, total=total, failed=failed, compiled=compiled))
@@ -204,7 +238,7 @@ def _simulate_selected_histories(
     total = len(run_ids)
     if engine is None:
         on_progress(Progress(done=0.0, total=total, failed=0, compiled=False))
-        devices = _devices_for_blocks(None, -(-total // campaign.configuration["block_size"]))
+        devices = _devices_for_blocks(None, -(-total // campaign.configuration.block_size))
         engine = campaign_engine.recreate_engine(campaign.configuration, devices, stages)
 
     def report_runs(done: float) -> None:

@@ -1,10 +1,9 @@
 """Status of a campaign from its manifests alone: fast, also while other processes write, and free of jax."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rpojax.campaign.storage import block_manifests, campaign_json
+from rpojax.campaign.storage import block_manifests, campaign_configuration
 
 
 def status(directory: Path) -> dict[str, Any]:
@@ -13,8 +12,8 @@ def status(directory: Path) -> dict[str, Any]:
     Raises:
         ResultError: the folder is no campaign, or one of its manifests cannot be read.
     """
-    configuration = campaign_json.read(directory)
-    blocks = campaign_json.block_count(configuration)
+    configuration = campaign_configuration.read(directory)
+    blocks = configuration.block_count
     finished = block_manifests.finished_blocks(directory, blocks)
     entries = block_manifests.read_all(directory, configuration, finished)
     page = directory / "report.html"
@@ -22,21 +21,21 @@ def status(directory: Path) -> dict[str, Any]:
     attempts = block_manifests.attempts_at_unfinished_blocks(directory, blocks)
     return {
         "directory": str(directory),
-        "name": configuration["name"],
+        "name": configuration.name,
         "blocks": {"total": blocks, "done": len(finished), "missing": blocks - len(finished)},
         "runs": {
-            "requested": configuration["runs"],
+            "requested": configuration.options.runs,
             "completed": sum(entry.completed for entry in entries),
             "failed": sum(entry.failed for entry in entries),
-            "missing": configuration["runs"] - ended,
+            "missing": configuration.options.runs - ended,
         },
         "reasons": block_manifests.count_failure_reasons(entries),
         "begun": [{"block": block, "attempts": count} for block, count in attempts.items()],
-        "timing": block_manifests.timing(entries, _duration_s(configuration)),
+        "timing": block_manifests.timing(entries, _duration_s(configuration.scenario)),
         "report": str(page) if page.is_file() else None,
     }
 
 
-def _duration_s(configuration: Mapping[str, Any]) -> float:
-    found = configuration["scenario"].get("duration_s", 0.0)
+def _duration_s(scenario: dict[str, Any]) -> float:
+    found = scenario.get("duration_s", 0.0)
     return float(found) if isinstance(found, int | float) else 0.0

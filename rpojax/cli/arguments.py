@@ -1,6 +1,7 @@
 """Command-line arguments that commands share."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +10,9 @@ from tyro.conf import Positional, UseAppendAction, arg
 if TYPE_CHECKING:
     from rpojax.scenario.schema import ScenarioFile
 
+
+FLAT = arg(name="")
+"""Marks a record of options: its fields are options of the command, without a prefix."""
 
 Source = Annotated[Positional[str], arg(metavar="SCENARIO", help="Packaged name or TOML file.")]
 Folder = Annotated[Positional[Path], arg(metavar="DIR", help="Folder of a campaign.")]
@@ -22,6 +26,14 @@ Force = Annotated[bool, arg(help="Replace the folder if it holds a campaign.")]
 AsJson = Annotated[bool, arg(name="json", help="JSON on stdout and no progress.")]
 NoFilm = Annotated[bool, arg(help="Do not render the camera of a run again for the report.")]
 NoCache = Annotated[bool, arg(help="Compile anew, without the cache of compiled programs.")]
+
+
+@dataclass(frozen=True)
+class Session:
+    """How a command computes and prints."""
+
+    as_json: AsJson = False
+    no_cache: NoCache = False
 
 
 def load(source: str, overrides: Sequence[str]) -> "ScenarioFile":

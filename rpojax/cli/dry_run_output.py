@@ -2,45 +2,57 @@
 
 import datetime
 import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+from tyro.conf import arg
+
+from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.cli.output_paths import claim
 from rpojax.errors import RpojaxError
 from rpojax.runtime.progress_bar import busy
 
 if TYPE_CHECKING:
     from rpojax.campaign.dry_run import Plan
-    from rpojax.campaign.history_retention import Retention
     from rpojax.scenario.schema import ScenarioFile
 
 
-def check(dry_run: bool, table: Path | None, speed: float | None, out: Path | None, force: bool) -> None:
-    """Raises on options that contradict each other, before any work.
+@dataclass(frozen=True)
+class DryRunOptions:
+    """Whether nothing is simulated, and what is shown then."""
 
-    Raises:
-        RpojaxError: naming the option.
-    """
-    if not dry_run:
-        for option, value in (("--plan", table), ("--speed", speed)):
-            if value is not None:
-                raise RpojaxError(f"{option}: found {str(value)!r}, expected it with --dry-run only")
-        if out is None:
-            raise RpojaxError("--out: found nothing, expected a folder to make (or --dry-run)")
-    if table is not None:
-        claim(table, force, (".csv",))
+    dry_run: Annotated[
+        bool, arg(help="Simulate nothing: show what the runs would draw, and the resources they would take.")
+    ] = False
+    plan: Annotated[Path | None, arg(metavar="FILE", help="CSV file to write in a dry run, one row per run.")] = None
+    speed: Annotated[
+        float | None,
+        arg(metavar="X", help="Run-seconds per second for the estimate of a dry run, as measured by `rpojax bench`."),
+    ] = None
+
+    def check(self, out: Path | None, force: bool) -> None:
+        """Raises on options that contradict each other, before any work.
+
+        Raises:
+            RpojaxError: naming the option.
+        """
+        if not self.dry_run:
+            for option, value in (("plan", self.plan), ("speed", self.speed)):
+                if value is not None:
+                    raise RpojaxError.of_argument(option, f"found {str(value)!r}, expected it with --dry-run only")
+            if out is None:
+                raise RpojaxError.of_argument("out", "found nothing, expected a folder to make (or --dry-run)")
+        if self.plan is not None:
+            claim(self.plan, force, (".csv",))
 
 
 def show(
     file: "ScenarioFile",
-    runs: int,
-    seed: int,
-    block_size: int | None,
-    histories: "Retention",
+    options: CampaignOptions,
+    dry_run: DryRunOptions,
     out: Path | None,
     force: bool,
-    table: Path | None,
-    speed: float | None,
     as_json: bool,
 ) -> None:
     """Prints what a campaign would draw and need, and writes the table of runs if a path is given.
@@ -54,17 +66,14 @@ def show(
 
     if out is not None:
         preflight.check_folder(out, force)
-    histories.check_run_ids(0, runs)
     with busy("drawing", quiet=as_json):
-        plan = plans.plan_campaign(
-            file, runs, seed, block_size=block_size, history_count=histories.max_histories(0, runs), speed=speed
-        )
-    if table is not None:
-        write_atomically(table, plans.csv_text(plan).encode())
+        plan = plans.plan_campaign(file, options, speed=dry_run.speed)
+    if dry_run.plan is not None:
+        write_atomically(dry_run.plan, plans.csv_text(plan).encode())
     if as_json:
         print(json.dumps(plans.as_json(plan), indent=2, allow_nan=False))
     else:
-        print("\n".join(_lines(plan, table)))
+        print("\n".join(_lines(plan, dry_run.plan)))
 
 
 def _lines(plan: "Plan", table: Path | None) -> list[str]:

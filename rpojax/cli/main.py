@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 import tyro
-from tyro.conf import FlagCreatePairsOff
+from tyro.conf import FlagCreatePairsOff, SuppressFixed
 
 from rpojax.cli.commands import detector, field
 from rpojax.cli.commands.bench import bench
@@ -39,6 +39,7 @@ from rpojax.cli.commands.status import status
 from rpojax.cli.commands.tune import tune
 from rpojax.cli.commands.validate import validate
 from rpojax.cli.commands.worst_case import worst_case
+from rpojax.cli.error_text import error_text
 from rpojax.cli.exit_status import Status
 from rpojax.cli.interruptible_work import abandon_worker
 from rpojax.errors import RpojaxError, UnfinishedError
@@ -86,7 +87,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return Status.DONE
     try:
         words = _repeat_set_flag(arguments)
-        status = app.cli(prog="rpojax", description=__doc__, args=words, config=(FlagCreatePairsOff,))
+        status = app.cli(prog="rpojax", description=__doc__, args=words, config=(FlagCreatePairsOff, SuppressFixed))
         sys.stdout.flush()
         return status
     except BrokenPipeError:
@@ -94,10 +95,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return Status.DONE
     except UnfinishedError as error:
-        print(f"rpojax: unfinished: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"rpojax: unfinished: {error_text(error)}", file=sys.stderr)
         return Status.UNFINISHED
     except RpojaxError as error:
-        print(f"rpojax: error: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"rpojax: error: {error_text(error)}", file=sys.stderr)
         return Status.BAD_INPUT
     except KeyboardInterrupt as interrupt:
         print(f"rpojax: interrupted; {str(interrupt) or 'nothing was written'}", file=sys.stderr)

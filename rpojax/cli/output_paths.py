@@ -5,6 +5,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+from rpojax.campaign.storage.atomic_outputs import check_replaceable
 from rpojax.errors import OutputError
 
 
@@ -14,8 +15,7 @@ def claim(path: Path, force: bool, suffixes: tuple[str, ...] = ()) -> None:
         raise OutputError(f"{path}: found suffix {path.suffix!r}, expected {' or '.join(suffixes)}")
     if path.is_dir():
         raise OutputError(f"{path}: found a folder, expected the name of a file")
-    if path.exists() and not force:
-        raise OutputError(f"{path}: exists already; --force replaces it")
+    check_replaceable((path,), force)
     home = next(folder for folder in path.absolute().parents if folder.exists())
     if not home.is_dir() or not os.access(home, os.W_OK | os.X_OK):
         raise OutputError(f"{path}: found {home}, expected a folder that can be written to")

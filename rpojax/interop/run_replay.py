@@ -20,7 +20,7 @@ from rpojax.campaign.execution import campaign_engine
 from rpojax.campaign.rerun import check_run_id
 from rpojax.campaign.storage.campaign_folder import Campaign, trace_stride
 from rpojax.core.numerics import gradient_safe
-from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
+from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
 from rpojax.runtime.progress_bar import Progress, ProgressCallback
 from rpojax.scenario.params import Params
@@ -110,8 +110,9 @@ def replay(
     check_run_id(campaign, run_id)
     file = campaign_engine.recreate_engine(campaign.configuration, jax.devices()[:1], stages).file
     in_double = file.model_copy(update={"precision": "double"})
-    run_range = recorded_run_range(campaign.configuration)
-    scenario, params, state = single_run.initialise_run(in_double, campaign.configuration["seed"], run_id, run_range)
+    options = campaign.configuration.options
+    run_range = options.design_range
+    scenario, params, state = single_run.initialise_run(in_double, options.seed, run_id, run_range)
     segments = -(-scenario.ticks // _TICKS_PER_SEGMENT)
     segment_ticks = -(-scenario.ticks // segments)
     records = []
@@ -124,7 +125,7 @@ def replay(
     failed_at = float(state.failed_at) if float(state.failed_at) < file.duration_s else np.nan
     *record, running = jax.tree.map(lambda *each: np.concatenate(each)[: scenario.ticks], *records)
     values, poses = jax.tree.map(lambda each: each[: int(running.sum())], record)
-    return ReplayedRun(file, campaign.configuration["seed"], run_id, run_range, params, failed_at, values, poses)
+    return ReplayedRun(file, options.seed, run_id, run_range, params, failed_at, values, poses)
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2, 3))

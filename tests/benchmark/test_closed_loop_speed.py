@@ -80,5 +80,5 @@ def test_batch_is_divided_evenly_and_no_device_is_idle(mission: ScenarioFile, mo
 
 @pytest.mark.parametrize("batches", [(), (0,), (8, -1)])
 def test_invalid_batches_are_refused(mission: ScenarioFile, batches: tuple[int, ...]) -> None:
-    with pytest.raises(RpojaxError, match="--runs"):
+    with pytest.raises(RpojaxError, match=r"^runs:"):
         closed_loop_speed.measure(mission, batches)

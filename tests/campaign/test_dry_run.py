@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from rpojax.campaign import dry_run, experiment_design, single_run
+from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.core import random_streams
 from rpojax.dispersions.designs.design_kinds import Design
-from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
+from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.errors import ResultError, RpojaxError
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
@@ -106,7 +107,7 @@ def single_run_values(file: ScenarioFile, run_id: int) -> dict[str, np.ndarray]:
 def check_campaign(file: ScenarioFile, out: Path) -> Campaign:
     """Checks that planned, drawn and used values agree in a campaign, in a single run and in a campaign of that run."""
     campaign = run_campaign(file, RUNS, out, seed=5, block_size=1, histories=[], devices=ONE_DEVICE)
-    planned = dry_run.plan_campaign(file, RUNS, 5, block_size=1, devices=ONE_DEVICE)
+    planned = dry_run.plan_campaign(file, CampaignOptions(RUNS, 5, block_size=1), devices=ONE_DEVICE)
     same_bits(planned.values, campaign.drawn)
     assert set(planned.values) == set(dispersion_keys.varied_keys(file))
     alone = single_run_values(file, 2)
@@ -126,7 +127,7 @@ def check_campaign(file: ScenarioFile, out: Path) -> Campaign:
     )
     same_bits(again.drawn, {key: values[2:3] for key, values in campaign.drawn.items()})
     same_bits(again.metrics, {key: values[2:3] for key, values in campaign.metrics.items()})
-    assert recorded_run_range(again.info) == RunRange(0, RUNS)
+    assert again.configuration.options.run_range == RunRange(0, RUNS)
     return campaign
 
 
@@ -167,7 +168,8 @@ def test_resume_with_another_design_is_refused(
 def grid_plan(mission: ScenarioFile) -> dry_run.Plan:
     """Plan of two of the four runs of a grid."""
     file = scenario_loader.validate(mission.model_dump() | {"dispersions": ALWAYS[:1], "design": CASES["grid"][1]})
-    return dry_run.plan_campaign(file, 2, 5, first_run=1, block_size=2, devices=ONE_DEVICE, speed=400.0)
+    options = CampaignOptions(2, 5, first_run=1, block_size=2)
+    return dry_run.plan_campaign(file, options, devices=ONE_DEVICE, speed=400.0)
 
 
 def test_grid_values_are_in_the_order_of_runs(grid_plan: dry_run.Plan) -> None:
@@ -245,10 +247,10 @@ def test_plan_estimates_resources_and_names_the_source_of_the_speed(
 ) -> None:
     assert grid_plan.estimate.time_s == 2 * 400.0 / 400.0
     assert grid_plan.estimate.speed_source == "given"
-    rough = dry_run.plan_campaign(mission, 2, block_size=1, devices=ONE_DEVICE).estimate
+    rough = dry_run.plan_campaign(mission, CampaignOptions(2, block_size=1), devices=ONE_DEVICE).estimate
     assert rough.speed_source == "rough figure for 1 x CPU core"
     assert rough.time_s == pytest.approx(800.0 / dry_run.TYPICAL_SPEEDS["geometric"])
     assert rough.memory_bytes > 5e8
     assert rough.disk_bytes > 1e7
-    with pytest.raises(RpojaxError, match=r"^--speed"):
-        dry_run.plan_campaign(mission, 2, speed=0.0)
+    with pytest.raises(RpojaxError, match=r"^speed"):
+        dry_run.plan_campaign(mission, CampaignOptions(2), speed=0.0)

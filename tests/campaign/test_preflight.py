@@ -11,13 +11,13 @@ from rpojax.errors import OutputError, RpojaxError
 @pytest.mark.parametrize(
     ("numbers", "named"),
     [
-        ((0, 0, 0, None), "--runs: found 0"),
-        ((-3, 0, 0, None), "--runs: found -3"),
-        ((1, -1, 0, None), "--run-id: found -1"),
-        ((10, 2**31 - 5, 0, None), "--run-id"),
-        ((1, 0, -1, None), "--seed: found -1"),
-        ((1, 0, 2**63, None), "--seed"),
-        ((1, 0, 0, 0), "--block-size: found 0"),
+        ((0, 0, 0, None), "runs: found 0"),
+        ((-3, 0, 0, None), "runs: found -3"),
+        ((1, -1, 0, None), "first_run: found -1"),
+        ((10, 2**31 - 5, 0, None), "first_run"),
+        ((1, 0, -1, None), "seed: found -1"),
+        ((1, 0, 2**63, None), "seed"),
+        ((1, 0, 0, 0), "block_size: found 0"),
     ],
 )
 def test_numbers_out_of_range_are_named(numbers: tuple[int, int, int, int | None], named: str) -> None:

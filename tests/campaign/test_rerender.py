@@ -54,15 +54,16 @@ def test_valid_ticks_end_at_the_failure() -> None:
 
 
 def test_scenario_of_a_campaign_is_read_back(rendered_campaign: Campaign, rendered_run: RenderedRun) -> None:
-    assert rerender.rendered_scenario(rendered_campaign.info) == rendered_run.file
+    found = rendered_campaign.configuration
+    assert rerender.rendered_scenario(found.scenario, found.scenario_hash) == rendered_run.file
 
 
 @pytest.mark.parametrize("model", ["geometric", "statistical"])
 def test_camera_without_images_is_refused(model: str) -> None:
     with pytest.raises(RpojaxError, match=f"camera.model: found '{model}', which takes no pictures"):
-        rerender.rendered_scenario({"scenario": {"camera": {"model": model}}})
+        rerender.rendered_scenario({"camera": {"model": model}}, "0" * 64)
 
 
 def test_other_trained_files_than_the_campaigns_are_refused(rendered_campaign: Campaign) -> None:
     with pytest.raises(RpojaxError, match="imaging: found other trained files"):
-        rerender.rendered_scenario(rendered_campaign.info | {"scenario_hash": "0" * 64})
+        rerender.rendered_scenario(rendered_campaign.configuration.scenario, "0" * 64)

@@ -22,7 +22,7 @@ def test_too_little_memory_is_refused_with_amounts_and_remedies(
 ) -> None:
     monkeypatch.setattr(resource_estimates, "_available_memory", lambda: 2e9)
     resource_estimates.check_resources(mission, 1000, 256, 2, 8, tmp_path / "runs")
-    with pytest.raises(RpojaxError, match=r"memory: found 2\.0 GB available, expected 10.*lower --block-size"):
+    with pytest.raises(RpojaxError, match=r"memory: found 2\.0 GB available, expected 10.*lower block_size"):
         resource_estimates.check_resources(mission, 100_000, 100_000, 1, 8, tmp_path / "runs")
 
 
@@ -32,7 +32,7 @@ def test_too_little_disk_is_refused_with_amounts_and_remedies(
     usage = shutil.disk_usage(tmp_path)._replace(free=50_000_000)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage)
     resource_estimates.check_resources(mission, 1000, 256, 1, 8, tmp_path / "runs")
-    with pytest.raises(RpojaxError, match=r"disk: found 50 MB free, expected .*lower --runs, duration_s"):
+    with pytest.raises(RpojaxError, match=r"disk: found 50 MB free, expected .*lower runs, duration_s"):
         resource_estimates.check_resources(mission, 100_000, 256, 1, 8, tmp_path / "runs")
 
 

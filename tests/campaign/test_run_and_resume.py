@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from rpojax.campaign import run_and_resume
-from rpojax.campaign.history_retention import Retention
-from rpojax.campaign.job_shard import Shard
+from rpojax.campaign.options.campaign_options import CampaignOptions
+from rpojax.campaign.options.history_retention import Retention
+from rpojax.campaign.options.job_shard import Shard
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
 from rpojax.campaign.storage import atomic_files, folder_creation
-from rpojax.campaign.storage.campaign_configuration import new_configuration
 from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.campaign.storage.provenance import new_configuration
 from rpojax.errors import OutputError, ResultError, RpojaxError
 from rpojax.flight.control import formation_law
 from rpojax.flight.stages import Stages
@@ -171,9 +172,9 @@ def test_no_more_devices_than_blocks_are_used() -> None:
 
 
 def test_refused_requests_leave_no_files(mission: ScenarioFile, tmp_path: Path) -> None:
-    with pytest.raises(RpojaxError, match="--runs: found 0"):
+    with pytest.raises(RpojaxError, match="runs: found 0"):
         run_campaign(mission, 0, tmp_path / "runs")
-    with pytest.raises(RpojaxError, match="--histories: found run 3"):
+    with pytest.raises(RpojaxError, match="histories: found run 3"):
         run_campaign(mission, 3, tmp_path / "runs", histories=[3])
     with pytest.raises(OutputError, match="expected a folder that can be written to"):
         run_campaign(mission, 3, Path("/dev/null/runs"))
@@ -240,6 +241,6 @@ def test_shard_without_missing_blocks_leaves_selected_histories_to_the_last_one(
     mission: ScenarioFile, tmp_path: Path
 ) -> None:
     retention = Retention("worst:1:min_range_m")
-    configuration = new_configuration(mission, 0, 4, 0, 2, retention.to_record())
+    configuration = new_configuration(mission, CampaignOptions(4, block_size=2, histories=retention))
     folder_creation.create_folder(tmp_path / "runs", configuration, force=False)
     assert resume_campaign(tmp_path / "runs", shard=Shard.parse("3/3")).missing_blocks() == [0, 1]

@@ -358,7 +358,7 @@ def test_an_interrupt_before_anything_is_written_says_so(
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rpojax.campaign.run_and_resume.run_campaign", interrupt)
+    monkeypatch.setattr("rpojax.campaign.run_and_resume.start_campaign", interrupt)
     result = call("campaign", "inspection", "--runs", 3, "--out", tmp_path / "runs")
     assert (result.status, result.out) == (130, "")
     assert result.err.splitlines()[-1] == "rpojax: interrupted; nothing was written"

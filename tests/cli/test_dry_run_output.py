@@ -28,7 +28,7 @@ def nothing_flies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     def fly(*_: object, **__: object) -> None:
         raise AssertionError("a dry run flew")
 
-    monkeypatch.setattr("rpojax.campaign.run_and_resume.run_campaign", fly)
+    monkeypatch.setattr("rpojax.campaign.run_and_resume.start_campaign", fly)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

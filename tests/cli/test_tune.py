@@ -11,7 +11,8 @@ import rpojax
 from rpojax.analysis.gradients.tuning import gradient_descent, tuning_validation
 from rpojax.analysis.gradients.tuning.descent_state import TuningStep
 from rpojax.analysis.gradients.tuning.gradient_descent import TuningResult
-from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings, scenario_at_horizon
+from rpojax.analysis.gradients.tuning.tunable_scenario import scenario_at_horizon
+from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.analysis.statistics.paired_comparison import RunMetrics
 from rpojax.cli import main
 from rpojax.metrics.metric_catalogue import UNITS

@@ -24,7 +24,7 @@ from rpojax.simulation.state import State
 
 
 def test_a_run_that_the_campaign_does_not_have_is_refused(campaign: Campaign) -> None:
-    with pytest.raises(RpojaxError, match=r"--run-id: found 4, expected a run of this campaign, 0 to 3"):
+    with pytest.raises(RpojaxError, match=r"run_id: found 4, expected a run of this campaign, 0 to 3"):
         run_replay.replay(campaign, 4, message_values.observe_tick)
 
 
@@ -39,7 +39,7 @@ def test_a_replay_is_in_double_precision(observed_run: ReplayedRun, observe_both
     file = observed_run.file.model_copy(update={"precision": "single"})
     campaign = empty_campaign(tmp_path / "runs", file, observed_run.seed, 4, 0, 1)
     found = run_replay.replay(campaign, observed_run.run_id, observe_both)
-    assert scenario_digest(found.file) == campaign.configuration["scenario_hash"]
+    assert scenario_digest(found.file) == campaign.configuration.scenario_hash
     for name, values in observed_run.poses.items():
         np.testing.assert_array_equal(found.poses[name], values, err_msg=name)
 

@@ -186,10 +186,12 @@ def select_metrics(file: ScenarioFile, names: Sequence[str]) -> tuple[str, ...]:
     for name in names:
         if name not in DIFFERENTIABLE:
             known = ", ".join(DIFFERENTIABLE)
-            raise RpojaxError(f"--metric: found {name!r}, expected a metric with a derivative: {known}")
+            raise RpojaxError.of_argument("metrics", f"found {name!r}, expected a metric with a derivative: {known}")
     chosen = names or [each.metric for each in file.requirements if each.metric in DIFFERENTIABLE]
     if not chosen:
-        raise RpojaxError("--metric: found none, expected one, for a scenario without requirements on such metrics")
+        raise RpojaxError.of_argument(
+            "metrics", "found none, expected one, for a scenario without requirements on such metrics"
+        )
     return tuple(dict.fromkeys(chosen))
 
 
@@ -202,7 +204,7 @@ def derivative_sensitivities(
         RpojaxError: too few runs, or all of them fail.
     """
     if runs < MIN_RUNS:
-        raise RpojaxError(f"--runs: found {runs}, expected at least {MIN_RUNS}")
+        raise RpojaxError.of_argument("runs", f"found {runs}, expected at least {MIN_RUNS}")
     used = evaluator or RolloutEvaluator(space.file, space.values_at, space.dimension, metrics, runs=runs + 1)
     drawn = np.random.default_rng([seed, 0xD15]).normal(size=(runs, space.dimension))
     points = np.concatenate([np.zeros((1, space.dimension)), drawn])
@@ -211,7 +213,7 @@ def derivative_sensitivities(
     complete = ~found.failed & np.isfinite(found.jacobian).all(axis=(1, 2))
     rows = np.flatnonzero(complete[1:]) + 1
     if len(rows) < MIN_RUNS:
-        raise RpojaxError(f"--runs: found {len(rows)} that reached their end, expected at least {MIN_RUNS}")
+        raise RpojaxError.of_argument("runs", f"found {len(rows)} that reached their end, expected at least {MIN_RUNS}")
     at_median = found.jacobian[0] if complete[0] else np.full(found.jacobian.shape[1:], np.nan)
     return tuple(
         _metric_sensitivity(space, name, found.jacobian[rows, index], at_median[index], found.metrics[rows, index])

@@ -14,7 +14,7 @@ from rpojax.analysis.gradients.rollout_evaluator import (
     RolloutResult,
     run_keys,
 )
-from rpojax.analysis.gradients.tuning.tuning_settings import check_differentiable
+from rpojax.analysis.gradients.tuning.tunable_scenario import check_differentiable
 from rpojax.campaign import preflight
 from rpojax.campaign.experiment_design import has_independent_runs
 from rpojax.errors import RpojaxError

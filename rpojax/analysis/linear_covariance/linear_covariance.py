@@ -147,9 +147,9 @@ def linear_covariance(
         RpojaxError: a number is out of range, or an effect of the scenario has no Jacobian.
     """
     if runs != 0 and runs < _MIN_RUNS:
-        raise RpojaxError(f"--runs: found {runs}, expected 0 or at least {_MIN_RUNS}")
+        raise RpojaxError.of_argument("runs", f"found {runs}, expected 0 or at least {_MIN_RUNS}")
     if members < 2:
-        raise RpojaxError(f"--members: found {members}, expected at least 2")
+        raise RpojaxError.of_argument("members", f"found {members}, expected at least 2")
     preflight.check_numbers(max(runs, 1), 0, seed, None)
     check_scenario(file)
     with busy("linear covariance", quiet=not progress):

@@ -5,6 +5,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from rpojax.analysis.reliability.search_settings import SearchSettings
 from rpojax.analysis.statistics.shrunk_mean import shrunk_mean
 
 _MIN_GRADIENTS = 3
@@ -31,23 +32,6 @@ class LimitState(Protocol):
     def gradients(self, points: np.ndarray, replicates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Margins (n,) and their gradients (n, k)."""
         ...
-
-
-@dataclass(frozen=True)
-class SearchSettings:
-    """Effort of a search.
-
-    Attributes:
-        starts: searches at a time
-        screening_points: random points, of which the best ones are the starts
-        budget: greatest total cost, in margins
-        max_distance: largest distance from the origin of a point [sigmas]
-    """
-
-    starts: int = 4
-    screening_points: int = 16
-    budget: float = 400.0
-    max_distance: float = 6.0
 
 
 @dataclass(frozen=True)

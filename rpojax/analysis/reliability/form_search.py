@@ -17,8 +17,8 @@ from rpojax.analysis.reliability.evaluation_log import (
     EvaluationLog,
     LimitState,
     SearchResult,
-    SearchSettings,
 )
+from rpojax.analysis.reliability.search_settings import SearchSettings
 
 _SCREENING_SCALES = (1.0, 1.1, 1.2)
 """Scales of the random points of successive screening rounds; the last one is kept."""

@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 
+from rpojax.analysis.reliability.search_settings import LimitChoice
 from rpojax.errors import RpojaxError
 from rpojax.metrics.metric_catalogue import DIFFERENTIABLE, UNITS
 from rpojax.scenario.schema import ScenarioFile
@@ -43,28 +44,27 @@ class MetricLimit:
         return value > self.limit if self.bound == "at most" else value < self.limit
 
 
-def select_limit(
-    file: ScenarioFile, requirement: str | None, metric: str | None, limit: float | None, bound: str
-) -> MetricLimit:
+def select_limit(file: ScenarioFile, choice: LimitChoice) -> MetricLimit:
     """Limit of a requirement of the scenario, or of a metric with its own limit.
 
     Raises:
-        RpojaxError: naming the option.
+        RpojaxError: naming the argument.
     """
+    requirement, metric, limit = choice.requirement, choice.metric, choice.limit
     if (requirement is None) == (metric is None):
         found = "neither" if metric is None else "both"
-        raise RpojaxError(f"--requirement, --metric: found {found}, expected one of the two")
+        raise RpojaxError.of_argument("requirement, metric", f"found {found}, expected one of the two")
     if requirement is not None:
         if limit is not None:
-            raise RpojaxError(f"--limit: found {limit}, expected it with --metric only")
+            raise RpojaxError.of_argument("limit", f"found {limit}, expected it with metric only")
         return _limit_of_requirement(file, requirement)
     assert metric is not None
-    check_metric("--metric", metric)
+    check_metric("metric", metric)
     if limit is None or not math.isfinite(limit):
-        raise RpojaxError(f"--limit: found {limit}, expected a number, with --metric")
-    if bound not in ("at most", "at least"):
-        raise RpojaxError(f"--bound: found {bound!r}, expected 'at most' or 'at least'")
-    return MetricLimit(metric, "at most" if bound == "at most" else "at least", limit)
+        raise RpojaxError.of_argument("limit", f"found {limit}, expected a number, with metric")
+    if choice.bound not in ("at most", "at least"):
+        raise RpojaxError.of_argument("bound", f"found {choice.bound!r}, expected 'at most' or 'at least'")
+    return MetricLimit(metric, "at most" if choice.bound == "at most" else "at least", limit)
 
 
 def _limit_of_requirement(file: ScenarioFile, requirement: str) -> MetricLimit:
@@ -72,18 +72,20 @@ def _limit_of_requirement(file: ScenarioFile, requirement: str) -> MetricLimit:
     chosen = [each for each in file.requirements if each.metric == requirement]
     if not chosen:
         expected = ", ".join(known) or "a scenario that has requirements"
-        raise RpojaxError(f"--requirement: found {requirement!r}, expected one of the scenario's: {expected}")
-    check_metric("--requirement", requirement)
+        raise RpojaxError.of_argument(
+            "requirement", f"found {requirement!r}, expected one of the scenario's: {expected}"
+        )
+    check_metric("requirement", requirement)
     return MetricLimit(requirement, chosen[0].bound, chosen[0].limit)
 
 
-def check_metric(option: str, name: str) -> None:
+def check_metric(argument: str, name: str) -> None:
     """Refuses metrics that have no derivative.
 
     Raises:
-        RpojaxError: naming the option.
+        RpojaxError: naming the argument.
     """
     known = [each for each in UNITS if each in DIFFERENTIABLE]
     if name not in known:
         what = "a metric with a derivative" if name in UNITS else "a metric"
-        raise RpojaxError(f"{option}: found {name!r}, expected {what}: {', '.join(known)}")
+        raise RpojaxError.of_argument(argument, f"found {name!r}, expected {what}: {', '.join(known)}")

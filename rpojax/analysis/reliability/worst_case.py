@@ -14,9 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
-from rpojax.analysis.reliability.evaluation_log import SearchSettings
 from rpojax.analysis.reliability.form_search import find_design_point
 from rpojax.analysis.reliability.metric_limit import MetricLimit, select_limit
+from rpojax.analysis.reliability.search_settings import LimitChoice, SearchSettings
 from rpojax.analysis.reliability.simulated_limit_state import (
     EvaluationCosts,
     SimulatedLimitState,
@@ -66,9 +66,29 @@ def worst_case(
     Raises:
         RpojaxError: an option names no limit or no search, nothing can be moved, or the folder cannot be used.
     """
-    chosen = select_limit(file, requirement, metric, limit, bound)
+    choice = LimitChoice(requirement, metric, limit, bound)
+    settings = SearchSettings(starts=starts, budget=budget)
+    return find_worst_case(file, choice, settings, seed, run_directory=run_directory, force=force, progress=progress)
+
+
+def find_worst_case(
+    file: ScenarioFile,
+    choice: LimitChoice,
+    settings: SearchSettings,
+    seed: int,
+    *,
+    run_directory: Path | str | None = None,
+    force: bool = False,
+    progress: bool = True,
+) -> WorstCase:
+    """The worst case for records of a limit and of settings, as `worst_case` finds it.
+
+    Raises:
+        RpojaxError: an option names no limit or no search, nothing can be moved, or the folder cannot be used.
+    """
+    chosen = select_limit(file, choice)
     space = standard_normal_space.make_space(file)
-    settings = SearchSettings(starts=starts, screening_points=max(16, starts), budget=budget)
+    settings = dataclasses.replace(settings, screening_points=max(settings.screening_points, settings.starts))
     check_settings(settings)
     with busy("compiling runs and their gradient (minutes; seconds the next time), then searching", not progress):
         found = search_worst_case(space, chosen, settings, seed)
@@ -83,13 +103,13 @@ def check_settings(settings: SearchSettings) -> None:
     """Refuses settings of a search that finds nothing.
 
     Raises:
-        RpojaxError: naming the option.
+        RpojaxError: naming the argument.
     """
     if not 1 <= settings.starts <= _MAX_STARTS:
-        raise RpojaxError(f"--starts: found {settings.starts}, expected 1 to {_MAX_STARTS}")
+        raise RpojaxError.of_argument("starts", f"found {settings.starts}, expected 1 to {_MAX_STARTS}")
     if not settings.budget >= settings.screening_points:
-        raise RpojaxError(
-            f"--budget: found {settings.budget:g}, expected at least the {settings.screening_points} first runs"
+        raise RpojaxError.of_argument(
+            "budget", f"found {settings.budget:g}, expected at least the {settings.screening_points} first runs"
         )
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from rpojax.campaign.execution.batch_engine import PreparedRuns, Segment
+from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import campaign_folder
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import recorded_metrics, trace_channels
@@ -69,6 +70,13 @@ class ChannelRecorder:
                 if np.issubdtype(values.dtype, np.floating):
                     values[time_s > failed_at] = np.nan
         return {"time_s": time_s, "rho_desired_H": np.asarray(file.formation.desired_position_m), **channels}
+
+
+def thin_history(history: Mapping[str, np.ndarray], retention: Retention, ticks: int) -> dict[str, np.ndarray]:
+    """Kept channels and samples of a full history of `ticks` ticks, always with `time_s` and `rho_desired_H`."""
+    channels = {name: values for name, values in history.items() if retention.keeps_channel(name)}
+    sampled = {name for name, values in channels.items() if name != "rho_desired_H" and len(values) == ticks}
+    return {name: values[:: retention.every] if name in sampled else values for name, values in channels.items()}
 
 
 def _allocated(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:

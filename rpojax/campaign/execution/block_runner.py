@@ -10,10 +10,10 @@ from rpojax.campaign.execution import block_recording
 from rpojax.campaign.execution.batch_engine import BatchEngine, PreparedRuns
 from rpojax.campaign.execution.block_recording import ChannelRecorder
 from rpojax.campaign.execution.campaign_engine import check_versions
-from rpojax.campaign.history_retention import Retention
-from rpojax.campaign.storage import block_manifests, campaign_json
-from rpojax.campaign.storage.campaign_configuration import device_description
+from rpojax.campaign.options.history_retention import Retention
+from rpojax.campaign.storage import block_manifests
 from rpojax.campaign.storage.campaign_folder import BlockTiming, Campaign
+from rpojax.campaign.storage.provenance import device_description
 
 BatchProgressCallback = Callable[[float, int], None]
 """Called with the finished fraction of a batch of runs, and with the number of its runs that have failed."""
@@ -114,8 +114,8 @@ def simulate_blocks(
     campaign: Campaign, engine: BatchEngine, blocks: Sequence[int], on_progress: BatchProgressCallback
 ) -> BlockResults:
     """Simulates some blocks at once, one per device."""
-    configuration = campaign.configuration
-    check_versions(configuration["versions"])
+    options = campaign.configuration.options
+    check_versions(campaign.configuration.versions)
     engine.compile()
     for block in blocks:
         block_manifests.record_attempt(campaign.directory, block)
@@ -124,10 +124,9 @@ def simulate_blocks(
     padded = [*blocks, *[blocks[-1]] * (len(engine.devices) - len(blocks))]
     run_ids = np.concatenate([campaign.block_run_ids(block) for block in padded])
     unpadded_rows = _unpadded_rows(campaign, engine, blocks)
-    retention = Retention.from_record(configuration["histories"])
-    kept_run_ids = retention.unconditional_run_ids(configuration["first_run"], configuration["runs"])
+    kept_run_ids = options.histories.unconditional_run_ids(options.first_run, options.runs)
     history_rows = [row for row in unpadded_rows.tolist() if int(run_ids[row]) in kept_run_ids]
-    batch = simulate_batch(engine, configuration["seed"], run_ids, history_rows, unpadded_rows, retention, on_progress)
+    batch = simulate_batch(engine, options.seed, run_ids, history_rows, unpadded_rows, options.histories, on_progress)
     # Without the time to store, which overlaps with the simulation of the next blocks.
     wall_s = max(0.0, time.time() - began_s)
     timing = BlockTiming(began_s, wall_s, engine.compile_s, device_description(len(engine.devices)))
@@ -136,7 +135,7 @@ def simulate_blocks(
 
 def _unpadded_rows(campaign: Campaign, engine: BatchEngine, blocks: Sequence[int]) -> np.ndarray:
     """Rows of a batch that hold runs of the campaign."""
-    counts = [campaign_json.runs_in_block(campaign.configuration, block) for block in blocks]
+    counts = [campaign.configuration.runs_in_block(block) for block in blocks]
     return np.concatenate([np.arange(count) + place * engine.runs_per_device for place, count in enumerate(counts)])
 
 
@@ -147,11 +146,11 @@ def store_blocks(campaign: Campaign, engine: BatchEngine, results: BlockResults)
         UnfinishedError: they cannot be stored.
     """
     size, batch = engine.runs_per_device, results.batch
-    retention = Retention.from_record(campaign.configuration["histories"])
+    retention = campaign.configuration.options.histories
     for place, block in enumerate(results.blocks):
         rows = slice(place * size, place * size + size)
         for row in results.history_rows:
             if rows.start <= row < rows.stop:
-                history = retention.thin(batch.history(row, engine), engine.scenario.ticks)
+                history = block_recording.thin_history(batch.history(row, engine), retention, engine.scenario.ticks)
                 campaign.write_history(int(batch.prepared.run_ids[row]), history)
         campaign.write_block(block, batch.block_arrays(rows, engine), results.timing)

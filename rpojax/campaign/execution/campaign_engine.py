@@ -6,7 +6,8 @@ from typing import Any
 from rpojax.batching import batching_mode
 from rpojax.campaign import experiment_design, replaced_stage_provenance
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.campaign.storage.campaign_configuration import package_versions
+from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
+from rpojax.campaign.storage.provenance import package_versions
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.scenario.loading import scenario_loader
@@ -17,7 +18,7 @@ _REPRODUCIBILITY_PACKAGES = ("rpojax", "jax")
 
 
 def recreate_engine(
-    configuration: Mapping[str, Any], devices: Sequence[Any], stages: Stages | None = None
+    configuration: CampaignConfiguration, devices: Sequence[Any], stages: Stages | None = None
 ) -> BatchEngine:
     """Engine with the scenario, block size, batching, design and stages of a campaign's `campaign.json`.
 
@@ -25,16 +26,18 @@ def recreate_engine(
         RpojaxError: the scenario, its trained files or the stages are not those of the campaign, or its batching is
             unknown.
     """
-    file = scenario_loader.validate(configuration["scenario"])
-    if scenario_digest(file) != configuration["scenario_hash"]:
+    file = scenario_loader.validate(configuration.scenario)
+    if scenario_digest(file) != configuration.scenario_hash:
         raise RpojaxError(
             "scenario: found another content or trained files, expected those that the campaign began with"
         )
-    replaced_stage_provenance.check_same_stages(configuration["stages"], stages or Stages())
-    design = experiment_design.recreate_design(file, configuration)
+    replaced_stage_provenance.check_same_stages(configuration.stages, stages or Stages())
+    options = configuration.options
+    design = experiment_design.recreate_design(file, options.seed, options.design_range, configuration.design_sha256)
     # Campaigns that do not record it began when there was no choice.
-    batching = batching_mode.check_mode("batching", configuration.get("batching", batching_mode.DEFAULT_MODE))
-    return BatchEngine(file, configuration["block_size"], devices, stages, design, batching)
+    recorded = batching_mode.DEFAULT_MODE if configuration.batching is None else configuration.batching
+    batching = batching_mode.check_mode("batching", recorded)
+    return BatchEngine(file, configuration.block_size, devices, stages, design, batching)
 
 
 def check_versions(recorded: Mapping[str, str]) -> None:

@@ -12,7 +12,7 @@ import jax
 
 from rpojax.campaign.execution import block_runner, campaign_engine
 from rpojax.campaign.execution.executor import MAX_ATTEMPTS, ExecutorProgressCallback, check_default_stages
-from rpojax.campaign.storage import campaign_json
+from rpojax.campaign.storage import campaign_configuration
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError, UnfinishedError
 from rpojax.runtime import jax_configuration
@@ -43,7 +43,9 @@ class DaskExecutor:
         except (OSError, ValueError, TimeoutError) as error:
             reason = " ".join(str(error).split()) or type(error).__name__
             expected = "the address of a Dask scheduler that answers, such as tcp://10.0.0.1:8786"
-            raise RpojaxError(f"--scheduler: found {self.scheduler!r} ({reason:.120}), expected {expected}") from None
+            raise RpojaxError.of_argument(
+                "scheduler", f"found {self.scheduler!r} ({reason:.120}), expected {expected}"
+            ) from None
         with client:
             return self._collect(distributed, client, self._submit(client, blocks), on_progress)
 
@@ -71,7 +73,7 @@ class DaskExecutor:
             kind, answer = task.result()
             if kind != "done":
                 raise UnfinishedError(answer) if kind == "UnfinishedError" else RpojaxError(answer)
-            done += campaign_json.runs_in_block(self.campaign.configuration, block)
+            done += self.campaign.configuration.runs_in_block(block)
             failed += answer
             on_progress(float(done), failed, True)
         return failed_blocks
@@ -81,8 +83,8 @@ def _import_distributed() -> Any:
     try:
         import distributed
     except ModuleNotFoundError:
-        raise RpojaxError(
-            "--executor: found no Dask, expected the package `distributed` (pip install 'rpojax[dask]')"
+        raise RpojaxError.of_argument(
+            "executor", "found no Dask, expected the package `distributed` (pip install 'rpojax[dask]')"
         ) from None
     return distributed
 
@@ -96,7 +98,7 @@ def simulate_block(directory: str, block: int, environment: dict[str, str]) -> t
     jax_configuration.apply_variables(environment)
     try:
         with _LOCK:
-            content = Path(directory, campaign_json.FILE_NAME).read_bytes()
+            content = Path(directory, campaign_configuration.FILE_NAME).read_bytes()
             campaign, engine = _campaign_and_engine(directory, content)
             return "done", block_runner.simulate_and_store(campaign, engine, [block], lambda fraction, failures: None)
     except RpojaxError as error:

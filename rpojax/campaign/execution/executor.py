@@ -36,5 +36,5 @@ def check_default_stages(campaign: Campaign) -> None:
     Raises:
         RpojaxError: a stage of the campaign is replaced.
     """
-    if stages := campaign.configuration["stages"]:
+    if stages := campaign.configuration.stages:
         raise RpojaxError(f"stages: found {sorted(stages)} replaced, expected none with other processes as workers")

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from rpojax.campaign.execution import block_runner
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.execution.executor import ExecutorProgressCallback
-from rpojax.campaign.storage import campaign_json
 from rpojax.campaign.storage.campaign_folder import Campaign
 
 
@@ -34,7 +33,7 @@ class LocalExecutor:
             storing: Future[None] | None = None
             for first in range(0, len(blocks), devices):
                 batch = blocks[first : first + devices]
-                runs = sum(campaign_json.runs_in_block(self.campaign.configuration, block) for block in batch)
+                runs = sum(self.campaign.configuration.runs_in_block(block) for block in batch)
                 on_batch_progress = _batch_progress(on_progress, runs, done, failed)
                 results = block_runner.simulate_blocks(self.campaign, self.engine, batch, on_batch_progress)
                 if storing is not None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import IO, Any
 
 from rpojax.campaign.execution.executor import MAX_ATTEMPTS, ExecutorProgressCallback, check_default_stages
-from rpojax.campaign.storage import campaign_json
+from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError, UnfinishedError
 from rpojax.runtime import jax_environment
@@ -91,7 +91,7 @@ class _BatchQueue:
     """
 
     pending: deque[list[int]]
-    configuration: dict[str, Any]
+    configuration: CampaignConfiguration
     on_progress: ExecutorProgressCallback
     lock: threading.Lock = field(default_factory=threading.Lock)
     ready: threading.Event = field(default_factory=threading.Event)
@@ -133,7 +133,7 @@ class _BatchQueue:
                     self.pending.append([block])
 
     def _run_count(self, batch: Sequence[int]) -> int:
-        return sum(campaign_json.runs_in_block(self.configuration, block) for block in batch)
+        return sum(self.configuration.runs_in_block(block) for block in batch)
 
     def _report_progress(self) -> None:
         running = self.in_progress.values()

@@ -1,13 +1,15 @@
 """Histories of runs that are selected by their results, such as failures: simulated again once all blocks are done."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from rpojax.campaign.execution.batch_engine import BatchEngine
+from rpojax.campaign.execution.block_recording import thin_history
 from rpojax.campaign.execution.block_runner import simulate_batch
-from rpojax.campaign.history_retention import Retention
+from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.metrics.metric_catalogue import worst_first
 
 
 def pending_histories(campaign: Campaign) -> list[int]:
@@ -15,11 +17,28 @@ def pending_histories(campaign: Campaign) -> list[int]:
 
     All blocks of the campaign must be finished.
     """
-    retention = Retention.from_record(campaign.configuration["histories"])
+    retention = campaign.configuration.options.histories
     if not retention.depends_on_results:
         return []
-    selected = retention.selected_by_result(campaign.run_ids, campaign.completed, campaign.metrics)
+    selected = selected_by_result(retention, campaign.run_ids, campaign.completed, campaign.metrics)
     return sorted(selected - set(campaign.history_ids))
+
+
+def selected_by_result(
+    retention: Retention, run_ids: np.ndarray, completed: np.ndarray, metrics: Mapping[str, np.ndarray]
+) -> set[int]:
+    """Numbers of the runs whose histories are kept because of their results.
+
+    Args:
+        retention: the rule
+        run_ids: (runs,) run numbers
+        completed: (runs,) whether the run completed
+        metrics: name -> (runs,), nan if undefined
+    """
+    kept: set[int] = set(run_ids[~completed].tolist()) if retention.keeps_failures else set()
+    for metric, count in retention.worst_kept:
+        kept.update(run_ids[worst_first(metric, metrics[metric])[:count]].tolist())
+    return kept
 
 
 def simulate_histories(
@@ -32,7 +51,7 @@ def simulate_histories(
     Raises:
         UnfinishedError: they cannot be stored.
     """
-    retention = Retention.from_record(campaign.configuration["histories"])
+    options = campaign.configuration.options
     engine.compile()
     for first in range(0, len(run_ids), engine.capacity):
         batch_ids = list(run_ids[first : first + engine.capacity])
@@ -43,7 +62,8 @@ def simulate_histories(
             on_progress(first + fraction * count)
 
         batch = simulate_batch(
-            engine, campaign.configuration["seed"], padded_ids, rows.tolist(), rows, retention, on_batch_progress
+            engine, options.seed, padded_ids, rows.tolist(), rows, options.histories, on_batch_progress
         )
         for row, run_id in enumerate(batch_ids):
-            campaign.write_history(run_id, retention.thin(batch.history(row, engine), engine.scenario.ticks))
+            history = thin_history(batch.history(row, engine), options.histories, engine.scenario.ticks)
+            campaign.write_history(run_id, history)

@@ -5,13 +5,14 @@ Beside them, `manifest/000007.attempts` has a line for every attempt at a block 
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from rpojax.campaign.preflight import MAX_RUN_ID
-from rpojax.campaign.storage import atomic_files, campaign_json, safe_paths
+from rpojax.campaign.storage import atomic_files, safe_paths
+from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.errors import ResultError
 
 _LARGEST_BYTES = 1_000_000
@@ -91,7 +92,7 @@ def _numbered_files(folder: Path, suffix: str) -> list[int]:
     return [int(path.stem) for path in paths if path.suffix == suffix and _NAME.fullmatch(path.stem)]
 
 
-def read(directory: Path, configuration: Mapping[str, Any], block: int) -> Manifest:
+def read(directory: Path, configuration: CampaignConfiguration, block: int) -> Manifest:
     """Manifest of a finished block, checked against `campaign.json`.
 
     Raises:
@@ -106,10 +107,10 @@ def read(directory: Path, configuration: Mapping[str, Any], block: int) -> Manif
         if not _is_valid_entry(field.name, value):
             raise ResultError(f"{path}: found {value!r:.60} for {field.name!r}, expected {expected}")
     found = Manifest(**{field.name: content[field.name] for field in fields(Manifest)})
-    if found.campaign != configuration["id"]:
-        expected_id = f"{configuration['id']:.40}"
+    if found.campaign != configuration.id:
+        expected_id = f"{configuration.id:.40}"
         raise ResultError(f"{path}: found campaign {found.campaign:.40}, expected {expected_id} {_RESUME_HINT}")
-    rows = (block * configuration["block_size"], campaign_json.runs_in_block(configuration, block))
+    rows = (block * configuration.block_size, configuration.runs_in_block(block))
     if (found.first, found.count) != rows:
         text = f"first {found.first}, count {found.count}"
         raise ResultError(f"{path}: found {text}, expected first {rows[0]}, count {rows[1]} {_RESUME_HINT}")
@@ -143,7 +144,7 @@ def _is_sha256(value: Any) -> bool:
     return isinstance(value, str) and re.fullmatch(r"[0-9a-f]{64}", value) is not None
 
 
-def read_all(directory: Path, configuration: Mapping[str, Any], blocks: Iterable[int]) -> list[Manifest]:
+def read_all(directory: Path, configuration: CampaignConfiguration, blocks: Iterable[int]) -> list[Manifest]:
     """Manifests of some finished blocks."""
     return [read(directory, configuration, block) for block in blocks]
 

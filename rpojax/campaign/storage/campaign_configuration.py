@@ -1,90 +1,213 @@
-"""Configuration of a new campaign, as `campaign.json` records it, with the provenance of its results."""
+"""Configuration of a campaign: the record of `campaign.json`, written before anything is compiled; free of jax."""
 
-import datetime
-import platform
-import secrets
+import re
 from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
-import jax
-import numpy as np
-import zarr
+from rpojax.campaign.options.campaign_options import CampaignOptions
+from rpojax.campaign.preflight import MAX_BLOCKS, MAX_RUN_ID, MAX_SEED
+from rpojax.campaign.storage import atomic_files, safe_paths
+from rpojax.errors import ResultError, RpojaxError
 
-from rpojax.batching import batching_mode
-from rpojax.batching.batching_mode import BatchingMode
-from rpojax.campaign.storage import campaign_json
-from rpojax.scenario.scenario_digest import scenario_digest
-from rpojax.scenario.schema import ScenarioFile
-from rpojax.version import __version__
+FORMAT_VERSION = 3
+"""Version of the layout of a campaign folder."""
+FILE_NAME = "campaign.json"
+
+_LARGEST_BYTES = 64_000_000
+_REQUIRED_ENTRIES: dict[str, type] = {
+    "name": str,
+    "description": str,
+    "scenario": dict,
+    "scenario_hash": str,
+    "seed": int,
+    "runs": int,
+    "first_run": int,
+    "block_size": int,
+    "histories": dict,
+    "stages": dict,
+    "design": dict,
+    "report": bool,
+    "id": str,
+    "versions": dict,
+}
+"""Entries that `campaign.json` must hold, with their types."""
+_RANGES = {
+    "seed": (0, MAX_SEED),
+    "runs": (1, MAX_RUN_ID),
+    "first_run": (0, MAX_RUN_ID),
+    "block_size": (1, MAX_RUN_ID),
+}
+_SHARED_ENTRIES = (
+    "scenario_hash",
+    "seed",
+    "runs",
+    "first_run",
+    "block_size",
+    "histories",
+    "stages",
+    "design",
+    "batching",
+)
+"""Entries that must be equal for processes that share one folder."""
 
 
-def new_configuration(
-    file: ScenarioFile,
-    seed: int,
-    runs: int,
-    first_run: int,
-    block_size: int,
-    histories: Mapping[str, Any],
-    stages: Mapping[str, Any] | None = None,
-    design: Mapping[str, Any] | None = None,
-    report: bool = False,
-    batching: BatchingMode = batching_mode.DEFAULT_MODE,
-) -> dict[str, Any]:
+@dataclass(frozen=True)
+class CampaignConfiguration:
     """Content of `campaign.json`.
 
-    Args:
-        file: the scenario
-        seed: master seed
-        runs: number of runs
-        first_run: number of the first run
-        block_size: runs per block and device
-        histories: record of the retention rule
+    Attributes:
+        name: of the scenario
+        description: of the scenario
+        scenario: the scenario in the types of JSON
+        scenario_hash: SHA-256 of its entries and trained files that affect results
+        options: of the campaign, with its block size
         stages: records of the replaced stages
-        design: record of the experiment design, by default that of just these runs
-        report: whether a report is wanted
-        batching: how a tick is batched over the runs
+        design_sha256: of the values that the experiment design assigns; None in folders that do not record it
+        batching: how a tick is batched over the runs; None in folders that do not record it
+        dtype: floating-point type of the loop
+        id: random identifier of the folder
+        versions: package -> version
+        device: description of the devices
+        created: time of creation
+        rerun_of: in the folder of a rerun, `first_run` and `runs` of the original campaign
     """
-    return {
-        "format": campaign_json.FORMAT_VERSION,
-        "name": file.name,
-        "description": file.description,
-        "scenario": file.model_dump(mode="json"),
-        "scenario_hash": scenario_digest(file),
-        "seed": seed,
-        "runs": runs,
-        "first_run": first_run,
-        "block_size": block_size,
-        "histories": dict(histories),
-        "stages": dict(stages or {}),
-        "design": dict(design or {"first_run": first_run, "runs": runs}),
-        "report": report,
-        "batching": batching,
-        "dtype": "float32" if file.precision == "single" else "float64",
-        **provenance(len(jax.devices())),
-    }
+
+    name: str
+    description: str
+    scenario: dict[str, Any] = field(repr=False)
+    scenario_hash: str
+    options: CampaignOptions
+    stages: dict[str, Any]
+    design_sha256: str | None
+    batching: str | None
+    dtype: str
+    id: str
+    versions: dict[str, str]
+    device: str
+    created: str
+    rerun_of: dict[str, int] | None = None
+
+    @property
+    def block_size(self) -> int:
+        """Runs per block and device."""
+        assert self.options.block_size is not None
+        return self.options.block_size
+
+    @property
+    def block_count(self) -> int:
+        """Number of blocks."""
+        return -(-self.options.runs // self.block_size)
+
+    def runs_in_block(self, block: int) -> int:
+        """Number of runs of a block, without padding."""
+        return min(self.block_size, self.options.runs - block * self.block_size)
+
+    def to_record(self) -> dict[str, Any]:
+        """Content of `campaign.json`, in the types of JSON."""
+        options = self.options.to_record()
+        report, design = options.pop("report"), options.pop("design")
+        digest = {} if self.design_sha256 is None else {"sha256": self.design_sha256}
+        batching = {} if self.batching is None else {"batching": self.batching}
+        record = {
+            "format": FORMAT_VERSION,
+            "name": self.name,
+            "description": self.description,
+            "scenario": self.scenario,
+            "scenario_hash": self.scenario_hash,
+            **options,
+            "stages": self.stages,
+            "design": design | digest,
+            "report": report,
+            **batching,
+            "dtype": self.dtype,
+            "id": self.id,
+            "versions": self.versions,
+            "device": self.device,
+            "created": self.created,
+        }
+        return record if self.rerun_of is None else record | {"rerun_of": self.rerun_of}
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> "CampaignConfiguration":
+        """Configuration from the content of `campaign.json`, the types of which have been checked.
+
+        Raises:
+            RpojaxError: an option is out of range.
+        """
+        return cls(
+            name=record["name"],
+            description=record["description"],
+            scenario=record["scenario"],
+            scenario_hash=record["scenario_hash"],
+            options=CampaignOptions.from_record(record),
+            stages=record["stages"],
+            design_sha256=record["design"].get("sha256"),
+            batching=record.get("batching"),
+            dtype=record.get("dtype", ""),
+            id=record["id"],
+            versions=record["versions"],
+            device=record.get("device", ""),
+            created=record.get("created", ""),
+            rerun_of=record.get("rerun_of"),
+        )
 
 
-def provenance(devices: int) -> dict[str, Any]:
-    """Entries of `campaign.json` on where and when it was made; the random `id` tells it from any other campaign."""
-    return {
-        "id": secrets.token_hex(8),
-        "versions": package_versions(),
-        "device": device_description(devices),
-        "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
-    }
+def read(directory: Path) -> CampaignConfiguration:
+    """Configuration of a folder's `campaign.json`, with types and ranges checked.
+
+    Raises:
+        ResultError: the folder is no campaign, or not one that this version reads.
+    """
+    path = directory / FILE_NAME
+    safe_paths.check_no_links(directory, path)
+    content = atomic_files.read_json(path, "a campaign folder", _LARGEST_BYTES)
+    found = content.get("format") if isinstance(content, dict) else None
+    if found != FORMAT_VERSION:
+        raise ResultError(f"{directory}: found format {found!r:.60}, expected {FORMAT_VERSION}")
+    for key, form in _REQUIRED_ENTRIES.items():
+        if not _is_valid_entry(key, content.get(key), form):
+            raise ResultError(
+                f"{path}: found {content.get(key)!r:.60} for {key!r}, expected the {form.__name__} of a campaign"
+            )
+    try:
+        configuration = CampaignConfiguration.from_record(content)
+    except ResultError:
+        raise
+    except RpojaxError as error:
+        raise ResultError(f"{path}: {error}") from None
+    if configuration.block_count > MAX_BLOCKS:
+        raise ResultError(f"{path}: found {configuration.block_count} blocks, expected at most {MAX_BLOCKS}")
+    return configuration
 
 
-def package_versions() -> dict[str, str]:
-    """Versions of Python and of the packages that results depend on."""
-    return {
-        "rpojax": __version__,
-        "jax": jax.__version__,
-        "numpy": np.__version__,
-        "zarr": zarr.__version__,
-        "python": platform.python_version(),
-    }
+def _is_valid_entry(key: str, value: Any, form: type) -> bool:
+    has_type = isinstance(value, form) and isinstance(value, bool) == (form is bool)
+    if not has_type:
+        return False
+    if key == "histories":
+        return _is_valid_retention(value)
+    if key == "scenario_hash":
+        return re.fullmatch(r"[0-9a-f]{64}", value) is not None
+    low, high = _RANGES.get(key, (None, None))
+    return low is None or high is None or low <= value <= high
 
 
-def device_description(count: int) -> str:
-    """Number and kind of devices of this machine, as text."""
-    return f"{count} x {jax.devices()[0].device_kind} ({platform.machine()})"
+def _is_valid_retention(value: Mapping[str, Any]) -> bool:
+    rule, channels, every = (value.get(name) for name in ("rule", "channels", "every"))
+    named = channels is None or (isinstance(channels, list) and all(isinstance(name, str) for name in channels))
+    return isinstance(rule, str) and named and isinstance(every, int) and not isinstance(every, bool) and every >= 1
+
+
+def check_compatible(directory: Path, found: CampaignConfiguration, expected: CampaignConfiguration) -> None:
+    """Refuses to share the folder of a campaign with another configuration.
+
+    Raises:
+        ResultError: naming the entry that differs.
+    """
+    there, wanted = found.to_record(), expected.to_record()
+    for key in _SHARED_ENTRIES:
+        if there.get(key) != wanted.get(key):
+            difference = f"found {key} {there.get(key)!r:.80}, expected {wanted.get(key)!r:.80}"
+            raise ResultError(f"{directory}: {difference} to share the folder")

@@ -20,8 +20,9 @@ from typing import Any
 
 import numpy as np
 
-from rpojax.campaign.storage import block_manifests, campaign_configuration, campaign_json, zarr_encoding, zarr_reader
+from rpojax.campaign.storage import block_manifests, campaign_configuration, provenance, zarr_encoding, zarr_reader
 from rpojax.campaign.storage.block_manifests import Manifest
+from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.zarr_writer import ZarrWriter
 from rpojax.errors import ResultError, UnfinishedError
 from rpojax.scenario.loading import scenario_loader
@@ -63,34 +64,35 @@ class Campaign:
 
     def __init__(self, directory: Path | str) -> None:
         self.directory = Path(directory)
-        self.configuration: dict[str, Any] = campaign_json.read(self.directory)
+        self.configuration: CampaignConfiguration = campaign_configuration.read(self.directory)
         self.failed_blocks: dict[int, str] = {}
         self._manifests: dict[int, Manifest] = {}
         self._read_cache: dict[str, tuple[int, dict[str, np.ndarray]]] = {}
-        self._writer = ZarrWriter(self.directory, self.configuration["runs"], self.configuration["block_size"])
+        self._writer = ZarrWriter(self.directory, self.configuration.options.runs, self.configuration.block_size)
 
     @property
     def info(self) -> dict[str, Any]:
         """Content of `campaign.json`, and as `timing` the computation time of the finished blocks."""
         timing = block_manifests.timing(
-            list(self.manifests.values()), float(self.configuration["scenario"].get("duration_s", 0.0))
+            list(self.manifests.values()), float(self.configuration.scenario.get("duration_s", 0.0))
         )
-        return {**self.configuration, "timing": timing} if timing else dict(self.configuration)
+        record = self.configuration.to_record()
+        return record | {"timing": timing} if timing else record
 
     @cached_property
     def file(self) -> ScenarioFile:
         """The scenario of the runs."""
-        return scenario_loader.validate(self.configuration["scenario"])
+        return scenario_loader.validate(self.configuration.scenario)
 
     @property
     def block_count(self) -> int:
         """Number of blocks."""
-        return campaign_json.block_count(self.configuration)
+        return self.configuration.block_count
 
     def block_run_ids(self, block: int) -> np.ndarray:
         """Run numbers of a block, padding included; numbers past the end pad the last block to full size."""
-        size = self.configuration["block_size"]
-        return self.configuration["first_run"] + np.arange(block * size, (block + 1) * size)
+        size = self.configuration.block_size
+        return self.configuration.options.first_run + np.arange(block * size, (block + 1) * size)
 
     @property
     def manifests(self) -> dict[int, Manifest]:
@@ -114,7 +116,7 @@ class Campaign:
             UnfinishedError: they cannot be written.
         """
         self._check_not_replaced()
-        count = campaign_json.runs_in_block(self.configuration, block)
+        count = self.configuration.runs_in_block(block)
         groups: dict[str, dict[str, np.ndarray]] = {}
         for path, values in results.items():
             group, _, name = path.partition("/")
@@ -127,9 +129,9 @@ class Campaign:
         failure = groups["status"]["failure"]
         reasons = Counter(FAILURE_REASONS[code] for code in failure.tolist() if code > 0)
         return Manifest(
-            campaign=self.configuration["id"],
-            first=block * self.configuration["block_size"],
-            count=campaign_json.runs_in_block(self.configuration, block),
+            campaign=self.configuration.id,
+            first=block * self.configuration.block_size,
+            count=self.configuration.runs_in_block(block),
             completed=int((failure == 0).sum()),
             failed=reasons.total(),
             reasons=dict(sorted(reasons.items())),
@@ -139,12 +141,12 @@ class Campaign:
             compile_s=timing.compile_s,
             attempts=max(1, block_manifests.count_attempts(self.directory, block)),
             device=timing.device,
-            versions=campaign_configuration.package_versions(),
+            versions=provenance.package_versions(),
         )
 
     def _check_not_replaced(self) -> None:
         """Refuses to write if another campaign has replaced this one in its folder."""
-        if campaign_json.read(self.directory)["id"] != self.configuration["id"]:
+        if campaign_configuration.read(self.directory).id != self.configuration.id:
             raise UnfinishedError(f"{self.directory}: found another campaign, expected the one that was begun there")
 
     def write_history(self, run_id: int, channels: Mapping[str, np.ndarray]) -> None:
@@ -181,7 +183,7 @@ class Campaign:
     def run_ids(self) -> np.ndarray:
         """(runs,) numbers of the finished runs."""
         rows = [np.arange(entry.first, entry.first + entry.count) for entry in self.manifests.values()]
-        return self.configuration["first_run"] + (np.concatenate(rows) if rows else np.zeros(0, dtype=int))
+        return self.configuration.options.first_run + (np.concatenate(rows) if rows else np.zeros(0, dtype=int))
 
     @property
     def metrics(self) -> dict[str, np.ndarray]:
@@ -228,8 +230,8 @@ class Campaign:
     @property
     def history_ids(self) -> list[int]:
         """Numbers of the runs with a stored history."""
-        first, runs = self.configuration["first_run"], self.configuration["runs"]
-        return zarr_reader.stored_history_ids(self.directory, first, runs)
+        options = self.configuration.options
+        return zarr_reader.stored_history_ids(self.directory, options.first_run, options.runs)
 
     def history(self, run_id: int) -> dict[str, np.ndarray]:
         """Stored history of a run, time first.

@@ -2,18 +2,17 @@
 
 import os
 import shutil
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import tomli_w
 
 from rpojax.campaign import preflight
-from rpojax.campaign.storage import atomic_files, campaign_json, stale_files
+from rpojax.campaign.storage import atomic_files, campaign_configuration, stale_files
+from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.errors import OutputError, UnfinishedError
 
 
-def create_folder(directory: Path, configuration: Mapping[str, Any], force: bool) -> None:
+def create_folder(directory: Path, configuration: CampaignConfiguration, force: bool) -> None:
     """Creates a campaign folder with its `campaign.json` and `scenario.toml`.
 
     Raises:
@@ -21,10 +20,12 @@ def create_folder(directory: Path, configuration: Mapping[str, Any], force: bool
     """
     preflight.check_folder(directory, force)
     if not _move_into_place(directory, configuration, force):
-        raise OutputError(f"--out: found {str(directory)!r}, which has just been made, expected no such folder")
+        raise OutputError.of_argument(
+            "out", f"found {str(directory)!r}, which has just been made, expected no such folder"
+        )
 
 
-def join_folder(directory: Path, configuration: Mapping[str, Any]) -> None:
+def join_folder(directory: Path, configuration: CampaignConfiguration) -> None:
     """Creates the folder of a campaign that several processes share, or checks that the existing one agrees.
 
     Raises:
@@ -34,10 +35,10 @@ def join_folder(directory: Path, configuration: Mapping[str, Any]) -> None:
         preflight.check_folder(directory, force=False)
         if _move_into_place(directory, configuration, force=False):
             return
-    campaign_json.check_compatible(directory, campaign_json.read(directory), configuration)
+    campaign_configuration.check_compatible(directory, campaign_configuration.read(directory), configuration)
 
 
-def _move_into_place(directory: Path, configuration: Mapping[str, Any], force: bool) -> bool:
+def _move_into_place(directory: Path, configuration: CampaignConfiguration, force: bool) -> bool:
     """Makes the folder under a temporary name and renames it; false if another process was faster."""
     place = Path(os.path.realpath(directory))
     made = place.with_name(atomic_files.partial_name(place.name))
@@ -45,14 +46,16 @@ def _move_into_place(directory: Path, configuration: Mapping[str, Any], force: b
         for stale in stale_files.stale_folders(place):
             shutil.rmtree(stale, ignore_errors=True)
         made.mkdir(parents=True)
-        atomic_files.write(made / "scenario.toml", tomli_w.dumps(configuration["scenario"]).encode())
-        atomic_files.write_json(made / campaign_json.FILE_NAME, configuration)
+        atomic_files.write(made / "scenario.toml", tomli_w.dumps(configuration.scenario).encode())
+        atomic_files.write_json(made / campaign_configuration.FILE_NAME, configuration.to_record())
         if force and place.exists():
             _remove_folder(place)
         return _try_rename(made, place)
     except (OSError, UnfinishedError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error).partition(", expected")[0]
-        raise OutputError(f"--out: found {str(directory)!r} ({reason}), expected a folder to write to") from None
+        raise OutputError.of_argument(
+            "out", f"found {str(directory)!r} ({reason}), expected a folder to write to"
+        ) from None
     finally:
         shutil.rmtree(made, ignore_errors=True)
 

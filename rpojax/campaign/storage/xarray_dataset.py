@@ -56,7 +56,7 @@ def open_campaign(path: Path | str) -> "xarray.Dataset":
 
 def _dataset_attributes(campaign: Campaign) -> dict[str, Any]:
     """Configuration of the campaign, in types that every file format can hold."""
-    configuration = campaign.configuration
+    record = campaign.configuration.to_record()
     keys = ("name", "description", "scenario_hash", "seed", "runs", "first_run", "block_size", "device", "created")
-    plain = {key: configuration[key] for key in keys if key in configuration}
-    return plain | {key: json.dumps(configuration[key]) for key in ("scenario", "versions", "stages")}
+    plain = {key: record[key] for key in keys}
+    return plain | {key: json.dumps(record[key]) for key in ("scenario", "versions", "stages")}

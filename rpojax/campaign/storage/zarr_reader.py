@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 import zarr
 
-from rpojax.campaign.storage import atomic_files, campaign_json, safe_paths, zarr_encoding
+from rpojax.campaign.storage import atomic_files, safe_paths, zarr_encoding
 from rpojax.campaign.storage.block_manifests import Manifest
+from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.errors import ResultError, RpojaxError
 
 
 def read_group(
-    directory: Path, configuration: Mapping[str, Any], name: str, manifests: Mapping[int, Manifest]
+    directory: Path, configuration: CampaignConfiguration, name: str, manifests: Mapping[int, Manifest]
 ) -> dict[str, np.ndarray]:
     """Arrays of a group, with the rows of the blocks in `manifests`.
 
@@ -80,16 +81,16 @@ def _array_folders(directory: Path, folder: Path) -> list[Path]:
     return paths
 
 
-def _read_rows(directory: Path, path: Path, configuration: Mapping[str, Any], blocks: Sequence[int]) -> np.ndarray:
+def _read_rows(directory: Path, path: Path, configuration: CampaignConfiguration, blocks: Sequence[int]) -> np.ndarray:
     """Rows of some blocks of an array; zarr would read the fill value where a file is missing."""
     array = _open_array(path)
-    if array.ndim == 0 or array.shape[0] != configuration["runs"]:
-        raise ResultError(f"{path}: found shape {array.shape}, expected {configuration['runs']} rows")
+    if array.ndim == 0 or array.shape[0] != configuration.options.runs:
+        raise ResultError(f"{path}: found shape {array.shape}, expected {configuration.options.runs} rows")
     for block in blocks:
         _check_file(directory, path / zarr_encoding.chunk_key(array.ndim, block), f"the values of block {block}")
-    size = configuration["block_size"]
+    size = configuration.block_size
     parts = [
-        _read_values(path, array, slice(low * size, high * size + campaign_json.runs_in_block(configuration, high)))
+        _read_values(path, array, slice(low * size, high * size + configuration.runs_in_block(high)))
         for low, high in _consecutive_ranges(blocks)
     ]
     return np.concatenate(parts)

@@ -83,7 +83,7 @@ def _chosen_parts(only: str) -> list[str]:
     names = [name.strip() for name in only.split(",")]
     for name in names:
         if name not in PARTS:
-            raise RpojaxError(f"--only: found {name!r}, expected some of {','.join(PARTS)}")
+            raise RpojaxError.of_argument("only", f"found {name!r}, expected some of {','.join(PARTS)}")
     return [part for part in PARTS if part in names]
 
 

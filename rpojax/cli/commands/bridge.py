@@ -2,93 +2,53 @@
 
 import math
 import sys
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tyro.conf import arg
 
-from rpojax.cli.arguments import AsJson, NoCache, Overrides, Seed, Source, load
+from rpojax.campaign import preflight
+from rpojax.cli.arguments import FLAT, Overrides, Seed, Session, Source, load
 from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
+from rpojax.interop.cosimulation.live_settings import LiveSettings
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
 if TYPE_CHECKING:
     from rpojax.interop.cosimulation.live_run import LiveRunResult
-    from rpojax.interop.cosimulation.live_settings import LiveSettings
     from rpojax.scenario.schema import ScenarioFile
 
 
 RunId = Annotated[int, arg(metavar="I", help="Number of the run in its campaign.")]
-ExternalStages = Annotated[
-    str,
-    arg(metavar="A,B,...", help="Flight software left to external nodes: attitude, formation, navigation, all."),
-]
-DomainId = Annotated[int, arg(metavar="N", help="DDS domain, as ROS_DOMAIN_ID.")]
-OnLate = Annotated[
-    Literal["hold", "zero", "stop"],
-    arg(help="On a late command: hold the last one, use zero, or stop the run."),
-]
-Timeout = Annotated[float, arg(metavar="T", help="Wall-clock time after which a command is late [s].")]
-StartWait = Annotated[
-    float, arg(metavar="T", help="Time to wait for external nodes at the start [s]; 0 to start at once.")
-]
-Patience = Annotated[float, arg(metavar="T", help="Time without any command after which the run ends [s].")]
-RealTime = Annotated[
-    float | None,
-    arg(
-        metavar="FACTOR",
-        help="Follow the wall clock at this multiple of real time.",
-        help_behavior_hint="(default: in lockstep, as fast as the answers come)",
-    ),
-]
 NoPictures = Annotated[bool, arg(help="Send no pictures of a rendered camera.")]
 
 
 def bridge(
     scenario: Source,
+    settings: Annotated[LiveSettings, FLAT],
+    session: Annotated[Session, FLAT],
     *,
     seed: Seed = 0,
     run_id: RunId = 0,
     overrides: Overrides = (),
-    external: ExternalStages = "none",
-    domain_id: DomainId = 0,
-    on_late: OnLate = "hold",
-    timeout_s: Timeout = 1.0,
-    wait_s: StartWait = 30.0,
-    patience_s: Patience = 30.0,
-    real_time: RealTime = None,
     no_pictures: NoPictures = False,
-    as_json: AsJson = False,
-    no_cache: NoCache = False,
 ) -> int:
     """Simulate one run live over DDS with ROS 2 messages; external nodes replace parts of the flight software.
 
     Exit status beside the usual: 3 the run failed, 4 it ended early because external nodes fell silent.
     """
     file = load(scenario, overrides)
-    prepare_jax(cache=not no_cache)
+    prepare_jax(cache=not session.no_cache)
     set_loop_fusion_flag(rendered=file.camera.model == "rendered")
-    from rpojax.interop.cosimulation import live_settings
-
-    settings = live_settings.LiveSettings(
-        external_stages=live_settings.parse_external_stages(external),
-        domain_id=domain_id,
-        on_late=on_late,
-        timeout_s=timeout_s,
-        wait_s=wait_s,
-        patience_s=patience_s,
-        real_time_factor=real_time,
-        send_images=not no_pictures,
-    )
-    from rpojax.campaign import preflight
-
     preflight.check_numbers(1, run_id, seed, None)
+    settings = replace(settings, send_images=not no_pictures)
     from rpojax.interop.cosimulation import live_run
 
     outcome = live_run.simulate_live(
         file, seed, run_id, settings, lambda line: print(f"rpojax: {line}", file=sys.stderr, flush=True)
     )
     content = _content(file, seed, run_id, settings, outcome)
-    if as_json:
+    if session.as_json:
         print_json(content)
     else:
         _show(content)
@@ -98,7 +58,7 @@ def bridge(
 
 
 def _content(
-    file: "ScenarioFile", seed: int, run_id: int, settings: "LiveSettings", outcome: "LiveRunResult"
+    file: "ScenarioFile", seed: int, run_id: int, settings: LiveSettings, outcome: "LiveRunResult"
 ) -> dict[str, Any]:
     events = outcome.events
     ignored: dict[str, dict[str, int]] = {}

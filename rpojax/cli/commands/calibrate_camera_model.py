@@ -35,7 +35,9 @@ def calibrate_camera_model(
 ) -> int:
     """Fit the statistical camera to renderer and detector, for the camera and target of a scenario."""
     if samples < 200 or sequences < 4:
-        raise RpojaxError(f"--samples, --sequences: found {samples}, {sequences}, expected at least 200 and 4")
+        raise RpojaxError.of_argument(
+            "samples, sequences", f"found {samples}, {sequences}, expected at least 200 and 4"
+        )
     claim(out, force)
     from rpojax.scenario.loading import scenario_loader as scenarios
 

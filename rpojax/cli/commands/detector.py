@@ -47,7 +47,7 @@ def data(
 ) -> int:
     """Make pictures of ray-traced spacecraft with boxes; an interrupted call continues."""
     if min(count, validation) < 1 or craft < 1 or views < 1:
-        raise RpojaxError("--count, --validation, --craft, --views: expected at least 1 of each")
+        raise RpojaxError.of_argument("count, validation, craft, views", "expected at least 1 of each")
     claim_folder(out)
     if preview:
         claim(preview, force, (".png", ".jpg"))
@@ -138,11 +138,11 @@ def _check_training(epochs: int, second_epochs: int, minutes: float | None, rate
     """Raises `RpojaxError` on options outside of their ranges."""
     if min(epochs, second_epochs) < 1 or (minutes is not None and not minutes > 0.0):
         found = f"{epochs}, {second_epochs}, {minutes}"
-        raise RpojaxError(
-            f"--epochs, --second-epochs, --minutes: found {found}, expected 1 or more, and a time above 0"
+        raise RpojaxError.of_argument(
+            "epochs, second_epochs, minutes", f"found {found}, expected 1 or more, and a time above 0"
         )
     if not 0.0 < rate < 1.0:
-        raise RpojaxError(f"--rate: found {rate}, expected a number between 0 and 1")
+        raise RpojaxError.of_argument("rate", f"found {rate}, expected a number between 0 and 1")
 
 
 def _recipes(

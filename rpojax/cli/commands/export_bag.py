@@ -43,7 +43,7 @@ def export_bag(
     typestore()
     mcap_or_sqlite3_writer.check_output(out, force)
     found = Campaign(directory)
-    kind = run_bag.resolve_image_storage(found.configuration["scenario"]["camera"]["model"], images)
+    kind = run_bag.resolve_image_storage(found.configuration.scenario["camera"]["model"], images)
     begin = time.perf_counter()
     run, agreement = replay.replay_run(found, run_id, message_values.observe_tick, as_json)
     replayed = time.perf_counter()

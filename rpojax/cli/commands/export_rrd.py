@@ -33,7 +33,7 @@ def export_rrd(
     """Write one run for the rerun viewer: both spacecraft, the camera and plots; the run is replayed."""
     claim(out, force, (".rrd",))
     if every < 1:
-        raise RpojaxError(f"--every: found {every}, expected at least 1")
+        raise RpojaxError.of_argument("every", f"found {every}, expected at least 1")
     prepare_jax(cache=not no_cache)
     from rpojax.campaign.storage.campaign_folder import Campaign
     from rpojax.interop.rerun_viewer import rrd_recording, viewer_channels

@@ -4,6 +4,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 from tyro.conf import Positional, arg
 
+from rpojax.cli.arguments import FLAT
 from rpojax.cli.output_paths import claim, resumable
 from rpojax.errors import RpojaxError
 from rpojax.runtime.progress_bar import item_progress
@@ -24,11 +26,40 @@ if TYPE_CHECKING:
     from rpojax.vision.radiance_field.target_field import RadianceField
 
 Mesh = Annotated[str, arg(metavar="MESH", help="Mesh file (glb, obj, ply, stl), or 'target' for the packaged one.")]
-Units = Annotated[str | None, arg(metavar="UNIT", help="Units of the mesh: m, cm, mm, in, ft.")]
-Center = Annotated[bool, arg(help="Move the middle of the mesh to the origin.")]
 Seed = Annotated[int, arg(metavar="S", help="Seed of views and training.")]
 AsJson = Annotated[bool, arg(name="json", help="JSON on stdout and no progress.")]
 Given = Annotated[Positional[Path | None], arg(metavar="FIELD", help="Field; that of the packaged target by default.")]
+
+
+@dataclass(frozen=True)
+class MeshPlacement:
+    """Scale and place of a mesh."""
+
+    units: Annotated[str | None, arg(metavar="UNIT", help="Units of the mesh: m, cm, mm, in, ft.")] = None
+    center: Annotated[bool, arg(help="Move the middle of the mesh to the origin.")] = False
+
+
+@dataclass(frozen=True)
+class FreshViews:
+    """Views that a field is compared in, ray-traced for that.
+
+    Raises:
+        RpojaxError: a number is out of range.
+    """
+
+    views: Annotated[int, arg(metavar="N", help="Fresh ray-traced views, each with a Sun of its own.")] = 64
+    samples: Annotated[int, arg(metavar="N", help="Samples per pixel of the ray tracer.")] = 256
+    range_m: Annotated[float | None, arg(metavar="R", help="Range [m]; default: the target fills 60 % of it.")] = None
+    fov_deg: Annotated[float, arg(metavar="A", help="Field of view [deg].")] = 26.0
+    seed: Seed = 0
+
+    def __post_init__(self) -> None:
+        if self.views < 1 or self.samples < 1:
+            raise RpojaxError.of_argument("views, samples", f"found {self.views}, {self.samples}, expected at least 1")
+        _check_seed(self.seed)
+        if not 0.0 < self.fov_deg < 170.0:
+            raise RpojaxError.of_argument("fov_deg", f"found {self.fov_deg}, expected more than 0 and less than 170")
+
 
 _LEAST_ALPHA = 0.02
 _SHEET_LIMIT, _FILM_LIMIT = 64, 1000
@@ -39,10 +70,9 @@ app = tyro.extras.SubcommandApp()
 @app.command
 def train(
     mesh: Positional[Mesh],
+    placement: Annotated[MeshPlacement, FLAT],
     *,
     out: Annotated[Path, arg(metavar="FIELD", help="File to write, such as target.field.safetensors.")],
-    units: Units = None,
-    center: Center = False,
     views: Annotated[int, arg(metavar="N", help="Ray-traced views.")] = 300,
     steps: Annotated[int, arg(metavar="N", help="Training steps at most.")] = 2000,
     minutes: Annotated[float | None, arg(metavar="T", help="Time limit of the training [min].")] = None,
@@ -60,7 +90,7 @@ def train(
     from rpojax.training.synthetic_data.meshes import mesh_files, target_mesh
     from rpojax.vision.radiance_field.field_file import save_field
 
-    target = mesh_files.load_mesh(mesh, units, center)
+    target = mesh_files.load_mesh(mesh, placement.units, placement.center)
     work = out.with_name(out.name + ".work")
     shell = random_views.ViewSampling(views, range_scale=(0.9, 1.15), seed=seed)
     recipe = train_field.FieldTrainingOptions(
@@ -79,7 +109,7 @@ def train(
                 lambda step: watch(step.done, step.total, f"{step.psnr_db:.1f} dB"),
             )
     # The record in the weights file holds no path of this machine.
-    placed = (f" --units {units}" if units else "") + (" --center" if center else "")
+    placed = (f" --units {placement.units}" if placement.units else "") + (" --center" if placement.center else "")
     command = f"rpojax field train {Path(mesh).name} --out {out.name}{placed}"
     command += f" --kind {kind} --views {views} --steps {steps} --seed {seed}"
     card = train_field.model_card(target, traced, recipe, history, command)
@@ -93,32 +123,22 @@ def train(
 
 @app.command
 def evaluate(
+    placement: Annotated[MeshPlacement, FLAT],
+    fresh: Annotated[FreshViews, FLAT],
     field: Given = None,
     *,
     mesh: Annotated[str | None, arg(metavar="MESH", help="Mesh that FIELD was trained on.")] = None,
-    units: Units = None,
-    center: Center = False,
-    views: Annotated[int, arg(metavar="N", help="Fresh ray-traced views, each with a Sun of its own.")] = 64,
-    samples: Annotated[int, arg(metavar="N", help="Samples per pixel of the ray tracer.")] = 256,
-    range_m: Annotated[float | None, arg(metavar="R", help="Range [m]; default: the target fills 60 % of it.")] = None,
-    fov_deg: Annotated[float, arg(metavar="A", help="Field of view [deg].")] = 26.0,
-    seed: Seed = 0,
     sheet: Annotated[Path | None, arg(metavar="PNG", help="Write ray traces, renderings and differences.")] = None,
     force: Annotated[bool, arg(help="Replace the sheet if it is there.")] = False,
     as_json: AsJson = False,
 ) -> int:
     """Compare a field's pictures with fresh ray traces of its mesh."""
-    if views < 1 or samples < 1:
-        raise RpojaxError(f"--views, --samples: found {views}, {samples}, expected at least 1")
-    _check_seed(seed)
-    if not 0.0 < fov_deg < 170.0:
-        raise RpojaxError(f"--fov-deg: found {fov_deg}, expected more than 0 and less than 170")
     if sheet:
         claim(sheet, force, (".png",))
     from rpojax.training.radiance_field import evaluate_field
 
-    target, network = _mesh_and_field(mesh, units, center, field)
-    traced = _ray_trace_fresh_views(target, network, views, samples, seed, range_m, fov_deg, as_json)
+    target, network = _mesh_and_field(mesh, placement, field)
+    traced = _ray_trace_fresh_views(target, network, fresh, as_json)
     with item_progress("rendering", quiet=as_json) as watch:
         shown = evaluate_field.render_views(network, traced, watch)
     if sheet:
@@ -149,12 +169,16 @@ def render(
     still = out.suffix.lower() == ".png"
     most = _SHEET_LIMIT if still else _FILM_LIMIT
     if not 1 <= frames <= most or not 8 <= size_px <= 2048:
-        raise RpojaxError(f"--frames, --size-px: found {frames}, {size_px}, expected 1 to {most} and 8 to 2048")
+        raise RpojaxError.of_argument(
+            "frames, size_px", f"found {frames}, {size_px}, expected 1 to {most} and 8 to 2048"
+        )
     if not 0.0 < math.hypot(*sun) < math.inf:
-        raise RpojaxError(f"--sun: found {sun}, expected a direction")
+        raise RpojaxError.of_argument("sun", f"found {sun}, expected a direction")
     if not -89.0 <= elevation_deg <= 89.0 or not math.isfinite(azimuth_deg):
         found = f"{elevation_deg}, {azimuth_deg}"
-        raise RpojaxError(f"--elevation-deg, --azimuth-deg: found {found}, expected -89 to 89 and a finite angle")
+        raise RpojaxError.of_argument(
+            "elevation_deg, azimuth_deg", f"found {found}, expected -89 to 89 and a finite angle"
+        )
     import numpy as np
 
     from rpojax.campaign.storage.atomic_outputs import write_atomically
@@ -178,7 +202,7 @@ def render(
 
 
 def _mesh_and_field(
-    mesh: str | None, units: str | None, center: bool, field: Path | None
+    mesh: str | None, placement: MeshPlacement, field: Path | None
 ) -> "tuple[TargetMesh, RadianceField]":
     from rpojax.training.synthetic_data.meshes import mesh_files, packaged_target
     from rpojax.vision.radiance_field.field_file import load_field
@@ -186,8 +210,8 @@ def _mesh_and_field(
     network, card = load_field(field)
     trained_on = card.get("target")
     if mesh is None and trained_on != packaged_target.PACKAGED_TARGET:
-        raise RpojaxError(f"--mesh: missing, expected the mesh that {field} was trained on, {trained_on!r}")
-    target = mesh_files.load_mesh(mesh or packaged_target.PACKAGED_TARGET, units, center)
+        raise RpojaxError.of_argument("mesh", f"missing, expected the mesh that {field} was trained on, {trained_on!r}")
+    target = mesh_files.load_mesh(mesh or packaged_target.PACKAGED_TARGET, placement.units, placement.center)
     _check_same(target, network)
     return target, network
 
@@ -203,17 +227,15 @@ def _check_same(mesh: "TargetMesh", field: "RadianceField") -> None:
     size = 0.5 * float(np.linalg.norm(high - low))
     if not 0.8 < radius / size < 1.3 or np.linalg.norm(middle - 0.5 * (low + high)) > 0.1 * size:
         found = f"{mesh.name} with a span of {float((high - low).max()):.3g} m"
-        raise RpojaxError(f"--mesh, --units, --center: found {found}, expected the mesh of the field in its place")
+        raise RpojaxError.of_argument(
+            "mesh, units, center", f"found {found}, expected the mesh of the field in its place"
+        )
 
 
 def _ray_trace_fresh_views(
     mesh: "TargetMesh",
     field: "RadianceField",
-    views: int,
-    samples: int,
-    seed: int,
-    range_m: float | None,
-    fov_deg: float,
+    fresh: FreshViews,
     quiet: bool,
 ) -> "Views":
     from rpojax.training.synthetic_data import random_views, ray_traced_views
@@ -221,19 +243,25 @@ def _ray_trace_fresh_views(
 
     radius = random_views.center_and_radius(mesh.bounds)[1]
     least = 1.02 * max(radius, float(bounding_sphere(field)[1]))
-    distance = random_views.nominal_range(radius, fov_deg) if range_m is None else range_m
+    distance = random_views.nominal_range(radius, fresh.fov_deg) if fresh.range_m is None else fresh.range_m
     if not distance > least:
-        how = "--fov-deg" if range_m is None else "--range-m"
-        raise RpojaxError(f"{how}: found a range of {distance:.3g} m, expected the camera outside of {least:.3g} m")
+        how = "fov_deg" if fresh.range_m is None else "range_m"
+        raise RpojaxError.of_argument(
+            how, f"found a range of {distance:.3g} m, expected the camera outside of {least:.3g} m"
+        )
     # Training uses the seed itself, so these views are independent of it.
     shell = random_views.ViewSampling(
-        views, samples=samples, seed=1_000_003 + seed, range_m=range_m, field_of_view_deg=fov_deg
+        fresh.views,
+        samples=fresh.samples,
+        seed=1_000_003 + fresh.seed,
+        range_m=fresh.range_m,
+        field_of_view_deg=fresh.fov_deg,
     )
     with item_progress("ray tracing", quiet=quiet) as watch:
         traced = ray_traced_views.ray_trace_views(mesh, shell, None, watch)
     if not (traced.alpha > _LEAST_ALPHA).any():
-        raise RpojaxError(
-            "--range-m, --fov-deg: found views in which the target covers no pixel, expected a nearer one"
+        raise RpojaxError.of_argument(
+            "range_m, fov_deg", "found views in which the target covers no pixel, expected a nearer one"
         )
     return traced
 
@@ -241,16 +269,18 @@ def _ray_trace_fresh_views(
 def _check_training(kind: str, views: int, steps: int, minutes: float | None) -> None:
     """Raises `RpojaxError` on options outside of their ranges."""
     if kind not in ("grid", "point"):
-        raise RpojaxError(f"--kind: found {kind!r}, expected 'grid' or 'point'")
+        raise RpojaxError.of_argument("kind", f"found {kind!r}, expected 'grid' or 'point'")
     if views < 16 or steps < 50:
-        raise RpojaxError(f"--views, --steps: found {views}, {steps}, expected at least 16 views and 50 steps")
+        raise RpojaxError.of_argument(
+            "views, steps", f"found {views}, {steps}, expected at least 16 views and 50 steps"
+        )
     if minutes is not None and not minutes > 0.0:
-        raise RpojaxError(f"--minutes: found {minutes}, expected more than 0")
+        raise RpojaxError.of_argument("minutes", f"found {minutes}, expected more than 0")
 
 
 def _check_seed(seed: int) -> None:
     if not 0 <= seed < 2**31:
-        raise RpojaxError(f"--seed: found {seed}, expected 0 to 2147483647")
+        raise RpojaxError.of_argument("seed", f"found {seed}, expected 0 to 2147483647")
 
 
 def _preview(path: Path, quiet: bool, rgb: "np.ndarray", alpha: "np.ndarray") -> None:

@@ -40,22 +40,22 @@ def film(
     if out.exists() and not force:
         raise OutputError(f"{out}: exists already; --force replaces it")
     if every < 1:
-        raise RpojaxError(f"--every: found {every}, expected at least 1")
+        raise RpojaxError.of_argument("every", f"found {every}, expected at least 1")
     prepare_jax(cache=not no_cache)
     from rpojax.campaign import rerender
     from rpojax.campaign.storage.atomic_outputs import write_atomically
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.dispersions.designs.run_range import recorded_run_range
     from rpojax.report.figures.camera import camera_film, camera_stills
 
     camera_film.check_codec(codec)
     found = Campaign(directory)
-    file = rerender.rendered_scenario(found.info)
+    file = rerender.rendered_scenario(found.configuration.scenario, found.configuration.scenario_hash)
     run, history = _history_of(found, file, run_id)
     end = rerender.valid_tick_count(history)
     ticks = camera_stills.select_stills(history, end) if suffix == ".png" else list(range(0, end, every))
     with item_progress("taking pictures", quiet=False) as watch:
-        pictures = rerender.render_images(file, found.info["seed"], run, history, ticks, recorded_run_range(found.info))
+        options = found.configuration.options
+        pictures = rerender.render_images(file, options.seed, run, history, ticks, options.design_range)
         shots = _counted(pictures, len(ticks), watch)
         if suffix == ".png":
             write_atomically(out, camera_stills.png_bytes(camera_stills.contact_sheet(shots)))
@@ -72,14 +72,14 @@ def _history_of(found: "Campaign", file: "ScenarioFile", run_id: int | None) -> 
     from rpojax.campaign.rerun import check_run_id
 
     kept = found.history_ids
-    run = run_id if run_id is not None else (kept or [found.configuration["first_run"]])[0]
+    run = run_id if run_id is not None else (kept or [found.configuration.options.first_run])[0]
     check_run_id(found, run)
     if run in kept and rerender.is_renderable(history := found.history(run), file):
         return run, history
     replayed: list[Mapping[str, np.ndarray]] = []
 
     def work(watch: ProgressCallback) -> "Campaign":
-        replayed.append(replay_history(file, found.info, run, watch))
+        replayed.append(replay_history(file, found.configuration, run, watch))
         return found
 
     with_progress(work, file.duration_s, as_json=False)

@@ -40,7 +40,7 @@ def rerun(
         return outcomes[0].campaign
 
     with keeping_results(out):
-        simulated = with_progress(work, float(found.configuration["scenario"]["duration_s"]), as_json)
+        simulated = with_progress(work, float(found.configuration.scenario["duration_s"]), as_json)
     [outcome] = outcomes
     comparison = {"recorded": outcome.was_recorded, "different": sorted(outcome.differences)}
     if not as_json:

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import arg
 
+from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.cli.arguments import AsJson, Force, NoCache, NoFilm, Out, Overrides, Seed, Source, load
 from rpojax.cli.campaign_output import conclude, keeping_results
 from rpojax.cli.interruptible_work import with_progress
@@ -33,10 +34,10 @@ def run(
     set_loop_fusion_flag(rendered=file.camera.model == "rendered")
     from rpojax.campaign import run_and_resume
 
+    options = CampaignOptions(runs=1, seed=seed, first_run=run_id, block_size=block_size, report=True)
+
     def work(watch: ProgressCallback) -> "Campaign":
-        return run_and_resume.run_campaign(
-            file, 1, out, seed, first_run=run_id, block_size=block_size, force=force, on_progress=watch, report=True
-        )
+        return run_and_resume.start_campaign(file, options, out, force=force, on_progress=watch)
 
     with keeping_results(out):
         return conclude(with_progress(work, file.duration_s, as_json), report=True, as_json=as_json, film=not no_film)

@@ -1,12 +1,14 @@
 """The command `rpojax tune`: flight software tuned by gradient, validated on unseen runs."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 from tyro.conf import UseAppendAction, arg
 
-from rpojax.cli.arguments import AsJson, NoCache, Overrides, Seed, Source, load
+from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
+from rpojax.cli.arguments import FLAT, Overrides, Session, Source, load
 from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim, resumable
@@ -29,6 +31,8 @@ SHOWN = (
 
 def tune(
     scenario: Source,
+    settings: Annotated[TuningSettings, FLAT],
+    session: Annotated[Session, FLAT],
     *,
     out: Annotated[
         Path, arg(metavar="FILE", help="Scenario file to write (.toml); a .json beside it holds all steps.")
@@ -41,47 +45,28 @@ def tune(
             help_behavior_hint="(default: navigation)",
         ),
     ] = (),
-    runs: Annotated[int, arg(metavar="N", help="Runs per step.")] = 64,
-    steps: Annotated[int, arg(metavar="N", help="Steps.")] = 80,
-    horizon: Annotated[float, arg(metavar="T", help="Simulated time of a run [s].")] = 2000.0,
-    rate: Annotated[float, arg(metavar="R", help="Size of the first steps; 0.2 is about twenty per cent.")] = 0.2,
-    judge: Annotated[int, arg(metavar="N", help="Unseen full runs to validate the result with; 0 for none.")] = 500,
-    seed: Seed = 0,
     overrides: Overrides = (),
     resume: Annotated[bool, arg(help="Go on with an interrupted tuning.")] = False,
     force: Annotated[bool, arg(help="Replace what is there.")] = False,
-    as_json: AsJson = False,
-    no_cache: NoCache = False,
 ) -> int:
     """Tune gains and filter noises by gradient, and compare the result with the start on runs never used in tuning."""
+    settings = replace(settings, parameters=_split_names(parameters or settings.parameters))
     report, progress = out.with_suffix(".json"), out.with_suffix(".progress.json")
     for path, suffix in ((out, ".toml"), (report, ".json")):
         claim(path, force, (suffix,))
     _check_progress(progress, resume, force)
     file = load(scenario, overrides)
-    prepare_jax(cache=not no_cache)
+    prepare_jax(cache=not session.no_cache)
     set_loop_fusion_flag(rendered=file.camera.model == "rendered")
     from rpojax.analysis.gradients.tuning import tune as analysis
 
     out.parent.mkdir(parents=True, exist_ok=True)
     with resumable(progress):
-        found = analysis.tune(
-            file,
-            _split_names(parameters or ("navigation",)),
-            runs=runs,
-            steps=steps,
-            horizon_s=horizon,
-            rate=rate,
-            validation_runs=judge,
-            seed=seed,
-            progress_file=progress,
-            resume=resume,
-            progress=not as_json,
-        )
+        found = analysis.run_tuning(file, settings, progress, resume=resume, progress=not session.as_json)
     found.write(out, force)
     progress.unlink(missing_ok=True)
     content = found.to_dict()
-    if as_json:
+    if session.as_json:
         print_json(content)
     else:
         _show(content, out)

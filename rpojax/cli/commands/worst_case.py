@@ -5,11 +5,12 @@ from typing import Annotated, Any
 
 from tyro.conf import arg
 
-from rpojax.cli.arguments import AsJson, NoCache, Out, Overrides, Seed, Source, load
+from rpojax.analysis.reliability.search_settings import LimitChoice, SearchSettings
+from rpojax.campaign.storage.atomic_outputs import check_replaceable
+from rpojax.cli.arguments import FLAT, Out, Overrides, Seed, Session, Source, load
 from rpojax.cli.console import print_json
 from rpojax.cli.exit_status import Status
 from rpojax.cli.output_paths import claim_folder
-from rpojax.errors import OutputError
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 
 _SCENARIO, _RECORD, _FLIGHT = "worst_case.toml", "worst_case.json", "flight"
@@ -17,45 +18,28 @@ _SCENARIO, _RECORD, _FLIGHT = "worst_case.toml", "worst_case.json", "flight"
 
 def worst_case(
     scenario: Source,
+    choice: Annotated[LimitChoice, FLAT],
+    settings: Annotated[SearchSettings, FLAT],
+    session: Annotated[Session, FLAT],
     *,
     out: Out,
-    requirement: Annotated[
-        str | None, arg(metavar="METRIC", help="Metric of a requirement of the scenario; or give --metric.")
-    ] = None,
-    metric: Annotated[str | None, arg(metavar="METRIC", help="Another metric, with --limit and --bound.")] = None,
-    limit: Annotated[float | None, arg(metavar="X", help="Limit of --metric, in its unit.")] = None,
-    bound: Annotated[str, arg(metavar="SIDE", help="'at most' or 'at least'.")] = "at most",
-    starts: Annotated[int, arg(metavar="N", help="Searches at a time, each with the noise of another run.")] = 4,
-    budget: Annotated[float, arg(metavar="N", help="Greatest cost of the search, in runs.")] = 400.0,
     seed: Seed = 0,
     overrides: Overrides = (),
     force: Annotated[bool, arg(help="Replace the files if they are there.")] = False,
-    as_json: AsJson = False,
-    no_cache: NoCache = False,
 ) -> int:
     """The most likely combination of dispersions that breaks a requirement, as a scenario to simulate."""
     file = load(scenario, overrides)
     _claim(out, force)
-    prepare_jax(cache=not no_cache)
+    prepare_jax(cache=not session.no_cache)
     set_loop_fusion_flag(rendered=file.camera.model == "rendered")
     from rpojax.analysis.reliability import worst_case as analysis
 
-    found = analysis.worst_case(
-        file,
-        requirement=requirement,
-        metric=metric,
-        limit=limit,
-        bound=bound,
-        starts=starts,
-        budget=budget,
-        seed=seed,
-        run_directory=out / _FLIGHT,
-        force=force,
-        progress=not as_json,
+    found = analysis.find_worst_case(
+        file, choice, settings, seed, run_directory=out / _FLIGHT, force=force, progress=not session.as_json
     )
     found.write(out, force)
     content = found.to_dict()
-    if as_json:
+    if session.as_json:
         print_json({"directory": str(out), **content})
     else:
         _show(content, out)
@@ -65,9 +49,7 @@ def worst_case(
 def _claim(out: Path, force: bool) -> None:
     """Refuses a folder that cannot be written to or holds the results of another search."""
     claim_folder(out)
-    for name in (_SCENARIO, _RECORD, _FLIGHT):
-        if (out / name).exists() and not force:
-            raise OutputError(f"{out / name}: exists already; --force replaces it")
+    check_replaceable((out / name for name in (_SCENARIO, _RECORD, _FLIGHT)), force)
 
 
 def _show(content: dict[str, Any], out: Path) -> None:

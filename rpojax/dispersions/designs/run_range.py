@@ -1,6 +1,5 @@
 """Range of run numbers for which an experiment design is made."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,19 +19,17 @@ class RunRange:
     runs: int
 
 
-def recorded_run_range(configuration: Mapping[str, Any]) -> RunRange:
-    """Runs of the design of a recorded campaign, from the content of its `campaign.json`.
+def recorded_run_range(recorded: Any, first_run: int, runs: int) -> RunRange:
+    """Runs of the design of a recorded campaign with these runs, from the entry `design` of its `campaign.json`.
 
     Raises:
         ResultError: the record is missing or inconsistent.
     """
-    info = configuration
-    recorded = info.get("design", {"first_run": info["first_run"], "runs": info["runs"]})
     numbers = [recorded.get(name) for name in ("first_run", "runs")] if isinstance(recorded, dict) else [None, None]
-    first, runs = numbers
-    if type(first) is not int or type(runs) is not int or first < 0 or runs < 1:
+    first, count = numbers
+    if type(first) is not int or type(count) is not int or first < 0 or count < 1:
         raise ResultError(f"campaign.json: found {recorded!r:.80} for 'design', expected first_run and runs")
-    if info["first_run"] < first or info["first_run"] + info["runs"] > first + runs:
-        held = f"runs {info['first_run']} to {info['first_run'] + info['runs'] - 1}"
-        raise ResultError(f"campaign.json: found {held}, expected runs of its design, {first} to {first + runs - 1}")
-    return RunRange(first, runs)
+    if first_run < first or first_run + runs > first + count:
+        held = f"runs {first_run} to {first_run + runs - 1}"
+        raise ResultError(f"campaign.json: found {held}, expected runs of its design, {first} to {first + count - 1}")
+    return RunRange(first, count)

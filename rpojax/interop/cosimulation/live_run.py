@@ -17,6 +17,7 @@ from rpojax.interop.cosimulation.command_input import NO_COMMAND, CommandInput
 from rpojax.interop.cosimulation.command_source import CommandSource, WarmUpCommands
 from rpojax.interop.cosimulation.compiled_step_stages import CompiledStages, PackedTick
 from rpojax.interop.cosimulation.event_log import EventLog, LineWriter
+from rpojax.interop.cosimulation.exchanged_topics import command_topics, published_topics
 from rpojax.interop.cosimulation.live_publisher import LiveMessages
 from rpojax.interop.cosimulation.live_settings import ExternalStage, LiveSettings
 from rpojax.interop.cosimulation.message_exchange import MessageExchange
@@ -75,7 +76,8 @@ def simulate_live(
         RpojaxError: the domain cannot be joined, or no external nodes were found.
     """
     events = EventLog(write_line)
-    exchange = MessageExchange(settings.domain_id, settings.published_topics, settings.command_topics, events)
+    stages = settings.external_stages
+    exchange = MessageExchange(settings.domain_id, published_topics(stages), command_topics(stages), events)
     write_line("compiling")
     run = _LiveRun(file, seed, run_id, settings)
     run.warm_up()

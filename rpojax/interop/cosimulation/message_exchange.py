@@ -65,7 +65,7 @@ class MessageExchange:
                 return
             if now > deadline:
                 expected = f"a publisher on {missing[0]}" if missing else "a subscriber to any topic"
-                raise RpojaxError(f"--wait-s: found nobody within {wait_s:g} s, expected {expected}")
+                raise RpojaxError.of_argument("wait_s", f"found nobody within {wait_s:g} s, expected {expected}")
             time.sleep(_POLL_S)
 
     @property

@@ -123,7 +123,7 @@ class Participant:
 
     def __init__(self, domain_id: int) -> None:
         if not 0 <= domain_id <= _LARGEST_DOMAIN_ID:
-            raise RpojaxError(f"--domain-id: found {domain_id}, expected 0 to {_LARGEST_DOMAIN_ID}")
+            raise RpojaxError.of_argument("domain_id", f"found {domain_id}, expected 0 to {_LARGEST_DOMAIN_ID}")
         domain, core = require_package("cyclonedds.domain", "ros"), require_package("cyclonedds.core", "ros")
         try:
             # The settings hold for the whole process, so they are made once for each domain.
@@ -132,7 +132,9 @@ class Participant:
                 _configured_domains[domain_id] = domain.Domain(domain_id, LOOPBACK)
             self._participant = domain.DomainParticipant(domain_id)
         except core.DDSException as error:
-            raise RpojaxError(f"--domain-id: found no way to join {domain_id} ({error}), expected a domain") from None
+            raise RpojaxError.of_argument(
+                "domain_id", f"found no way to join {domain_id} ({error}), expected a domain"
+            ) from None
         self._publications: Any = None
         self._known_mismatches: set[Any] = set()
 

@@ -51,13 +51,13 @@ def check_output(out: Path, force: bool) -> None:
         OutputError: `out` exists, and is no bag or `force` was not given.
     """
     if not out.name or out.is_symlink():
-        raise OutputError(f"--out: found {str(out)!r}, expected the name of a folder")
+        raise OutputError.of_argument("out", f"found {str(out)!r}, expected the name of a folder")
     if not out.exists():
         return
     if not _is_bag(out):
         raise OutputError(f"{out}: found something that is no bag, expected a new folder")
     if not force:
-        raise OutputError(f"{out}: exists already; --force replaces it")
+        raise OutputError(f"{out}: exists already; force=True replaces it")
 
 
 def _is_bag(path: Path) -> bool:

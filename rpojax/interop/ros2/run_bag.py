@@ -45,7 +45,9 @@ def resolve_image_storage(camera_model: str, requested: str) -> ImageStorage:
     automatic = ImageStorage.RAW if camera_model == "rendered" else ImageStorage.NONE
     images = automatic if requested == "auto" else ImageStorage(requested)
     if images != ImageStorage.NONE and camera_model != "rendered":
-        raise RpojaxError(f"--images: found {images.value!r} for camera.model = {camera_model!r}, expected 'none'")
+        raise RpojaxError.of_argument(
+            "images", f"found {images.value!r} for camera.model = {camera_model!r}, expected 'none'"
+        )
     return images
 
 

@@ -22,20 +22,20 @@ def write_camera_sheet(campaign: CampaignResults, run_id: int | None) -> CameraS
         return CameraSheet(None, "No full history was kept.")
     # Imported here because rendering imports the simulation.
     from rpojax.campaign import rerender
-    from rpojax.dispersions.designs.run_range import recorded_run_range
+    from rpojax.campaign.options.campaign_options import CampaignOptions
     from rpojax.report.figures.camera import camera_stills
 
     if campaign.info["scenario"].get("camera", {}).get("model") != "rendered":
         return CameraSheet(None, "The scenario's camera renders no images.")
     try:
-        file = rerender.rendered_scenario(campaign.info)
+        file = rerender.rendered_scenario(campaign.info["scenario"], campaign.info["scenario_hash"])
         history = campaign.history(run_id)
         if not rerender.is_renderable(history, file):
             return CameraSheet(None, "The history of this run was not kept in full.")
         ticks = camera_stills.select_stills(history, rerender.valid_tick_count(history))
-        population = recorded_run_range(campaign.info)
+        options = CampaignOptions.from_record(campaign.info)
         sheet = camera_stills.contact_sheet(
-            rerender.render_images(file, campaign.info["seed"], run_id, history, ticks, population)
+            rerender.render_images(file, options.seed, run_id, history, ticks, options.design_range)
         )
     except RpojaxError as error:
         return CameraSheet(None, f"The images cannot be rendered again: {error}.")

@@ -43,7 +43,7 @@ def apply_override(tables: dict[str, Any], override: str) -> None:
     key, equals, text = override.partition("=")
     key, text = key.strip(), text.strip()
     if not equals or not key or not text:
-        raise ScenarioError("--set", override, "KEY=VALUE, such as navigation.gate_sigma=4")
+        raise ScenarioError("overrides", override, "KEY=VALUE, such as navigation.gate_sigma=4", is_argument=True)
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -58,5 +58,5 @@ def apply_override(tables: dict[str, Any], override: str) -> None:
         table = table.get(name) if isinstance(table, dict) else None
     if not isinstance(table, dict) or leaf not in table:
         hint = did_you_mean(leaf, list(table)) if isinstance(table, dict) else ""
-        raise ScenarioError("--set", key, f"a key of the scenario{hint}")
+        raise ScenarioError("overrides", key, f"a key of the scenario{hint}", is_argument=True)
     table[leaf] = value

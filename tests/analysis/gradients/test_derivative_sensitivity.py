@@ -102,22 +102,22 @@ def test_metrics_are_those_of_the_requirements_unless_asked_for(space: StandardN
 
 
 def test_what_has_no_derivative_is_refused(space: StandardNormalSpace) -> None:
-    with pytest.raises(RpojaxError, match=r"^--metric: found 'detection_rate', expected a metric with a derivative: "):
+    with pytest.raises(RpojaxError, match=r"^metrics: found 'detection_rate', expected a metric with a derivative: "):
         derivative_sensitivity.select_metrics(space.file, ("detection_rate",))
     without = space.file.model_copy(update={"requirements": []})
-    with pytest.raises(RpojaxError, match=r"^--metric: found none, expected one, for a scenario without requirements"):
+    with pytest.raises(RpojaxError, match=r"^metrics: found none, expected one, for a scenario without requirements"):
         derivative_sensitivity.select_metrics(without, ())
 
 
 def test_too_few_runs_are_refused(space: StandardNormalSpace) -> None:
-    with pytest.raises(RpojaxError, match=r"^--runs: found 1, expected at least 2$"):
+    with pytest.raises(RpojaxError, match=r"^runs: found 1, expected at least 2$"):
         derivative_sensitivity.derivative_sensitivities(space, METRICS, 1, 0, KnownDerivatives(space))
 
     class Failing(KnownDerivatives):
         def jacobian(self, inputs: np.ndarray, keys: np.ndarray) -> rollout_evaluator.RolloutResult:
             return replace(super().jacobian(inputs, keys), failed=np.ones(len(inputs), dtype=bool))
 
-    with pytest.raises(RpojaxError, match=r"^--runs: found 0 that reached their end, expected at least 2$"):
+    with pytest.raises(RpojaxError, match=r"^runs: found 0 that reached their end, expected at least 2$"):
         derivative_sensitivity.derivative_sensitivities(space, METRICS, 4, 0, Failing(space))
 
 

@@ -21,9 +21,9 @@ def file() -> ScenarioFile:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"runs": 5}, "--runs: found 5, expected 0 or at least 10"),
-        ({"members": 1}, "--members: found 1, expected at least 2"),
-        ({"seed": -1}, "--seed: found -1"),
+        ({"runs": 5}, "runs: found 5, expected 0 or at least 10"),
+        ({"members": 1}, "members: found 1, expected at least 2"),
+        ({"seed": -1}, "seed: found -1"),
     ],
 )
 def test_numbers_out_of_range_are_refused(file: ScenarioFile, arguments: dict[str, int], message: str) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rpojax.analysis.reliability import evaluation_log, form_search
-from rpojax.analysis.reliability.evaluation_log import SearchSettings
+from rpojax.analysis.reliability.search_settings import SearchSettings
 
 COUNT = 26
 AXIS = np.arange(1.0, COUNT + 1.0) / np.linalg.norm(np.arange(1.0, COUNT + 1.0))

@@ -8,6 +8,7 @@ import pytest
 
 from rpojax.analysis.reliability import metric_limit
 from rpojax.analysis.reliability.metric_limit import MetricLimit
+from rpojax.analysis.reliability.search_settings import LimitChoice
 from rpojax.errors import RpojaxError
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
@@ -30,23 +31,23 @@ def test_margins_convert_back_to_values() -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((None, None, None), "--requirement, --metric: found neither, expected one of the two"),
-        (("min_range_m", "min_range_m", 1.0), "--requirement, --metric: found both, expected one of the two"),
-        (("min_range_m", None, 1.0), "--limit: found 1.0, expected it with --metric only"),
-        (("delta_v_m_s", None, None), "--requirement: found 'delta_v_m_s', expected one of the scenario's: form"),
-        (("look_away_peak_s", None, None), "--requirement: found 'look_away_peak_s', expected a metric with a deriv"),
-        ((None, "minimum_range", 1.0), "--metric: found 'minimum_range', expected a metric: formation_error_rms_m, "),
-        ((None, "detection_rate", 1.0), "--metric: found 'detection_rate', expected a metric with a derivative: "),
-        ((None, "min_range_m", None), "--limit: found None, expected a number, with --metric"),
-        ((None, "min_range_m", math.nan), "--limit: found nan, expected a number, with --metric"),
+        ((None, None, None), "requirement, metric: found neither, expected one of the two"),
+        (("min_range_m", "min_range_m", 1.0), "requirement, metric: found both, expected one of the two"),
+        (("min_range_m", None, 1.0), "limit: found 1.0, expected it with metric only"),
+        (("delta_v_m_s", None, None), "requirement: found 'delta_v_m_s', expected one of the scenario's: form"),
+        (("look_away_peak_s", None, None), "requirement: found 'look_away_peak_s', expected a metric with a deriv"),
+        ((None, "minimum_range", 1.0), "metric: found 'minimum_range', expected a metric: formation_error_rms_m, "),
+        ((None, "detection_rate", 1.0), "metric: found 'detection_rate', expected a metric with a derivative: "),
+        ((None, "min_range_m", None), "limit: found None, expected a number, with metric"),
+        ((None, "min_range_m", math.nan), "limit: found nan, expected a number, with metric"),
     ],
 )
 def test_options_that_name_no_limit_are_refused(mission: ScenarioFile, arguments: Any, message: str) -> None:
     with pytest.raises(RpojaxError) as error:
-        metric_limit.select_limit(mission, *arguments, bound="at most")
+        metric_limit.select_limit(mission, LimitChoice(*arguments))
     assert str(error.value).startswith(message)
 
 
 def test_a_bound_that_is_no_side_is_refused(mission: ScenarioFile) -> None:
-    with pytest.raises(RpojaxError, match=r"^--bound: found 'below', expected 'at most' or 'at least'$"):
-        metric_limit.select_limit(mission, None, "min_range_m", 3.0, "below")
+    with pytest.raises(RpojaxError, match=r"^bound: found 'below', expected 'at most' or 'at least'$"):
+        metric_limit.select_limit(mission, LimitChoice(None, "min_range_m", 3.0, "below"))

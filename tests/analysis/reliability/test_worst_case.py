@@ -1,8 +1,9 @@
 """The search for a violation on runs with known metrics, and once on simulated ones."""
 
+import inspect
 import json
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,8 @@ import rpojax
 from rpojax.analysis.gradients import rollout_evaluator
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator
 from rpojax.analysis.reliability import worst_case
-from rpojax.analysis.reliability.evaluation_log import SearchSettings
 from rpojax.analysis.reliability.metric_limit import MetricLimit
+from rpojax.analysis.reliability.search_settings import LimitChoice, SearchSettings
 from rpojax.analysis.reliability.simulated_limit_state import EvaluationCosts, SimulatedLimitState
 from rpojax.analysis.reliability.worst_case_record import WorstCase
 from rpojax.campaign import single_run
@@ -148,13 +149,20 @@ def test_a_gradient_costs_whole_runs() -> None:
     assert SimulatedLimitState(LinearRuns(3), limit, COSTS, 0).gradient_cost == 8.0
 
 
+def test_python_has_the_defaults_of_the_records() -> None:
+    defaults = {name: each.default for name, each in inspect.signature(rpojax.worst_case).parameters.items()}
+    settings = SearchSettings()
+    assert asdict(LimitChoice()).items() <= defaults.items()
+    assert (settings.starts, settings.budget) == (defaults["starts"], defaults["budget"])
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        (SearchSettings(starts=0), "--starts: found 0, expected 1 to 64"),
-        (SearchSettings(starts=65), "--starts: found 65, expected 1 to 64"),
-        (SearchSettings(budget=15.0), "--budget: found 15, expected at least the 16 first runs"),
-        (SearchSettings(budget=math.nan), "--budget: found nan, expected at least the 16 first runs"),
+        (SearchSettings(starts=0), "starts: found 0, expected 1 to 64"),
+        (SearchSettings(starts=65), "starts: found 65, expected 1 to 64"),
+        (SearchSettings(budget=15.0), "budget: found 15, expected at least the 16 first runs"),
+        (SearchSettings(budget=math.nan), "budget: found nan, expected at least the 16 first runs"),
     ],
 )
 def test_settings_that_find_nothing_are_refused(settings: SearchSettings, message: str) -> None:

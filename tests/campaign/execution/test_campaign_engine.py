@@ -3,7 +3,7 @@
 import pytest
 
 from rpojax.campaign.execution.campaign_engine import check_versions
-from rpojax.campaign.storage.campaign_configuration import package_versions
+from rpojax.campaign.storage.provenance import package_versions
 from rpojax.errors import RpojaxError
 
 

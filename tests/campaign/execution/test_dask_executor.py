@@ -81,5 +81,5 @@ def test_worker_applies_all_forwarded_variables(campaign: Campaign, monkeypatch:
 
 def test_unreachable_scheduler_is_named(campaign: Campaign) -> None:
     pytest.importorskip("distributed")
-    with pytest.raises(RpojaxError, match=r"--scheduler: found 'nonsense://x'.*expected the address"):
+    with pytest.raises(RpojaxError, match=r"scheduler: found 'nonsense://x'.*expected the address"):
         dask_executor.DaskExecutor(campaign, "nonsense://x").run_blocks([0], lambda *_: None)

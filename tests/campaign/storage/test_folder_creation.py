@@ -8,15 +8,18 @@ from pathlib import Path
 import pytest
 from empty_campaign_folders import empty_campaign, synthetic_block, synthetic_timing
 
+from rpojax.campaign.options.campaign_options import CampaignOptions
+from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import atomic_files, folder_creation
-from rpojax.campaign.storage.campaign_configuration import new_configuration
+from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.campaign.storage.provenance import new_configuration
 from rpojax.errors import OutputError, ResultError
 from rpojax.scenario.schema import ScenarioFile
 
 
-def configuration(mission: ScenarioFile, seed: int = 7) -> dict[str, object]:
-    return new_configuration(mission, seed, 5, 0, 2, {"rule": "none", "channels": None, "every": 1})
+def configuration(mission: ScenarioFile, seed: int = 7) -> CampaignConfiguration:
+    return new_configuration(mission, CampaignOptions(5, seed, block_size=2, histories=Retention("none")))
 
 
 def test_first_process_creates_the_folder_and_others_with_the_same_configuration_join(
@@ -29,7 +32,7 @@ def test_first_process_creates_the_folder_and_others_with_the_same_configuration
     assert (out / "campaign.json").read_bytes() == before
     with pytest.raises(ResultError, match="found seed 7, expected 8 to share the folder"):
         folder_creation.join_folder(out, configuration(mission, seed=8))
-    with pytest.raises(OutputError, match="--force"):
+    with pytest.raises(OutputError, match="force=True"):
         folder_creation.create_folder(out, configuration(mission), force=False)
     assert [path.name for path in tmp_path.iterdir()] == ["runs"]
 
@@ -58,7 +61,7 @@ def test_partial_folder_of_a_killed_process_is_removed(mission: ScenarioFile, tm
 
 def test_existing_folder_is_not_changed_without_force(empty: Campaign, mission: ScenarioFile) -> None:
     before = (empty.directory / "campaign.json").read_bytes()
-    with pytest.raises(OutputError, match="--force"):
+    with pytest.raises(OutputError, match="force=True"):
         empty_campaign(empty.directory, mission, 8, 1, 0, 1)
     assert (empty.directory / "campaign.json").read_bytes() == before
 

@@ -33,7 +33,7 @@ def test_variables_have_dimensions_and_units(written: Campaign) -> None:
     assert found["failure_reason"].values.tolist() == ["", "entered the keep-out sphere", ""]
     assert found["completed"].values.tolist() == [True, False, True]
     for key in ("scenario_hash", "seed", "runs", "block_size"):
-        assert found.attrs[key] == written.configuration[key]
+        assert found.attrs[key] == written.info[key]
 
 
 def test_xarray_opens_the_groups(written: Campaign) -> None:

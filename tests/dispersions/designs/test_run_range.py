@@ -24,4 +24,4 @@ from rpojax.errors import ResultError
 )
 def test_an_invalid_record_is_refused(recorded: Any) -> None:
     with pytest.raises(ResultError, match=r"^campaign.json: found .*expected"):
-        recorded_run_range({"first_run": 0, "runs": 1, "design": recorded})
+        recorded_run_range(recorded, 0, 1)

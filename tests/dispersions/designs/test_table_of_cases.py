@@ -22,7 +22,7 @@ def test_each_run_has_its_row(mission: ScenarioFile) -> None:
     later = experiment_design.make_design(file, 0, RunRange(1, 2))
     np.testing.assert_array_equal(later.for_runs(np.array([2]))["gps.noise_m"], [3.0])
     np.testing.assert_array_equal(later.for_runs(np.array([5]))["gps.noise_m"], [3.0])  # padding
-    with pytest.raises(RpojaxError, match=r"^--runs: found run 3, expected runs up to 2: the table"):
+    with pytest.raises(RpojaxError, match=r"^runs: found run 3, expected runs up to 2: the table"):
         experiment_design.make_design(file, 0, RunRange(0, 4))
     with pytest.raises(RpojaxError, match="table"):
         experiment_design.make_design(file, 0, RunRange(3, 1))

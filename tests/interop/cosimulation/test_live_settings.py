@@ -4,6 +4,7 @@ import pytest
 
 from rpojax.errors import RpojaxError
 from rpojax.interop.cosimulation import live_topics
+from rpojax.interop.cosimulation.exchanged_topics import command_topics, published_topics
 from rpojax.interop.cosimulation.live_settings import ExternalStage, LiveSettings, parse_external_stages
 from rpojax.interop.ros2 import topics
 
@@ -23,18 +24,20 @@ def test_stages_are_parsed_from_a_list(text: str, stages: frozenset[ExternalStag
 
 @pytest.mark.parametrize("text", ["", "guidance", "all,attitude"])
 def test_unknown_stages_are_refused(text: str) -> None:
-    with pytest.raises(RpojaxError, match=r"^--external: found '[^\n]*', expected attitude, formation, navigation"):
+    with pytest.raises(
+        RpojaxError, match=r"^external_stages: found '[^\n]*', expected attitude, formation, navigation"
+    ):
         parse_external_stages(text)
 
 
 @pytest.mark.parametrize(
     ("changes", "option"),
     [
-        ({"timeout_s": 0.0}, "--timeout-s"),
-        ({"timeout_s": float("nan")}, "--timeout-s"),
-        ({"patience_s": -1.0}, "--patience-s"),
-        ({"wait_s": float("inf")}, "--wait-s"),
-        ({"real_time_factor": 0.0}, "--real-time"),
+        ({"timeout_s": 0.0}, "timeout_s"),
+        ({"timeout_s": float("nan")}, "timeout_s"),
+        ({"patience_s": -1.0}, "patience_s"),
+        ({"wait_s": float("inf")}, "wait_s"),
+        ({"real_time_factor": 0.0}, "real_time_factor"),
     ],
 )
 def test_settings_out_of_range_are_refused(changes: dict[str, float], option: str) -> None:
@@ -43,7 +46,7 @@ def test_settings_out_of_range_are_refused(changes: dict[str, float], option: st
 
 
 def test_command_topics_are_not_published() -> None:
-    settings = LiveSettings(external_stages=frozenset({ExternalStage.ATTITUDE}))
-    assert settings.command_topics == (topics.WHEEL_COMMAND,)
-    assert topics.WHEEL_COMMAND not in settings.published_topics
-    assert {topics.CLOCK, topics.THRUSTER_COMMAND, live_topics.ATTITUDE_REFERENCE} <= set(settings.published_topics)
+    stages = frozenset({ExternalStage.ATTITUDE})
+    assert command_topics(stages) == (topics.WHEEL_COMMAND,)
+    assert topics.WHEEL_COMMAND not in published_topics(stages)
+    assert {topics.CLOCK, topics.THRUSTER_COMMAND, live_topics.ATTITUDE_REFERENCE} <= set(published_topics(stages))

@@ -21,15 +21,13 @@ DOMAIN = 143
 def test_missing_nodes_are_one_error_line(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("CYCLONEDDS_URI", raising=False)
     exchange = MessageExchange(DOMAIN, (topics.CLOCK,), (topics.WHEEL_COMMAND,), EventLog(lambda _: None))
-    with pytest.raises(
-        RpojaxError, match=r"^--wait-s: found nobody within 0\.01 s, expected a publisher on /servicer/w"
-    ):
+    with pytest.raises(RpojaxError, match=r"^wait_s: found nobody within 0\.01 s, expected a publisher on /servicer/w"):
         exchange.wait_for_nodes(0.01)
     exchange.wait_for_nodes(0.0)
 
 
 def test_a_domain_out_of_range_is_refused() -> None:
-    with pytest.raises(RpojaxError, match=r"^--domain-id: found 300, expected 0 to 232$"):
+    with pytest.raises(RpojaxError, match=r"^domain_id: found 300, expected 0 to 232$"):
         Participant(300)
 
 

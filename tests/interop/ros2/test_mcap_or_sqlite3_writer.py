@@ -160,7 +160,7 @@ def test_a_bag_is_overwritten_only_with_force(
     burn_interval: ReplayedRun[RosTickValues], noise_images: np.ndarray, tmp_path: Path
 ) -> None:
     out = write(tmp_path / "bag", BagFormat.MCAP, burn_interval, ImageStorage.NONE, noise_images)
-    with pytest.raises(OutputError, match=r"bag: exists already; --force replaces it$"):
+    with pytest.raises(OutputError, match=r"bag: exists already; force=True replaces it$"):
         write(out, BagFormat.SQLITE3, burn_interval, ImageStorage.NONE, noise_images)
     assert (out / "bag.mcap").exists()
     write(out, BagFormat.SQLITE3, burn_interval, ImageStorage.NONE, noise_images, force=True)

@@ -25,7 +25,7 @@ FRAME = ("camera.width_px=320", "camera.height_px=240", "camera.field_of_view_de
 def test_images_of_a_camera_without_images_are_refused() -> None:
     assert run_bag.resolve_image_storage("geometric", "auto") == ImageStorage.NONE
     assert run_bag.resolve_image_storage("rendered", "auto") == ImageStorage.RAW
-    with pytest.raises(RpojaxError, match=r"^--images: found 'raw' for camera.model = 'geometric', expected 'none'$"):
+    with pytest.raises(RpojaxError, match=r"^images: found 'raw' for camera.model = 'geometric', expected 'none'$"):
         run_bag.resolve_image_storage("geometric", "raw")
 
 

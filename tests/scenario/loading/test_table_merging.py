@@ -50,7 +50,7 @@ def test_an_override_changes_its_key_only(inspection_file: ScenarioFile) -> None
 def test_an_override_without_known_key_or_value_is_refused(override: str, words: tuple[str, ...]) -> None:
     with pytest.raises(ScenarioError) as caught:
         scenario_loader.load("inspection", [override])
-    assert_one_line(caught.value, "--set", *words)
+    assert_one_line(caught.value, "overrides", *words)
     assert override.partition("=")[0] in str(caught.value)
 
 

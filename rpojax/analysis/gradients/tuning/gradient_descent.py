@@ -8,7 +8,7 @@ import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -20,8 +20,9 @@ import optax
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, run_keys
 from rpojax.analysis.gradients.tuning import descent_state, gradient_estimator, tunable_parameters
 from rpojax.analysis.gradients.tuning.descent_state import DescentState, TuningStep
+from rpojax.analysis.gradients.tuning.tunable_scenario import scenario_at_horizon
 from rpojax.analysis.gradients.tuning.tuning_objective import Objective
-from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings, scenario_at_horizon
+from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.scenario.scenario_digest import scenario_digest
@@ -71,7 +72,7 @@ def descend(
     """Tunes numbers of a scenario; each step is kept in `progress_file`, from which `resume` goes on.
 
     Raises:
-        RpojaxError: a setting is out of range, the scenario cannot be tuned, or its start gives no finite objective.
+        RpojaxError: the scenario cannot be tuned, or its start gives no finite objective.
     """
     short = scenario_at_horizon(file, settings)
     objective = Objective(short)
@@ -82,7 +83,7 @@ def descend(
     )
     optimizer = optax.scale_by_adam(b2=_ADAM_B2)
     of_file = {"scenario_hash": scenario_digest(file), "tuning": file.tuning.model_dump()}
-    identity = {**asdict(settings), "method": _METHOD, **of_file}
+    identity = {**settings.descent_record(), "method": _METHOD, **of_file}
     state = descent_state.initial_state(optimizer, tunable.initial)
     if resume and progress_file is not None:
         state = descent_state.load_state(progress_file, state, json.loads(json.dumps(identity)))
@@ -121,11 +122,9 @@ def _step(
     found = gradient_estimator.estimate_gradient(evaluator, objective, nonsmooth, state.coordinates, keys)
     value, parts = objective(found.metrics)
     if not math.isfinite(value):
-        raise RpojaxError(
-            f"step {number + 1}: found an objective of {value}, expected a finite one; try a lower --rate"
-        )
+        raise RpojaxError(f"step {number + 1}: found an objective of {value}, expected a finite one; try a lower rate")
     if not np.isfinite(found.gradient).all():
-        raise RpojaxError(f"step {number + 1}: found no run with a finite gradient, expected some; try a lower --rate")
+        raise RpojaxError(f"step {number + 1}: found no run with a finite gradient, expected some; try a lower rate")
     adam = optimizer.init(state.coordinates)
     if not _restarts(number, settings.steps):
         adam = jax.tree.unflatten(jax.tree.structure(adam), state.optimizer_leaves)

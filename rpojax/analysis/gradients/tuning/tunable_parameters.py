@@ -134,7 +134,7 @@ def select_parameters(file: ScenarioFile, names: Sequence[str]) -> TunableParame
         elif name in TUNABLE:
             selected[name] = True
         else:
-            raise ScenarioError("--parameters", name, f"one of {', '.join(GROUPS)}, or a key of theirs")
+            raise ScenarioError("parameters", name, f"one of {', '.join(GROUPS)}, or a key of theirs", is_argument=True)
     nominal, coordinates, held = {}, {}, []
     for key, by_name in selected.items():
         value = np.asarray(nominal_of_key(file, key), dtype=np.float64)
@@ -148,7 +148,7 @@ def select_parameters(file: ScenarioFile, names: Sequence[str]) -> TunableParame
         else:
             held.append(key)
     if not nominal:
-        raise ScenarioError("--parameters", ",".join(names), "at least one number that can be tuned")
+        raise ScenarioError("parameters", ",".join(names), "at least one number that can be tuned", is_argument=True)
     return TunableParameters(nominal, coordinates, tuple(held))
 
 

@@ -13,7 +13,6 @@ from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.analysis.gradients.tuning.tuning_validation import Validation
 from rpojax.campaign.storage.atomic_outputs import check_replaceable, write_atomically, write_json
 from rpojax.campaign.storage.json_types import to_json_types
-from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.runtime.progress_bar import item_progress
 from rpojax.scenario.loading import scenario_loader
@@ -51,7 +50,7 @@ class Tuning:
         result = self.result
         content: dict[str, Any] = {
             "scenario": self.initial.name,
-            "settings": dataclasses.asdict(self.settings),
+            "settings": self.settings.descent_record(),
             "weights": self.initial.tuning.model_dump(),
             "changes": {
                 key: {"from": nominal_of_key(self.initial, key), "to": value} for key, value in result.values.items()
@@ -121,9 +120,24 @@ def tune(
     Raises:
         RpojaxError: an argument is out of range, the scenario cannot be tuned, or no step has a finite gradient.
     """
-    if validation_runs < 0 or validation_runs == 1:
-        raise RpojaxError(f"--judge: found {validation_runs}, expected 0 or at least 2")
-    settings = TuningSettings(tuple(parameters), runs, steps, seed, horizon_s, rate)
+    settings = TuningSettings(tuple(parameters), runs, steps, horizon_s, rate, validation_runs, seed)
+    return run_tuning(file, settings, progress_file, resume=resume, stages=stages, progress=progress)
+
+
+def run_tuning(
+    file: ScenarioFile,
+    settings: TuningSettings,
+    progress_file: Path | str | None = None,
+    *,
+    resume: bool = False,
+    stages: Stages | None = None,
+    progress: bool = True,
+) -> Tuning:
+    """Tunes a scenario with a record of settings, as `tune` does.
+
+    Raises:
+        RpojaxError: the scenario cannot be tuned, or no step has a finite gradient.
+    """
     kept = None if progress_file is None else Path(progress_file)
     begin = time.perf_counter()
     with item_progress("tuning", quiet=not progress) as watch:
@@ -132,17 +146,18 @@ def tune(
             settings,
             kept,
             resume,
-            lambda number, step: watch(number, steps, f"objective {step.objective:.4f}"),
+            lambda number, step: watch(number, settings.steps, f"objective {step.objective:.4f}"),
             stages,
         )
     tuned = tuned_scenario(file, result.values)
-    validation = _validate(file, tuned, seed + 1, validation_runs, stages, progress) if validation_runs else None
+    validation = _validate(file, tuned, settings, stages, progress) if settings.validation_runs else None
     return Tuning(file, tuned, settings, result, validation, time.perf_counter() - begin)
 
 
 def _validate(
-    file: ScenarioFile, tuned: ScenarioFile, seed: int, runs: int, stages: Stages | None, progress: bool
+    file: ScenarioFile, tuned: ScenarioFile, settings: TuningSettings, stages: Stages | None, progress: bool
 ) -> Validation:
+    seed, runs = settings.seed + 1, settings.validation_runs
     with item_progress("validating", quiet=not progress) as watch:
         return tuning_validation.validate(
             file, tuned, seed, runs, lambda fraction: watch(round(100 * fraction), 100), stages

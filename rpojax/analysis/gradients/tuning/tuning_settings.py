@@ -1,70 +1,57 @@
-"""Settings of a tuning, and the checks of a scenario before it is tuned."""
+"""Settings of a tuning: one record for the command line, for Python and for the file of its steps. Free of jax."""
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any
 
-from rpojax.errors import RpojaxError, ScenarioError
-from rpojax.scenario.loading import scenario_loader
-from rpojax.scenario.schema import ScenarioFile
+from tyro.conf import Fixed, arg
 
-_EXPECTED: Final = {
-    "--runs": "at least 1",
-    "--steps": "at least 1",
-    "--rate": "a number above 0 and up to 1",
-    "--seed": "a number from 0",
-    "--horizon": "a time above 0 s",
-}
+from rpojax.errors import RpojaxError
 
 
 @dataclass(frozen=True)
 class TuningSettings:
     """Settings of a tuning.
 
+    The command `rpojax tune` has the fields as options, and `parameters` in its own form.
+
     Attributes:
-        parameters: names of groups and keys
+        parameters: names of groups (navigation, gate, formation, attitude, schedule) and scenario keys
         runs: per step
         steps: of the descent
-        seed: of the runs; step n simulates runs n * runs and on
-        horizon_s: length of each run [s]
-        rate: length of the first steps, in coordinates: 0.2 changes a number by about twenty per cent
-    """
-
-    parameters: tuple[str, ...]
-    runs: int = 64
-    steps: int = 80
-    seed: int = 0
-    horizon_s: float = 2000.0
-    rate: float = 0.2
-
-
-def scenario_at_horizon(file: ScenarioFile, settings: TuningSettings) -> ScenarioFile:
-    """The scenario with the duration of the tuning's runs.
+        horizon_s: simulated time of a run [s]
+        rate: size of the first steps, in logarithms of the numbers
+        validation_runs: unseen full runs, of seed `seed + 1`; 0 for no validation
+        seed: master seed; step n simulates runs n * runs and on
 
     Raises:
-        RpojaxError: a setting is out of range, or the scenario cannot be tuned by gradient.
+        RpojaxError: a number is out of range.
     """
-    for option, found, good in (
-        ("--runs", settings.runs, settings.runs >= 1),
-        ("--steps", settings.steps, settings.steps >= 1),
-        ("--rate", settings.rate, 0.0 < settings.rate <= 1.0),
-        ("--seed", settings.seed, 0 <= settings.seed < 2**63),
-        ("--horizon", settings.horizon_s, math.isfinite(settings.horizon_s) and settings.horizon_s > 0.0),
-    ):
-        if not good:
-            raise RpojaxError(f"{option}: found {found}, expected {_EXPECTED[option]}")
-    check_differentiable(file)
-    if file.design.kind != "independent":
-        raise ScenarioError("design.kind", file.design.kind, "'independent', since every step draws fresh runs")
-    horizon = min(settings.horizon_s, file.duration_s)
-    return scenario_loader.validate({**file.model_dump(), "duration_s": horizon})
 
+    parameters: Fixed[tuple[str, ...]] = ("navigation",)
+    runs: Annotated[int, arg(metavar="N", help="Runs per step.")] = 64
+    steps: Annotated[int, arg(metavar="N", help="Steps.")] = 80
+    horizon_s: Annotated[float, arg(name="horizon", metavar="T", help="Simulated time of a run [s].")] = 2000.0
+    rate: Annotated[float, arg(metavar="R", help="Size of the first steps; 0.2 is about twenty per cent.")] = 0.2
+    validation_runs: Annotated[
+        int, arg(name="judge", metavar="N", help="Unseen full runs to validate the result with; 0 for none.")
+    ] = 500
+    seed: Annotated[int, arg(metavar="S", help="Master seed.")] = 0
 
-def check_differentiable(file: ScenarioFile) -> None:
-    """Refuses the rendered camera, whose images have no useful gradient.
+    def __post_init__(self) -> None:
+        for name, is_valid, expected in (
+            ("runs", self.runs >= 1, "at least 1"),
+            ("steps", self.steps >= 1, "at least 1"),
+            ("horizon_s", math.isfinite(self.horizon_s) and self.horizon_s > 0.0, "a time above 0 s"),
+            ("rate", 0.0 < self.rate <= 1.0, "a number above 0 and up to 1"),
+            ("validation_runs", self.validation_runs == 0 or self.validation_runs >= 2, "0 or at least 2"),
+            ("seed", 0 <= self.seed < 2**63, "a number from 0"),
+        ):
+            if not is_valid:
+                raise RpojaxError.of_argument(name, f"found {getattr(self, name)}, expected {expected}")
 
-    Raises:
-        ScenarioError: the scenario has one.
-    """
-    if file.camera.model == "rendered":
-        raise ScenarioError("camera.model", "rendered", "'geometric' or 'statistical': images have no useful gradient")
+    def descent_record(self) -> dict[str, Any]:
+        """What the descent depends on, in the types of JSON: all but the validation."""
+        record = asdict(self)
+        del record["validation_runs"]
+        return record | {"parameters": list(self.parameters)}

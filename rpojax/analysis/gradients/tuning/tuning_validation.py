@@ -11,7 +11,7 @@ from rpojax.analysis.statistics.paired_comparison import PairedComparison, RunMe
 from rpojax.campaign.execution import block_runner
 from rpojax.campaign.execution.batch_engine import BatchEngine, default_block_size
 from rpojax.campaign.experiment_design import make_design
-from rpojax.campaign.history_retention import Retention
+from rpojax.campaign.options.history_retention import Retention
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
 from rpojax.scenario.schema import ScenarioFile

@@ -42,7 +42,7 @@ def check_codec(codec: str) -> None:
         MissingExtraError: the package that encodes H.264 is not installed.
     """
     if codec not in CODECS:
-        raise OutputError(f"--codec: found {codec!r}, expected {' or '.join(CODECS)}")
+        raise OutputError.of_argument("codec", f"found {codec!r}, expected {' or '.join(CODECS)}")
     if codec == "h264":
         require_package("imageio_ffmpeg", "viz")
 

@@ -35,7 +35,9 @@ def load_mesh(source: str | Path, units: str | None = None, center: bool = False
     """
     if str(source) == PACKAGED_TARGET:
         if units is not None or center:
-            raise MeshError(f"--units, --center: found with {PACKAGED_TARGET!r}, expected only with a mesh file")
+            raise MeshError.of_argument(
+                "units, center", f"found with {PACKAGED_TARGET!r}, expected only with a mesh file"
+            )
         return packaged_target()
     path = Path(source)
     if not path.is_file():
@@ -45,7 +47,7 @@ def load_mesh(source: str | Path, units: str | None = None, center: bool = False
     if path.suffix.lower() not in SUFFIXES:
         raise MeshError(f"{path}: found {path.suffix or 'no suffix'!r}, expected one of {', '.join(SUFFIXES)}")
     if units is not None and units not in METRES_PER_UNIT:
-        raise MeshError(f"--units: found {units!r}, expected one of {', '.join(METRES_PER_UNIT)}")
+        raise MeshError.of_argument("units", f"found {units!r}, expected one of {', '.join(METRES_PER_UNIT)}")
     require_package("trimesh")
     parts = list(_read_parts(path, METRES_PER_UNIT[units or "m"]))
     if not parts:
@@ -66,13 +68,13 @@ def _check_size(path: Path, mesh: TargetMesh, units: str | None) -> None:
     span = float((high - low).max())
     smallest, largest = _SPAN_LIMITS_M
     if not smallest <= span <= largest:
-        hint = "" if units else "; units are metres unless --units says otherwise, such as --units mm"
+        hint = "" if units else "; metres are assumed unless units are given"
         raise MeshError(f"{path}: found a span of {span:.4g} m, expected {smallest} to {largest:g} m{hint}")
     offset = float(np.abs(0.5 * (low + high)).max())
     if offset > _MAX_OFFSET_FRACTION * span:
         raise MeshError(
             f"{path}: found its centre {offset:.3g} m from the origin, expected within a quarter of its span "
-            f"({_MAX_OFFSET_FRACTION * span:.3g} m); --center moves it there"
+            f"({_MAX_OFFSET_FRACTION * span:.3g} m); center=True moves it there"
         )
 
 

@@ -49,10 +49,10 @@ def test_names_may_overlap() -> None:
 @pytest.mark.parametrize(
     ("names", "overrides", "message"),
     [
-        (["navigate"], [], "--parameters: found 'navigate', expected one of navigation, gate, formation,"),
-        (["servicer.mass_kg"], [], "--parameters: found 'servicer.mass_kg'"),
+        (["navigate"], [], "parameters: found 'navigate', expected one of navigation, gate, formation,"),
+        (["servicer.mass_kg"], [], "parameters: found 'servicer.mass_kg'"),
         (["formation.velocity_weight"], [], r"formation.velocity_weight: found \[0.0, 0.0, 0.0\], expected a positive"),
-        (["gate"], ["navigation.gate_sigma=15"], "--parameters: found 'gate', expected at least one number"),
+        (["gate"], ["navigation.gate_sigma=15"], "parameters: found 'gate', expected at least one number"),
         (["navigation.gate_sigma"], ["navigation.gate_sigma=15"], "found 15.0, expected a start between 1.5 and 12"),
     ],
 )

@@ -1,11 +1,14 @@
 """Settings and scenarios that cannot be tuned."""
 
+import inspect
+from dataclasses import asdict
 from typing import Any
 
 import pytest
 
 import rpojax
-from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings, scenario_at_horizon
+from rpojax.analysis.gradients.tuning.tunable_scenario import scenario_at_horizon
+from rpojax.analysis.gradients.tuning.tuning_settings import TuningSettings
 from rpojax.errors import RpojaxError
 
 
@@ -19,16 +22,22 @@ def test_runs_are_as_long_as_the_horizon_and_no_longer_than_the_scenario() -> No
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"steps": 0}, "--steps: found 0, expected at least 1"),
-        ({"runs": 0}, "--runs: found 0"),
-        ({"rate": float("nan")}, "--rate: found nan"),
-        ({"horizon_s": -1.0}, "--horizon: found -1.0, expected a time above 0 s"),
-        ({"seed": -1}, "--seed: found -1"),
+        ({"steps": 0}, "steps: found 0, expected at least 1"),
+        ({"runs": 0}, "runs: found 0"),
+        ({"rate": float("nan")}, "rate: found nan"),
+        ({"horizon_s": -1.0}, "horizon_s: found -1.0, expected a time above 0 s"),
+        ({"seed": -1}, "seed: found -1"),
+        ({"validation_runs": 1}, "validation_runs: found 1, expected 0 or at least 2"),
     ],
 )
 def test_settings_out_of_range_are_refused(changed: dict[str, Any], message: str) -> None:
-    with pytest.raises(RpojaxError, match=message):
-        scenario_at_horizon(rpojax.load("inspection"), TuningSettings(**{"parameters": ("navigation",), **changed}))
+    with pytest.raises(RpojaxError, match=f"^{message}"):
+        TuningSettings(**changed)
+
+
+def test_python_has_the_defaults_of_the_record() -> None:
+    defaults = {name: each.default for name, each in inspect.signature(rpojax.tune).parameters.items()}
+    assert asdict(TuningSettings()).items() <= defaults.items()
 
 
 @pytest.mark.parametrize(

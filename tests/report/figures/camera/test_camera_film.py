@@ -42,7 +42,7 @@ def test_h264_film_has_its_index_in_front_and_reproducible_bytes(tmp_path: Path)
 
 
 def test_unknown_codec_and_missing_package_are_errors(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(OutputError, match=r"--codec: found 'av1', expected vp9 or h264"):
+    with pytest.raises(OutputError, match=r"codec: found 'av1', expected vp9 or h264"):
         camera_film.check_codec("av1")
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     camera_film.check_codec("vp9")

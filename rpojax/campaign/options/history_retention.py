@@ -3,17 +3,30 @@
 import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
-import numpy as np
+from tyro.conf import arg
+from tyro.constructors import PrimitiveConstructorSpec
 
 from rpojax.errors import RpojaxError
-from rpojax.metrics.metric_catalogue import UNITS, worst_first
 
 RULE_FORMS = (
     "none, all, N (the first N), I,J,... (run numbers), every:N, failures, worst:K:METRIC, or several joined by '+'"
 )
 _ALWAYS_KEPT = ("time_s", "rho_desired_H")
+
+
+ChannelNames = Annotated[
+    tuple[str, ...] | None,
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="A,B,...",
+        instance_from_str=lambda words: tuple(filter(None, words[0].split(","))),
+        is_instance=lambda value: value is None or isinstance(value, tuple),
+        str_from_instance=lambda names: [",".join(names or ())],
+    ),
+]
+"""Names of channels, on the command line with commas between them; None for all."""
 
 
 @dataclass(frozen=True)
@@ -29,15 +42,29 @@ class Retention:
         RpojaxError: the rule has none of the forms, or `every` is not positive.
     """
 
-    rule: str
-    channels: tuple[str, ...] | None = None
-    every: int = 1
+    rule: Annotated[
+        str,
+        arg(
+            name="histories",
+            metavar="RULE",
+            help="Histories to keep: none, all, N (the first N runs), I,J,... (run numbers), every:N, failures, "
+            "worst:K:METRIC, or several joined by +.",
+        ),
+    ]
+    channels: Annotated[
+        ChannelNames,
+        arg(name="history-channels", help="Channels to keep of a history.", help_behavior_hint="(default: all)"),
+    ] = None
+    every: Annotated[
+        int,
+        arg(name="history-every", metavar="N", help="Ticks from one kept sample of a history to the next."),
+    ] = 1
 
     def __post_init__(self) -> None:
         for term in self._terms():
             _parse_term(term)
         if self.every < 1:
-            raise RpojaxError(f"--history-every: found {self.every}, expected at least 1")
+            raise RpojaxError.of_argument("history_every", f"found {self.every}, expected at least 1")
 
     @classmethod
     def from_run_ids(cls, run_ids: Sequence[int]) -> "Retention":
@@ -67,7 +94,7 @@ class Retention:
         for kind, numbers, _ in map(_parse_term, self._terms()):
             for number in numbers if kind == "runs" else ():
                 if not first_run <= number < first_run + runs:
-                    raise RpojaxError(f"--histories: found run {number}, expected runs of this campaign")
+                    raise RpojaxError.of_argument("histories", f"found run {number}, expected runs of this campaign")
 
     def unconditional_run_ids(self, first_run: int, runs: int) -> set[int]:
         """Numbers of the runs whose histories are kept independently of their results."""
@@ -87,40 +114,23 @@ class Retention:
     @property
     def depends_on_results(self) -> bool:
         """Whether some histories are kept because of the results of their runs."""
-        return any(kind in ("failures", "worst") for kind, _, _ in map(_parse_term, self._terms()))
+        return self.keeps_failures or bool(self.worst_kept)
 
-    def selected_by_result(
-        self, run_ids: np.ndarray, completed: np.ndarray, metrics: Mapping[str, np.ndarray]
-    ) -> set[int]:
-        """Numbers of the runs whose histories are kept because of their results.
+    @property
+    def keeps_failures(self) -> bool:
+        """Whether the histories of all failed runs are kept."""
+        return any(kind == "failures" for kind, _, _ in map(_parse_term, self._terms()))
 
-        Args:
-            run_ids: (runs,) run numbers
-            completed: (runs,) whether the run completed
-            metrics: name -> (runs,), nan if undefined
-        """
-        kept: set[int] = set()
-        for kind, numbers, metric in map(_parse_term, self._terms()):
-            if kind == "failures":
-                kept.update(run_ids[~completed].tolist())
-            elif kind == "worst":
-                kept.update(run_ids[worst_first(metric, metrics[metric])[: numbers[0]]].tolist())
-        return kept
-
-    def max_selected_by_result(self, runs: int) -> int:
-        """Largest number of runs in `selected_by_result`, failures excluded."""
+    @property
+    def worst_kept(self) -> list[tuple[str, int]]:
+        """Metrics of which the worst runs keep a history, each with their number."""
         terms = map(_parse_term, self._terms())
-        return min(runs, sum(numbers[0] for kind, numbers, _ in terms if kind == "worst"))
+        return [(metric, numbers[0]) for kind, numbers, metric in terms if kind == "worst"]
 
     def max_histories(self, first_run: int, runs: int) -> int:
         """Largest number of histories, failures excluded."""
-        return min(runs, len(self.unconditional_run_ids(first_run, runs)) + self.max_selected_by_result(runs))
-
-    def thin(self, history: Mapping[str, np.ndarray], ticks: int) -> dict[str, np.ndarray]:
-        """Kept channels and samples of a full history of `ticks` ticks, always with `time_s` and `rho_desired_H`."""
-        channels = {name: values for name, values in history.items() if self.keeps_channel(name)}
-        sampled = {name for name, values in channels.items() if name != "rho_desired_H" and len(values) == ticks}
-        return {name: values[:: self.every] if name in sampled else values for name, values in channels.items()}
+        selected = min(runs, sum(count for _, count in self.worst_kept))
+        return min(runs, len(self.unconditional_run_ids(first_run, runs)) + selected)
 
     def keeps_channel(self, channel: str) -> bool:
         """Whether a channel is kept."""
@@ -137,7 +147,7 @@ def check_channels(channels: Sequence[str] | None, known: Sequence[str]) -> None
         if name not in known:
             close = difflib.get_close_matches(name, known, n=1)
             hint = f" (did you mean {close[0]!r}?)" if close else ""
-            raise RpojaxError(f"--history-channels: found {name!r}, expected channels of a history{hint}")
+            raise RpojaxError.of_argument("history_channels", f"found {name!r}, expected channels of a history{hint}")
 
 
 def _parse_term(term: str) -> tuple[str, list[int], str]:
@@ -152,10 +162,13 @@ def _parse_term(term: str) -> tuple[str, list[int], str]:
     if kind == "every" and len(rest) == 1:
         return kind, [_parse_number(rest[0], term, 1)], ""
     if kind == "worst" and len(rest) == 2:
+        # Imported here because the help of the command line does without numpy.
+        from rpojax.metrics.metric_catalogue import UNITS
+
         if rest[1] not in UNITS:
             close = difflib.get_close_matches(rest[1], UNITS, n=1)
             hint = f" (did you mean {close[0]!r}?)" if close else ""
-            raise RpojaxError(f"--histories: found metric {rest[1]!r}, expected one of a campaign{hint}")
+            raise RpojaxError.of_argument("histories", f"found metric {rest[1]!r}, expected one of a campaign{hint}")
         return kind, [_parse_number(rest[0], term, 1)], rest[1]
     if "," in term:
         return "runs", [_parse_number(part, term, 0) for part in term.split(",") if part.strip()], ""
@@ -165,5 +178,5 @@ def _parse_term(term: str) -> tuple[str, list[int], str]:
 def _parse_number(text: str, term: str, least: int) -> int:
     digits = text.strip()
     if not (digits.isascii() and digits.isdecimal() and len(digits) <= 10 and int(digits) >= least):
-        raise RpojaxError(f"--histories: found {term!r}, expected {RULE_FORMS}")
+        raise RpojaxError.of_argument("histories", f"found {term!r}, expected {RULE_FORMS}")
     return int(digits)

@@ -2,13 +2,13 @@
 
 import pytest
 
-from rpojax.campaign.job_shard import Shard
+from rpojax.campaign.options.job_shard import Shard
 from rpojax.errors import RpojaxError
 
 
 @pytest.mark.parametrize("text", ["0/2", "3/2", "1", "a/b", "1/0", "-1/2", "1/2/3", ""])
 def test_invalid_shards_are_refused(text: str) -> None:
-    with pytest.raises(RpojaxError, match=r"--shard: found .*expected i/n"):
+    with pytest.raises(RpojaxError, match=r"shard: found .*expected i/n"):
         Shard.parse(text)
 
 

@@ -23,7 +23,7 @@ class Shard:
         """
         found = re.fullmatch(r"([0-9]{1,6})/([0-9]{1,6})", text)
         if not found or not 1 <= int(found[1]) <= int(found[2]):
-            raise RpojaxError(f"--shard: found {text!r}, expected i/n with i from 1 to n, such as 2/8")
+            raise RpojaxError.of_argument("shard", f"found {text!r}, expected i/n with i from 1 to n, such as 2/8")
         return cls(int(found[1]), int(found[2]))
 
     def select(self, blocks: Sequence[int]) -> list[int]:

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from rpojax.campaign import history_retention
-from rpojax.campaign.history_retention import Retention
+from rpojax.campaign.execution.block_recording import thin_history
+from rpojax.campaign.execution.selected_histories import selected_by_result
+from rpojax.campaign.options import history_retention
+from rpojax.campaign.options.history_retention import Retention
 from rpojax.errors import RpojaxError
 
 IDS = np.arange(10, 16)
@@ -48,7 +50,7 @@ def test_runs_kept_independently_of_results(rule: str, kept: set[int]) -> None:
 )
 def test_runs_selected_by_results(rule: str, kept: set[int]) -> None:
     found = Retention(rule)
-    assert found.selected_by_result(IDS, COMPLETED, METRICS) == kept
+    assert selected_by_result(found, IDS, COMPLETED, METRICS) == kept
     assert found.depends_on_results == (rule != "all")
 
 
@@ -70,22 +72,22 @@ def test_runs_selected_by_results(rule: str, kept: set[int]) -> None:
     ],
 )
 def test_invalid_rules_are_refused_with_the_possible_forms(rule: str) -> None:
-    with pytest.raises(RpojaxError, match=r"--histories: found .*expected none, all, N .*worst:K:METRIC"):
+    with pytest.raises(RpojaxError, match=r"histories: found .*expected none, all, N .*worst:K:METRIC"):
         Retention(rule)
 
 
 def test_unknown_metrics_and_channels_are_refused_with_a_suggestion() -> None:
     with pytest.raises(RpojaxError, match=r"found metric 'min_rang_m', expected .*did you mean 'min_range_m'"):
         Retention("worst:2:min_rang_m")
-    with pytest.raises(RpojaxError, match=r"--history-channels: found 'rho_h', expected .*'rho_H'"):
+    with pytest.raises(RpojaxError, match=r"history_channels: found 'rho_h', expected .*'rho_H'"):
         history_retention.check_channels(["range_m", "rho_h"], ["range_m", "rho_H"])
-    with pytest.raises(RpojaxError, match="--history-every: found 0"):
+    with pytest.raises(RpojaxError, match="history_every: found 0"):
         Retention("all", None, 0)
 
 
 def test_runs_outside_of_the_campaign_are_refused() -> None:
     Retention("10,15+99").check_run_ids(10, 6)
-    with pytest.raises(RpojaxError, match="--histories: found run 16"):
+    with pytest.raises(RpojaxError, match="histories: found run 16"):
         Retention("10,16").check_run_ids(10, 6)
 
 
@@ -96,7 +98,7 @@ def test_thinning_always_keeps_time_and_desired_position() -> None:
         "rho_H": np.arange(21.0).reshape(7, 3),
         "nees": np.arange(7.0),
     }
-    kept = Retention("all", ("rho_H",), 3).thin(history, 7)
+    kept = thin_history(history, Retention("all", ("rho_H",), 3), 7)
     assert kept.keys() == {"time_s", "rho_desired_H", "rho_H"}
     assert kept["time_s"].tolist() == [0.0, 3.0, 6.0]
     assert kept["rho_H"][:, 0].tolist() == [0.0, 9.0, 18.0]

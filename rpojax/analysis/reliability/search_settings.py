@@ -1,0 +1,42 @@
+"""Settings of a search for the worst case, for the command line and for Python. Free of jax and numpy."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from tyro.conf import Fixed, arg
+
+
+@dataclass(frozen=True)
+class LimitChoice:
+    """Which limit a search is on: that of a requirement of the scenario, or another one of a metric.
+
+    Attributes:
+        requirement: metric of one of the scenario's requirements
+        metric: another metric, in place of `requirement`
+        limit: of `metric`, in its unit
+        bound: side of `limit` on which the metric must stay, 'at most' or 'at least'
+    """
+
+    requirement: Annotated[
+        str | None, arg(metavar="METRIC", help="Metric of a requirement of the scenario; or give --metric.")
+    ] = None
+    metric: Annotated[str | None, arg(metavar="METRIC", help="Another metric, with --limit and --bound.")] = None
+    limit: Annotated[float | None, arg(metavar="X", help="Limit of --metric, in its unit.")] = None
+    bound: Annotated[str, arg(metavar="SIDE", help="'at most' or 'at least'.")] = "at most"
+
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """Effort of a search.
+
+    Attributes:
+        starts: searches at a time
+        screening_points: random points, of which the best ones are the starts
+        budget: greatest total cost, in margins
+        max_distance: largest distance from the origin of a point [sigmas]
+    """
+
+    starts: Annotated[int, arg(metavar="N", help="Searches at a time, each with the noise of another run.")] = 4
+    screening_points: Fixed[int] = 16
+    budget: Annotated[float, arg(metavar="N", help="Greatest cost of the search, in runs.")] = 400.0
+    max_distance: Fixed[float] = 6.0

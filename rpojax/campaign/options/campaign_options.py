@@ -1,0 +1,104 @@
+"""Options of a campaign: one record for the command line, for Python and for `campaign.json`. Free of jax and numpy."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, TypedDict
+
+from tyro.conf import AvoidSubcommands, Fixed, arg
+
+from rpojax.campaign import preflight
+from rpojax.campaign.options.history_retention import Retention
+from rpojax.dispersions.designs.run_range import RunRange, recorded_run_range
+
+DEFAULT_HISTORIES = Retention("8")
+"""The first eight runs keep a full history."""
+
+
+@dataclass(frozen=True)
+class CampaignOptions:
+    """Which runs of a scenario a campaign simulates, and what it keeps of them.
+
+    The command `rpojax campaign` has the fields as options, except those marked `Fixed`.
+
+    Attributes:
+        runs: number of runs
+        seed: master seed
+        first_run: number of the first run
+        block_size: runs per block and device; None for that of the kind of device
+        histories: which runs keep a history
+        run_range: the runs that the experiment design is made for, if they are more than these
+        report: whether a report is wanted, so that a resume writes it
+
+    Raises:
+        RpojaxError: a number is out of range, or a history is wanted of a run outside of the campaign.
+    """
+
+    runs: Annotated[int, arg(metavar="N", help="Number of runs.")]
+    seed: Annotated[int, arg(metavar="S", help="Master seed.")] = 0
+    first_run: Fixed[int] = 0
+    block_size: Annotated[
+        int | None,
+        arg(
+            metavar="N",
+            help="Runs at once on a device.",
+            help_behavior_hint="(default: 128 on a CPU, 4096 elsewhere)",
+        ),
+    ] = None
+    histories: Annotated[Retention, arg(name="")] = DEFAULT_HISTORIES
+    run_range: Annotated[RunRange | None, Fixed, AvoidSubcommands] = None
+    report: Fixed[bool] = False
+
+    def __post_init__(self) -> None:
+        preflight.check_numbers(self.runs, self.first_run, self.seed, self.block_size)
+        self.histories.check_run_ids(self.first_run, self.runs)
+
+    @property
+    def design_range(self) -> RunRange:
+        """The runs that the experiment design is made for."""
+        return self.run_range or RunRange(self.first_run, self.runs)
+
+    @property
+    def max_full_histories(self) -> int:
+        """Largest number of histories, failures excluded, as that of full histories of the same size."""
+        return -(-self.histories.max_histories(self.first_run, self.runs) // self.histories.every)
+
+    def to_record(self) -> dict[str, Any]:
+        """Entries of `campaign.json`."""
+        design = self.design_range
+        return {
+            "seed": self.seed,
+            "runs": self.runs,
+            "first_run": self.first_run,
+            "block_size": self.block_size,
+            "histories": self.histories.to_record(),
+            "design": {"first_run": design.first_run, "runs": design.runs},
+            "report": self.report,
+        }
+
+    @classmethod
+    def from_record(cls, record: Mapping[str, Any]) -> "CampaignOptions":
+        """Options from entries of `campaign.json`, the types of which are as `to_record` has them.
+
+        Raises:
+            RpojaxError: an entry is out of range.
+        """
+        runs, first_run = record["runs"], record["first_run"]
+        run_range = recorded_run_range(record["design"], first_run, runs)
+        return cls(
+            runs=runs,
+            seed=record["seed"],
+            first_run=first_run,
+            block_size=record["block_size"],
+            histories=Retention.from_record(record["histories"]),
+            run_range=None if run_range == RunRange(first_run, runs) else run_range,
+            report=record["report"],
+        )
+
+
+class FurtherOptions(TypedDict, total=False):
+    """Fields of `CampaignOptions` that `run_campaign` takes as further keywords."""
+
+    first_run: int
+    block_size: int | None
+    run_range: RunRange | None
+    report: bool
