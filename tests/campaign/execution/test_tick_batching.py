@@ -29,9 +29,10 @@ from rpojax.simulation.step import step
 RUNS, TICKS = 3, 3
 SAME = 1e-12
 """Relative rounding differences of two programs of the same loop after `TICKS`."""
+SAME_SINGLE = 1e-6
+"""The same of a channel in single precision, such as the score of a box: eight roundings."""
 SMALL_DIFFERENCES = {"bias_B": 1.0}
 """Leaves that are differences of much larger numbers -> magnitude of these: a gyro bias is one of rates [rad/s]."""
-SMALL_PICTURE = ("camera.model=rendered", "camera.width_px=32", "camera.height_px=32")
 
 
 def directions(tree: Any) -> Any:
@@ -73,7 +74,7 @@ def simulate(engine: BatchEngine, mode: BatchingMode, values: Any, state: Any) -
     return jax.tree.map(np.asarray, advance(values, state, directions((values, state))))
 
 
-def assert_both_ways_agree(name: str, overrides: Sequence[str] = ()) -> None:
+def assert_both_ways_agree(name: str, overrides: Sequence[str] = (), same_derivatives: float = SAME) -> None:
     """Asserts that both ways of batching have the same state, channels and derivatives after some ticks.
 
     Floating-point numbers may differ by `SAME` of the largest number of their leaf, of all runs and components: a
@@ -92,7 +93,9 @@ def assert_both_ways_agree(name: str, overrides: Sequence[str] = ()) -> None:
             assert found.dtype == jax.dtypes.float0 or np.array_equal(found, expected), leaf
             continue
         scale = max(largest(expected), SMALL_DIFFERENCES.get(path[-1].name if hasattr(path[-1], "name") else "", 0.0))
-        np.testing.assert_allclose(found, expected, rtol=0.0, atol=SAME * scale, err_msg=leaf)
+        of_number = same_derivatives if path[0].idx else SAME
+        same = of_number if found.dtype == np.float64 else SAME_SINGLE
+        np.testing.assert_allclose(found, expected, rtol=0.0, atol=same * scale, err_msg=leaf)
 
 
 def test_a_batched_tick_is_that_of_vmap_with_its_derivatives() -> None:
@@ -106,9 +109,9 @@ def test_a_batched_tick_of_other_scenarios_is_that_of_vmap(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("camera", [("camera.model=statistical",), SMALL_PICTURE], ids=["statistical", "rendered"])
-def test_a_batched_tick_with_other_cameras_is_that_of_vmap(camera: tuple[str, ...]) -> None:
-    assert_both_ways_agree("inspection", camera)
+def test_a_batched_tick_with_the_statistical_camera_is_that_of_vmap() -> None:
+    """Its derivatives pass through single precision. Rendered cameras are batched by `jax.vmap` alone, see below."""
+    assert_both_ways_agree("inspection", ["camera.model=statistical"], SAME_SINGLE)
 
 
 def test_an_engine_batches_as_the_environment_says(mission: ScenarioFile, monkeypatch: pytest.MonkeyPatch) -> None:
