@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from rpojax.benchmark.multi_device_program import compile_for_devices
 from rpojax.training.detector import evaluate_detector
 from rpojax.training.radiance_field import evaluate_field, image_quality
 from rpojax.training.synthetic_data import backdrops, earth_textures, random_views, ray_traced_views
@@ -168,13 +169,11 @@ def _speed(arguments: argparse.Namespace, params: DetectorParams) -> dict[str, A
         begin = time.perf_counter()
         jax.block_until_ready(program(params, images))
         compiled = time.perf_counter() - begin
-        shares = [
-            jax.device_put((params, share), device)
-            for share, device in zip(jnp.split(images, jax.device_count()), jax.devices(), strict=True)
-        ]
+        shares = [(params, share) for share in jnp.split(images, jax.device_count())]
+        several = compile_for_devices(function, shares, jax.devices())
         results[name] = {
             "one_program_ms": _time_of(lambda p=program: p(params, images)),
-            "a_program_a_device_ms": _time_of(lambda p=program, s=shares: [p(*share) for share in s]),
+            "a_program_a_device_ms": _time_of(several.run),
             "compile_s": round(compiled, 2),
         }
     return results

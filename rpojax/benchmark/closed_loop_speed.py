@@ -15,6 +15,7 @@ from rpojax.campaign.execution import batch_engine
 from rpojax.campaign.execution.batch_engine import BatchEngine, PreparedRuns
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.errors import RpojaxError
+from rpojax.runtime.device_programs import share_runs
 from rpojax.scenario.schema import ScenarioFile
 
 DEFAULT_BATCHES = (1, 64, 512, 2048)
@@ -79,8 +80,7 @@ def build_engine(
     file: ScenarioFile, batch: int, devices: Sequence[Any] | None = None, batching: BatchingMode | None = None
 ) -> BatchEngine:
     """Engine, not compiled yet, that simulates `batch` runs at once, divided evenly among the devices."""
-    used = list(jax.devices() if devices is None else devices)[:batch]
-    size = -(-batch // len(used))
+    used, size = share_runs(batch, batch, devices)
     design = experiment_design.make_design(file, 0, RunRange(0, size * len(used)))
     return BatchEngine(file, size, used, design=design, batching=batching)
 

@@ -22,6 +22,7 @@ from rpojax.flight.navigation import combined_orbit_filter, outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.outlier_gate import GateState
+from rpojax.runtime.device_programs import choose_devices
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
 
@@ -96,7 +97,7 @@ def compile_filter(
     file: ScenarioFile, batch: int, updates: int = DEFAULT_UPDATES, devices: Sequence[Any] | None = None
 ) -> MultiDeviceProgram:
     """Program that filters the measurements of `batch` runs on each device."""
-    used = list(jax.devices() if devices is None else devices)
+    used = choose_devices(devices)
     scenario, flight, start = nominal_setup(file)
     noise = jnp.asarray(np.random.default_rng(0).standard_normal((updates, NOISES_PER_UPDATE, batch)))
     _, inputs = jax.jit(lambda noise: simulate_measurements(scenario, flight, start, noise))(noise)

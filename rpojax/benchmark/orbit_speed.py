@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from rpojax.benchmark.multi_device_program import MultiDeviceProgram, compile_for_devices
 from rpojax.core.constants import MU_EARTH, RADIUS_EARTH, ZONALS_EARTH
+from rpojax.runtime.device_programs import choose_devices
 
 Vectors = Float[Array, "3 n"]
 
@@ -90,7 +91,7 @@ def compile_propagation(
     vehicles: int = DEFAULT_VEHICLES, steps: int = DEFAULT_STEPS, devices: Sequence[Any] | None = None
 ) -> MultiDeviceProgram:
     """Program that propagates `vehicles` vehicles on each device through `steps` steps."""
-    used = list(jax.devices() if devices is None else devices)
+    used = choose_devices(devices)
 
     def propagate(r_N: Vectors, v_N: Vectors) -> tuple[Vectors, Vectors]:
         def body(state: tuple[Vectors, Vectors], _: None) -> tuple[tuple[Vectors, Vectors], None]:

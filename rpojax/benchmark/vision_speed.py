@@ -14,6 +14,7 @@ from rpojax.campaign import single_run
 from rpojax.campaign.execution import batch_engine
 from rpojax.core import random_streams
 from rpojax.core.pytree import replace
+from rpojax.runtime.device_programs import choose_devices
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
@@ -67,7 +68,7 @@ def compile_camera_and_detector(
 
     By default they are as many as a block of a campaign has.
     """
-    used = list(jax.devices() if devices is None else devices)
+    used = choose_devices(devices)
     place = f"[0.0, -{_RANGE_M}, 0.0]"
     file = scenario_loader.load("inspection", ["camera.model=rendered", f"initial.relative_position_m={place}"])
     size = size or batch_engine.default_block_size(file)

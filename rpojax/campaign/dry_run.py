@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import jax
 import numpy as np
 
 from rpojax.campaign import experiment_design, resource_estimates
@@ -14,6 +13,7 @@ from rpojax.campaign.execution import batch_engine
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.errors import RpojaxError
+from rpojax.runtime import device_programs
 from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.parameter_keys import component_columns, nominal_of_key
 from rpojax.scenario.scenario_digest import scenario_digest
@@ -89,7 +89,7 @@ def plan_campaign(
             "runs", f"found {runs}, expected at most {MAX_PLAN_BYTES // bytes_per_run} for a plan"
         )
     size = options.block_size or batch_engine.default_block_size(file)
-    used_devices = list(jax.devices() if devices is None else devices)[: -(-runs // size)]
+    used_devices = device_programs.choose_devices(devices, most=-(-runs // size))
     design = experiment_design.make_design(file, seed, options.design_range)
     engine = BatchEngine(file, size, used_devices, design=design)
     blocks = [engine.draw_values(seed, first_run + begin + np.arange(size)) for begin in range(0, runs, size)]

@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
 
-import jax
-
 from rpojax.campaign import (
     experiment_design,
     preflight,
@@ -26,6 +24,7 @@ from rpojax.campaign.storage import folder_creation, provenance, stale_files
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.flight.stages import Stages
+from rpojax.runtime import device_programs
 from rpojax.runtime.progress_bar import Progress, ProgressCallback, run_progress
 from rpojax.scenario.schema import ScenarioFile
 
@@ -135,7 +134,7 @@ def _as_retention(histories: Sequence[int] | Retention | None) -> Retention:
 
 def _devices_for_blocks(devices: Sequence[Any] | None, blocks: int) -> list[Any]:
     """As many of the devices as there are blocks."""
-    return list(jax.devices() if devices is None else devices)[:blocks]
+    return device_programs.choose_devices(devices, most=blocks)
 
 
 def _open_folder(directory: Path, configuration: CampaignConfiguration, force: bool, shared: bool) -> Campaign:

@@ -1,10 +1,14 @@
-"""Compiler options of XLA for the two programs of a campaign."""
+"""Compilation by XLA, with options for the two programs of a campaign."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
 import jax
+
+NO_OPTIONS: Mapping[str, Any] = {}
 
 PREPARATION_OPTIONS: Mapping[str, Any] = {
     "xla_backend_optimization_level": 0,
@@ -19,9 +23,14 @@ LOOP_OPTIONS: Mapping[str, Any] = {
 }
 """No library calls for small sums; no reshape-mover, which runs all other passes again after each reshape it moves."""
 
-
 GPU_OPTIONS: Mapping[str, Any] = {"xla_disable_hlo_passes": "triton-softmax-rewriter"}
 """XLA (of JAX 0.10) takes normalised vectors for softmax and fuses joined vectors into them, which it then refuses."""
+
+
+def compile_in_threads(lowered: Collection[Any], cpu_options: Mapping[str, Any] = NO_OPTIONS) -> list[Any]:
+    """Compiles several programs at the same time, as `compile_with_options`."""
+    with ThreadPoolExecutor(len(lowered)) as pool:
+        return list(pool.map(partial(compile_with_options, cpu_options=cpu_options), lowered))
 
 
 def compile_with_options(lowered: Any, cpu_options: Mapping[str, Any]) -> Any:

@@ -1,11 +1,52 @@
-"""Calls in one thread per device."""
+"""Functions compiled for several devices, and calls in one thread per device."""
 
 import itertools
 import threading
 
+import jax
+import numpy as np
 import pytest
+from jaxtyping import Array
 
 from rpojax.runtime import device_programs
+
+
+def test_every_device_computes_with_its_own_arguments_and_donates_them() -> None:
+    def grow(factor: Array, state: Array) -> Array:
+        return factor * state
+
+    devices = jax.devices()
+    arguments = [(np.float64(2.0), np.arange(5.0) + number) for number in range(len(devices))]
+    programs = device_programs.trace_for_devices(grow, arguments[0], devices, donate=(1,)).compile()
+    placed = programs.place(arguments)
+    results = programs.call(placed)
+    for number, (result, target) in enumerate(zip(results, programs.targets, strict=True)):
+        np.testing.assert_array_equal(result, 2.0 * (np.arange(5.0) + number))
+        assert result.devices() == {target}
+    assert all(state.is_deleted() and not factor.is_deleted() for factor, state in placed)
+
+
+def test_cores_of_a_cpu_share_one_trace_and_one_program() -> None:
+    traces = []
+
+    def square(x: Array) -> Array:
+        traces.append(x.shape)
+        return x * x
+
+    devices = [jax.devices("cpu")[0]] * 3
+    traced = device_programs.trace_for_devices(square, (jax.ShapeDtypeStruct((4,), np.float64),), devices)
+    assert traces == [(4,)]
+    assert (traced.outputs.shape, traced.outputs.dtype) == ((4,), np.float64)
+    assert len({id(program) for program in traced.compile().programs}) == 1
+
+
+def test_no_more_devices_than_runs_and_no_more_runs_than_they_take() -> None:
+    devices = ["a", "b", "c"]
+    assert device_programs.share_runs(2, 10, devices) == (["a", "b"], 1)
+    assert device_programs.share_runs(7, 10, devices) == (devices, 3)
+    assert device_programs.share_runs(100, 10, devices) == (devices, 10)
+    assert device_programs.choose_devices() == jax.devices()
+    assert device_programs.choose_devices(devices, most=1) == ["a"]
 
 
 def test_thread_runs_ahead_of_a_slow_one_but_not_far_ahead_of_the_caller() -> None:

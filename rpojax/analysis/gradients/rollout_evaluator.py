@@ -13,7 +13,6 @@ from typing import Any, Literal
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import Array
 
 from rpojax.analysis.gradients.checkpointed_scan import checkpoint_interval, checkpointed_scan
@@ -21,6 +20,8 @@ from rpojax.campaign import single_run
 from rpojax.campaign.execution.tick_batching import batch_transform, state_axes
 from rpojax.flight.stages import Stages
 from rpojax.runtime import compiler_options
+from rpojax.runtime.device_mesh import DeviceMesh, gather_rows, own_rows, padded_batches
+from rpojax.runtime.device_programs import share_runs
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
@@ -45,7 +46,6 @@ RUNS_PER_DEVICE = 64
 """Runs at a time on each device; more are no faster."""
 CHECKPOINT_MEMORY_BYTES = 2_000_000_000
 """Memory for the kept states of the reverse mode on each device; beyond it states are computed twice [B]."""
-_RUN_AXIS = "runs"
 FORWARD_MODE_MAX_INPUTS = 4
 """Inputs up to which the forward mode is the faster one (measured; see experiments/tuning)."""
 
@@ -102,9 +102,8 @@ class RolloutEvaluator:
         self.file, self.metric_names, self.input_count = file, tuple(metric_names), input_count
         self.scenario, self._nominal = single_run.nominal_parameters(file)
         self._input_function, self._stages, self._cotangent = input_function, stages or Stages(), cotangent
-        devices = jax.devices()[:runs]
-        self._mesh = Mesh(np.array(devices), (_RUN_AXIS,))
-        self.runs_per_device = min(RUNS_PER_DEVICE, -(-runs // len(devices)))
+        devices, self.runs_per_device = share_runs(runs, RUNS_PER_DEVICE)
+        self._mesh = DeviceMesh(devices)
         self.checkpoint_ticks = checkpoint_interval(
             self.scenario.ticks, self._state_bytes(), self.runs_per_device, checkpoint_memory_bytes
         )
@@ -135,15 +134,14 @@ class RolloutEvaluator:
         return self._run_batches("reverse", inputs, keys, chosen)
 
     def _run_batches(self, kind: ProgramKind, *arrays: np.ndarray) -> RolloutResult:
-        """Runs in batches, each sharded over all devices; the last one is padded with its last run."""
+        """Runs in batches that the devices share."""
         program = self._compiled(kind)
         runs = len(arrays[0])
         parts = []
-        for first in range(0, runs, self.batch_size):
-            rows = np.minimum(np.arange(first, first + self.batch_size), runs - 1)
-            mask = (rows == np.arange(first, first + self.batch_size)).astype(np.float64)
+        for rows, counted in padded_batches(runs, self.batch_size):
+            inputs = (counted.astype(np.float64), *(array[rows] for array in arrays))
             # One batch at a time: two programs on the same devices may deadlock.
-            parts.append(jax.tree.map(np.asarray, program(self._nominal, mask, *(array[rows] for array in arrays))))
+            parts.append(jax.tree.map(np.asarray, program(self._nominal, *inputs)))
         metrics, failed, events, *derivative = (np.concatenate(column)[:runs] for column in zip(*parts, strict=True))
         return RolloutResult(
             metrics=metrics,
@@ -167,15 +165,8 @@ class RolloutEvaluator:
                 jax.ShapeDtypeStruct((self.batch_size, *shape), dtype)
                 for shape, dtype in zip(shapes, types, strict=False)
             ]
-            sharded = jax.shard_map(
-                function,
-                mesh=self._mesh,
-                in_specs=(PartitionSpec(), *[PartitionSpec(_RUN_AXIS)] * len(arguments)),
-                out_specs=PartitionSpec(_RUN_AXIS),
-                check_vma=False,
-            )
-            lowered = jax.jit(sharded).lower(self._nominal, *arguments)
-            program = compiler_options.compile_with_options(lowered, {})
+            lowered = jax.jit(self._mesh.by_rows(function, whole=1)).lower(self._nominal, *arguments)
+            program = compiler_options.compile_with_options(lowered, compiler_options.NO_OPTIONS)
             self.compile_s += time.perf_counter() - begin
             if needed := program.memory_analysis():
                 self.program_memory_bytes = max(self.program_memory_bytes, needed.temp_size_in_bytes * self._mesh.size)
@@ -230,10 +221,8 @@ class RolloutEvaluator:
             inputs,
             has_aux=True,
         )
-        gathered = (jax.lax.all_gather(array, _RUN_AXIS, tiled=True) for array in (metrics, weights, mask))
-        first = jax.lax.axis_index(_RUN_AXIS) * self.runs_per_device
-        cotangents = jax.lax.dynamic_slice_in_dim(self._cotangent(*gathered), first, self.runs_per_device)
-        return metrics, *status, pull_back(cotangents)[0]
+        cotangents = self._cotangent(*map(gather_rows, (metrics, weights, mask)))
+        return metrics, *status, pull_back(own_rows(cotangents))[0]
 
     def _state_bytes(self) -> int:
         """Size of the carry of a run from tick to tick [B]."""

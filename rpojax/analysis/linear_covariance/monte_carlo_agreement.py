@@ -4,7 +4,6 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import jax
 import numpy as np
 from scipy.stats import chi2
 
@@ -13,6 +12,7 @@ from rpojax.campaign import experiment_design
 from rpojax.campaign.execution.batch_engine import BatchEngine, Segment, default_block_size
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
+from rpojax.runtime.device_programs import share_runs
 from rpojax.scenario.schema import ScenarioFile
 
 CHANNELS = {"rho_H": ("x", "y", "z"), "relative_error_H": ("x", "y", "z"), "delta_v_m_s": ("",)}
@@ -87,8 +87,8 @@ class ChannelAgreement:
 def simulate_sample(file: ScenarioFile, runs: int, seed: int, stages: Stages | None = None) -> MonteCarloSample:
     """Simulates runs 0 to `runs` - 1 of a scenario and keeps the compared channels, once in ten seconds."""
     design = experiment_design.make_design(file, seed, RunRange(0, runs))
-    size = min(default_block_size(file), -(-runs // jax.device_count()))
-    engine = BatchEngine(file, size, stages=stages, design=design)
+    devices, size = share_runs(runs, default_block_size(file))
+    engine = BatchEngine(file, size, devices, stages, design)
     engine.compile()
     step = max(1, round(_EVERY_S / engine.scenario.tick_s))
     begin = time.perf_counter()

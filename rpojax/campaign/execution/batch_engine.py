@@ -23,6 +23,7 @@ from rpojax.core import random_streams
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.runtime import compiler_options, device_programs, garbage_collection
+from rpojax.runtime.device_programs import DevicePrograms, DeviceTraces
 from rpojax.scenario import params
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
@@ -124,7 +125,7 @@ class BatchEngine:
         self.batching: BatchingMode = tick_batching_mode(self.scenario, batching)
         self.is_single_precision = file.precision == "single"
         self.runs_per_device = runs_per_device or default_block_size(file)
-        self.devices = list(devices if devices is not None else jax.devices())
+        self.devices = device_programs.choose_devices(devices)
         self.stages = stages or Stages()
         self.dispersed_keys = dispersion_keys.varied_keys(file)
         self.compile_s = self.loop_compile_s = 0.0
@@ -135,7 +136,7 @@ class BatchEngine:
         self._segment_scenario = dataclasses.replace(self.scenario, ticks=self.segment_ticks)
         nominal = params.build_params(file.model_dump(), self.scenario.width_px, self.scenario.height_px)
         self._nominal = jax.tree.map(np.asarray, nominal)
-        self._programs: tuple[Any, list[Any]] | None = None
+        self._programs: tuple[Any, DevicePrograms] | None = None
 
     @property
     def capacity(self) -> int:
@@ -150,21 +151,14 @@ class BatchEngine:
         if self._programs is not None:
             return
         begin = time.perf_counter()
-        with ThreadPoolExecutor(len(self.devices) + 1) as pool:
+        with ThreadPoolExecutor(1) as pool:
             # The preparation is compiled while the loop, which needs its output shapes, is traced.
             preparation = pool.submit(_compile_preparation, self._preparation_trace)
             traces = self._loop_traces
             with self._tracing_precision():
-                lowered = device_programs.lower(traces)
-            traced = time.perf_counter()
-            compiled = pool.map(
-                lambda each: compiler_options.compile_with_options(each, compiler_options.LOOP_OPTIONS),
-                lowered.values(),
-            )
-            loops = dict(zip(lowered, compiled, strict=True))
-            self.loop_compile_s = time.perf_counter() - traced
-            device_loops = [loops[device] for device in device_programs.compilation_devices(self.devices)]
-            self._programs = (preparation.result(), device_loops)
+                loops = traces.compile(compiler_options.LOOP_OPTIONS)
+            self.loop_compile_s = loops.compile_s
+            self._programs = (preparation.result(), loops)
         self.compile_s = time.perf_counter() - begin
 
     @property
@@ -172,7 +166,7 @@ class BatchEngine:
         """Compiled loop of the first device, for its HLO text and cost analysis."""
         self.compile()
         assert self._programs is not None
-        return self._programs[1][0]
+        return self._programs[1].programs[0]
 
     @functools.cached_property
     def _compiled_preparation(self) -> Any:
@@ -184,8 +178,7 @@ class BatchEngine:
             return jax.jit(self._prepare).trace(*self._example_inputs())
 
     @functools.cached_property
-    def _loop_traces(self) -> dict[Any, Traced]:
-        """Trace of the loop for each device that it is compiled for."""
+    def _loop_traces(self) -> DeviceTraces:
         arguments = self._loop_arguments()
         with self._tracing_precision():
             return device_programs.trace_for_devices(self._advance, arguments, self.devices, donate=(2,))
@@ -221,24 +214,20 @@ class BatchEngine:
 
     def channel_names(self) -> list[str]:
         """Names of the telemetry channels, without compiling anything."""
-        _, channels = self._loop_traces[self.devices[0]].out_info
+        _, channels = self._loop_traces.outputs
         return sorted(channels)
 
     def prepare(self, seed: int, run_ids: np.ndarray) -> PreparedRuns:
         """Dispersed values and initial states of `capacity` runs."""
         self.compile()
         assert self._programs is not None
-        prepare = self._programs[0]
+        prepare, loops = self._programs
         parts = [prepare(*self._preparation_inputs(seed, ids)) for ids in np.split(run_ids, len(self.devices))]
-        device_inputs = [
-            jax.device_put((*self._loop_inputs(drawn), state), device)
-            for (drawn, _, state), device in zip(parts, device_programs.compilation_devices(self.devices), strict=True)
-        ]
         return PreparedRuns(
             run_ids=run_ids,
             drawn=_concatenated([drawn for drawn, _, _ in parts], axis=0),
             used=_concatenated([used for _, used, _ in parts], axis=0),
-            device_inputs=[(nominal, values, state) for nominal, values, state in device_inputs],
+            device_inputs=loops.place([(*self._loop_inputs(drawn), state) for drawn, _, state in parts]),
         )
 
     def _loop_inputs(self, drawn: Values) -> tuple[Params, Values]:
@@ -255,7 +244,7 @@ class BatchEngine:
         assert self._programs is not None
         batches = [
             _DeviceBatch(program, *inputs)
-            for program, inputs in zip(self._programs[1], prepared.device_inputs, strict=True)
+            for program, inputs in zip(self._programs[1].programs, prepared.device_inputs, strict=True)
         ]
         segments = device_programs.call_in_threads([batch.advance for batch in batches], self.segment_count)
         with contextlib.closing(segments):

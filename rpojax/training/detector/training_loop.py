@@ -13,8 +13,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
+from rpojax.runtime.device_mesh import DeviceMesh
 from rpojax.training import checkpoint as checkpoints
 from rpojax.training.detector.augmentation import Batch
 from rpojax.training.detector.batch_prefetch import BatchPrefetcher
@@ -136,7 +136,9 @@ def _state_arrays(state: TrainingState) -> tuple[Params, Params, Any]:
 def _run_step(
     problem: _Problem, state: TrainingState, settings: jax.Array, key: jax.Array, batch: Batch
 ) -> TrainingState:
-    arrays = _shard(batch.images, batch.boxes, batch.weight)
+    # As many devices as divide the number of images.
+    mesh = DeviceMesh(jax.devices()[: math.gcd(len(batch.images), jax.device_count())])
+    arrays = mesh.place((batch.images, batch.boxes, batch.weight))
     # One step at a time: with several in flight and few cores, the parts of one may wait for those of another for ever.
     return TrainingState(
         *jax.block_until_ready(
@@ -145,13 +147,6 @@ def _run_step(
             )
         )
     )
-
-
-def _shard(*arrays: np.ndarray) -> list[jax.Array]:
-    """Arrays with their rows spread over as many devices as divide their number."""
-    count = math.gcd(len(arrays[0]), jax.device_count())
-    mesh = Mesh(np.array(jax.devices()[:count]), ("images",))
-    return jax.device_put(list(arrays), NamedSharding(mesh, PartitionSpec("images")))
 
 
 @partial(jax.jit, static_argnums=(0, 1))

@@ -18,7 +18,6 @@ import rpojax
 from rpojax.campaign.execution import batch_engine
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.run_and_resume import run_campaign
-from rpojax.runtime import device_programs
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.step import step
 
@@ -110,8 +109,8 @@ def test_missions_with_equal_segment_length_share_compiled_programs(mission: Sce
     def programs(duration_s: float, **orbit: float) -> tuple[int, str, str]:
         changes = {"duration_s": duration_s, "orbit": mission.orbit.model_copy(update=orbit)}
         engine = BatchEngine(mission.model_copy(update=changes), 1, jax.devices()[:1])
-        (loop,) = device_programs.lower(engine._loop_traces).values()
-        return engine.segment_ticks, engine._preparation_trace.lower().as_text(), loop.as_text()
+        (loop,) = engine._loop_traces.traces.values()
+        return engine.segment_ticks, engine._preparation_trace.lower().as_text(), loop.lower().as_text()
 
     segment, preparation, loop = programs(400.0)
     assert segment == 200

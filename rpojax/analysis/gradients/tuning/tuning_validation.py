@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import jax
 import numpy as np
 
 from rpojax.analysis.statistics import paired_comparison
@@ -14,6 +13,7 @@ from rpojax.campaign.experiment_design import make_design
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
+from rpojax.runtime.device_programs import share_runs
 from rpojax.scenario.schema import ScenarioFile
 
 OnProgress = Callable[[float], None]
@@ -75,8 +75,7 @@ def simulate_runs(
     stages: Stages | None = None,
 ) -> RunMetrics:
     """Metrics of runs 0 to `runs` - 1 of a seed, simulated in memory."""
-    devices = jax.devices()[:runs]
-    size = min(default_block_size(file), -(-runs // len(devices)))
+    devices, size = share_runs(runs, default_block_size(file))
     engine = BatchEngine(file, size, devices, stages, make_design(file, seed, RunRange(0, runs)))
     batches = -(-runs // engine.capacity)
     results = []

@@ -1,7 +1,6 @@
 """Compiled programs of a linearised loop: nominal run of one burn period, its Jacobians, and burn decisions."""
 
 import time
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import jax
@@ -10,6 +9,8 @@ import numpy as np
 
 from rpojax.analysis.linear_covariance.linearisation.linearised_loop import LinearisationPoint, LinearisedLoop
 from rpojax.analysis.linear_covariance.linearisation.target_outline_ensemble import TargetEnsemble
+from rpojax.runtime import compiler_options
+from rpojax.runtime.device_mesh import DeviceMesh, padded_batches
 from rpojax.simulation.state import State
 
 _TICKS_PER_DEVICE = 10
@@ -28,31 +29,26 @@ class CompiledLoop:
     def __init__(self, loop: LinearisedLoop, state: State, ensemble: TargetEnsemble, samples: int) -> None:
         begin = time.perf_counter()
         self.loop = loop
-        count = jax.device_count()
-        self._batch_size = _TICKS_PER_DEVICE * count
-        mesh = jax.make_mesh((count,), ("ticks",))
-        by_tick = jax.sharding.PartitionSpec("ticks")
-        jacobians = jax.shard_map(
-            loop.jacobians, mesh=mesh, in_specs=(by_tick, by_tick, by_tick), out_specs=by_tick, check_vma=False
-        )
-        self._sharding = jax.sharding.NamedSharding(mesh, by_tick)
+        self._mesh = DeviceMesh(jax.devices())
+        self._batch_size = _TICKS_PER_DEVICE * self._mesh.size
         box_allowed = jnp.ones(loop.scenario.formation_ticks, dtype=bool)
         _, _, points = jax.eval_shape(loop.simulate_nominal, state, ensemble, box_allowed)
         arguments = jax.tree.map(
-            lambda leaf: jax.ShapeDtypeStruct((self._batch_size, *leaf.shape[1:]), leaf.dtype, sharding=self._sharding),
+            lambda leaf: jax.ShapeDtypeStruct(
+                (self._batch_size, *leaf.shape[1:]), leaf.dtype, sharding=self._mesh.sharding
+            ),
             (points.state, points.noise, points.relative_box),
         )
         lowered: list[Any] = [
             jax.jit(loop.simulate_nominal).lower(state, ensemble, box_allowed),
-            jax.jit(jacobians).lower(*arguments),
+            jax.jit(self._mesh.by_rows(loop.jacobians)).lower(*arguments),
             jax.jit(loop.burns_for_commands).lower(
                 jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(leaf.shape[1:], leaf.dtype), points.memory),
                 state.tick,
                 jnp.zeros((samples, 3)),
             ),
         ]
-        with ThreadPoolExecutor(len(lowered)) as pool:
-            self._simulate, self._jacobians, self.burns_for_commands = pool.map(lambda each: each.compile(), lowered)
+        self._simulate, self._jacobians, self.burns_for_commands = compiler_options.compile_in_threads(lowered)
         self.compile_s = time.perf_counter() - begin
 
     def simulate_period(
@@ -65,9 +61,7 @@ class CompiledLoop:
         """Jacobians (ticks, size + 19, size + inputs) at some ticks of a period."""
         leaves = jax.tree.map(np.asarray, (points.state, points.noise, points.relative_box))
         parts = []
-        for first in range(0, len(ticks), self._batch_size):
-            # The last batch is padded with the last tick.
-            rows = ticks[np.minimum(first + np.arange(self._batch_size), len(ticks) - 1)]
-            batch = jax.tree.map(lambda leaf, rows=rows: leaf[rows], leaves)
-            parts.append(self._jacobians(*jax.device_put(batch, self._sharding)))
+        for rows, _ in padded_batches(len(ticks), self._batch_size):
+            batch = jax.tree.map(lambda leaf, rows=rows: leaf[ticks[rows]], leaves)
+            parts.append(self._jacobians(*self._mesh.place(batch)))
         return np.concatenate([np.asarray(part) for part in parts])[: len(ticks)]

@@ -5,9 +5,9 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh
 
 from rpojax.analysis.gradients.rollout_evaluator import RolloutEvaluator, RolloutResult
+from rpojax.runtime.device_mesh import DeviceMesh
 from rpojax.scenario.schema import ScenarioFile
 
 TUNED = ("attitude_control.bandwidth_rad_s", "navigation.gps_noise_m", "formation")
@@ -29,7 +29,7 @@ class QuadraticRuns(RolloutEvaluator):
     def __init__(self, file: ScenarioFile, input_function: Any, count: int, names: tuple[str, ...], *rest: Any) -> None:
         self.input_count, self.metric_names, self.compile_s = count, names, 0.0
         self.program_memory_bytes, self.runs_per_device = 0, 64
-        self._mesh = Mesh(np.array(jax.devices()[:1]), ("runs",))
+        self._mesh = DeviceMesh(jax.devices()[:1])
         self._cotangent = rest[2]
 
     def _off(self, inputs: np.ndarray, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.random.Generator]:
