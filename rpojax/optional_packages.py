@@ -1,17 +1,35 @@
-"""Import of optional packages."""
+"""Import of optional packages, and which extra of this package installs each."""
 
 import importlib
 from types import ModuleType
 
 from rpojax.errors import RpojaxError
 
+EXTRAS = {
+    "mitsuba": "raytrace",
+    "trimesh": "raytrace",
+    "mpl_toolkits": "raytrace",
+    "xarray": "xarray",
+    "distributed": "dask",
+    "rosbags": "ros",
+    "cyclonedds": "ros",
+    "rerun": "viz",
+    "imageio_ffmpeg": "viz",
+}
+"""Extra by the name under which an optional package is imported."""
+
 
 class MissingExtraError(RpojaxError):
     """A command needs a package that is not installed."""
 
 
-def require_package(name: str, extra: str = "raytrace") -> ModuleType:
-    """Module of an optional package; raises `MissingExtraError` with the line that installs it."""
+def require_package(name: str) -> ModuleType:
+    """An optional package, or a module in it such as `rosbags.serde`.
+
+    Raises:
+        MissingExtraError: it is not installed; with the command that installs it.
+    """
+    extra = EXTRAS[name.partition(".")[0]]
     try:
         return importlib.import_module(name)
     except ImportError:

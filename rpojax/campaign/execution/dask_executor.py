@@ -15,6 +15,7 @@ from rpojax.campaign.execution.executor import MAX_ATTEMPTS, ExecutorProgressCal
 from rpojax.campaign.storage import campaign_configuration
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError, UnfinishedError
+from rpojax.optional_packages import require_package
 from rpojax.runtime import jax_configuration
 
 _LOCK = threading.Lock()
@@ -36,7 +37,7 @@ class DaskExecutor:
     def run_blocks(self, blocks: Sequence[int], on_progress: ExecutorProgressCallback) -> dict[int, str]:
         """Simulates some blocks; Dask repeats those whose worker died, within its limit `allowed-failures`."""
         check_default_stages(self.campaign)
-        distributed = _import_distributed()
+        distributed = require_package("distributed")
         on_progress(0.0, 0, False)
         try:
             client = distributed.Client(self.scheduler, timeout="10s", set_as_default=False)
@@ -77,16 +78,6 @@ class DaskExecutor:
             failed += answer
             on_progress(float(done), failed, True)
         return failed_blocks
-
-
-def _import_distributed() -> Any:
-    try:
-        import distributed
-    except ModuleNotFoundError:
-        raise RpojaxError.of_argument(
-            "executor", "found no Dask, expected the package `distributed` (pip install 'rpojax[dask]')"
-        ) from None
-    return distributed
 
 
 def simulate_block(directory: str, block: int, environment: dict[str, str]) -> tuple[str, Any]:

@@ -1,6 +1,5 @@
 """A campaign as an `xarray.Dataset` with named dimensions and units."""
 
-import importlib
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -8,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from rpojax.campaign.storage.array_units import array_units
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.campaign.storage.zarr_encoding import dimension_names
-from rpojax.errors import RpojaxError
+from rpojax.optional_packages import require_package
 
 if TYPE_CHECKING:
     import xarray
@@ -28,12 +27,7 @@ def open_campaign(path: Path | str) -> "xarray.Dataset":
     Raises:
         RpojaxError: xarray is not installed, or the folder is no campaign that can be read.
     """
-    try:
-        labelled = importlib.import_module("xarray")
-    except ModuleNotFoundError:
-        raise RpojaxError(
-            "open_campaign: found no xarray, expected the package (pip install 'rpojax[xarray]')"
-        ) from None
+    labelled = require_package("xarray")
     campaign = Campaign(path)
     variables: dict[str, Any] = {
         "failed_at_s": ("run", campaign.failed_at_s, {"units": "s"}),

@@ -33,7 +33,7 @@ class WrittenRecording:
 
 def require_rerun() -> None:
     """Raises `MissingExtraError` where rerun is not installed."""
-    require_package("rerun", "viz")
+    require_package("rerun")
 
 
 def write_recording(

@@ -44,11 +44,11 @@ class Publisher:
 
     def __init__(self, participant: Any, topic: Topic) -> None:
         self._class = sample_class(topic.type)
-        dds_topic = require_package("cyclonedds.topic", "ros").Topic(participant, _dds_topic_name(topic), self._class)
-        self._writer = require_package("cyclonedds.pub", "ros").DataWriter(
+        dds_topic = require_package("cyclonedds.topic").Topic(participant, _dds_topic_name(topic), self._class)
+        self._writer = require_package("cyclonedds.pub").DataWriter(
             participant, dds_topic, _dds_qos(topic, topic.qos.depth)
         )
-        self._failure = require_package("cyclonedds.core", "ros").DDSException
+        self._failure = require_package("cyclonedds.core").DDSException
         self._latched = topic.qos.latched
         self.sent = 0
         self.unsent = 0
@@ -77,18 +77,18 @@ class Subscriber:
     """Subscriber of one topic."""
 
     def __init__(self, participant: Any, topic: Topic) -> None:
-        core = require_package("cyclonedds.core", "ros")
-        dds_topic = require_package("cyclonedds.topic", "ros").Topic(
+        core = require_package("cyclonedds.core")
+        dds_topic = require_package("cyclonedds.topic").Topic(
             participant, _dds_topic_name(topic), sample_class(topic.type)
         )
-        self._reader = require_package("cyclonedds.sub", "ros").DataReader(
+        self._reader = require_package("cyclonedds.sub").DataReader(
             participant, dds_topic, _dds_qos(topic, _RECEIVED_DEPTH)
         )
         any_data = core.ViewState.Any | core.InstanceState.Any | core.SampleState.NotRead
         self._condition = core.ReadCondition(self._reader, any_data)
         self._waitset = core.WaitSet(participant)
         self._waitset.attach(self._condition)
-        self._invalid = require_package("cyclonedds.internal", "ros").InvalidSample
+        self._invalid = require_package("cyclonedds.internal").InvalidSample
 
     def wait(self, timeout_s: float) -> bool:
         """Waits for a sample, for at most `timeout_s`, and returns whether there is one."""
@@ -124,7 +124,7 @@ class Participant:
     def __init__(self, domain_id: int) -> None:
         if not 0 <= domain_id <= _LARGEST_DOMAIN_ID:
             raise RpojaxError.of_argument("domain_id", f"found {domain_id}, expected 0 to {_LARGEST_DOMAIN_ID}")
-        domain, core = require_package("cyclonedds.domain", "ros"), require_package("cyclonedds.core", "ros")
+        domain, core = require_package("cyclonedds.domain"), require_package("cyclonedds.core")
         try:
             # The settings hold for the whole process, so they are made once for each domain.
             needs_settings = "CYCLONEDDS_URI" not in os.environ and domain_id not in _configured_domains
@@ -148,7 +148,7 @@ class Participant:
 
     def new_type_mismatches(self, topics: Sequence[Topic]) -> list[tuple[Topic, str]]:
         """Publishers that have newly joined one of the topics with another message type: topic and that type."""
-        builtin = require_package("cyclonedds.builtin", "ros")
+        builtin = require_package("cyclonedds.builtin")
         if self._publications is None:
             self._publications = builtin.BuiltinDataReader(self._participant, builtin.BuiltinTopicDcpsPublication)
         names = {_dds_topic_name(topic): topic for topic in topics}
@@ -175,7 +175,7 @@ def _dds_topic_name(topic: Topic) -> str:
 
 
 def _dds_qos(topic: Topic, depth: int) -> Any:
-    qos = require_package("cyclonedds.qos", "ros")
+    qos = require_package("cyclonedds.qos")
     policy = qos.Policy
     return qos.Qos(
         policy.Reliability.Reliable(_BLOCKING_NS),

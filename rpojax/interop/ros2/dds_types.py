@@ -30,7 +30,7 @@ def idl_struct(name: str) -> Any:
     Raises:
         RpojaxError: cyclonedds or rosbags is not installed, or there is no such type.
     """
-    idl = require_package("cyclonedds.idl", "ros")
+    idl = require_package("cyclonedds.idl")
     return idl.make_idl_struct(_class_name(name), _idl_name(name), _idl_fields(name))
 
 
@@ -41,7 +41,7 @@ def sample_class(name: str) -> Any:
     Of a received sample, `stamp_ns` is the time of its header and `message` the message, deserialized only when it is
     read, so that rejecting a command by its stamp costs little. Both are None where the bytes are no such message.
     """
-    idl = require_package("cyclonedds.idl", "ros")
+    idl = require_package("cyclonedds.idl")
     created_class = idl.make_idl_struct(_class_name(name), _idl_name(name), _idl_fields(name), dataclassify=False)
     # Not by inheritance: a base class would become part of the DDS type.
     created_class.__init__ = _sample_init
@@ -102,7 +102,7 @@ def _idl_fields(name: str) -> dict[str, Any]:
 
 
 def _idl_type(descriptor: Any) -> Any:
-    types, kinds = require_package("cyclonedds.idl.types", "ros"), require_package("rosbags.interfaces", "ros").Nodetype
+    types, kinds = require_package("cyclonedds.idl.types"), require_package("rosbags.interfaces").Nodetype
     kind, content = descriptor
     if kind == kinds.NAME:
         return idl_struct(content)

@@ -113,7 +113,7 @@ def _write_messages(
     messages: Iterable[TimedMessage],
     custom_data: dict[str, str],
 ) -> int:
-    rosbag2 = require_package("rosbags.rosbag2", "ros")
+    rosbag2 = require_package("rosbags.rosbag2")
     plugins = rosbag2.StoragePlugin
     plugin = {BagFormat.MCAP: plugins.MCAP, BagFormat.SQLITE3: plugins.SQLITE3}[storage]
     writer = rosbag2.Writer(out, version=METADATA_VERSION, storage_plugin=plugin)
@@ -140,7 +140,7 @@ def _add_connection(writer: "Writer", topic: Topic) -> Any:
 
 def _qos_profile(qos: Qos) -> Any:
     """Quality of service of a reliable publisher as rosbags has it, with unlimited times as ROS 2 writes them."""
-    rosbags_types = require_package("rosbags.interfaces", "ros")
+    rosbags_types = require_package("rosbags.interfaces")
     seconds, nanoseconds = divmod(_UNLIMITED_NS, message_builders.NANOSECONDS_PER_S)
     unlimited = rosbags_types.QosTime(sec=seconds, nsec=nanoseconds)
     durability = rosbags_types.QosDurability

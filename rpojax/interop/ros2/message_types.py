@@ -33,7 +33,7 @@ def typestore() -> "Typestore":
     Raises:
         RpojaxError: rosbags is not installed.
     """
-    typesys = require_package("rosbags.typesys", "ros")
+    typesys = require_package("rosbags.typesys")
     store = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     for name, text in _VISION_MSGS_DEFINITIONS.items():
         store.register(typesys.get_types_from_msg(text, f"vision_msgs/msg/{name}"))
@@ -65,7 +65,7 @@ def deserialize(data: bytes | memoryview, name: str) -> Any:
         RpojaxError: the bytes are no message of that type.
     """
     message_class(name)
-    failure = require_package("rosbags.serde", "ros").SerdeError
+    failure = require_package("rosbags.serde").SerdeError
     try:
         return typestore().deserialize_cdr(data, name)
     except failure as error:

@@ -47,5 +47,5 @@ def test_xarray_opens_the_groups(written: Campaign) -> None:
 
 def test_error_without_xarray_names_the_install_command(written: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "xarray", None)
-    with pytest.raises(RpojaxError, match=r"found no xarray, expected .*rpojax\[xarray\]"):
+    with pytest.raises(RpojaxError, match=r"^xarray: not installed, expected: .*rpojax\[xarray\]"):
         rpojax.open_campaign(written.directory)

@@ -44,7 +44,7 @@ def check_codec(codec: str) -> None:
     if codec not in CODECS:
         raise OutputError.of_argument("codec", f"found {codec!r}, expected {' or '.join(CODECS)}")
     if codec == "h264":
-        require_package("imageio_ffmpeg", "viz")
+        require_package("imageio_ffmpeg")
 
 
 def _encode_vp9(frames: Iterable[np.ndarray], partial: Path, path: Path) -> None:
@@ -66,7 +66,7 @@ def _encode_vp9(frames: Iterable[np.ndarray], partial: Path, path: Path) -> None
 
 def _encode_h264(frames: Iterable[np.ndarray], partial: Path, path: Path) -> None:
     """4:2:0 with the index in front for browsers; one thread and no dates for reproducible bytes."""
-    write_frames = require_package("imageio_ffmpeg", "viz").write_frames
+    write_frames = require_package("imageio_ffmpeg").write_frames
     options = ["-crf", "20", "-threads", "1", "-movflags", "+faststart", "-map_metadata", "-1", "-fflags", "+bitexact"]
     writer = None
     try:
