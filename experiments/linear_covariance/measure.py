@@ -17,6 +17,7 @@ from rpojax.analysis.linear_covariance.covariance_history import LinearCovarianc
 from rpojax.analysis.linear_covariance.linearisation.linearised_loop import OUTPUTS
 from rpojax.analysis.linear_covariance.monte_carlo_agreement import TOLERANCE, ChannelAgreement, MonteCarloSample
 from rpojax.campaign.execution.batch_engine import BatchEngine
+from rpojax.core.pytree import concatenate
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import component_columns
 from rpojax.scenario.schema import ScenarioFile
@@ -51,7 +52,7 @@ def effects(file: ScenarioFile, linear: LinearCovariance, sampled: MonteCarloSam
     engine = BatchEngine(file)
     blocks = range(0, sampled.runs, engine.runs_per_device)
     drawn = [component_columns(engine.draw_values(0, first + np.arange(engine.runs_per_device))) for first in blocks]
-    values = {name: np.concatenate([each[name] for each in drawn])[: sampled.runs] for name in drawn[0]}
+    values = {name: each[: sampled.runs] for name, each in concatenate(drawn).items()}
     used = {name: value for name, value in values.items() if name.split("[")[0] in CHECKED and value.std() > 0.0}
     inputs = np.stack([(value - value.mean()) / value.std() for value in used.values()], axis=1)
     along = OUTPUTS["relative_error_H"].start + 1

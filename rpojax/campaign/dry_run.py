@@ -12,6 +12,7 @@ from rpojax.campaign import experiment_design, resource_estimates
 from rpojax.campaign.execution import batch_engine
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.options.campaign_options import CampaignOptions
+from rpojax.core.pytree import concatenate
 from rpojax.errors import RpojaxError
 from rpojax.runtime import device_programs
 from rpojax.scenario.dispersed_numbers import dispersion_keys
@@ -97,7 +98,7 @@ def plan_campaign(
         file=file,
         seed=seed,
         run_ids=first_run + np.arange(runs),
-        values={key: np.concatenate([block[key] for block in blocks])[:runs] for key in sorted(blocks[0])},
+        values={key: values[:runs] for key, values in concatenate(blocks).items()},
         estimate=_estimate_resources(file, runs, size, used_devices, options.max_full_histories, speed),
     )
 

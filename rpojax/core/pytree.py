@@ -1,10 +1,12 @@
-"""Frozen dataclasses of arrays that are JAX pytrees."""
+"""Frozen dataclasses of arrays that are JAX pytrees, and operations on pytrees."""
 
 import contextlib
 import dataclasses
+from collections.abc import Sequence
 from typing import Any, TypeVar, dataclass_transform
 
 import jax
+import numpy as np
 from jax.export import register_pytree_node_serialization
 
 T = TypeVar("T")
@@ -27,6 +29,11 @@ def pytree(cls: type[T]) -> type[T]:
 def replace(record: T, **changes: Any) -> T:
     """Returns a copy of the dataclass `record` with some fields changed."""
     return dataclasses.replace(record, **changes)  # pyright: ignore[reportArgumentType, reportCallIssue]
+
+
+def concatenate(parts: Sequence[T], axis: int = 0) -> T:
+    """Joins pytrees of the same structure: each array concatenated along an axis, in NumPy."""
+    return jax.tree.map(lambda *arrays: np.concatenate([np.asarray(each) for each in arrays], axis=axis), *parts)
 
 
 def select(condition: jax.Array, if_true: T, if_false: T) -> T:

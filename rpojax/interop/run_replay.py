@@ -20,6 +20,7 @@ from rpojax.campaign.execution import campaign_engine
 from rpojax.campaign.rerun import check_run_id
 from rpojax.campaign.storage.campaign_folder import Campaign, trace_stride
 from rpojax.core.numerics import gradient_safe
+from rpojax.core.pytree import concatenate
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
 from rpojax.runtime.progress_bar import Progress, ProgressCallback
@@ -123,7 +124,7 @@ def replay(
         records.append(jax.tree.map(np.asarray, record))
     # The last segment may extend beyond the end of the scenario.
     failed_at = float(state.failed_at) if float(state.failed_at) < file.duration_s else np.nan
-    *record, running = jax.tree.map(lambda *each: np.concatenate(each)[: scenario.ticks], *records)
+    *record, running = jax.tree.map(lambda each: each[: scenario.ticks], concatenate(records))
     values, poses = jax.tree.map(lambda each: each[: int(running.sum())], record)
     return ReplayedRun(file, options.seed, run_id, run_range, params, failed_at, values, poses)
 

@@ -12,6 +12,7 @@ from jaxtyping import Array
 
 from rpojax.analysis.calibration.view_sampling import Views
 from rpojax.core import quaternion
+from rpojax.core.pytree import concatenate
 from rpojax.flight.guidance import detector_window
 from rpojax.flight.guidance.detector_window import CameraFormat
 from rpojax.scenario import params
@@ -81,7 +82,7 @@ def detect_in_views(
         )
         parts.append([np.asarray(value)[: count - first] for value in found])
         on_progress(min(first + _BATCH_SIZE, count), count)
-    return DetectionOutcomes(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+    return DetectionOutcomes(*concatenate(parts))
 
 
 def _detect_in_view(

@@ -18,6 +18,7 @@ from jaxtyping import Array
 from rpojax.analysis.gradients.checkpointed_scan import checkpoint_interval, checkpointed_scan
 from rpojax.campaign import single_run
 from rpojax.campaign.execution.tick_batching import batch_transform, state_axes
+from rpojax.core.pytree import concatenate
 from rpojax.flight.stages import Stages
 from rpojax.runtime import compiler_options
 from rpojax.runtime.device_mesh import DeviceMesh, gather_rows, own_rows, padded_batches
@@ -142,7 +143,7 @@ class RolloutEvaluator:
             inputs = (counted.astype(np.float64), *(array[rows] for array in arrays))
             # One batch at a time: two programs on the same devices may deadlock.
             parts.append(jax.tree.map(np.asarray, program(self._nominal, *inputs)))
-        metrics, failed, events, *derivative = (np.concatenate(column)[:runs] for column in zip(*parts, strict=True))
+        metrics, failed, events, *derivative = (column[:runs] for column in concatenate(parts))
         return RolloutResult(
             metrics=metrics,
             jacobian=derivative[0] if kind == "forward" else None,

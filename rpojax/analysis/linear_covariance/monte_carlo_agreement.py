@@ -10,6 +10,7 @@ from scipy.stats import chi2
 from rpojax.analysis.linear_covariance.covariance_history import LinearCovariance
 from rpojax.campaign import experiment_design
 from rpojax.campaign.execution.batch_engine import BatchEngine, Segment, default_block_size
+from rpojax.core.pytree import concatenate
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
 from rpojax.runtime.device_programs import share_runs
@@ -100,7 +101,7 @@ def simulate_sample(file: ScenarioFile, runs: int, seed: int, stages: Stages | N
         )
         for first in range(0, runs, engine.capacity)
     ]
-    values = {name: np.concatenate([block[name] for block in blocks], axis=1) for name in CHANNELS}
+    values = concatenate(blocks, axis=1)
     count = values["rho_H"].shape[1]
     return MonteCarloSample(
         time_s=np.arange(0, engine.scenario.ticks, step) * engine.scenario.tick_s,
@@ -113,15 +114,14 @@ def simulate_sample(file: ScenarioFile, runs: int, seed: int, stages: Stages | N
 
 def _collect(segments: Iterator[Segment], step: int, count: int) -> dict[str, np.ndarray]:
     """Channels of the first `count` runs of a block that completed."""
-    parts: dict[str, list[np.ndarray]] = {name: [] for name in CHANNELS}
+    parts: list[dict[str, np.ndarray]] = []
     failure = np.zeros(count)
     for segment in segments:
         ticks = segment.first_tick + np.arange(len(segment.channels["rho_H"]))
-        for name, kept in parts.items():
-            rows = segment.channels[name][ticks % step == 0][:, :count]
-            kept.append(rows.reshape(len(rows), count, -1).astype(np.float64))
+        chosen = {name: segment.channels[name][ticks % step == 0][:, :count] for name in CHANNELS}
+        parts.append({name: rows.reshape(len(rows), count, -1).astype(float) for name, rows in chosen.items()})
         failure = segment.failure[:count]
-    return {name: np.concatenate(kept)[:, failure == 0] for name, kept in parts.items()}
+    return {name: rows[:, failure == 0] for name, rows in concatenate(parts).items()}
 
 
 def compare_with_sample(linear: LinearCovariance, sampled: MonteCarloSample) -> list[ChannelAgreement]:

@@ -5,7 +5,7 @@ import dataclasses
 import functools
 import itertools
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -20,6 +20,7 @@ from rpojax.batching.batching_mode import BatchingMode
 from rpojax.campaign.execution.tick_batching import batch_transform, state_axes, tick_batching_mode
 from rpojax.campaign.experiment_design import Design, has_independent_runs
 from rpojax.core import random_streams
+from rpojax.core.pytree import concatenate
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.runtime import compiler_options, device_programs, garbage_collection
@@ -86,7 +87,8 @@ class Segment:
     @functools.cached_property
     def channels(self) -> dict[str, np.ndarray]:
         """Name -> (ticks, runs, ...), all devices together."""
-        return {name: np.moveaxis(values, -1, 1) for name, values in _concatenated(self.device_channels).items()}
+        channels = concatenate(self.device_channels, axis=-1)
+        return {name: np.moveaxis(values, -1, 1) for name, values in channels.items()}
 
 
 class BatchEngine:
@@ -225,8 +227,8 @@ class BatchEngine:
         parts = [prepare(*self._preparation_inputs(seed, ids)) for ids in np.split(run_ids, len(self.devices))]
         return PreparedRuns(
             run_ids=run_ids,
-            drawn=_concatenated([drawn for drawn, _, _ in parts], axis=0),
-            used=_concatenated([used for _, used, _ in parts], axis=0),
+            drawn=concatenate([drawn for drawn, _, _ in parts]),
+            used=concatenate([used for _, used, _ in parts]),
             device_inputs=loops.place([(*self._loop_inputs(drawn), state) for drawn, _, state in parts]),
         )
 
@@ -318,8 +320,3 @@ class _DeviceBatch:
 
 def _compile_preparation(trace: Traced) -> Any:
     return compiler_options.compile_with_options(trace.lower(), compiler_options.PREPARATION_OPTIONS)
-
-
-def _concatenated(parts: Sequence[Mapping[str, Array | np.ndarray]], axis: int = -1) -> dict[str, np.ndarray]:
-    """Each array of all devices, concatenated along the axis of the runs."""
-    return {name: np.concatenate([np.asarray(part[name]) for part in parts], axis=axis) for name in parts[0]}

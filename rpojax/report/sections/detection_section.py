@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from rpojax.core.pytree import concatenate
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.report.number_format import format_number
 from rpojax.vision.intersection_over_union import intersection_over_union
@@ -72,8 +73,9 @@ def _concatenated_frames(histories: list[History]) -> Frames:
     """Channels of all frames up to the end or failure of each run, concatenated."""
     if not histories:
         return {}
-    alive = np.concatenate([np.isfinite(history["range_m"]) for history in histories])
-    return {name: np.concatenate([history[name] for history in histories])[alive] for name in _CHANNELS}
+    frames = concatenate([{name: history[name] for name in _CHANNELS} for history in histories])
+    alive = np.isfinite(frames["range_m"])
+    return {name: values[alive] for name, values in frames.items()}
 
 
 def _range_entry(frames: Frames) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from rpojax.campaign.execution import block_runner
 from rpojax.campaign.execution.batch_engine import BatchEngine, default_block_size
 from rpojax.campaign.experiment_design import make_design
 from rpojax.campaign.options.history_retention import Retention
+from rpojax.core.pytree import concatenate
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
 from rpojax.runtime.device_programs import share_runs
@@ -87,7 +88,7 @@ def simulate_runs(
 
         block = block_runner.simulate_batch(engine, seed, ids, [], ids < runs, Retention.from_run_ids(()), during)
         results.append(block.block_arrays(slice(0, min(engine.capacity, runs - int(ids[0]))), engine))
-    joined = {name: np.concatenate([part[name] for part in results]) for name in results[0]}
+    joined = concatenate(results)
     metrics = {name.removeprefix(_METRICS): values for name, values in joined.items() if name.startswith(_METRICS)}
     return RunMetrics(np.arange(runs), joined["status/failure"] == 0, metrics)
 

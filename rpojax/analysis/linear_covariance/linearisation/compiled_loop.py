@@ -9,6 +9,7 @@ import numpy as np
 
 from rpojax.analysis.linear_covariance.linearisation.linearised_loop import LinearisationPoint, LinearisedLoop
 from rpojax.analysis.linear_covariance.linearisation.target_outline_ensemble import TargetEnsemble
+from rpojax.core.pytree import concatenate
 from rpojax.runtime import compiler_options
 from rpojax.runtime.device_mesh import DeviceMesh, padded_batches
 from rpojax.simulation.state import State
@@ -64,4 +65,4 @@ class CompiledLoop:
         for rows, _ in padded_batches(len(ticks), self._batch_size):
             batch = jax.tree.map(lambda leaf, rows=rows: leaf[ticks[rows]], leaves)
             parts.append(self._jacobians(*self._mesh.place(batch)))
-        return np.concatenate([np.asarray(part) for part in parts])[: len(ticks)]
+        return concatenate(parts)[: len(ticks)]
