@@ -22,7 +22,6 @@ from rpojax.core.random_streams import Stream
 from rpojax.dispersions.designs.design_kinds import Design
 from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.errors import RpojaxError
-from rpojax.field_types import Section
 from rpojax.metrics import metric_catalogue
 from rpojax.physics import equipment_faults
 from rpojax.report.labels import metric_label
@@ -34,6 +33,7 @@ from rpojax.simulation.channels import Channels, compute_channels
 from rpojax.simulation.metrics import trace_channels
 from rpojax.simulation.rollout import rollout
 from rpojax.simulation.step import step
+from rpojax.value_types import Section
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -13,7 +13,7 @@ FLOORS = {
     "errors": 0,
     "version": 0,
     "optional_packages": 0,
-    "field_types": 0,
+    "value_types": 0,
     "runtime": 0,
     "core": 1,
     "batching": 1,

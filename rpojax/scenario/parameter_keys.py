@@ -7,10 +7,10 @@ from typing import Any, get_args
 
 import numpy as np
 
-from rpojax.field_types import Section
 from rpojax.physics.plant_options import FaultKind
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import EffectsSection, FaultSection, RatesSection, TuningSection
+from rpojax.value_types import Section
 
 _COMPONENT = re.compile(r"(.+)\[([0-9]{1,3})\]")
 

@@ -7,7 +7,6 @@ from pydantic import AfterValidator, Field
 
 from rpojax.dispersions.designs.design_kinds import Design, IndependentDesign
 from rpojax.dispersions.kinds.registry import Dispersion
-from rpojax.field_types import Epoch, Finite, Positive, Section
 from rpojax.metrics.metric_catalogue import UNITS
 from rpojax.scenario.sections import (
     AtmosphereSection,
@@ -36,6 +35,7 @@ from rpojax.scenario.sections import (
     WheelsSection,
 )
 from rpojax.sensors.additional.registry import AdditionalSensors
+from rpojax.value_types import Epoch, Finite, Positive, Section
 
 
 def _check_metric_name(value: str) -> str:

@@ -4,7 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from rpojax.field_types import (
+from rpojax.physics.plant_options import FaultKind
+from rpojax.value_types import (
     Angle,
     Axes,
     Direction,
@@ -21,7 +22,6 @@ from rpojax.field_types import (
     Section,
     Vector,
 )
-from rpojax.physics.plant_options import FaultKind
 
 
 class RatesSection(Section):

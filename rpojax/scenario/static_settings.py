@@ -4,11 +4,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rpojax.errors import ScenarioError
-from rpojax.field_types import epoch_seconds
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained import image_sampling
 from rpojax.sensors.additional.registry import present_sensors
+from rpojax.value_types import epoch_seconds
 
 if TYPE_CHECKING:
     from rpojax.vision.radiance_field.ray_budget import RaySampling

@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from rpojax.field_types import Finite, Section
 from rpojax.physics.plant_options import FaultKind
+from rpojax.value_types import Finite, Section
 
 
 class IndependentDesign(Section):

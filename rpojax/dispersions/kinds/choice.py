@@ -9,8 +9,8 @@ from rpojax.dispersions.kinds.dispersion_kind import ExtremeValue, SingleKeyKind
 from rpojax.dispersions.listed_values import check_listed_values, listed_numbers
 from rpojax.dispersions.marginal_distribution import Distribution, discrete_distribution
 from rpojax.dispersions.random_source import RandomSource
-from rpojax.field_types import Finite
 from rpojax.physics.plant_options import FaultKind
+from rpojax.value_types import Finite
 
 if TYPE_CHECKING:
     import jax

@@ -10,7 +10,7 @@ from rpojax.dispersions.marginal_distribution import Distribution, normal_distri
 from rpojax.dispersions.random_source import RandomSource
 from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
 from rpojax.errors import ScenarioError
-from rpojax.field_types import Covariance
+from rpojax.value_types import Covariance
 
 if TYPE_CHECKING:
     import jax

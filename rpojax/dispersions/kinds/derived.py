@@ -9,7 +9,7 @@ from pydantic import Field
 from rpojax.dispersions.kinds.dispersion_kind import DispersionKind
 from rpojax.dispersions.kinds.setting_checks import check_one_or_each
 from rpojax.errors import ScenarioError
-from rpojax.field_types import Finite, Section
+from rpojax.value_types import Finite, Section
 
 
 class Term(Section):

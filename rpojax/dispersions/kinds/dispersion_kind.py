@@ -14,7 +14,7 @@ import numpy as np
 from rpojax.dispersions.marginal_distribution import Distribution
 from rpojax.dispersions.random_source import RandomSource
 from rpojax.errors import RpojaxError
-from rpojax.field_types import Section
+from rpojax.value_types import Section
 
 if TYPE_CHECKING:
     import jax

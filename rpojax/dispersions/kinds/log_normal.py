@@ -9,7 +9,7 @@ from rpojax.dispersions.kinds.setting_checks import check_one_or_each
 from rpojax.dispersions.marginal_distribution import Distribution
 from rpojax.dispersions.random_source import RandomSource
 from rpojax.errors import ScenarioError
-from rpojax.field_types import NonNegative
+from rpojax.value_types import NonNegative
 
 if TYPE_CHECKING:
     import jax

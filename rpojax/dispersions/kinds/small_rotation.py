@@ -9,7 +9,7 @@ from rpojax.dispersions.kinds.dispersion_kind import SingleKeyKind
 from rpojax.dispersions.kinds.setting_checks import check_component_count, check_one_or_each
 from rpojax.dispersions.marginal_distribution import Distribution, normal_distributions
 from rpojax.dispersions.random_source import RandomSource
-from rpojax.field_types import NonNegative
+from rpojax.value_types import NonNegative
 
 if TYPE_CHECKING:
     import jax

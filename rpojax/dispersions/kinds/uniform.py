@@ -8,7 +8,7 @@ from pydantic import model_validator
 from rpojax.dispersions.kinds.dispersion_kind import ExtremeValue, SingleKeyKind
 from rpojax.dispersions.marginal_distribution import Distribution
 from rpojax.dispersions.random_source import RandomSource
-from rpojax.field_types import Finite
+from rpojax.value_types import Finite
 
 if TYPE_CHECKING:
     import jax

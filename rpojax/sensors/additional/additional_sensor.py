@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from rpojax.field_types import Section
+from rpojax.value_types import Section
 
 if TYPE_CHECKING:
     import jax

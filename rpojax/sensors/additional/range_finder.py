@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 
 from pydantic import Field
 
-from rpojax.field_types import Direction, Finite, NonNegative, Positive
 from rpojax.sensors.additional.additional_sensor import AdditionalSensor, SensedScene
+from rpojax.value_types import Direction, Finite, NonNegative, Positive
 
 if TYPE_CHECKING:
     import jax

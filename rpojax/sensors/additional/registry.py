@@ -5,9 +5,9 @@ from typing import Any
 
 from pydantic import model_serializer
 
-from rpojax.field_types import Section
 from rpojax.sensors.additional.additional_sensor import AdditionalSensor
 from rpojax.sensors.additional.range_finder import RangeFinder
+from rpojax.value_types import Section
 
 
 class AdditionalSensors(Section):

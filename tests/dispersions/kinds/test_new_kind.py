@@ -22,10 +22,10 @@ from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.dispersions.marginal_distribution import Distribution
 from rpojax.dispersions.random_source import RandomSource
 from rpojax.errors import ScenarioError
-from rpojax.field_types import Positive
 from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.value_types import Positive
 
 MASS_KG = 30.0
 ENTRY: dict[str, Any] = {"key": "servicer.mass_kg", "kind": "triangular", "half_width": 2.0}
