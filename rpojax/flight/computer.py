@@ -147,11 +147,14 @@ def navigate(
     """
     visible = target_visibility.is_visible(params.vehicle, memory.orbit, sun_N, target_visibility.VISIBILITY_TOLERANCE)
     box = measurements.box
-    attitude = attitude_ekf.update(
-        params.attitude_filter,
-        memory.attitude,
-        measurements.star_tracker_q_BN,
-        measurements.star_tracker_present,
+    attitude = stages.call(
+        "attitude_update",
+        tuning=params.attitude_filter,
+        estimate=memory.attitude,
+        star_tracker_q_BN=measurements.star_tracker_q_BN,
+        present=measurements.star_tracker_present,
+        orbit=memory.orbit,
+        time=time,
     )
     variance = _attitude_variance(params.vehicle, attitude)
     q_KB = quaternion.normalize(params.vehicle.camera_mounting)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Protocol
 
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from rpojax.core import named_arguments
 from rpojax.flight.control import attitude_control, formation_law
@@ -16,8 +16,8 @@ from rpojax.flight.control.attitude_control import AttitudeCommand, AttitudeCont
 from rpojax.flight.guidance import detector_window
 from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.guidance.detector_window import CameraCommand, CameraFormat
-from rpojax.flight.navigation import combined_orbit_filter
-from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
+from rpojax.flight.navigation import attitude_ekf, combined_orbit_filter
+from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
@@ -26,6 +26,32 @@ from rpojax.flight.vehicle_model import VehicleModel
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
+
+
+class AttitudeUpdate(Protocol):
+    """Measurement update of the attitude filter."""
+
+    def __call__(
+        self,
+        *,
+        tuning: AttitudeFilterTuning,
+        estimate: AttitudeEstimate,
+        star_tracker_q_BN: Float[Array, "4"],
+        present: Bool[Array, ""],
+        orbit: OrbitEstimate,
+        time: Scalar,
+    ) -> AttitudeEstimate:
+        """Estimate after the star tracker.
+
+        Args:
+            tuning: of the filter
+            estimate: of the attitude before the measurement, propagated by the gyro
+            star_tracker_q_BN: (4,) measured attitude
+            present: () bool, whether there is a measurement
+            orbit: estimate of both orbits
+            time: () since the start of the run [s]
+        """
+        ...
 
 
 class OrbitUpdate(Protocol):
@@ -178,6 +204,7 @@ class Stages:
     """Replaceable stages of the flight software.
 
     Attributes:
+        attitude_update: measurement update of the attitude filter
         orbit_update: measurement update of the orbit filter
         orbit_predict: propagation of the orbit filter
         formation_law: velocity change of a burn
@@ -188,6 +215,9 @@ class Stages:
         RpojaxError: a function declares an argument that its stage does not have.
     """
 
+    attitude_update: AttitudeUpdate | AnyFunction = field(
+        default=attitude_ekf.update, metadata={"protocol": AttitudeUpdate}
+    )
     orbit_update: OrbitUpdate | AnyFunction = field(
         default=combined_orbit_filter.update, metadata={"protocol": OrbitUpdate}
     )

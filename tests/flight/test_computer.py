@@ -17,7 +17,8 @@ from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.guidance.detector_window import CameraFormat
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.flight.navigation.combined_orbit_filter import Innovation
+from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
+from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.stages import Stages
 
@@ -108,6 +109,15 @@ def test_a_users_attitude_controller_commands_the_wheels(flight: FlightParams, m
     np.testing.assert_array_equal(found, [1e-3, 2e-3, 3e-3])
 
 
+def test_a_users_attitude_filter_sees_time_and_orbit(flight: FlightParams, ready: FlightMemory) -> None:
+    def patient(estimate: AttitudeEstimate, orbit: OrbitEstimate, time: jax.Array) -> AttitudeEstimate:
+        near = jnp.sqrt(jnp.sum(orbit.relative.r_TS_N**2)) < 1e3
+        return replace(estimate, omega_BN_B=jnp.where(near, time, -time) * jnp.ones(3))
+
+    memory, _ = sense(flight, ready, stages=Stages(attitude_update=patient))
+    np.testing.assert_array_equal(memory.attitude.omega_BN_B, np.full(3, 7.0))
+
+
 # Darkness and failed equipment
 
 
@@ -127,8 +137,12 @@ def sense(
     sun_N: np.ndarray = rendezvous_scene.SUN_OVERHEAD,
     pixels: float = 0.0,
     stars: bool = True,
+    stages: Stages | None = None,
 ) -> tuple[FlightMemory, Innovation]:
-    """Memory after a tick whose box lies `pixels` beside the target, and whose other measurements are as expected."""
+    """Memory after a tick whose box lies `pixels` beside the target, and whose other measurements are as expected.
+
+    It is the seventh second.
+    """
     R_KN = rotation_matrix(rendezvous_scene.camera_attitude(flight, memory.orbit))
     box: BoxMeasurement = rendezvous_scene.box(flight, R_KN, rendezvous_scene.TARGET_AHEAD)
     box = replace(box, tangent=box.tangent + jnp.array([pixels, 0.0]) / flight.vehicle.focal_px)
@@ -138,7 +152,7 @@ def sense(
         star_tracker_present=jnp.asarray(stars),
         box=box,
     )
-    return navigate(Stages(), flight, True, memory, measurements, sun_N, np.float64(0.0))
+    return navigate(stages or Stages(), flight, True, memory, measurements, sun_N, np.float64(7.0))
 
 
 def test_a_box_in_the_dark_is_neither_used_nor_rejected(flight: FlightParams, ready: FlightMemory) -> None:
