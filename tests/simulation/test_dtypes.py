@@ -64,7 +64,7 @@ def test_kernels_keep_single_precision_while_double_is_enabled(inspection_params
 @pytest.mark.parametrize("camera", ["geometric", "statistical"])
 def test_loop_traced_in_single_precision_has_no_double_in_it(camera: str) -> None:
     file = scenario_loader.load("inspection_full", ["duration_s=200", "precision=single", f'camera.model="{camera}"'])
-    (trace,) = BatchEngine(file, 2, jax.devices()[:1])._loop_traces.values()
+    (trace,) = BatchEngine(file, 2, jax.devices()[:1])._loop_traces.traces.values()
     assert "f32" in str(trace.jaxpr)
     assert "f64" not in str(trace.jaxpr)
     floating = {each.dtype for each in jax.tree.leaves(trace.out_info) if jnp.issubdtype(each.dtype, jnp.floating)}
