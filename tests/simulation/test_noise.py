@@ -1,6 +1,7 @@
 """Random numbers of a tick and of the initial state, each from its own stream."""
 
 import dataclasses
+import zlib
 
 import jax
 import jax.numpy as jnp
@@ -31,9 +32,10 @@ def keys() -> jax.Array:
 def test_numbers_of_a_tick_come_from_their_streams(
     inspection: Scenario, keys: jax.Array, tick: int, model: str
 ) -> None:
-    scenario = dataclasses.replace(inspection, camera_model=model)
+    scenario = dataclasses.replace(inspection, camera_model=model, additional_sensors=("range_finder",))
     drawn = draw_tick_noise(scenario, keys, jnp.asarray(tick, dtype=jnp.int32))
     now = {stream: fold_in(keys[stream], tick) for stream in Stream}
+    sensor = fold_in(keys[Stream.ADDITIONAL_SENSORS], zlib.crc32(b"range_finder") & 0x7FFFFFFF)
     later = fold_in(keys[Stream.SENSOR_BIAS], tick + 1)
     expected = {
         "gps": normal(now[Stream.GPS], 3),
@@ -46,7 +48,9 @@ def test_numbers_of_a_tick_come_from_their_streams(
         "biases": normal(later, 6),
         "box_edge_errors": normal(fold_in(later, 1), 4) if model == "statistical" else None,
     }
-    assert expected.keys() == {field.name for field in dataclasses.fields(drawn)}
+    assert {*expected, "additional"} == {field.name for field in dataclasses.fields(drawn)}
+    assert set(drawn.additional) == {"range_finder"}
+    np.testing.assert_array_equal(drawn.additional["range_finder"], normal(fold_in(sensor, tick), 1))
     for name, values in expected.items():
         np.testing.assert_array_equal(getattr(drawn, name), values, err_msg=name)
 
