@@ -18,7 +18,7 @@ from rpojax.campaign.execution import campaign_engine
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.execution.tick_batching import state_axes, tick_batching_mode
 from rpojax.errors import RpojaxError
-from rpojax.flight.computer import Stages
+from rpojax.flight.stages import Stages
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
