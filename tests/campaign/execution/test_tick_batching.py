@@ -31,8 +31,6 @@ SAME = 1e-12
 """Relative rounding differences of two programs of the same loop after `TICKS`."""
 SAME_SINGLE = 1e-6
 """The same of a channel in single precision, such as the score of a box: eight roundings."""
-SMALL_DIFFERENCES = {"bias_B": 1.0}
-"""Leaves that are differences of much larger numbers -> magnitude of these: a gyro bias is one of rates [rad/s]."""
 
 
 def directions(tree: Any) -> Any:
@@ -50,6 +48,15 @@ def directions(tree: Any) -> Any:
 def largest(leaf: Any) -> float:
     """Magnitude of the largest finite number of a leaf."""
     return float(np.max(np.abs(np.where(np.isfinite(leaf), leaf, 0.0)), initial=0.0))
+
+
+def magnitude(leaf_name: str, leaf: Any, channels: Any, focal_px: float) -> float:
+    """Magnitude of the numbers that a leaf is made of: its largest, or that of the numbers whose difference it is.
+
+    A gyro bias is learnt from differences of rates of some 1 rad/s, a bearing bias from those of two boxes.
+    """
+    terms = {"bias_B": 1.0, "bearing_bias": largest(channels["expected_px"]) / focal_px}
+    return max(largest(leaf), terms.get(leaf_name, 0.0))
 
 
 def simulate(engine: BatchEngine, mode: BatchingMode, values: Any, state: Any) -> Any:
@@ -86,13 +93,14 @@ def assert_both_ways_agree(name: str, overrides: Sequence[str] = (), same_deriva
     values = {key: jnp.moveaxis(value, 0, -1) for key, value in drawn.items()}
     ours, theirs = (simulate(engine, mode, values, state) for mode in ("last_axis", "jax"))
     assert int(ours[0][0].tick) == TICKS
+    focal_px = float(engine._nominal.flight.vehicle.focal_px)
     for (path, found), expected in zip(jax.tree.leaves_with_path(ours), jax.tree.leaves(theirs), strict=True):
         leaf = jax.tree_util.keystr(path)
         assert (found.shape, found.dtype) == (expected.shape, expected.dtype), leaf
         if not jnp.issubdtype(found.dtype, jnp.floating):
             assert found.dtype == jax.dtypes.float0 or np.array_equal(found, expected), leaf
             continue
-        scale = max(largest(expected), SMALL_DIFFERENCES.get(path[-1].name if hasattr(path[-1], "name") else "", 0.0))
+        scale = magnitude(getattr(path[-1], "name", ""), expected, theirs[path[0].idx][1], focal_px)
         of_number = same_derivatives if path[0].idx else SAME
         same = of_number if found.dtype == np.float64 else SAME_SINGLE
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=same * scale, err_msg=leaf)
