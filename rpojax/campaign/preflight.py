@@ -2,6 +2,7 @@
 
 import json
 import os
+from numbers import Integral
 from pathlib import Path
 
 from rpojax.errors import OutputError, RpojaxError
@@ -27,8 +28,9 @@ def check_numbers(runs: int, first_run: int, seed: int, block_size: int | None) 
 
 
 def _check_range(argument: str, found: int, low: int, high: int) -> None:
-    if not low <= found <= high:
-        raise RpojaxError.of_argument(argument, f"found {found}, expected a whole number from {low} to {high}")
+    is_whole = isinstance(found, Integral) and not isinstance(found, bool)
+    if not is_whole or not low <= found <= high:
+        raise RpojaxError.of_argument(argument, f"found {found!r}, expected a whole number from {low} to {high}")
 
 
 def check_folder(directory: Path, force: bool) -> None:

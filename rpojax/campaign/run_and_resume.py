@@ -118,6 +118,8 @@ def start_campaign(
     stages = replaced_stage_provenance.replaced_stages(used.stages or Stages())
     engine = BatchEngine(file, size, devices, used.stages, design)
     configuration = provenance.new_configuration(file, options, stages, design.sha256(), engine.batching)
+    if stages:
+        engine.channel_names()  # traces replaced stages, which may fail, before there is a folder
     if options.histories.channels is not None:
         history_retention.check_channels(options.histories.channels, engine.channel_names())
     campaign = _open_folder(out, configuration, force, shared=used.shard is not None)

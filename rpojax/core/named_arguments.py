@@ -1,7 +1,9 @@
 """Calls of users' functions with those named arguments that they declare."""
 
+import difflib
 import inspect
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeVar
 
 from rpojax.errors import RpojaxError
@@ -9,21 +11,31 @@ from rpojax.errors import RpojaxError
 T = TypeVar("T")
 
 _NAMED = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
+_MISSPELT = 0.7
+"""Similarity above which the name of an optional argument is taken for a misspelt one."""
 
 
 def call(function: Callable[..., T], **arguments: Any) -> T:
-    """Result of a function for those of the arguments that it declares, or all if it takes `**arguments`."""
+    """Result of a function for those of the arguments that it declares, or all if it takes `**arguments`.
+
+    Arguments that a `functools.partial` has bound keep their values.
+    """
     parameters = inspect.signature(function).parameters.values()
+    wanted = {name: value for name, value in arguments.items() if name not in _bound_names(function)}
     if any(each.kind is inspect.Parameter.VAR_KEYWORD for each in parameters):
-        return function(**arguments)
-    return function(**{each.name: arguments[each.name] for each in parameters if each.name in arguments})
+        return function(**wanted)
+    return function(**{each.name: wanted[each.name] for each in parameters if each.name in wanted})
+
+
+def _bound_names(function: Any) -> set[str]:
+    return {*function.keywords, *_bound_names(function.func)} if isinstance(function, partial) else set()
 
 
 def check(where: str, function: Any, model: Callable[..., Any]) -> None:
     """Refuses a function that needs an argument which its `model` does not have; `where` names it in the error.
 
     Raises:
-        RpojaxError: it cannot be called, or needs an argument of another name, or one by position.
+        RpojaxError: it cannot be called, or has an argument of another or a misspelt name, or one by position.
     """
     known = [name for name in inspect.signature(model).parameters if name != "self"]
     expected = f"a function of some of {', '.join(known)}"
@@ -32,6 +44,9 @@ def check(where: str, function: Any, model: Callable[..., Any]) -> None:
     except (TypeError, ValueError):
         raise RpojaxError(f"{where}: found {function!r}, expected {expected}") from None
     for each in parameters:
-        needed = each.default is inspect.Parameter.empty and each.kind is not inspect.Parameter.VAR_KEYWORD
-        if needed and (each.kind not in _NAMED or each.name not in known):
+        if each.kind is inspect.Parameter.VAR_KEYWORD or each.name in _bound_names(function):
+            continue
+        is_optional = each.default is not inspect.Parameter.empty
+        is_own = is_optional and not difflib.get_close_matches(each.name, known, 1, _MISSPELT)
+        if each.kind not in _NAMED or not (each.name in known or is_own):
             raise RpojaxError(f"{where}: found the argument '{each}', expected {expected}, by name")

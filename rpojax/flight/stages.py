@@ -8,9 +8,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Protocol
 
+import jax
+import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import named_arguments
+from rpojax.errors import RpojaxError
 from rpojax.flight.control import attitude_control, formation_law
 from rpojax.flight.control.attitude_control import AttitudeCommand, AttitudeControlTuning
 from rpojax.flight.guidance import detector_window
@@ -236,8 +239,46 @@ class Stages:
 
     def __post_init__(self) -> None:
         for each in fields(self):
-            named_arguments.check(f"stages.{each.name}", getattr(self, each.name), each.metadata["protocol"].__call__)
+            function = getattr(self, each.name)
+            named_arguments.check(f"stages.{each.name}", function, each.metadata["protocol"].__call__)
+            if getattr(function, "__hash__", None) is None:
+                kind = type(function).__name__
+                raise RpojaxError(f"stages.{each.name}: found a {kind} without a hash, expected a frozen one")
 
     def call(self, stage: str, **arguments: Any) -> Any:
-        """Result of the named stage, whose function gets those of the arguments that it declares."""
-        return named_arguments.call(getattr(self, stage), **arguments)
+        """Result of the named stage, whose function gets those of the arguments that it declares.
+
+        Raises:
+            RpojaxError: a replaced stage returns other arrays than the packaged one, or uses Python on traced values.
+        """
+        function, packaged = getattr(self, stage), _PACKAGED[stage]
+        if function is packaged:
+            return named_arguments.call(function, **arguments)
+        try:
+            result = named_arguments.call(function, **arguments)
+        except (jax.errors.ConcretizationTypeError, jax.errors.TracerArrayConversionError):
+            raise RpojaxError(
+                f"stages.{stage}: found Python's `if`, `float` or NumPy on a traced value, expected jax.numpy alone"
+            ) from None
+        expected = jax.eval_shape(lambda: named_arguments.call(packaged, **arguments))
+        _check_result(f"stages.{stage}", result, expected)
+        return result
+
+
+_PACKAGED: dict[str, Any] = {each.name: each.default for each in fields(Stages)}
+
+
+def _check_result(where: str, result: Any, expected: Any) -> None:
+    """Refuses a result of another structure, shape or type than expected."""
+    if jax.tree.structure(result) != jax.tree.structure(expected):
+        raise RpojaxError(f"{where}: found a result of type {_type_name(result)}, expected {_type_name(expected)}")
+    for (path, found), wanted in zip(jax.tree.leaves_with_path(result), jax.tree.leaves(expected), strict=True):
+        kind = f"{jnp.result_type(found)} of shape {jnp.shape(found)}"
+        if kind != (named := f"{wanted.dtype} of shape {wanted.shape}"):
+            raise RpojaxError(f"{where}: found {kind} for the result{jax.tree_util.keystr(path)}, expected {named}")
+
+
+def _type_name(result: Any) -> str:
+    if isinstance(result, tuple):
+        return f"({', '.join(_type_name(each) for each in result)})"
+    return type(result).__name__ if jax.tree.structure(result) != jax.tree.structure(0.0) else "array"

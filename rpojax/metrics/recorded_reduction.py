@@ -47,7 +47,7 @@ def _squared_norm(value: np.ndarray) -> np.ndarray:
 
 def _counted(value: np.ndarray, weight: np.ndarray | None, neutral: float) -> np.ndarray:
     """The value, `neutral` where it has no weight."""
-    return value if weight is None else np.where(weight, value, value.dtype.type(neutral))
+    return value if weight is None else np.where(weight, value.astype(np.result_type(value, np.float32)), neutral)
 
 
 def _sum(value: np.ndarray, weight: np.ndarray | None) -> Floats:

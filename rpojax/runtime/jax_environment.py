@@ -17,6 +17,9 @@ LOOP_FUSION_FLAG = (
 """Flag that lets XLA fuse computations with several results, and compile small loops as one function."""
 
 
+_is_prepared = False
+
+
 def prepare_process(*, cache: bool = True, rendered: bool = False) -> None:
     """Prepares this Python process for JAX as the command line does; call it before JAX is imported.
 
@@ -32,12 +35,14 @@ def prepare_process(*, cache: bool = True, rendered: bool = False) -> None:
     Raises:
         RpojaxError: JAX is imported already.
     """
-    if "jax" in sys.modules:
-        if _DEVICE_FLAG not in os.environ.get("XLA_FLAGS", ""):
-            raise RpojaxError("prepare_process: found JAX imported already, expected a call before it is imported")
+    global _is_prepared
+    if _is_prepared:
         return
+    if "jax" in sys.modules:
+        raise RpojaxError("prepare_process: found JAX imported already, expected a call before it is imported")
     prepare_jax(cache)
     set_loop_fusion_flag(rendered)
+    _is_prepared = True
 
 
 def prepare_jax(cache: bool) -> None:

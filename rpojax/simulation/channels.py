@@ -16,6 +16,7 @@ from rpojax.core.numerics import gradient_safe, trigonometric_series
 from rpojax.core.orbits import clohessy_wiltshire, keplerian_elements
 from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import apply
+from rpojax.errors import RpojaxError
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params
@@ -109,7 +110,10 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
     names = [*CHANNELS, *IMAGE_CHANNELS] if scenario.camera_model == "rendered" else CHANNELS
     with jax.named_scope("observe"):
         channels = evaluate(CHANNELS | IMAGE_CHANNELS, names, ObservedTick(scenario, params, telemetry))
-        channels |= telemetry.measurements.additional
+        additional = telemetry.measurements.additional
+        if taken := sorted(set(channels) & set(additional)):
+            raise RpojaxError(f"{taken[0]}: found a sensor's measurement, expected a name that no channel has")
+        channels |= additional
         return {name: _to_single_precision(value) for name, value in channels.items()}
 
 

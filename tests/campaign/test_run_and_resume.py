@@ -141,7 +141,9 @@ def test_resume_needs_the_same_stages(mission: ScenarioFile, tmp_path: Path, mon
     )
     begun = run_campaign(mission, 2, tmp_path / "own", block_size=1, devices=ONE_DEVICE, stages=stages)
     source = hashlib.sha256(inspect.getsource(half_gain_law).encode()).hexdigest()
-    assert begun.info["stages"] == {"formation_law": {"function": f"{__name__}.half_gain_law", "source_sha256": source}}
+    record = begun.info["stages"]["formation_law"]
+    assert list(begun.info["stages"]) == ["formation_law"]
+    assert (record["function"], record["source_sha256"]) == (f"{__name__}.half_gain_law", source)
     for others in (None, Stages(formation_law=lambda gain, deviation: half_gain_law(gain, deviation))):
         with pytest.raises(
             RpojaxError, match=r"^stages: found .* for formation_law, expected .*half_gain_law.*stages="

@@ -36,6 +36,8 @@ def weighted(weight: float, gain: float) -> float:
         (lambda gain, scale=5.0: scale * gain, 5.0),
         (Law(), 2.0),
         (partial(weighted, weight=4.0), 4.0),
+        (partial(weighted, weight=4.0, gain=2.0), 8.0),  # the bound gain, not that of the call
+        (partial(lambda gain, **others: (gain, sorted(others)), gain=9.0), (9.0, ["deviation", "time"])),
     ],
 )
 def test_a_function_gets_the_arguments_that_it_declares(function: Callable[..., Any], expected: object) -> None:
@@ -45,7 +47,12 @@ def test_a_function_gets_the_arguments_that_it_declares(function: Callable[..., 
 
 @pytest.mark.parametrize(
     ("function", "shown"),
-    [(lambda speed: speed, "'speed'"), (lambda *numbers: 0.0, "'\\*numbers'"), (lambda gain, /: gain, "'gain'")],
+    [
+        (lambda speed: speed, "'speed'"),
+        (lambda *numbers: 0.0, "'\\*numbers'"),
+        (lambda gain, /: gain, "'gain'"),
+        (lambda tiem=None: 0.0, "'tiem=None'"),
+    ],
 )
 def test_other_arguments_are_refused(function: Callable[..., Any], shown: str) -> None:
     expected = rf"^law: found the argument {shown}, expected a function of some of gain, deviation, time, by name$"

@@ -1,5 +1,8 @@
 """Flight computer: initial solution, expected velocity change, replaceable stages, darkness and failures."""
 
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
 import jax
@@ -11,6 +14,7 @@ from numpy_reference import IDENTITY, MU, axis_angle_quaternion, rotation_matrix
 
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
+from rpojax.errors import RpojaxError
 from rpojax.flight import computer
 from rpojax.flight.computer import FlightMemory, FlightParams, Measurements
 from rpojax.flight.control.lqr_gain import lqr_gain
@@ -116,6 +120,36 @@ def test_a_users_attitude_filter_sees_time_and_orbit(flight: FlightParams, ready
 
     memory, _ = sense(flight, ready, stages=Stages(attitude_update=patient))
     np.testing.assert_array_equal(memory.attitude.omega_BN_B, np.full(3, 7.0))
+
+
+@pytest.mark.parametrize(
+    ("law", "found"),
+    [
+        (lambda deviation: deviation, "float64 of shape (6,) for the result, expected float64 of shape (3,)"),
+        (lambda deviation: deviation[0], "float64 of shape () for the result, expected float64 of shape (3,)"),
+        (lambda: jnp.zeros(3, jnp.float32), "float32 of shape (3,) for the result, expected float64 of shape (3,)"),
+        (lambda: None, "a result of type NoneType, expected array"),
+        (lambda deviation: deviation[:3] if deviation[0] > 0 else -deviation[:3], "Python's `if`, `float` or NumPy"),
+        (lambda deviation: np.sin(deviation[:3]), "Python's `if`, `float` or NumPy"),
+    ],
+)
+def test_other_results_of_a_users_stage_are_refused_by_name(
+    flight: FlightParams, memory: FlightMemory, law: Callable[..., object], found: str
+) -> None:
+    with pytest.raises(RpojaxError, match=rf"^stages\.formation_law: found {re.escape(found)}"):
+        plan_burn(Stages(formation_law=law), flight, memory, rendezvous_scene.SUN_OVERHEAD, np.float64(0.0))
+
+
+def test_an_object_that_can_change_is_no_stage() -> None:
+    @dataclass
+    class Law:
+        scale: float
+
+        def __call__(self, deviation: jax.Array) -> jax.Array:
+            return -self.scale * deviation[3:]
+
+    with pytest.raises(RpojaxError, match=r"^stages\.formation_law: found a Law without a hash[^\n]*$"):
+        Stages(formation_law=Law(1.0))
 
 
 # Darkness and failed equipment
