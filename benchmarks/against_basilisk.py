@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks import speed_comparison
+from benchmarks.exit_statuses import exit_status
 from benchmarks.speed_comparison import TimedPass
 from rpojax.cli import output_paths
-from rpojax.cli.exit_status import Status
 from rpojax.errors import RpojaxError
 from rpojax.runtime.jax_environment import available_cores, prepare_jax, set_loop_fusion_flag
 from rpojax.version import __version__
@@ -42,17 +42,14 @@ DISTINCT_RUNS = 16
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit status: 0, 1 if Basilisk's mission fails its check, 2 for a bad option or a missing package."""
-    try:
+
+    def run() -> int:
         options = parse_options(argv)
         peer_version = basilisk_version()
         restrict_to_cores(options.cores)
         return compare(options, peer_version)
-    except RpojaxError as error:
-        print(f"against_basilisk: {error}", file=sys.stderr)
-        return Status.BAD_INPUT
-    except KeyboardInterrupt:
-        print("against_basilisk: interrupted", file=sys.stderr)
-        return Status.INTERRUPTED
+
+    return exit_status("against_basilisk", run)
 
 
 def parse_options(argv: Sequence[str] | None = None) -> argparse.Namespace:

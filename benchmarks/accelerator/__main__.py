@@ -13,6 +13,7 @@ from typing import Any
 from benchmarks.accelerator import result_table, sitting
 from benchmarks.accelerator.section_list import SECTIONS
 from benchmarks.accelerator.sitting import Sitting
+from benchmarks.exit_statuses import exit_status
 from rpojax.cli import output_paths
 from rpojax.cli.exit_status import Status
 from rpojax.errors import RpojaxError
@@ -20,15 +21,7 @@ from rpojax.errors import RpojaxError
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Exit status: 0, 2 for a bad option, 3 if a section failed."""
-    try:
-        options = parse_options(argv)
-        return measure(options)
-    except RpojaxError as error:
-        print(f"accelerator: {error}", file=sys.stderr)
-        return Status.BAD_INPUT
-    except KeyboardInterrupt:
-        print("accelerator: interrupted", file=sys.stderr)
-        return Status.INTERRUPTED
+    return exit_status("accelerator", lambda: measure(parse_options(argv)))
 
 
 def parse_options(argv: Sequence[str] | None = None) -> argparse.Namespace:

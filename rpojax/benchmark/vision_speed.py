@@ -20,7 +20,7 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import rendered_camera
 from rpojax.simulation import camera_models
-from rpojax.simulation.state import State
+from rpojax.simulation.state import State, elapsed_time
 from rpojax.simulation.step_stages import sun_and_moon_at
 from rpojax.vision.detector import box_decoding, two_stage_detector
 
@@ -87,7 +87,7 @@ def compile_camera_and_detector(
 
 def _render(scenario: Scenario, params: Params, state: State, q_TN: Array, key: Array) -> Array:
     truth = replace(state.truth, q_TN=q_TN)
-    sky = sun_and_moon_at(scenario, state.tick.astype(jnp.float64) * scenario.tick_s)
+    sky = sun_and_moon_at(scenario, elapsed_time(scenario, truth, state.tick))
     window = camera_models.commanded_window(scenario, params, state.flight.camera)
     return camera_models.render_picture(scenario, params, window, truth, sky, key, state.tick)
 

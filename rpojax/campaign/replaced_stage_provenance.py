@@ -1,14 +1,10 @@
-"""Provenance of replaced flight-software stages: records of names and sources, and comparison with a campaign's."""
+"""Provenance of replaced flight-software stages: records of names and digests, and comparison with a campaign's."""
 
-import functools
-import hashlib
-import inspect
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-import numpy as np
-
+from rpojax.campaign.function_digests import qualified_name, source_digest, values_digest
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 
@@ -24,84 +20,13 @@ def replaced_stages(stages: Stages) -> StageRecords:
     functions = {field.name: getattr(stages, field.name) for field in fields(Stages)}
     return {
         name: {
-            "function": _qualified_name(function),
-            "source_sha256": _source_digest(function),
-            "values_sha256": _values_digest(function),
+            "function": qualified_name(function),
+            "source_sha256": source_digest(function),
+            "values_sha256": values_digest(function),
         }
         for name, function in functions.items()
         if function is not getattr(default, name)
     }
-
-
-def _qualified_name(function: Any) -> str:
-    """Module and qualified name of a function, or of the class of a callable object."""
-    named = function if hasattr(function, "__qualname__") else type(function)
-    return f"{named.__module__}.{named.__qualname__}"
-
-
-def _values_digest(function: Any) -> str | None:
-    """SHA-256 of bound arguments, captured variables, defaults and fields; None if one has no digest of its own."""
-    try:
-        return hashlib.sha256(_content(function, 0).encode()).hexdigest()
-    except _NoContentError:
-        return None
-
-
-class _NoContentError(Exception):
-    """A value whose content cannot be told from its text."""
-
-
-_DEEPEST = 8
-
-
-def _content(value: Any, depth: int) -> str:
-    """Text that differs for values of different content.
-
-    Raises:
-        _NoContentError: there is none.
-    """
-    if depth > _DEEPEST:
-        raise _NoContentError
-    if value is None or isinstance(value, str | bytes | int | float | complex | bool):
-        return repr(value)
-    if isinstance(value, list | tuple | set | frozenset):
-        return f"{type(value).__name__}({[_content(each, depth + 1) for each in value]})"
-    if isinstance(value, Mapping):
-        return str(sorted((str(key), _content(each, depth + 1)) for key, each in value.items()))
-    if hasattr(value, "__array__"):
-        array = np.asarray(value)
-        return f"{array.dtype}{array.shape}{hashlib.sha256(array.tobytes()).hexdigest()}"
-    return _callable_content(value, depth)
-
-
-def _callable_content(value: Any, depth: int) -> str:
-    wrapped = getattr(value, "__wrapped__", None)
-    if isinstance(value, functools.partial):
-        parts: Any = (value.func, value.args, value.keywords)
-    elif wrapped is not None:
-        parts = (wrapped,)
-    elif inspect.isfunction(value):
-        cells = [cell.cell_contents for cell in value.__closure__ or ()]
-        code = value.__code__
-        constants = tuple(each for each in code.co_consts if not inspect.iscode(each))
-        unnamed = (code.co_code, constants) if value.__name__ == "<lambda>" else ()
-        parts = (_source_digest(value), cells, value.__defaults__, value.__kwdefaults__, unnamed)
-    elif inspect.isroutine(value) or inspect.isclass(value) or inspect.ismodule(value):
-        parts = ()
-    elif hasattr(value, "__dict__"):
-        parts = (vars(value),)
-    else:
-        raise _NoContentError
-    name = _qualified_name(value) if not inspect.ismodule(value) else value.__name__
-    return name + "".join(_content(part, depth + 1) for part in parts)
-
-
-def _source_digest(function: Any) -> str | None:
-    try:
-        source = inspect.getsource(function if hasattr(function, "__qualname__") else type(function))
-    except (OSError, TypeError):
-        return None
-    return hashlib.sha256(source.encode()).hexdigest()
 
 
 def check_same_stages(recorded: Mapping[str, Any], stages: Stages) -> None:

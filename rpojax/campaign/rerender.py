@@ -25,6 +25,7 @@ from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import camera_models, noise
+from rpojax.simulation.state import elapsed_time
 from rpojax.simulation.step_stages import sun_and_moon_at
 
 History = Mapping[str, np.ndarray]
@@ -96,7 +97,7 @@ def render_images(
 def _render(
     scenario: Scenario, params: Params, truth: Truth, window_px: Float[Array, "3"], keys: Array, tick: Array
 ) -> UInt8[Array, "p p 3"]:
-    sky = sun_and_moon_at(scenario, tick.astype(jnp.float64) * scenario.tick_s)
+    sky = sun_and_moon_at(scenario, elapsed_time(scenario, truth, tick))
     window = camera_models.recorded_window(scenario, params, window_px)
     key = noise.camera_key(keys, tick)
     image = camera_models.render_picture(scenario, params, window, truth, sky, key, tick)

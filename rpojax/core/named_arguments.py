@@ -21,7 +21,8 @@ def call(function: Callable[..., T], **arguments: Any) -> T:
     Arguments that a `functools.partial` has bound keep their values.
     """
     parameters = inspect.signature(function).parameters.values()
-    wanted = {name: value for name, value in arguments.items() if name not in _bound_names(function)}
+    bound = _bound_names(function)
+    wanted = {name: value for name, value in arguments.items() if name not in bound}
     if any(each.kind is inspect.Parameter.VAR_KEYWORD for each in parameters):
         return function(**wanted)
     return function(**{each.name: wanted[each.name] for each in parameters if each.name in wanted})
@@ -43,8 +44,9 @@ def check(where: str, function: Any, model: Callable[..., Any]) -> None:
         parameters = inspect.signature(function).parameters.values()
     except (TypeError, ValueError):
         raise RpojaxError(f"{where}: found {function!r}, expected {expected}") from None
+    bound = _bound_names(function)
     for each in parameters:
-        if each.kind is inspect.Parameter.VAR_KEYWORD or each.name in _bound_names(function):
+        if each.kind is inspect.Parameter.VAR_KEYWORD or each.name in bound:
             continue
         is_optional = each.default is not inspect.Parameter.empty
         is_own = is_optional and not difflib.get_close_matches(each.name, known, 1, _MISSPELT)

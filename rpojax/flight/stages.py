@@ -251,7 +251,7 @@ class Stages:
         Raises:
             RpojaxError: a replaced stage returns other arrays than the packaged one, or uses Python on traced values.
         """
-        function, packaged = getattr(self, stage), _PACKAGED[stage]
+        function, packaged = getattr(self, stage), getattr(Stages, stage)
         if function is packaged:
             return named_arguments.call(function, **arguments)
         try:
@@ -263,9 +263,6 @@ class Stages:
         expected = jax.eval_shape(lambda: named_arguments.call(packaged, **arguments))
         _check_result(f"stages.{stage}", result, expected)
         return result
-
-
-_PACKAGED: dict[str, Any] = {each.name: each.default for each in fields(Stages)}
 
 
 def _check_result(where: str, result: Any, expected: Any) -> None:

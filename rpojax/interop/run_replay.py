@@ -27,7 +27,7 @@ from rpojax.runtime.progress_bar import Progress, ProgressCallback
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
-from rpojax.simulation.state import State
+from rpojax.simulation.state import State, elapsed_time
 from rpojax.simulation.step import step
 from rpojax.simulation.telemetry import Telemetry
 
@@ -144,7 +144,7 @@ def _simulate_segment(
 def _recorded_poses(scenario: Scenario, telemetry: Telemetry) -> dict[str, Array]:
     truth = telemetry.truth
     return {
-        "time_s": telemetry.tick.astype(jnp.float64) * scenario.tick_s,
+        "time_s": elapsed_time(scenario, truth, telemetry.tick),
         "range_m": gradient_safe.norm(truth.r_ST_N),
         "r_TN_N": truth.r_TN_N,
         "r_ST_N": truth.r_ST_N,

@@ -18,6 +18,7 @@ from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import camera_pose, detector_input, geometric_camera, rendered_camera, statistical_camera
 from rpojax.sensors.camera import CameraFrame
 from rpojax.simulation.noise import TickNoise
+from rpojax.simulation.state import elapsed_time
 from rpojax.vision import bounding_box, box_projection, pinhole
 from rpojax.vision.imaging.image_formation import ImageWindow, Scene
 
@@ -115,7 +116,7 @@ def _scene(scenario: Scenario, params: Params, truth: Truth, sky: SunMoonPositio
     q_KN = camera_pose.camera_attitude(params.camera, truth.q_BN)
     q_KT = quaternion.multiply(q_KN, quaternion.conjugate(truth.q_TN))
     sun_N = normalize(sky.sun_N)
-    time = scenario.epoch_s + tick.astype(truth.r_ST_N.dtype) * scenario.tick_s
+    time = scenario.epoch_s + elapsed_time(scenario, truth, tick)
     scene = Scene(
         r_KT_T=quaternion.rotate(truth.q_TN, truth.r_ST_N),
         R_KT=quaternion.to_matrix(q_KT),

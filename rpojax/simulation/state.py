@@ -7,6 +7,7 @@ from rpojax.core.pytree import pytree
 from rpojax.flight.computer import FlightMemory
 from rpojax.physics.plant_state import Truth
 from rpojax.physics.thruster import BurnError
+from rpojax.scenario.static_settings import Scenario
 
 
 @pytree
@@ -47,6 +48,11 @@ class State:
     tick: Array
     failed_at: Array
     failure: Array
+
+
+def elapsed_time(scenario: Scenario, truth: Truth, tick: Array) -> Array:
+    """Time () since the start of the run at the beginning of a tick [s], in the precision of the simulation."""
+    return tick.astype(truth.r_ST_N.dtype) * scenario.tick_s
 
 
 def true_relative_state(truth: Truth) -> tuple[Array, Array]:

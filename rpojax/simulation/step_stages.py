@@ -20,7 +20,7 @@ from rpojax.sensors import gyro
 from rpojax.simulation.camera_models import camera_format
 from rpojax.simulation.failure import freeze_if_failed
 from rpojax.simulation.noise import TickNoise, draw_tick_noise
-from rpojax.simulation.state import State
+from rpojax.simulation.state import State, elapsed_time
 from rpojax.simulation.tick import Loop, Motion, Tick
 from rpojax.simulation.tick_measurements import advance_sensor_errors, measure, measure_chamber_pressure
 
@@ -38,7 +38,7 @@ def sun_and_moon_at(scenario: Scenario, time: Scalar) -> SunMoonPositions:
 
 def command_camera(loop: Loop, state: State) -> State:
     """The state with the flight software's command for the exposure that begins the tick."""
-    time = state.tick.astype(state.truth.r_ST_N.dtype) * loop.scenario.tick_s
+    time = elapsed_time(loop.scenario, state.truth, state.tick)
     camera = camera_format(loop.scenario)
     with jax.named_scope("command"):
         flight = computer.command_camera(loop.stages, loop.params.flight, camera, state.flight, time)
@@ -50,13 +50,13 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
     scenario, params = loop.scenario, loop.params
     with jax.named_scope("draw"):
         noise = noise or draw_tick_noise(scenario, state.keys, state.tick)
-    time = state.tick.astype(state.truth.r_ST_N.dtype) * scenario.tick_s
+    time = elapsed_time(scenario, state.truth, state.tick)
     sky = sun_and_moon_at(scenario, time)
     health = (
         equipment_faults.health_at(params.plant.fault, time) if scenario.effects.faults else equipment_faults.healthy()
     )
     with jax.named_scope("sense"):
-        measurements, frame = measure(scenario, params, state, noise, sky, health)
+        measurements, frame = measure(scenario, params, state, noise, sky, health, time)
     return Tick(
         state=state,
         time=time,

@@ -22,9 +22,15 @@ Scalar = Float[Array, ""]
 
 
 def measure(
-    scenario: Scenario, params: Params, state: State, noise: TickNoise, sky: SunMoonPositions, health: Health
+    scenario: Scenario,
+    params: Params,
+    state: State,
+    noise: TickNoise,
+    sky: SunMoonPositions,
+    health: Health,
+    time: Scalar,
 ) -> tuple[Measurements, CameraFrame]:
-    """Inputs of the flight software at the beginning of a tick, and the camera frame."""
+    """Inputs of the flight software at the beginning of a tick, at `time` [s], and the camera frame."""
     truth = state.truth
     frame = camera_models.expose(
         scenario,
@@ -44,17 +50,13 @@ def measure(
         star_tracker_present=health.star_tracker
         & star_tracker.is_available(params.star_tracker, truth.q_BN, sky.sun_N),
         box=camera_models.box_measurement(scenario, params, frame),
-        additional=_measure_additional(scenario, params, state, noise, sky),
+        additional=_measure_additional(scenario, params, noise, SensedScene(truth=truth, sky=sky, time=time)),
     )
     return measurements, frame
 
 
-def _measure_additional(
-    scenario: Scenario, params: Params, state: State, noise: TickNoise, sky: SunMoonPositions
-) -> dict[str, Array]:
+def _measure_additional(scenario: Scenario, params: Params, noise: TickNoise, scene: SensedScene) -> dict[str, Array]:
     """Measurements of the additional sensors, by name."""
-    time = state.tick.astype(state.failed_at.dtype) * scenario.tick_s
-    scene = SensedScene(truth=state.truth, sky=sky, time=time)
     found: dict[str, Array] = {}
     for name in scenario.additional_sensors:
         found |= sensor_class(name).measure(params.additional_sensors[name], scene, noise.additional[name])

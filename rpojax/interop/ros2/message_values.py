@@ -22,6 +22,7 @@ from rpojax.physics.plant_state import Truth
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import detector_input
+from rpojax.simulation.state import elapsed_time
 from rpojax.simulation.telemetry import Telemetry
 
 Vector = Float[Array, "3"]
@@ -120,7 +121,7 @@ class RosTickValues:
 def observe_tick(stages: Stages, scenario: Scenario, params: Params, telemetry: Telemetry) -> RosTickValues:
     """Message values of one tick."""
     truth, flight, measurements = telemetry.truth, telemetry.flight, telemetry.measurements
-    time = telemetry.tick.astype(jnp.float64) * scenario.tick_s
+    time = elapsed_time(scenario, truth, telemetry.tick)
     R_HN, omega_HN_N = hill_frame(truth.r_TN_N, truth.v_TN_N)
     q_HN = quaternion.from_matrix(R_HN)
     zero = jnp.zeros((), dtype=jnp.float64)

@@ -1,5 +1,6 @@
 """What an additional sensor provides: the section of its settings, and its measurement."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
@@ -28,7 +29,7 @@ class SensedScene:
     time: "jax.Array"
 
 
-class AdditionalSensor(Section):
+class AdditionalSensor(Section, ABC):
     """Settings of an additional sensor, as a section of scenario files named like it.
 
     Its numbers can be dispersed. JAX is imported inside of `measure`, so that scenarios are validated without it.
@@ -38,6 +39,7 @@ class AdditionalSensor(Section):
     """Standard normal numbers that a measurement takes."""
 
     @staticmethod
+    @abstractmethod
     def measure(
         settings: "Mapping[str, jax.Array]", scene: SensedScene, normals: "jax.Array"
     ) -> "dict[str, jax.Array]":
@@ -51,4 +53,3 @@ class AdditionalSensor(Section):
         Returns:
             measurement by name, which is a recorded channel too and ends with its unit; numbers, vectors or flags.
         """
-        raise NotImplementedError

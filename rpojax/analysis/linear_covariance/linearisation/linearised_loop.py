@@ -25,7 +25,7 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation.channels import compute_channels
 from rpojax.simulation.noise import TickNoise
-from rpojax.simulation.state import State, true_relative_state
+from rpojax.simulation.state import State, elapsed_time, true_relative_state
 from rpojax.simulation.step import step as simulate_tick
 from rpojax.simulation.step_stages import sun_and_moon_at
 from rpojax.simulation.telemetry import Telemetry
@@ -186,7 +186,7 @@ class LinearisedLoop:
 
     def _outputs(self, params: Params, telemetry: Telemetry) -> Array:
         memory = telemetry.flight
-        time = telemetry.tick.astype(jnp.float64) * self.scenario.tick_s
+        time = elapsed_time(self.scenario, telemetry.truth, telemetry.tick)
         command_H, _ = computer.formation_command(self.stages, params.flight, memory, time)
         return jnp.concatenate([navigation_outputs(telemetry), command_H])
 
