@@ -79,6 +79,7 @@ def plant_params(reference: Reference) -> PlantParams:
             mass=mass,
             inertia=inertia,
             hull=jnp.zeros((1, 3)),
+            scale=jnp.ones(()),
             tumble_rate=zero,
             tumble_axis=no_vector,
             attitude=jnp.array([1.0, 0.0, 0.0, 0.0]),

@@ -27,7 +27,8 @@ class Target:
     Attributes:
         mass: () [kg]
         inertia: (3, 3) [kg m^2]
-        hull: (n, 3) vertices that span its outline, from its centre of mass in T [m]
+        hull: (n, 3) vertices that span its nominal outline, from its centre of mass in T [m]
+        scale: () true size of outline and radiance field over the nominal one
         tumble_rate: () initial rate [rad/s]
         tumble_axis: (3,) direction of the initial rate in T, any length
         attitude: (4,) initial q_TN
@@ -36,9 +37,15 @@ class Target:
     mass: Array
     inertia: Array
     hull: Array
+    scale: Array
     tumble_rate: Array
     tumble_axis: Array
     attitude: Array
+
+    @property
+    def true_hull(self) -> Float[Array, "n 3"]:
+        """Vertices that span the true outline, from the centre of mass in T [m]."""
+        return self.hull * self.scale
 
 
 @pytree

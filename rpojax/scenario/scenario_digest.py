@@ -19,8 +19,10 @@ def scenario_digest(file: ScenarioFile) -> str:
         # The order of the keys decides which run has which combination.
         content["design"]["values"] = list(content["design"]["values"].items())
     if file.precision == "double":
-        # Campaigns recorded before this key existed keep their digest.
+        # Campaigns recorded before these keys existed keep their digest.
         del content["precision"]
+    if file.target.scale == 1.0:
+        del content["target"]["scale"]
     if trained := trained_files.required_digests(content):
         content["trained"] = trained
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

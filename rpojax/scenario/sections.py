@@ -117,6 +117,7 @@ class TargetSection(Section):
     mass_kg: Positive
     inertia_kg_m2: Inertia
     hull_m: Hull
+    scale: Positive = 1.0
     tumble_rate_deg_s: Finite
     tumble_axis: Direction
     attitude: Quaternion

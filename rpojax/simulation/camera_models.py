@@ -55,7 +55,7 @@ def expose(
     )
     # All vertices use the pose: the barrier keeps XLA from recomputing it for each.
     pose = fusion_barrier(camera_pose.target_pose_in_camera(camera, truth.q_TN, truth.r_ST_N, truth.q_BN), tick)
-    hull_K = camera_pose.hull_in_camera(params.plant.target.hull, *pose)
+    hull_K = camera_pose.hull_in_camera(params.plant.target.true_hull, *pose)
     size = (scenario.width_px, scenario.height_px)
     normals, uniforms = noise.camera, noise.uniforms
     if scenario.camera_model == "geometric":
@@ -118,7 +118,8 @@ def _scene(scenario: Scenario, params: Params, truth: Truth, sky: SunMoonPositio
     sun_N = normalize(sky.sun_N)
     time = scenario.epoch_s + elapsed_time(scenario, truth, tick)
     scene = Scene(
-        r_KT_T=quaternion.rotate(truth.q_TN, truth.r_ST_N),
+        # A target of twice the size looks as the nominal one from half the distance.
+        r_KT_T=quaternion.rotate(truth.q_TN, truth.r_ST_N) / params.plant.target.scale,
         R_KT=quaternion.to_matrix(q_KT),
         sun_T=quaternion.rotate(truth.q_TN, sun_N),
         sunlight=eclipse.illumination(truth.r_TN_N, sky.sun_N),

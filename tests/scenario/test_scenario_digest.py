@@ -37,16 +37,19 @@ def test_requirements_do_not_change_the_digest(tables: dict[str, Any]) -> None:
     assert static_settings(without) == static_settings(with_requirements)
 
 
-def test_default_design_and_precision_are_not_hashed(
+def test_defaults_of_later_keys_are_not_hashed(
     inspection_file: ScenarioFile,
 ) -> None:
     content = inspection_file.model_dump(mode="json")
     for key in ("name", "description", "requirements", "tuning", "design", "precision"):
         del content[key]
+    del content["target"]["scale"]
     text = json.dumps(content, sort_keys=True)
     assert scenario_digest(inspection_file) == hashlib.sha256(text.encode()).hexdigest()
     single = inspection_file.model_copy(update={"precision": "single"})
     assert scenario_digest(single) != scenario_digest(inspection_file)
+    larger = scenario_loader.load("inspection", ["target.scale=1.1"])
+    assert scenario_digest(larger) != scenario_digest(inspection_file)
 
 
 def test_the_content_of_trained_files_is_hashed(tmp_path: Path) -> None:

@@ -97,7 +97,7 @@ def _add_target(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
     R_HT = run.values["R_HN"] @ attitude_matrices(run.poses["q_TN"]).transpose(0, 2, 1)
     chunks.add(path, time, rr.Transform3D.columns(quaternion=quaternion_to_parent(R_HT)))
     chunks.add_static(path, rr.TransformAxes3D(1.5))
-    hull = np.asarray(run.params.plant.target.hull)
+    hull = np.asarray(run.params.plant.target.true_hull)
     corners, normals = _hull_triangles(hull)
     triangles = np.arange(len(corners)).reshape(-1, 3)
     color = np.tile([*_TARGET_COLOR, 255], (len(corners), 1)).astype(np.uint8)

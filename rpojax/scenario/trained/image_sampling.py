@@ -30,15 +30,15 @@ def image_sampling(tables: Mapping[str, Any]) -> "RaySampling":
     least = _RANGE_MARGIN * range_limits(tables)[0]
     if max(camera["width_px"], camera["height_px"]) > detector_input.MAX_INPUT_PX:
         # At lesser ranges a window of a large frame is binned, so that the target does not become larger in pixels.
-        size = focal * tables["navigation"]["target_size_m"]
+        size = focal * tables["navigation"]["target_size_m"] / tables["target"]["scale"]
         least = max(least, size / (detector_window.TARGET_FRACTION * detector_input.MAX_INPUT_PX))
     return _cached_sampling(file_path(tables, "field"), focal, least)
 
 
 def range_limits(tables: Mapping[str, Any]) -> tuple[float, float]:
-    """Lesser and greater of the ranges of start and station [m]."""
+    """Lesser and greater of the ranges of start and station [m], at which a target of scale 1 looks as large."""
     positions = (tables["initial"]["relative_position_m"], tables["formation"]["desired_position_m"])
-    near, far = sorted(math.hypot(*position) for position in positions)
+    near, far = sorted(math.hypot(*position) / tables["target"]["scale"] for position in positions)
     return near, far
 
 

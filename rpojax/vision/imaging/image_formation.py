@@ -21,7 +21,7 @@ class Scene:
     """Geometry of target, camera, Sun and Earth at the time of an exposure, float32.
 
     Attributes:
-        r_KT_T: (3,) camera from the target, in target axes [m]
+        r_KT_T: (3,) camera from the target, in target axes, for a target of the radiance field's size [m]
         R_KT: (3, 3) target axes to camera axes
         sun_T: (3,) unit vector to the Sun, in target axes
         sunlight: () fraction of the Sun's disc in view at the target

@@ -144,4 +144,4 @@ def target_outline(scenario: Scenario, params: Params, q_TN: Float[Array, "4"], 
     """Edges [px] of the box of a target at attitude `q_TN` in the true camera, not cut by the frame."""
     lens = pinhole.pinhole_intrinsics(params.camera.field_of_view, scenario.width_px, scenario.height_px)
     pose = camera_pose.target_pose_in_camera(params.camera, q_TN, truth.r_ST_N, truth.q_BN)
-    return box_projection.projected_box(lens, camera_pose.hull_in_camera(params.plant.target.hull, *pose))
+    return box_projection.projected_box(lens, camera_pose.hull_in_camera(params.plant.target.true_hull, *pose))

@@ -1,0 +1,85 @@
+"""Scale of the target: every camera sees a larger target as the nominal one from nearer by."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.core.pytree import replace
+from rpojax.physics import equipment_faults
+from rpojax.scenario import params
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.static_settings import static_settings
+from rpojax.scenario.trained import fitted_camera
+from rpojax.sensors.camera import CameraFrame
+from rpojax.simulation import camera_models, initial_state
+from rpojax.simulation.noise import camera_key, draw_tick_noise, run_key
+from rpojax.simulation.step_stages import sun_and_moon_at
+
+SMALL = ["camera.width_px=64", "camera.height_px=64", "camera.field_of_view_deg=5.0"]
+NEAR = ["initial.relative_position_m=[0.0, -30.0, 0.0]", "navigation.initial_relative_position_sigma_m=0.2"]
+SCALE = 1.5
+
+
+def frame_and_picture(model: str, scale: float, farther: float) -> tuple[CameraFrame, np.ndarray | None]:
+    """Frame, and image if it is rendered, of a target of a scale at `farther` times 30 m."""
+    small = SMALL if model == "rendered" else []
+    file = scenario_loader.load("inspection", [*small, *NEAR, f"camera.model={model}"])
+    static = static_settings(file)
+    nominal = params.build_params(file.model_dump(), static.width_px, static.height_px)
+    start = initial_state.init(static, nominal, run_key(0, 0))
+    scaled = params.replace_leaf(nominal, ("plant", "target", "scale"), jnp.asarray(scale))
+    truth = replace(start.truth, r_ST_N=farther * start.truth.r_ST_N)
+    command = start.flight.camera
+    sky, noise = sun_and_moon_at(static, jnp.zeros(())), draw_tick_noise(static, start.keys, start.tick)
+    key, errors = camera_key(start.keys, start.tick), start.sensor_errors.box_edge_errors
+    health = equipment_faults.healthy()
+
+    @jax.jit
+    def expose(scaled: params.Params, truth: Any) -> tuple[CameraFrame, jax.Array | None]:
+        frame = camera_models.expose(static, scaled, truth, command, errors, sky, health, noise, key, start.tick)
+        if model != "rendered":
+            return frame, None
+        window = camera_models.commanded_window(static, scaled, command)
+        return frame, camera_models.render_picture(static, scaled, window, truth, sky, key, start.tick)
+
+    frame, picture = expose(scaled, truth)
+    return frame, None if picture is None else np.asarray(picture)
+
+
+@pytest.mark.parametrize("model", ["geometric", "statistical", "rendered"])
+def test_a_larger_target_looks_as_the_nominal_one_from_nearer_by(model: str) -> None:
+    near, near_picture = frame_and_picture(model, 1.0, 1.0)
+    far, far_picture = frame_and_picture(model, SCALE, SCALE)
+    assert float(near.outline[2] - near.outline[0]) > 5.0
+    # Rounding of the projection; single precision of views for the networks.
+    tolerance = 1e-9 if model == "geometric" else 1e-2
+    np.testing.assert_allclose(far.outline, near.outline, rtol=0.0, atol=tolerance)
+    np.testing.assert_allclose(far.box.edges, near.box.edges, rtol=0.0, atol=tolerance)
+    assert bool(far.box.present) == bool(near.box.present)
+    if near_picture is not None and far_picture is not None:
+        # One step of 256 grey levels, and two at the border of a ray's cell.
+        assert np.abs(far_picture - near_picture).mean() < 1e-3
+
+
+def test_the_image_of_a_larger_target_fills_its_true_outline() -> None:
+    frame, picture = frame_and_picture("rendered", SCALE, 1.0)
+    nominal, _ = frame_and_picture("rendered", 1.0, 1.0)
+    assert picture is not None
+    sides = np.asarray(frame.outline[2:] - frame.outline[:2])
+    # Perspective changes the ratio by some percent.
+    np.testing.assert_allclose(sides / np.asarray(nominal.outline[2:] - nominal.outline[:2]), SCALE, rtol=0.05)
+    lit = picture.max(axis=2) > 0.25
+    rows, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
+    seen = np.array([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])
+    # Blur and parts in shadow move an edge of the lit pixels by a pixel or two.
+    np.testing.assert_allclose(seen, frame.outline, atol=3.0)
+
+
+def test_networks_and_statistics_of_a_larger_target_serve_greater_ranges() -> None:
+    tables = scenario_loader.load("inspection").model_dump()
+    tables["target"]["scale"] = 2.0
+    near, far = fitted_camera.view_limits(tables)[fitted_camera.RANGE_KEY]
+    assert (near, far) == (15.0, 25.0)
