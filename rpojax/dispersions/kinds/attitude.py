@@ -22,6 +22,7 @@ class RandomAttitude(SingleKeyKind):
     kind: Literal["attitude"]
 
     is_separable: ClassVar[bool] = False
+    uses_nominal: ClassVar[bool] = False
 
     def check(self, where: str, nominal: np.ndarray) -> None:
         """Checks that the key is that of a quaternion."""

@@ -23,6 +23,7 @@ class Choice(SingleKeyKind):
     values: Annotated[list[Finite] | list[list[Finite]] | list[FaultKind], Field(min_length=1)]
 
     takes_categories: ClassVar[bool] = True
+    uses_nominal: ClassVar[bool] = False
     is_continuous: ClassVar[bool] = False
 
     def check(self, where: str, nominal: np.ndarray) -> None:

@@ -1,7 +1,7 @@
 """Values derived from other values of the same run."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -26,6 +26,8 @@ class Derived(DispersionKind):
     kind: Literal["derived"]
     offset: Finite | list[Finite]
     terms: Annotated[list[Term], Field(min_length=1, max_length=64)]
+
+    uses_nominal: ClassVar[bool] = False
 
     @property
     def key_texts(self) -> list[str]:

@@ -22,6 +22,7 @@ class RandomDirection(SingleKeyKind):
     kind: Literal["direction"]
 
     is_separable: ClassVar[bool] = False
+    uses_nominal: ClassVar[bool] = False
 
     def check(self, where: str, nominal: np.ndarray) -> None:
         """Checks that the key is that of a vector."""

@@ -47,6 +47,8 @@ class DispersionKind(Section):
     """Whether several keys, in a field `keys`, are assigned together."""
     takes_categories: ClassVar[bool] = False
     """Whether a key may be that of categories, such as kinds of fault, instead of quantities."""
+    uses_nominal: ClassVar[bool] = True
+    """Whether a value depends on the nominal numbers; otherwise setting these has no effect on runs."""
 
     @property
     @abstractmethod

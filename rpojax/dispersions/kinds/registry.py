@@ -4,7 +4,7 @@ The schema imports them without JAX and SciPy, so that validation is instant: ki
 """
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 from pydantic import Field, TypeAdapter, ValidationError
 
@@ -33,6 +33,12 @@ Dispersion = Annotated[
     | Derived,
     Field(discriminator="kind"),
 ]
+
+
+def kind_class(kind: object) -> type[DispersionKind] | None:
+    """Class of a kind of dispersion by its name, None if there is no such kind."""
+    classes = get_args(get_args(Dispersion)[0])
+    return next((each for each in classes if get_args(each.model_fields["kind"].annotation)[0] == kind), None)
 
 
 def recorded_dispersion(table: Mapping[str, Any]) -> DispersionKind | None:

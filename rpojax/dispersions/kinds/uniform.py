@@ -1,6 +1,6 @@
 """Dispersion uniform between bounds."""
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from pydantic import model_validator
@@ -20,6 +20,8 @@ class Uniform(SingleKeyKind):
     kind: Literal["uniform"]
     low: Finite
     high: Finite
+
+    uses_nominal: ClassVar[bool] = False
 
     @model_validator(mode="after")
     def _check_order(self) -> "Uniform":

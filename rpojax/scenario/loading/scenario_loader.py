@@ -1,5 +1,6 @@
 """Scenario files, packaged or of the user, read and validated."""
 
+import copy
 import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
@@ -11,6 +12,7 @@ from pydantic import ValidationError
 from rpojax.errors import ScenarioError
 from rpojax.scenario.checks.consistency_checks import check_consistency
 from rpojax.scenario.loading import case_table_csv
+from rpojax.scenario.loading.replaced_nominals import Layer, check_no_replaced_key_is_set
 from rpojax.scenario.loading.table_merging import apply_override, merge
 from rpojax.scenario.loading.validation_errors import first_error
 from rpojax.scenario.schema import ScenarioFile
@@ -34,11 +36,15 @@ def load(source: str | Path, overrides: Sequence[str] = ()) -> ScenarioFile:
     Raises:
         ScenarioError: the source is unknown or a key is not acceptable.
     """
-    tables = _read_tables(source)
+    layers, tables = _merge_files(_read_files(source))
+    before = copy.deepcopy(tables)
+    changes: dict[str, Any] = {}
     for override in overrides:
-        apply_override(tables, override)
+        changes = merge(changes, apply_override(tables, override))
     _load_case_table(tables)
-    return validate(tables)
+    file = validate(tables)
+    check_no_replaced_key_is_set([*layers, Layer(before, changes, is_override=True)], tables)
+    return file
 
 
 def validate(tables: Mapping[str, Any]) -> ScenarioFile:
@@ -55,8 +61,17 @@ def validate(tables: Mapping[str, Any]) -> ScenarioFile:
     return file
 
 
-def _read_tables(source: str | Path, depth: int = 0) -> dict[str, Any]:
-    """Tables of a file, merged into those of the file that it extends."""
+def _merge_files(files: Sequence[dict[str, Any]]) -> tuple[list[Layer], dict[str, Any]]:
+    """Changes that each file makes to those before it, and the tables of all together."""
+    layers, tables = [], {}
+    for changes in files:
+        layers.append(Layer(tables, changes))
+        tables = merge(tables, changes)
+    return layers, copy.deepcopy(tables)
+
+
+def _read_files(source: str | Path, depth: int = 0) -> list[dict[str, Any]]:
+    """Tables of a file after those of the files that it extends."""
     if depth > _MAX_EXTENDS_DEPTH:
         raise ScenarioError("extends", str(source), "a chain of scenarios that ends")
     text, folder = _read_text(source)
@@ -67,10 +82,10 @@ def _read_tables(source: str | Path, depth: int = 0) -> dict[str, Any]:
     _resolve_paths(tables, folder)
     base = tables.pop("extends", None)
     if base is None:
-        return tables
+        return [tables]
     if not isinstance(base, str):
         raise ScenarioError("extends", base, "the name of a packaged scenario or the path of a TOML file")
-    return merge(_read_tables(base if base in packaged_names() else folder / base, depth + 1), tables)
+    return [*_read_files(base if base in packaged_names() else folder / base, depth + 1), tables]
 
 
 def _read_text(source: str | Path) -> tuple[str, Path]:

@@ -1,5 +1,6 @@
 """Nested tables of scenario files: a file merged into its base, and `KEY=VALUE` overrides."""
 
+import functools
 import tomllib
 from collections.abc import Mapping
 from typing import Any
@@ -8,11 +9,18 @@ from rpojax.errors import ScenarioError
 from rpojax.scenario.loading.validation_errors import did_you_mean
 from rpojax.sensors.additional.registry import sensor_names
 
+REMOVED = "none"
+"""In place of a kind: the dispersion of the base is removed."""
+
 
 def merge(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """The tables of `base` with `changes` merged in key by key; lists and the design are replaced as a whole.
 
-    Dispersions of `changes` replace those of the same key or keys, the others are appended.
+    Dispersions of `changes` replace those of the same key or keys, or remove them if their kind is `none`; the others
+    are appended.
+
+    Raises:
+        ScenarioError: a dispersion that `base` does not have is removed.
     """
     merged = dict(base)
     for key, value in changes.items():
@@ -27,15 +35,35 @@ def merge(base: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _merge_dispersions(base: list[Any], changes: list[Any]) -> list[Any]:
-    def name(entry: Any) -> Any:
-        return (entry.get("key"), entry.get("keys")) if isinstance(entry, dict) else None
+    known, changed = [dispersion_name(entry) for entry in base], [dispersion_name(entry) for entry in changes]
+    added = []
+    for name, entry in zip(changed, changes, strict=True):
+        if not (isinstance(entry, dict) and entry.get("kind") == REMOVED):
+            added.append(entry)
+        elif name not in known:
+            raise ScenarioError("dispersions", name, f"a dispersion of the base{did_you_mean(name, known)}")
+    return [entry for name, entry in zip(known, base, strict=True) if name not in changed] + added
 
-    changed = [name(entry) for entry in changes]
-    return [entry for entry in base if name(entry) not in changed] + changes
+
+def key_names(entry: Any) -> list[str]:
+    """Keys of the table of a dispersion."""
+    keys = (entry.get("keys") or [entry.get("key")]) if isinstance(entry, dict) else []
+    return [str(key) for key in keys] if isinstance(keys, list) else []
 
 
-def apply_override(tables: dict[str, Any], override: str) -> None:
+def dispersion_name(entry: Any) -> str:
+    """Name of the table of a dispersion: the key, or the keys joined by `+`."""
+    return "+".join(key_names(entry))
+
+
+def apply_override(tables: dict[str, Any], override: str) -> dict[str, Any]:
     """Sets one existing key in place, or one of an additional sensor; its value is TOML, or text if it is no TOML.
+
+    `dispersions.NAME` is the dispersion of that key: `none` removes it, a table replaces it or adds one, and
+    `dispersions.NAME.SETTING` is one of its settings.
+
+    Returns:
+        Nested tables of the sections with what is set, without dispersions.
 
     Raises:
         ScenarioError: the text is no `KEY=VALUE`, or there is no such key.
@@ -49,10 +77,18 @@ def apply_override(tables: dict[str, Any], override: str) -> None:
     except tomllib.TOMLDecodeError:
         value = text
     *path, leaf = key.split(".")
+    if path and path[0] == "dispersions":
+        _override_dispersion(tables, key.partition(".")[2], value)
+        return {}
     if path and path[0] in sensor_names():
         # The section of an additional sensor may be made by overrides alone; validation knows its keys.
         tables.setdefault(path[0], {})[leaf] = value
-        return
+    else:
+        _set_existing(tables, key, path, leaf, value)
+    return functools.reduce(lambda inner, name: {name: inner}, reversed(path), {leaf: value})
+
+
+def _set_existing(tables: dict[str, Any], key: str, path: list[str], leaf: str, value: Any) -> None:
     table: Any = tables
     for name in path:
         table = table.get(name) if isinstance(table, dict) else None
@@ -60,3 +96,26 @@ def apply_override(tables: dict[str, Any], override: str) -> None:
         hint = did_you_mean(leaf, list(table)) if isinstance(table, dict) else ""
         raise ScenarioError("overrides", key, f"a key of the scenario{hint}", is_argument=True)
     table[leaf] = value
+
+
+def _override_dispersion(tables: dict[str, Any], text: str, value: Any) -> None:
+    """Removes, replaces or adds the dispersion of the name `text`, or sets one that exists of its settings."""
+    entries = tables.get("dispersions")
+    entries = entries if isinstance(entries, list) else []
+    names = [dispersion_name(entry) for entry in entries]
+    name, _, setting = text.rpartition(".")
+    keys = {"keys": text.split("+")} if "+" in text else {"key": text}
+    if text in names and value == REMOVED:
+        del entries[names.index(text)]
+    elif text in names and isinstance(value, dict):
+        entries[names.index(text)] = keys | value
+    elif name in names and setting in entries[names.index(name)]:
+        entries[names.index(name)][setting] = value
+    elif text not in names and isinstance(value, dict):
+        tables["dispersions"] = [*entries, keys | value]
+    else:
+        if text in names:
+            expected = "'none', or a table such as {kind = 'normal', sigma = 1.0}"
+        else:
+            expected = f"a dispersion of the scenario, or one of its settings{did_you_mean(text, names)}"
+        raise ScenarioError("overrides", f"dispersions.{text}={value}", expected, is_argument=True)

@@ -70,6 +70,15 @@ def test_the_coordinates_that_vary_change_the_value_and_no_others_do(kind: str) 
 
 
 @pytest.mark.parametrize("kind", CASES)
+def test_a_kind_says_whether_it_uses_the_nominal_value(kind: str) -> None:
+    entry, nominal = kind_and_nominal(kind)
+    unit = np.full((1, entry.coordinate_count(nominal)), 0.3)
+    other = nominal[::-1] + 1.0 if nominal.ndim else nominal + 1.0
+    same = np.array_equal(values_at(entry, nominal, unit), values_at(entry, other, unit))
+    assert same != entry.uses_nominal
+
+
+@pytest.mark.parametrize("kind", CASES)
 def test_every_coordinate_has_its_own_label(kind: str) -> None:
     entry, nominal = kind_and_nominal(kind)
     labels = entry.coordinate_labels([f"k[{index}]" for index in range(nominal.size)])
