@@ -77,4 +77,5 @@ def box(
         truncated=jnp.asarray(truncated),
         half_frame_tangent=jnp.full(2, np.tan(np.deg2rad(5.0))),
         attitude_variance_change=jnp.zeros(()),
+        interval=jnp.ones(()),
     )

@@ -1,6 +1,7 @@
 """Synthetic inputs of the orbit filter: GPS and boxes of the nominal orbits, with the camera pointed at the target."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import jax
@@ -73,8 +74,10 @@ def propagate_truth(scenario: Scenario, flight: FlightParams, truth: OrbitEstima
     return combined_orbit_filter.predict(flight.navigation, degree, truth, none, zero, zero + 1.0, none, dt)
 
 
-def synthetic_measurements(flight: FlightParams, truth: OrbitEstimate, noise: Float[Array, "6"]) -> FilterInputs:
-    """Measurements of true orbits, with standard normal noise (6,)."""
+def synthetic_measurements(
+    interval: float, flight: FlightParams, truth: OrbitEstimate, noise: Float[Array, "6"]
+) -> FilterInputs:
+    """Measurements of true orbits every `interval` [s], with standard normal noise (6,)."""
     tuning, focal = flight.navigation, flight.vehicle.focal_px
     q_BN, _ = target_pointing.look_attitude(flight.vehicle, truth)
     r_TS_N = truth.relative.r_TS_N
@@ -96,6 +99,7 @@ def synthetic_measurements(flight: FlightParams, truth: OrbitEstimate, noise: Fl
             truncated=~yes,
             half_frame_tangent=jnp.full(2, _HALF_FRAME, dtype=jnp.float64),
             attitude_variance_change=zero,
+            interval=zero + interval,
         ),
     )
 
@@ -104,7 +108,7 @@ def simulate_measurements(
     scenario: Scenario, flight: FlightParams, start: OrbitEstimate, noise: Float[Array, "t 6 n"]
 ) -> tuple[OrbitEstimate, FilterInputs]:
     """True orbits at the end, and the measurements of all runs, time first and runs last."""
-    batched_measurements = batch_last_axis(synthetic_measurements, (None, None, -1))
+    batched_measurements = batch_last_axis(partial(synthetic_measurements, scenario.tick_s), (None, None, -1))
 
     def second(truth: OrbitEstimate, noise: Array) -> tuple[OrbitEstimate, FilterInputs]:
         after = propagate_truth(scenario, flight, truth)

@@ -189,9 +189,12 @@ def _attitude_variance(vehicle: VehicleModel, estimate: AttitudeEstimate) -> Sca
 
 
 def plan_burn(
-    stages: Stages, params: FlightParams, memory: FlightMemory, pointing: TargetPointing, time: Scalar
+    stages: Stages, params: FlightParams, memory: FlightMemory, pointing: TargetPointing, time: Scalar, dt: float
 ) -> FlightMemory:
-    """Memory with a new burn plan; no burn while the target is lost or dark, or soon after the thruster failed."""
+    """Memory with a new burn plan; no burn while the target is lost or dark, or soon after the thruster failed.
+
+    Guidance works every `dt` [s].
+    """
     lost = attitude_guidance.is_lost(params.pointing, memory.pointing)
     thruster_works = time >= memory.thruster_failed_at + params.formation.thruster_retry
     command_H, R_CN = formation_command(stages, params, memory, time)
@@ -204,6 +207,7 @@ def plan_burn(
         pointing.q_BN,
         pointing.visible & thruster_works & ~lost,
         time,
+        dt,
     )
     return replace(memory, plan=plan)
 
@@ -284,7 +288,7 @@ def predict(
     """
     burning = jnp.sum(delta_v_N * delta_v_N, axis=0) > 0.0
     thrust_estimate = select(
-        burning, thrust_estimator.update(memory.thrust_estimate, thrust_ratio), memory.thrust_estimate
+        burning, thrust_estimator.update(memory.thrust_estimate, thrust_ratio, dt), memory.thrust_estimate
     )
     return replace(
         memory,

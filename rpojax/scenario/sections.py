@@ -235,10 +235,10 @@ class NavigationSection(Section):
     burn_magnitude_sigma: NonNegative
     burn_direction_sigma_deg: NonNegative
     gate_sigma: Positive
-    confirm_tolerance_px: Positive
+    confirm_tolerance_px_s: Positive
     confirm_above: Positive
-    confirm_frames: Positive
-    rejections_before_recovery: Positive
+    confirm_within_s: Positive
+    recovery_after_s: Positive
     recovery_position_sigma: NonNegative
     recovery_velocity_sigma_m_s: NonNegative
     initial_position_sigma_m: Positive

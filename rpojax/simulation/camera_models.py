@@ -148,6 +148,7 @@ def box_measurement(scenario: Scenario, params: Params, frame: CameraFrame) -> B
         truncated=frame.box.truncated,
         half_frame_tangent=center_px / focal,
         attitude_variance_change=jnp.zeros_like(side),
+        interval=jnp.full_like(side, scenario.tick_s),
     )
 
 

@@ -89,7 +89,7 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
 
     def decide(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError]:
         error = draw_burn_error(loop.params.plant.thruster, tick.noise.burn)
-        return computer.plan_burn(loop.stages, flight, memory, pointing, tick.time).plan, error
+        return computer.plan_burn(loop.stages, flight, memory, pointing, tick.time, loop.scenario.tick_s).plan, error
 
     def keep(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError]:
         return memory.plan, tick.burn_error

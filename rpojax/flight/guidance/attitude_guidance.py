@@ -31,9 +31,9 @@ class PointingState:
         reference: attitude reference
         burn_attitude_commanded: () bool, the end attitude is the burn's
         acquired: () bool, the target has been acquired since it last came into the light
-        recent_detections: () accepted boxes, fading with every frame that should show the target and does not [-]
+        recent_detections: () evidence of accepted boxes, fading while the target should be seen and is not [s]
         unseen_time: () since the last accepted box, planned look-aways and darkness left out [s]
-        search_time: () since the search began; 0 when not searching [s]
+        search_time: () along the search spiral; 0 when not searching [s]
     """
 
     reference: SlewReference
@@ -67,7 +67,7 @@ def is_lost(pointing: PointingTuning, state: PointingState) -> Flag:
     return (
         (state.unseen_time > pointing.search_after)
         | ~state.acquired
-        | (state.recent_detections < target_acquisition.ACQUISITION_COUNT)
+        | (state.recent_detections < target_acquisition.ACQUISITION_EVIDENCE)
     )
 
 
@@ -100,9 +100,11 @@ def guide(
         dt,
     )
     searching = (acquisition.unseen_time > acquisition.wait) & ~to_burn
-    search_time = jnp.where(searching, search_spiral.wrap_spiral_time(pointing, estimate, state.search_time + dt), 0.0)
+    pace = search_spiral.spiral_pace(dt)
+    advanced = search_spiral.wrap_spiral_time(pointing, estimate, state.search_time + pace * dt)
+    search_time = jnp.where(searching, advanced, 0.0)
 
-    q_target, omega_target = _target_attitude(pointing, vehicle, estimate, searching, search_time)
+    q_target, omega_target = _target_attitude(pointing, vehicle, estimate, searching, search_time, pace)
     q_end = jnp.where(to_burn, plan.q_burn, q_target)
     omega_end = jnp.where(to_burn, 0.0, omega_target)
     changed = to_burn != state.burn_attitude_commanded
@@ -128,7 +130,12 @@ def _is_slewing_back(state: PointingState) -> Flag:
 
 
 def _target_attitude(
-    pointing: PointingTuning, vehicle: VehicleModel, estimate: OrbitEstimate, searching: Flag, search_time: Scalar
+    pointing: PointingTuning,
+    vehicle: VehicleModel,
+    estimate: OrbitEstimate,
+    searching: Flag,
+    search_time: Scalar,
+    pace: float,
 ) -> tuple[Float[Array, "4"], Vector]:
     """Attitude `q_BN` towards the estimated target, or on the search spiral around it, and its rate [rad/s] in B."""
     q_look, omega_look = look_attitude(vehicle, estimate)
@@ -136,7 +143,7 @@ def _target_attitude(
     q_BK = quaternion.conjugate(quaternion.normalize(vehicle.camera_mounting))
     q_search = quaternion.multiply(quaternion.exp(-rotate(q_BK, offset_K)), q_look)
     q_target = jnp.where(searching, q_search, q_look)
-    omega_target = omega_look + jnp.where(searching, rotate(q_BK, offset_rate_K), 0.0)
+    omega_target = omega_look + jnp.where(searching, rotate(q_BK, pace * offset_rate_K), 0.0)
     return q_target, omega_target
 
 

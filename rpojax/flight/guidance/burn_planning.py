@@ -59,11 +59,12 @@ def schedule_burn(
     q_look: Float[Array, "4"],
     allowed: Flag,
     time: Scalar,
+    dt: float,
 ) -> BurnPlan:
     """Next burn with a commanded velocity change [m/s], and a turn from the look attitude `q_look` before it.
 
     There is no burn inside the dead band, below the thruster's minimum on-time, while the range is too uncertain, or
-    unless `allowed`; a burn too long for the look-away limit is shortened.
+    unless `allowed`; a burn too long for the look-away limit is shortened. Guidance works every `dt` [s].
     """
     size, direction_N = gradient_safe.norm(delta_v_N), gradient_safe.normalize(delta_v_N)
 
@@ -71,7 +72,10 @@ def schedule_burn(
     turn_N = quaternion.rotation_vector_between(thrust_now_N, direction_N)
     turn_time = slew_duration(pointing, gradient_safe.norm(turn_N))
 
-    longest_on_time = pointing.look_away_limit - 2.0 * turn_time - pointing.settle_time - _SCHEDULE_MARGIN
+    # The turn begins up to one tick late, and the attitude is checked up to one tick before ignition.
+    settle_time = jnp.maximum(pointing.settle_time, _SETTLE_TICKS * dt)
+    margin = _SCHEDULE_TICKS * dt + _TARGET_MOTION_TIME
+    longest_on_time = pointing.look_away_limit - 2.0 * turn_time - settle_time - margin
     on_time = jnp.minimum(size * vehicle.mass / vehicle.thrust, jnp.maximum(longest_on_time, 0.0))
     above_dead_band = gradient_safe.gate(size - formation.dead_band, 0.05 * formation.dead_band + 1e-6)
     possible = (
@@ -83,7 +87,7 @@ def schedule_burn(
     ignition = time + formation.lead - 0.5 * on_time
     return BurnPlan(
         # Without a burn there is no look-away: the turn starts when it is already over.
-        turn_start=jnp.where(on_time > 0.0, jnp.maximum(ignition - pointing.settle_time - turn_time, time), ignition),
+        turn_start=jnp.where(on_time > 0.0, jnp.maximum(ignition - settle_time - turn_time, time), ignition),
         ignition=ignition,
         cutoff=ignition + on_time,
         delta_v_N=on_time * vehicle.thrust / vehicle.mass * direction_N,
@@ -91,8 +95,16 @@ def schedule_burn(
     )
 
 
-_SCHEDULE_MARGIN = 3.0
-"""Turns begin on whole guidance ticks, which can add a second to each; one more for the target's own motion [s]."""
+_SETTLE_TICKS = 3.0
+"""Least number of guidance ticks between the end of the turn and ignition: two of delay, and one to settle [-]."""
+
+
+_SCHEDULE_TICKS = 2.0
+"""Turns begin on whole guidance ticks, which can add one to each of them [-]."""
+
+
+_TARGET_MOTION_TIME = 1.0
+"""Time that the target's own motion adds to a turn [s]."""
 
 
 def deviation_at_burn(

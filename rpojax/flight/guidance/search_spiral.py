@@ -21,8 +21,16 @@ def wrap_spiral_time(pointing: PointingTuning, estimate: OrbitEstimate, time: Sc
     return jnp.where(time > duration, 1.0, time)
 
 
+def spiral_pace(dt: float) -> float:
+    """Time along the spiral per time, with `dt` [s] between frames: a slow camera follows it at one second per frame.
+
+    So its frames overlap, and the straight path between two of them stays near the spiral, as at one frame per second.
+    """
+    return min(1.0 / dt, 1.0)
+
+
 def spiral_offset(pointing: PointingTuning, time: Scalar) -> tuple[Vector, Vector]:
-    """Rotation vector of the camera [rad] and its rate [rad/s] at a time on the spiral [s]."""
+    """Rotation vector of the camera [rad] and its rate [rad/s] at a time along the spiral [s], at the pace 1."""
     growth = _spiral_growth(pointing)
     # The first second is left out: there the spiral's radius would start at an infinite rate.
     volume = growth * (time + 1.0)

@@ -26,10 +26,10 @@ class OrbitFilterTuning:
         burn_magnitude_sigma: () fraction of a burn's velocity change along it, 1 sigma [-]
         burn_direction_sigma: () fraction across it, per axis, 1 sigma [rad]
         gate_sigma: () boxes beyond this many sigma in bearing or log-range are rejected [-]
-        confirm_tolerance: () two boxes closer than this confirm each other [px]
+        confirm_tolerance: () two boxes confirm each other when closer than this for each second between them [px/s]
         confirm_above: () confirmation is required when bearing is less certain than this many box sigmas [-]
-        confirm_frames: () largest number of frames between two boxes that confirm each other [-]
-        rejections_before_recovery: () rejections in a row that trigger covariance inflation [-]
+        confirm_within: () longest time between two boxes that confirm each other, or one frame if that is longer [s]
+        recovery_after: () of rejected boxes, a box for at most a second, that triggers covariance inflation [s]
         recovery_position_sigma: () position sigma added then, as a fraction of the range [-]
         recovery_velocity_sigma: () velocity sigma added then [m/s]
         initial_position_sigma: () servicer, per axis [m]
@@ -56,8 +56,8 @@ class OrbitFilterTuning:
     gate_sigma: Array
     confirm_tolerance: Array
     confirm_above: Array
-    confirm_frames: Array
-    rejections_before_recovery: Array
+    confirm_within: Array
+    recovery_after: Array
     recovery_position_sigma: Array
     recovery_velocity_sigma: Array
     initial_position_sigma: Array

@@ -32,6 +32,7 @@ class BoxMeasurement:
         truncated: () bool, cut by the frame
         half_frame_tangent: (2,) tangents of the edges of the frame [-]
         attitude_variance_change: () absolute change of the camera attitude's variance since the last frame [rad^2]
+        interval: () since the frame before [s]
     """
 
     tangent: Array
@@ -41,3 +42,4 @@ class BoxMeasurement:
     truncated: Array
     half_frame_tangent: Array
     attitude_variance_change: Array
+    interval: Array

@@ -7,6 +7,7 @@ from rpojax.core import quaternion
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import apply
+from rpojax.flight.navigation import box_evidence
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 
@@ -19,7 +20,15 @@ _GATE_WIDTH = 0.25
 
 
 _REJECTION_DECAY = 0.95
-"""Factor on the count of rejections for a frame without a box."""
+"""Factor on the evidence of rejections for a second without a box."""
+
+
+_LEAST_CONFIRMATION_TIME = 1.0
+"""Two boxes may differ by as much as two that are this long apart, since each has its own noise [s]."""
+
+
+_ROUNDING = 1e-3
+"""Rounding of a sum of intervals, more than that of single precision [s]."""
 
 
 @pytree
@@ -28,8 +37,8 @@ class GateState:
 
     Attributes:
         direction_N: (3,) unit vector of the last box
-        age: () frames since that box [-]
-        rejections: () boxes rejected since the last accepted one, fading while there is no box [-]
+        age: () from that box to the next frame [s]
+        rejections: () evidence of the boxes rejected since the last accepted one, fading while there is no box [s]
     """
 
     direction_N: Array
@@ -89,29 +98,31 @@ def accept(
 def _is_confirmed(
     tuning: OrbitFilterTuning, focal_px: Scalar, R_KN: Matrix, state: GateState, box: BoxMeasurement
 ) -> Bool[Array, ""]:
-    """True if a box of the last few frames had nearly the same inertial direction."""
+    """True if a box of the last few seconds, or of the frame before, had nearly the same inertial direction."""
     before = apply(R_KN, state.direction_N)
     depth = jnp.where(before[2] > 0.1, before[2], 0.1)
     apart = jnp.max(jnp.abs(before[:2] / depth - box.tangent), axis=0)
-    recent = state.age <= tuning.confirm_frames
-    return recent & (apart * focal_px < tuning.confirm_tolerance * state.age) & (before[2] > 0.1)
+    # Half an interval is more than the rounding of an age, and less than a frame.
+    recent = state.age <= jnp.maximum(tuning.confirm_within, box.interval) + 0.5 * box.interval
+    time_apart = jnp.clip(state.age, _LEAST_CONFIRMATION_TIME, tuning.confirm_within)
+    return recent & (apart * focal_px < tuning.confirm_tolerance * time_apart) & (before[2] > 0.1)
 
 
 def update(
     tuning: OrbitFilterTuning, state: GateState, q_KN: Float[Array, "4"], box: BoxMeasurement, rejected: Bool[Array, ""]
 ) -> tuple[GateState, Bool[Array, ""]]:
-    """State after a frame, and whether so many boxes were rejected that the covariance should be inflated.
+    """State after a frame, and whether boxes were rejected for so long that the covariance should be inflated.
 
-    In frames without a box the count of rejections decays, so that isolated false boxes do not add up.
+    In frames without a box the evidence of rejections decays, so that isolated false boxes do not add up.
     """
     ray_K = jnp.concatenate([box.tangent, jnp.ones_like(box.tangent[:1])])
     direction_N = quaternion.rotate(quaternion.conjugate(q_KN), gradient_safe.normalize(ray_K))
-    idle = jnp.where(box.present, 0.0, _REJECTION_DECAY * state.rejections)
-    count = jnp.where(rejected, state.rejections + 1.0, idle)
-    recover = count >= tuning.rejections_before_recovery
+    idle = jnp.where(box.present, 0.0, box_evidence.fade(_REJECTION_DECAY, box.interval) * state.rejections)
+    evidence = jnp.where(rejected, state.rejections + box_evidence.evidence_time(box.interval), idle)
+    recover = evidence >= tuning.recovery_after - _ROUNDING
     after = GateState(
         direction_N=jnp.where(box.present, direction_N, state.direction_N),
-        age=jnp.where(box.present, 1.0, state.age + 1.0),
-        rejections=jnp.where(recover, 0.0, count),
+        age=jnp.where(box.present, box.interval, state.age + box.interval),
+        rejections=jnp.where(recover, 0.0, evidence),
     )
     return after, recover

@@ -37,10 +37,10 @@ def initial() -> ThrustEstimate:
     )
 
 
-def update(estimate: ThrustEstimate, pressure: Scalar) -> ThrustEstimate:
-    """Estimate after a second of burning with a mean chamber pressure over its nominal value [-]."""
+def update(estimate: ThrustEstimate, pressure: Scalar, dt: float) -> ThrustEstimate:
+    """Estimate after `dt` [s] of burning with a mean chamber pressure over its nominal value [-]."""
     innovation = pressure - estimate.ratio
-    prior = estimate.variance + THRUST_RANDOM_WALK**2
+    prior = estimate.variance + THRUST_RANDOM_WALK**2 * dt
     noise = PRESSURE_NOISE**2
     prior = jnp.where(innovation**2 > JUMP_SIGMAS**2 * (prior + noise), 1.0, prior)
     gain = prior / (prior + noise)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rpojax.errors import ScenarioError
+from rpojax.scenario.loading import former_keys
 from rpojax.scenario.loading.validation_errors import did_you_mean
 from rpojax.sensors.additional.registry import sensor_names
 
@@ -93,6 +94,8 @@ def _set_existing(tables: dict[str, Any], key: str, path: list[str], leaf: str, 
     for name in path:
         table = table.get(name) if isinstance(table, dict) else None
     if not isinstance(table, dict) or leaf not in table:
+        if present := former_keys.replacement(key):
+            raise ScenarioError(key, text, present, is_argument=True)
         hint = did_you_mean(leaf, list(table)) if isinstance(table, dict) else ""
         raise ScenarioError("overrides", key, f"a key of the scenario{hint}", is_argument=True)
     table[leaf] = value

@@ -6,6 +6,7 @@ from typing import get_args
 from pydantic import ValidationError
 
 from rpojax.errors import ScenarioError, UnknownKeyError
+from rpojax.scenario.loading import former_keys
 from rpojax.scenario.schema import ScenarioFile
 
 
@@ -18,6 +19,8 @@ def first_error(error: ValidationError) -> ScenarioError:
     fault = max(related, key=lambda fault: len(_key_path(fault["loc"])))
     key = ".".join(_key_path(fault["loc"]))
     if fault["type"] == "extra_forbidden":
+        if present := former_keys.replacement(key):
+            return ScenarioError(key, fault["input"], present)
         return UnknownKeyError(key, _similar_key(fault["loc"]))
     if fault["type"] == "missing":
         return ScenarioError(key, "nothing", "a value for this key")

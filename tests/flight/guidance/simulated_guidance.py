@@ -36,19 +36,20 @@ guide = jax.jit(attitude_guidance.guide, static_argnums=8)
 look_attitude = jax.jit(target_pointing.look_attitude)
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(jax.jit, static_argnums=(0, 5))
 def plan_burn(
     law: Law,
     flight: FlightParams,
     estimate: OrbitEstimate,
     q_look: jax.Array,
     allowed: jax.Array,
+    dt: float,
 ) -> BurnPlan:
-    """Burn plan for the velocity change of a law."""
+    """Burn plan for the velocity change of a law, with guidance every `dt` [s]."""
     deviation, R_CN = burn_planning.deviation_at_burn(flight.formation, NO_STATION_KEEPING, estimate)
     delta_v_N = apply_transposed(R_CN, law(GAIN, deviation))
     return burn_planning.schedule_burn(
-        flight.formation, flight.pointing, flight.vehicle, delta_v_N, estimate, q_look, allowed, jnp.asarray(TIME)
+        flight.formation, flight.pointing, flight.vehicle, delta_v_N, estimate, q_look, allowed, jnp.asarray(TIME), dt
     )
 
 
@@ -72,9 +73,10 @@ def plan(
     flight: FlightParams,
     estimate: OrbitEstimate,
     allowed: bool = True,
+    dt: float = 1.0,
 ) -> BurnPlan:
     q_look, _ = look_attitude(flight.vehicle, estimate)
-    found = plan_burn(law, flight, estimate, q_look, np.asarray(allowed))
+    found = plan_burn(law, flight, estimate, q_look, np.asarray(allowed), dt)
     return jax.tree.map(np.asarray, found)
 
 
@@ -83,7 +85,7 @@ def boresight(flight: FlightParams, q_BN: np.ndarray) -> np.ndarray:
     return rotation_matrix(np.asarray(q_BN)).T @ np.array([1.0, 0.0, 0.0])
 
 
-@jax.jit
+@partial(jax.jit, static_argnums=7)
 def simulate(
     flight: FlightParams,
     estimate: OrbitEstimate,
@@ -92,8 +94,9 @@ def simulate(
     times: jax.Array,
     blind: jax.Array,
     visible: jax.Array = YES,
+    dt: float = 1.0,
 ) -> tuple[jax.Array, AttitudeCommand, jax.Array]:
-    """Modes, commands five times a second, and whether a box was accepted, tick by tick.
+    """Modes, commands five times per tick of `dt` [s], and whether a box was accepted, tick by tick.
 
     A box is accepted when the camera looks within 5 deg of the target, unless `blind`.
     """
@@ -102,24 +105,26 @@ def simulate(
     def body(
         state: PointingState, time: jax.Array
     ) -> tuple[PointingState, tuple[jax.Array, AttitudeCommand, jax.Array]]:
-        q_BN = slew_profile.evaluate(state.reference, jnp.ones(())).q_CN
+        q_BN = slew_profile.evaluate(state.reference, jnp.full((), dt)).q_CN
         looks = attitude_guidance.rotate(attitude_guidance.quaternion.conjugate(q_BN), jnp.array([1.0, 0.0, 0.0]))
         accepted = (jnp.sum(looks * line) > jnp.cos(jnp.deg2rad(5.0))) & ~blind
         state, mode = attitude_guidance.guide(
-            flight.pointing, flight.vehicle, estimate, plan, state, accepted, visible, time, 1.0
+            flight.pointing, flight.vehicle, estimate, plan, state, accepted, visible, time, dt
         )
-        ages = jnp.arange(SAMPLES, dtype=jnp.float64) / SAMPLES
+        ages = dt * jnp.arange(SAMPLES, dtype=jnp.float64) / SAMPLES
         return state, (mode, jax.vmap(lambda age: slew_profile.evaluate(state.reference, age))(ages), accepted)
 
     return jax.lax.scan(body, state, times)[1]
 
 
-def simulate_search(flight: FlightParams, position_sigma: float, ticks: int) -> tuple[np.ndarray, np.ndarray]:
+def simulate_search(
+    flight: FlightParams, position_sigma: float, ticks: int, dt: float = 1.0
+) -> tuple[np.ndarray, np.ndarray]:
     """Modes and commanded attitudes (ticks, samples, 4) of a search for a target that is never seen."""
     known = rendezvous_scene.estimate(flight, v_TS_N=np.zeros(3), position_sigma=position_sigma)
     state = attitude_guidance.initial_pointing(flight.vehicle, known)
     modes, commands, _ = simulate(
-        flight, known, burn_planning.no_burn(), state, TIME + np.arange(float(ticks)), np.asarray(True)
+        flight, known, burn_planning.no_burn(), state, TIME + dt * np.arange(float(ticks)), np.asarray(True), YES, dt
     )
     return np.asarray(modes), np.asarray(commands.q_CN)
 
@@ -131,6 +136,7 @@ def look(
     state: PointingState | None = None,
     plan: BurnPlan | None = None,
     visible: jax.Array = YES,
+    dt: float = 1.0,
 ) -> PointingState:
     """State after frames with ('x') and without ('.') an accepted box."""
     state = attitude_guidance.initial_pointing(flight.vehicle, known) if state is None else state
@@ -144,7 +150,7 @@ def look(
             state,
             accepted,
             visible,
-            TIME + tick,
-            1.0,
+            TIME + dt * tick,
+            dt,
         )
     return state

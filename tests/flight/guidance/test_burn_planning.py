@@ -101,6 +101,25 @@ def test_the_burn_attitude_puts_the_thrust_along_the_velocity_change(params: Par
     np.testing.assert_allclose(thrust, unit(found.delta_v_N), atol=1e-9)
 
 
+@given(SEEDS)
+def test_the_turn_is_over_before_the_attitude_is_checked_at_any_rate_of_guidance(params: Params, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    flight, dt = params.flight, float(rng.choice([0.2, 1.0, 2.0, 5.0]))
+    r_TS_N = rendezvous_scene.TARGET_AHEAD + 5.0 * rng.normal(size=3)
+    estimate = rendezvous_scene.estimate(flight, r_TS_N)
+    found = plan(report_position, flight, estimate, dt=dt)
+    q_look = np.asarray(look_attitude(flight.vehicle, estimate)[0])
+    angle = attitude_difference(q_look, np.asarray(found.q_burn))
+    turn = max(np.sqrt(2.0 * np.pi * angle / float(flight.pointing.slew_acceleration)), 6.0)
+    # Ticks of guidance count from the decision: the turn begins on the first one after its planned start, and the
+    # attitude is checked on the last one before ignition.
+    begin = dt * np.ceil((found.turn_start - TIME) / dt - 1e-6)
+    check = dt * np.floor((found.ignition - TIME) / dt)
+    assert found.cutoff > found.ignition
+    assert begin + turn <= check
+    assert check + dt > found.ignition - TIME
+
+
 def assert_no_burn(found: BurnPlan) -> None:
     assert found.cutoff == found.ignition
     np.testing.assert_array_equal(found.delta_v_N, np.zeros(3))

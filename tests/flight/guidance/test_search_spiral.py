@@ -15,13 +15,15 @@ from rpojax.flight.computer import FlightParams
 from rpojax.flight.guidance.pointing_modes import Mode
 
 
-@pytest.mark.parametrize("radius_deg", [8.0, 20.0, 44.0])
-def test_the_frames_of_a_search_cover_its_cone(flight: FlightParams, radius_deg: float) -> None:
+@pytest.mark.parametrize(("radius_deg", "dt"), [(8.0, 1.0), (20.0, 1.0), (44.0, 1.0), (20.0, 0.2), (44.0, 5.0)])
+def test_the_frames_of_a_search_cover_its_cone_at_any_rate_of_the_camera(
+    flight: FlightParams, radius_deg: float, dt: float
+) -> None:
     # The cone is three sigma of the bearing's uncertainty as guidance takes it, sqrt(2) of one axis.
     sigma = np.deg2rad(radius_deg) / 3.0 / np.sqrt(2.0) * 30.0
-    modes, attitudes = simulate_search(flight, sigma, 300)
-    assert np.all(modes[5:] == Mode.SEARCH)
-    cameras = np.array([rotation_matrix(q) for q in attitudes[:, 0]])  # one frame a second
+    modes, attitudes = simulate_search(flight, sigma, int(300 / min(dt, 1.0)), dt)
+    assert np.all(modes[20:] == Mode.SEARCH)
+    cameras = np.array([rotation_matrix(q) for q in attitudes[:, 0]])  # one frame a tick
     line = unit(rendezvous_scene.TARGET_AHEAD)
     across = unit(np.cross(line, [0.0, 0.0, 1.0]))
     other = np.cross(line, across)

@@ -14,14 +14,15 @@ from rpojax.flight.guidance import (
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
 
+@pytest.mark.parametrize("dt", [1.0, 5.0])
 @pytest.mark.parametrize(
     ("frames", "seen"),
     [("x", False), ("xx", False), ("xxx", True), ("x.x.x", False), ("x.xx", True), ("x" + 19 * "." + "x", False)],
 )
 def test_three_boxes_in_a_row_acquire_the_target_and_fewer_do_not(
-    flight: FlightParams, known: OrbitEstimate, frames: str, seen: bool
+    flight: FlightParams, known: OrbitEstimate, frames: str, seen: bool, dt: float
 ) -> None:
-    state = look(flight, known, frames)
+    state = look(flight, known, frames, dt=dt)
     assert bool(state.acquired) is seen
     assert bool(attitude_guidance.is_lost(flight.pointing, state)) is not seen
 
@@ -39,6 +40,23 @@ def test_the_count_of_detections_decays_by_a_fifth_with_every_frame_without_a_bo
     assert bool(attitude_guidance.is_lost(flight.pointing, faded))
     assert bool(faded.acquired)
     assert faded.search_time == 0.0
+
+
+def test_a_fast_camera_acquires_the_target_in_the_same_time(flight: FlightParams, known: OrbitEstimate) -> None:
+    assert not bool(look(flight, known, 12 * "x", dt=0.2).acquired)  # 2.4 s
+    assert bool(look(flight, known, 13 * "x", dt=0.2).acquired)  # 2.6 s
+    faded = look(flight, known, 10 * "x" + 10 * ".", dt=0.2)  # two seconds with boxes, two without
+    np.testing.assert_allclose(faded.recent_detections, 2.0 * 0.8**2, rtol=1e-12)
+
+
+def test_a_slow_camera_waits_for_three_frames_before_it_searches(flight: FlightParams, known: OrbitEstimate) -> None:
+    # The first tick counts as the end of a slew.
+    assert look(flight, known, "...", dt=5.0).search_time == 0.0
+    assert look(flight, known, "....", dt=5.0).search_time > 0.0
+    searching = replace(look(flight, known, ".."), unseen_time=jnp.float64(50.0), search_time=jnp.float64(4.0))
+    once = look(flight, known, "x", searching, dt=5.0)
+    assert look(flight, known, "..", once, dt=5.0).search_time == 0.0
+    assert look(flight, known, "...", once, dt=5.0).search_time > 0.0
 
 
 def test_a_planned_look_away_keeps_detections_and_unseen_time(flight: FlightParams, known: OrbitEstimate) -> None:

@@ -27,7 +27,9 @@ def tuning(params: Params) -> OrbitFilterTuning:
     return params.flight.navigation
 
 
-def box(x: float = 0.0, y: float = 0.0, present: jax.Array = YES, truncated: jax.Array = NO) -> BoxMeasurement:
+def box(
+    x: float = 0.0, y: float = 0.0, present: jax.Array = YES, truncated: jax.Array = NO, interval: float = 1.0
+) -> BoxMeasurement:
     return BoxMeasurement(
         tangent=jnp.array([x, y]),
         log_size=jnp.float64(-3.0),
@@ -36,6 +38,7 @@ def box(x: float = 0.0, y: float = 0.0, present: jax.Array = YES, truncated: jax
         truncated=truncated,
         half_frame_tangent=jnp.full(2, 0.0875),
         attitude_variance_change=jnp.zeros(()),
+        interval=jnp.float64(interval),
     )
 
 
@@ -90,15 +93,21 @@ def test_an_unconfirmed_box_is_accepted_only_if_the_prior_is_not_wide(tuning: Or
 
 
 @pytest.mark.parametrize(
-    ("pixels", "age", "accepted"),
-    [(4.9, 1.0, True), (5.1, 1.0, False), (9.9, 2.0, True), (10.1, 2.0, False), (0.0, 3.0, True), (0.0, 4.0, False)],
+    ("pixels", "age", "interval", "accepted"),
+    [
+        *[(4.9, 1.0, 1.0, True), (5.1, 1.0, 1.0, False), (9.9, 2.0, 1.0, True), (10.1, 2.0, 1.0, False)],
+        *[(0.0, 3.0, 1.0, True), (0.0, 4.0, 1.0, False), (4.9, 0.2, 0.2, True), (5.1, 0.2, 0.2, False)],
+        *[(0.0, 3.0, 0.2, True), (0.0, 3.2, 0.2, False), (14.9, 5.0, 5.0, True), (15.1, 5.0, 5.0, False)],
+        (0.0, 10.0, 5.0, False),
+    ],
 )
-def test_a_box_is_confirmed_by_one_five_pixels_a_frame_away_at_most_three_frames_ago(
-    tuning: OrbitFilterTuning, pixels: float, age: float, accepted: bool
+def test_a_box_is_confirmed_by_one_five_pixels_a_second_away_within_three_seconds_or_by_the_frame_before(
+    tuning: OrbitFilterTuning, pixels: float, age: float, interval: float, accepted: bool
 ) -> None:
     before = unit(np.array([pixels / float(FOCAL), 0.0, 1.0]))
     state = replace(outlier_gate.initial(), direction_N=jnp.asarray(before), age=jnp.float64(age))
-    assert decide(tuning, [0.0, 0.0, 0.0], state, wide=YES) is accepted
+    measured = box(interval=interval)
+    assert decide(tuning, [0.0, 0.0, 0.0], state, measured, wide=YES) is accepted
 
 
 def test_a_box_behind_the_camera_confirms_nothing(tuning: OrbitFilterTuning) -> None:
@@ -139,6 +148,17 @@ def test_the_sixth_rejection_in_a_row_triggers_recovery_and_resets_the_count(
         counts.append(float(state.rejections))
     assert counts == [1, 2, 0, 1, 2, 3, 4, 5, 0, 1]
     assert recoveries == [False] * 8 + [True, False]
+
+
+@pytest.mark.parametrize(("interval", "frames"), [(0.2, 30), (0.5, 12), (1.0, 6), (5.0, 6)])
+def test_recovery_takes_six_seconds_of_rejected_boxes_and_six_boxes_of_a_slow_camera(
+    tuning: OrbitFilterTuning, interval: float, frames: int
+) -> None:
+    state, recoveries = outlier_gate.initial(), []
+    for _ in range(frames):
+        state, recover = update(tuning, state, IDENTITY, box(interval=interval), YES)
+        recoveries.append(bool(recover))
+    assert recoveries == [False] * (frames - 1) + [True]
 
 
 @jax.jit

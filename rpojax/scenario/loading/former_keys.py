@@ -1,0 +1,14 @@
+"""Keys of scenarios that have another meaning and name today, so that an old file is refused with the reason."""
+
+from typing import Final
+
+_FORMER_KEYS: Final = {
+    "navigation.confirm_frames": "navigation.confirm_within_s, which counts seconds",
+    "navigation.confirm_tolerance_px": "navigation.confirm_tolerance_px_s, which is per second and not per frame",
+    "navigation.rejections_before_recovery": "navigation.recovery_after_s, which counts seconds",
+}
+
+
+def replacement(key: str) -> str | None:
+    """The key that has replaced a former `key`, with the difference, or None for any other key."""
+    return _FORMER_KEYS.get(key)
