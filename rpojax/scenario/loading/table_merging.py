@@ -95,7 +95,7 @@ def _set_existing(tables: dict[str, Any], key: str, path: list[str], leaf: str, 
         table = table.get(name) if isinstance(table, dict) else None
     if not isinstance(table, dict) or leaf not in table:
         if present := former_keys.replacement(key):
-            raise ScenarioError(key, text, present, is_argument=True)
+            raise ScenarioError(key, value, present, is_argument=True)
         hint = did_you_mean(leaf, list(table)) if isinstance(table, dict) else ""
         raise ScenarioError("overrides", key, f"a key of the scenario{hint}", is_argument=True)
     table[leaf] = value
