@@ -6,6 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from rpojax.simulation.outcomes import outcome_kinds
+from rpojax.simulation.outcomes.outcome_events import OutcomeEvent
+
 _MODE_LOOK, _MODE_TURN, _MODE_BURN, _MODE_TURN_BACK = 0, 1, 2, 3
 
 
@@ -17,14 +20,21 @@ class SyntheticCampaign:
     completed: np.ndarray
     failed_at_s: np.ndarray
     failure_reason: np.ndarray
+    outcomes: np.ndarray
     drawn: dict[str, np.ndarray]
     trace_time_s: np.ndarray
     traces: dict[str, np.ndarray]
     histories: dict[int, dict[str, np.ndarray]]
+    is_judged: np.ndarray
+    events: list[OutcomeEvent]
 
     @property
     def run_ids(self) -> np.ndarray:
         return np.arange(len(self.completed))
+
+    @property
+    def reached_end(self) -> np.ndarray:
+        return ~outcome_kinds.is_frozen(self.outcomes)
 
     @property
     def history_ids(self) -> list[int]:
@@ -51,6 +61,7 @@ def synthetic_campaign(
         completed=completed,
         failed_at_s=failed_at,
         failure_reason=np.where(completed, "", "entered the keep-out sphere"),
+        outcomes=np.where(completed, "completed", "keep_out").astype("<U20"),
         drawn={
             "servicer.mass_kg": mass,
             "camera.misalignment_deg": rng.normal(0.0, 0.1, (runs, 3)),
@@ -60,6 +71,8 @@ def synthetic_campaign(
         trace_time_s=time,
         traces=_traces(rng, time, failed_at),
         histories={run: _history(rng, seconds, float(failed_at[run])) for run in kept if run < runs},
+        is_judged=np.ones(runs, bool),
+        events=[],
     )
 
 

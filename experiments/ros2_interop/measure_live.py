@@ -59,7 +59,8 @@ def internal_metrics(options: argparse.Namespace) -> dict[str, float]:
     channels = single_run.simulate(file, options.seed, 0)
     ticks = len(channels["time_s"])
     records = {name: value[None] for name, value in channels.items() if value.shape[:1] == (ticks,)}
-    return {name: float(value[0]) for name, value in recorded_metrics.evaluate(file, records).items()}
+    own = {"formation.desired_position_m": channels["rho_desired_H"][None]}
+    return {name: float(value[0]) for name, value in recorded_metrics.evaluate(file, records, own).items()}
 
 
 def simulate_with_node(options: argparse.Namespace) -> list[tuple[str, str, bool]]:

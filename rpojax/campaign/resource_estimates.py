@@ -8,7 +8,7 @@ from rpojax.campaign.preflight import MAX_BLOCKS, existing_parent
 from rpojax.errors import RpojaxError
 from rpojax.scenario.schema import ScenarioFile
 
-RECORD_BYTES_PER_TICK = 128
+RECORD_BYTES_PER_TICK = 136
 """Memory per run and tick for the channels that metrics need [B]."""
 EVALUATION_BYTES_PER_TICK = 120
 """Memory per run and tick while the metrics of one block are evaluated [B]."""

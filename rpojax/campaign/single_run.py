@@ -65,7 +65,7 @@ def simulate(
     channels = jax.tree.map(np.asarray, _simulate_ticks(scenario, stages or Stages(), dispersed, state))
     return {
         "time_s": np.arange(scenario.ticks) * scenario.tick_s,
-        "rho_desired_H": np.asarray(file.formation.desired_position_m),
+        "rho_desired_H": np.asarray(dispersed.flight.formation.desired_position),
         **channels,
     }
 

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from rpojax.campaign.storage import block_manifests, campaign_configuration
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 
 def status(directory: Path) -> dict[str, Any]:
@@ -18,6 +19,9 @@ def status(directory: Path) -> dict[str, Any]:
     entries = block_manifests.read_all(directory, configuration, finished)
     page = directory / "report.html"
     ended = sum(entry.count for entry in entries)
+    reasons = block_manifests.count_failure_reasons(entries)
+    completed = sum(entry.completed for entry in entries)
+    outcomes = {str(kind): reasons.get(kind.reason, 0) for kind in Outcome} | {str(Outcome.COMPLETED): completed}
     attempts = block_manifests.attempts_at_unfinished_blocks(directory, blocks)
     return {
         "directory": str(directory),
@@ -25,11 +29,12 @@ def status(directory: Path) -> dict[str, Any]:
         "blocks": {"total": blocks, "done": len(finished), "missing": blocks - len(finished)},
         "runs": {
             "requested": configuration.options.runs,
-            "completed": sum(entry.completed for entry in entries),
+            "completed": completed,
             "failed": sum(entry.failed for entry in entries),
             "missing": configuration.options.runs - ended,
+            "outcomes": outcomes,
         },
-        "reasons": block_manifests.count_failure_reasons(entries),
+        "reasons": reasons,
         "begun": [{"block": block, "attempts": count} for block, count in attempts.items()],
         "timing": block_manifests.timing(entries, _duration_s(configuration.scenario)),
         "report": str(page) if page.is_file() else None,

@@ -14,6 +14,7 @@ _KEY_METRICS = (
     "nav_relative_position_error_rms_m",
     "nav_servicer_position_error_rms_m",
     "nav_target_position_error_rms_m",
+    "nees_relative_mean",
     "nees_mean",
     "sigma3_coverage",
     "delta_v_m_s",
@@ -24,7 +25,7 @@ _KEY_METRICS = (
 
 
 def show_campaign(summary: Mapping[str, Any]) -> None:
-    """Prints key metrics, completed and failed runs with reasons, and the verdicts on requirements."""
+    """Prints key metrics, completed and failed runs by outcome, and the verdicts on requirements."""
     from rich.table import Table
     from rich.text import Text
 

@@ -52,7 +52,7 @@ class ReplayedRun(Generic[Values]):
         run_id: number of the run
         run_range: runs that the design of experiments covers
         params: dispersed parameters
-        failed_at_s: time of failure [s], nan for a completed run
+        failed_at_s: time at which the run was frozen [s], nan for one that reached its end
         values: what was observed, ticks first
         poses: `time_s`, `range_m` and the poses for rendering images again, ticks first, as in a history
     """
@@ -88,7 +88,7 @@ class ReplayAgreement:
     Attributes:
         samples: number of samples that both have
         range_difference_m: largest difference [m]
-        same_end: both completed, or both failed at the same time
+        same_end: both reached the end, or both were frozen at the same time
     """
 
     samples: int
@@ -171,5 +171,5 @@ def compare_with_campaign(run: ReplayedRun, campaign: Campaign) -> ReplayAgreeme
     difference = np.abs(
         recorded[:samples].astype(np.float64) - replayed[:samples].astype(np.float32).astype(np.float64)
     )
-    same_end = np.array_equal(campaign.failed_at_s[rows[0]], run.failed_at_s, equal_nan=True)
+    same_end = np.array_equal(campaign.frozen_at_s[rows[0]], run.failed_at_s, equal_nan=True)
     return ReplayAgreement(samples, float(difference.max(initial=0.0)), same_end)

@@ -5,7 +5,7 @@ from typing import Any, get_args
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.core.pytree import pytree
+from rpojax.core.pytree import pytree, replace
 from rpojax.physics.plant_options import FaultKind
 
 Scalar = Float[Array, ""]
@@ -74,6 +74,11 @@ def healthy() -> Health:
         star_tracker=yes,
         camera=yes,
     )
+
+
+def with_propellant(health: Health, is_left: Bool[Array, ""]) -> Health:
+    """Health of the equipment, without thrust unless propellant is left."""
+    return replace(health, thrust_fraction=jnp.where(is_left, health.thrust_fraction, 0.0))
 
 
 def health_at(fault: Fault, time: Scalar) -> Health:

@@ -99,6 +99,12 @@ class Truth:
     mass_low: Array | None = None
 
 
+def propellant_used(params: PlantParams, truth: Truth) -> Array:
+    """Propellant () that the servicer has used since the start [kg]."""
+    used = params.servicer.mass - truth.mass
+    return used if truth.mass_low is None else used - truth.mass_low
+
+
 def initial_truth(
     params: PlantParams, orbit: keplerian_elements.KeplerianElements, rho_H: Vector, rho_dot_H: Vector, q_BN: Array
 ) -> Truth:

@@ -6,6 +6,8 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from rpojax.simulation.outcomes.outcome_events import OutcomeEvent
+
 
 @runtime_checkable
 class CampaignResults(Protocol):
@@ -33,12 +35,32 @@ class CampaignResults(Protocol):
 
     @property
     def completed(self) -> np.ndarray:
-        """(runs,) bool: the run reached its end."""
+        """(runs,) bool: the run did what it should: its outcome is `completed`."""
+        ...
+
+    @property
+    def outcomes(self) -> np.ndarray:
+        """(runs,) of str: how the run ended, such as `completed` or `lost`."""
+        ...
+
+    @property
+    def reached_end(self) -> np.ndarray:
+        """(runs,) bool: the run was simulated to its end, in whatever state, and so has metrics."""
+        ...
+
+    @property
+    def is_judged(self) -> np.ndarray:
+        """(runs,) bool: all outcomes were judged; older versions recorded only why a run was frozen."""
+        ...
+
+    @property
+    def events(self) -> Sequence[OutcomeEvent]:
+        """Flags of failure that were raised in the runs, and cleared in those that recovered."""
         ...
 
     @property
     def failed_at_s(self) -> np.ndarray:
-        """(runs,) time of failure [s], NaN for a completed run."""
+        """(runs,) time since which a failed run has been in its final state [s], NaN for a completed run."""
         ...
 
     @property
@@ -58,7 +80,7 @@ class CampaignResults(Protocol):
 
     @property
     def traces(self) -> Mapping[str, np.ndarray]:
-        """Channel -> (runs, m), NaN after a failure."""
+        """Channel -> (runs, m), NaN after the run was frozen."""
         ...
 
     @property

@@ -56,13 +56,21 @@ class InitialRelativeState:
 
 @pytree
 class Limits:
-    """Limits that end a run.
+    """Limits of which the outcome of a run depends.
 
     Attributes:
         keep_out: () radius of the sphere around the target that the servicer must not enter [m]
+        lost_after: () time without a box of the target, while it should be seen, after which it is lost [s]
+        off_station: () distance from the desired position beyond which the servicer is off station [m]
+        arrive_by: () time since the start from which that is judged [s]
+        propellant: () that the thruster may use [kg]
     """
 
     keep_out: Array
+    lost_after: Array
+    off_station: Array
+    arrive_by: Array
+    propellant: Array
 
 
 @pytree

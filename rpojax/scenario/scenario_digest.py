@@ -2,9 +2,12 @@
 
 import hashlib
 import json
+from typing import Any
 
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained import trained_files
+from rpojax.sensors.additional.registry import sensor_names
+from rpojax.value_types import Section
 
 
 def scenario_digest(file: ScenarioFile) -> str:
@@ -18,11 +21,23 @@ def scenario_digest(file: ScenarioFile) -> str:
     elif file.design.kind == "grid":
         # The order of the keys decides which run has which combination.
         content["design"]["values"] = list(content["design"]["values"].items())
+    # Campaigns recorded before these keys existed keep their digest.
     if file.precision == "double":
-        # Campaigns recorded before these keys existed keep their digest.
         del content["precision"]
-    if file.target.scale == 1.0:
-        del content["target"]["scale"]
+    _remove_defaults(file, content)
     if trained := trained_files.required_digests(content):
         content["trained"] = trained
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _remove_defaults(file: ScenarioFile, content: dict[str, Any]) -> None:
+    """Removes from the tables of `content` the keys that have a default and its value, and tables thus empty."""
+    for name in set(content) - {"design", *sensor_names()}:
+        section = getattr(file, name)
+        if not isinstance(section, Section):
+            continue
+        for key, field in type(section).model_fields.items():
+            if not field.is_required() and getattr(section, key) == field.get_default():
+                del content[name][key]
+        if not content[name]:
+            del content[name]

@@ -293,9 +293,13 @@ class AttitudeControlSection(Section):
 
 
 class LimitsSection(Section):
-    """Limits that end a run."""
+    """Limits of which the outcome of a run depends; entering the keep-out sphere ends it."""
 
     keep_out_m: NonNegative
+    lost_after_s: Positive = 600.0
+    off_station_m: Positive = 10.0
+    arrive_by_s: NonNegative = 3000.0
+    propellant_kg: Positive = 1e9
 
 
 class TuningSection(Section):

@@ -18,7 +18,7 @@ from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import apply
 from rpojax.errors import RpojaxError
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
-from rpojax.physics.plant_state import Truth
+from rpojax.physics.plant_state import Truth, propellant_used
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import camera_models
@@ -228,6 +228,7 @@ _VEHICLE: Final[ChannelFunctions] = {
     "wheel_speed_fraction": lambda tick: tick.truth.wheel_speed / tick.params.plant.wheels.speed_limit,
     "delta_v_m_s": lambda tick: tick.truth.delta_v,
     "mass_kg": lambda tick: tick.truth.mass,
+    "propellant_used_kg": lambda tick: propellant_used(tick.params.plant, tick.truth),
     "passive_range_m": _passive_range,
 }
 CHANNELS: Final[ChannelFunctions] = {

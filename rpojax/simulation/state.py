@@ -37,7 +37,7 @@ class State:
         keys: (streams, 2) one random key per stream
         tick: () int32, ticks since the start
         failed_at: () time of failure [s], infinite for a run that has not failed
-        failure: () int32, index in `failure.FAILURE_REASONS`
+        failure: () int32, code of the outcome that froze the run, else 0
     """
 
     truth: Truth

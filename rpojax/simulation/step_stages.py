@@ -14,12 +14,15 @@ from rpojax.flight.guidance import burn_planning, target_pointing
 from rpojax.flight.navigation import attitude_ekf
 from rpojax.physics import equipment_faults, plant
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
+from rpojax.physics.equipment_faults import Health
+from rpojax.physics.plant_state import Truth, propellant_used
 from rpojax.physics.thruster import BurnError, ValveCommand, draw_burn_error, thrust_over_step
+from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors import gyro
 from rpojax.simulation.camera_models import camera_format
-from rpojax.simulation.failure import freeze_if_failed
 from rpojax.simulation.noise import TickNoise, draw_tick_noise
+from rpojax.simulation.outcomes.freezing import freeze_if_failed
 from rpojax.simulation.state import State, elapsed_time
 from rpojax.simulation.tick import Loop, Motion, Tick
 from rpojax.simulation.tick_measurements import advance_sensor_errors, measure, measure_chamber_pressure
@@ -55,6 +58,7 @@ def sense(loop: Loop, state: State, noise: TickNoise | None = None) -> Tick:
     health = (
         equipment_faults.health_at(params.plant.fault, time) if scenario.effects.faults else equipment_faults.healthy()
     )
+    health = _fed(params, state.truth, health)
     with jax.named_scope("sense"):
         measurements, frame = measure(scenario, params, state, noise, sky, health, time)
     return Tick(
@@ -168,7 +172,8 @@ def propagate_substep(
     burn = ValveCommand(ignition=ignition, cutoff=cutoff, burn_error=tick.burn_error)
     delta_v_N = motion.delta_v_N + computer.expected_delta_v(params.flight, now, ignition, cutoff, dt)
     thrust = thrust_over_step(params.plant.thruster, burn, effects.integrator, effects.thruster_ramps, dt)
-    truth = plant.step(effects, params.plant, motion.truth, torque, (thrust,), tick.sky, tick.health, dt)
+    health = _fed(params, motion.truth, tick.health)
+    truth = plant.step(effects, params.plant, motion.truth, torque, (thrust,), tick.sky, health, dt)
     gyro_bias_B = tick.state.sensor_errors.gyro_bias_B
     sample = gyro.measure(params.gyro, truth.omega_BN_B, gyro_bias_B, gyro_normals, dt)
     attitude = attitude_ekf.integrate_gyro(motion.attitude, sample, dt)
@@ -184,6 +189,12 @@ def finish(loop: Loop, tick: Tick, motion: Motion) -> State:
     with jax.named_scope("check"):
         after = freeze_if_failed(loop.params, tick.state, after, tick.time)
     return replace(after, tick=tick.state.tick + 1)
+
+
+def _fed(params: Params, truth: Truth, health: Health) -> Health:
+    """Health of the equipment; the thruster works as long as propellant is left."""
+    is_left = propellant_used(params.plant, truth) < params.limits.propellant
+    return equipment_faults.with_propellant(health, is_left)
 
 
 def _predict(loop: Loop, tick: Tick, motion: Motion) -> FlightMemory:

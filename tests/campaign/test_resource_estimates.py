@@ -54,7 +54,7 @@ def test_memory_estimate_covers_the_evaluation_of_metrics(mission: ScenarioFile)
     one_run = {name: np.moveaxis(channels[name], 1, -1) for name in recorded_metrics.REQUIRED_CHANNELS}
     records = {name: np.moveaxis(np.repeat(values, runs, axis=-1), -1, 0) for name, values in one_run.items()}
     tracemalloc.start()
-    recorded_metrics.evaluate(mission, records)
+    recorded_metrics.evaluate(mission, records, {})
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < resource_estimates.EVALUATION_BYTES_PER_TICK * runs * ticks

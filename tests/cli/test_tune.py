@@ -42,7 +42,7 @@ def nothing_simulated(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     def simulate_runs(file: ScenarioFile, seed: int, runs: int, on_progress: Any, stages: Any) -> RunMetrics:
         assert (seed, stages) == (8, STAGES[0])
         base = RNG.lognormal(0.0, 0.1, runs) / file.navigation.edge_noise_px
-        return RunMetrics(np.arange(runs), np.ones(runs, dtype=bool), dict.fromkeys(UNITS, base))
+        return RunMetrics(np.arange(runs), np.full(runs, "completed"), dict.fromkeys(UNITS, base))
 
     monkeypatch.setattr(gradient_descent, "descend", descend)
     monkeypatch.setattr(tuning_validation, "simulate_runs", simulate_runs)

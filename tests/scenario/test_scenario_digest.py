@@ -37,19 +37,28 @@ def test_requirements_do_not_change_the_digest(tables: dict[str, Any]) -> None:
     assert static_settings(without) == static_settings(with_requirements)
 
 
-def test_defaults_of_later_keys_are_not_hashed(
-    inspection_file: ScenarioFile,
+def test_defaults_are_not_hashed(
+    tables: dict[str, Any],
 ) -> None:
-    content = inspection_file.model_dump(mode="json")
+    file = scenario_loader.validate({**tables, "limits": {"keep_out_m": 10.0}})
+    content = {**file.model_dump(mode="json"), "limits": {"keep_out_m": 10.0}}
     for key in ("name", "description", "requirements", "tuning", "design", "precision"):
         del content[key]
     del content["target"]["scale"]
     text = json.dumps(content, sort_keys=True)
-    assert scenario_digest(inspection_file) == hashlib.sha256(text.encode()).hexdigest()
-    single = inspection_file.model_copy(update={"precision": "single"})
-    assert scenario_digest(single) != scenario_digest(inspection_file)
-    larger = scenario_loader.load("inspection", ["target.scale=1.1"])
-    assert scenario_digest(larger) != scenario_digest(inspection_file)
+    assert scenario_digest(file) == hashlib.sha256(text.encode()).hexdigest()
+    single = file.model_copy(update={"precision": "single"})
+    assert scenario_digest(single) != scenario_digest(file)
+    larger = scenario_loader.validate({**tables, "target": {**tables["target"], "scale": 1.1}})
+    assert scenario_digest(larger) != scenario_digest(file)
+
+
+def test_a_key_with_a_default_is_hashed_unless_it_has_that_value(tables: dict[str, Any]) -> None:
+    def digest(**limits: float) -> str:
+        return scenario_digest(scenario_loader.validate({**tables, "limits": {"keep_out_m": 10.0, **limits}}))
+
+    assert digest() == digest(lost_after_s=600.0, off_station_m=10.0)
+    assert len({digest(), digest(lost_after_s=500.0), digest(off_station_m=20.0)}) == 3
 
 
 def test_the_content_of_trained_files_is_hashed(tmp_path: Path) -> None:

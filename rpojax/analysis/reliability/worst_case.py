@@ -5,7 +5,6 @@ run's own random key gives: a search is on one run of a campaign, and several ru
 """
 
 import dataclasses
-import math
 import tempfile
 from pathlib import Path
 
@@ -138,7 +137,7 @@ def search_worst_case(
 
 
 def simulate_worst_case(found: WorstCase, directory: Path, force: bool = False) -> float:
-    """Metric of the reported point, simulated as `rpojax run` does into a campaign folder; NaN if the run fails.
+    """Metric of the reported point, simulated as `rpojax run` does into a campaign folder; NaN if it is frozen.
 
     Raises:
         RpojaxError: the folder cannot be used.
@@ -153,4 +152,4 @@ def simulate_worst_case(found: WorstCase, directory: Path, force: bool = False) 
         force=force,
         progress=False,
     )
-    return float(campaign.metrics[found.limit.metric][0]) if campaign.completed.all() else math.nan
+    return float(campaign.metrics[found.limit.metric][0])

@@ -68,7 +68,7 @@ def compare(first: Campaign, second: Campaign, *, progress: bool = True) -> Camp
     _check_paired(first, second)
     designs = experiment_design
     independent = designs.has_independent_runs(first.file) and designs.has_independent_runs(second.file)
-    runs = [RunMetrics(each.run_ids, each.completed, each.metrics) for each in (first, second)]
+    runs = [RunMetrics(each.run_ids, each.outcomes, each.metrics) for each in (first, second)]
     with busy("comparing runs", quiet=not progress):
         compared = compare_paired_runs(runs[0], runs[1], _requirements(first, second), independent)
     changed = changed_keys(first.info["scenario"], second.info["scenario"])

@@ -49,10 +49,10 @@ def sample_sizes(runs: int) -> np.ndarray:
     return np.unique(np.round(np.geomspace(_SMALLEST_SAMPLE, runs, _SAMPLE_SIZES)).astype(np.int64))
 
 
-def metric_convergence(values: np.ndarray, failed: np.ndarray, low_is_bad: bool = False) -> MetricConvergence:
-    """Convergence of a metric's `values` (n,), NaN where undefined, with the runs that `failed` (n,)."""
+def metric_convergence(values: np.ndarray, low_is_bad: bool = False) -> MetricConvergence:
+    """Convergence of a metric's `values` (n,), NaN where undefined."""
     sizes = sample_sizes(len(values))
-    severity = np.where(failed | ~np.isfinite(values), np.inf, -values if low_is_bad else values)
+    severity = np.where(np.isfinite(values), -values if low_is_bad else values, np.inf)
     rows = np.array([_estimates(severity[:size]) for size in sizes]).reshape(-1, 5)
     median, low, high, tail, bound = -rows.T if low_is_bad else rows.T
     low, high = (high, low) if low_is_bad else (low, high)

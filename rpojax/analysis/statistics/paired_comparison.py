@@ -10,6 +10,7 @@ from rpojax.analysis.statistics.intervals.median_bootstrap import resampled_medi
 from rpojax.analysis.statistics.tolerance_verdicts import violates
 from rpojax.errors import ResultError
 from rpojax.scenario.schema import RequirementSection
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 _LEVELS = (0.90, 0.95)
 _MIN_PAIRS = 10
@@ -18,11 +19,16 @@ _MIN_PAIRS = 10
 
 @dataclass(frozen=True)
 class RunMetrics:
-    """Compared part of a campaign: run ids (n,), which completed (n,), and metrics (n,), NaN where undefined."""
+    """Compared part of a campaign: run ids (n,), outcomes (n,) as text, and metrics (n,), NaN where undefined."""
 
     run_ids: np.ndarray
-    completed: np.ndarray
+    outcomes: np.ndarray
     metrics: Mapping[str, np.ndarray]
+
+    @property
+    def completed(self) -> np.ndarray:
+        """(n,) whether the run completed."""
+        return self.outcomes == Outcome.COMPLETED
 
 
 @dataclass(frozen=True)
@@ -85,6 +91,7 @@ class PairedComparison:
         pairs: number of them
         unpaired: runs that only one of the campaigns has
         failures: runs that did not complete
+        outcomes: runs that ended in each way other than completed, of those that occur
         requirements: violations of each requirement, in the order of the requirements
         metrics: that both have, in the order of the first
     """
@@ -92,6 +99,7 @@ class PairedComparison:
     pairs: int
     unpaired: int
     failures: PairedEvents
+    outcomes: tuple[PairedEvents, ...]
     requirements: tuple[PairedEvents, ...]
     metrics: tuple[MedianChange, ...]
 
@@ -116,6 +124,11 @@ def compare_paired_runs(
         pairs=len(common),
         unpaired=len(first.run_ids) + len(second.run_ids) - 2 * len(common),
         failures=count_paired_events("failed", ~one.completed, ~other.completed, independent),
+        outcomes=tuple(
+            count_paired_events(str(kind), one.outcomes == kind, other.outcomes == kind, independent)
+            for kind in Outcome
+            if kind is not Outcome.COMPLETED and np.any((one.outcomes == kind) | (other.outcomes == kind))
+        ),
         requirements=tuple(
             count_paired_events(_name(each), _violating(each, one), _violating(each, other), independent)
             for each in requirements
@@ -145,7 +158,7 @@ def count_paired_events(event: str, first: np.ndarray, second: np.ndarray, indep
 
 def _rows(runs: RunMetrics, rows: np.ndarray) -> RunMetrics:
     metrics = {name: values[rows] for name, values in runs.metrics.items()}
-    return RunMetrics(runs.run_ids[rows], runs.completed[rows], metrics)
+    return RunMetrics(runs.run_ids[rows], runs.outcomes[rows], metrics)
 
 
 def _name(requirement: RequirementSection) -> str:
@@ -155,7 +168,7 @@ def _name(requirement: RequirementSection) -> str:
 def _violating(requirement: RequirementSection, runs: RunMetrics) -> np.ndarray:
     if requirement.metric not in runs.metrics:
         raise ResultError(f"metrics: found no {requirement.metric!r} in a campaign, expected it for a requirement")
-    return violates(requirement, runs.metrics[requirement.metric], ~runs.completed)
+    return violates(requirement, runs.metrics[requirement.metric])
 
 
 def _median_changes(one: RunMetrics, other: RunMetrics, rng: np.random.Generator | None) -> tuple[MedianChange, ...]:

@@ -42,12 +42,12 @@ class RequirementEvaluation:
         verdict: on it
         more_runs: fewest further runs, none of them in violation, that would verify; None with another verdict
         runs: that were evaluated
-        violations: runs beyond the limit, failed, or without the metric
+        violations: runs beyond the limit, or without the metric
         allowed: most violations with which so many runs verify; None if too few
         rank: of the run that must keep the limit, 1 is the best; None if too few runs
-        order_statistic: value of that run; None if too few runs, or if it failed or has no metric
+        order_statistic: value of that run; None if too few runs, or if it has no metric
         margin: from that value to the limit, positive inside; None without it
-        without_value: runs that failed or have not the metric
+        without_value: those of them that do not have the metric, as after the end at the keep-out sphere
         worst: worst value of the others; None without any
         success_fraction: fraction of runs without violation; None without runs
         success_interval: exact bounds of the probability of success, each of them wrong with the consumer's risk
@@ -72,29 +72,33 @@ class RequirementEvaluation:
     violating_ids: tuple[int, ...]
 
     @property
+    def beyond_limit(self) -> int:
+        """Runs with a value beyond the limit."""
+        return self.violations - self.without_value
+
+    @property
     def text(self) -> str:
         """The verdict in words, with the number of missing runs."""
         return self.verdict if self.more_runs is None else f"needs {self.more_runs} more runs"
 
 
-def violates(requirement: RequirementSection, values: np.ndarray, failed: np.ndarray) -> np.ndarray:
-    """Flags (n,) of runs that violate a requirement: metric `values` (n,) beyond the limit or undefined, or failed."""
-    return _severity(requirement, values, failed) > _sign(requirement) * requirement.limit
+def violates(requirement: RequirementSection, values: np.ndarray) -> np.ndarray:
+    """Flags (n,) of runs that violate a requirement: metric `values` (n,) beyond the limit, or undefined."""
+    return _severity(requirement, values) > _sign(requirement) * requirement.limit
 
 
 def evaluate_requirement(
     requirement: RequirementSection,
     values: np.ndarray,
-    failed: np.ndarray,
     run_ids: np.ndarray,
     independent: bool,
     missing: int = 0,
 ) -> RequirementEvaluation:
-    """Evaluates a requirement by the metric's `values` (n,), which runs `failed` (n,), and their `run_ids` (n,).
+    """Evaluates a requirement by the metric's `values` (n,), NaN where undefined, of runs with `run_ids` (n,).
 
     While `missing` requested runs are not done there is no verdict.
     """
-    severity = _severity(requirement, values, failed)
+    severity = _severity(requirement, values)
     violating = severity > _sign(requirement) * requirement.limit
     count, runs = int(violating.sum()), len(values)
     conclusive = independent and not missing
@@ -139,9 +143,9 @@ def _sign(requirement: RequirementSection) -> float:
     return 1.0 if requirement.bound == "at most" else -1.0
 
 
-def _severity(requirement: RequirementSection, values: np.ndarray, failed: np.ndarray) -> np.ndarray:
-    """Values with the sign by which more is worse; infinite for runs that failed or have none."""
-    return np.where(failed | ~np.isfinite(values), np.inf, _sign(requirement) * values)
+def _severity(requirement: RequirementSection, values: np.ndarray) -> np.ndarray:
+    """Values with the sign by which more is worse; infinite for runs that have none."""
+    return np.where(np.isfinite(values), _sign(requirement) * values, np.inf)
 
 
 def _value(requirement: RequirementSection, severity: float) -> float | None:

@@ -1,4 +1,4 @@
-"""Recording of a batch: of every run the channels that metrics and traces need, of runs with a history all channels.
+"""Recording of a batch: of every run the channels for metrics, traces and outcomes, of runs with a history all.
 
 `block_arrays` turns the records into the arrays that a block stores.
 """
@@ -10,10 +10,13 @@ import numpy as np
 from rpojax.campaign.execution.batch_engine import PreparedRuns, Segment
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import campaign_folder
+from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import recorded_metrics, trace_channels
+from rpojax.simulation.outcomes import judgement
+from rpojax.simulation.outcomes.judgement import JudgedRuns
 
-RECORDED_CHANNELS = (*recorded_metrics.REQUIRED_CHANNELS, "running")
+RECORDED_CHANNELS = frozenset({*recorded_metrics.REQUIRED_CHANNELS, *judgement.REQUIRED_CHANNELS})
 """Channels that are recorded of every run."""
 
 
@@ -60,16 +63,26 @@ class ChannelRecorder:
                 kept = np.moveaxis(values[..., columns], -1, 0)
                 _allocated(self.histories, name, shape, values.dtype)[places, ticks] = kept
 
-    def history(self, row: int, file: ScenarioFile, failure: int, failed_at: float) -> dict[str, np.ndarray]:
-        """Kept channels of one run, time first, nan after its failure."""
+    def records_of_runs(self, rows: slice = slice(None)) -> dict[str, np.ndarray]:
+        """Recorded channels of some runs, name -> (runs, ticks, ...)."""
+        return {name: np.moveaxis(values[..., rows], -1, 0) for name, values in self.records.items()}
+
+    def history(
+        self, row: int, file: ScenarioFile, varied: Mapping[str, np.ndarray], frozen_at_s: float
+    ) -> dict[str, np.ndarray]:
+        """Kept channels of one run, time first, nan after it was frozen.
+
+        `varied` are the values of all runs (runs, ...) by key, of the keys that vary.
+        """
         place = int(np.searchsorted(self.history_rows, row))
         channels = {name: values[place].copy() for name, values in self.histories.items()}
         time_s = np.arange(self.ticks) / file.rates.camera_hz
-        if failure:
+        if np.isfinite(frozen_at_s):
             for values in channels.values():
                 if np.issubdtype(values.dtype, np.floating):
-                    values[time_s > failed_at] = np.nan
-        return {"time_s": time_s, "rho_desired_H": np.asarray(file.formation.desired_position_m), **channels}
+                    values[time_s > frozen_at_s] = np.nan
+        desired = values_of_runs(varied, "formation.desired_position_m", file.formation.desired_position_m)
+        return {"time_s": time_s, "rho_desired_H": desired[row if len(desired) > 1 else 0], **channels}
 
 
 def thin_history(history: Mapping[str, np.ndarray], retention: Retention, ticks: int) -> dict[str, np.ndarray]:
@@ -90,27 +103,28 @@ def block_arrays(
     file: ScenarioFile,
     prepared: PreparedRuns,
     recorder: ChannelRecorder,
-    failure: np.ndarray,
-    failed_at: np.ndarray,
+    judged: JudgedRuns,
     rows: slice,
 ) -> dict[str, np.ndarray]:
     """Arrays of one block as `Campaign.write_block` stores them: `group/name` -> (runs, ...).
 
-    Metrics of failed runs are nan, and so are traces after the failure.
+    Metrics of frozen runs are nan, and so are traces after they were frozen.
     """
-    records = {name: np.moveaxis(values[..., rows], -1, 0) for name, values in recorder.records.items()}
-    failed = failure[rows] > 0
+    records = recorder.records_of_runs(rows)
+    used = {key: values[rows] for key, values in prepared.used.items()}
+    frozen, since_s = judged.frozen[rows], judged.since_s[rows]
     stride = campaign_folder.trace_stride(file)
     arrays: dict[str, np.ndarray] = {}
     with np.errstate(invalid="ignore"):
-        for name, values in recorded_metrics.evaluate(file, records).items():
-            arrays[f"metrics/{name}"] = np.where(failed, np.nan, values)
+        for name, values in recorded_metrics.evaluate(file, records, used).items():
+            arrays[f"metrics/{name}"] = np.where(frozen, np.nan, values)
         time_s = np.arange(recorder.ticks)[::stride] / file.rates.camera_hz
-        after_failure = failed[:, None] & (time_s > failed_at[rows][:, None])
-        for name, values in trace_channels.decimated_traces(file, records, stride).items():
-            arrays[f"traces/{name}"] = np.where(after_failure, np.float32(np.nan), values)
-    arrays["status/failure"] = failure[rows].astype(np.int8)
-    arrays["status/failed_at_s"] = np.where(failed, failed_at[rows], np.nan)
+        ended = frozen[:, None] & (time_s > since_s[:, None])
+        for name, values in trace_channels.decimated_traces(file, records, used, stride).items():
+            arrays[f"traces/{name}"] = np.where(ended, np.float32(np.nan), values)
+    arrays["status/failure"] = judged.codes[rows]
+    arrays["status/failed_at_s"] = since_s
+    arrays |= {f"events/{name}": values for name, values in judged.events.stored(rows).items()}
     for group, values in (("drawn", prepared.drawn), ("used", prepared.used)):
         for key, array in values.items():
             arrays[f"{group}/{key}"] = array[rows]

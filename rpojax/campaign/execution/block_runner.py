@@ -14,6 +14,7 @@ from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import block_manifests
 from rpojax.campaign.storage.campaign_folder import BlockTiming, Campaign
 from rpojax.campaign.storage.provenance import device_description
+from rpojax.simulation.outcomes.judgement import JudgedRuns, judge
 
 BatchProgressCallback = Callable[[float, int], None]
 """Called with the finished fraction of a batch of runs, and with the number of its runs that have failed."""
@@ -26,24 +27,21 @@ class SimulatedBatch:
     Attributes:
         prepared: the runs at their initial states
         recorder: their channels
-        failure: (runs,) failure code
-        failed_at: (runs,) time of failure [s]
+        judged: how they ended
     """
 
     prepared: PreparedRuns
     recorder: ChannelRecorder
-    failure: np.ndarray
-    failed_at: np.ndarray
+    judged: JudgedRuns
 
     def history(self, row: int, engine: BatchEngine) -> dict[str, np.ndarray]:
         """Kept channels of one run."""
-        return self.recorder.history(row, engine.file, int(self.failure[row]), float(self.failed_at[row]))
+        frozen_at_s = float(self.judged.since_s[row]) if self.judged.frozen[row] else np.inf
+        return self.recorder.history(row, engine.file, self.prepared.used, frozen_at_s)
 
     def block_arrays(self, rows: slice, engine: BatchEngine) -> dict[str, np.ndarray]:
         """Arrays of one block as they are stored."""
-        return block_recording.block_arrays(
-            engine.file, self.prepared, self.recorder, self.failure, self.failed_at, rows
-        )
+        return block_recording.block_arrays(engine.file, self.prepared, self.recorder, self.judged, rows)
 
 
 def simulate_batch(
@@ -75,7 +73,8 @@ def simulate_batch(
         on_progress((number + 1) / engine.segment_count, int((segment.failure[unpadded_rows] > 0).sum()))
     assert last is not None
     failure = np.where(last.failed_at < engine.file.duration_s, last.failure, 0)
-    return SimulatedBatch(prepared, recorder, failure, last.failed_at)
+    judged = judge(engine.file, prepared.used, recorder.records_of_runs(), failure, last.failed_at)
+    return SimulatedBatch(prepared, recorder, judged)
 
 
 @dataclass(frozen=True)
@@ -130,7 +129,7 @@ def simulate_blocks(
     # Without the time to store, which overlaps with the simulation of the next blocks.
     wall_s = max(0.0, time.time() - began_s)
     timing = BlockTiming(began_s, wall_s, engine.compile_s, device_description(len(engine.devices)))
-    return BlockResults(blocks, batch, timing, history_rows, int((batch.failure[unpadded_rows] > 0).sum()))
+    return BlockResults(blocks, batch, timing, history_rows, int(batch.judged.failed[unpadded_rows].sum()))
 
 
 def _unpadded_rows(campaign: Campaign, engine: BatchEngine, blocks: Sequence[int]) -> np.ndarray:

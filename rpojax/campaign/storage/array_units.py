@@ -12,7 +12,7 @@ def array_units(group: str, name: str) -> str:
             unit = metric_catalogue.UNITS.get(name, "-")
         case "traces":
             unit = trace_channels.TRACE_UNITS.get(name, "-")
-        case "status":
+        case "status" | "events":
             unit = "s" if name.endswith("_s") else "-"
         case _:
             unit = key_units.unit_symbol(name)

@@ -28,7 +28,7 @@ class Manifest:
         campaign: `id` of the campaign that it belongs to
         first: row of its first run
         count: number of its runs
-        completed: runs that reached their end
+        completed: runs whose outcome is `completed`
         failed: runs that did not
         reasons: reason of failure -> number of runs
         sha256: group of arrays -> digest of the block's values in it

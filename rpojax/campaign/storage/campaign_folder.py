@@ -4,7 +4,7 @@
 |---|---|
 | `campaign.json` | scenario, its hash, seed, runs, block size, versions, device; written before anything is compiled |
 | `scenario.toml` | the scenario as a file that `rpojax run` takes |
-| `results.zarr` | of every run: `metrics/NAME`, `status/NAME`, `drawn/KEY`, `used/KEY`, `traces/NAME` |
+| `results.zarr` | of every run: `metrics/NAME`, `status/NAME`, `events/NAME`, `drawn/KEY`, `used/KEY`, `traces/NAME` |
 | `results.zarr/histories/RUN` | channels of a run with a history, time first |
 | `manifest/000000.json` | one per finished block, written last; a resume runs the blocks without one |
 | `manifest/000000.attempts` | one per unfinished block that was begun: a line for every attempt |
@@ -23,11 +23,14 @@ import numpy as np
 from rpojax.campaign.storage import block_manifests, campaign_configuration, provenance, zarr_encoding, zarr_reader
 from rpojax.campaign.storage.block_manifests import Manifest
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
+from rpojax.campaign.storage.zarr_encoding import NOT_RECORDED
 from rpojax.campaign.storage.zarr_writer import ZarrWriter
 from rpojax.errors import ResultError, UnfinishedError
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.failure import FAILURE_REASONS
+from rpojax.simulation.outcomes import outcome_kinds
+from rpojax.simulation.outcomes.outcome_events import OutcomeEvent, listed_events
+from rpojax.simulation.outcomes.outcome_kinds import REASONS
 
 TRACE_INTERVAL_S = 10.0
 """Sampling interval of the traces that are stored of every run [s]."""
@@ -127,7 +130,7 @@ class Campaign:
 
     def _manifest(self, block: int, groups: Mapping[str, Mapping[str, np.ndarray]], timing: BlockTiming) -> Manifest:
         failure = groups["status"]["failure"]
-        reasons = Counter(FAILURE_REASONS[code] for code in failure.tolist() if code > 0)
+        reasons = Counter(REASONS[code] for code in failure.tolist() if code > 0)
         return Manifest(
             campaign=self.configuration.id,
             first=block * self.configuration.block_size,
@@ -173,7 +176,7 @@ class Campaign:
     def _check_status(self, status: Mapping[str, np.ndarray], finished: Iterable[Manifest]) -> None:
         """Refuses a status array that disagrees with the counts of the manifests."""
         failure = status.get("failure", np.zeros(0, dtype=int))
-        found = (int((failure == 0).sum()), int(((failure > 0) & (failure < len(FAILURE_REASONS))).sum()))
+        found = (int((failure == 0).sum()), int(((failure > 0) & (failure < len(REASONS))).sum()))
         expected = (sum(entry.completed for entry in finished), sum(entry.failed for entry in finished))
         if found != expected:
             place = self.directory / "results.zarr" / "status" / "failure"
@@ -202,22 +205,52 @@ class Campaign:
 
     @property
     def failed_at_s(self) -> np.ndarray:
-        """(runs,) time of failure [s], nan for completed runs."""
+        """(runs,) time since which a failed run has been in its final state [s], nan for completed runs."""
         return self._read("status").get("failed_at_s", np.zeros(0))
+
+    @property
+    def outcomes(self) -> np.ndarray:
+        """(runs,) outcome as text, such as `completed` or `lost`."""
+        return outcome_kinds.of_codes(self._failure)
 
     @property
     def failure_reason(self) -> np.ndarray:
         """(runs,) reason of failure, empty for completed runs."""
-        return np.array(FAILURE_REASONS)[self._read("status").get("failure", np.zeros(0, dtype=int))]
+        return np.array(REASONS)[self._failure]
+
+    @property
+    def _failure(self) -> np.ndarray:
+        return self._read("status").get("failure", np.zeros(0, dtype=int))
 
     @property
     def completed(self) -> np.ndarray:
-        """(runs,) whether the run reached its end."""
-        return self.failure_reason == ""
+        """(runs,) whether the run did what it should: its outcome is `completed`."""
+        return self._failure == outcome_kinds.Outcome.COMPLETED.code
+
+    @property
+    def reached_end(self) -> np.ndarray:
+        """(runs,) whether the run was simulated to its end, in whatever state: it was not frozen, and has metrics."""
+        return ~outcome_kinds.is_frozen(self.outcomes)
+
+    @property
+    def frozen_at_s(self) -> np.ndarray:
+        """(runs,) time at which the run was frozen [s], nan for runs that reached their end."""
+        return np.where(self.reached_end, np.nan, self.failed_at_s)
+
+    @property
+    def events(self) -> list[OutcomeEvent]:
+        """Flags of failure that were raised in the runs, with the time at which they were cleared, if they were."""
+        return listed_events(self.run_ids, self._read("events"))
+
+    @property
+    def is_judged(self) -> np.ndarray:
+        """(runs,) whether the run was judged by all outcomes; older versions recorded only why a run was frozen."""
+        counts = self._read("events").get("count", np.full(len(self.run_ids), NOT_RECORDED))
+        return counts != NOT_RECORDED
 
     @property
     def traces(self) -> dict[str, np.ndarray]:
-        """Channel -> (runs, samples), nan after a failure."""
+        """Channel -> (runs, samples), nan after a run was frozen."""
         return self._read("traces")
 
     @property

@@ -20,9 +20,10 @@ _PREFIXES = {"metrics": "", "traces": "trace.", "drawn": "drawn.", "used": "used
 def open_campaign(path: Path | str) -> "xarray.Dataset":
     """Finished runs of a campaign folder as an `xarray.Dataset`.
 
-    Variables are metrics by their names, `trace.NAME` over `time` [s], `failed_at_s`, `failure_reason` and `completed`,
-    and dispersed values as `drawn.KEY` and `used.KEY`, each with its unit as attribute `units`. Dimensions are `run`,
-    with the run numbers as coordinate, `time`, and `axisI_N` for components. Attributes identify the campaign.
+    Variables are metrics by their names, `trace.NAME` over `time` [s], `failed_at_s`, `failure_reason`, `outcome` and
+    `completed`, and dispersed values as `drawn.KEY` and `used.KEY`, each with its unit as attribute `units`. Dimensions
+    are `run`, with the run numbers as coordinate, `time`, and `axisI_N` for components. Attributes identify the
+    campaign.
 
     Raises:
         RpojaxError: xarray is not installed, or the folder is no campaign that can be read.
@@ -32,6 +33,7 @@ def open_campaign(path: Path | str) -> "xarray.Dataset":
     variables: dict[str, Any] = {
         "failed_at_s": ("run", campaign.failed_at_s, {"units": "s"}),
         "failure_reason": ("run", campaign.failure_reason.astype(object), {"units": "1"}),
+        "outcome": ("run", campaign.outcomes.astype(object), {"units": "1"}),
         "completed": ("run", campaign.completed, {"units": "1"}),
     }
     groups = {

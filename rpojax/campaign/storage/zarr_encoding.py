@@ -15,7 +15,7 @@ from zarr.storage import MemoryStore
 
 _MAX_CHUNK_RUNS = 64
 """Largest number of runs in an inner chunk of a shard, which can be read without the rest of the block."""
-_INTEGER_FILL_VALUE = -1
+NOT_RECORDED = -1
 """Fill value of integers, for runs that were never written."""
 
 
@@ -110,7 +110,7 @@ def _is_sharded(layout: ArrayLayout) -> bool:
 def _fill_value(layout: ArrayLayout) -> Any:
     """Value of elements that were never written."""
     dtype = np.dtype(layout.dtype)
-    return np.nan if dtype.kind == "f" else dtype.type(_INTEGER_FILL_VALUE if dtype.kind == "i" else 0)
+    return np.nan if dtype.kind == "f" else dtype.type(NOT_RECORDED if dtype.kind == "i" else 0)
 
 
 def _uncompressed(layout: ArrayLayout, values: np.ndarray) -> bytes:

@@ -1,6 +1,7 @@
 """Verified reading of `results.zarr`: every array is compared with the digest that was recorded when it was written."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,34 +13,39 @@ from rpojax.campaign.storage.block_manifests import Manifest
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.errors import ResultError, RpojaxError
 
+_OPTIONAL_GROUPS = ("drawn", "used", "events")
+"""Groups that need not exist: without numbers that vary, and in folders of older versions."""
+
 
 def read_group(
     directory: Path, configuration: CampaignConfiguration, name: str, manifests: Mapping[int, Manifest]
 ) -> dict[str, np.ndarray]:
     """Arrays of a group, with the rows of the blocks in `manifests`.
 
+    Blocks of an older version lack the arrays that it did not know: their rows have the fill value.
+
     Raises:
         ResultError: an array is missing, cannot be read or is not what was written.
     """
     if not any(name in entry.sha256 for entry in manifests.values()):
-        if name in ("drawn", "used") or not manifests:
+        if name in _OPTIONAL_GROUPS or not manifests:
             return {}
         raise ResultError(f"{directory / 'manifest'}: found no digest of {name!r}, expected one in every manifest")
     folder = directory / "results.zarr" / name
-    arrays = {
-        path.name: _read_rows(directory, path, configuration, list(manifests))
-        for path in _array_folders(directory, folder)
-    }
+    found = {path: _read_rows(directory, path, configuration, manifests) for path in _array_folders(directory, folder)}
     first = 0
     for block, entry in manifests.items():
-        rows = {key: values[first : first + entry.count] for key, values in arrays.items()}
-        if zarr_encoding.digest(rows) != entry.sha256.get(name):
+        there = {path.name: rows.values[first : first + entry.count] for path, rows in found.items() if block in rows}
+        if (zarr_encoding.digest(there) if there else None) != entry.sha256.get(name):
+            for path, rows in found.items():
+                if block not in rows:
+                    raise ResultError(f"{path}: found nothing, expected the values of block {block}")
             raise ResultError(
                 f"{folder}: found other values in block {block}, expected those that its manifest names "
                 "(without the manifest, a resume runs the block again)"
             )
         first += entry.count
-    return arrays
+    return {path.name: rows.values for path, rows in found.items()}
 
 
 def read_history(directory: Path, run_id: int) -> dict[str, np.ndarray]:
@@ -81,19 +87,31 @@ def _array_folders(directory: Path, folder: Path) -> list[Path]:
     return paths
 
 
-def _read_rows(directory: Path, path: Path, configuration: CampaignConfiguration, blocks: Sequence[int]) -> np.ndarray:
-    """Rows of some blocks of an array; zarr would read the fill value where a file is missing."""
-    array = _open_array(path)
+@dataclass(frozen=True)
+class _Rows:
+    """Rows of some blocks of an array, with the fill value for blocks that are not `stored`."""
+
+    values: np.ndarray
+    stored: frozenset[int]
+
+    def __contains__(self, block: int) -> bool:
+        return block in self.stored
+
+
+def _read_rows(directory: Path, path: Path, configuration: CampaignConfiguration, blocks: Iterable[int]) -> _Rows:
+    """Rows of some blocks of an array."""
+    array, wanted = _open_array(path), list(blocks)
     if array.ndim == 0 or array.shape[0] != configuration.options.runs:
         raise ResultError(f"{path}: found shape {array.shape}, expected {configuration.options.runs} rows")
-    for block in blocks:
-        _check_file(directory, path / zarr_encoding.chunk_key(array.ndim, block), f"the values of block {block}")
     size = configuration.block_size
     parts = [
         _read_values(path, array, slice(low * size, high * size + configuration.runs_in_block(high)))
-        for low, high in _consecutive_ranges(blocks)
+        for low, high in _consecutive_ranges(wanted)
     ]
-    return np.concatenate(parts)
+    files = {block: path / zarr_encoding.chunk_key(array.ndim, block) for block in wanted}
+    for file in files.values():
+        safe_paths.check_no_links(directory, file)
+    return _Rows(np.concatenate(parts), frozenset(block for block, file in files.items() if file.is_file()))
 
 
 def _consecutive_ranges(blocks: Sequence[int]) -> list[tuple[int, int]]:

@@ -64,7 +64,7 @@ def _show(found: "PairedComparison", changed: "Sequence[KeyChange]", independent
     events.add_column("event")
     for heading in ("both", "first alone", "second alone", "neither", "p (McNemar)"):
         events.add_column(heading, justify="right")
-    for event in (found.failures, *found.requirements):
+    for event in (found.failures, *found.outcomes, *found.requirements):
         counts = event.both, event.only_first, event.only_second, event.neither
         events.add_row(event.event, *map(str, counts), format_number(event.p_value, 3))
     console.print(events)

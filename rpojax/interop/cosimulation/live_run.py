@@ -23,11 +23,13 @@ from rpojax.interop.cosimulation.live_settings import ExternalStage, LiveSetting
 from rpojax.interop.cosimulation.message_exchange import MessageExchange
 from rpojax.interop.ros2.message_builders import nanoseconds
 from rpojax.runtime import garbage_collection
+from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation import initial_state
 from rpojax.simulation.channels import Channels
-from rpojax.simulation.failure import FAILURE_REASONS
 from rpojax.simulation.metrics import recorded_metrics
+from rpojax.simulation.outcomes.judgement import judge_one
+from rpojax.simulation.outcomes.outcome_kinds import REASONS
 
 
 @dataclass(frozen=True)
@@ -37,10 +39,10 @@ class LiveRunResult:
     Attributes:
         ticks: number of simulated ticks
         steps: number of plant steps
-        completed: whether the run reached its end
+        completed: whether the run reached its end, and as it should
         failure: reason of a failed run, else ""
         stop_reason: reason why the run was stopped before its end, else ""
-        metrics: of a completed run, else empty
+        metrics: of a run that reached its end, else empty
         events: ignored, late and limited commands
         sent: messages by topic
         received: messages by topic
@@ -120,6 +122,8 @@ class _LiveRun:
     def __init__(self, file: ScenarioFile, seed: int, run_id: int, settings: LiveSettings) -> None:
         self._file, self._external_stages = file, settings.external_stages
         self.scenario, self._params, key = single_run.dispersed_parameters(file, seed, run_id)
+        own = dispersed_values.read_back(self._params, dispersion_keys.varied_keys(file))
+        self._varied = {key: np.asarray(value)[None] for key, value in own.items()}
         self._takes_burns = ExternalStage.FORMATION in settings.external_stages
         self._stages = CompiledStages(self.scenario, self._params, self._takes_burns)
         start = jax.jit(initial_state.init, static_argnums=0)(self.scenario, self._params, key)
@@ -142,13 +146,18 @@ class _LiveRun:
 
     @property
     def completed(self) -> bool:
-        """Whether the run reached its end."""
-        return self.ticks == self.scenario.ticks and not self.failure
+        """Whether the run reached its end, and as it should."""
+        return self.reached_end and not self.failure
+
+    @property
+    def reached_end(self) -> bool:
+        """Whether the run was simulated to its end, in whatever state."""
+        return self.ticks == self.scenario.ticks and not self._tick.failure
 
     @property
     def is_running(self) -> bool:
-        """Whether the run is neither over nor failed."""
-        return self.ticks < self.scenario.ticks and not self.failure
+        """Whether the run is neither over nor frozen."""
+        return self.ticks < self.scenario.ticks and not self._tick.failure
 
     def warm_up(self) -> None:
         """Simulates a tick to compile all stages; the state stays as it was."""
@@ -157,8 +166,10 @@ class _LiveRun:
     def tick(self, commands: CommandSource) -> None:
         """Simulates one tick."""
         self._tick = self._simulate_tick(commands, self._record)
-        self.failure = FAILURE_REASONS[self._tick.failure]
+        self.failure = REASONS[self._tick.failure]
         self.ticks += 1
+        if self.reached_end:
+            self.failure = judge_one(self._file, self._varied, self._records).reason
 
     def _record(self, channels: Channels) -> None:
         for name, value in channels.items():
@@ -167,10 +178,11 @@ class _LiveRun:
             self._records[name][0, self.ticks] = value
 
     def metrics(self) -> dict[str, float]:
-        """Metrics of a completed run, none of others."""
-        if not self.completed:
+        """Metrics of a run that reached its end, none of others."""
+        if not self.reached_end:
             return {}
-        return {name: float(values[0]) for name, values in recorded_metrics.evaluate(self._file, self._records).items()}
+        found = recorded_metrics.evaluate(self._file, self._records, self._varied)
+        return {name: float(values[0]) for name, values in found.items()}
 
     def _simulate_tick(self, commands: CommandSource, record: Callable[[Channels], None]) -> PackedTick:
         """Publishes, takes the commands of and records this tick, and returns the next one."""

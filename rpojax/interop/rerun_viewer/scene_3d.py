@@ -79,7 +79,7 @@ def _add_reference_geometry(chunks: RrdChunks, run: ReplayedRun[ViewerChannels])
             vectors=_AXIS_LENGTH_M * np.eye(3), colors=np.eye(3, dtype=np.uint8) * 200 + 55, labels=names, radii=0.03
         ),
     )
-    desired = run.file.formation.desired_position_m
+    desired = np.asarray(run.params.flight.formation.desired_position)
     chunks.add_static(
         f"{HILL}/desired", rr.Points3D([desired], colors=[ACCEPTED_COLOR], radii=[0.25], labels=["desired"])
     )
@@ -120,7 +120,7 @@ def _add_servicer(chunks: RrdChunks, run: ReplayedRun[ViewerChannels]) -> None:
     R_HB = run.values["R_HN"] @ attitude_matrices(run.poses["q_BN"]).transpose(0, 2, 1)
     chunks.add(SERVICER, run.time_s, rr.Transform3D.columns(translation=rho_H, quaternion=quaternion_to_parent(R_HB)))
     chunks.add_static(SERVICER, rr.TransformAxes3D(1.5))
-    half = 0.5 * float(np.sqrt(run.file.servicer_surface.area_m2))
+    half = 0.5 * float(np.sqrt(run.params.plant.servicer_surface.area))
     body = rr.Boxes3D(half_sizes=[[half] * 3], colors=[_BODY_COLOR], fill_mode="solid")
     chunks.add_static(f"{SERVICER}/body", body)
     path = rr.LineStrips3D([rho_H], colors=[TRUE_COLOR], radii=[-1.0])

@@ -51,7 +51,7 @@ class Plot:
 def run_plots(run: ReplayedRun[ViewerChannels]) -> list[Plot]:
     """Plots of a run, in their order on the page."""
     channels = run.values
-    error = np.linalg.norm(channels["rho_H"] - np.asarray(run.file.formation.desired_position_m), axis=1)
+    error = np.linalg.norm(channels["rho_H"] - np.asarray(run.params.flight.formation.desired_position), axis=1)
     return [
         _scalar_plot("formation_error", "Formation error [m]", error),
         _scalar_plot("range", "Range [m]", channels["range_m"]),

@@ -10,6 +10,7 @@ from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.labels import in_display_order
 from rpojax.report.metric_statistics import summary_statistics
 from rpojax.report.sections import fault_section, requirement_verdict_section
+from rpojax.simulation.outcomes.outcome_kinds import count_outcomes
 
 
 def summarise(campaign: CampaignResults) -> dict[str, Any]:
@@ -30,7 +31,7 @@ def summarise(campaign: CampaignResults) -> dict[str, Any]:
     }
 
 
-def _run_counts(campaign: CampaignResults) -> dict[str, int]:
+def _run_counts(campaign: CampaignResults) -> dict[str, Any]:
     completed, known = int(np.sum(campaign.completed)), len(campaign.completed)
     requested = int(campaign.info.get("runs", known))
     return {
@@ -38,12 +39,15 @@ def _run_counts(campaign: CampaignResults) -> dict[str, int]:
         "completed": completed,
         "failed": known - completed,
         "missing": requested - known,
+        "outcomes": count_outcomes(campaign.outcomes),
     }
 
 
 def _failures(campaign: CampaignResults) -> list[dict[str, Any]]:
     return [
-        {"run_id": int(run), "at_s": to_json_types(at_s), "reason": str(reason)}
-        for run, at_s, reason in zip(campaign.run_ids, campaign.failed_at_s, campaign.failure_reason, strict=True)
+        {"run_id": int(run), "outcome": str(outcome), "at_s": to_json_types(at_s), "reason": str(reason)}
+        for run, outcome, at_s, reason in zip(
+            campaign.run_ids, campaign.outcomes, campaign.failed_at_s, campaign.failure_reason, strict=True
+        )
         if reason
     ]

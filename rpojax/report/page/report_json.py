@@ -29,6 +29,7 @@ def report_content(campaign: CampaignResults, drawn: list[DrawnDistribution]) ->
         "dispersions": [distribution.content() for distribution in drawn],
         "sensitivity": sensitivity_section.content(campaign),
         "failure_causes": failure_section.content(campaign),
+        "events": failure_section.event_entries(campaign),
         "worst_runs": worst_runs_section.content(campaign),
         "detections": detections,
         "limits": caveats_section.caveat_sentences(campaign, summary),

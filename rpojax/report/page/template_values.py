@@ -99,8 +99,10 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any]) -> dict[
             "instants": consistency_section.time_rows(consistency),
             "whiteness": consistency_section.whiteness_rows(consistency),
         },
+        "low_coverage": consistency_section.low_coverage_text(consistency),
         "sensitivity": content["sensitivity"],
         "failures": failure_section.failure_table(content),
+        "events": failure_section.event_table(content["events"]),
         "causes": [
             (cause, failure_section.cause_rows(cause), failure_section.cause_sentence(cause))
             for cause in content["failure_causes"]

@@ -25,12 +25,18 @@ def caveat_sentences(campaign: CampaignResults, summary: Mapping[str, Any]) -> l
     )
     if runs["missing"]:
         sentences.append(f"{runs['missing']} of {runs['requested']} runs are missing; nothing here is about them.")
-    if runs["completed"] < 299 and runs_are_independent(campaign):
+    ended = int(np.sum(campaign.reached_end))
+    if ended < 299 and runs_are_independent(campaign):
         sentences.append(
-            f"{runs['completed']} completed runs cannot bound a 99th percentile without assuming a distribution "
+            f"{ended} runs that reached their end cannot bound a 99th percentile without assuming a distribution "
             "(299 are needed for 95 % confidence); p99 is then a description of these runs only."
         )
-    sentences += _undefined_metrics_caveats(campaign, runs["failed"])
+    if unjudged := int(np.sum(~campaign.is_judged)):
+        sentences.append(
+            f"{unjudged} runs were recorded by an older version, which counted a run as completed unless its state "
+            "became non-finite or it entered the keep-out sphere; whether they were lost or off station is not judged."
+        )
+    sentences += _undefined_metrics_caveats(campaign)
     sentences.append(_independence_caveat(campaign))
     if not summary["requirements"]:
         sentences.append("The campaign states no requirements, so this report gives no verdict.")
@@ -47,26 +53,30 @@ def caveat_sentences(campaign: CampaignResults, summary: Mapping[str, Any]) -> l
     return sentences
 
 
-def _undefined_metrics_caveats(campaign: CampaignResults, failed: int) -> list[str]:
+def _undefined_metrics_caveats(campaign: CampaignResults) -> list[str]:
     """Sentences on metrics that are undefined in some runs; a metric defined in no run needs none."""
-    completed = np.asarray(campaign.completed, dtype=bool)
+    ended = np.asarray(campaign.reached_end, dtype=bool)
+    frozen = int(np.sum(~ended))
     undefined = {
-        name: int(np.sum(completed & ~np.isfinite(campaign.metrics[name])))
-        for name in in_display_order(campaign.metrics)
+        name: int(np.sum(ended & ~np.isfinite(campaign.metrics[name]))) for name in in_display_order(campaign.metrics)
     }
-    partly = [name for name, count in undefined.items() if 0 < count < int(completed.sum())]
-    if not failed and not partly:
-        return []
+    partly = [name for name, count in undefined.items() if 0 < count < int(ended.sum())]
     sentences = [
-        "Metrics leave out runs in which they are undefined, as after a failure: "
+        "Metrics are those of all runs that reached their end, whatever their outcome: of lost and diverged ones too."
+    ]
+    if not frozen and not partly:
+        return sentences
+    sentences.append(
+        "They leave out runs in which they are undefined, as after an entry into the keep-out sphere: "
         "they describe the other runs and must be read together with the failures. "
         "Only the bounds of p99 and p1 count runs without a value, as worse than any other."
-    ]
+    )
     if partly:
         named = ", ".join(f"{metric_label(name).title} ({undefined[name]})" for name in partly)
         sentences.append(
-            f"Undefined in some of the {int(completed.sum())} completed runs: {named}. That is no failure where there "
-            "was nothing to measure, but the bounds take the worse case: none is given that would be such a run."
+            f"Undefined in some of the {int(ended.sum())} runs that reached their end: {named}. That is no failure "
+            "where there was nothing to measure, but the bounds take the worse case: none is given that would be such "
+            "a run."
         )
     return sentences
 

@@ -25,6 +25,8 @@ _NEES_CHANNELS = (
 """NEES channels over time and their numbers of components."""
 _COMPONENTS = {"nees_mean": 12, "nees_relative_mean": 6, "nis_gps_mean": 3, "nis_box_mean": 3}
 _COVERAGE = "sigma3_coverage"
+LOW_COVERAGE = 0.95
+"""Coverage of a run below which its filter is not to be trusted."""
 _WHITENESS = {"gps_innovation_lag1": "GPS", "box_innovation_lag1": "boxes"}
 _ROWS_PER_UPDATE = 3
 _EXPECTED_OUTSIDE = 0.05
@@ -55,24 +57,28 @@ class ConsistencyRow:
 
 
 def content(campaign: CampaignResults) -> dict[str, Any]:
-    """Part of report.json: `means` of NEES, NIS and coverage, `over_time` and `whiteness`, completed runs only."""
+    """Part of report.json: `means` of NEES, NIS and coverage, `over_time` and `whiteness`, and a share of runs.
+
+    All runs that reached their end count, in whatever state.
+    """
     return {
         "means": [_mean_entry(campaign, name) for name in (*_COMPONENTS, _COVERAGE) if name in campaign.metrics],
         "over_time": [
             entry for channel, size in _NEES_CHANNELS for entry in _over_time_entries(campaign, channel.name, size)
         ],
         "whiteness": [_whiteness_entry(campaign, name) for name in _WHITENESS if name in campaign.metrics],
+        "sigma3_coverage_low_runs_fraction": _low_coverage_fraction(campaign),
     }
 
 
 def charts(campaign: CampaignResults) -> dict[str, tuple[ChannelLabel, Chart]]:
     """Channel and chart of each average NEES over time by channel name; no interval if runs are not independent."""
-    completed = np.asarray(campaign.completed, dtype=bool)
+    ended = np.asarray(campaign.reached_end, dtype=bool)
     found = {}
     for channel, components in _NEES_CHANNELS:
         values = campaign.traces.get(channel.name)
-        if values is not None and np.isfinite(values[completed]).any():
-            nees = average_nees(np.asarray(values[completed], dtype=np.float64), components)
+        if values is not None and np.isfinite(values[ended]).any():
+            nees = average_nees(np.asarray(values[ended], dtype=np.float64), components)
             found[channel.name] = (
                 channel,
                 average_nees_chart(channel, campaign.trace_time_s, nees, runs_are_independent(campaign)),
@@ -126,6 +132,19 @@ def whiteness_rows(consistency: Mapping[str, Any]) -> list[ConsistencyRow]:
     ]
 
 
+def low_coverage_text(consistency: Mapping[str, Any]) -> str | None:
+    """Share of runs with a low coverage as text, None if unknown."""
+    share = consistency["sigma3_coverage_low_runs_fraction"]
+    return None if share is None else _percent(share)
+
+
+def _low_coverage_fraction(campaign: CampaignResults) -> float | None:
+    """Share of runs whose coverage is low, which a mean over runs hides; None without a run that has one."""
+    values = np.asarray(campaign.metrics.get(_COVERAGE, ()), dtype=np.float64)
+    known = values[np.isfinite(values)]
+    return float(np.mean(known < LOW_COVERAGE)) if len(known) else None
+
+
 def _settled_from_s(time_s: np.ndarray) -> float:
     """Time from which the filter counts as settled [s]: 1000 s, or a third of a shorter run, as in the metrics."""
     return min(1000.0, float(time_s[-1]) / 3.0)
@@ -162,14 +181,14 @@ def _chi_square_interval(campaign: CampaignResults, name: str, runs: int) -> lis
 
 
 def _update_counts(campaign: CampaignResults, name: str) -> np.ndarray:
-    """Number of updates of each completed run (runs,), NaN where unknown."""
+    """Number of updates of each run that reached its end (runs,), NaN where unknown."""
     scenario = campaign.info.get("scenario", {})
     ticks = float(scenario.get("duration_s", np.nan)) * float((scenario.get("rates") or {}).get("camera_hz", np.nan))
     if "gps" in name:
-        fractions = np.ones(len(campaign.completed))
+        fractions = np.ones(len(campaign.reached_end))
     else:
-        fractions = campaign.metrics.get("visible_fraction", np.full(len(campaign.completed), np.nan))
-    return np.where(campaign.completed, ticks * fractions, np.nan)
+        fractions = campaign.metrics.get("visible_fraction", np.full(len(campaign.reached_end), np.nan))
+    return np.where(campaign.reached_end, ticks * fractions, np.nan)
 
 
 def _no_interpretation(campaign: CampaignResults) -> str:
@@ -190,11 +209,11 @@ def _interpret_mean(kind: str, interval: Sequence[float], expected: float) -> st
 
 def _over_time_entries(campaign: CampaignResults, name: str, components: int) -> list[dict[str, Any]]:
     """Average over independent runs at each settled instant compared with its chi-square interval, if any."""
-    values, completed = campaign.traces.get(name), np.asarray(campaign.completed, dtype=bool)
-    if values is None or not completed.any() or not runs_are_independent(campaign):
+    values, ended = campaign.traces.get(name), np.asarray(campaign.reached_end, dtype=bool)
+    if values is None or not ended.any() or not runs_are_independent(campaign):
         return []
     settled = campaign.trace_time_s >= _settled_from_s(campaign.trace_time_s)
-    nees = np.asarray(values[completed][:, settled], dtype=np.float64)
+    nees = np.asarray(values[ended][:, settled], dtype=np.float64)
     found = average_nees(nees, components)
     if not np.isfinite(found.mean).any():
         return []

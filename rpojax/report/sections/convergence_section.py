@@ -26,9 +26,7 @@ def content(campaign: CampaignResults) -> dict[str, Any] | None:
     if len(failed) < _MIN_RUNS:
         return None
     rate, independent = rate_convergence(failed), runs_are_independent(campaign)
-    entries = {
-        name: _entry(name, _converge(campaign, name, failed), independent) for name in select_key_metrics(campaign)
-    }
+    entries = {name: _entry(name, _converge(campaign, name), independent) for name in select_key_metrics(campaign)}
     failure_rate = {
         "rate": rate.rate,
         "low_95": rate.low if independent else None,
@@ -47,9 +45,9 @@ def charts(convergence: dict[str, Any]) -> dict[str, tuple[str, Chart]]:
     return found
 
 
-def _converge(campaign: CampaignResults, name: str, failed: np.ndarray) -> MetricConvergence:
+def _converge(campaign: CampaignResults, name: str) -> MetricConvergence:
     values = np.asarray(campaign.metrics[name], dtype=np.float64)
-    return metric_convergence(values, failed, metric_label(name).low_is_bad)
+    return metric_convergence(values, metric_label(name).low_is_bad)
 
 
 def _entry(name: str, found: MetricConvergence, independent: bool) -> dict[str, Any]:

@@ -1,12 +1,10 @@
 """Envelopes over time: one chart for each recorded channel."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from rpojax.analysis.statistics.consistency.nees import mean_nees_interval
 from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.dispersed_inputs import keep_out_radii
 from rpojax.report.figures.charts.envelope_chart import envelope_chart
 from rpojax.report.figures.charts.plotly_charts import Chart, add_reference_lines
 from rpojax.report.labels import CHANNEL_LABELS, ChannelLabel
@@ -22,22 +20,25 @@ def envelope_charts(campaign: CampaignResults) -> dict[str, tuple[ChannelLabel, 
         if values is None:
             continue
         bound = campaign.traces.get("nav_relative_sigma3_m") if channel.name == "nav_relative_error_m" else None
-        completed = np.asarray(campaign.completed, dtype=bool)
-        chart = envelope_chart(channel, campaign.trace_time_s, values, completed, bound, campaign.run_ids)
+        ended = np.asarray(campaign.reached_end, dtype=bool)
+        chart = envelope_chart(channel, campaign.trace_time_s, values, ended, bound, campaign.run_ids)
         if chart is not None:
             charts[channel.name] = (channel, chart)
-    for name, levels in _reference_levels(campaign.info.get("scenario", {})).items():
+    for name, levels in _reference_levels(campaign).items():
         if name in charts:
             channel, chart = charts[name]
             add_reference_lines(chart, channel.unit, levels)
     return charts
 
 
-def _reference_levels(scenario: Mapping[str, Any]) -> dict[str, list[tuple[float, str]]]:
-    """Horizontal lines (value, text) by channel name: chi-square limits of NEES, radius of the keep-out sphere."""
+def _reference_levels(campaign: CampaignResults) -> dict[str, list[tuple[float, str]]]:
+    """Horizontal lines (value, text) by channel name: chi-square limits of NEES, radii of the keep-out spheres."""
     low, high = mean_nees_interval(_NEES_COMPONENTS, 1, 0.9)
     levels = {"nees": [(low, "consistent filter, 5 %"), (12.0, "mean"), (high, "95 %")]}
-    keep_out = scenario.get("limits", {}).get("keep_out_m")
-    if keep_out is not None:
-        levels["range_m"] = [(float(keep_out), "keep-out sphere")]
+    radii = keep_out_radii(campaign)
+    if radii is not None:
+        smallest, largest = float(radii.min()), float(radii.max())
+        levels["range_m"] = [(smallest, "keep-out sphere")]
+        if smallest < largest:
+            levels["range_m"] = [(smallest, "smallest keep-out sphere"), (largest, "largest keep-out sphere")]
     return levels

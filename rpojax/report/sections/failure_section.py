@@ -1,7 +1,8 @@
-"""Failed runs by reason, and inputs that distinguish failed from completed runs."""
+"""Failed runs by outcome, inputs that distinguish them from completed runs, and flags that were raised and cleared."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -11,23 +12,35 @@ from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.dispersed_inputs import rankable_scalars
 from rpojax.report.number_format import format_number, format_p_value
 from rpojax.report.run_independence import runs_are_independent
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 _MAX_INPUTS = 5
 _MAX_FAILURES = 50
 
 
 def content(campaign: CampaignResults) -> list[dict[str, Any]]:
-    """Part of report.json: for each reason the number of runs, times of failure, and inputs, the most different first.
+    """Part of report.json: for each outcome but `completed` the runs, times, and inputs, the most different first.
 
     P-values, corrected for the number of inputs, are None if runs are not independent; categorical inputs are left out.
     """
     completed = np.asarray(campaign.completed, dtype=bool)
-    reasons = Counter(str(reason) for reason in campaign.failure_reason if reason)
+    failures = Counter(str(outcome) for outcome in campaign.outcomes[~completed])
     inputs = rankable_scalars(campaign)
     return [
-        _cause_entry(campaign, inputs, completed, reason, runs_are_independent(campaign))
-        for reason, _ in reasons.most_common()
+        _cause_entry(campaign, inputs, completed, Outcome(outcome), runs_are_independent(campaign))
+        for outcome, _ in failures.most_common()
     ]
+
+
+def event_entries(campaign: CampaignResults) -> list[dict[str, Any]]:
+    """Part of report.json: flags of failure by run and time, with the time at which each was cleared, else None."""
+    return [{**asdict(event), "outcome": str(event.outcome)} for event in campaign.events]
+
+
+def outcomes_text(outcomes: Mapping[str, int]) -> str:
+    """Failed runs by reason, such as `2 off station, 1 lost the target`, from the number of runs by outcome."""
+    failed = [(count, kind) for kind in Outcome if (count := outcomes[kind]) and kind is not Outcome.COMPLETED]
+    return ", ".join(f"{count} {kind.reason}" for count, kind in sorted(failed, key=lambda each: -each[0]))
 
 
 def cause_rows(entry: Mapping[str, Any]) -> list[list[str]]:
@@ -58,14 +71,19 @@ def cause_sentence(entry: Mapping[str, Any]) -> str:
 
 
 def _cause_entry(
-    campaign: CampaignResults, inputs: Mapping[str, np.ndarray], completed: np.ndarray, reason: str, independent: bool
+    campaign: CampaignResults,
+    inputs: Mapping[str, np.ndarray],
+    completed: np.ndarray,
+    outcome: Outcome,
+    independent: bool,
 ) -> dict[str, Any]:
-    failed = np.asarray(campaign.failure_reason == reason)
+    failed = np.asarray(campaign.outcomes == outcome)
     compared = failed | completed
     found = separate_failing_runs({name: values[compared] for name, values in inputs.items()}, failed[compared])
     times = campaign.failed_at_s[failed]
     return {
-        "reason": reason,
+        "outcome": str(outcome),
+        "reason": outcome.reason,
         "runs": int(failed.sum()),
         "first_at_s": float(np.min(times)),
         "median_at_s": float(np.median(times)),
@@ -100,3 +118,23 @@ def failure_table(summary: Mapping[str, Any]) -> dict[str, Any]:
         "rows": [{**row, "at_s": format_number(row["at_s"])} for row in rows[:_MAX_FAILURES]],
         "more": max(0, len(rows) - _MAX_FAILURES),
     }
+
+
+def event_table(events: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """First flags, the number of further ones, and a sentence on how many runs raised each and recovered."""
+    rows = [
+        {
+            "run_id": event["run_id"],
+            "reason": Outcome(event["outcome"]).reason,
+            "raised_at": format_number(event["raised_at_s"]),
+            "cleared_at": format_number(event["cleared_at_s"]),
+        }
+        for event in events[:_MAX_FAILURES]
+    ]
+    parts = []
+    for kind in Outcome:
+        raised = {event["run_id"] for event in events if event["outcome"] == kind}
+        kept = {event["run_id"] for event in events if event["outcome"] == kind and event["cleared_at_s"] is None}
+        if raised:
+            parts.append(f"{kind.reason}: raised in {len(raised)} runs, cleared in {len(raised - kept)}")
+    return {"rows": rows, "more": max(0, len(events) - _MAX_FAILURES), "sentence": "; ".join(parts) + "."}

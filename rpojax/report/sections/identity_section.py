@@ -8,6 +8,7 @@ from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.number_format import format_number
 from rpojax.report.run_independence import design_phrase, runs_are_independent
+from rpojax.report.sections.failure_section import outcomes_text
 
 _MAX_LINE_LENGTH = 4000
 
@@ -16,11 +17,13 @@ def identity_lines(campaign: CampaignResults, summary: Mapping[str, Any]) -> lis
     """Label and text of each property that identifies a campaign."""
     info, runs = campaign.info, summary["runs"]
     versions = ", ".join(f"{name} {version}" for name, version in info.get("versions", {}).items())
+    counts = f"{runs['requested']} requested, {runs['completed']} completed, {runs['failed']} failed"
+    kinds = f" ({outcomes_text(runs['outcomes'])})" if runs["failed"] else ""
     missing = f", {runs['missing']} missing" if runs["missing"] else ""
     lines = [
         ("Scenario hash", info.get("scenario_hash")),
         ("Master seed", info.get("seed")),
-        ("Runs", f"{runs['requested']} requested, {runs['completed']} completed, {runs['failed']} failed{missing}"),
+        ("Runs", f"{counts}{kinds}{missing}"),
         ("Replaced stages", _replaced_stages_text(info.get("stages") or {})),
         ("Versions", versions),
         ("Device", " ".join(str(info[key]) for key in ("device", "dtype") if key in info)),

@@ -74,8 +74,7 @@ def _validated_requirement(campaign: CampaignResults, index: int, entry: Mapping
 
 def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: int) -> dict[str, Any]:
     values = np.asarray(campaign.metrics.get(requirement.metric, ()), dtype=np.float64)
-    failed = ~np.asarray(campaign.completed, dtype=bool)
-    found = evaluate_requirement(requirement, values, failed, campaign.run_ids, runs_are_independent(campaign), missing)
+    found = evaluate_requirement(requirement, values, campaign.run_ids, runs_are_independent(campaign), missing)
     return {
         "text": _requirement_phrase(requirement),
         **requirement.model_dump(),
@@ -85,6 +84,7 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
         "more_runs": found.more_runs,
         "runs": found.runs,
         "violations": found.violations,
+        "beyond_limit": found.beyond_limit,
         "allowed": found.allowed,
         "rank": found.rank,
         "order_statistic": found.order_statistic,
@@ -108,6 +108,7 @@ def _row(entry: Mapping[str, Any]) -> RequirementRow:
         verdict=entry["verdict_text"],
         css_class=_CSS_CLASSES.get(Verdict(entry["verdict"]), "open"),
         note=f"{100.0 * entry['probability']:g} % of runs; {entry['violations']} of {entry['runs']} violate it"
+        + _violation_kinds(entry)
         + ("" if entry["margin"] is None else f"; margin {with_unit(_signed(entry['margin']), label.unit)}"),
         cells=cells,
         violating=list(entry["violating_ids"]),
@@ -131,6 +132,13 @@ def _cells(entry: Mapping[str, Any]) -> list[tuple[str, str]]:
         ),
         (f"{100.0 * entry['consumer_risk']:g} %", _risk_text(entry["risk_reached"])),
     ]
+
+
+def _violation_kinds(entry: Mapping[str, Any]) -> str:
+    """Addition on the violating runs without a value, empty without any."""
+    if not entry["without_value"]:
+        return ""
+    return f" ({entry['beyond_limit']} beyond the limit, {entry['without_value']} without a value)"
 
 
 def _risk_text(reached: float | None) -> str:

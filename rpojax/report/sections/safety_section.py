@@ -8,12 +8,11 @@ import numpy as np
 from rpojax.analysis.statistics.intervals.binomial_intervals import clopper_pearson_interval
 from rpojax.metrics.metric_catalogue import worst_first
 from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.dispersed_inputs import keep_out_radii
 from rpojax.report.labels import metric_label
 from rpojax.report.number_format import format_number, with_unit
 from rpojax.report.run_independence import runs_are_independent
-from rpojax.simulation.failure import FAILURE_REASONS
-
-_KEEP_OUT = FAILURE_REASONS[2]
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 
 def content(campaign: CampaignResults) -> dict[str, Any]:
@@ -23,10 +22,10 @@ def content(campaign: CampaignResults) -> dict[str, Any]:
     sphere it is at most the sphere's radius, and `at_most` marks that bound. Proportions have exact 95 % intervals,
     None if runs are not independent.
     """
-    entered = np.asarray(campaign.failure_reason == _KEEP_OUT)
-    keep_out = campaign.info.get("scenario", {}).get("limits", {}).get("keep_out_m")
+    entered = np.asarray(campaign.outcomes == Outcome.KEEP_OUT)
+    keep_out = keep_out_radii(campaign)
     return {
-        "keep_out_m": keep_out,
+        "keep_out_m": _radius_content(keep_out),
         "least_range": _least_range(campaign, keep_out, entered),
         "entries": {
             **_proportion(campaign, entered, np.ones(len(entered), dtype=bool)),
@@ -42,7 +41,7 @@ def content(campaign: CampaignResults) -> dict[str, Any]:
 def rows(safety: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Quantity, value and remark of each row."""
     keep_out = safety["keep_out_m"]
-    sphere = "" if keep_out is None else f" of {format_number(keep_out)} m"
+    sphere = "" if keep_out is None else f" of {_radius_text(keep_out)}"
     drift = f"Runs whose free drift would enter the keep-out sphere{sphere}"
     lines = [
         ("Smallest range of any run", *_worst_value_texts(safety["least_range"], "m")),
@@ -58,13 +57,27 @@ def rows(safety: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     return [(quantity, value, remark) for quantity, value, remark in lines if value]
 
 
-def _least_range(campaign: CampaignResults, keep_out: float | None, entered: np.ndarray) -> dict[str, Any] | None:
+def _radius_content(radii: np.ndarray | None) -> float | list[float] | None:
+    """Radius of the keep-out sphere, or the smallest and the largest where runs differ; None without one."""
+    if radii is None:
+        return None
+    ends = [float(radii.min()), float(radii.max())]
+    return ends[0] if ends[0] == ends[1] else ends
+
+
+def _radius_text(radius: float | list[float]) -> str:
+    if isinstance(radius, list):
+        return f"{format_number(radius[0])} to {with_unit(format_number(radius[1]), 'm')}, each run its own"
+    return with_unit(format_number(radius), "m")
+
+
+def _least_range(campaign: CampaignResults, keep_out: np.ndarray | None, entered: np.ndarray) -> dict[str, Any] | None:
     ranges = np.asarray(campaign.metrics.get("min_range_m", np.full(len(campaign.completed), np.nan)), dtype=np.float64)
     traced = campaign.traces.get("range_m")
     if traced is not None and traced.size:
         ranges = np.fmin(ranges, np.fmin.reduce(traced, axis=1))
     # Traces are coarse: their last sample may be well before the entry.
-    radius = np.inf if keep_out is None else keep_out
+    radius = np.full(len(entered), np.inf) if keep_out is None else np.broadcast_to(keep_out, len(entered))
     bounded = entered & np.isfinite(radius) & ~(ranges <= radius)
     ranges = np.where(bounded, radius, ranges).astype(np.float64)
     rows = worst_first("min_range_m", ranges)
@@ -82,7 +95,7 @@ def _worst_value(campaign: CampaignResults, name: str) -> dict[str, Any] | None:
 
 
 def _passive_range_violations(
-    campaign: CampaignResults, keep_out: float | None, entered: np.ndarray
+    campaign: CampaignResults, keep_out: np.ndarray | None, entered: np.ndarray
 ) -> dict[str, Any] | None:
     """Proportion of runs that enter the sphere or would drift into it, among those for which this is known."""
     values = campaign.metrics.get("passive_range_m")

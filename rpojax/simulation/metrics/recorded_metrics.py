@@ -10,9 +10,11 @@ from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.metrics.metric_catalogue import METRICS
 from rpojax.metrics.metric_definition import Floats, RunTiming
 from rpojax.metrics.recorded_reduction import reduce_records
+from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
 from rpojax.scenario.schema import ScenarioFile
 
 Records = Mapping[str, np.ndarray]
+Values = Mapping[str, np.ndarray]
 
 _DERIVED: Final = {"desired_position_H", "is_settled"}
 """Inputs of metrics that are no channels."""
@@ -23,27 +25,35 @@ REQUIRED_CHANNELS: Final = tuple(
 """Channels that the metrics read."""
 
 
-def evaluate(file: ScenarioFile, records: Records) -> dict[str, Floats]:
-    """Metrics (runs,) from channels of shape (runs, ticks) or (runs, ticks, components), at the camera rate."""
+def evaluate(file: ScenarioFile, records: Records, varied: Values) -> dict[str, Floats]:
+    """Metrics (runs,) from channels at the camera rate.
+
+    Args:
+        file: the scenario
+        records: channels (runs, ticks) or (runs, ticks, components)
+        varied: values of the runs (runs, ...) by key, of the keys that vary
+    """
     tick_s = 1.0 / file.rates.camera_hz
+    settle_time_s = values_of_runs(varied, "pointing.settle_time_s", file.pointing.settle_time_s)
     timing = RunTiming(tick_s, decision_ticks=round(file.rates.formation_period_s / tick_s))
     quantities = {
         **records,
-        "desired_position_H": desired_position_H(file, records),
-        "is_settled": _is_settled(records["mode"], round(file.pointing.settle_time_s / tick_s)),
+        "desired_position_H": desired_position_H(file, records, varied),
+        "is_settled": _is_settled(records["mode"], np.round(settle_time_s / tick_s)),
     }
     return {name: reduce_records(metric, quantities, timing) for name, metric in METRICS.items() if metric.is_recorded}
 
 
-def desired_position_H(file: ScenarioFile, records: Records) -> Floats:
-    """Desired relative position (runs, ticks, 3) of the scenario [m]; that of a run may differ, and is not recorded."""
-    return np.broadcast_to(np.asarray(file.formation.desired_position_m), records["rho_H"].shape)
+def desired_position_H(file: ScenarioFile, records: Records, varied: Values) -> Floats:
+    """Desired relative position (runs, ticks, 3) of each run [m]."""
+    desired = values_of_runs(varied, "formation.desired_position_m", file.formation.desired_position_m)
+    return np.broadcast_to(desired[:, None], records["rho_H"].shape)
 
 
-def _is_settled(mode: NDArray[np.integer], settle_ticks: int) -> NDArray[np.bool_]:
-    """Whether the camera has pointed at the target for the settling time, or since the start (runs, ticks)."""
+def _is_settled(mode: NDArray[np.integer], settle_ticks: Floats) -> NDArray[np.bool_]:
+    """Whether the camera has pointed at the target for its settling time (runs,), or since the start (runs, ticks)."""
     looking = mode == Mode.LOOK
-    settled = looking.copy()
-    for shift in range(1, settle_ticks + 1):
-        settled[:, shift:] &= looking[:, :-shift]
-    return settled
+    tick = np.arange(mode.shape[1], dtype=np.int32)
+    since_start = np.iinfo(np.int32).min // 2
+    turned_away = np.maximum.accumulate(np.where(looking, since_start, tick), axis=1)
+    return looking & (tick - turned_away > settle_ticks[:, None])

@@ -7,7 +7,7 @@ import numpy as np
 
 from rpojax.metrics.metric_definition import Floats
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.metrics.recorded_metrics import Records, desired_position_H
+from rpojax.simulation.metrics.recorded_metrics import Records, Values, desired_position_H
 
 
 class Trace(NamedTuple):
@@ -46,9 +46,12 @@ TRACE_UNITS: Final = {name: trace.unit for name, trace in TRACES.items()}
 """Unit of every trace by name."""
 
 
-def decimated_traces(file: ScenarioFile, records: Records, every: int) -> dict[str, Floats]:
-    """Traces (runs, samples), float32, from channels (runs, ticks, ...): one sample every `every` ticks."""
-    quantities = {**records, "desired_position_H": desired_position_H(file, records)}
+def decimated_traces(file: ScenarioFile, records: Records, varied: Values, every: int) -> dict[str, Floats]:
+    """Traces (runs, samples), float32, from channels (runs, ticks, ...): one sample every `every` ticks.
+
+    `varied` are the values of the runs (runs, ...) by key, of the keys that vary.
+    """
+    quantities = {**records, "desired_position_H": desired_position_H(file, records, varied)}
     return {
         name: trace.value(*(quantities[channel][:, ::every] for channel in trace.inputs)).astype(np.float32)
         for name, trace in TRACES.items()

@@ -229,4 +229,4 @@ def test_a_real_search_is_confirmed_by_simulation(tmp_path: Path, capsys: pytest
     file = rpojax.load(tmp_path / "out" / "worst_case.toml")
     records = single_run.simulate(file, content["seed"], content["run_id"])
     history = {name: values[None] for name, values in records.items() if name not in ("time_s", "rho_desired_H")}
-    assert recorded_metrics.evaluate(file, history)["formation_error_rms_m"][0] > 23.0
+    assert recorded_metrics.evaluate(file, history, {})["formation_error_rms_m"][0] > 23.0

@@ -18,7 +18,8 @@ ERROR = "formation_error_rms_m"
 
 def runs(ids: np.ndarray, values: np.ndarray, completed: np.ndarray | None = None) -> RunMetrics:
     """A campaign with one metric."""
-    return RunMetrics(ids, np.ones(len(ids), bool) if completed is None else completed, {ERROR: values})
+    outcomes = np.where(np.ones(len(ids), bool) if completed is None else completed, "completed", "lost")
+    return RunMetrics(ids, outcomes, {ERROR: values})
 
 
 def test_mcnemar_against_a_worked_number() -> None:

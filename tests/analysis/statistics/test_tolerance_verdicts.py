@@ -27,7 +27,7 @@ def campaign(runs: int, violating: int, **changes: Any) -> RequirementEvaluation
     values[:violating] = 3.0 + np.arange(violating)
     assert runs < 2000
     wanted = requirement(**changes)
-    return evaluate_requirement(wanted, values, np.zeros(runs, bool), np.arange(runs), independent=True)
+    return evaluate_requirement(wanted, values, np.arange(runs), independent=True)
 
 
 # Fewest runs for 99 % at a tenth of risk: 230, 388, 531 with none, one, two violations.
@@ -80,7 +80,7 @@ def test_a_campaign_is_verified_just_if_the_order_statistic_keeps_the_limit() ->
     verdicts = set()
     for _ in range(60):
         values = rng.exponential(size=600) * rng.uniform(0.3, 0.45)
-        found = evaluate_requirement(requirement(), values, np.zeros(600, bool), np.arange(600), independent=True)
+        found = evaluate_requirement(requirement(), values, np.arange(600), independent=True)
         assert found.order_statistic is not None
         assert (found.verdict is Verdict.VERIFIED) == (found.order_statistic <= 2.0)
         verdicts.add(found.verdict)
@@ -89,9 +89,8 @@ def test_a_campaign_is_verified_just_if_the_order_statistic_keeps_the_limit() ->
 
 def test_a_lower_bound_is_the_mirror_image() -> None:
     values = np.linspace(1.0, 20.0, 500)
-    failed = np.zeros(500, bool)
-    low = evaluate_requirement(requirement("at least", limit=1.1), values, failed, np.arange(500), independent=True)
-    high = evaluate_requirement(requirement("at most", limit=-1.1), -values, failed, np.arange(500), independent=True)
+    low = evaluate_requirement(requirement("at least", limit=1.1), values, np.arange(500), independent=True)
+    high = evaluate_requirement(requirement("at most", limit=-1.1), -values, np.arange(500), independent=True)
     assert low.violations == high.violations == 3
     assert low.violating_ids == high.violating_ids == (0, 1, 2)
     assert (low.worst, high.worst) == (1.0, -1.0)
@@ -102,19 +101,19 @@ def test_a_lower_bound_is_the_mirror_image() -> None:
 
 
 def test_a_value_on_the_limit_keeps_it() -> None:
-    nothing = np.zeros(3, bool)
-    assert not violates(requirement(), np.full(3, 2.0), nothing).any()
-    assert not violates(requirement("at least"), np.full(3, 2.0), nothing).any()
+    assert not violates(requirement(), np.full(3, 2.0)).any()
+    assert not violates(requirement("at least"), np.full(3, 2.0)).any()
 
 
 @pytest.mark.parametrize("bound", ["at most", "at least"])
-def test_failed_and_undefined_runs_violate_and_come_first(bound: Literal["at most", "at least"]) -> None:
+def test_runs_without_a_value_violate_and_come_first(
+    bound: Literal["at most", "at least"],
+) -> None:
     good, bad = (1.0, 3.0) if bound == "at most" else (3.0, 1.0)
-    values = np.array([good, np.nan, good, bad, good])
-    failed = np.array([False, False, True, False, False])
+    values = np.array([good, np.nan, np.nan, bad, good])
     ids = np.array([10, 11, 12, 13, 14])
-    found = evaluate_requirement(requirement(bound), values, failed, ids, independent=True)
-    assert found.violations == 3
+    found = evaluate_requirement(requirement(bound), values, ids, independent=True)
+    assert (found.violations, found.beyond_limit, found.without_value) == (3, 1, 2)
     assert found.violating_ids == (11, 12, 13)
     assert found.worst == bad
     assert found.success_fraction == pytest.approx(0.4)
@@ -123,7 +122,7 @@ def test_failed_and_undefined_runs_violate_and_come_first(bound: Literal["at mos
 def test_the_run_of_the_order_statistic_may_have_no_value() -> None:
     values = np.full(300, 1.0)
     values[:5] = np.nan
-    found = evaluate_requirement(requirement(), values, np.zeros(300, bool), np.arange(300), independent=True)
+    found = evaluate_requirement(requirement(), values, np.arange(300), independent=True)
     assert (found.rank, found.order_statistic, found.margin) == (300, None, None)
 
 
@@ -134,7 +133,7 @@ def test_at_most_twenty_violating_runs_are_named() -> None:
 def test_runs_that_are_not_independent_get_numbers_but_no_verdict() -> None:
     values = np.full(1000, 1.0)
     values[4] = 9.0
-    found = evaluate_requirement(requirement(), values, np.zeros(1000, bool), np.arange(1000), independent=False)
+    found = evaluate_requirement(requirement(), values, np.arange(1000), independent=False)
     assert found.verdict is Verdict.NOT_INDEPENDENT
     assert found.text == "not independent: no verdict"
     assert (found.violations, found.success_fraction, found.worst, found.violating_ids) == (1, 0.999, 9.0, (4,))
@@ -146,7 +145,7 @@ def test_runs_that_are_not_independent_get_numbers_but_no_verdict() -> None:
 
 
 def test_without_runs_all_of_them_are_needed() -> None:
-    found = evaluate_requirement(requirement(), np.zeros(0), np.zeros(0, bool), np.zeros(0, int), independent=True)
+    found = evaluate_requirement(requirement(), np.zeros(0), np.zeros(0, int), independent=True)
     assert found.text == "needs 230 more runs"
     assert (found.success_fraction, found.worst, found.success_interval) == (None, None, (0.0, 1.0))
 

@@ -39,7 +39,7 @@ def test_records_of_two_devices_equal_those_of_one(rows: list[int]) -> None:
         np.testing.assert_array_equal(values, WHOLE[name])
     file = scenario_loader.load("inspection")
     for row in rows:
-        history = recorder.history(row, file, 0, np.inf)
+        history = recorder.history(row, file, {}, np.inf)
         for name, values in WHOLE.items():
             np.testing.assert_array_equal(history[name], values[..., row])
 

@@ -13,7 +13,7 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import ResultError, UnfinishedError
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.failure import FAILURE_REASONS
+from rpojax.simulation.outcomes.outcome_kinds import REASONS
 
 
 def test_new_folder_holds_the_configuration_and_no_runs(empty: Campaign, mission: ScenarioFile) -> None:
@@ -40,7 +40,7 @@ def test_finished_blocks_are_read_back_in_order(empty: Campaign) -> None:
     np.testing.assert_array_equal(read.metrics["min_range_m"], [0.0, np.nan, 4.0])
     np.testing.assert_array_equal(read.drawn["target.tumble_axis"][:, 1], [0.0, -1.0, -4.0])
     np.testing.assert_array_equal(read.failed_at_s, [np.nan, 12.0, np.nan])
-    assert read.failure_reason.tolist() == ["", FAILURE_REASONS[2], ""]
+    assert read.failure_reason.tolist() == ["", REASONS[2], ""]
     assert read.completed.tolist() == [True, False, True]
     assert read.traces["range_m"].dtype == np.float32
 

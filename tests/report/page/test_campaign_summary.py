@@ -8,6 +8,10 @@ import pytest
 from rpojax.report.page.campaign_summary import summarise
 
 _STATISTICS = ("mean", "std", "min", "p1", "p5", "p50", "p95", "p99", "max", "p1_lower_95", "p99_upper_95")
+NO_RUNS = dict.fromkeys(
+    ("completed", "lost", "off_station", "diverged", "out_of_propellant", "keep_out", "non_finite"), 0
+)
+"""Number of runs by outcome, of no runs."""
 
 
 def test_statistics_are_over_defined_values(campaign):
@@ -55,9 +59,10 @@ def test_standard_deviation_of_one_run_and_of_equal_runs(build):
 def test_runs_failures_and_provenance(build):
     campaign = build(runs=12, failed=(4, 9))
     summary = summarise(campaign)
-    assert summary["runs"] == {"requested": 12, "completed": 10, "failed": 2, "missing": 0}
+    outcomes = {**NO_RUNS, "completed": 10, "keep_out": 2}
+    assert summary["runs"] == {"requested": 12, "completed": 10, "failed": 2, "missing": 0, "outcomes": outcomes}
     assert summary["failures"] == [
-        {"run_id": run, "at_s": 300.0, "reason": "entered the keep-out sphere"} for run in (4, 9)
+        {"run_id": run, "outcome": "keep_out", "at_s": 300.0, "reason": "entered the keep-out sphere"} for run in (4, 9)
     ]
     assert summary["provenance"]["scenario_hash"] == campaign.info["scenario_hash"]
     assert summary["requirements"] == []
@@ -66,7 +71,9 @@ def test_runs_failures_and_provenance(build):
 def test_runs_of_unfinished_blocks_are_missing(build):
     campaign = build(runs=12, failed=(4,))
     campaign.info["runs"] = 20
-    assert summarise(campaign)["runs"] == {"requested": 20, "completed": 11, "failed": 1, "missing": 8}
+    found = summarise(campaign)["runs"]
+    assert found.pop("outcomes") == {**NO_RUNS, "completed": 11, "keep_out": 1}
+    assert found == {"requested": 20, "completed": 11, "failed": 1, "missing": 8}
 
 
 @pytest.mark.parametrize("choices", [{}, {"runs": 1}, {"runs": 5, "failed": range(5)}, {"runs": 3, "kept": ()}])

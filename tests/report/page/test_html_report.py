@@ -47,7 +47,7 @@ def test_every_chart_has_data_that_plotly_accepts(campaign):
 def test_texts_of_the_scenario_are_escaped(campaign):
     campaign.drawn["<img src=http://x>"] = np.arange(40.0)
     campaign.failure_reason = np.where(np.arange(40) == 3, "<img src=http://y>", campaign.failure_reason)
-    campaign.completed[3], campaign.failed_at_s[3] = False, 10.0
+    campaign.completed[3], campaign.failed_at_s[3], campaign.outcomes[3] = False, 10.0, "lost"
     text = write_report(campaign).read_text()
     assert "<script>alert(1)" not in text
     assert "<img src=http" not in text

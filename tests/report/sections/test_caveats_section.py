@@ -35,7 +35,7 @@ def test_undefined_completed_runs_count_in_the_bounds_and_are_a_caveat(build, un
         if sentence.startswith("Undefined in some")
     ]
     assert len(said) == 1
-    assert f"of the 700 completed runs: Delta-v ({undefined})." in said[0]
+    assert f"of the 700 runs that reached their end: Delta-v ({undefined})." in said[0]
 
 
 def test_metric_defined_in_no_run_needs_no_caveat(build):

@@ -3,15 +3,15 @@
 from rpojax.report.sections import failure_section
 
 
-def test_distinguishing_inputs_are_named_for_each_reason(build):
+def test_distinguishing_inputs_are_named_for_each_outcome(build):
     failed = tuple(range(0, 60, 3))
     campaign = build(runs=200, seconds=60, kept=(), failed=failed)
     campaign.drawn["gps.noise_m"][list(failed)] += 5.0
-    campaign.failure_reason[0] = "non-finite state"
+    campaign.outcomes[0] = "non_finite"
     found = failure_section.content(campaign)
-    assert [(one["reason"], one["runs"]) for one in found] == [
-        ("entered the keep-out sphere", 19),
-        ("non-finite state", 1),
+    assert [(one["outcome"], one["reason"], one["runs"]) for one in found] == [
+        ("keep_out", "entered the keep-out sphere", 19),
+        ("non_finite", "non-finite state", 1),
     ]
     first = found[0]["inputs"][0]
     assert (first["input"], first["ks"], first["auc"]) == ("gps.noise_m", 1.0, 1.0)

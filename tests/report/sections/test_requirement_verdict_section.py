@@ -88,6 +88,7 @@ def test_probabilities_are_not_rounded_up_to_the_required_one():
         "rank": 99100,
         "order_statistic": 1.1,
         "margin": -0.1,
+        "beyond_limit": 1000,
         "without_value": 1,
         "worst": 2.0,
         "success": 0.98999,

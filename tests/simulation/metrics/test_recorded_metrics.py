@@ -24,13 +24,13 @@ def metrics(hour: ScenarioFile) -> Callable[[Records], dict[str, float]]:
     """Metrics of one run."""
 
     def evaluate(records: Records) -> dict[str, float]:
-        return {name: float(values[0]) for name, values in recorded_metrics.evaluate(hour, records).items()}
+        return {name: float(values[0]) for name, values in recorded_metrics.evaluate(hour, records, {}).items()}
 
     return evaluate
 
 
 def test_every_metric_has_a_unit_and_all_channels_are_listed(hour: ScenarioFile) -> None:
-    assert set(recorded_metrics.evaluate(hour, perfect_run())) == set(metric_catalogue.UNITS)
+    assert set(recorded_metrics.evaluate(hour, perfect_run(), {})) == set(metric_catalogue.UNITS)
     assert set(perfect_run()) == set(recorded_metrics.REQUIRED_CHANNELS)
 
 
@@ -179,8 +179,8 @@ def test_runs_do_not_affect_each_other(hour: ScenarioFile) -> None:
     for values in records.values():
         values[1] = np.zeros_like(values[1])
     records["relative_sigma_H"][1] = 2.0
-    alone = recorded_metrics.evaluate(hour, perfect_run())
-    for name, values in recorded_metrics.evaluate(hour, records).items():
+    alone = recorded_metrics.evaluate(hour, perfect_run(), {})
+    for name, values in recorded_metrics.evaluate(hour, records, {}).items():
         np.testing.assert_array_equal(values[[0, 2]], np.repeat(alone[name], 2), err_msg=name)
 
 

@@ -51,7 +51,7 @@ def results() -> Iterator[Results]:
         patch.setitem(METRICS, ADDED.name, ADDED)
         metrics, channels = simulate(state)
         records = {name: np.asarray(values)[None] for name, values in channels.items()}
-        yield dict(zip(names, map(float, metrics), strict=True)), recorded_metrics.evaluate(file, records), records
+        yield dict(zip(names, map(float, metrics), strict=True)), recorded_metrics.evaluate(file, records, {}), records
 
 
 @pytest.mark.parametrize("name", SHARED)

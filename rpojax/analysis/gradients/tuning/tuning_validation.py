@@ -16,6 +16,7 @@ from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
 from rpojax.runtime.device_programs import share_runs
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.outcomes.outcome_kinds import of_codes
 
 OnProgress = Callable[[float], None]
 _RESAMPLES = 999
@@ -90,7 +91,7 @@ def simulate_runs(
         results.append(block.block_arrays(slice(0, min(engine.capacity, runs - int(ids[0]))), engine))
     joined = concatenate(results)
     metrics = {name.removeprefix(_METRICS): values for name, values in joined.items() if name.startswith(_METRICS)}
-    return RunMetrics(np.arange(runs), joined["status/failure"] == 0, metrics)
+    return RunMetrics(np.arange(runs), of_codes(joined["status/failure"]), metrics)
 
 
 def compare_means(one: RunMetrics, other: RunMetrics) -> dict[str, MeanChange]:

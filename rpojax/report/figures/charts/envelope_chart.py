@@ -22,13 +22,13 @@ _OUTER_FILL = "rgba(0, 114, 178, 0.13)"
 _INNER_FILL = "rgba(0, 114, 178, 0.26)"
 
 
-def worst_run(channel: ChannelLabel, values: np.ndarray, completed: np.ndarray) -> int | None:
-    """Row of the completed run with the largest mean of `values` (runs, m) over the last third; None without any.
+def worst_run(channel: ChannelLabel, values: np.ndarray, ended: np.ndarray) -> int | None:
+    """Row of the run with the largest mean of `values` (runs, m) over the last third, of those that `ended` (runs,).
 
-    If low values are bad, the run with the smallest value.
+    If low values are bad, the run with the smallest value. None without any.
     """
     part = values if channel.low_is_bad else values[:, 2 * values.shape[1] // 3 :]
-    candidates = np.flatnonzero(completed & np.isfinite(part).any(axis=1))
+    candidates = np.flatnonzero(ended & np.isfinite(part).any(axis=1))
     if len(candidates) == 0:
         return None
     if channel.low_is_bad:
@@ -40,15 +40,15 @@ def envelope_chart(
     channel: ChannelLabel,
     time_s: np.ndarray,
     values: np.ndarray,
-    completed: np.ndarray,
+    ended: np.ndarray,
     bound: np.ndarray | None = None,
     run_ids: np.ndarray | None = None,
 ) -> Chart | None:
     """Chart of `values` (runs, m) over time [s]: median, bands, worst run, median of `bound` (runs, m); None if empty.
 
-    At each instant the percentiles are over the runs that have not failed yet. A band is drawn if there are enough runs
-    to resolve it; with fewer, the outer band extends from the smallest to the largest run. `run_ids` (runs,) are by
-    default 0, 1, 2, ...
+    At each instant the percentiles are over the runs that have not been frozen yet. A band is drawn if there are enough
+    runs to resolve it; with fewer, the outer band extends from the smallest to the largest run. `run_ids` (runs,) are
+    by default 0, 1, 2, ...
     """
     shown = np.flatnonzero(np.isfinite(values).any(axis=0))
     if len(shown) == 0:
@@ -58,7 +58,7 @@ def envelope_chart(
     traces = _percentile_bands(channel, time, thinned)
     median_name = "run" if len(values) == 1 else "median"
     traces.append(channel_line(channel, time, percentiles_over_runs(thinned, (50.0,))[0], median_name, BLUE, 2.0))
-    worst = worst_run(channel, values, completed)
+    worst = worst_run(channel, values, ended)
     if worst is not None and len(values) > 1:
         number = worst if run_ids is None else int(run_ids[worst])
         traces.append(channel_line(channel, time, thinned[worst], f"worst run ({number})", VERMILLION, 1.2))

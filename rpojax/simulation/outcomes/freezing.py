@@ -1,4 +1,4 @@
-"""Failure of a run: conditions, codes, and freezing of the state."""
+"""Freezing of a run that becomes non-finite or enters the keep-out sphere."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -6,13 +6,10 @@ from jaxtyping import Array, Float
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace, select
 from rpojax.scenario.params import Params
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
 from rpojax.simulation.state import State
 
 Scalar = Float[Array, ""]
-
-
-FAILURE_REASONS = ("", "non-finite state", "entered the keep-out sphere")
-"""Reason by failure code; 0 is no failure."""
 
 
 def freeze_if_failed(params: Params, before: State, after: State, time: Scalar) -> State:
@@ -22,7 +19,8 @@ def freeze_if_failed(params: Params, before: State, after: State, time: Scalar) 
     """
     finite = gradient_safe.is_finite(_finiteness_witnesses(after))
     inside = jnp.sum(after.truth.r_ST_N**2, axis=0) < params.limits.keep_out**2
-    code = jnp.where(~finite, 1, jnp.where(inside, 2, 0)).astype(jnp.int32)
+    entered = jnp.where(inside, Outcome.KEEP_OUT.code, Outcome.COMPLETED.code)
+    code = jnp.where(~finite, Outcome.NON_FINITE.code, entered).astype(jnp.int32)
     was_running = before.failure == 0
     running = was_running & (code == 0)
     kept = select(running, after, replace(before, keys=after.keys))

@@ -1,0 +1,147 @@
+"""Outcome of every run, and the events on the way, from recorded channels and the run's own limits.
+
+It is evaluated after the simulation, so that the loop pays nothing. A flag is raised when a run is lost, diverged, off
+station or out of propellant, and cleared when it recovers; the outcome is that of the flags raised at the end.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.outcomes.outcome_events import EventArrays, collect_events
+from rpojax.simulation.outcomes.outcome_kinds import FREEZING, RECOVERABLE, Outcome
+
+Flags = NDArray[np.bool_]
+Records = Mapping[str, np.ndarray]
+
+DIVERGED_NEES_PER_COMPONENT: Final = 25.0
+"""Relative NEES over its 6 components above which a filter is on the way to be diverged: errors of 5 sigma."""
+DIVERGED_AFTER_S: Final = 600.0
+"""Time above it without interruption after which the filter is diverged [s]."""
+_RELATIVE_COMPONENTS: Final = 6
+_TIME_TOLERANCE_S: Final = 1e-6
+"""Covers rounding of multiples of a tick."""
+
+REQUIRED_CHANNELS: Final = (
+    "box_accepted",
+    "box_outlier",
+    "observable",
+    "nees_relative",
+    "rho_H",
+    "propellant_used_kg",
+    "running",
+)
+"""Channels that the judgement reads."""
+LIMIT_KEYS: Final = (
+    "limits.lost_after_s",
+    "limits.off_station_m",
+    "limits.arrive_by_s",
+    "limits.propellant_kg",
+    "formation.desired_position_m",
+)
+"""Keys of which it takes the values of each run."""
+
+
+@dataclass(frozen=True)
+class JudgedRuns:
+    """How runs ended.
+
+    Attributes:
+        codes: (runs,) code of the outcome
+        since_s: (runs,) time since which a failed run has been in its final state [s], NaN for a completed one
+        events: flags that were raised and cleared
+    """
+
+    codes: np.ndarray
+    since_s: np.ndarray
+    events: EventArrays
+
+    @property
+    def failed(self) -> Flags:
+        """(runs,) whether the run did not complete."""
+        return self.codes != Outcome.COMPLETED.code
+
+    @property
+    def frozen(self) -> Flags:
+        """(runs,) whether the run ended before its time."""
+        return np.isin(self.codes, [kind.code for kind in FREEZING])
+
+
+def judge(
+    file: ScenarioFile,
+    varied: Mapping[str, np.ndarray],
+    records: Records,
+    failure: np.ndarray,
+    failed_at_s: np.ndarray,
+) -> JudgedRuns:
+    """Outcomes and events of runs.
+
+    Args:
+        file: the scenario
+        varied: values of the runs (runs, ...) by key, of the keys that vary
+        records: channels (runs, ticks, ...) at the camera rate
+        failure: (runs,) code of the outcome that froze a run, else 0
+        failed_at_s: (runs,) when it did [s]
+    """
+    tick_s = 1.0 / file.rates.camera_hz
+    flags = raised_flags(file, varied, records)
+    events = collect_events(flags, records["running"], tick_s)
+    codes, since_s = failure.astype(np.int8), np.where(failure > 0, failed_at_s, np.nan)
+    for kind in RECOVERABLE:
+        standing = flags[kind][:, -1] & (codes == Outcome.COMPLETED.code)
+        codes[standing] = kind.code
+        since_s[standing] = _last_raised_s(flags[kind][standing], tick_s)
+    return JudgedRuns(codes, since_s, events)
+
+
+def raised_flags(file: ScenarioFile, varied: Mapping[str, np.ndarray], records: Records) -> dict[Outcome, Flags]:
+    """Flags (runs, ticks) of the outcomes from which a run may recover."""
+    tick_s = 1.0 / file.rates.camera_hz
+    limits = {key.rpartition(".")[2]: _column(file, varied, key) for key in LIMIT_KEYS}
+    runs, ticks = records["observable"].shape
+    time_s = np.arange(ticks) * tick_s
+    desired_H = limits["desired_position_m"][:, None].astype(np.float32)
+    off = np.linalg.norm(records["rho_H"] - desired_H, axis=2)
+    true_box = records["box_accepted"] & ~records["box_outlier"]
+    consistent = records["nees_relative"] <= DIVERGED_NEES_PER_COMPONENT * _RELATIVE_COMPONENTS
+    flags = {
+        # Single precision, as the channel is, so that a run that used exactly the limit counts.
+        Outcome.OUT_OF_PROPELLANT: records["propellant_used_kg"] >= limits["propellant_kg"].astype(np.float32),
+        Outcome.LOST: tick_s * _count_since(true_box, records["observable"])
+        >= limits["lost_after_s"] - _TIME_TOLERANCE_S,
+        Outcome.DIVERGED: tick_s * _count_since(consistent, np.ones_like(consistent))
+        >= DIVERGED_AFTER_S - _TIME_TOLERANCE_S,
+        Outcome.OFF_STATION: (time_s >= limits["arrive_by_s"] - _TIME_TOLERANCE_S) & (off > limits["off_station_m"]),
+    }
+    return {kind: np.broadcast_to(flags[kind], (runs, ticks)) for kind in RECOVERABLE}
+
+
+def _column(file: ScenarioFile, varied: Mapping[str, np.ndarray], key: str) -> np.ndarray:
+    """Value of a key in each run: numbers (runs or 1, 1), vectors (runs or 1, 3)."""
+    section, _, name = key.partition(".")
+    values = values_of_runs(varied, key, getattr(getattr(file, section), name))
+    return values[:, None] if values.ndim == 1 else values
+
+
+def _count_since(events: Flags, counted: Flags) -> np.ndarray:
+    """Number of `counted` ticks (runs, ticks) after the last tick with an event, or since the start."""
+    total = np.cumsum(counted & ~events, axis=1, dtype=np.int32)
+    return total - np.maximum.accumulate(np.where(events, total, 0), axis=1)
+
+
+def _last_raised_s(flags: Flags, tick_s: float) -> np.ndarray:
+    """Time at which flags (runs, ticks), raised at the end, were raised last [s]."""
+    ticks = flags.shape[1]
+    standing = np.argmin(flags[:, ::-1], axis=1)
+    return tick_s * np.where(flags.all(axis=1), 0, ticks - standing)
+
+
+def judge_one(file: ScenarioFile, varied: Mapping[str, np.ndarray], records: Records) -> Outcome:
+    """Outcome of a single run that was not frozen, from channels (1, ticks, ...) and values (1, ...) by key."""
+    found = judge(file, varied, records, np.zeros(1, dtype=np.int8), np.full(1, np.nan))
+    return list(Outcome)[int(found.codes[0])]

@@ -1,0 +1,61 @@
+"""Kinds of outcome of a run, their codes and reasons; free of JAX."""
+
+from enum import StrEnum
+from typing import Final
+
+import numpy as np
+
+
+class Outcome(StrEnum):
+    """How a run ended; where several apply, the first one after `COMPLETED` does."""
+
+    COMPLETED = "completed"
+    NON_FINITE = "non_finite"
+    KEEP_OUT = "keep_out"
+    OUT_OF_PROPELLANT = "out_of_propellant"
+    LOST = "lost"
+    DIVERGED = "diverged"
+    OFF_STATION = "off_station"
+
+    @property
+    def code(self) -> int:
+        """Number that is stored; 0 is no failure."""
+        return list(Outcome).index(self)
+
+    @property
+    def reason(self) -> str:
+        """The failure in words, empty without one."""
+        return REASONS[self.code]
+
+
+REASONS: Final = (
+    "",
+    "non-finite state",
+    "entered the keep-out sphere",
+    "out of propellant",
+    "lost the target",
+    "filter diverged",
+    "off station",
+)
+"""Reason of failure by code."""
+
+FREEZING: Final = (Outcome.NON_FINITE, Outcome.KEEP_OUT)
+"""Outcomes that end a run at once, so that it has no metrics."""
+
+RECOVERABLE: Final = tuple(kind for kind in Outcome if kind not in (Outcome.COMPLETED, *FREEZING))
+"""Outcomes whose flag may be cleared again during the run, by precedence."""
+
+
+def of_codes(codes: np.ndarray) -> np.ndarray:
+    """Outcomes (runs,) of stored codes (runs,), as text."""
+    return np.array([str(kind) for kind in Outcome])[codes]
+
+
+def is_frozen(outcomes: np.ndarray) -> np.ndarray:
+    """Flags (runs,) of runs that ended before their time, from outcomes (runs,) as text."""
+    return np.isin(outcomes, [str(kind) for kind in FREEZING])
+
+
+def count_outcomes(outcomes: np.ndarray) -> dict[str, int]:
+    """Number of runs by outcome, all seven of them, from outcomes (runs,) as text."""
+    return {str(kind): int(np.sum(outcomes == kind)) for kind in Outcome}
