@@ -1,11 +1,12 @@
 """Field types of sections of a scenario: bounded numbers, vectors, inertias, dates; and the base class of sections."""
 
 import math
+from collections.abc import Callable
 from datetime import UTC, date, datetime
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_serializer
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -108,3 +109,11 @@ class Section(BaseModel):
     """Base class of all sections: unknown keys are refused, types are not converted."""
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class OptionalKeys(Section):
+    """Base class of sections with keys that may be left out: those that are None are not in the section's table."""
+
+    @model_serializer(mode="wrap")
+    def _leave_out_absent(self, serialise: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        return {key: value for key, value in serialise(self).items() if value is not None}

@@ -9,7 +9,7 @@ import numpy as np
 
 from rpojax.physics.plant_options import FaultKind
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.sections import EffectsSection, FaultSection, RatesSection, TuningSection
+from rpojax.scenario.sections import EffectsSection, FaultSection, HandoverSection, RatesSection, TuningSection
 from rpojax.value_types import Section
 
 _COMPONENT = re.compile(r"(.+)\[([0-9]{1,3})\]")
@@ -49,14 +49,25 @@ def nominal_value(file: ScenarioFile, parameter: ParameterKey) -> Any:
     return value[parameter.index] if np.ndim(value) == 1 and parameter.index < len(value) else None
 
 
+def section_of_key(file: ScenarioFile, key: str) -> tuple[Section | None, str]:
+    """Section of a key such as `servicer.mass_kg`, None if the scenario has none of that name; and the name in it."""
+    path, _, name = key.rpartition(".")
+    section: Any = file
+    for part in path.split("."):
+        section = getattr(section, part, None) if part in type(section).model_fields else None
+        if not isinstance(section, Section):
+            return None, name
+    return section, name
+
+
 def nominal_of_key(file: ScenarioFile, key: str) -> Any:
     """Nominal value of a whole key; a fault kind as its code."""
-    section_name, _, name = key.partition(".")
-    section = getattr(file, section_name, None) if section_name in ScenarioFile.model_fields else None
+    section, name = section_of_key(file, key)
     if (
-        not isinstance(section, Section)
+        section is None
         or isinstance(section, RatesSection | EffectsSection | TuningSection)
         or name not in type(section).model_fields
+        or (isinstance(section, HandoverSection) and name == "covariance")
     ):
         return None
     value = getattr(section, name)
@@ -64,7 +75,7 @@ def nominal_of_key(file: ScenarioFile, key: str) -> Any:
         return float(get_args(FaultKind).index(value))
     if isinstance(section, FaultSection) and name == "wheel":
         return float(value)
-    return None if isinstance(value, str | int | bool) else value
+    return None if isinstance(value, str | int | bool | Section) else value
 
 
 def expand_vectors(file: ScenarioFile, texts: Sequence[str]) -> list[ParameterKey]:

@@ -7,11 +7,13 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from rpojax.core.orbits.keplerian_elements import KeplerianElements
 from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import pytree, replace
+from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
 from rpojax.errors import ScenarioError
 from rpojax.flight.computer import FlightParams
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
@@ -55,6 +57,27 @@ class InitialRelativeState:
 
 
 @pytree
+class HandoverErrors:
+    """True errors of the orbits at hand-over, of position and inertial velocity along the axes of H.
+
+    A group without a value has the sigma that the filter is told.
+
+    Attributes:
+        position_sigma: () or (3,) of the servicer [m]
+        velocity_sigma: () or (3,) of the servicer [m/s]
+        relative_position_sigma: () or (3,) of the servicer from the target [m]
+        relative_velocity_sigma: () or (3,) of the servicer from the target [m/s]
+        covariance_factor: (12, 12) root of the covariance of all four, in place of sigmas
+    """
+
+    position_sigma: Array | None = None
+    velocity_sigma: Array | None = None
+    relative_position_sigma: Array | None = None
+    relative_velocity_sigma: Array | None = None
+    covariance_factor: Array | None = None
+
+
+@pytree
 class Limits:
     """Limits of which the outcome of a run depends.
 
@@ -89,6 +112,7 @@ class Params:
     statistics: CameraStatistics | None
     flight: FlightParams
     limits: Limits
+    handover: HandoverErrors | None = None
     additional_sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
 
 
@@ -117,6 +141,8 @@ _SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
     "limits": (("limits",), Limits),
 }
 """Attribute path in `Params` and class of the record, by section of a scenario file."""
+_HANDOVER = "initial.handover"
+"""Section that a scenario may leave out."""
 
 
 def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Params:
@@ -141,6 +167,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         flight=flight,
         networks=trained_files.networks_for_model(tables),
         statistics=fitted_camera.statistics_for_model(tables),
+        handover=_handover_errors(tables["initial"].get("handover")),
         additional_sensors={name: _numbers(tables[name]) for name in sensor_names() if name in tables},
         **{name: records[name] for name in rest},
     )
@@ -155,6 +182,14 @@ def _record(cls: type, table: Mapping[str, Any]) -> Any:
         if name in names:
             values[name] = jnp.asarray(equipment_faults.kind_code(value), dtype=jnp.float64) * factor
     return cls(**values)
+
+
+def _handover_errors(table: Mapping[str, Any] | None) -> HandoverErrors | None:
+    if table is None:
+        return None
+    if "covariance" in table:
+        return HandoverErrors(covariance_factor=jnp.asarray(cholesky_factor(np.array(table["covariance"]))))
+    return _record(HandoverErrors, table)
 
 
 def _numbers(table: Mapping[str, Any]) -> dict[str, Array]:
@@ -192,10 +227,10 @@ def leaf_path_and_factor(key: str) -> tuple[tuple[str, ...], float]:
     Raises:
         ScenarioError: the key names no number of a scenario.
     """
-    section, _, name = key.partition(".")
+    section, _, name = key.rpartition(".")
     leaf, factor = key_units.split_unit(name)
-    if section in _SECTIONS:
-        path, cls = _SECTIONS[section]
+    if section in _SECTIONS or section == _HANDOVER:
+        path, cls = _SECTIONS.get(section, (("handover",), HandoverErrors))
         if leaf in {field.name for field in fields(cls)}:
             return (*path, leaf), factor
     if section in sensor_names() and name in sensor_class(section).model_fields:

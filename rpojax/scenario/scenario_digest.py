@@ -38,6 +38,6 @@ def _remove_defaults(file: ScenarioFile, content: dict[str, Any]) -> None:
             continue
         for key, field in type(section).model_fields.items():
             if not field.is_required() and getattr(section, key) == field.get_default():
-                del content[name][key]
+                content[name].pop(key, None)
         if not content[name]:
             del content[name]

@@ -2,18 +2,20 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from rpojax.physics.plant_options import FaultKind
 from rpojax.value_types import (
     Angle,
     Axes,
+    Covariance,
     Direction,
     Finite,
     Hull,
     Inertia,
     NonNegative,
     NonNegativeVector,
+    OptionalKeys,
     Positive,
     PositivePair,
     PositiveVector,
@@ -43,11 +45,28 @@ class OrbitSection(Section):
     true_anomaly_deg: Finite
 
 
-class InitialSection(Section):
-    """State of the servicer relative to the target at the start, Hill frame."""
+class HandoverSection(OptionalKeys):
+    """True errors of the orbits at hand-over in H, where they are not those that the filter is told."""
+
+    position_sigma_m: NonNegative | NonNegativeVector | None = None
+    velocity_sigma_m_s: NonNegative | NonNegativeVector | None = None
+    relative_position_sigma_m: NonNegative | NonNegativeVector | None = None
+    relative_velocity_sigma_m_s: NonNegative | NonNegativeVector | None = None
+    covariance: Annotated[Covariance, Field(min_length=12, max_length=12)] | None = None
+
+    @model_validator(mode="after")
+    def _check_one_way(self) -> "HandoverSection":
+        if self.covariance is not None and len(self.model_dump()) > 1:
+            raise ValueError("expected a covariance or sigmas, not both")
+        return self
+
+
+class InitialSection(OptionalKeys):
+    """State of the servicer relative to the target at the start, Hill frame, and errors of the hand-over."""
 
     relative_position_m: Vector
     relative_velocity_m_s: Vector
+    handover: HandoverSection | None = None
 
 
 ZonalDegree = Literal[0, 2, 3, 4, 5, 6]

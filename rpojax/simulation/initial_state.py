@@ -1,16 +1,18 @@
-"""Initial state of a run."""
+"""Initial state of a run: truth, and the orbit estimate with its hand-over error."""
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from rpojax.core import random_streams
+from rpojax.core.frames import hill_frame
 from rpojax.core.pytree import replace
 from rpojax.core.random_streams import Stream
 from rpojax.flight import computer
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.navigation import combined_orbit_filter, relative_orbit_ekf, servicer_orbit_ekf
 from rpojax.physics import plant_state
+from rpojax.physics.plant_state import Truth
 from rpojax.physics.thruster import BurnError
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
@@ -21,7 +23,9 @@ from rpojax.simulation.state import SensorErrors, State
 
 
 def init(scenario: Scenario, params: Params, key: Array, noise: InitialNoise | None = None) -> State:
-    """Initial state: truth from the parameters, orbit estimate with hand-over errors drawn from its covariance.
+    """Initial state: truth from the parameters, orbit estimate with hand-over errors.
+
+    These have the covariance that the filter is told, unless the scenario has another one for the truth.
 
     Args:
         scenario: static settings
@@ -41,8 +45,7 @@ def init(scenario: Scenario, params: Params, key: Array, noise: InitialNoise | N
         gyro_bias_B=params.gyro.initial_bias_sigma * noise.biases[3:],
         box_edge_errors=noise.box_edge_errors,
     )
-    sigma = [servicer_orbit_ekf.initial_sigma(navigation)[:6], relative_orbit_ekf.initial_sigma(navigation)[:6]]
-    error = jnp.concatenate(sigma) * noise.handover
+    error = _handover_error(params, truth, noise.handover)
     orbit = combined_orbit_filter.initial(
         navigation,
         truth.r_TN_N + truth.r_ST_N + error[0:3],
@@ -67,3 +70,39 @@ def init(scenario: Scenario, params: Params, key: Array, noise: InitialNoise | N
         failed_at=zero + jnp.inf,
         failure=jnp.zeros((), dtype=jnp.int32),
     )
+
+
+def _handover_error(params: Params, truth: Truth, normals: Float[Array, "12"]) -> Float[Array, "12"]:
+    """Errors in N of the servicer's position and velocity and of those of the target from it, from normal numbers."""
+    navigation, handover = params.flight.navigation, params.handover
+    told = [servicer_orbit_ekf.initial_sigma(navigation)[:6], relative_orbit_ekf.initial_sigma(navigation)[:6]]
+    told_error = jnp.concatenate(told) * normals
+    if handover is None:
+        return told_error
+    R_HN, _ = hill_frame(truth.r_TN_N, truth.v_TN_N)
+
+    def to_inertial(vector_H: Array) -> Array:
+        return jnp.sum(R_HN * vector_H[:, None], axis=0)
+
+    # The filter has the target from the servicer, the scenario the servicer from the target.
+    sign = jnp.repeat(jnp.array([1.0, -1.0]), 6)
+    if handover.covariance_factor is not None:
+        error_H = jnp.sum(handover.covariance_factor * (sign * normals)[None, :], axis=1).reshape(4, 3)
+        return sign * jnp.concatenate([to_inertial(part) for part in error_H])
+    sigmas = (
+        handover.position_sigma,
+        handover.velocity_sigma,
+        handover.relative_position_sigma,
+        handover.relative_velocity_sigma,
+    )
+    parts = []
+    for index, sigma in enumerate(sigmas):
+        rows = slice(3 * index, 3 * index + 3)
+        if sigma is None:
+            parts.append(told_error[rows])
+        elif sigma.ndim == 0:
+            # Equal in all directions, so that no rotation rounds what is equal to the told sigma.
+            parts.append(sigma * normals[rows])
+        else:
+            parts.append(to_inertial(sigma * normals[rows]))
+    return jnp.concatenate(parts)

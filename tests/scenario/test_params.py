@@ -21,8 +21,9 @@ STATIC = {
     "gating",
     "zonal_degree",
     "luni_solar",
+    "handover",
 }
-"""Keys of static settings."""
+"""Keys of static settings, and of a section that may be absent."""
 
 
 def numeric_keys() -> list[str]:

@@ -5,7 +5,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario.parameter_keys import ParameterKey, nominal_value, parse_key
+from rpojax.scenario.parameter_keys import ParameterKey, nominal_value, parse_key, section_of_key
 from rpojax.scenario.schema import ScenarioFile
 
 CATEGORICAL_KEYS = ("fault.kind", "fault.wheel")
@@ -26,8 +26,8 @@ def check_acceptable(
 
     `whole` includes the schema's checks of all components together; `shown` is the value named in the error.
     """
-    section_name, _, name = parameter.key.partition(".")
-    section = getattr(file, section_name)
+    section, name = section_of_key(file, parameter.key)
+    assert section is not None
     if parameter.index is not None:
         value = [value if at == parameter.index else part for at, part in enumerate(getattr(section, name))]
     try:

@@ -111,7 +111,12 @@ def _leaves(changes: Tables, before: Any, prefix: str) -> Iterator[tuple[str, An
 
 
 def _is_in_vain(index: int | None, value: Any, before: Any) -> bool:
-    """Whether a new value has no effect, or one component of it that differs from that before."""
+    """Whether a new value has no effect, or one component of it that differs from that before.
+
+    A key that was absent is not set in vain: only one with a value can be dispersed.
+    """
+    if before is None:
+        return False
     if index is None or not all(isinstance(each, list) and index < len(each) for each in (value, before)):
         return True
     return value[index] != before[index]

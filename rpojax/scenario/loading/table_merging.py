@@ -10,6 +10,8 @@ from rpojax.scenario.loading import former_keys
 from rpojax.scenario.loading.validation_errors import did_you_mean
 from rpojax.sensors.additional.registry import sensor_names
 
+_OPTIONAL_SECTION = "initial.handover"
+"""Section that a scenario may leave out, and that overrides may make; validation knows its keys."""
 REMOVED = "none"
 """In place of a kind: the dispersion of the base is removed."""
 
@@ -84,6 +86,9 @@ def apply_override(tables: dict[str, Any], override: str) -> dict[str, Any]:
     if path and path[0] in sensor_names():
         # The section of an additional sensor may be made by overrides alone; validation knows its keys.
         tables.setdefault(path[0], {})[leaf] = value
+    elif ".".join([*path, leaf][:2]) == _OPTIONAL_SECTION and isinstance(tables.get(path[0]), dict):
+        inner = tables[path[0]] if len(path) == 1 else tables[path[0]].setdefault(path[1], {})
+        inner[leaf] = value
     else:
         _set_existing(tables, key, path, leaf, value)
     return functools.reduce(lambda inner, name: {name: inner}, reversed(path), {leaf: value})
