@@ -91,7 +91,7 @@ def test_a_campaign_leaves_results_and_report(finished: Path) -> None:
         *("report.html", "report.json", "figures"),
     }
     report = json.loads((finished / "report.json").read_text())
-    outcomes = {**dict.fromkeys(map(str, Outcome), 0), "completed": 3}
+    outcomes = {**dict.fromkeys(map(str, outcome_kinds.Outcome), 0), "completed": 3}
     assert report["runs"] == {"requested": 3, "completed": 3, "failed": 0, "missing": 0, "outcomes": outcomes}
     assert report["metrics"]["min_range_m"]["unit"] == "m"
     assert Campaign(finished).history_ids == [0, 2]
@@ -726,7 +726,7 @@ def python(*words: object, **environment: str) -> subprocess.CompletedProcess[st
 
 WITHOUT_JAX = """
 import sys
-from rpojax.simulation.outcomes.outcome_kinds import Outcome
+from rpojax.simulation.outcomes import outcome_kinds
 from rpojax.cli.main import main
 for words in (["--help"], ["campaign", "--help"], ["--version"], ["validate", "inspection"], ["schema"],
               ["validate", "nowhere"], ["run", "inspection", "--out", "runs", "--set", "servicer.mass_kg=-1"]):

@@ -80,8 +80,8 @@ class RecordedCampaign(Campaign):
         return {"range_m": self.recorded["range_m"]}
 
     @property
-    def failed_at_s(self) -> np.ndarray:
-        return self.recorded["failed_at_s"]
+    def frozen_at_s(self) -> np.ndarray:
+        return self.recorded["frozen_at_s"]
 
 
 @pytest.fixture
@@ -92,7 +92,7 @@ def recorded(campaign: Campaign, ros_run: ReplayedRun) -> RecordedCampaign:
     found.recorded = {
         "run_ids": np.array([2, 3]),
         "range_m": np.stack([distance + np.float32(5.0), distance]),
-        "failed_at_s": np.array([1.0, np.nan]),
+        "frozen_at_s": np.array([1.0, np.nan]),
     }
     return found
 
@@ -100,7 +100,7 @@ def recorded(campaign: Campaign, ros_run: ReplayedRun) -> RecordedCampaign:
 def test_a_replay_is_compared_with_the_record_of_the_campaign(ros_run: ReplayedRun, recorded: RecordedCampaign) -> None:
     assert run_replay.compare_with_campaign(ros_run, recorded) == run_replay.ReplayAgreement(18, 0.0, True)
     recorded.recorded["range_m"][1, 7] += np.float32(0.5)
-    recorded.recorded["failed_at_s"][1] = 90.0
+    recorded.recorded["frozen_at_s"][1] = 90.0
     found = run_replay.compare_with_campaign(ros_run, recorded)
     assert found
     assert (found.range_difference_m, found.same_end) == (pytest.approx(0.5, rel=1e-5), False)

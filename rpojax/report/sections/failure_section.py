@@ -59,7 +59,9 @@ def cause_rows(entry: Mapping[str, Any]) -> list[list[str]]:
 
 
 def cause_sentence(entry: Mapping[str, Any]) -> str:
-    """Sentence on the inputs that differ significantly between failed and completed runs."""
+    """Sentence on the inputs that differ significantly between failed and completed runs, or others without these."""
+    if not entry["compared_with"]:
+        return "All runs ended so: there are no others to compare them with."
     significant = [one["input"] for one in entry["inputs"][:_MAX_INPUTS] if _is_significant(one)]
     if not entry["inputs"]:
         return "There is no dispersed input to compare."
@@ -78,12 +80,13 @@ def _cause_entry(
     independent: bool,
 ) -> dict[str, Any]:
     failed = np.asarray(campaign.outcomes == outcome)
-    compared = failed | completed
+    compared = failed | (completed if completed.any() else np.ones_like(completed))
     found = separate_failing_runs({name: values[compared] for name, values in inputs.items()}, failed[compared])
     times = campaign.failed_at_s[failed]
     return {
         "outcome": str(outcome),
         "reason": outcome.reason,
+        "compared_with": int(np.sum(compared & ~failed)),
         "runs": int(failed.sum()),
         "first_at_s": float(np.min(times)),
         "median_at_s": float(np.median(times)),

@@ -1,6 +1,11 @@
 """Failure reasons and the inputs that distinguish failed runs."""
 
+import numpy as np
+from report_page_parser import page_text, rendered_page
+
 from rpojax.report.sections import failure_section
+from rpojax.simulation.outcomes.outcome_events import OutcomeEvent
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 
 def test_distinguishing_inputs_are_named_for_each_outcome(build):
@@ -22,3 +27,32 @@ def test_distinguishing_inputs_are_named_for_each_outcome(build):
     assert (
         failure_section.cause_sentence(found[1]) == "No input differs significantly between these and completed runs."
     )
+
+
+def test_without_a_completed_run_outcomes_are_told_from_each_other(build):
+    campaign = build(runs=40, seconds=60, kept=(), failed=tuple(range(40)))
+    assert failure_section.cause_sentence(failure_section.content(campaign)[0]).startswith("All runs ended so")
+    campaign.outcomes[:20] = "lost"
+    campaign.drawn["gps.noise_m"][:20] += 5.0
+    found = failure_section.content(campaign)
+    assert [(one["outcome"], one["runs"], one["compared_with"]) for one in found] == [
+        ("lost", 20, 20),
+        ("keep_out", 20, 20),
+    ]
+    assert found[0]["inputs"][0]["input"] == "gps.noise_m"
+
+
+def test_flags_that_were_raised_and_cleared_are_listed(build):
+    campaign = build(runs=12, kept=())
+    assert "Flags on the way" not in page_text(rendered_page(campaign))
+    campaign.events = [OutcomeEvent(3, Outcome.LOST, 700.0, 900.0), OutcomeEvent(4, Outcome.LOST, 800.0, None)]
+    entries = failure_section.event_entries(campaign)
+    assert entries[0] == {"run_id": 3, "outcome": "lost", "raised_at_s": 700.0, "cleared_at_s": 900.0}
+    words = page_text(rendered_page(campaign))
+    assert "lost the target: raised in 2 runs, cleared in 1." in words
+
+
+def test_failed_runs_are_named_by_reason_the_most_frequent_first():
+    counts = {**dict.fromkeys(map(str, Outcome), 0), "completed": 5, "lost": 1, "off_station": 2}
+    assert failure_section.outcomes_text(counts) == "2 off station, 1 lost the target"
+    assert np.sum(list(counts.values())) == 8
