@@ -31,6 +31,7 @@ from rpojax.cli.commands import bench
 from rpojax.runtime import jax_environment, progress_bar
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.outcomes import outcome_kinds
 
 SHORT = ("--set", "duration_s=400")
 SINGLY = ("--block-size", "1")
@@ -726,7 +727,6 @@ def python(*words: object, **environment: str) -> subprocess.CompletedProcess[st
 
 WITHOUT_JAX = """
 import sys
-from rpojax.simulation.outcomes import outcome_kinds
 from rpojax.cli.main import main
 for words in (["--help"], ["campaign", "--help"], ["--version"], ["validate", "inspection"], ["schema"],
               ["validate", "nowhere"], ["run", "inspection", "--out", "runs", "--set", "servicer.mass_kg=-1"]):
