@@ -27,7 +27,6 @@ def perfect_run(ticks: int = TICKS, runs: int = 1) -> Records:
         "gps_innovation_sigmas": vector + np.float32(1.0),
         "box_innovation_sigmas": vector + np.float32(1.0),
         "range_m": scalar + np.float32(30.0),
-        "passive_range_m": scalar + np.float32(25.0),
         "box_present": flag.copy(),
         "box_accepted": flag.copy(),
         "box_outlier": ~flag,

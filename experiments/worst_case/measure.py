@@ -23,7 +23,8 @@ from rpojax.analysis.reliability.search_settings import SearchSettings
 from rpojax.analysis.reliability.simulated_limit_state import EvaluationCosts, make_evaluator, measure_costs
 from rpojax.analysis.reliability.worst_case_record import WorstCase
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.metrics.metric_catalogue import LOW_IS_BAD, UNITS
+from rpojax.metrics.metric_catalogue import METRICS as CATALOGUE
+from rpojax.metrics.metric_catalogue import UNITS
 from rpojax.scenario.dispersed_numbers import standard_normal_space
 from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
 
@@ -75,7 +76,7 @@ def rare_limit(sampled: Campaign, metric: str) -> MetricLimit:
     """The limit that one sampled run in a thousand is beyond, half-way to the next run."""
     values = np.sort(sampled.metrics[metric])
     beyond = round(RATE * len(values))
-    if metric in LOW_IS_BAD:
+    if CATALOGUE[metric].low_is_bad:
         return MetricLimit(metric, "at least", float(values[beyond - 1 : beyond + 1].mean()))
     return MetricLimit(metric, "at most", float(values[len(values) - beyond - 1 : len(values) - beyond + 1].mean()))
 

@@ -8,11 +8,11 @@ from rpojax.campaign.preflight import MAX_BLOCKS, existing_parent
 from rpojax.errors import RpojaxError
 from rpojax.scenario.schema import ScenarioFile
 
-RECORD_BYTES_PER_TICK = 136
-"""Memory per run and tick for the channels that metrics need [B]."""
+RECORD_BYTES_PER_TICK = 160
+"""Memory per run and tick for the channels that metrics and free drifts need [B]."""
 EVALUATION_BYTES_PER_TICK = 120
 """Memory per run and tick while the metrics of one block are evaluated [B]."""
-HISTORY_BYTES_PER_TICK = 304
+HISTORY_BYTES_PER_TICK = 328
 """Memory and disk per tick of a full history [B]."""
 _RUN_BYTES = 2048
 _TRACE_BYTES_PER_S = 4

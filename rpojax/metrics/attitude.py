@@ -28,7 +28,7 @@ METRICS: Final = (
         reduction="rms",
         window="late",
         has_derivative=True,
-        is_recorded=False,
+        source="simulation",
     ),
     Metric(
         "wheel_speed_peak_fraction",

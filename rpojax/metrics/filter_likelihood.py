@@ -51,7 +51,7 @@ METRICS: Final = (
         value=_of_innovations,
         reduction="mean",
         has_derivative=True,
-        is_recorded=False,
+        source="simulation",
     ),
     Metric(
         "estimate_surprise",
@@ -62,6 +62,6 @@ METRICS: Final = (
         value=lambda _, nees, log_determinant: 0.5 * ((nees + log_determinant) / 12.0 + math.log(2.0 * math.pi)),
         reduction="mean",
         has_derivative=True,
-        is_recorded=False,
+        source="simulation",
     ),
 )

@@ -9,29 +9,53 @@ from rpojax.metrics import (
     camera_boxes,
     filter_consistency,
     filter_likelihood,
+    passive_safety,
     position_errors,
     trajectory,
 )
 from rpojax.metrics.metric_definition import Metric
 
-MODULES: Final = (position_errors, filter_consistency, filter_likelihood, trajectory, attitude, camera_boxes)
+MODULES: Final = (
+    position_errors,
+    filter_consistency,
+    filter_likelihood,
+    trajectory,
+    passive_safety,
+    attitude,
+    camera_boxes,
+)
 """Modules with definitions, in display order."""
 
 METRICS: Final[dict[str, Metric]] = {metric.name: metric for module in MODULES for metric in module.METRICS}
 """Every metric by name, in display order."""
 
-UNITS: Final[dict[str, str]] = {name: metric.unit for name, metric in METRICS.items() if metric.is_recorded}
+UNITS: Final[dict[str, str]] = {name: metric.unit for name, metric in METRICS.items() if metric.source != "simulation"}
 """Unit of every metric of a campaign by name."""
-
-LOW_IS_BAD: Final = frozenset(name for name, metric in METRICS.items() if metric.low_is_bad)
-"""Metrics of which low values are worse."""
 
 DIFFERENTIABLE: Final = tuple(name for name, metric in METRICS.items() if metric.has_derivative)
 """Names of the metrics with a useful derivative, which are accumulated during the simulation."""
 
 
+def find(name: str) -> Metric | None:
+    """The metric of that name, those of any horizon of free drift included; None if there is none."""
+    return METRICS.get(name) or passive_safety.metric_of_horizon(name)
+
+
+def unit_of(name: str) -> str:
+    """Unit of a metric of a campaign; `-` if it has none or is unknown."""
+    metric = find(name)
+    return "-" if metric is None else metric.unit
+
+
+def is_of_campaigns(name: str) -> bool:
+    """Whether campaigns have a metric of that name."""
+    metric = find(name)
+    return metric is not None and metric.source != "simulation"
+
+
 def worst_first(name: str, values: np.ndarray) -> np.ndarray:
     """Rows with a defined value of a metric in `values` (runs,), sorted from worst to best; the sort is stable."""
     defined = np.flatnonzero(np.isfinite(values))
-    goodness = values[defined] if name in LOW_IS_BAD else -values[defined]
+    metric = find(name)
+    goodness = values[defined] if metric is not None and metric.low_is_bad else -values[defined]
     return defined[np.argsort(goodness, kind="stable")]

@@ -21,6 +21,9 @@ components alike.
 """
 
 
+Source = Literal["records", "drifts", "simulation"]
+
+
 class WeightedValue(NamedTuple):
     """Value at a tick, and its weight in sums and means; where the weight is 0 the value does not count."""
 
@@ -53,26 +56,28 @@ class Metric:
         title: for people
         meaning: in one sentence
         inputs: names of the quantities of a tick that it is made of: channels, and those of `simulation/metrics`
-        reduction: over the ticks of the window; a statistic of whole records cannot be evaluated during the simulation
+        reduction: over the ticks of the window; a statistic of whole records cannot be evaluated during the simulation.
+            Without it the metric is not made of ticks
         value: from an array namespace (NumPy or JAX's) and the inputs, components in the last axis, to the value at a
             tick, or to value and weight; without it the metric is made of its only input
         window: ticks that count
         low_is_bad: low values are the worse ones
         has_derivative: its derivative is useful: it is no count, no percentile and no step function
-        is_recorded: evaluated from records, and so for every run of a campaign; else during the simulation alone
+        source: evaluated from `records` or from free `drifts`, and so for every run of a campaign; or during the
+            `simulation` alone
     """
 
     name: str
     unit: str
     title: str
     meaning: str
-    inputs: tuple[str, ...]
-    reduction: Reduction | RecordStatistic
+    inputs: tuple[str, ...] = ()
+    reduction: Reduction | RecordStatistic | None = None
     value: Callable[..., Quantity | WeightedValue] = _single_input
     window: Window = "all"
     low_is_bad: bool = False
     has_derivative: bool = False
-    is_recorded: bool = True
+    source: Source = "records"
 
     def weighted_value(self, namespace: ModuleType, quantities: Mapping[str, Quantity]) -> WeightedValue:
         """Value and weight of `quantities`; the weight is None where all ticks count alike."""

@@ -16,7 +16,7 @@ def reduce_records(metric: Metric, records: Mapping[str, np.ndarray], timing: Ru
     Raises:
         RpojaxError: the metric is evaluated during the simulation alone.
     """
-    if not metric.is_recorded:
+    if metric.source != "records":
         raise RpojaxError(f"{metric.name}: found records, expected accumulation during the simulation")
     ticks = records[metric.inputs[0]].shape[1]
     window = slice(first_tick(metric.window, ticks, timing.tick_s), None)
@@ -26,6 +26,8 @@ def reduce_records(metric: Metric, records: Mapping[str, np.ndarray], timing: Ru
     value, weight = weighted
     over_ticks_and_components = tuple(range(1, value.ndim))
     match metric.reduction:
+        case None:
+            raise RpojaxError(f"{metric.name}: found no reduction, expected one over the ticks")
         case "mean":
             return _mean(value, weight)
         case "rms":

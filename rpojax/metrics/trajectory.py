@@ -1,4 +1,4 @@
-"""Metrics of the trajectory: velocity change, range, and range of the free drift."""
+"""Metrics of the trajectory: velocity change and range."""
 
 from typing import Final
 
@@ -23,14 +23,5 @@ METRICS: Final = (
         reduction="min",
         low_is_bad=True,
         has_derivative=True,
-    ),
-    Metric(
-        "passive_range_m",
-        "m",
-        title="Passive range",
-        meaning="Smallest distance within one orbit of free drift after a loss of thrust at any time.",
-        inputs=("passive_range_m",),
-        reduction="min",
-        low_is_bad=True,
     ),
 )

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from rpojax.metrics.metric_catalogue import METRICS
+from rpojax.metrics.metric_catalogue import METRICS, find
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ CHANNEL_LABELS = (
 
 def metric_label(name: str) -> MetricLabel:
     """Label of the metric `name`; an unknown metric is shown by its name."""
-    metric = METRICS.get(name)
+    metric = find(name)
     if metric is None:
         return MetricLabel(name.replace("_", " "), meaning="", unit="")
     return MetricLabel(metric.title, metric.meaning, "" if metric.unit == "-" else metric.unit, metric.low_is_bad)

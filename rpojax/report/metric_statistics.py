@@ -7,7 +7,7 @@ import numpy as np
 from rpojax.analysis.statistics.intervals.moment_intervals import deviation_interval, mean_interval
 from rpojax.analysis.statistics.intervals.normal_distribution import Z_95
 from rpojax.analysis.statistics.intervals.order_statistics import quantile_interval_ranks, quantile_upper_bound
-from rpojax.metrics.metric_catalogue import UNITS
+from rpojax.metrics.metric_catalogue import unit_of
 
 _PERCENTILES = {"min": 0.0, "p1": 1.0, "p5": 5.0, "p50": 50.0, "p95": 95.0, "p99": 99.0, "max": 100.0}
 _QUANTILES = ("p1", "p5", "p50", "p95", "p99")
@@ -31,7 +31,7 @@ def summary_statistics(name: str, values: np.ndarray, independent: bool) -> dict
     """
     defined = np.asarray(values, dtype=np.float64)
     defined = defined[np.isfinite(defined)]
-    entry: dict[str, Any] = {"unit": UNITS.get(name, "-"), **dict.fromkeys(_STATISTIC_NAMES), "defined": len(defined)}
+    entry: dict[str, Any] = {"unit": unit_of(name), **dict.fromkeys(_STATISTIC_NAMES), "defined": len(defined)}
     if len(defined) == 0:
         return entry
     entry |= dict(zip(_PERCENTILES, np.percentile(defined, list(_PERCENTILES.values())).tolist(), strict=True))

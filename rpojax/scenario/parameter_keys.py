@@ -9,7 +9,14 @@ import numpy as np
 
 from rpojax.physics.plant_options import FaultKind
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.sections import EffectsSection, FaultSection, HandoverSection, RatesSection, TuningSection
+from rpojax.scenario.sections import (
+    EffectsSection,
+    FaultSection,
+    HandoverSection,
+    RatesSection,
+    SafetySection,
+    TuningSection,
+)
 from rpojax.value_types import Section
 
 _COMPONENT = re.compile(r"(.+)\[([0-9]{1,3})\]")
@@ -65,7 +72,7 @@ def nominal_of_key(file: ScenarioFile, key: str) -> Any:
     section, name = section_of_key(file, key)
     if (
         section is None
-        or isinstance(section, RatesSection | EffectsSection | TuningSection)
+        or isinstance(section, RatesSection | EffectsSection | SafetySection | TuningSection)
         or name not in type(section).model_fields
         or (isinstance(section, HandoverSection) and name == "covariance")
     ):

@@ -7,7 +7,7 @@ from pydantic import AfterValidator, Field
 
 from rpojax.dispersions.designs.design_kinds import Design, IndependentDesign
 from rpojax.dispersions.kinds.registry import Dispersion
-from rpojax.metrics.metric_catalogue import UNITS
+from rpojax.metrics.metric_catalogue import UNITS, is_of_campaigns
 from rpojax.scenario.sections import (
     AtmosphereSection,
     AttitudeControlSection,
@@ -25,6 +25,7 @@ from rpojax.scenario.sections import (
     OrbitSection,
     PointingSection,
     RatesSection,
+    SafetySection,
     ServicerSection,
     StarTrackerSection,
     SunlightSection,
@@ -39,7 +40,7 @@ from rpojax.value_types import Epoch, Finite, Positive, Section
 
 
 def _check_metric_name(value: str) -> str:
-    if value not in UNITS:
+    if not is_of_campaigns(value):
         close = difflib.get_close_matches(value, UNITS, n=1)
         hint = f" (did you mean {close[0]!r}?)" if close else ", such as 'formation_error_rms_m'"
         raise ValueError(f"expected the name of a metric{hint}")
@@ -90,6 +91,7 @@ class ScenarioFile(AdditionalSensors):
     pointing: PointingSection
     attitude_control: AttitudeControlSection
     limits: LimitsSection
+    safety: SafetySection = SafetySection()
     fault: FaultSection
     dispersions: list[Dispersion]
     requirements: list[RequirementSection] = Field(default_factory=list)

@@ -2,8 +2,9 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
+from rpojax.metrics.passive_safety import STANDARD_HORIZONS, horizon_length
 from rpojax.physics.plant_options import FaultKind
 from rpojax.value_types import (
     Angle,
@@ -24,6 +25,11 @@ from rpojax.value_types import (
     Section,
     Vector,
 )
+
+
+def _check_horizon(value: str) -> str:
+    horizon_length(value)
+    return value
 
 
 class RatesSection(Section):
@@ -319,6 +325,14 @@ class LimitsSection(Section):
     off_station_m: Positive = 10.0
     arrive_by_s: NonNegative = 3000.0
     propellant_kg: Positive = 1e9
+
+
+class SafetySection(Section):
+    """Free drifts from which passive safety is judged."""
+
+    horizons: list[Annotated[str, AfterValidator(_check_horizon)]] = Field(list(STANDARD_HORIZONS), min_length=1)
+    spacing_s: Positive = 10.0
+    stuck_on_s: Annotated[float, Field(ge=0.0, le=300.0, allow_inf_nan=False)] = 30.0
 
 
 class TuningSection(Section):

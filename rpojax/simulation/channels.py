@@ -10,10 +10,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core import quaternion, vectors
-from rpojax.core.frames import hill_frame, inertial_to_hill
+from rpojax.core.frames import hill_frame
 from rpojax.core.mahalanobis_distance import squared_mahalanobis_and_log_determinant
 from rpojax.core.numerics import gradient_safe, trigonometric_series
-from rpojax.core.orbits import clohessy_wiltshire, keplerian_elements
 from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import apply
 from rpojax.errors import RpojaxError
@@ -171,27 +170,12 @@ def _pointing_error(tick: ObservedTick) -> Scalar:
     return jnp.rad2deg(off)
 
 
-def _passive_range(tick: ObservedTick) -> Scalar:
-    """Least range over one orbit of free drift from this tick [m]; evaluated once in ten ticks, else infinite."""
-    truth = tick.truth
-    # Outside of the branch, because other channels use it too.
-    frame = tick.hill_frame
-
-    def drift(_: None) -> Scalar:
-        n = keplerian_elements.mean_motion(keplerian_elements.semi_major_axis(truth.r_TN_N, truth.v_TN_N))
-        return clohessy_wiltshire.minimum_drift_distance(n, *inertial_to_hill(truth.r_ST_N, truth.v_ST_N, *frame))
-
-    due = tick.telemetry.tick % _PASSIVE_RANGE_PERIOD == 0
-    return jax.lax.cond(due, drift, lambda _: jnp.full((), jnp.inf, dtype=truth.r_ST_N.dtype), None)
-
-
-_PASSIVE_RANGE_PERIOD = 10
-"""Ticks between two evaluations of the free drift, about the duration of a burn."""
-
 _RELATIVE_POSITION: Final[ChannelFunctions] = {
     "rho_H": lambda tick: apply(tick.R_HN, tick.truth.r_ST_N),
     "rho_estimate_H": lambda tick: apply(tick.R_HN, -tick.telemetry.flight.orbit.relative.r_TS_N),
     "range_m": lambda tick: gradient_safe.norm(tick.truth.r_ST_N),
+    "r_ST_N": lambda tick: tick.truth.r_ST_N,
+    "v_ST_N": lambda tick: tick.truth.v_ST_N,
 }
 _NAVIGATION: Final[ChannelFunctions] = {
     "relative_error_H": lambda tick: apply(tick.R_HN, tick.orbit_errors[1][:3]),
@@ -229,7 +213,6 @@ _VEHICLE: Final[ChannelFunctions] = {
     "delta_v_m_s": lambda tick: tick.truth.delta_v,
     "mass_kg": lambda tick: tick.truth.mass,
     "propellant_used_kg": lambda tick: propellant_used(tick.params.plant, tick.truth),
-    "passive_range_m": _passive_range,
 }
 CHANNELS: Final[ChannelFunctions] = {
     **_RELATIVE_POSITION,
@@ -241,7 +224,6 @@ CHANNELS: Final[ChannelFunctions] = {
 IMAGE_CHANNELS: Final[ChannelFunctions] = {
     "window_px": lambda tick: tick.telemetry.frame.window,
     "r_TN_N": lambda tick: tick.truth.r_TN_N,
-    "r_ST_N": lambda tick: tick.truth.r_ST_N,
     "q_TN": lambda tick: tick.truth.q_TN,
     "q_BN": lambda tick: tick.truth.q_BN,
 }

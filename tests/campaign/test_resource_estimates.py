@@ -22,7 +22,7 @@ def test_too_little_memory_is_refused_with_amounts_and_remedies(
 ) -> None:
     monkeypatch.setattr(resource_estimates, "_available_memory", lambda: 2e9)
     resource_estimates.check_resources(mission, 1000, 256, 2, 8, tmp_path / "runs")
-    with pytest.raises(RpojaxError, match=r"memory: found 2\.0 GB available, expected 10.*lower block_size"):
+    with pytest.raises(RpojaxError, match=r"memory: found 2\.0 GB available, expected 11.*lower block_size"):
         resource_estimates.check_resources(mission, 100_000, 100_000, 1, 8, tmp_path / "runs")
 
 

@@ -88,4 +88,4 @@ def test_a_statistic_of_whole_records_cannot_be_accumulated() -> None:
 
 def test_a_metric_of_the_simulation_alone_has_no_value_from_records() -> None:
     with pytest.raises(RpojaxError, match="test: found records, expected accumulation during the simulation"):
-        recorded(metric(("scalar",), reduction="mean", is_recorded=False))
+        recorded(metric(("scalar",), reduction="mean", source="simulation"))

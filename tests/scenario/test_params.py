@@ -31,7 +31,11 @@ def numeric_keys() -> list[str]:
     keys = []
     for name, field in ScenarioFile.model_fields.items():
         section = field.annotation
-        if name not in ("rates", "effects", "tuning") and isinstance(section, type) and issubclass(section, BaseModel):
+        if (
+            name not in ("rates", "effects", "safety", "tuning")
+            and isinstance(section, type)
+            and issubclass(section, BaseModel)
+        ):
             keys += [f"{name}.{key}" for key in section.model_fields if key not in STATIC]
     return keys
 

@@ -1,10 +1,8 @@
-"""Passive range channel against step-wise propagation."""
+"""Channels of a tick are computed on demand."""
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 import pytest
-from free_drift_reference import least_drift_distance
 
 from rpojax.scenario import params as parameters
 from rpojax.scenario.loading import scenario_loader
@@ -17,12 +15,6 @@ from rpojax.simulation.telemetry import Telemetry
 FILE = scenario_loader.load("inspection", ["initial.relative_velocity_m_s=[0.0, 0.002, 0.0]"])
 SCENARIO = static_settings(FILE)
 PARAMS = parameters.build_params(FILE.model_dump(), SCENARIO.width_px, SCENARIO.height_px)
-
-
-@jax.jit
-def passive_range(state: State, tick: jax.Array) -> jax.Array:
-    """Passive range of a tick with this state."""
-    return channels.CHANNELS["passive_range_m"](channels.ObservedTick(SCENARIO, PARAMS, _telemetry(state, tick)))
 
 
 def _telemetry(state: State, tick: jax.Array) -> Telemetry:
@@ -42,15 +34,6 @@ def _telemetry(state: State, tick: jax.Array) -> Telemetry:
 def drifting_state() -> State:
     """State behind the target on its orbit, with a slow drift."""
     return jax.jit(initial_state.init, static_argnums=0)(SCENARIO, PARAMS, run_key(1, 0))
-
-
-def test_the_passive_range_is_evaluated_once_in_ten_ticks(drifting_state: State) -> None:
-    found = [float(passive_range(drifting_state, jnp.int32(tick))) for tick in range(21)]
-    assert [np.isfinite(value) for value in found] == [tick % 10 == 0 for tick in range(21)]
-    n = np.sqrt(3.986004418e14 / 6878137.0**3)
-    expected = least_drift_distance(n, np.array([0.0, -50.0, 0.0, 0.0, 0.002, 0.0]), 72)
-    # The eccentricity of 1e-3 changes the mean motion by no more.
-    np.testing.assert_allclose(found[10], expected, rtol=2e-3)
 
 
 def test_quantities_that_nobody_asks_for_are_not_computed(drifting_state: State) -> None:

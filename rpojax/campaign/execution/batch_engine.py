@@ -17,6 +17,7 @@ from jax.stages import Traced
 from jaxtyping import Array
 
 from rpojax.batching.batching_mode import BatchingMode
+from rpojax.campaign.execution.passive_safety import PassiveSafety
 from rpojax.campaign.execution.tick_batching import batch_transform, state_axes, tick_batching_mode
 from rpojax.campaign.experiment_design import Design, has_independent_runs
 from rpojax.core import random_streams
@@ -139,6 +140,7 @@ class BatchEngine:
         nominal = params.build_params(file.model_dump(), self.scenario.width_px, self.scenario.height_px)
         self._nominal = jax.tree.map(np.asarray, nominal)
         self._programs: tuple[Any, DevicePrograms] | None = None
+        self.passive_safety = PassiveSafety(file, self.scenario, self._nominal, self.runs_per_device, self.devices)
 
     @property
     def capacity(self) -> int:

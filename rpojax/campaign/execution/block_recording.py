@@ -12,11 +12,13 @@ from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import campaign_folder
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.metrics import recorded_metrics, trace_channels
+from rpojax.simulation.metrics import drift_starts, recorded_metrics, trace_channels
 from rpojax.simulation.outcomes import judgement
 from rpojax.simulation.outcomes.judgement import JudgedRuns
 
-RECORDED_CHANNELS = frozenset({*recorded_metrics.REQUIRED_CHANNELS, *judgement.REQUIRED_CHANNELS})
+RECORDED_CHANNELS = frozenset(
+    {*recorded_metrics.REQUIRED_CHANNELS, *drift_starts.REQUIRED_CHANNELS, *judgement.REQUIRED_CHANNELS}
+)
 """Channels that are recorded of every run."""
 
 
@@ -103,6 +105,7 @@ def block_arrays(
     file: ScenarioFile,
     prepared: PreparedRuns,
     recorder: ChannelRecorder,
+    passive_safety: Mapping[str, np.ndarray],
     judged: JudgedRuns,
     rows: slice,
 ) -> dict[str, np.ndarray]:
@@ -118,6 +121,8 @@ def block_arrays(
     with np.errstate(invalid="ignore"):
         for name, values in recorded_metrics.evaluate(file, records, used).items():
             arrays[f"metrics/{name}"] = np.where(frozen, np.nan, values)
+        for name, values in passive_safety.items():
+            arrays[f"metrics/{name}"] = np.where(frozen, np.nan, values[rows])
         time_s = np.arange(recorder.ticks)[::stride] / file.rates.camera_hz
         ended = frozen[:, None] & (time_s > since_s[:, None])
         for name, values in trace_channels.decimated_traces(file, records, used, stride).items():

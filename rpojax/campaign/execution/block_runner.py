@@ -27,11 +27,13 @@ class SimulatedBatch:
     Attributes:
         prepared: the runs at their initial states
         recorder: their channels
+        passive_safety: metrics of their free drifts
         judged: how they ended
     """
 
     prepared: PreparedRuns
     recorder: ChannelRecorder
+    passive_safety: dict[str, np.ndarray]
     judged: JudgedRuns
 
     def history(self, row: int, engine: BatchEngine) -> dict[str, np.ndarray]:
@@ -41,7 +43,9 @@ class SimulatedBatch:
 
     def block_arrays(self, rows: slice, engine: BatchEngine) -> dict[str, np.ndarray]:
         """Arrays of one block as they are stored."""
-        return block_recording.block_arrays(engine.file, self.prepared, self.recorder, self.judged, rows)
+        return block_recording.block_arrays(
+            engine.file, self.prepared, self.recorder, self.passive_safety, self.judged, rows
+        )
 
 
 def simulate_batch(
@@ -74,7 +78,8 @@ def simulate_batch(
     assert last is not None
     failure = np.where(last.failed_at < engine.file.duration_s, last.failure, 0)
     judged = judge(engine.file, prepared.used, recorder.records_of_runs(), failure, last.failed_at)
-    return SimulatedBatch(prepared, recorder, judged)
+    passive_safety = engine.passive_safety.evaluate(prepared.drawn, recorder.records)
+    return SimulatedBatch(prepared, recorder, passive_safety, judged)
 
 
 @dataclass(frozen=True)

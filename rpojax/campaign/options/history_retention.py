@@ -163,9 +163,9 @@ def _parse_term(term: str) -> tuple[str, list[int], str]:
         return kind, [_parse_number(rest[0], term, 1)], ""
     if kind == "worst" and len(rest) == 2:
         # Imported here because the help of the command line does without numpy.
-        from rpojax.metrics.metric_catalogue import UNITS
+        from rpojax.metrics.metric_catalogue import UNITS, is_of_campaigns
 
-        if rest[1] not in UNITS:
+        if not is_of_campaigns(rest[1]):
             close = difflib.get_close_matches(rest[1], UNITS, n=1)
             hint = f" (did you mean {close[0]!r}?)" if close else ""
             raise RpojaxError.of_argument("histories", f"found metric {rest[1]!r}, expected one of a campaign{hint}")

@@ -9,7 +9,7 @@ def array_units(group: str, name: str) -> str:
     """Unit of an array of a group as text; 1 for dimensionless quantities."""
     match group:
         case "metrics":
-            unit = metric_catalogue.UNITS.get(name, "-")
+            unit = metric_catalogue.unit_of(name)
         case "traces":
             unit = trace_channels.TRACE_UNITS.get(name, "-")
         case "status" | "events":

@@ -1,18 +1,28 @@
 """Safety: smallest ranges, keep-out entries, passive safety, and longest times without an accepted box."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rpojax.analysis.statistics.intervals.binomial_intervals import clopper_pearson_interval
 from rpojax.metrics.metric_catalogue import worst_first
+from rpojax.metrics.passive_safety import STUCK_ON_RANGE, UNSAFE_FRACTION, horizon_metric_name
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.dispersed_inputs import keep_out_radii
 from rpojax.report.labels import metric_label
 from rpojax.report.number_format import format_number, with_unit
 from rpojax.report.run_independence import runs_are_independent
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
+
+
+class SafetyRow(NamedTuple):
+    """A row of the table: quantity, value, remark, and whether it is shown as a failure."""
+
+    quantity: str
+    value: str
+    remark: str
+    is_alert: bool = False
 
 
 def content(campaign: CampaignResults) -> dict[str, Any]:
@@ -32,29 +42,71 @@ def content(campaign: CampaignResults) -> dict[str, Any]:
             "run_ids": campaign.run_ids[entered].tolist(),
         },
         "least_passive_range": _worst_value(campaign, "passive_range_m"),
-        "passive_below_keep_out": _passive_range_violations(campaign, keep_out, entered),
+        "passive_below_keep_out": _range_violations(campaign, "passive_range_m", keep_out, entered),
+        "free_drift": [
+            {
+                "horizon": horizon,
+                "least_range": _worst_value(campaign, name),
+                "below_keep_out": _range_violations(campaign, name, keep_out, entered),
+            }
+            for horizon in campaign.info.get("scenario", {}).get("safety", {}).get("horizons", ())
+            if (name := horizon_metric_name(horizon)) in campaign.metrics
+        ],
+        "unsafe_share": {
+            "median": _median(campaign, UNSAFE_FRACTION),
+            "worst": _worst_value(campaign, UNSAFE_FRACTION),
+        },
+        "stuck_on": {
+            "least_range": _worst_value(campaign, STUCK_ON_RANGE),
+            "below_keep_out": _range_violations(campaign, STUCK_ON_RANGE, keep_out, entered),
+        },
         "longest_look_away": _worst_value(campaign, "look_away_peak_s"),
         "longest_unseen": _worst_value(campaign, "longest_unseen_s"),
     }
 
 
-def rows(safety: Mapping[str, Any]) -> list[tuple[str, str, str]]:
-    """Quantity, value and remark of each row."""
+def rows(safety: Mapping[str, Any]) -> list[SafetyRow]:
+    """Rows of the table, those without a value left out."""
     keep_out = safety["keep_out_m"]
     sphere = "" if keep_out is None else f" of {_radius_text(keep_out)}"
-    drift = f"Runs whose free drift would enter the keep-out sphere{sphere}"
     lines = [
-        ("Smallest range of any run", *_worst_value_texts(safety["least_range"], "m")),
-        (f"Runs that entered the keep-out sphere{sphere}", *_proportion_texts(safety["entries"])),
-        (
-            "Smallest range of free drift after a loss of thrust",
-            *_worst_value_texts(safety["least_passive_range"], "m"),
-        ),
-        (drift, *_proportion_texts(safety["passive_below_keep_out"])),
-        ("Longest look-away in a burn period", *_worst_value_texts(safety["longest_look_away"], "s")),
-        (metric_label("longest_unseen_s").title, *_worst_value_texts(safety["longest_unseen"], "s")),
+        SafetyRow("Smallest range of any run", *_worst_value_texts(safety["least_range"], "m")),
+        _proportion_row(f"Runs that entered the keep-out sphere{sphere}", safety["entries"]),
+        *_drift_rows(safety, sphere),
+        SafetyRow("Longest look-away in a burn period", *_worst_value_texts(safety["longest_look_away"], "s")),
+        SafetyRow(metric_label("longest_unseen_s").title, *_worst_value_texts(safety["longest_unseen"], "s")),
     ]
-    return [(quantity, value, remark) for quantity, value, remark in lines if value]
+    return [line for line in lines if line.value]
+
+
+def _drift_rows(safety: Mapping[str, Any], sphere: str) -> list[SafetyRow]:
+    """Rows of free drift; of campaigns recorded without horizons those of one orbit."""
+    drifts = [
+        (f"within {drift['horizon'].replace('_', ' ')} after a loss of thrust", drift) for drift in safety["free_drift"]
+    ] or [
+        (
+            "after a loss of thrust",
+            {"least_range": safety["least_passive_range"], "below_keep_out": safety["passive_below_keep_out"]},
+        )
+    ]
+    drifts.append(("within 24 h after a burn that did not end", safety["stuck_on"]))
+    lines = []
+    for when, drift in drifts:
+        lines.append(SafetyRow(f"Smallest range of free drift {when}", *_worst_value_texts(drift["least_range"], "m")))
+        title = f"Runs that could drift into the keep-out sphere{sphere} {when}"
+        lines.append(_proportion_row(title, drift["below_keep_out"]))
+    share = safety["unsafe_share"]
+    if share["worst"] is not None:
+        value, worst = (f"{100 * number:.3g} %" for number in (share["median"], share["worst"]["value"]))
+        lines.append(
+            SafetyRow(
+                "Share of the time from which the longest drift enters the sphere, median run",
+                value,
+                f"at most {worst}, run {share['worst']['run_id']}",
+                share["worst"]["value"] > 0.0,
+            )
+        )
+    return lines
 
 
 def _radius_content(radii: np.ndarray | None) -> float | list[float] | None:
@@ -94,14 +146,19 @@ def _worst_value(campaign: CampaignResults, name: str) -> dict[str, Any] | None:
     return {"value": float(values[rows[0]]), "run_id": int(campaign.run_ids[rows[0]])}
 
 
-def _passive_range_violations(
-    campaign: CampaignResults, keep_out: np.ndarray | None, entered: np.ndarray
+def _range_violations(
+    campaign: CampaignResults, name: str, keep_out: np.ndarray | None, entered: np.ndarray
 ) -> dict[str, Any] | None:
     """Proportion of runs that enter the sphere or would drift into it, among those for which this is known."""
-    values = campaign.metrics.get("passive_range_m")
+    values = campaign.metrics.get(name)
     if values is None or keep_out is None:
         return None
     return _proportion(campaign, entered | (values < keep_out), entered | np.isfinite(values))
+
+
+def _median(campaign: CampaignResults, name: str) -> float | None:
+    values = campaign.metrics.get(name)
+    return None if values is None or not np.isfinite(values).any() else float(np.nanmedian(values))
 
 
 def _proportion(campaign: CampaignResults, events: np.ndarray, known: np.ndarray) -> dict[str, Any]:
@@ -120,6 +177,11 @@ def _worst_value_texts(found: Mapping[str, Any] | None, unit: str) -> tuple[str,
         return "", ""
     bound = "at most " if found.get("at_most") else ""
     return bound + with_unit(format_number(found["value"]), unit), f"run {found['run_id']}"
+
+
+def _proportion_row(title: str, found: Mapping[str, Any] | None) -> SafetyRow:
+    """Row of a proportion of runs of which there should be none."""
+    return SafetyRow(title, *_proportion_texts(found), found is not None and found["count"] > 0)
 
 
 def _proportion_texts(found: Mapping[str, Any] | None) -> tuple[str, str]:

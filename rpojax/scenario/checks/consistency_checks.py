@@ -3,6 +3,7 @@
 import math
 
 from rpojax.errors import ScenarioError
+from rpojax.metrics import passive_safety
 from rpojax.scenario.checks.design_checks import check_design
 from rpojax.scenario.checks.dispersion_checks import check_dispersions
 from rpojax.scenario.schema import ScenarioFile
@@ -46,8 +47,21 @@ def check_consistency(file: ScenarioFile) -> None:
             f"a place farther from the target than limits.keep_out_m = {file.limits.keep_out_m:g}",
         )
     _check_precision(file)
+    _check_drift_requirements(file)
     check_dispersions(file)
     check_design(file)
+
+
+def _check_drift_requirements(file: ScenarioFile) -> None:
+    """Refuses requirements on ranges of free drift over horizons that the scenario does not have."""
+    drift_metrics = {passive_safety.horizon_metric_name(horizon) for horizon in file.safety.horizons}
+    for number, requirement in enumerate(file.requirements):
+        name = requirement.metric
+        if name == passive_safety.ONE_ORBIT_RANGE:
+            name = passive_safety.horizon_metric_name("1_orbit")
+        if passive_safety.is_of_horizon(name) and name not in drift_metrics:
+            expected = f"one of the metrics of safety.horizons = {file.safety.horizons}"
+            raise ScenarioError(f"requirements.{number}.metric", requirement.metric, expected)
 
 
 def _check_precision(file: ScenarioFile) -> None:

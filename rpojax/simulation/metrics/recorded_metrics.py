@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.metrics.metric_catalogue import METRICS
-from rpojax.metrics.metric_definition import Floats, RunTiming
+from rpojax.metrics.metric_definition import Floats, Metric, RunTiming
 from rpojax.metrics.recorded_reduction import reduce_records
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
 from rpojax.scenario.schema import ScenarioFile
@@ -19,8 +19,13 @@ Values = Mapping[str, np.ndarray]
 _DERIVED: Final = {"desired_position_H", "is_settled"}
 """Inputs of metrics that are no channels."""
 
+
+def _of_records() -> list[Metric]:
+    return [metric for metric in METRICS.values() if metric.source == "records"]
+
+
 REQUIRED_CHANNELS: Final = tuple(
-    sorted({"mode"} | {name for metric in METRICS.values() if metric.is_recorded for name in metric.inputs} - _DERIVED)
+    sorted({"mode"} | {name for metric in _of_records() for name in metric.inputs} - _DERIVED)
 )
 """Channels that the metrics read."""
 
@@ -41,7 +46,7 @@ def evaluate(file: ScenarioFile, records: Records, varied: Values) -> dict[str, 
         "desired_position_H": desired_position_H(file, records, varied),
         "is_settled": _is_settled(records["mode"], np.round(settle_time_s / tick_s)),
     }
-    return {name: reduce_records(metric, quantities, timing) for name, metric in METRICS.items() if metric.is_recorded}
+    return {metric.name: reduce_records(metric, quantities, timing) for metric in _of_records()}
 
 
 def desired_position_H(file: ScenarioFile, records: Records, varied: Values) -> Floats:

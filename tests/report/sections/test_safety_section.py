@@ -28,6 +28,6 @@ def test_range_of_a_keep_out_entry_is_at_most_the_radius(build):
     found = safety_section.content(campaign)
     assert np.nanmin(campaign.traces["range_m"]) > 10.0
     assert found["least_range"] == {"value": 10.0, "run_id": 5, "at_most": True}
-    assert safety_section.rows(found)[0] == ("Smallest range of any run", "at most 10 m", "run 5")
+    assert safety_section.rows(found)[0] == ("Smallest range of any run", "at most 10 m", "run 5", False)
     campaign.info["scenario"]["limits"] = {}
     assert safety_section.content(campaign)["least_range"]["at_most"] is False

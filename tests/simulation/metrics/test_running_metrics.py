@@ -24,7 +24,7 @@ ADDED = Metric(
     "max_range_m", "m", title="Greatest range", meaning="Of the spacecraft.", inputs=("range_m",), reduction="max"
 )
 RUNNING = [name for name, metric in METRICS.items() if isinstance(metric.reduction, str)]
-SHARED = [name for name in RUNNING if METRICS[name].is_recorded]
+SHARED = [name for name in RUNNING if METRICS[name].source == "records"]
 Results = tuple[dict[str, float], dict[str, np.ndarray], dict[str, np.ndarray]]
 
 

@@ -1,0 +1,212 @@
+"""Passive safety of a batch of runs: their free drifts, by one more compiled program after the simulation."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from rpojax.batching.vmap_last_axis import vmap
+from rpojax.core.numerics import gradient_safe
+from rpojax.core.orbits import keplerian_elements
+from rpojax.core.pytree import pytree, replace
+from rpojax.metrics import passive_safety as metrics
+from rpojax.physics import free_drift
+from rpojax.physics.free_drift import STEP_S, Drift, DriftRange, Environment, Propagation
+from rpojax.runtime import device_programs
+from rpojax.runtime.device_programs import DevicePrograms
+from rpojax.scenario.dispersed_numbers import dispersed_values
+from rpojax.scenario.dispersed_numbers.dispersed_values import Values
+from rpojax.scenario.params import Params
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.static_settings import Scenario
+from rpojax.simulation.metrics import drift_starts
+from rpojax.simulation.metrics.drift_starts import DriftStarts
+
+_MOST_DRIFTS = 256
+"""Drifts of a run that are propagated at once."""
+_SHARED_FIELDS = ("is_stuck", "r_ST_N", "v_ST_N", "mass", "last_delta_v")
+
+
+@pytree
+class StartBatch:
+    """Starts of drifts of many runs: fields (..., drifts, runs) as in `DriftStarts`, times in s.
+
+    Attributes:
+        start: at which each begins
+        last: of its last instant; negative infinity if there is no drift
+        burn: last time before the burn
+        is_stuck: whether the thruster stays open
+        r_ST_N: (2, 3) before the burn and at the start
+        v_ST_N: (2, 3) before the burn and at the start
+        mass: of the servicer
+        last_delta_v: in the tick before the start
+    """
+
+    start: Array
+    last: Array
+    burn: Array
+    is_stuck: Array
+    r_ST_N: Array
+    v_ST_N: Array
+    mass: Array
+    last_delta_v: Array
+
+
+class PassiveSafety:
+    """Metrics of the free drifts of runs, by a program for batches of a fixed size that is compiled once.
+
+    Args:
+        file: the scenario
+        scenario: its static settings
+        nominal: its nominal parameters
+        runs_per_device: batch size of a device
+        devices: that share a batch
+    """
+
+    def __init__(
+        self, file: ScenarioFile, scenario: Scenario, nominal: Params, runs_per_device: int, devices: Sequence[Any]
+    ) -> None:
+        self.file, self.scenario, self.nominal = file, scenario, nominal
+        self.runs_per_device, self.devices = runs_per_device, devices
+        self._programs: DevicePrograms | None = None
+        self.spacing_ticks = max(1, round(file.safety.spacing_s / scenario.tick_s))
+        self.mission_steps = math.ceil(scenario.ticks * scenario.tick_s / STEP_S) + 1
+        burns = -(-scenario.ticks // scenario.formation_ticks)
+        self.drifts_at_once = min(_MOST_DRIFTS, 2 * burns + 1 + -(-scenario.ticks // self.spacing_ticks) // 8)
+
+    def evaluate(self, drawn: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Metrics (runs,) from dispersed values (runs, ...) and recorded channels (ticks, ..., runs)."""
+        runs = self.runs_per_device * len(self.devices)
+        starts = [
+            drift_starts.drift_starts(
+                {name: records[name][..., run] for name in drift_starts.REQUIRED_CHANNELS}, self.spacing_ticks
+            )
+            for run in range(runs)
+        ]
+        rounds = -(-max(len(each.ticks) for each in starts) // self.drifts_at_once)
+        parts = [self._propagate(drawn, starts, number * self.drifts_at_once) for number in range(rounds)]
+        least = np.sqrt(np.concatenate([np.asarray(part.least_square) for part in parts], axis=1))
+        entry = np.concatenate([np.asarray(part.entry) for part in parts], axis=0)
+        return self._metrics(starts, least, entry)
+
+    def _metrics(self, starts: Sequence[DriftStarts], least: np.ndarray, entry: np.ndarray) -> dict[str, np.ndarray]:
+        """Metrics from least ranges (horizons + 1, drifts, runs), and times of entry less the longest horizon."""
+        found: dict[str, list[float]] = {}
+        for run, each in enumerate(starts):
+            count, stuck = len(each.ticks), each.is_stuck
+            ranges = least[:, :count, run]
+            unsafe = entry[each.instant_drifts, run] <= each.instants * self.scenario.tick_s
+            values = {
+                metrics.horizon_metric_name(horizon): float(ranges[place, ~stuck].min())
+                for place, horizon in enumerate(self.file.safety.horizons)
+            }
+            values[metrics.UNSAFE_FRACTION] = each.unsafe_fraction(unsafe)
+            values[metrics.STUCK_ON_RANGE] = float(ranges[-1, stuck].min()) if stuck.any() else math.nan
+            for name, value in values.items():
+                found.setdefault(name, []).append(value)
+        arrays = {name: np.array(values) for name, values in found.items()}
+        one_orbit = arrays.get(metrics.horizon_metric_name("1_orbit"))
+        return arrays if one_orbit is None else {**arrays, metrics.ONE_ORBIT_RANGE: one_orbit}
+
+    def _propagate(self, drawn: Mapping[str, np.ndarray], starts: Sequence[DriftStarts], first: int) -> DriftRange:
+        """Ranges of the drifts of all runs from number `first` on, `entry` less the longest horizon."""
+        size = self.runs_per_device
+        arguments = [
+            (
+                self.nominal,
+                {name: np.moveaxis(values[rows], 0, -1) for name, values in drawn.items()},
+                self._batch(starts[rows], first),
+            )
+            for rows in (slice(place * size, (place + 1) * size) for place in range(len(self.devices)))
+        ]
+        programs = self._compiled(arguments[0])
+        results = programs.call(programs.place(arguments))
+        return jax.tree.map(lambda *each: np.concatenate([np.asarray(part) for part in each], axis=-1), *results)
+
+    def _batch(self, starts: Sequence[DriftStarts], first: int) -> StartBatch:
+        count, tick_s = self.drifts_at_once, self.scenario.tick_s
+        rows = [np.minimum(np.arange(first, first + count), len(each.ticks) - 1) for each in starts]
+        exists = np.stack([np.arange(first, first + count) < len(each.ticks) for each in starts], axis=-1)
+
+        def gathered(name: str) -> np.ndarray:
+            return np.stack([getattr(each, name)[..., row] for each, row in zip(starts, rows, strict=True)], axis=-1)
+
+        fields: dict[str, Any] = {name: gathered(name) for name in _SHARED_FIELDS}
+        fields |= {
+            "start": gathered("ticks") * tick_s,
+            "last": np.where(exists, gathered("last_ticks") * tick_s, -np.inf),
+            "burn": gathered("burn_ticks") * tick_s,
+        }
+        return StartBatch(**fields)
+
+    def _compiled(self, arguments: tuple[Any, ...]) -> DevicePrograms:
+        if self._programs is None:
+            traces = device_programs.trace_for_devices(self._drift, arguments, self.devices)
+            self._programs = traces.compile()
+        return self._programs
+
+    def _drift(self, nominal: Params, values: Values, batch: StartBatch) -> DriftRange:
+        """Ranges of the drifts of the runs of a device; `entry` is less the longest horizon."""
+
+        def environment(values: Values) -> Environment:
+            params = dispersed_values.apply_to_params(nominal, values)
+            return Environment(self.scenario.effects, params.plant, self.scenario.epoch_s)
+
+        def begin(values: Values, batch: StartBatch) -> tuple[Drift, Propagation, Array]:
+            params = dispersed_values.apply_to_params(nominal, values)
+            orbit = free_drift.target_orbit(
+                environment(values), *keplerian_elements.state_from_elements(params.orbit), self.mission_steps
+            )
+            lengths = self._horizons(params)
+            drifts = jax.vmap(
+                lambda start: self._start(environment(values), orbit, lengths, start), in_axes=-1, out_axes=-1
+            )(batch)
+            begun = free_drift.begin_drifts(environment(values), orbit, drifts, params.limits.keep_out, first)
+            return drifts, begun, jnp.max(lengths[:-1], axis=0)
+
+        def advance(number: Array, propagation: Propagation) -> Propagation:
+            def step(values: Values, drifts: Drift, before: Propagation) -> Propagation:
+                keep_out = dispersed_values.apply_to_params(nominal, values).limits.keep_out
+                return free_drift.advance_drifts(environment(values), drifts, keep_out, number, before)
+
+            return vmap(step, in_axes=-1, out_axes=-1)(values, drifts, propagation)
+
+        first = jnp.floor(jnp.min(batch.start) / STEP_S).astype(jnp.int32)
+        drifts, begun, longest = jax.vmap(begin, in_axes=-1, out_axes=-1)(values, batch)
+        last = jnp.ceil(jnp.max(drifts.ends) / STEP_S).astype(jnp.int32)
+        found = jax.lax.fori_loop(first, last, advance, begun).found
+        return replace(found, entry=found.entry - longest[None, :])
+
+    def _horizons(self, params: Params) -> Array:
+        """Lengths of the horizons, and of the one after a thruster that stayed open [s]."""
+        period = 2.0 * jnp.pi / keplerian_elements.mean_motion(params.orbit.semi_major_axis)
+        lengths = []
+        for horizon in self.file.safety.horizons:
+            count, in_orbits = metrics.horizon_length(horizon)
+            lengths.append(count * (period if in_orbits else jnp.full_like(period, 3600.0)))
+        return jnp.stack([*lengths, jnp.full_like(period, 86400.0)])
+
+    def _start(self, environment: Environment, orbit: Array, lengths: Array, start: StartBatch) -> Drift:
+        """Start of a drift; a thruster that stays open pushes in the direction of the burn's velocity change."""
+        thruster, zero = environment.params.thruster, jnp.zeros(3)
+        acceleration = thruster.force * thruster.force_scale / start.mass
+        before = free_drift.motion_at(environment, orbit, start.burn, start.r_ST_N[0], start.v_ST_N[0])
+        coasted = environment.advance(before, start.mass, start.burn, start.start - start.burn, zero)
+        direction = gradient_safe.normalize(start.v_ST_N[1] - coasted.v_ST_N)
+        push = jnp.where(start.is_stuck, acceleration * direction, zero)
+        tick_s = self.scenario.tick_s
+        shut_for = tick_s - jnp.clip(start.last_delta_v / acceleration, 0.0, tick_s)
+        thrust_s = jnp.where(start.is_stuck, jnp.maximum(self.file.safety.stuck_on_s - shut_for, 0.0), 0.0)
+        return Drift(
+            start=start.start,
+            r_ST_N=start.r_ST_N[1] + 0.5 * shut_for * shut_for * push,
+            v_ST_N=start.v_ST_N[1] + shut_for * push,
+            mass=start.mass,
+            thrust_s=thrust_s,
+            acceleration_N=push,
+            ends=start.last + thrust_s + lengths,
+        )

@@ -1,0 +1,60 @@
+"""Closest approach of motions whose distance is known."""
+
+import jax
+import numpy as np
+import pytest
+
+from rpojax.core.orbits import closest_approach as module
+
+closest_approach = jax.jit(module.closest_approach)
+least_square_until = jax.jit(module.least_square_until)
+entry_place = jax.jit(module.entry_place)
+
+SPEED = np.array([0.0, 0.2, 0.0])
+
+
+def passing(miss: float, begin: float, duration: float) -> module.Approach:
+    """Straight passage at a distance `miss` [m], from `begin` [m] before it."""
+    r = np.array([[miss, -begin, 0.0], [miss, -begin + SPEED[1] * duration, 0.0]])
+    return closest_approach(r, np.stack([SPEED, SPEED]), duration)
+
+
+@pytest.mark.parametrize("miss", [0.0, 0.3, 25.0])
+def test_a_straight_passage_has_the_distance_of_the_line(miss: float) -> None:
+    found = passing(miss, 9.0, 120.0)
+    np.testing.assert_allclose(found.square, miss**2, atol=1e-12)
+    np.testing.assert_allclose(found.place, 9.0 / 24.0, atol=1e-9)
+
+
+def test_motion_that_recedes_or_approaches_throughout_is_closest_at_an_end() -> None:
+    assert (float(passing(3.0, -5.0, 60.0).place), float(passing(3.0, 50.0, 60.0).place)) == (0.0, 1.0)
+    np.testing.assert_allclose(passing(3.0, -5.0, 60.0).square, 34.0)
+    np.testing.assert_allclose(passing(3.0, 50.0, 60.0).square, 9.0 + 38.0**2)
+
+
+def test_an_interval_of_no_length_has_the_distance_of_its_place() -> None:
+    assert float(passing(3.0, 4.0, 0.0).square) == 25.0
+
+
+def test_the_least_distance_until_a_time_before_the_closest_approach_is_that_of_this_time() -> None:
+    found = passing(3.0, 9.0, 120.0)
+    np.testing.assert_allclose(least_square_until(found, 0.25), 9.0 + 3.0**2, rtol=1e-12)
+    np.testing.assert_allclose(least_square_until(found, 0.5), 9.0, rtol=1e-12)
+
+
+def test_the_sphere_is_entered_where_the_line_crosses_it() -> None:
+    found = passing(3.0, 9.0, 120.0)
+    np.testing.assert_allclose(entry_place(found, 5.0), 5.0 / 24.0, rtol=1e-9)
+    assert float(entry_place(found, 2.9)) == np.inf
+
+
+def test_a_passage_on_a_circle_is_found_between_two_times() -> None:
+    """The relative motion of an orbit: the error of the interpolation is of fourth order in the angle."""
+    angle, radius = 0.2, 100.0
+    centre = np.array([110.0, 0.0, 0.0])
+    phases = np.array([-0.06, -0.06 + angle])
+    r = centre + radius * np.stack([-np.cos(phases), np.sin(phases), 0.0 * phases], axis=1)
+    v = radius * np.stack([np.sin(phases), np.cos(phases), 0.0 * phases], axis=1)
+    found = closest_approach(r, v, angle)
+    np.testing.assert_allclose(np.sqrt(found.square), 10.0, atol=radius * angle**4 / 384.0)
+    np.testing.assert_allclose(found.place, 0.3, atol=1e-3)
