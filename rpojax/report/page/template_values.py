@@ -104,7 +104,12 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any]) -> dict[
         "failures": failure_section.failure_table(content),
         "events": failure_section.event_table(content["events"]),
         "causes": [
-            (cause, failure_section.cause_rows(cause), failure_section.cause_sentence(cause))
+            (
+                cause,
+                failure_section.sign_rows(cause),
+                failure_section.cause_rows(cause),
+                failure_section.cause_sentence(cause),
+            )
             for cause in content["failure_causes"]
         ],
         "faults": {"rows": fault_section.fault_rows(campaign), "headings": fault_section.headings()},

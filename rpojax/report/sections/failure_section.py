@@ -10,10 +10,22 @@ import numpy as np
 from rpojax.analysis.statistics.dependence.two_sample_tests import InputSeparation, separate_failing_runs
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.dispersed_inputs import rankable_scalars
+from rpojax.report.labels import metric_label
 from rpojax.report.number_format import format_number, format_p_value
 from rpojax.report.run_independence import runs_are_independent
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
+_SIGNS = (
+    "detection_rate",
+    "outliers_accepted",
+    "good_boxes_rejected_fraction",
+    "longest_unseen_s",
+    "nees_relative_mean",
+    "look_away_peak_s",
+    "delta_v_m_s",
+    "formation_error_rms_m",
+)
+"""Metrics that tell why a run ended as it did: camera, gate, filter, control and thrust, and what came of it."""
 _MAX_INPUTS = 5
 _MAX_FAILURES = 50
 
@@ -91,8 +103,34 @@ def _cause_entry(
         "first_at_s": float(np.min(times)),
         "median_at_s": float(np.median(times)),
         "last_at_s": float(np.max(times)),
+        "signs": _signs(campaign, failed, compared & ~failed),
         "inputs": _input_entries(found, independent),
     }
+
+
+def _signs(campaign: CampaignResults, failed: np.ndarray, others: np.ndarray) -> list[dict[str, Any]]:
+    """Median of each telling metric in the failed and in the other runs (runs,), None where no run has it."""
+    found = []
+    for name in _SIGNS:
+        values = np.asarray(campaign.metrics.get(name, np.full(len(failed), np.nan)), dtype=np.float64)
+        here, there = (values[chosen & np.isfinite(values)] for chosen in (failed, others))
+        if len(here):
+            found.append({"metric": name, "median": float(np.median(here)), "others": _median(there)})
+    return found
+
+
+def _median(values: np.ndarray) -> float | None:
+    return float(np.median(values)) if len(values) else None
+
+
+def sign_rows(entry: Mapping[str, Any]) -> list[list[str]]:
+    """Rows of an outcome's table of signs: metric with its unit, median in these runs, median in the others."""
+    rows = []
+    for sign in entry["signs"]:
+        label = metric_label(sign["metric"])
+        title = f"{label.title} [{label.unit}]" if label.unit else label.title
+        rows.append([title, format_number(sign["median"]), format_number(sign["others"])])
+    return rows
 
 
 def _input_entries(found: Sequence[InputSeparation], independent: bool) -> list[dict[str, Any]]:

@@ -127,3 +127,13 @@ def test_a_requirement_on_a_metric_that_a_campaign_lacks_is_refused() -> None:
     one = runs(np.arange(3), np.ones(3))
     with pytest.raises(ResultError, match="found no 'min_range_m'"):
         compare_paired_runs(one, one, [wanted], independent=True)
+
+
+def test_outcomes_that_occur_are_counted_by_pairs() -> None:
+    ids, values = np.arange(4), np.ones(4)
+    first = RunMetrics(ids, np.array(["lost", "lost", "completed", "completed"]), {ERROR: values})
+    second = RunMetrics(ids, np.array(["lost", "off_station", "completed", "completed"]), {ERROR: values})
+    found = compare_paired_runs(first, second, [], independent=True)
+    counts = {each.event: (each.both, each.only_first, each.only_second, each.neither) for each in found.outcomes}
+    assert counts == {"lost": (1, 1, 0, 2), "off_station": (0, 0, 1, 3)}
+    assert (found.failures.both, found.failures.neither) == (2, 2)

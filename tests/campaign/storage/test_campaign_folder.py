@@ -13,7 +13,7 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import ResultError, UnfinishedError
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.outcomes.outcome_kinds import REASONS
+from rpojax.simulation.outcomes.outcome_kinds import REASONS, Outcome
 
 
 def test_new_folder_holds_the_configuration_and_no_runs(empty: Campaign, mission: ScenarioFile) -> None:
@@ -96,3 +96,27 @@ def test_writer_stops_if_its_campaign_was_replaced(mission: ScenarioFile, tmp_pa
     with pytest.raises(UnfinishedError, match="found another campaign"):
         before.write_block(1, synthetic_block(1), synthetic_timing())
     assert after.missing_blocks() == list(range(after.block_count))
+
+
+def test_blocks_of_an_older_version_are_read_beside_those_of_this_one(empty: Campaign) -> None:
+    empty.write_block(0, synthetic_block(0), synthetic_timing())
+    assert empty.events == []
+    newer = synthetic_block(1) | {
+        "metrics/delta_v_m_s": np.array([0.5, np.nan]),
+        "events/count": np.array([1, 0], np.int32),
+        "events/code": np.array([[Outcome.LOST.code, 0], [0, 0]], np.int8),
+        "events/raised_at_s": np.array([[600.0, np.nan], [np.nan, np.nan]]),
+        "events/cleared_at_s": np.array([[700.0, np.nan], [np.nan, np.nan]]),
+    }
+    empty.write_block(1, newer, synthetic_timing())
+    found = Campaign(empty.directory)
+    assert found.outcomes.tolist() == ["completed", "keep_out"] * 2
+    assert found.is_judged.tolist() == [False, False, True, True]
+    np.testing.assert_array_equal(found.metrics["delta_v_m_s"], [np.nan, np.nan, 0.5, np.nan])
+    (event,) = found.events
+    assert (event.run_id, event.outcome) == (int(found.run_ids[2]), Outcome.LOST)
+    assert (event.raised_at_s, event.cleared_at_s) == (600.0, 700.0)
+    missing = next((empty.directory / "results.zarr" / "events" / "code").rglob("c/1/0"))
+    missing.unlink()
+    with pytest.raises(ResultError, match="code: found nothing, expected the values of block"):
+        _ = Campaign(empty.directory).events

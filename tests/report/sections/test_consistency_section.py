@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from report_page_parser import page_text, rendered_page
 
 from rpojax.report.sections import consistency_section
 
@@ -76,3 +77,14 @@ def test_whiteness_counts_runs_beyond_their_bound(build, mean, words):
     assert words in gps["says"]
     assert "No departure can be told from white" in boxes["says"]
     assert gps["outside"] == pytest.approx(0.05 if mean == 0.0 else 1.0, abs=0.03)
+
+
+def test_runs_with_a_low_coverage_are_counted_beside_the_mean(build):
+    campaign = build(runs=40, kept=())
+    campaign.metrics["sigma3_coverage"][:] = 0.999
+    campaign.metrics["sigma3_coverage"][:5] = [0.9499, 0.5, 0.95, np.nan, 0.2]
+    found = consistency_section.content(campaign)
+    assert found["sigma3_coverage_low_runs_fraction"] == pytest.approx(3 / 39)
+    words = page_text(rendered_page(campaign))
+    assert "below 0.95 in 7.7\N{NO-BREAK SPACE}% of runs" in words
+    assert words.index("NEES / 6, relative") < words.index("NEES / 12")

@@ -56,3 +56,19 @@ def test_failed_runs_are_named_by_reason_the_most_frequent_first():
     counts = {**dict.fromkeys(map(str, Outcome), 0), "completed": 5, "lost": 1, "off_station": 2}
     assert failure_section.outcomes_text(counts) == "2 off station, 1 lost the target"
     assert np.sum(list(counts.values())) == 8
+
+
+def test_medians_of_telling_metrics_are_given_for_failed_and_completed_runs(build):
+    campaign = build(runs=40, seconds=60, kept=())
+    campaign.outcomes[:10] = "lost"
+    campaign.completed[:10] = False
+    campaign.metrics["detection_rate"][:10] = 0.125
+    campaign.metrics["detection_rate"][9] = np.nan
+    (found,) = failure_section.content(campaign)
+    assert found["signs"][0] == {"metric": "detection_rate", "median": 0.125, "others": 0.95}
+    assert failure_section.sign_rows(found)[0] == ["Detection rate", "0.1250", "0.9500"]
+    # Frozen runs have no metrics.
+    campaign.outcomes[:10] = "keep_out"
+    for values in campaign.metrics.values():
+        values[:10] = np.nan
+    assert failure_section.content(campaign)[0]["signs"] == []
