@@ -1,13 +1,17 @@
-"""Tables and lines that commands print on stdout."""
+"""Tables and lines that commands print on stdout, and warnings on stderr."""
 
 import json
+import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
 from rpojax.runtime.progress_bar import count_runs
+
+if TYPE_CHECKING:
+    from rpojax.scenario.schema import ScenarioFile
 
 _KEY_METRICS = (
     "formation_error_rms_m",
@@ -93,6 +97,14 @@ def _other_side(key: str) -> str:
 def _reasons(summary: Mapping[str, Any]) -> dict[str, int]:
     reasons = [failure["reason"] for failure in summary["failures"]]
     return {reason: reasons.count(reason) for reason in sorted(set(reasons))}
+
+
+def show_warnings(file: "ScenarioFile", quiet: bool) -> None:
+    """Prints on stderr why the mission may not work as the scenario declares it, unless `quiet`."""
+    from rpojax.scenario.warnings.all_warnings import mission_warnings
+
+    for warning in [] if quiet else mission_warnings(file):
+        print(f"rpojax: warning: {warning}", file=sys.stderr)
 
 
 def print_json(content: object) -> None:

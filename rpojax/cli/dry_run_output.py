@@ -77,6 +77,8 @@ def show(
 
 
 def _lines(plan: "Plan", table: Path | None) -> list[str]:
+    from rpojax.scenario.warnings.all_warnings import mission_warnings
+
     found = plan.estimate
     lines = [
         f"{plan.file.name}: {len(plan.run_ids)} runs of {plan.file.duration_s:g} s, seed {plan.seed}, "
@@ -90,4 +92,5 @@ def _lines(plan: "Plan", table: Path | None) -> list[str]:
         time = datetime.timedelta(seconds=round(found.time_s))
         speed = f"{found.run_seconds_per_s:,.0f} run-s/s, {found.speed_source}"
         lines.append(f"time: about {time} beside compilation and report ({speed})")
+    lines += [f"warning: {warning}" for warning in mission_warnings(plan.file)]
     return lines + ([] if table is None else [f"plan: {table}"])

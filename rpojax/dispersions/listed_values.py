@@ -27,3 +27,11 @@ def listed_numbers(values: Sequence[Any]) -> np.ndarray:
     from rpojax.physics import equipment_faults
 
     return np.array([equipment_faults.kind_code(value) for value in values], dtype=np.float64)
+
+
+def listed_ends(values: Sequence[Any], nominal: np.ndarray) -> np.ndarray:
+    """Least and greatest of listed numbers, by component (2, ...); the nominal value for names, which have no order."""
+    if isinstance(values[0], str):
+        return np.stack([nominal, nominal])
+    numbers = np.array(values, dtype=np.float64)
+    return np.stack([numbers.min(axis=0), numbers.max(axis=0)])

@@ -330,7 +330,9 @@ class LimitsSection(Section):
 class SafetySection(Section):
     """Free drifts from which passive safety is judged."""
 
-    horizons: list[Annotated[str, AfterValidator(_check_horizon)]] = Field(list(STANDARD_HORIZONS), min_length=1)
+    horizons: list[Annotated[str, AfterValidator(_check_horizon)]] = Field(
+        default=list(STANDARD_HORIZONS), min_length=1
+    )
     spacing_s: Positive = 10.0
     stuck_on_s: Annotated[float, Field(ge=0.0, le=300.0, allow_inf_nan=False)] = 30.0
 

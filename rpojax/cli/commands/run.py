@@ -7,6 +7,7 @@ from tyro.conf import arg
 from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.cli.arguments import AsJson, Force, NoCache, NoFilm, Out, Overrides, Seed, Source, load
 from rpojax.cli.campaign_output import conclude, keeping_results
+from rpojax.cli.console import show_warnings
 from rpojax.cli.interruptible_work import with_progress
 from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
 from rpojax.runtime.progress_bar import ProgressCallback
@@ -30,6 +31,7 @@ def run(
 ) -> int:
     """One run with its full history: a campaign of one run, with its report."""
     file = load(scenario, overrides)
+    show_warnings(file, quiet=as_json)
     prepare_jax(cache=not no_cache)
     set_loop_fusion_flag(rendered=file.camera.model == "rendered")
     from rpojax.campaign import run_and_resume

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 
 from rpojax.dispersions.kinds.dispersion_kind import ExtremeValue, SingleKeyKind
-from rpojax.dispersions.listed_values import check_listed_values, listed_numbers
+from rpojax.dispersions.listed_values import check_listed_values, listed_ends, listed_numbers
 from rpojax.dispersions.marginal_distribution import Distribution, discrete_distribution
 from rpojax.dispersions.random_source import RandomSource
 from rpojax.physics.plant_options import FaultKind
@@ -43,6 +43,10 @@ class Choice(SingleKeyKind):
         import jax.numpy as jnp
 
         return jnp.asarray(listed_numbers(self.values))[source.integer(len(self.values))]
+
+    def reach(self, nominal: np.ndarray) -> np.ndarray:
+        """Least and greatest of the values, by component; categories have none."""
+        return listed_ends(self.values, nominal)
 
     def marginals(self, nominal: np.ndarray) -> list[Distribution | None]:
         """Distribution of each component."""

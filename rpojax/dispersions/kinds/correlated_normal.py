@@ -54,6 +54,11 @@ class CorrelatedNormal(RandomKind):
         """Distribution of each component about `nominal` (n,)."""
         return normal_distributions(nominal, np.sqrt(np.diag(np.array(self.covariance, dtype=np.float64))))
 
+    def reach(self, nominal: np.ndarray) -> np.ndarray:
+        """Three sigma of each component on either side of its nominal value."""
+        width = 3.0 * np.sqrt(np.diag(np.array(self.covariance, dtype=np.float64)))
+        return np.stack([nominal - width, nominal + width])
+
     def linearise(self, nominal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean (n,) of the values, and their change (n, n) per sigma of standard normal inputs."""
         return nominal, self._factor()

@@ -72,6 +72,10 @@ class DispersionKind(Section):
         """Values that must be acceptable for a key of a shape; none if values are unbounded."""
         return []
 
+    def reach(self, nominal: np.ndarray) -> np.ndarray:
+        """Ends (2, ...) between which nearly all values lie, 3 sigma for normal errors; the nominal if unknown."""
+        return np.stack([nominal, nominal])
+
     @abstractmethod
     def coordinate_count(self, nominal: np.ndarray) -> int:
         """Dimension of the unit cube from which a value is drawn."""

@@ -47,6 +47,11 @@ class LogNormal(SingleKeyKind):
             for median, sigma in zip(nominal, sigmas, strict=True)
         ]
 
+    def reach(self, nominal: np.ndarray) -> np.ndarray:
+        """Three sigma of the logarithm on either side of the nominal value."""
+        factor = np.exp(3.0 * np.asarray(self.sigma, dtype=np.float64))
+        return np.stack([nominal / factor, nominal * factor])
+
     def linearise(self, nominal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean (...) of a value, and its change (size, size) per sigma of standard normal inputs."""
         square = np.broadcast_to(np.asarray(self.sigma, dtype=float) ** 2, nominal.shape)

@@ -36,6 +36,11 @@ class Normal(SingleKeyKind):
         """Distribution of each component about `nominal` (n,)."""
         return normal_distributions(nominal, self.sigma)
 
+    def reach(self, nominal: np.ndarray) -> np.ndarray:
+        """Three sigma on either side of the nominal value."""
+        width = 3.0 * np.asarray(self.sigma, dtype=np.float64)
+        return np.stack([nominal - width, nominal + width])
+
     def linearise(self, nominal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean (...) of a value, and its change (size, size) per sigma of standard normal inputs."""
         sigma = np.broadcast_to(np.asarray(self.sigma, dtype=float), nominal.shape)

@@ -48,6 +48,11 @@ class TruncatedNormal(SingleKeyKind):
             for mean, sigma in zip(nominal, sigmas, strict=True)
         ]
 
+    def reach(self, nominal: np.ndarray) -> np.ndarray:
+        """Where the errors are truncated, at most three sigma on either side."""
+        width = min(self.limit_sigmas, 3.0) * np.asarray(self.sigma, dtype=np.float64)
+        return np.stack([nominal - width, nominal + width])
+
     def linearise(self, nominal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean (...) of a value, and its change (size, size) per sigma of standard normal inputs."""
         from scipy.stats import truncnorm

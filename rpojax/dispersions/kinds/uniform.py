@@ -52,6 +52,10 @@ class Uniform(SingleKeyKind):
         width = self.high - self.low
         return [uniform(self.low, width) if width > 0.0 else None] * len(nominal)
 
+    def reach(self, nominal: np.ndarray) -> np.ndarray:
+        """Both bounds."""
+        return np.stack([np.full_like(nominal, self.low), np.full_like(nominal, self.high)])
+
     def linearise(self, nominal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean (...) of a value, and its change (size, size) per sigma of standard normal inputs."""
         middle = np.full_like(nominal, 0.5 * (self.low + self.high))

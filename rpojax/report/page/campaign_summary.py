@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from rpojax.campaign.storage.json_types import to_json_types
-from rpojax.report import run_independence
+from rpojax.report import mission_warnings, run_independence
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.labels import in_display_order
 from rpojax.report.metric_statistics import summary_statistics
@@ -14,7 +14,7 @@ from rpojax.simulation.outcomes.outcome_kinds import count_outcomes
 
 
 def summarise(campaign: CampaignResults) -> dict[str, Any]:
-    """Counts of runs, metrics, requirement verdicts, design, provenance, failures and faults; null in place of NaN."""
+    """Counts of runs, metrics, verdicts, design, provenance, failures, faults and warnings; null in place of NaN."""
     metrics, independent = campaign.metrics, run_independence.runs_are_independent(campaign)
     run_counts = _run_counts(campaign)
     return {
@@ -28,6 +28,7 @@ def summarise(campaign: CampaignResults) -> dict[str, Any]:
         "provenance": to_json_types({key: value for key, value in campaign.info.items() if key != "scenario"}),
         "failures": _failures(campaign),
         "faults": fault_section.content(campaign),
+        "warnings": mission_warnings.known_before(campaign),
     }
 
 

@@ -71,6 +71,7 @@ def _render_page(
             rerun_command=partial(shell_commands.rerun_command, campaign),
             resume_command=shell_commands.resume_command(campaign),
             runs=content["runs"],
+            warnings=content["warnings"],
             independent=content["design"]["independent"],
             scenario=identity_section.scenario_lines(campaign),
             limits=content["limits"],

@@ -1,0 +1,21 @@
+"""All warnings about a mission before it is simulated."""
+
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.warnings.control_authority import control_warnings
+from rpojax.scenario.warnings.dispersed_reach import DispersedReach
+from rpojax.scenario.warnings.filter_beliefs import belief_warnings
+from rpojax.scenario.warnings.keep_out_drift import keep_out_warnings
+from rpojax.scenario.warnings.target_light import light_warnings
+from rpojax.scenario.warnings.target_size import small_box_warnings
+
+
+def mission_warnings(file: ScenarioFile) -> list[str]:
+    """One line for each reason for which a mission may not work as the scenario declares it: key, found, expected."""
+    reach = DispersedReach(file)
+    return [
+        *small_box_warnings(file, reach),
+        *light_warnings(file, reach),
+        *keep_out_warnings(file, reach),
+        *control_warnings(file, reach),
+        *belief_warnings(file, reach),
+    ]

@@ -1,0 +1,122 @@
+"""What the filters believe of sensors, burns, target and hand-over, against what the scenario declares."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rpojax.scenario.parameter_keys import nominal_of_key
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.warnings.dispersed_reach import DispersedReach
+from rpojax.scenario.warnings.target_size import mean_size
+
+MOST_OVER = 1.5
+"""True error over the believed one above which a filter is over-confident."""
+MOST_UNDER = 4.0
+"""Believed over true error above which a filter wastes its measurements."""
+_MOST_SIZE_ERROR = 1.1
+"""True over believed size of the target, or the reverse, that needs no `navigation.target_size_sigma`."""
+_SIZE, _SIZE_SIGMA = "navigation.target_size_m", "navigation.target_size_sigma"
+_SIZE_SIGMAS = 2.0
+"""Error of the logarithm of the size in its sigmas that is no cause for a warning."""
+_TINY = 1e-30
+_GROUPS = ("position_sigma_m", "velocity_sigma_m_s", "relative_position_sigma_m", "relative_velocity_sigma_m_s")
+
+Belief = tuple[str, str, float, float]
+"""Key of a belief, key of the truth, value of the truth at most, and value believed."""
+
+
+def belief_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
+    """Beliefs that differ too much from what the scenario declares."""
+    found = []
+    for key, of_truth, truth, believed in (
+        *_sensor_beliefs(file, reach),
+        *_error_beliefs(reach),
+        *_handover_beliefs(file, reach),
+    ):
+        both = f"{key}: the filter believes {believed:.4g}, the truth is {truth:.4g} by {of_truth}"
+        if truth > MOST_OVER * believed:
+            found.append(
+                f"{both}, {truth / max(believed, _TINY):.3g} times as much, expected at most {MOST_OVER:g} times"
+            )
+        elif 0.0 < MOST_UNDER * truth < believed:
+            found.append(f"{both}, the {believed / truth:.3g}th part, expected at least the {MOST_UNDER:g}th")
+    return found + _time_constant(file, reach) + _target_size(file, reach)
+
+
+def _sensor_beliefs(file: ScenarioFile, reach: DispersedReach) -> Iterator[Belief]:
+    """Beliefs of the filters that have a counterpart in the section of a sensor."""
+    pairs = [
+        ("navigation.gps_noise_m", "gps.noise_m"),
+        ("navigation.gps_error_sigma_m", "gps.bias_sigma_m"),
+        ("attitude_filter.star_tracker_noise_deg", "star_tracker.noise_deg"),
+        ("attitude_filter.angle_random_walk_deg_sqrt_s", "gyro.angle_random_walk_deg_sqrt_s"),
+        ("attitude_filter.bias_walk_deg_s_sqrt_s", "gyro.bias_walk_deg_s_sqrt_s"),
+        ("attitude_filter.initial_bias_sigma_deg_s", "gyro.initial_bias_sigma_deg_s"),
+    ]
+    if file.camera.model == "geometric":
+        pairs.append(("navigation.edge_noise_px", "camera.edge_noise_px"))
+    for key, of_truth in pairs:
+        truth, believed = np.ravel(reach.ends(of_truth)[1]), np.ravel(reach.middle(key))
+        worst = int(np.argmax(truth / np.maximum(believed, _TINY)))
+        yield key, of_truth, float(truth[worst]), float(believed[worst])
+
+
+def _error_beliefs(reach: DispersedReach) -> Iterator[Belief]:
+    """Beliefs of errors that have a random and a constant part in truth."""
+    pointing = np.hypot(_constant(reach, "camera.misalignment_deg"), _constant(reach, "star_tracker.misalignment_deg"))
+    key = "navigation.bearing_bias_sigma_deg"
+    yield key, "camera and star_tracker.misalignment_deg", float(pointing), float(reach.middle(key))
+    magnitude = np.hypot(reach.high("thruster.magnitude_noise"), _constant(reach, "thruster.force_scale", 1.0))
+    key = "navigation.burn_magnitude_sigma"
+    yield key, "thruster.magnitude_noise and force_scale", float(magnitude), float(reach.middle(key))
+    direction = np.hypot(reach.high("thruster.direction_noise_deg"), _constant(reach, "thruster.misalignment_deg"))
+    key = "navigation.burn_direction_sigma_deg"
+    yield key, "thruster.direction_noise_deg and misalignment_deg", float(direction), float(reach.middle(key))
+
+
+def _constant(reach: DispersedReach, key: str, ideal: float = 0.0) -> float:
+    """Root mean square of a constant error, whose dispersion reaches three sigma; of the worst component."""
+    low, high = reach.ends(key)
+    return float(np.max(np.hypot(0.5 * (low + high) - ideal, (high - low) / 6.0)))
+
+
+def _handover_beliefs(file: ScenarioFile, reach: DispersedReach) -> Iterator[Belief]:
+    """Errors of the hand-over that the filter is told, against the true ones where the scenario has them."""
+    handover = file.initial.handover
+    if handover is None:
+        return
+    for index, name in enumerate(_GROUPS):
+        told = float(reach.middle(f"navigation.initial_{name}"))
+        if handover.covariance is not None:
+            variances = np.diag(np.array(handover.covariance))[3 * index : 3 * index + 3]
+            yield f"navigation.initial_{name}", "initial.handover.covariance", float(np.sqrt(variances.max())), told
+        elif getattr(handover, name) is not None:
+            true = float(np.max(reach.ends(f"initial.handover.{name}")[1]))
+            yield f"navigation.initial_{name}", f"initial.handover.{name}", true, told
+
+
+def _time_constant(file: ScenarioFile, reach: DispersedReach) -> list[str]:
+    key, of_truth = "navigation.gps_error_time_constant_s", "gps.bias_time_constant_s"
+    believed, (low, high) = float(reach.middle(key)), reach.ends(of_truth)
+    if file.gps.bias_sigma_m == 0.0 or (believed / MOST_UNDER <= low and high <= believed * MOST_UNDER):
+        return []
+    truth = float(high if high > believed * MOST_UNDER else low)
+    return [
+        f"{key}: the filter believes {believed:.4g}, the truth is {truth:.4g} by {of_truth}, "
+        f"expected within a factor of {MOST_UNDER:g}"
+    ]
+
+
+def _target_size(file: ScenarioFile, reach: DispersedReach) -> list[str]:
+    nominal, (low, high) = mean_size(file.target.hull_m), reach.ends("target.scale")
+    believed = float(reach.middle(_SIZE))
+    sigma = 0.0 if nominal_of_key(file, _SIZE_SIGMA) is None else float(reach.middle(_SIZE_SIGMA))
+    tolerated = max(np.log(_MOST_SIZE_ERROR), _SIZE_SIGMAS * sigma)
+    worst = max((nominal * low, nominal * high), key=lambda size: abs(np.log(size / believed)))
+    if abs(np.log(worst / believed)) <= tolerated:
+        return []
+    return [
+        f"{_SIZE}: the filter believes {believed:.4g}, and the hull times target.scale is {worst:.4g} m in the mean, "
+        f"a factor of {max(worst / believed, believed / worst):.3g}, expected at most {np.exp(tolerated):.3g} with "
+        f"{_SIZE_SIGMA} = {sigma:g}"
+    ]
