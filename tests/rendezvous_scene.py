@@ -72,8 +72,10 @@ def box(
     return BoxMeasurement(
         tangent=jnp.asarray(r_K[:2] / r_K[2]),
         log_size=jnp.float64(np.log(size)),
+        log_aspect=jnp.zeros(()),
         side_px=jnp.float64(size * float(flight.vehicle.focal_px)),
         present=jnp.asarray(present),
+        expected=jnp.asarray(True),
         truncated=jnp.asarray(truncated),
         half_frame_tangent=jnp.full(2, np.tan(np.deg2rad(5.0))),
         attitude_variance_change=jnp.zeros(()),

@@ -94,8 +94,10 @@ def synthetic_measurements(
         box=BoxMeasurement(
             tangent=pixel * noise[3:5],
             log_size=jnp.log(angle) + pixel / angle * noise[5],
+            log_aspect=zero,
             side_px=angle * focal,
             present=yes,
+            expected=yes,
             truncated=~yes,
             half_frame_tangent=jnp.full(2, _HALF_FRAME, dtype=jnp.float64),
             attitude_variance_change=zero,

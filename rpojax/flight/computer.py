@@ -11,12 +11,19 @@ from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply, apply_transposed
-from rpojax.flight.control import station_keeping, wheel_torque_allocation
+from rpojax.flight.control import formation_law, reference_governor, station_keeping, wheel_torque_allocation
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
 from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.control.station_keeping import StationKeeping
-from rpojax.flight.guidance import attitude_guidance, burn_planning, detector_window, slew_profile, target_visibility
+from rpojax.flight.guidance import (
+    attitude_guidance,
+    burn_planning,
+    detector_window,
+    slew_profile,
+    target_pointing,
+    target_visibility,
+)
 from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.guidance.burn_planning import BurnPlan
 from rpojax.flight.guidance.detector_window import CameraCommand, CameraFormat
@@ -170,6 +177,7 @@ def navigate(
         box=replace(
             box,
             present=box.present & visible,
+            expected=box.expected & target_visibility.is_visible(params.vehicle, memory.orbit, sun_N),
             # Absolute: when the star tracker returns, the bearing bias learnt under drift is as wrong.
             attitude_variance_change=jnp.abs(variance - memory.attitude_variance),
         ),
@@ -197,7 +205,7 @@ def plan_burn(
     """
     lost = attitude_guidance.is_lost(params.pointing, memory.pointing)
     thruster_works = time >= memory.thruster_failed_at + params.formation.thruster_retry
-    command_H, R_CN = formation_command(stages, params, memory, time)
+    command_H, R_CN = formation_command(stages, params, memory, time, dt)
     plan = burn_planning.schedule_burn(
         params.formation,
         params.pointing,
@@ -213,11 +221,19 @@ def plan_burn(
 
 
 def formation_command(
-    stages: Stages, params: FlightParams, memory: FlightMemory, time: Scalar
+    stages: Stages, params: FlightParams, memory: FlightMemory, time: Scalar, dt: float
 ) -> tuple[Vector, Float[Array, "3 3"]]:
-    """Velocity change [m/s] by the control law in the Hill frame C at the next burn's middle, and `R_CN`."""
+    """Velocity change [m/s] by the control law in the Hill frame C at the next burn's middle, and `R_CN`.
+
+    The law gets as much of the along-track deviation as the thruster can follow. Guidance works every `dt` [s].
+    """
     deviation, R_CN = burn_planning.deviation_at_burn(params.formation, memory.station_keeping, memory.orbit)
-    command_H = stages.call("formation_law", gain=memory.gain, deviation=deviation, estimate=memory.orbit, time=time)
+    impulse = memory.station_keeping.impulse
+    wanted_N = apply_transposed(R_CN, impulse + formation_law.lqr_feedback(memory.gain, deviation))
+    q_look, _ = target_pointing.look_attitude(params.vehicle, memory.orbit)
+    limit = burn_planning.largest_delta_v(params.pointing, params.vehicle, wanted_N, q_look, dt)
+    governed = reference_governor.govern(memory.gain, deviation, impulse, limit)
+    command_H = stages.call("formation_law", gain=memory.gain, deviation=governed, estimate=memory.orbit, time=time)
     return command_H, R_CN
 
 

@@ -248,9 +248,14 @@ class NavigationSection(Section):
     gps_error_sigma_m: Positive
     gps_error_time_constant_s: Positive
     edge_noise_px: Positive
+    minimum_size_px: Positive = 4.0
+    miss_probability: Annotated[float, Field(gt=0.0, lt=1.0, allow_inf_nan=False)] = 0.1
     center_sigma_m: NonNegative
+    center_perspective: NonNegative = 0.152
     center_time_constant_s: Positive
     target_size_m: Positive
+    target_size_sigma: NonNegative = 0.0
+    outline_time_constant_s: Positive = 33.0
     scale_sigma: PositivePair
     scale_time_constant_s: PositivePair
     bearing_bias_sigma_deg: Positive

@@ -143,8 +143,10 @@ def box_measurement(scenario: Scenario, params: Params, frame: CameraFrame) -> B
     return BoxMeasurement(
         tangent=(bounding_box.box_center(frame.box.edges) - center_px) / focal,
         log_size=jnp.log(side / focal),
+        log_aspect=bounding_box.log_aspect_ratio(frame.box.edges),
         side_px=side,
         present=frame.box.present,
+        expected=jnp.ones_like(frame.box.present),
         truncated=frame.box.truncated,
         half_frame_tangent=center_px / focal,
         attitude_variance_change=jnp.zeros_like(side),

@@ -32,6 +32,12 @@ def box_size(edges: Float[Array, "4"]) -> Float[Array, ""]:
     return jnp.sqrt(sides[0] * sides[1])
 
 
+def log_aspect_ratio(edges: Float[Array, "4"]) -> Float[Array, ""]:
+    """Log of width over height [-], each at least a tenth of a pixel."""
+    sides = jnp.log(jnp.maximum(edges[2:] - edges[:2], 0.1))
+    return sides[0] - sides[1]
+
+
 def clip_to_frame(edges: Float[Array, "4"], width_px: int, height_px: int) -> tuple[Float[Array, "4"], Array]:
     """Box clipped to the frame, and whether that changed it."""
     limits = jnp.array([width_px, height_px, width_px, height_px], dtype=edges.dtype)

@@ -28,6 +28,7 @@ OVERRIDES = (
     "pointing.look_away_limit_s=80.0",
     "formation.lead_s=40.0",
     "wheels.initial_speed_rad_s=[20.0, 20.0, 20.0]",
+    "dispersions.fault.start_s=none",
     f"fault.start_s={BEGIN}.0",
     f"fault.duration_s={END - BEGIN}.0",
 )

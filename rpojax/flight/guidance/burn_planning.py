@@ -68,15 +68,10 @@ def schedule_burn(
     """
     size, direction_N = gradient_safe.norm(delta_v_N), gradient_safe.normalize(delta_v_N)
 
-    thrust_now_N = rotate(quaternion.conjugate(q_look), vehicle.thrust_direction)
-    turn_N = quaternion.rotation_vector_between(thrust_now_N, direction_N)
-    turn_time = slew_duration(pointing, gradient_safe.norm(turn_N))
-
+    turn_N, turn_time = _turn_to_burn(pointing, vehicle, direction_N, q_look)
     # The turn begins up to one tick late, and the attitude is checked up to one tick before ignition.
     settle_time = jnp.maximum(pointing.settle_time, _SETTLE_TICKS * dt)
-    margin = _SCHEDULE_TICKS * dt + _TARGET_MOTION_TIME
-    longest_on_time = pointing.look_away_limit - 2.0 * turn_time - settle_time - margin
-    on_time = jnp.minimum(size * vehicle.mass / vehicle.thrust, jnp.maximum(longest_on_time, 0.0))
+    on_time = jnp.minimum(size * vehicle.mass / vehicle.thrust, _longest_on_time(pointing, turn_time, dt))
     above_dead_band = gradient_safe.gate(size - formation.dead_band, 0.05 * formation.dead_band + 1e-6)
     possible = (
         (on_time >= vehicle.minimum_on_time)
@@ -93,6 +88,33 @@ def schedule_burn(
         delta_v_N=on_time * vehicle.thrust / vehicle.mass * direction_N,
         q_burn=quaternion.multiply(q_look, quaternion.exp(-turn_N)),
     )
+
+
+def largest_delta_v(
+    pointing: PointingTuning, vehicle: VehicleModel, delta_v_N: Vector, q_look: Float[Array, "4"], dt: float
+) -> Scalar:
+    """Velocity change [m/s] of the longest burn in the direction of `delta_v_N` from the look attitude `q_look`.
+
+    `dt` [s] is the time between guidance ticks.
+    """
+    _, turn_time = _turn_to_burn(pointing, vehicle, gradient_safe.normalize(delta_v_N), q_look)
+    return _longest_on_time(pointing, turn_time, dt) * vehicle.thrust / vehicle.mass
+
+
+def _turn_to_burn(
+    pointing: PointingTuning, vehicle: VehicleModel, direction_N: Vector, q_look: Float[Array, "4"]
+) -> tuple[Vector, Scalar]:
+    """Rotation vector in N [rad] that turns the thrust from the look attitude to a direction, and its time [s]."""
+    thrust_now_N = rotate(quaternion.conjugate(q_look), vehicle.thrust_direction)
+    turn_N = quaternion.rotation_vector_between(thrust_now_N, direction_N)
+    return turn_N, slew_duration(pointing, gradient_safe.norm(turn_N))
+
+
+def _longest_on_time(pointing: PointingTuning, turn_time: Scalar, dt: float) -> Scalar:
+    """Longest burn [s] between two turns of `turn_time` [s] within the look-away limit."""
+    settle_time = jnp.maximum(pointing.settle_time, _SETTLE_TICKS * dt)
+    margin = _SCHEDULE_TICKS * dt + _TARGET_MOTION_TIME
+    return jnp.maximum(pointing.look_away_limit - 2.0 * turn_time - settle_time - margin, 0.0)
 
 
 _SETTLE_TICKS = 3.0

@@ -14,9 +14,14 @@ class OrbitFilterTuning:
         gps_error_sigma: () slowly varying error per axis, 1 sigma [m]
         gps_error_time_constant: () [s]
         edge_noise: () of a box edge, 1 sigma [px]
+        minimum_size: () largest side of a target below which the camera finds no box [px]
+        miss_probability: () of a frame without a box of a larger target [-]
         center_sigma: () offset of the box centre from the centre of mass, per axis, 1 sigma [m]
+        center_perspective: () the same by perspective, times the range and over the square of the size, 1 sigma [-]
         center_time_constant: () of that offset: a sixth of a tumble [s]
         target_size: () expected sqrt(width height) of the target's outline [m]
+        target_size_sigma: () error of its log, 1 sigma [-]
+        outline_time_constant: () correlation time of the log aspect ratio at which the other time constants hold [s]
         scale_sigma: (2,) log-size error, slow and fast part, 1 sigma [-]
         scale_time_constant: (2,) [s]
         bearing_bias_sigma: () per axis, 1 sigma [rad]
@@ -42,9 +47,14 @@ class OrbitFilterTuning:
     gps_error_sigma: Array
     gps_error_time_constant: Array
     edge_noise: Array
+    minimum_size: Array
+    miss_probability: Array
     center_sigma: Array
+    center_perspective: Array
     center_time_constant: Array
     target_size: Array
+    target_size_sigma: Array
+    outline_time_constant: Array
     scale_sigma: Array
     scale_time_constant: Array
     bearing_bias_sigma: Array

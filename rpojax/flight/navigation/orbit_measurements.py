@@ -27,8 +27,10 @@ class BoxMeasurement:
     Attributes:
         tangent: (2,) of the ray through its centre in camera axes [-]
         log_size: () log of its mean side over the focal length [-]
+        log_aspect: () log of width over height [-]
         side_px: () mean side [px]
         present: () bool
+        expected: () bool, the light lets the camera see the target
         truncated: () bool, cut by the frame
         half_frame_tangent: (2,) tangents of the edges of the frame [-]
         attitude_variance_change: () absolute change of the camera attitude's variance since the last frame [rad^2]
@@ -37,8 +39,10 @@ class BoxMeasurement:
 
     tangent: Array
     log_size: Array
+    log_aspect: Array
     side_px: Array
     present: Array
+    expected: Array
     truncated: Array
     half_frame_tangent: Array
     attitude_variance_change: Array

@@ -12,14 +12,23 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.core import kalman_update, quaternion
 from rpojax.core.kalman_update import KalmanUpdate, MeasurementRows
+from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits import two_body_gravity
 from rpojax.core.pytree import pytree, replace
 from rpojax.core.vectors import apply
-from rpojax.flight.navigation import box_measurement_model, orbit_covariance, outlier_gate
+from rpojax.flight.navigation import (
+    box_measurement_model,
+    detection_model,
+    orbit_covariance,
+    outlier_gate,
+    outline_correlation,
+    shape_errors,
+)
 from rpojax.flight.navigation.box_measurement_model import LinearisedBox, linearise_box
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.outlier_gate import GateDecision, GateState
+from rpojax.flight.navigation.outline_correlation import OutlineCorrelation
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
@@ -37,6 +46,7 @@ class RelativeEstimate:
         bearing_bias: (2,) tangents in the camera [rad]
         center_offset: (2,) of the box from the centre of mass, image right and down [m]
         covariance: (12, 12) in this order
+        outline: how fast the outline changes, by which the errors of size and centre lose their correlation
     """
 
     r_TS_N: Array
@@ -45,17 +55,15 @@ class RelativeEstimate:
     bearing_bias: Array
     center_offset: Array
     covariance: Array
+    outline: OutlineCorrelation
 
 
-def initial_sigma(tuning: OrbitFilterTuning) -> Float[Array, "12"]:
-    """1-sigma of every state at hand-over."""
+def initial_sigma(tuning: OrbitFilterTuning) -> Float[Array, "6"]:
+    """1-sigma of position and velocity at hand-over."""
     return jnp.concatenate(
         [
             jnp.full(3, tuning.initial_relative_position_sigma),
             jnp.full(3, tuning.initial_relative_velocity_sigma),
-            tuning.scale_sigma,
-            jnp.full(2, tuning.bearing_bias_sigma),
-            jnp.full(2, tuning.center_sigma),
         ]
     )
 
@@ -68,7 +76,17 @@ def initial(tuning: OrbitFilterTuning, r_TS_N: Vector, v_TS_N: Vector) -> Relati
         scale=jnp.zeros_like(tuning.scale_sigma),
         bearing_bias=jnp.zeros(2, dtype=r_TS_N.dtype),
         center_offset=jnp.zeros(2, dtype=r_TS_N.dtype),
-        covariance=jnp.diag(initial_sigma(tuning) ** 2),
+        covariance=jnp.diag(
+            jnp.concatenate(
+                [
+                    initial_sigma(tuning) ** 2,
+                    shape_errors.scale_variance(tuning),
+                    jnp.full(2, tuning.bearing_bias_sigma**2),
+                    jnp.full(2, shape_errors.center_variance(tuning, r_TS_N)),
+                ]
+            )
+        ),
+        outline=outline_correlation.initial(),
     )
 
 
@@ -82,12 +100,14 @@ def predict(
     dt: float,
 ) -> RelativeEstimate:
     """Estimate `dt` [s] later with its mean already propagated; `r_SN_N` [m] is the servicer's position before."""
-    scale_decay = jnp.exp(-dt / tuning.scale_time_constant)
+    errors = shape_errors.shape_errors(tuning, outline_correlation.correlation_time(estimate.outline), r_TS_N)
+    scale_decay = jnp.exp(-dt / errors.scale_time_constant)
     one = jnp.ones(2, dtype=scale_decay.dtype)
-    center_decay = one * jnp.exp(-dt / tuning.center_time_constant)
+    center_decay = one * jnp.exp(-dt / errors.center_time_constant)
     decay = jnp.concatenate([scale_decay, one, center_decay])
-    sigma = jnp.concatenate([tuning.scale_sigma, 0.0 * one, tuning.center_sigma * one])
-    slow_process_variance = sigma**2 * (1.0 - decay**2)
+    variance = jnp.concatenate([errors.scale_variance, 0.0 * one, errors.center_variance * one])
+    walk = jnp.pad(jnp.full(2, errors.bearing_process_variance * dt), (2, 2))
+    slow_process_variance = variance * (1.0 - decay**2) + walk
     identity = jnp.eye(3, dtype=scale_decay.dtype)
     velocity_process_covariance = burn_covariance + tuning.relative_acceleration_noise**2 * dt * identity
     gravity_gradient = two_body_gravity.gravity_gradient(r_SN_N)
@@ -100,6 +120,7 @@ def predict(
         covariance=orbit_covariance.propagate(
             estimate.covariance, gravity_gradient, decay, velocity_process_covariance, slow_process_variance, dt
         ),
+        outline=outline_correlation.elapse(estimate.outline, dt),
     )
 
 
@@ -161,7 +182,7 @@ def update(
     R_KN = quaternion.to_matrix(q_KN)
     prior = _prior_box(tuning, focal_px, R_KN, estimate, box)
     decision = _decide(tuning, gated, focal_px, R_KN, gate, prior, box)
-    model, rows = _measurement_rows(tuning, focal_px, R_KN, estimate, prior, box, decision.weight)
+    model, rows = _measurement_rows(tuning, focal_px, R_KN, estimate, prior, box, decision)
     gate, recover = outlier_gate.update(tuning, gate, q_KN, box, box.present & ~decision.accepted)
     jacobian_times_covariance = _jacobian_times_covariance(estimate.covariance, model)
     result = kalman_update.update(
@@ -171,7 +192,8 @@ def update(
         process_variance=prior.process_variance,
         inflation_variance=_recovery_variance(tuning, estimate.r_TS_N, recover),
     )
-    return _corrected(estimate, result), gate, result, decision.accepted, _expected_box(prior, box)
+    outline = _updated_outline(tuning, focal_px, estimate, box, decision.accepted)
+    return _corrected(estimate, result, outline), gate, result, decision.accepted, _expected_box(prior, box)
 
 
 def _prior_box(
@@ -230,7 +252,7 @@ def _measurement_rows(
     estimate: RelativeEstimate,
     prior: _PriorBox,
     box: BoxMeasurement,
-    weight: Scalar,
+    decision: GateDecision,
 ) -> tuple[LinearisedBox, MeasurementRows]:
     """Box at the linearisation point, and its rows for the update."""
     # Linearising at the posterior lets the noise of a box rotate its own Jacobian, which biases the range by decimetres
@@ -238,18 +260,60 @@ def _measurement_rows(
     iterated = _iterated_position(tuning, focal_px, R_KN, estimate, box, prior.measured)
     linearisation_point = jnp.where(prior.is_wide, iterated, estimate.r_TS_N)
     model = linearise_box(tuning, focal_px, R_KN, linearisation_point, box)
+    residual = prior.measured - model.predicted - apply(model.position_jacobian, estimate.r_TS_N - linearisation_point)
+    size = _size_row(tuning, focal_px, prior, box, decision, residual[2], model.variance[2])
     rows = MeasurementRows(
-        residual=prior.measured
-        - model.predicted
-        - apply(model.position_jacobian, estimate.r_TS_N - linearisation_point),
+        residual=jnp.concatenate([residual[:2], size[:1]]),
         jacobian=_jacobian(model),
-        variance=model.variance,
-        weight=jnp.stack([weight, weight, jnp.where(box.truncated, 0.0, weight)]),
+        variance=jnp.concatenate([model.variance[:2], size[1:2]]),
+        weight=jnp.stack([decision.weight, decision.weight, size[2]]),
     )
     return model, rows
 
 
-def _corrected(estimate: RelativeEstimate, result: KalmanUpdate) -> RelativeEstimate:
+def _size_row(
+    tuning: OrbitFilterTuning,
+    focal_px: Scalar,
+    prior: _PriorBox,
+    box: BoxMeasurement,
+    decision: GateDecision,
+    residual: Scalar,
+    variance: Scalar,
+) -> Vector:
+    """Residual, variance and weight of the log-size, measured by the box, and by whether there is one."""
+    log_size_px = jnp.log(focal_px) + prior.model.predicted[2] + prior.slow_errors[2]
+    half_size = 0.5 * jnp.exp(log_size_px) / focal_px
+    in_frame = jnp.all(jnp.abs(prior.model.predicted[:2]) + half_size < box.half_frame_tangent, axis=0)
+    looked_for = box.expected & ~box.present & prior.in_front & in_frame & ~prior.is_wide
+    whole = ~box.truncated
+    found = detection_model.detection_information(
+        tuning, log_size_px, prior.variance[2], decision.accepted & whole, looked_for
+    )
+    measured = jnp.where(whole, decision.weight, 0.0)
+    precision = measured / variance + found.precision
+    known = precision > _LEAST_PRECISION
+    safe = jnp.where(known, precision, 1.0)
+    return jnp.stack([(measured * residual / variance + found.residual) / safe, 1.0 / safe, jnp.where(known, 1.0, 0.0)])
+
+
+_LEAST_PRECISION = 1e-6
+"""Precision below which a frame tells nothing of the size."""
+
+
+def _updated_outline(
+    tuning: OrbitFilterTuning, focal_px: Scalar, estimate: RelativeEstimate, box: BoxMeasurement, accepted: Array
+) -> OutlineCorrelation:
+    """Correlation of the outline after a box; the noise is that of the expected size."""
+    side_px = focal_px * tuning.target_size / gradient_safe.norm(estimate.r_TS_N)
+    noise_variance = _ASPECT_NOISE_FACTOR * (tuning.edge_noise / side_px) ** 2
+    return outline_correlation.update(estimate.outline, box.log_aspect, noise_variance, accepted & ~box.truncated)
+
+
+_ASPECT_NOISE_FACTOR = 4.5
+"""Variance of the log aspect ratio over that of an edge in units of the size: 4 for a square, more for other shapes."""
+
+
+def _corrected(estimate: RelativeEstimate, result: KalmanUpdate, outline: OutlineCorrelation) -> RelativeEstimate:
     """Estimate with the correction of an update."""
     x = result.deviation
     return RelativeEstimate(
@@ -259,6 +323,7 @@ def _corrected(estimate: RelativeEstimate, result: KalmanUpdate) -> RelativeEsti
         bearing_bias=estimate.bearing_bias + x[8:10],
         center_offset=estimate.center_offset + x[10:],
         covariance=result.covariance,
+        outline=outline,
     )
 
 
@@ -317,7 +382,11 @@ def _iterated_position(
         residual = measured[:2] - model.predicted[:2] - jnp.sum(G * (estimate.r_TS_N - point)[None, :], axis=1)
         PG = jnp.sum(P[:, None, :] * G[None, :, :], axis=2)
         S = jnp.sum(G[:, :, None] * PG[None, :, :], axis=1)
-        noise = model.variance[:2] + tuning.bearing_bias_sigma**2 + (model.inverse_depth * tuning.center_sigma) ** 2
+        noise = (
+            model.variance[:2]
+            + tuning.bearing_bias_sigma**2
+            + model.inverse_depth**2 * shape_errors.center_variance(tuning, point)
+        )
         a, b, c = S[0, 0] + noise[0], S[0, 1], S[1, 1] + noise[1]
         solved = jnp.stack([c * residual[0] - b * residual[1], a * residual[1] - b * residual[0]]) / (a * c - b * b)
         point = estimate.r_TS_N + jnp.sum(PG * solved[None, :], axis=1)

@@ -33,8 +33,10 @@ def box(
     return BoxMeasurement(
         tangent=jnp.array([x, y]),
         log_size=jnp.float64(-3.0),
+        log_aspect=jnp.zeros(()),
         side_px=jnp.float64(32.0),
         present=present,
+        expected=YES,
         truncated=truncated,
         half_frame_tangent=jnp.full(2, 0.0875),
         attitude_variance_change=jnp.zeros(()),

@@ -10,7 +10,7 @@ from numpy_reference import SEEDS, axis_angle_quaternion, random_covariance, ran
 
 from rpojax.core.pytree import replace
 from rpojax.flight.computer import FlightParams
-from rpojax.flight.navigation import box_measurement_model, outlier_gate, relative_orbit_ekf
+from rpojax.flight.navigation import box_measurement_model, outlier_gate, outline_correlation, relative_orbit_ekf
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.outlier_gate import GateState
 from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
@@ -96,7 +96,13 @@ def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed:
     v_TS_N, scale, bias = 0.02 * rng.normal(size=3), 0.1 * rng.normal(size=2), 5e-4 * rng.normal(size=2)
     center = 5e-3 * rng.normal(size=2)
     before = RelativeEstimate(
-        r_TS_N=r_TS_N, v_TS_N=v_TS_N, scale=scale, bearing_bias=bias, center_offset=center, covariance=P
+        r_TS_N=r_TS_N,
+        v_TS_N=v_TS_N,
+        scale=scale,
+        bearing_bias=bias,
+        center_offset=center,
+        covariance=P,
+        outline=outline_correlation.initial(),
     )
     depth = (R_KN @ r_TS_N)[2]
     ideal = rendezvous_scene.box(flight, R_KN, r_TS_N)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from rpojax.flight.navigation import outline_correlation
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
 from rpojax.flight.navigation.servicer_orbit_ekf import ServicerEstimate
@@ -97,6 +98,7 @@ def test_the_covariance_of_the_hill_frame_agrees_with_sampled_orbits() -> None:
             bearing_bias=jnp.zeros(2),
             center_offset=jnp.zeros(2),
             covariance=jnp.zeros((12, 12)).at[:6, :6].set(P),
+            outline=outline_correlation.initial(),
         ),
     )
     found = odometry.target_frame_estimate(orbit)

@@ -21,6 +21,7 @@ from rpojax.flight.computer import FlightMemory
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.flight.stages import Stages
+from rpojax.scenario import params as parameters
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation.channels import compute_channels
@@ -122,8 +123,13 @@ class LinearisedLoop:
                 # Guidance follows the decision, which therefore sees its memory from before.
                 memory=replace_leaves(telemetry.flight, pointing=state.flight.pointing),
             )
+            observed, outline = target_outline_ensemble.observe_ensemble(
+                ensemble, outlines, telemetry.innovation.accepted, self.scenario.tick_s
+            )
+            # The mean outline of all targets does not change as that of any one does.
+            after = parameters.replace_leaf(after, ("flight", "orbit", "relative", "outline"), outline)
             turned = target_outline_ensemble.propagate_ensemble(
-                self.scenario, self.params, ensemble, state.truth.r_TN_N
+                self.scenario, self.params, observed, state.truth.r_TN_N
             )
             return (after, turned), point
 
@@ -188,7 +194,7 @@ class LinearisedLoop:
     def _outputs(self, params: Params, telemetry: Telemetry) -> Array:
         memory = telemetry.flight
         time = elapsed_time(self.scenario, telemetry.truth, telemetry.tick)
-        command_H, _ = computer.formation_command(self.stages, params.flight, memory, time)
+        command_H, _ = computer.formation_command(self.stages, params.flight, memory, time, self.scenario.tick_s)
         return jnp.concatenate([navigation_outputs(telemetry), command_H])
 
 

@@ -9,6 +9,8 @@ from scipy.stats import qmc
 from rpojax.core import quaternion, random_streams
 from rpojax.core.numerics import runge_kutta
 from rpojax.core.pytree import pytree, replace
+from rpojax.flight.navigation import outline_correlation
+from rpojax.flight.navigation.outline_correlation import OutlineCorrelation
 from rpojax.physics import rigid_body
 from rpojax.physics.environment.gravity_gradient_torque import gravity_gradient_torque
 from rpojax.physics.plant_state import Truth
@@ -31,10 +33,12 @@ class TargetEnsemble:
     Attributes:
         q_TN: (members, 4)
         omega_TN_T: (members, 3) [rad/s]
+        outline: (members) what the filter would know of the correlation of each one's outline
     """
 
     q_TN: Array
     omega_TN_T: Array
+    outline: OutlineCorrelation
 
 
 @pytree
@@ -44,10 +48,12 @@ class EnsembleOutlines:
     Attributes:
         mean: (4,) edges with the mean centre and the mean logarithms [px]
         deviations: (members, 4) of the edges from these, to first order [px]
+        log_aspects: (members,) logs of width over height
     """
 
     mean: Array
     deviations: Array
+    log_aspects: Array
 
 
 @pytree
@@ -94,6 +100,7 @@ def initial_ensemble(file: ScenarioFile, params: Params, members: int) -> Target
         return TargetEnsemble(
             q_TN=quaternion.normalize(target.attitude),
             omega_TN_T=target.tumble_rate * quaternion.normalize(target.tumble_axis),
+            outline=outline_correlation.initial(),
         )
 
     return jax.vmap(target_at)(cube, jnp.zeros(count))
@@ -104,21 +111,23 @@ def propagate_ensemble(scenario: Scenario, params: Params, ensemble: TargetEnsem
     inertia = params.plant.target.inertia
     inverse = rigid_body.inverse_3x3(inertia)
 
-    def derivative(y: TargetEnsemble, _: Array) -> TargetEnsemble:
+    def derivative(y: tuple[Array, Array], _: Array) -> tuple[Array, Array]:
+        q_TN, omega_TN_T = y
         torque = jnp.zeros(3)
         if scenario.effects.gravity_gradient:
-            r_T = quaternion.rotate(y.q_TN, r_TN_N)
+            r_T = quaternion.rotate(q_TN, r_TN_N)
             torque = gravity_gradient_torque(r_T, inertia, params.plant.gravity.mu)
-        return TargetEnsemble(
-            q_TN=quaternion.derivative(y.q_TN, y.omega_TN_T),
-            omega_TN_T=rigid_body.angular_acceleration(inertia, inverse, y.omega_TN_T, torque),
+        return (
+            quaternion.derivative(q_TN, omega_TN_T),
+            rigid_body.angular_acceleration(inertia, inverse, omega_TN_T, torque),
         )
 
-    def propagate(y: TargetEnsemble) -> TargetEnsemble:
-        after = runge_kutta.rk4(derivative, y, jnp.zeros(3), scenario.tick_s)
-        return replace(after, q_TN=quaternion.normalize(after.q_TN))
+    def propagate(q_TN: Array, omega_TN_T: Array) -> tuple[Array, Array]:
+        q_TN, omega_TN_T = runge_kutta.rk4(derivative, (q_TN, omega_TN_T), jnp.zeros(3), scenario.tick_s)
+        return quaternion.normalize(q_TN), omega_TN_T
 
-    return jax.vmap(propagate)(ensemble)
+    q_TN, omega_TN_T = jax.vmap(propagate)(ensemble.q_TN, ensemble.omega_TN_T)
+    return replace(ensemble, q_TN=q_TN, omega_TN_T=omega_TN_T)
 
 
 def ensemble_outlines(scenario: Scenario, params: Params, ensemble: TargetEnsemble, truth: Truth) -> EnsembleOutlines:
@@ -137,7 +146,21 @@ def ensemble_outlines(scenario: Scenario, params: Params, ensemble: TargetEnsemb
     return EnsembleOutlines(
         mean=jnp.concatenate([mean[:2] - half, mean[:2] + half]),
         deviations=jnp.concatenate([change[:, :2] - grown, change[:, :2] + grown], axis=1),
+        log_aspects=boxes[:, 2] - boxes[:, 3],
     )
+
+
+def observe_ensemble(
+    ensemble: TargetEnsemble, outlines: EnsembleOutlines, used: Array, dt: float
+) -> tuple[TargetEnsemble, OutlineCorrelation]:
+    """Ensemble after a frame whose box was `used` or not and `dt` [s] until the next, and its mean correlation."""
+
+    def observe(state: OutlineCorrelation, log_aspect: Array) -> OutlineCorrelation:
+        after = outline_correlation.update(state, log_aspect, jnp.zeros_like(log_aspect), used)
+        return outline_correlation.elapse(after, dt)
+
+    outline = jax.vmap(observe)(ensemble.outline, outlines.log_aspects)
+    return replace(ensemble, outline=outline), jax.tree.map(lambda values: jnp.mean(values, axis=0), outline)
 
 
 def target_outline(scenario: Scenario, params: Params, q_TN: Float[Array, "4"], truth: Truth) -> Float[Array, "4"]:

@@ -1,0 +1,59 @@
+"""What a frame tells by having a box or none: a camera misses targets that appear too small.
+
+Without it, the sizes of a target at the limit would be those of its large sides alone, and its range too short. The
+probability of a box is a logistic function of the log of the apparent size; what it tells is used as a measurement of
+that log with the mean and the variance of the posterior (assumed density filtering; Minka 2001).
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core.pytree import pytree
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+
+Scalar = Float[Array, ""]
+
+_LOG_LARGEST_SIDE = (0.204, 0.124)
+"""Mean and 1 sigma of the log of the largest side over the geometric mean of both, of a compact target with panels."""
+_LOGISTIC_SLOPE = 1.702
+"""Slope of the logistic function that is nearest to the normal distribution function."""
+
+
+@pytree
+class DetectionInformation:
+    """What a frame tells of the log of the apparent size.
+
+    Attributes:
+        precision: () of the equivalent measurement [-]
+        residual: () of that measurement times its precision [-]
+    """
+
+    precision: Array
+    residual: Array
+
+
+def detection_information(
+    tuning: OrbitFilterTuning,
+    log_size_px: Scalar,
+    variance: Scalar,
+    present: Bool[Array, ""],
+    looked_for: Bool[Array, ""],
+) -> DetectionInformation:
+    """Information of a frame with a box (`present`), or without one where the target was `looked_for`.
+
+    `log_size_px` is the log of the predicted size [px], with that variance.
+    """
+    offset, spread = _LOG_LARGEST_SIDE
+    total = variance + spread**2
+    z = (log_size_px + offset - jnp.log(tuning.minimum_size)) / jnp.sqrt(total)
+    seen = jax.nn.sigmoid(_LOGISTIC_SLOPE * z)
+    found = 1.0 - tuning.miss_probability
+    # Slope and curvature of the log likelihood in z.
+    slope_present, curvature_present = _LOGISTIC_SLOPE * (1.0 - seen), _LOGISTIC_SLOPE**2 * seen * (1.0 - seen)
+    slope_absent = -_LOGISTIC_SLOPE * found * seen * (1.0 - seen) / (1.0 - found * seen)
+    curvature_absent = slope_absent * (slope_absent - _LOGISTIC_SLOPE * (1.0 - 2.0 * seen))
+    slope = jnp.where(present, slope_present, jnp.where(looked_for, slope_absent, 0.0))
+    curvature = jnp.where(present, curvature_present, jnp.where(looked_for, jnp.maximum(curvature_absent, 0.0), 0.0))
+    left = 1.0 - curvature * variance / total
+    return DetectionInformation(precision=curvature / total / left, residual=slope / jnp.sqrt(total) / left)

@@ -1,0 +1,61 @@
+"""What a frame tells of the size by having a box or none, against numerical integration of Bayes' rule."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.core.pytree import replace
+from rpojax.flight.computer import FlightParams
+from rpojax.flight.navigation import detection_model
+
+GRID = np.linspace(-6.0, 8.0, 20_001)
+OFFSET, SPREAD = detection_model._LOG_LARGEST_SIDE
+SLOPE = detection_model._LOGISTIC_SLOPE
+MISSES = 0.1
+
+
+def information(flight: FlightParams, mean: float, variance: float, present: bool, looked_for: bool) -> tuple:
+    """Precision and residual for a threshold of 4 px; `mean` is the log of the size over it."""
+    tuning = replace(flight.navigation, minimum_size=jnp.float64(4.0), miss_probability=jnp.float64(MISSES))
+    found = detection_model.detection_information(
+        tuning, jnp.float64(mean + np.log(4.0)), jnp.float64(variance), jnp.asarray(present), jnp.asarray(looked_for)
+    )
+    return float(found.precision), float(found.residual)
+
+
+def posterior(mean: float, variance: float, present: bool) -> tuple[float, float]:
+    """Mean and variance by numerical integration."""
+    seen = 1.0 / (1.0 + np.exp(-SLOPE * (GRID + OFFSET) / SPREAD))
+    likelihood = (1.0 - MISSES) * seen if present else 1.0 - (1.0 - MISSES) * seen
+    weights = likelihood * np.exp(-0.5 * (GRID - mean) ** 2 / variance)
+    weights /= weights.sum()
+    center = float(np.sum(weights * GRID))
+    return center, float(np.sum(weights * (GRID - center) ** 2))
+
+
+@pytest.mark.parametrize("present", [True, False])
+@pytest.mark.parametrize("mean", [-0.6, -0.3, 0.0, 0.3])
+def test_the_equivalent_measurement_gives_the_posterior(flight: FlightParams, mean: float, present: bool) -> None:
+    variance = 0.15**2
+    precision, residual = information(flight, mean, variance, present, looked_for=True)
+    left = 1.0 / (1.0 / variance + precision)
+    exact_mean, exact_variance = posterior(mean, variance, present)
+    # The convolution of the logistic function with the prior is approximated as that of a normal one, whose tails are
+    # thinner: four sigma from the threshold the shift of two sigma is exaggerated by a fifth,
+    # and the variance left by two fifths.
+    np.testing.assert_allclose(mean + left * residual, exact_mean, atol=0.4 * np.sqrt(variance))
+    np.testing.assert_allclose(left, exact_variance, rtol=0.4)
+
+
+def test_a_large_target_tells_nothing(flight: FlightParams) -> None:
+    for present in (True, False):
+        np.testing.assert_allclose(information(flight, 2.0, 0.02, present, looked_for=True), 0.0, atol=1e-4)
+
+
+def test_a_frame_in_which_the_target_is_not_expected_tells_nothing(flight: FlightParams) -> None:
+    assert information(flight, -0.2, 0.02, present=False, looked_for=False) == (0.0, 0.0)
+
+
+def test_no_box_makes_the_target_smaller_and_a_box_makes_it_greater(flight: FlightParams) -> None:
+    assert information(flight, -0.2, 0.02, present=False, looked_for=True)[1] < 0.0
+    assert information(flight, -0.2, 0.02, present=True, looked_for=True)[1] > 0.0
