@@ -30,7 +30,8 @@ def control_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
         if needed > _USABLE_SHARE * available:
             found.append(
                 f"thruster.force_n: {what} takes {1e3 * needed:.3g} mm/s in a burn period, expected at most two "
-                f"thirds of {1e3 * available:.3g} mm/s, what the thruster gives within pointing.look_away_limit_s, turns included"
+                f"thirds of {1e3 * available:.3g} mm/s, what the thruster gives within pointing.look_away_limit_s, "
+                "turns included"
             )
     return found + _residue_warning(file, reach) + _propellant_warning(reach, propellant)
 
