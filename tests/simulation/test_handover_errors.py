@@ -77,7 +77,7 @@ def test_sigmas_along_the_axes_of_H_are_the_truth_and_what_the_filter_is_told_st
     expected = np.diag(np.square([1.0, 5.0, 2.0, 0.02, 0.02, 0.02, 3.0, 10.0, 0.0, 0.05, 0.05, 0.05]))
     assert_covariance(errors_H(found), expected)
     for name in ("servicer", "relative"):
-        one, two = (getattr(each.flight.orbit, name).covariance for each in (told, found))
+        one, two = (getattr(each.flight.orbit, name).covariance[:, :6, :6] for each in (told, found))
         np.testing.assert_array_equal(one, two)
 
 

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.target_size import mean_size
@@ -109,8 +108,7 @@ def _time_constant(file: ScenarioFile, reach: DispersedReach) -> list[str]:
 
 def _target_size(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     nominal, (low, high) = mean_size(file.target.hull_m), reach.ends("target.scale")
-    believed = float(reach.middle(_SIZE))
-    sigma = 0.0 if nominal_of_key(file, _SIZE_SIGMA) is None else float(reach.middle(_SIZE_SIGMA))
+    believed, sigma = float(reach.middle(_SIZE)), float(reach.middle(_SIZE_SIGMA))
     tolerated = max(np.log(_MOST_SIZE_ERROR), _SIZE_SIGMAS * sigma)
     worst = max((nominal * low, nominal * high), key=lambda size: abs(np.log(size / believed)))
     if abs(np.log(worst / believed)) <= tolerated:

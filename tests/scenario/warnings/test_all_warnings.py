@@ -86,6 +86,8 @@ def test_a_mission_that_cannot_work_is_warned_about_in_one_line(name: str) -> No
         ["orbit.eccentricity=0.1", "orbit.semi_major_axis_m=7.8e6"],
         ["camera.edge_noise_px=1.4"],
         ["navigation.target_size_m=1.15"],
+        ["target.scale=1.5", "navigation.target_size_sigma=0.5"],
+        ["target.scale=1.2", "navigation.target_size_sigma=0.2"],
         ["dispersions=[]", "gps.noise_m=0.0", "thruster.magnitude_noise=0.0", "camera.edge_noise_px=0.0"],
     ],
 )

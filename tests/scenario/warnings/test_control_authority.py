@@ -1,8 +1,11 @@
 """Control authority: burns as burn planning allows them, and the least burns of a transfer."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rpojax.flight.guidance import burn_planning
+from rpojax.scenario import params
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.warnings import control_authority, orbit_geometry
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
@@ -17,6 +20,20 @@ def test_the_longest_burn_leaves_time_for_both_turns(angle: float, turn_s: float
     push = np.array([np.sin(angle), np.cos(angle), 0.0])
     found = control_authority.largest_delta_v_m_s(file, DispersedReach(file), SIGHT, push)
     assert float(found) == pytest.approx(1e-3 * (110.0 - 2.0 * turn_s - 8.0), rel=1e-3)
+
+
+@pytest.mark.parametrize("camera_hz", [0.2, 1.0])
+def test_the_longest_burn_is_that_of_burn_planning(camera_hz: float) -> None:
+    file = scenario_loader.load("inspection", ["dispersions=[]", f"rates.camera_hz={camera_hz}"])
+    flight = params.build_params(file.model_dump(), file.camera.width_px, file.camera.height_px).flight
+    q_look = jnp.array([1.0, 0.0, 0.0, 0.0])
+    for push in np.eye(3):
+        # Body axes along N: the camera looks along the body's x axis.
+        planned = burn_planning.largest_delta_v(
+            flight.pointing, flight.vehicle, jnp.asarray(push), q_look, 1.0 / camera_hz
+        )
+        found = control_authority.largest_delta_v_m_s(file, DispersedReach(file), np.eye(3)[0], push)
+        assert float(found) == pytest.approx(float(planned), rel=1e-9)
 
 
 def test_a_thruster_across_the_boresight_has_to_turn_by_it() -> None:
