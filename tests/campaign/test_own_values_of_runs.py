@@ -125,10 +125,10 @@ def test_the_safety_section_takes_the_keep_out_radius_of_the_run(campaign: Campa
     radii = np.array(OWN_VALUES["limits.keep_out_m"])
     assert safety["keep_out_m"] == [5.0, 60.0]
     assert safety["entries"]["run_ids"] == [1]
-    would_enter = 0
-    for run in range(4):
-        drift = np.nanmin(campaign.history(run)["passive_range_m"])
-        would_enter += bool(drift < radii[run]) or run == 1
+    drifts = campaign.metrics["passive_range_m"]
+    assert np.isnan(drifts).tolist() == [False, True, False, False]
+    would_enter = 1 + sum(drifts[run] < radii[run] for run in (0, 2, 3))
+    assert 1 < would_enter < 4
     assert safety["passive_below_keep_out"]["count"] == would_enter
 
 
