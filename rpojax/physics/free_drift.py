@@ -17,6 +17,7 @@ from jaxtyping import Array, Float, Int
 from rpojax.batching.vmap_last_axis import vmap
 from rpojax.core.numerics import runge_kutta
 from rpojax.core.numerics.exact_difference import Difference
+from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.orbits import sun_moon_ephemeris, zonal_gravity
 from rpojax.core.orbits.closest_approach import Approach, closest_approach, entry_place, least_square_until
 from rpojax.core.pytree import pytree, replace
@@ -31,7 +32,7 @@ Integer = Int[Array, ""]
 Vector = Float[Array, "3"]
 Affine = Float[Array, "6 8"]
 
-STEP_S: Final = 180.0
+STEP_S: Final = 240.0
 """Step of the propagation [s]."""
 _SHORTEST_S = 1e-30
 """Stands for the length of an empty interval [s]."""
@@ -145,11 +146,14 @@ class Environment:
         square = jnp.sum(r * r, axis=0)
         strength = self.params.gravity.mu / (square * jnp.sqrt(square))
         growth = jnp.sum(r * v, axis=0) / square
+        energy = jnp.sum(v * v, axis=0) / square - strength
 
         def sunlit(x: Scalar) -> Scalar:
             t = x * dt
-            # The f and g series, 100 m off after a step in low orbit: 0.01 s.
-            f, g = 1.0 - strength * t * t * (0.5 - 0.5 * growth * t), t - strength * t * t * t / 6.0
+            # The f and g series (Escobal, Methods of Orbit Determination, section 3.7), 0.01 s off after a step.
+            quartic = (3.0 * energy - 15.0 * growth * growth + strength) / 24.0
+            f = 1.0 - strength * t * t * (0.5 - t * (0.5 * growth + t * quartic))
+            g = t - strength * t * t * t * (1.0 / 6.0 - 0.25 * growth * t)
             return sunlit_fraction(self.params.sunlight, f * r + g * v, sky.sun_N)
 
         places = (np.arange(_SHADOW_SAMPLES) + 0.5) / _SHADOW_SAMPLES
@@ -253,12 +257,15 @@ def advance_drifts(
     kick = splitting.kick(after, drifts.mass, time + STEP_S)
     after = replace(after, v_ST_N=after.v_ST_N + jnp.where(begins, 0.0, 0.5 * STEP_S * kick))
 
-    def observe(r: Array, v: Array, ends: Array, found: DriftRange) -> DriftRange:
-        return _with_interval(found, closest_approach(r, v, STEP_S), time, STEP_S, ends, keep_out)
-
-    seen = vmap(observe, in_axes=-1, out_axes=-1)(
-        jnp.stack([motion.r_ST_N, after.r_ST_N]), jnp.stack([motion.v_ST_N, after.v_ST_N]), drifts.ends, before.found
+    after = fusion_barrier(after, node)
+    approaches = vmap(lambda r, v: closest_approach(r, v, STEP_S), in_axes=-1, out_axes=-1)(
+        jnp.stack([motion.r_ST_N, after.r_ST_N]), jnp.stack([motion.v_ST_N, after.v_ST_N])
     )
+
+    def observe(approach: Approach, ends: Array, found: DriftRange) -> DriftRange:
+        return _with_interval(found, approach, time, STEP_S, ends, keep_out)
+
+    seen = vmap(observe, in_axes=-1, out_axes=-1)(fusion_barrier(approaches, node), drifts.ends, before.found)
     drifting = before.nodes <= node
     found = jax.tree.map(lambda new, old: jnp.where(drifting, new, old), seen, before.found)
     return replace(before, motion=after, kick=kick, found=found)
@@ -291,17 +298,17 @@ class _Splitting:
         r_TN_N, v_TN_N, dt = motion.r_TN_N, motion.v_TN_N, jnp.asarray(STEP_S)
         nominal = self.environment.params.servicer.mass
 
-        def flow(x: Float[Array, "7"]) -> tuple[Float[Array, "6"], tuple[Vector, Vector]]:
+        def flow(x: Float[Array, "7"]) -> tuple[Float[Array, "6"], Motion]:
             before = Motion(r_TN_N=r_TN_N, v_TN_N=v_TN_N, r_ST_N=x[:3], v_ST_N=x[3:6])
             after = self.environment.advance(before, 1.0 / x[6], time, dt, jnp.zeros_like(r_TN_N))
-            return jnp.concatenate([after.r_ST_N, after.v_ST_N]), (after.r_TN_N, after.v_TN_N)
+            return jnp.concatenate([after.r_ST_N, after.v_ST_N]), after
 
         center = jnp.concatenate([jnp.zeros_like(x) for x in (r_TN_N, v_TN_N)] + [1.0 / nominal[None]])
-        offset, (r_after, v_after) = flow(center)
-        slopes, _ = jax.jacfwd(flow, has_aux=True)(center)
+        slopes, after = jax.jacfwd(flow, has_aux=True)(center)
+        offset = jnp.concatenate([after.r_ST_N, after.v_ST_N])
         x = jnp.concatenate([motion.r_ST_N, motion.v_ST_N, (1.0 / masses - 1.0 / nominal)[None]])
         relative = offset[:, None] + _product(slopes, x)
-        return Motion(r_TN_N=r_after, v_TN_N=v_after, r_ST_N=relative[:3], v_ST_N=relative[3:])
+        return replace(after, r_ST_N=relative[:3], v_ST_N=relative[3:])
 
     def kick(self, motion: Motion, masses: Float[Array, " drifts"], time: Scalar) -> Float[Array, "3 drifts"]:
         """Relative accelerations [m/s^2] less their affine part."""
@@ -359,8 +366,9 @@ def _with_interval(
     )
 
 
-def _product(matrix: Float[Array, "rows columns"], vectors: Float[Array, "columns drifts"]) -> Array:
-    return jnp.sum(matrix[:, :, None] * vectors[None, :, :], axis=1)
+def _product(matrix: Float[Array, "rows 7"], vectors: Float[Array, "7 drifts"]) -> Array:
+    # Term by term, so that the loop over drifts and runs is vectorised.
+    return sum((matrix[:, k, None] * vectors[None, k] for k in range(1, 7)), matrix[:, 0, None] * vectors[None, 0])
 
 
 def _plant_state(motion: Motion, mass: Scalar) -> Truth:

@@ -155,12 +155,14 @@ class BatchEngine:
         if self._programs is not None:
             return
         begin = time.perf_counter()
-        with ThreadPoolExecutor(1) as pool:
+        with ThreadPoolExecutor(2) as pool:
             # The preparation is compiled while the loop, which needs its output shapes, is traced.
             preparation = pool.submit(_compile_preparation, self._preparation_trace)
             traces = self._loop_traces
             with self._tracing_precision():
+                safety = pool.submit(self.passive_safety.compile, self._preparation_trace.out_info[0])
                 loops = traces.compile(compiler_options.LOOP_OPTIONS)
+            safety.result()
             self.loop_compile_s = loops.compile_s
             self._programs = (preparation.result(), loops)
         self.compile_s = time.perf_counter() - begin

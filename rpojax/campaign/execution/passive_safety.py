@@ -12,7 +12,7 @@ from jaxtyping import Array
 from rpojax.batching.vmap_last_axis import vmap
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits import keplerian_elements
-from rpojax.core.pytree import pytree, replace
+from rpojax.core.pytree import concatenate, pytree, replace
 from rpojax.metrics import passive_safety as metrics
 from rpojax.physics import free_drift
 from rpojax.physics.free_drift import STEP_S, Drift, DriftRange, Environment, Propagation
@@ -26,9 +26,17 @@ from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation.metrics import drift_starts
 from rpojax.simulation.metrics.drift_starts import DriftStarts
 
-_MOST_DRIFTS = 256
-"""Drifts of a run that are propagated at once."""
+_MOST_DRIFTS = 64
+"""Drifts of a run that are propagated at once; their number is fixed, so that a rerun uses the same program."""
 _SHARED_FIELDS = ("is_stuck", "r_ST_N", "v_ST_N", "mass", "last_delta_v")
+_FIELDS = {
+    **dict.fromkeys(("start", "last", "burn", "mass", "last_delta_v"), ((), np.float64)),
+    "is_stuck": ((), np.bool_),
+    **dict.fromkeys(("r_ST_N", "v_ST_N"), ((2, 3), np.float64)),
+}
+"""Shape of one drift and type of each field of `StartBatch`."""
+_MOST_RUNS_ON_CORE = 64
+"""Runs that a core of a CPU takes at once: their intermediate values stay in its cache."""
 
 
 @pytree
@@ -76,7 +84,9 @@ class PassiveSafety:
         self.spacing_ticks = max(1, round(file.safety.spacing_s / scenario.tick_s))
         self.mission_steps = math.ceil(scenario.ticks * scenario.tick_s / STEP_S) + 1
         burns = -(-scenario.ticks // scenario.formation_ticks)
-        self.drifts_at_once = min(_MOST_DRIFTS, 2 * burns + 1 + -(-scenario.ticks // self.spacing_ticks) // 8)
+        calls = -(-runs_per_device // _MOST_RUNS_ON_CORE) if devices[0].platform == "cpu" else 1
+        self.runs_at_once = -(-runs_per_device // calls)
+        self.drifts_at_once = min(_MOST_DRIFTS, 1 + 2 * burns + burns + -(-scenario.ticks // self.spacing_ticks))
 
     def evaluate(self, drawn: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Metrics (runs,) from dispersed values (runs, ...) and recorded channels (ticks, ..., runs)."""
@@ -112,20 +122,41 @@ class PassiveSafety:
         one_orbit = arrays.get(metrics.horizon_metric_name("1_orbit"))
         return arrays if one_orbit is None else {**arrays, metrics.ONE_ORBIT_RANGE: one_orbit}
 
+    def compile(self, drawn: Mapping[str, Any]) -> None:
+        """Compiles the program, once, for dispersed values (runs of a device, ...) or their shapes."""
+        if self._programs is not None:
+            return
+        size, count = self.runs_at_once, self.drifts_at_once
+        values = {
+            name: jax.ShapeDtypeStruct((*each.shape[1:], size), each.dtype, weak_type=False)
+            for name, each in drawn.items()
+        }
+        numbers: dict[str, Any] = {
+            name: jax.ShapeDtypeStruct((*shape, count, size), dtype) for name, (shape, dtype) in _FIELDS.items()
+        }
+        traces = device_programs.trace_for_devices(
+            self._drift, (self.nominal, values, StartBatch(**numbers)), self.devices
+        )
+        self._programs = traces.compile()
+
     def _propagate(self, drawn: Mapping[str, np.ndarray], starts: Sequence[DriftStarts], first: int) -> DriftRange:
         """Ranges of the drifts of all runs from number `first` on, `entry` less the longest horizon."""
-        size = self.runs_per_device
-        arguments = [
-            (
-                self.nominal,
-                {name: np.moveaxis(values[rows], 0, -1) for name, values in drawn.items()},
-                self._batch(starts[rows], first),
-            )
-            for rows in (slice(place * size, (place + 1) * size) for place in range(len(self.devices)))
-        ]
-        programs = self._compiled(arguments[0])
-        results = programs.call(programs.place(arguments))
-        return jax.tree.map(lambda *each: np.concatenate([np.asarray(part) for part in each], axis=-1), *results)
+        self.compile(drawn)
+        assert self._programs is not None
+        parts: list[list[DriftRange]] = [[] for _ in self.devices]
+        for begin in range(0, self.runs_per_device, self.runs_at_once):
+            # The last runs of a device are repeated until they fill a call.
+            within = np.minimum(begin + np.arange(self.runs_at_once), self.runs_per_device - 1)
+            arguments = []
+            for place in range(len(self.devices)):
+                rows = place * self.runs_per_device + within
+                values = {name: np.moveaxis(each[rows], 0, -1) for name, each in drawn.items()}
+                arguments.append((self.nominal, values, self._batch([starts[row] for row in rows], first)))
+            results = self._programs.call(self._programs.place(arguments))
+            count = min(self.runs_at_once, self.runs_per_device - begin)
+            for own, result in zip(parts, results, strict=True):
+                own.append(jax.tree.map(lambda each, count=count: np.asarray(each)[..., :count], result))
+        return concatenate([part for own in parts for part in own], axis=-1)
 
     def _batch(self, starts: Sequence[DriftStarts], first: int) -> StartBatch:
         count, tick_s = self.drifts_at_once, self.scenario.tick_s
@@ -142,12 +173,6 @@ class PassiveSafety:
             "burn": gathered("burn_ticks") * tick_s,
         }
         return StartBatch(**fields)
-
-    def _compiled(self, arguments: tuple[Any, ...]) -> DevicePrograms:
-        if self._programs is None:
-            traces = device_programs.trace_for_devices(self._drift, arguments, self.devices)
-            self._programs = traces.compile()
-        return self._programs
 
     def _drift(self, nominal: Params, values: Values, batch: StartBatch) -> DriftRange:
         """Ranges of the drifts of the runs of a device; `entry` is less the longest horizon."""

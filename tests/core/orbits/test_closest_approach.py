@@ -22,18 +22,18 @@ def passing(miss: float, begin: float, duration: float) -> module.Approach:
 @pytest.mark.parametrize("miss", [0.0, 0.3, 25.0])
 def test_a_straight_passage_has_the_distance_of_the_line(miss: float) -> None:
     found = passing(miss, 9.0, 120.0)
-    np.testing.assert_allclose(found.square, miss**2, atol=1e-12)
+    np.testing.assert_allclose(found.least, miss**2, atol=1e-12)
     np.testing.assert_allclose(found.place, 9.0 / 24.0, atol=1e-9)
 
 
 def test_motion_that_recedes_or_approaches_throughout_is_closest_at_an_end() -> None:
     assert (float(passing(3.0, -5.0, 60.0).place), float(passing(3.0, 50.0, 60.0).place)) == (0.0, 1.0)
-    np.testing.assert_allclose(passing(3.0, -5.0, 60.0).square, 34.0)
-    np.testing.assert_allclose(passing(3.0, 50.0, 60.0).square, 9.0 + 38.0**2)
+    np.testing.assert_allclose(passing(3.0, -5.0, 60.0).least, 34.0)
+    np.testing.assert_allclose(passing(3.0, 50.0, 60.0).least, 9.0 + 38.0**2)
 
 
 def test_an_interval_of_no_length_has_the_distance_of_its_place() -> None:
-    assert float(passing(3.0, 4.0, 0.0).square) == 25.0
+    assert float(passing(3.0, 4.0, 0.0).least) == 25.0
 
 
 def test_the_least_distance_until_a_time_before_the_closest_approach_is_that_of_this_time() -> None:
@@ -56,5 +56,5 @@ def test_a_passage_on_a_circle_is_found_between_two_times() -> None:
     r = centre + radius * np.stack([-np.cos(phases), np.sin(phases), 0.0 * phases], axis=1)
     v = radius * np.stack([np.sin(phases), np.cos(phases), 0.0 * phases], axis=1)
     found = closest_approach(r, v, angle)
-    np.testing.assert_allclose(np.sqrt(found.square), 10.0, atol=radius * angle**4 / 384.0)
+    np.testing.assert_allclose(np.sqrt(found.least), 10.0, atol=radius * angle**4 / 384.0)
     np.testing.assert_allclose(found.place, 0.3, atol=1e-3)
