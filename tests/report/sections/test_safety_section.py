@@ -31,3 +31,30 @@ def test_range_of_a_keep_out_entry_is_at_most_the_radius(build):
     assert safety_section.rows(found)[0] == ("Smallest range of any run", "at most 10 m", "run 5", False)
     campaign.info["scenario"]["limits"] = {}
     assert safety_section.content(campaign)["least_range"]["at_most"] is False
+
+
+def test_drifts_into_the_sphere_are_alerts_with_their_intervals(build):
+    campaign = build(runs=30, seconds=300, kept=())
+    campaign.info["scenario"]["safety"] = {"horizons": ["1_orbit", "24_h"]}
+    campaign.metrics["passive_range_1_orbit_m"] = np.full(30, 20.0)
+    campaign.metrics["passive_range_24_h_m"] = np.where(np.arange(30) < 3, 4.0, 20.0)
+    campaign.metrics["passive_unsafe_fraction"] = np.where(np.arange(30) == 2, 0.25, 0.125)
+    campaign.metrics["stuck_on_range_24_h_m"] = np.full(30, np.nan)
+    found = safety_section.content(campaign)
+    one_orbit, day = found["free_drift"]
+    assert (one_orbit["below_keep_out"]["count"], day["below_keep_out"]["count"]) == (0, 3)
+    assert day["least_range"] == {"value": 4.0, "run_id": 0}
+    assert (found["unsafe_share"]["median"], found["unsafe_share"]["worst"]["run_id"]) == (0.125, 2)
+    alerts = {row.quantity: row.is_alert for row in safety_section.rows(found)}
+    into = "Runs that could drift into the keep-out sphere of 10 m within"
+    assert not alerts[f"{into} 1 orbit after a loss of thrust"]
+    assert alerts[f"{into} 24 h after a loss of thrust"]
+    assert not any("did not end" in quantity for quantity in alerts)
+
+
+def test_a_run_is_judged_by_its_own_sphere(build):
+    campaign = build(runs=30, seconds=300, kept=())
+    campaign.info["scenario"]["safety"] = {"horizons": ["24_h"]}
+    campaign.metrics["passive_range_24_h_m"] = np.full(30, 20.0)
+    campaign.drawn["limits.keep_out_m"] = np.where(np.arange(30) < 4, 25.0, 5.0)
+    assert safety_section.content(campaign)["free_drift"][0]["below_keep_out"]["count"] == 4
