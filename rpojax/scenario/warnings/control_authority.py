@@ -14,6 +14,7 @@ _USABLE_SHARE = 2.0 / 3.0
 `inspection` with a servicer of 100 kg takes 0.55 and all of 64 runs are completed, with 150 kg 0.83 and 4 fail.
 """
 _GRAVITY_M_S2 = 9.80665
+_MOST_BURNS = 100
 _ITERATIONS = 40
 _LEAST_WEIGHT = 1e-6
 _TINY = 1e-12
@@ -68,7 +69,7 @@ def _transfer(file: ScenarioFile, reach: DispersedReach) -> tuple[tuple[float, f
     Of the starts that the dispersions reach the one that asks most, to rest at the station; all in m/s.
     """
     n, lead, period = mean_motion(file), file.formation.lead_s, file.rates.formation_period_s
-    arrival = reach.low("limits.arrive_by_s")
+    arrival = min(reach.low("limits.arrive_by_s"), lead + _MOST_BURNS * period)
     ignitions = np.arange(lead, arrival, period)
     if len(ignitions) == 0:
         return (0.0, 0.0), 0.0

@@ -8,6 +8,7 @@ from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 _ATTITUDES = 512
 _MOST_TOO_SMALL = 0.2
 """Share of attitudes whose box may be too small to be detected."""
+_LEAST_SIDE_M = 1e-9
 _LEAST_SEEN_PX = 1.0
 """Least side of a box of cameras without `minimum_size_px` [px]."""
 
@@ -25,7 +26,7 @@ def hull_sides(hull_m: list[list[float]]) -> np.ndarray:
 
 def mean_size(hull_m: list[list[float]]) -> float:
     """Geometric mean [m] over all attitudes of the root of width times height."""
-    return float(np.exp(np.log(hull_sides(hull_m)).mean()))
+    return float(np.exp(np.log(np.maximum(hull_sides(hull_m), _LEAST_SIDE_M)).mean()))
 
 
 def small_box_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:

@@ -101,6 +101,26 @@ def test_a_grid_is_judged_by_its_worst_value() -> None:
     assert "the truth is 20 by gps.noise_m" in warning
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "override",
+    [
+        "limits.arrive_by_s=1e9",
+        "limits.arrive_by_s=0.0",
+        "thruster.force_n=1e-9",
+        "servicer.mass_kg=1e9",
+        "initial.relative_position_m=[0.0, -30.0, 0.0]",
+        "initial.relative_position_m=[0.0, -1e8, 0.0]",
+        "attitude_filter.bias_walk_deg_s_sqrt_s=0.0",
+        "navigation.burn_magnitude_sigma=0.0",
+        "target.hull_m=[[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]",
+    ],
+)
+def test_extreme_numbers_give_finite_ones(override: str) -> None:
+    for warning in mission_warnings(scenario_loader.load("inspection", [override])):
+        assert not {"nan", "inf"} & set(warning.replace(",", " ").split())
+
+
 def test_warnings_take_no_jax() -> None:
     code = (
         "import sys; from rpojax.scenario.loading import scenario_loader; "
