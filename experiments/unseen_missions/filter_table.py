@@ -14,6 +14,9 @@ from typing import Any
 import numpy as np
 
 import rpojax
+
+rpojax.prepare_process()
+
 from rpojax.scenario.loading import scenario_loader
 
 DISPERSED = "dispersed"
@@ -84,7 +87,7 @@ VARIANTS: dict[str, Variant] = {
     "e = 0.1, a = 7.8e6 m": Variant({"orbit.semi_major_axis_m": 7.8e6, "orbit.eccentricity": 0.1}),
     # At the solstice the Sun is 63 deg out of this plane; above 1200 km that is enough for an orbit without shadow.
     "inclination 140 deg, no eclipse": Variant(
-        {"orbit.inclination_deg": 140.0, "orbit.raan_deg": 180.0, "orbit.semi_major_axis_m": 7.6e6},
+        {"orbit.inclination_deg": 140.0, "orbit.raan_deg": 0.0, "orbit.semi_major_axis_m": 7.6e6},
         epoch_utc="2026-06-21T08:24:00",
     ),
 }
@@ -99,7 +102,6 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=11)
     parser.add_argument("--only", nargs="*", choices=VARIANTS, default=list(VARIANTS))
     options = parser.parse_args()
-    rpojax.prepare_process()
     rows: dict[str, dict[str, float]] = {}
     for epoch in dict.fromkeys(VARIANTS[name].epoch_utc for name in options.only):
         names = [name for name in options.only if VARIANTS[name].epoch_utc == epoch]

@@ -82,7 +82,7 @@ def initial(tuning: OrbitFilterTuning, r_TS_N: Vector, v_TS_N: Vector) -> Relati
                     initial_sigma(tuning) ** 2,
                     shape_errors.scale_variance(tuning),
                     jnp.full(2, tuning.bearing_bias_sigma**2),
-                    jnp.full(2, shape_errors.center_variance(tuning, r_TS_N)),
+                    jnp.full(2, shape_errors.center_variance(tuning, jnp.zeros_like(tuning.target_size), r_TS_N)),
                 ]
             )
         ),
@@ -100,7 +100,9 @@ def predict(
     dt: float,
 ) -> RelativeEstimate:
     """Estimate `dt` [s] later with its mean already propagated; `r_SN_N` [m] is the servicer's position before."""
-    errors = shape_errors.shape_errors(tuning, outline_correlation.correlation_time(estimate.outline), r_TS_N)
+    errors = shape_errors.shape_errors(
+        tuning, outline_correlation.correlation_time(estimate.outline), estimate.scale[0], r_TS_N
+    )
     scale_decay = jnp.exp(-dt / errors.scale_time_constant)
     one = jnp.ones(2, dtype=scale_decay.dtype)
     center_decay = one * jnp.exp(-dt / errors.center_time_constant)
@@ -385,7 +387,7 @@ def _iterated_position(
         noise = (
             model.variance[:2]
             + tuning.bearing_bias_sigma**2
-            + model.inverse_depth**2 * shape_errors.center_variance(tuning, point)
+            + model.inverse_depth**2 * shape_errors.center_variance(tuning, estimate.scale[0], point)
         )
         a, b, c = S[0, 0] + noise[0], S[0, 1], S[1, 1] + noise[1]
         solved = jnp.stack([c * residual[0] - b * residual[1], a * residual[1] - b * residual[0]]) / (a * c - b * b)

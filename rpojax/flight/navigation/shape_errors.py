@@ -9,9 +9,9 @@ from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
 
-_CONSTANT_CENTER_SHARE = 0.26
-"""Part of the offset by perspective that the tumble does not average out; 0.4 of compact bodies, less what the
-bearing bias covers."""
+_CONSTANT_CENTER_SHARE = 0.33
+"""Part of the offset by perspective that a tumble does not average out; 0.4 of compact bodies, less what the bearing
+bias covers."""
 _LARGEST_SCALE_TEMPO = 20.0
 """Longest correlation of the size over that at the nominal outline: the line of sight turns once an orbit."""
 
@@ -35,21 +35,25 @@ class ShapeErrors:
     bearing_process_variance: Array
 
 
-def shape_errors(tuning: OrbitFilterTuning, outline_correlation_time: Scalar, r_TS_N: Vector) -> ShapeErrors:
+def shape_errors(
+    tuning: OrbitFilterTuning, outline_correlation_time: Scalar, slow_scale: Scalar, r_TS_N: Vector
+) -> ShapeErrors:
     """Errors of the boxes of a target at `r_TS_N` [m] whose outline has that correlation time [s].
+
+    `slow_scale` [-] is the estimated log of its size over the expected one.
 
     What changes as the target tumbles loses its correlation with the outline: the fast part of the size, and the
     centre. The slow part of the size is that of the tumble axis to the line of sight, and the size itself.
     """
     tempo = outline_correlation_time / tuning.outline_time_constant
-    lasting_variance = _CONSTANT_CENTER_SHARE**2 * perspective_variance(tuning, r_TS_N)
+    lasting_variance = _CONSTANT_CENTER_SHARE**2 * perspective_variance(tuning, slow_scale, r_TS_N)
     # The size itself stays: it adds to the variance, but not to its growth.
     constancy = 1.0 + tuning.target_size_sigma**2 / tuning.scale_sigma[0] ** 2
     factors = jnp.stack([constancy * jnp.ones_like(tempo), jnp.minimum(tempo, _LARGEST_SCALE_TEMPO)])
     return ShapeErrors(
         scale_variance=scale_variance(tuning),
         scale_time_constant=tuning.scale_time_constant * factors,
-        center_variance=center_variance(tuning, r_TS_N),
+        center_variance=center_variance(tuning, slow_scale, r_TS_N),
         center_time_constant=tuning.center_time_constant * tempo,
         bearing_process_variance=2.0
         * lasting_variance
@@ -63,11 +67,12 @@ def scale_variance(tuning: OrbitFilterTuning) -> Float[Array, "2"]:
     return jnp.stack([slow**2 + tuning.target_size_sigma**2, fast**2])
 
 
-def center_variance(tuning: OrbitFilterTuning, r_TS_N: Vector) -> Scalar:
+def center_variance(tuning: OrbitFilterTuning, slow_scale: Scalar, r_TS_N: Vector) -> Scalar:
     """Variance of the offset of the box centre, per axis [m^2]: of the shape, and by perspective."""
-    return tuning.center_sigma**2 + perspective_variance(tuning, r_TS_N)
+    return tuning.center_sigma**2 + perspective_variance(tuning, slow_scale, r_TS_N)
 
 
-def perspective_variance(tuning: OrbitFilterTuning, r_TS_N: Vector) -> Scalar:
+def perspective_variance(tuning: OrbitFilterTuning, slow_scale: Scalar, r_TS_N: Vector) -> Scalar:
     """Variance of the offset because nearer parts look greater, per axis [m^2]; it falls with the range."""
-    return (tuning.center_perspective * tuning.target_size**2) ** 2 / jnp.sum(r_TS_N * r_TS_N, axis=0)
+    size = tuning.target_size * jnp.exp(slow_scale)
+    return (tuning.center_perspective * size**2) ** 2 / jnp.sum(r_TS_N * r_TS_N, axis=0)
