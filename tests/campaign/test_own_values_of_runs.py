@@ -1,7 +1,6 @@
 """Metrics, traces, outcomes and the report take each run's own values, not the nominal ones of the scenario."""
 
 import ast
-import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import pytest
 import rpojax
 from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.report.page.html_report import write_report
+from rpojax.report.sections import safety_section
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.parameter_keys import nominal_of_key
 from rpojax.scenario.schema import ScenarioFile
@@ -119,17 +118,20 @@ def _outcome(campaign: Campaign, run: int) -> str:
     return "off_station" if is_judged and off > own(run, "limits.off_station_m") else "completed"
 
 
-def test_the_safety_section_takes_the_keep_out_radius_of_the_run(campaign: Campaign) -> None:
-    write_report(campaign, film=False)
-    safety = json.loads((campaign.directory / "report.json").read_text())["safety"]
-    radii = np.array(OWN_VALUES["limits.keep_out_m"])
+def test_the_safety_section_takes_the_keep_out_radius_of_the_run(
+    campaign: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    safety = safety_section.content(campaign)
     assert safety["keep_out_m"] == [5.0, 60.0]
     assert safety["entries"]["run_ids"] == [1]
-    drifts = campaign.metrics["passive_range_m"]
+    drifts, drawn = campaign.metrics["passive_range_m"], campaign.drawn
     assert np.isnan(drifts).tolist() == [False, True, False, False]
-    would_enter = 1 + sum(drifts[run] < radii[run] for run in (0, 2, 3))
-    assert 1 < would_enter < 4
-    assert safety["passive_below_keep_out"]["count"] == would_enter
+    # Radii just below and just above the least range of each run's own drifts; run 1 has entered its sphere.
+    for shift_m, count in ((-1e-3, 1), (1e-3, 4)):
+        radii = np.where(np.isnan(drifts), 60.0, drifts + shift_m)
+        changed = {**drawn, "limits.keep_out_m": radii}
+        monkeypatch.setattr(Campaign, "drawn", property(lambda _, changed=changed: changed))
+        assert safety_section.content(campaign)["passive_below_keep_out"]["count"] == count
 
 
 def _dispersible_keys() -> set[str]:
