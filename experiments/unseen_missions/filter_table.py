@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 import rpojax
+from rpojax.scenario.loading import scenario_loader
 
 rpojax.prepare_process()
-
-from rpojax.scenario.loading import scenario_loader
 
 DISPERSED = "dispersed"
 """In place of a value: drawn for each run as `inspection` declares."""
