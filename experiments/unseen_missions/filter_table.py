@@ -6,17 +6,18 @@ python experiments/unseen_missions/filter_table.py --out DIR [--runs 256] [--see
 import argparse
 import json
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.cpu_count()}")
+
 import numpy as np
 
 import rpojax
 from rpojax.scenario.loading import scenario_loader
-
-rpojax.prepare_process()
 
 DISPERSED = "dispersed"
 """In place of a value: drawn for each run as `inspection` declares."""
