@@ -24,6 +24,7 @@ def perfect_run(ticks: int = TICKS, runs: int = 1) -> Records:
         "target_error_H": vector.copy(),
         "nees": scalar + np.float32(12.0),
         "nees_relative": scalar + np.float32(6.0),
+        "nav_confident": np.ones_like(scalar, dtype=bool),
         "gps_innovation_sigmas": vector + np.float32(1.0),
         "box_innovation_sigmas": vector + np.float32(1.0),
         "range_m": scalar + np.float32(30.0),

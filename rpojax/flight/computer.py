@@ -11,15 +11,18 @@ from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply, apply_transposed
+from rpojax.flight import navigation_health
 from rpojax.flight.control import formation_law, reference_governor, station_keeping, wheel_torque_allocation
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
 from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.control.station_keeping import StationKeeping
 from rpojax.flight.guidance import (
+    approach_inhibition,
     attitude_guidance,
     burn_planning,
     detector_window,
+    line_of_sight_uncertainty,
     slew_profile,
     target_pointing,
     target_visibility,
@@ -29,13 +32,19 @@ from rpojax.flight.guidance.burn_planning import BurnPlan
 from rpojax.flight.guidance.detector_window import CameraCommand, CameraFormat
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.guidance.target_pointing import TargetPointing
-from rpojax.flight.navigation import attitude_ekf, outlier_gate, thrust_estimator
+from rpojax.flight.navigation import (
+    attitude_ekf,
+    outlier_gate,
+    relative_orbit_ekf,
+    thrust_estimator,
+)
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.navigation.outlier_gate import GateState
 from rpojax.flight.navigation.thrust_estimator import ThrustEstimate
+from rpojax.flight.navigation_health import HealthTuning, NavigationHealth
 from rpojax.flight.stages import Stages
 from rpojax.flight.vehicle_model import VehicleModel
 
@@ -53,6 +62,7 @@ class FlightParams:
     formation: FormationTuning
     pointing: PointingTuning
     attitude_control: AttitudeControlTuning
+    health: HealthTuning
 
 
 @pytree
@@ -62,6 +72,7 @@ class FlightMemory:
     Attributes:
         orbit: estimate of both orbits
         gate: state of the outlier gate
+        health: tests of the orbit filter, and confidence in it
         attitude: estimate of the attitude
         attitude_variance: () of the camera across its boresight at the last frame [rad^2]
         plan: latest decided burn
@@ -76,6 +87,7 @@ class FlightMemory:
 
     orbit: OrbitEstimate
     gate: GateState
+    health: NavigationHealth
     attitude: AttitudeEstimate
     attitude_variance: Array
     plan: BurnPlan
@@ -126,6 +138,7 @@ def initial(
     return FlightMemory(
         orbit=orbit,
         gate=outlier_gate.initial(),
+        health=navigation_health.initial(),
         attitude=attitude,
         attitude_variance=_attitude_variance(params.vehicle, attitude),
         plan=burn_planning.no_burn(),
@@ -184,7 +197,18 @@ def navigate(
         additional=measurements.additional,
         time=time,
     )
-    after = replace(memory, attitude=attitude, attitude_variance=variance, orbit=orbit, gate=gate)
+    health = navigation_health.update(
+        params.health,
+        params.navigation,
+        memory.health,
+        innovation,
+        gate,
+        orbit.relative,
+        memory.pointing.unseen_time,
+        line_of_sight_uncertainty.relative_range_sigma(orbit),
+        box.interval,
+    )
+    after = replace(memory, attitude=attitude, attitude_variance=variance, orbit=orbit, gate=gate, health=health)
     return after, innovation
 
 
@@ -197,20 +221,27 @@ def _attitude_variance(vehicle: VehicleModel, estimate: AttitudeEstimate) -> Sca
 
 
 def plan_burn(
-    stages: Stages, params: FlightParams, memory: FlightMemory, pointing: TargetPointing, time: Scalar, dt: float
+    stages: Stages,
+    params: FlightParams,
+    memory: FlightMemory,
+    pointing: TargetPointing,
+    time: Scalar,
+    period: float,
+    dt: float,
 ) -> FlightMemory:
     """Memory with a new burn plan; no burn while the target is lost or dark, or soon after the thruster failed.
 
-    Guidance works every `dt` [s].
+    Burns are `period` [s] apart, and guidance works every `dt` [s].
     """
     lost = attitude_guidance.is_lost(params.pointing, memory.pointing)
     thruster_works = time >= memory.thruster_failed_at + params.formation.thruster_retry
     command_H, R_CN = formation_command(stages, params, memory, time, dt)
+    safe_H = _safe_delta_v(params, memory, pointing, memory.station_keeping.impulse + command_H, period, dt)
     plan = burn_planning.schedule_burn(
         params.formation,
         params.pointing,
         params.vehicle,
-        apply_transposed(R_CN, memory.station_keeping.impulse + command_H),
+        apply_transposed(R_CN, safe_H),
         memory.orbit,
         pointing.q_BN,
         pointing.visible & thruster_works & ~lost,
@@ -218,6 +249,32 @@ def plan_burn(
         dt,
     )
     return replace(memory, plan=plan)
+
+
+def _safe_delta_v(
+    params: FlightParams, memory: FlightMemory, pointing: TargetPointing, wanted_H: Vector, period: float, dt: float
+) -> Vector:
+    """Velocity change [m/s] of the next burn: that of the law, a stop before darkness, or one that comes less near."""
+    formation, orbit = params.formation, memory.orbit
+    deviation, _ = burn_planning.deviation_at_burn(formation, memory.station_keeping, orbit)
+    station = jnp.concatenate([formation.desired_position, memory.station_keeping.arrival_velocity])
+    r_TN_N, v_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N, orbit.servicer.v_SN_N + orbit.relative.v_TS_N
+    n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
+    stays_visible = target_visibility.is_visible_after(
+        params.vehicle, orbit, pointing.sun_N, n * (formation.lead + _BURNS_BEFORE_DARKNESS * period)
+    )
+    return approach_inhibition.inhibit(
+        params.health.clearance,
+        formation.desired_position,
+        deviation + station,
+        line_of_sight_uncertainty.relative_range_sigma(orbit) * gradient_safe.norm(orbit.relative.r_TS_N),
+        wanted_H,
+        burn_planning.certain_delta_v(params.pointing, params.vehicle, dt),
+        memory.health.confident,
+        stays_visible,
+        n,
+        period,
+    )
 
 
 def formation_command(
@@ -251,7 +308,8 @@ def guide(
     pointing, mode = attitude_guidance.guide(
         params.pointing, params.vehicle, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt
     )
-    return replace(memory, plan=plan, pointing=pointing), mode
+    orbit = replace(memory.orbit, relative=relative_orbit_ekf.widen(memory.orbit.relative, pointing.search_failed))
+    return replace(memory, plan=plan, pointing=pointing, orbit=orbit), mode
 
 
 def control_attitude(
@@ -343,6 +401,10 @@ def command_camera(
         time=time,
     )
     return replace(memory, camera=command)
+
+
+_BURNS_BEFORE_DARKNESS = 3.0
+"""Burns before the target is out of sight that stop the relative motion: a single one may be too weak [-]."""
 
 
 _FAILED_THRUST_RATIO = 0.3

@@ -21,6 +21,7 @@ from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.navigation.attitude_ekf import AttitudeFilterTuning
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation_health import HealthTuning
 from rpojax.flight.vehicle_model import VehicleModel
 from rpojax.physics import equipment_faults
 from rpojax.physics.environment.drag import Atmosphere
@@ -138,6 +139,7 @@ _SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
     "formation": (("flight", "formation"), FormationTuning),
     "pointing": (("flight", "pointing"), PointingTuning),
     "attitude_control": (("flight", "attitude_control"), AttitudeControlTuning),
+    "health": (("flight", "health"), HealthTuning),
     "limits": (("limits",), Limits),
 }
 """Attribute path in `Params` and class of the record, by section of a scenario file."""
@@ -158,7 +160,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         vehicle=_nominal_vehicle(plant, records["camera"], width_px, height_px),
         **{
             name: records[name]
-            for name in ("navigation", "attitude_filter", "formation", "pointing", "attitude_control")
+            for name in ("navigation", "attitude_filter", "formation", "pointing", "attitude_control", "health")
         },
     )
     rest = ("orbit", "initial", "gps", "star_tracker", "gyro", "camera", "imaging", "limits")

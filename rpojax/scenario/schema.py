@@ -18,6 +18,7 @@ from rpojax.scenario.sections import (
     FormationSection,
     GpsSection,
     GyroSection,
+    HealthSection,
     ImagingSection,
     InitialSection,
     LimitsSection,
@@ -90,6 +91,7 @@ class ScenarioFile(AdditionalSensors):
     formation: FormationSection
     pointing: PointingSection
     attitude_control: AttitudeControlSection
+    health: HealthSection
     limits: LimitsSection
     safety: SafetySection = SafetySection()
     fault: FaultSection

@@ -322,6 +322,19 @@ class AttitudeControlSection(Section):
     damping: Positive
 
 
+class HealthSection(Section):
+    """Tests of the orbit filter on board, and what follows from a loss of confidence."""
+
+    time_constant_s: Positive
+    alarm_sigma: Positive
+    contradiction_limit: Positive
+    size_limit: Positive
+    unseen_limit_s: Positive
+    range_limit: Positive
+    regain: Annotated[float, Field(gt=0.0, le=1.0, allow_inf_nan=False)]
+    clearance: Annotated[float, Field(ge=0.0, lt=1.0, allow_inf_nan=False)]
+
+
 class LimitsSection(Section):
     """Limits of which the outcome of a run depends; entering the keep-out sphere ends it."""
 

@@ -190,6 +190,8 @@ _NAVIGATION: Final[ChannelFunctions] = {
     "nees_relative": lambda tick: tick.relative_density[0],
     "gps_innovation_sigmas": lambda tick: tick.innovation_sigmas[:3],
     "box_innovation_sigmas": lambda tick: tick.innovation_sigmas[3:],
+    "nav_confident": lambda tick: tick.telemetry.flight.health.confident,
+    "health_ratios": lambda tick: tick.telemetry.flight.health.ratios,
 }
 _CAMERA: Final[ChannelFunctions] = {
     "box_present": lambda tick: tick.telemetry.frame.box.present,

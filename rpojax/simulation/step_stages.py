@@ -89,11 +89,14 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
 
     The number of the tick is equal for all runs of a batch, so that the branch stays one under `vmap`.
     """
-    flight = loop.params.flight
+    flight, scenario = loop.params.flight, loop.scenario
 
     def decide(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError]:
         error = draw_burn_error(loop.params.plant.thruster, tick.noise.burn)
-        return computer.plan_burn(loop.stages, flight, memory, pointing, tick.time, loop.scenario.tick_s).plan, error
+        plan = computer.plan_burn(
+            loop.stages, flight, memory, pointing, tick.time, scenario.formation_period_s, scenario.tick_s
+        ).plan
+        return plan, error
 
     def keep(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError]:
         return memory.plan, tick.burn_error

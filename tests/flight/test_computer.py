@@ -45,7 +45,7 @@ def plan_burn(
     stages: Stages, flight: FlightParams, memory: FlightMemory, sun_N: jax.Array, time: jax.Array
 ) -> FlightMemory:
     sight = target_pointing.point_at_target(flight.vehicle, memory.orbit, sun_N)
-    return computer.plan_burn(stages, flight, memory, sight, time, 1.0)
+    return computer.plan_burn(stages, flight, memory, sight, time, 200.0, 1.0)
 
 
 @pytest.fixture(scope="module")

@@ -170,7 +170,10 @@ def box_update(x: jax.Array, flight: FlightParams, q_KN: jax.Array, box: BoxMeas
     measured = replace(box, tangent=box.tangent + 0.1 * x[3:5], log_size=box.log_size + x[5])
     tuning = replace(flight.navigation, edge_noise=1.0 + x[6], scale_sigma=flight.navigation.scale_sigma + 0.1 * x[7:])
     track = replace(
-        outlier_gate.initial(), direction_N=jnp.asarray(unit(rendezvous_scene.TARGET_AHEAD)), age=jnp.ones(())
+        outlier_gate.initial(),
+        direction_N=jnp.asarray(unit(rendezvous_scene.TARGET_AHEAD)),
+        truncated=jnp.asarray(True),
+        age=jnp.ones(()),
     )
     after, _, result, _, _ = relative_orbit_ekf.update(
         tuning, True, flight.vehicle.focal_px, moved, track, q_KN, measured

@@ -34,6 +34,7 @@ class PointingState:
         recent_detections: () evidence of accepted boxes, fading while the target should be seen and is not [s]
         unseen_time: () since the last accepted box, planned look-aways and darkness left out [s]
         search_time: () along the search spiral; 0 when not searching [s]
+        search_failed: () bool, all directions of the uncertainty have been searched in this tick without success
     """
 
     reference: SlewReference
@@ -42,6 +43,7 @@ class PointingState:
     recent_detections: Array
     unseen_time: Array
     search_time: Array
+    search_failed: Array
 
 
 def initial_pointing(vehicle: VehicleModel, estimate: OrbitEstimate) -> PointingState:
@@ -59,6 +61,7 @@ def initial_pointing(vehicle: VehicleModel, estimate: OrbitEstimate) -> Pointing
         recent_detections=zero,
         unseen_time=zero,
         search_time=zero,
+        search_failed=never,
     )
 
 
@@ -67,7 +70,7 @@ def is_lost(pointing: PointingTuning, state: PointingState) -> Flag:
     return (
         (state.unseen_time > pointing.search_after)
         | ~state.acquired
-        | (state.recent_detections < target_acquisition.ACQUISITION_EVIDENCE)
+        | (state.recent_detections < target_acquisition.LOSS_EVIDENCE)
     )
 
 
@@ -101,8 +104,11 @@ def guide(
     )
     searching = (acquisition.unseen_time > acquisition.wait) & ~to_burn
     pace = search_spiral.spiral_pace(dt)
-    advanced = search_spiral.wrap_spiral_time(pointing, estimate, state.search_time + pace * dt)
-    search_time = jnp.where(searching, advanced, 0.0)
+    # A restarted spiral waits for the slew to its middle, or nobody would look there.
+    advance = jnp.where((state.search_time > 0.0) & _is_slewing_back(state), 0.0, pace * dt)
+    duration = search_spiral.spiral_duration(pointing, estimate)
+    ends = searching & (state.search_time + advance > duration)
+    search_time = jnp.where(searching, jnp.where(ends, 1.0, state.search_time + advance), 0.0)
 
     q_target, omega_target = _target_attitude(pointing, vehicle, estimate, searching, search_time, pace)
     q_end = jnp.where(to_burn, plan.q_burn, q_target)
@@ -116,6 +122,7 @@ def guide(
         recent_detections=acquisition.recent_detections,
         unseen_time=acquisition.unseen_time,
         search_time=search_time,
+        search_failed=ends & search_spiral.covers_uncertainty(pointing, estimate),
     )
     return after, _pointing_mode(pointing, plan, reference, to_burn, searching, time)
 
@@ -139,12 +146,12 @@ def _target_attitude(
 ) -> tuple[Float[Array, "4"], Vector]:
     """Attitude `q_BN` towards the estimated target, or on the search spiral around it, and its rate [rad/s] in B."""
     q_look, omega_look = look_attitude(vehicle, estimate)
-    offset_K, offset_rate_K = search_spiral.spiral_offset(pointing, search_time)
+    offset_K, rate_K = search_spiral.spiral_offset(pointing, search_time)
     q_BK = quaternion.conjugate(quaternion.normalize(vehicle.camera_mounting))
-    q_search = quaternion.multiply(quaternion.exp(-rotate(q_BK, offset_K)), q_look)
-    q_target = jnp.where(searching, q_search, q_look)
-    omega_target = omega_look + jnp.where(searching, rotate(q_BK, pace * offset_rate_K), 0.0)
-    return q_target, omega_target
+    q_search = quaternion.exp(-rotate(q_BK, offset_K))
+    omega_search = rotate(q_search, omega_look) + rotate(q_BK, pace * rate_K)
+    q_target = jnp.where(searching, quaternion.multiply(q_search, q_look), q_look)
+    return q_target, jnp.where(searching, omega_search, omega_look)
 
 
 def _pointing_mode(

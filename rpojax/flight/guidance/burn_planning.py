@@ -1,5 +1,7 @@
 """Burn planning: times of turn, ignition and cut-off, burn attitude, and inhibition of thrust."""
 
+import math
+
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -88,6 +90,12 @@ def schedule_burn(
         delta_v_N=on_time * vehicle.thrust / vehicle.mass * direction_N,
         q_burn=quaternion.multiply(q_look, quaternion.exp(-turn_N)),
     )
+
+
+def certain_delta_v(pointing: PointingTuning, vehicle: VehicleModel, dt: float) -> Scalar:
+    """Velocity change [m/s] of the longest burn in any direction: between two turns by half a circle."""
+    half_turn = slew_duration(pointing, jnp.full_like(vehicle.mass, math.pi))
+    return _longest_on_time(pointing, half_turn, dt) * vehicle.thrust / vehicle.mass
 
 
 def largest_delta_v(

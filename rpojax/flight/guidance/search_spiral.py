@@ -3,7 +3,7 @@
 import math
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from rpojax.core.numerics.trigonometric_series import cos_sin
 from rpojax.flight.guidance.line_of_sight_uncertainty import bearing_sigma
@@ -14,11 +14,19 @@ Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
 
 
-def wrap_spiral_time(pointing: PointingTuning, estimate: OrbitEstimate, time: Scalar) -> Scalar:
-    """Time along the spiral [s], restarted once the spiral has left the projected uncertainty."""
-    radius = jnp.minimum(pointing.search_sigmas * bearing_sigma(estimate), pointing.search_radius_max)
-    duration = jnp.maximum(radius * jnp.sqrt(radius) / _spiral_growth(pointing), 10.0)
-    return jnp.where(time > duration, 1.0, time)
+def spiral_duration(pointing: PointingTuning, estimate: OrbitEstimate) -> Scalar:
+    """Time along the spiral [s] at which it has left the projected uncertainty and restarts."""
+    radius = jnp.minimum(_uncertainty_radius(pointing, estimate), pointing.search_radius_max)
+    return jnp.maximum(radius * jnp.sqrt(radius) / _spiral_growth(pointing), 10.0)
+
+
+def covers_uncertainty(pointing: PointingTuning, estimate: OrbitEstimate) -> Bool[Array, ""]:
+    """True if the spiral covers all directions that the projected uncertainty allows."""
+    return _uncertainty_radius(pointing, estimate) < pointing.search_radius_max
+
+
+def _uncertainty_radius(pointing: PointingTuning, estimate: OrbitEstimate) -> Scalar:
+    return pointing.search_sigmas * bearing_sigma(estimate)
 
 
 def spiral_pace(dt: float) -> float:
@@ -30,7 +38,7 @@ def spiral_pace(dt: float) -> float:
 
 
 def spiral_offset(pointing: PointingTuning, time: Scalar) -> tuple[Vector, Vector]:
-    """Rotation vector of the camera [rad] and its rate [rad/s] at a time along the spiral [s], at the pace 1."""
+    """Rotation vector of the camera [rad] and angular velocity [rad/s] at a time along the spiral [s], at pace 1."""
     growth = _spiral_growth(pointing)
     # The first second is left out: there the spiral's radius would start at an infinite rate.
     volume = growth * (time + 1.0)
@@ -40,7 +48,11 @@ def spiral_offset(pointing: PointingTuning, time: Scalar) -> tuple[Vector, Vecto
     c, s = cos_sin(radians_per_radius * radius)
     none = jnp.zeros_like(radius)
     outward, around = jnp.stack([c, s, none]), jnp.stack([-s, c, none])
-    return radius * outward, radius_rate * (outward + radians_per_radius * radius * around)
+    # It is not the derivative of the rotation vector: Shuster, A Survey of Attitude Representations, 1993.
+    c, s = cos_sin(radius)
+    axial = jnp.array([0.0, 0.0, 1.0], dtype=radius.dtype)
+    turning = s * around - (1.0 - c) * axial
+    return radius * outward, radius_rate * (outward + radians_per_radius * turning)
 
 
 def _spiral_growth(pointing: PointingTuning) -> Scalar:

@@ -72,6 +72,10 @@ ACQUISITION_EVIDENCE = 2.5
 """Evidence above which the target is seen: false boxes come once in twenty frames and rarely agree [s]."""
 
 
+LOSS_EVIDENCE = 0.5
+"""Evidence below which an acquired target is out of sight; a detector that misses two of three boxes has more [s]."""
+
+
 _FRAMES_TO_WAIT = 2.5
 """Intervals of the camera that a search waits at least: three frames without a box [-]."""
 

@@ -43,12 +43,15 @@ class TargetPointing:
     Attributes:
         q_BN: (4,) look attitude
         visible: () bool
+        sun_N: (3,) position of the Sun [m]
     """
 
     q_BN: Array
     visible: Array
+    sun_N: Array
 
 
 def point_at_target(vehicle: VehicleModel, estimate: OrbitEstimate, sun_N: Vector) -> TargetPointing:
     """Target pointing with the Sun at `sun_N` [m]."""
-    return TargetPointing(q_BN=look_attitude(vehicle, estimate)[0], visible=is_visible(vehicle, estimate, sun_N))
+    visible = is_visible(vehicle, estimate, sun_N)
+    return TargetPointing(q_BN=look_attitude(vehicle, estimate)[0], visible=visible, sun_N=sun_N)

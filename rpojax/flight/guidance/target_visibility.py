@@ -5,12 +5,16 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from rpojax.core.numerics.gradient_safe import normalize
+from rpojax.core.numerics.trigonometric_series import cos_sin
 from rpojax.core.orbits import camera_visibility
+from rpojax.core.vectors import cross
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.vehicle_model import VehicleModel
 
 Vector = Float[Array, "3"]
 Flag = Bool[Array, ""]
+Scalar = Float[Array, ""]
 
 
 def is_visible(vehicle: VehicleModel, estimate: OrbitEstimate, sun_N: Vector, tolerance: float = 0.0) -> Flag:
@@ -23,6 +27,19 @@ def is_visible(vehicle: VehicleModel, estimate: OrbitEstimate, sun_N: Vector, to
     phase = jnp.minimum(vehicle.phase_limit + tolerance, math.pi)
     exclusion = jnp.maximum(vehicle.sun_exclusion - tolerance, 0.0)
     return camera_visibility.is_observable(r_TN_N, -estimate.relative.r_TS_N, sun_N, phase, exclusion)
+
+
+def is_visible_after(vehicle: VehicleModel, estimate: OrbitEstimate, sun_N: Vector, angle: Scalar) -> Flag:
+    """Whether the target should be visible when the orbit has turned by `angle` [rad], with the same motion in H."""
+    servicer, relative = estimate.servicer, estimate.relative
+    normal = normalize(cross(servicer.r_SN_N, servicer.v_SN_N))
+    c, s = cos_sin(angle)
+
+    def turned(vector: Vector) -> Vector:
+        return c * vector + s * cross(normal, vector) + (1.0 - c) * jnp.sum(normal * vector, axis=0) * normal
+
+    r_TN_N, r_ST_N = turned(servicer.r_SN_N + relative.r_TS_N), turned(-relative.r_TS_N)
+    return camera_visibility.is_observable(r_TN_N, r_ST_N, sun_N, vehicle.phase_limit, vehicle.sun_exclusion)
 
 
 VISIBILITY_TOLERANCE = math.radians(10.0)

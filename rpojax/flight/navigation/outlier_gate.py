@@ -27,6 +27,10 @@ _LEAST_CONFIRMATION_TIME = 1.0
 """Two boxes may differ by as much as two that are this long apart, since each has its own noise [s]."""
 
 
+_SIZE_AGREEMENT = 0.5
+"""Difference of the log-sizes of two boxes that confirm each other: edge noise, and the tumble in between [-]."""
+
+
 _ROUNDING = 1e-3
 """Rounding of a sum of intervals, more than that of single precision [s]."""
 
@@ -37,12 +41,20 @@ class GateState:
 
     Attributes:
         direction_N: (3,) unit vector of the last box
+        log_size: () of the last box [-]
+        truncated: () bool, the frame cut it
         age: () from that box to the next frame [s]
+        contradicted: () bool, the last box was rejected although the one before confirms it
+        recovered: () bool, the covariance is inflated after the last box
         rejections: () evidence of the boxes rejected since the last accepted one, fading while there is no box [s]
     """
 
     direction_N: Array
+    log_size: Array
+    truncated: Array
     age: Array
+    contradicted: Array
+    recovered: Array
     rejections: Array
 
 
@@ -53,17 +65,23 @@ class GateDecision:
     Attributes:
         accepted: () bool
         weight: () 1 if it is accepted, else 0, with the derivative of a smooth gate
+        confirmed: () bool, a recent box agrees with it
     """
 
     accepted: Array
     weight: Array
+    confirmed: Array
 
 
 def initial() -> GateState:
     """State before the first frame."""
     return GateState(
         direction_N=jnp.array([0.0, 0.0, 1.0], dtype=jnp.float64),
+        log_size=jnp.zeros((), dtype=jnp.float64),
+        truncated=jnp.zeros((), dtype=bool),
         age=jnp.full((), 1e6, dtype=jnp.float64),
+        contradicted=jnp.zeros((), dtype=bool),
+        recovered=jnp.zeros((), dtype=bool),
         rejections=jnp.zeros((), dtype=jnp.float64),
     )
 
@@ -92,28 +110,35 @@ def accept(
     inside = gradient_safe.gate(tuning.gate_sigma**2 - worst, jnp.asarray(_GATE_WIDTH, dtype=worst.dtype))
     confirmed = _is_confirmed(tuning, focal_px, R_KN, state, box)
     allowed = box.present & possible & (confirmed | ~prior_is_wide)
-    return GateDecision(accepted=allowed & (inside > 0.5), weight=jnp.where(allowed, inside, 0.0))
+    return GateDecision(accepted=allowed & (inside > 0.5), weight=jnp.where(allowed, inside, 0.0), confirmed=confirmed)
 
 
 def _is_confirmed(
     tuning: OrbitFilterTuning, focal_px: Scalar, R_KN: Matrix, state: GateState, box: BoxMeasurement
 ) -> Bool[Array, ""]:
-    """True if a box of the last few seconds, or of the frame before, had nearly the same inertial direction."""
+    """True if a box of the last few seconds, or of the frame before, had nearly the same direction in N and size."""
     before = apply(R_KN, state.direction_N)
     depth = jnp.where(before[2] > 0.1, before[2], 0.1)
     apart = jnp.max(jnp.abs(before[:2] / depth - box.tangent), axis=0)
     # Half an interval is more than the rounding of an age, and less than a frame.
     recent = state.age <= jnp.maximum(tuning.confirm_within, box.interval) + 0.5 * box.interval
     time_apart = jnp.clip(state.age, _LEAST_CONFIRMATION_TIME, tuning.confirm_within)
-    return recent & (apart * focal_px < tuning.confirm_tolerance * time_apart) & (before[2] > 0.1)
+    alike = (jnp.abs(box.log_size - state.log_size) < _SIZE_AGREEMENT) | box.truncated | state.truncated
+    return recent & alike & (apart * focal_px < tuning.confirm_tolerance * time_apart) & (before[2] > 0.1)
 
 
 def update(
-    tuning: OrbitFilterTuning, state: GateState, q_KN: Float[Array, "4"], box: BoxMeasurement, rejected: Bool[Array, ""]
+    tuning: OrbitFilterTuning,
+    state: GateState,
+    q_KN: Float[Array, "4"],
+    box: BoxMeasurement,
+    rejected: Bool[Array, ""],
+    confirmed: Bool[Array, ""],
 ) -> tuple[GateState, Bool[Array, ""]]:
     """State after a frame, and whether boxes were rejected for so long that the covariance should be inflated.
 
-    In frames without a box the evidence of rejections decays, so that isolated false boxes do not add up.
+    The box, if there is one, was `rejected` or not, and is `confirmed` by another or not. In frames without a box the
+    evidence of rejections decays, so that isolated false boxes do not add up.
     """
     ray_K = jnp.concatenate([box.tangent, jnp.ones_like(box.tangent[:1])])
     direction_N = quaternion.rotate(quaternion.conjugate(q_KN), gradient_safe.normalize(ray_K))
@@ -122,7 +147,11 @@ def update(
     recover = evidence >= tuning.recovery_after - _ROUNDING
     after = GateState(
         direction_N=jnp.where(box.present, direction_N, state.direction_N),
+        log_size=jnp.where(box.present, box.log_size, state.log_size),
+        truncated=jnp.where(box.present, box.truncated, state.truncated),
         age=jnp.where(box.present, box.interval, state.age + box.interval),
+        contradicted=rejected & confirmed,
+        recovered=recover,
         rejections=jnp.where(recover, 0.0, evidence),
     )
     return after, recover

@@ -18,6 +18,7 @@ from rpojax.core.pytree import pytree, replace
 from rpojax.core.vectors import apply
 from rpojax.flight.navigation import (
     box_measurement_model,
+    box_position,
     detection_model,
     orbit_covariance,
     outlier_gate,
@@ -146,7 +147,11 @@ class _PriorBox:
     """Box by the prior estimate, compared with the measured one.
 
     Attributes:
-        model: linearised at the prior position
+        predicted: (3,) tangents and log-size at the prior position
+        reference: (3,) position at which the box is linearised: the prior one, or that of the box itself if the prior
+            range is too uncertain [m]
+        model: linearised there
+        residual: (3,) measured less predicted, of tangents and log-size
         slow_errors: (3,) estimated errors of tangents and log-size
         measured: (3,) tangents and log-size less these
         process_variance: (12,) of the attitude drift since the last frame
@@ -154,10 +159,14 @@ class _PriorBox:
         variance: (3,) part of it that comes from the state
         untruncated_variance: () of a tangent by a box that the frame does not cut
         is_wide: () bool, the prior bearing is much less certain than a box
+        range_is_wide: () bool, the prior range is, too, and the box shows the whole target
         in_front: () bool, the target is predicted well in front of the camera
     """
 
+    predicted: Array
+    reference: Array
     model: LinearisedBox
+    residual: Array
     slow_errors: Array
     measured: Array
     process_variance: Array
@@ -165,6 +174,7 @@ class _PriorBox:
     variance: Array
     untruncated_variance: Array
     is_wide: Array
+    range_is_wide: Array
     in_front: Array
 
 
@@ -185,7 +195,8 @@ def update(
     prior = _prior_box(tuning, focal_px, R_KN, estimate, box)
     decision = _decide(tuning, gated, focal_px, R_KN, gate, prior, box)
     model, rows = _measurement_rows(tuning, focal_px, R_KN, estimate, prior, box, decision)
-    gate, recover = outlier_gate.update(tuning, gate, q_KN, box, box.present & ~decision.accepted)
+    rejected = box.present & ~decision.accepted
+    gate, recover = outlier_gate.update(tuning, gate, q_KN, box, rejected, decision.confirmed)
     jacobian_times_covariance = _jacobian_times_covariance(estimate.covariance, model)
     result = kalman_update.update(
         estimate.covariance,
@@ -204,17 +215,25 @@ def _prior_box(
     """Box by the prior estimate, compared with the measured one."""
     # Without stars the attitude error is a slow drift, not white noise; it adds to the bearing bias.
     process_variance = jnp.pad(jnp.full(2, box.attitude_variance_change), (8, 2))
-    model = linearise_box(tuning, focal_px, R_KN, estimate.r_TS_N, box)
-    bearing_error = estimate.bearing_bias + model.inverse_depth * estimate.center_offset
+    r_TS_N = estimate.r_TS_N
+    at_prior = linearise_box(tuning, focal_px, R_KN, r_TS_N, box)
+    bearing_error = estimate.bearing_bias + at_prior.inverse_depth * estimate.center_offset
     slow_errors = jnp.concatenate([bearing_error, jnp.sum(estimate.scale, axis=0)[None]])
     measured = jnp.concatenate([box.tangent, box.log_size[None]]) - slow_errors
+    whole = box.present & ~box.truncated
+    range_is_wide = whole & box_position.is_range_wide(r_TS_N, estimate.covariance[:3, :3])
+    reference = jnp.where(range_is_wide, box_position.position_by_box(R_KN, tuning.target_size, measured), r_TS_N)
+    model = linearise_box(tuning, focal_px, R_KN, reference, box)
     innovation_variance = _innovation_variance(estimate.covariance, process_variance, model)
     variance = innovation_variance - model.variance
     # Compared with an untruncated box: the large noise of a truncated one would make any prior look certain enough.
     untruncated_variance = box_measurement_model.untruncated_bearing_variance(tuning, focal_px)
     is_wide = jnp.any(variance[:2] > tuning.confirm_above**2 * untruncated_variance, axis=0)
     return _PriorBox(
+        predicted=at_prior.predicted,
+        reference=reference,
         model=model,
+        residual=measured - model.predicted - apply(model.position_jacobian, r_TS_N - reference),
         slow_errors=slow_errors,
         measured=measured,
         process_variance=process_variance,
@@ -222,6 +241,7 @@ def _prior_box(
         variance=variance,
         untruncated_variance=untruncated_variance,
         is_wide=is_wide,
+        range_is_wide=range_is_wide,
         in_front=box_measurement_model.is_in_front(R_KN, estimate.r_TS_N),
     )
 
@@ -237,13 +257,14 @@ def _decide(
 ) -> GateDecision:
     """Whether the box is used; without a gate every box is."""
     if not gated:
-        return GateDecision(accepted=box.present, weight=jnp.where(box.present, 1.0, 0.0))
-    possible = prior.in_front & (
+        return GateDecision(
+            accepted=box.present, weight=jnp.where(box.present, 1.0, 0.0), confirmed=jnp.zeros_like(box.present)
+        )
+    possible = (prior.in_front | prior.range_is_wide) & (
         ~box.truncated | box_measurement_model.may_be_truncated(tuning, prior.model, prior.variance, box)
     )
-    residual = prior.measured - prior.model.predicted
     return outlier_gate.accept(
-        tuning, focal_px, R_KN, gate, box, residual, prior.innovation_variance, prior.is_wide, possible
+        tuning, focal_px, R_KN, gate, box, prior.residual, prior.innovation_variance, prior.is_wide, possible
     )
 
 
@@ -260,7 +281,7 @@ def _measurement_rows(
     # Linearising at the posterior lets the noise of a box rotate its own Jacobian, which biases the range by decimetres
     # per hour; so only while the prior is much wider than the box, where linearising at the prior would be worse.
     iterated = _iterated_position(tuning, focal_px, R_KN, estimate, box, prior.measured)
-    linearisation_point = jnp.where(prior.is_wide, iterated, estimate.r_TS_N)
+    linearisation_point = jnp.where(prior.is_wide & ~prior.range_is_wide, iterated, prior.reference)
     model = linearise_box(tuning, focal_px, R_KN, linearisation_point, box)
     residual = prior.measured - model.predicted - apply(model.position_jacobian, estimate.r_TS_N - linearisation_point)
     size = _size_row(tuning, focal_px, prior, box, decision, residual[2], model.variance[2])
@@ -334,7 +355,7 @@ def _expected_box(prior: _PriorBox, box: BoxMeasurement) -> ExpectedBox:
     untruncated = jnp.stack([prior.untruncated_variance, prior.untruncated_variance, prior.model.variance[2]])
     noise = jnp.where(box.present, prior.model.variance, untruncated)
     return ExpectedBox(
-        values=prior.model.predicted + prior.slow_errors, variance=prior.variance + noise, in_front=prior.in_front
+        values=prior.predicted + prior.slow_errors, variance=prior.variance + noise, in_front=prior.in_front
     )
 
 
@@ -393,6 +414,17 @@ def _iterated_position(
         solved = jnp.stack([c * residual[0] - b * residual[1], a * residual[1] - b * residual[0]]) / (a * c - b * b)
         point = estimate.r_TS_N + jnp.sum(PG * solved[None, :], axis=1)
     return point
+
+
+def widen(estimate: RelativeEstimate, search_failed: Bool[Array, ""]) -> RelativeEstimate:
+    """Estimate with twice the variance of position and velocity if the target is not where it should be."""
+    factor = jnp.where(search_failed, jnp.sqrt(_WIDENING), 1.0)
+    factors = jnp.concatenate([jnp.full(6, factor), jnp.ones(6, dtype=factor.dtype)])
+    return replace(estimate, covariance=estimate.covariance * (factors[:, None] * factors[None, :]))
+
+
+_WIDENING = 2.0
+"""Factor on the variance of position and velocity after a search of all directions that they allow."""
 
 
 def _recovery_variance(tuning: OrbitFilterTuning, r_TS_N: Vector, recover: Bool[Array, ""]) -> Float[Array, "12"]:

@@ -41,4 +41,8 @@ def _finiteness_witnesses(state: State) -> tuple[object, ...]:
     flight = state.flight
     estimates = (flight.orbit.servicer, flight.orbit.relative, flight.attitude)
     traces = [sum(each.covariance[i, i] for i in range(each.covariance.shape[0])) for each in estimates]
-    return state.truth, *(replace(each, covariance=trace) for each, trace in zip(estimates, traces, strict=True))
+    return (
+        state.truth,
+        flight.plan,
+        *(replace(each, covariance=trace) for each, trace in zip(estimates, traces, strict=True)),
+    )

@@ -34,9 +34,9 @@ def test_the_count_of_detections_decays_by_a_fifth_with_every_frame_without_a_bo
     np.testing.assert_allclose(state.recent_detections, 4.0 * 0.8**2, rtol=1e-12)
     full = look(flight, known, 15 * "x")
     assert full.recent_detections == 10.0
-    # From ten sightings on the target is faded after the seventh empty frame, long before a search begins.
-    assert not bool(attitude_guidance.is_lost(flight.pointing, look(flight, known, 6 * ".", full)))
-    faded = look(flight, known, 7 * ".", full)
+    # From ten sightings on the target is out of sight after the fourteenth empty frame, long before a search begins.
+    assert not bool(attitude_guidance.is_lost(flight.pointing, look(flight, known, 13 * ".", full)))
+    faded = look(flight, known, 14 * ".", full)
     assert bool(attitude_guidance.is_lost(flight.pointing, faded))
     assert bool(faded.acquired)
     assert faded.search_time == 0.0

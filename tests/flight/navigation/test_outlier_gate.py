@@ -107,9 +107,30 @@ def test_a_box_is_confirmed_by_one_five_pixels_a_second_away_within_three_second
     tuning: OrbitFilterTuning, pixels: float, age: float, interval: float, accepted: bool
 ) -> None:
     before = unit(np.array([pixels / float(FOCAL), 0.0, 1.0]))
-    state = replace(outlier_gate.initial(), direction_N=jnp.asarray(before), age=jnp.float64(age))
+    state = replace(
+        outlier_gate.initial(),
+        direction_N=jnp.asarray(before),
+        log_size=box().log_size,
+        age=jnp.float64(age),
+    )
     measured = box(interval=interval)
     assert decide(tuning, [0.0, 0.0, 0.0], state, measured, wide=YES) is accepted
+
+
+@pytest.mark.parametrize(
+    ("log_size", "truncated", "accepted"), [(-3.4, NO, True), (-2.6, NO, True), (-3.6, NO, False), (-3.6, YES, True)]
+)
+def test_a_box_of_another_size_confirms_nothing_unless_the_frame_cuts_it(
+    tuning: OrbitFilterTuning, log_size: float, truncated: jax.Array, accepted: bool
+) -> None:
+    state = replace(outlier_gate.initial(), log_size=jnp.float64(log_size), truncated=truncated, age=jnp.float64(1.0))
+    assert decide(tuning, [0.0, 0.0, 0.0], state, wide=YES) is accepted
+
+
+def test_a_rejected_box_that_another_confirms_is_a_contradiction(tuning: OrbitFilterTuning) -> None:
+    for rejected, confirmed in ((YES, YES), (YES, NO), (NO, YES)):
+        state, _ = update(tuning, outlier_gate.initial(), IDENTITY, box(), rejected, confirmed)
+        assert bool(state.contradicted) is bool(rejected & confirmed)
 
 
 def test_a_box_behind_the_camera_confirms_nothing(tuning: OrbitFilterTuning) -> None:
@@ -132,10 +153,10 @@ def test_the_state_keeps_direction_and_age_of_the_last_box(
     tuning: OrbitFilterTuning,
 ) -> None:
     q_KN = axis_angle_quaternion([0.0, 1.0, 0.0], -np.pi / 2)  # the camera looks along x of N
-    state, _ = update(tuning, outlier_gate.initial(), q_KN, box(0.1, 0.0), NO)
+    state, _ = update(tuning, outlier_gate.initial(), q_KN, box(0.1, 0.0), NO, NO)
     np.testing.assert_allclose(state.direction_N, unit(np.array([1.0, 0.0, -0.1])), atol=1e-15)
     assert state.age == 1.0
-    later, _ = update(tuning, state, IDENTITY, box(present=NO), NO)
+    later, _ = update(tuning, state, IDENTITY, box(present=NO), NO, NO)
     np.testing.assert_array_equal(later.direction_N, state.direction_N)
     assert later.age == 2.0
 
@@ -145,7 +166,7 @@ def test_the_sixth_rejection_in_a_row_triggers_recovery_and_resets_the_count(
 ) -> None:
     state, recoveries, counts = outlier_gate.initial(), [], []
     for rejected in (YES, YES, NO, YES, YES, YES, YES, YES, YES, YES):
-        state, recover = update(tuning, state, IDENTITY, box(), rejected)
+        state, recover = update(tuning, state, IDENTITY, box(), rejected, NO)
         recoveries.append(bool(recover))
         counts.append(float(state.rejections))
     assert counts == [1, 2, 0, 1, 2, 3, 4, 5, 0, 1]
@@ -158,7 +179,7 @@ def test_recovery_takes_six_seconds_of_rejected_boxes_and_six_boxes_of_a_slow_ca
 ) -> None:
     state, recoveries = outlier_gate.initial(), []
     for _ in range(frames):
-        state, recover = update(tuning, state, IDENTITY, box(interval=interval), YES)
+        state, recover = update(tuning, state, IDENTITY, box(interval=interval), YES, NO)
         recoveries.append(bool(recover))
     assert recoveries == [False] * (frames - 1) + [True]
 
@@ -168,7 +189,7 @@ def update_all(tuning: OrbitFilterTuning, present: jax.Array) -> tuple[jax.Array
     """Count of rejections and recovery after each frame; every present box is rejected."""
 
     def frame(state: GateState, present: jax.Array) -> tuple[GateState, tuple[jax.Array, jax.Array]]:
-        after, recover = outlier_gate.update(tuning, state, jnp.asarray(IDENTITY), box(present=present), present)
+        after, recover = outlier_gate.update(tuning, state, jnp.asarray(IDENTITY), box(present=present), present, NO)
         return after, (after.rejections, recover)
 
     return jax.lax.scan(frame, outlier_gate.initial(), present)[1]

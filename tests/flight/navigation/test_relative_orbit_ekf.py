@@ -290,9 +290,12 @@ def test_repeated_rejections_inflate_the_covariance_until_the_target_is_accepted
 
 
 def seen_before() -> GateState:
-    """Gate state with a box on the target one frame ago."""
+    """Gate state with a box on the target one frame ago, cut by the frame."""
     return replace(
-        outlier_gate.initial(), direction_N=jnp.asarray(unit(rendezvous_scene.TARGET_AHEAD)), age=jnp.ones(())
+        outlier_gate.initial(),
+        direction_N=jnp.asarray(unit(rendezvous_scene.TARGET_AHEAD)),
+        truncated=jnp.asarray(True),
+        age=jnp.ones(()),
     )
 
 

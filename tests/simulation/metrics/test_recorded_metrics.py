@@ -108,6 +108,7 @@ def test_metrics_without_events_are_undefined(metrics: Callable[[Records], dict[
         "detection_rate",
         "good_boxes_rejected_fraction",
         "time_to_acquire_s",
+        "health_missed_fraction",
         "pointing_error_p95_deg",
         "reacquisition_peak_s",
     }

@@ -184,8 +184,8 @@ class LinearisedLoop:
 
         def burn(command: Array) -> tuple[Array, Array]:
             stages = replace(self.stages, formation_law=lambda: command)
-            dt = self.scenario.tick_s
-            plan = computer.plan_burn(stages, self.params.flight, memory, pointing, time, dt).plan
+            period, dt = self.scenario.formation_period_s, self.scenario.tick_s
+            plan = computer.plan_burn(stages, self.params.flight, memory, pointing, time, period, dt).plan
             turn = plan.ignition - plan.turn_start
             return plan.delta_v_N, jnp.stack([plan.turn_start, plan.cutoff + turn])
 

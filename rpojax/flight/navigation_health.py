@@ -1,0 +1,136 @@
+"""Navigation health: tests of the orbit filter on its own innovations, and confidence in its estimate.
+
+Normalised innovations of a consistent filter are white with unit variance. Their fading means, and those of their
+squares, are compared with quantiles of the normal and the chi-square distribution (Bar-Shalom, Li and Kirubarajan,
+Estimation with Applications to Tracking and Navigation, 2001, section 5.4).
+"""
+
+from typing import Final
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core.numerics import gradient_safe
+from rpojax.core.pytree import pytree
+from rpojax.flight.navigation import box_evidence, shape_errors
+from rpojax.flight.navigation.combined_orbit_filter import Innovation
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.outlier_gate import GateState
+from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
+
+Scalar = Float[Array, ""]
+Flag = Bool[Array, ""]
+
+TESTS: Final = ("gps_variance", "box_variance", "box_bias", "contradictions", "size", "unseen", "range")
+"""Tests by name: variance of the GPS innovations; variance and mean of those of the box; share of boxes that were
+rejected although others confirm them; size error that explains the difference of range by size and by the orbit;
+time in which the target should have been seen and was not; sigma of the range over the range."""
+
+
+@pytree
+class HealthTuning:
+    """Thresholds of the health tests.
+
+    Attributes:
+        time_constant: () of the fading means [s]
+        alarm_sigma: () quantile of an innovation test, as that of a normal distribution [-]
+        contradiction_limit: () share of boxes that were rejected although others confirm them [-]
+        size_limit: () estimated log-size error over its sigma before any measurement [-]
+        unseen_limit: () time without a box in which the target should have been seen [s]
+        range_limit: () 1-sigma of the range over the range [-]
+        regain: () confidence returns when every test is below this fraction of its threshold [-]
+        clearance: () no burn is made towards the target nearer than this fraction of the station's distance [-]
+    """
+
+    time_constant: Array
+    alarm_sigma: Array
+    contradiction_limit: Array
+    size_limit: Array
+    unseen_limit: Array
+    range_limit: Array
+    regain: Array
+    clearance: Array
+
+
+@pytree
+class NavigationHealth:
+    """State of the health tests.
+
+    Attributes:
+        mean: (6,) fading mean of the normalised innovations: GPS x, y, z, bearing right and down, size [-]
+        square: (6,) fading mean of their squares [-]
+        contradicted: () fading share of boxes that were rejected although others confirm them [-]
+        ratios: (7,) statistic over threshold of each of `TESTS` [-]
+        confident: () bool, the tests of the relative estimate, all but that of GPS, have passed
+    """
+
+    mean: Array
+    square: Array
+    contradicted: Array
+    ratios: Array
+    confident: Array
+
+
+def initial() -> NavigationHealth:
+    """Confidence at hand-over, with the expected values of the means."""
+    return NavigationHealth(
+        mean=jnp.zeros(6, dtype=jnp.float64),
+        square=jnp.ones(6, dtype=jnp.float64),
+        contradicted=jnp.zeros((), dtype=jnp.float64),
+        ratios=jnp.zeros(len(TESTS), dtype=jnp.float64),
+        confident=jnp.ones((), dtype=bool),
+    )
+
+
+def update(
+    tuning: HealthTuning,
+    filter_tuning: OrbitFilterTuning,
+    health: NavigationHealth,
+    innovation: Innovation,
+    gate: GateState,
+    estimate: RelativeEstimate,
+    unseen_time: Scalar,
+    range_sigma: Scalar,
+    interval: Scalar,
+) -> NavigationHealth:
+    """Health after the measurements of a tick, `interval` [s] after the one before it, with the `estimate` by them.
+
+    `unseen_time` [s] is the time without a box in which the target should have been seen, `range_sigma` [-] the sigma
+    of the range over the range.
+    """
+    evidence = box_evidence.evidence_time(interval) / tuning.time_constant
+    deviation = innovation.innovation / gradient_safe.sqrt(innovation.variance)
+    fraction = jnp.where(innovation.used, jnp.minimum(evidence, 1.0), 0.0)
+    mean = health.mean + fraction * (jnp.where(innovation.used, deviation, 0.0) - health.mean)
+    square = health.square + fraction * (jnp.where(innovation.used, deviation**2, 1.0) - health.square)
+    boxes = innovation.accepted | innovation.rejected
+    share = jnp.where(boxes, jnp.minimum(evidence, 1.0), 0.0)
+    contradicted = health.contradicted + share * (jnp.where(gate.contradicted, 1.0, 0.0) - health.contradicted)
+    # The gate itself finds that the estimate is wrong.
+    contradicted = jnp.where(gate.recovered & gate.contradicted, 1.0, contradicted)
+    samples = 2.0 / evidence
+    excess_limit = _chi_square_over_dof(tuning.alarm_sigma, samples) - 1.0
+    size_error = jnp.abs(jnp.sum(estimate.scale, axis=0)) / gradient_safe.sqrt(
+        jnp.sum(shape_errors.scale_variance(filter_tuning), axis=0)
+    )
+    ratios = jnp.stack(
+        [
+            (jnp.max(square[:3], axis=0) - 1.0) / excess_limit,
+            (jnp.max(square[3:], axis=0) - 1.0) / excess_limit,
+            jnp.max(jnp.abs(mean[3:]), axis=0) * jnp.sqrt(samples) / tuning.alarm_sigma,
+            contradicted / tuning.contradiction_limit,
+            size_error / tuning.size_limit,
+            unseen_time / tuning.unseen_limit,
+            range_sigma / tuning.range_limit,
+        ]
+    )
+    # The relative state does not depend on GPS.
+    worst = jnp.max(ratios[1:], axis=0)
+    confident = worst < jnp.where(health.confident, 1.0, tuning.regain)
+    return NavigationHealth(mean=mean, square=square, contradicted=contradicted, ratios=ratios, confident=confident)
+
+
+def _chi_square_over_dof(sigma: Scalar, dof: Scalar) -> Scalar:
+    """Quantile of chi-square over its degrees of freedom by that of a normal (Wilson and Hilferty, 1931)."""
+    spread = 2.0 / (9.0 * dof)
+    return (1.0 - spread + sigma * jnp.sqrt(spread)) ** 3

@@ -1,0 +1,85 @@
+"""Approach inhibition: which burns are made, with and without confidence, and what replaces the others."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from numpy_reference import SEEDS
+from scipy.linalg import expm
+
+from rpojax.flight.guidance import approach_inhibition
+
+N = 1.1e-3
+PERIOD = 200.0
+STATION = np.array([0.0, -30.0, 0.0])
+inhibit = jax.jit(approach_inhibition.inhibit, static_argnums=9)
+
+
+def change(
+    state: np.ndarray, wanted: np.ndarray, confident: bool = True, visible: bool = True, sigma: float = 0.5
+) -> np.ndarray:
+    """Velocity change instead of the `wanted` one [m/s]."""
+    return np.asarray(
+        inhibit(
+            np.float64(0.5), STATION, state, np.float64(sigma), wanted, np.float64(1.0), jnp.asarray(confident),
+            jnp.asarray(visible),
+            np.float64(N), PERIOD,
+        )
+    )  # fmt: skip
+
+
+def least_range(state: np.ndarray, delta_v: np.ndarray, duration: float = 2.0 * PERIOD) -> float:
+    """Least range over the free motion after a velocity change, by the matrix exponential of Hill's equations."""
+    A = np.zeros((6, 6))
+    A[:3, 3:] = np.eye(3)
+    A[3, 0], A[3, 4], A[4, 3], A[5, 2] = 3.0 * N**2, 2.0 * N, -2.0 * N, -(N**2)
+    start = state + np.concatenate([np.zeros(3), delta_v])
+    return min(float(np.linalg.norm((expm(A * t) @ start)[:3])) for t in np.linspace(duration / 24, duration, 24))
+
+
+@given(SEEDS)
+def test_with_confidence_a_burn_is_made_as_it_is_wherever_its_free_motion_stays_clear(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    state = np.concatenate([STATION + 8.0 * rng.normal(size=3), 0.02 * rng.normal(size=3)])
+    wanted = 0.02 * rng.normal(size=3)
+    found = change(state, wanted)
+    if least_range(state, wanted) >= 16.0:
+        np.testing.assert_array_equal(found, wanted)
+    else:
+        assert least_range(state, found) >= min(16.0 - 1e-9, least_range(state, wanted))
+
+
+@given(SEEDS)
+def test_without_confidence_no_burn_comes_nearer_where_another_stays_away(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    state = np.concatenate([STATION * rng.uniform(0.4, 2.0) + rng.normal(size=3), 0.01 * rng.normal(size=3)])
+    wanted = 0.05 * rng.normal(size=3)
+    found = change(state, wanted, confident=False)
+    bound = float(np.linalg.norm(state[:3]))
+    assert least_range(state, found) >= min(bound, least_range(state, np.zeros(3))) - 1e-9
+
+
+def test_without_confidence_the_servicer_does_not_approach_and_still_retreats() -> None:
+    far, near = np.array([0.0, -50.0, 0.0, 0.0, 0.0, 0.0]), np.array([0.0, -20.0, 0.0, 0.0, 0.0, 0.0])
+    approach, away = np.array([0.0, 0.05, 0.0]), np.array([0.0, -0.02, 0.0])
+    np.testing.assert_array_equal(change(far, approach), approach)
+    assert least_range(far, change(far, approach, confident=False)) > 49.0
+    assert least_range(far, approach) < 35.0
+    np.testing.assert_array_equal(change(near, away, confident=False), away)
+
+
+def test_the_last_burn_in_the_light_stops_the_drift() -> None:
+    state = np.array([3.0, -35.0, 1.0, 0.01, 0.02, -0.005])
+    found = change(state, np.array([0.0, 0.05, 0.0]), visible=False)
+    after = state[3:] + found
+    np.testing.assert_allclose(after, [0.0, -2.0 * N * state[0], 0.0], atol=1e-15)
+    # No drift: the free motion returns after an orbit.
+    returned = least_range(np.concatenate([state[:3], after]), np.zeros(3), 2.0 * np.pi / N)
+    assert returned > 25.0
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_change_that_is_not_finite_is_not_hidden(value: float) -> None:
+    state = np.array([0.0, -50.0, 0.0, 0.0, 0.0, 0.0])
+    assert not np.all(np.isfinite(change(state, np.array([0.0, value, 0.0]), confident=False)))

@@ -1,0 +1,60 @@
+"""Position of a target by one box, and its use while the range is uncertain."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import rendezvous_scene
+
+from rpojax.core import quaternion
+from rpojax.core.pytree import replace
+from rpojax.flight.computer import FlightParams
+from rpojax.flight.navigation import box_position, outlier_gate, relative_orbit_ekf
+
+
+def test_the_position_by_a_box_without_error_is_that_of_the_target(flight: FlightParams) -> None:
+    known = rendezvous_scene.estimate(flight)
+    q_KN = rendezvous_scene.camera_attitude(flight, known)
+    R_KN = np.asarray(quaternion.to_matrix(jnp.asarray(q_KN)))
+    target = rendezvous_scene.TARGET_AHEAD + np.array([2.0, -1.0, 3.0])
+    box = rendezvous_scene.box(flight, R_KN, target)
+    measured = jnp.concatenate([box.tangent, box.log_size[None]])
+    found = jax.jit(box_position.position_by_box)(R_KN, flight.navigation.target_size, measured)
+    np.testing.assert_allclose(found, target, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("sigma", "wide"), [(8.9, False), (9.1, True)])
+def test_the_range_is_wide_beyond_three_tenths(flight: FlightParams, sigma: float, wide: bool) -> None:
+    covariance = jnp.asarray(sigma**2 * np.eye(3))
+    assert bool(box_position.is_range_wide(jnp.asarray(rendezvous_scene.TARGET_AHEAD), covariance)) is wide
+
+
+@pytest.mark.parametrize("believed", [0.3, 3.0, 10.0])
+def test_two_boxes_find_a_target_at_a_range_far_from_the_believed_one(flight: FlightParams, believed: float) -> None:
+    target = rendezvous_scene.TARGET_AHEAD
+    true = rendezvous_scene.estimate(flight)
+    q_KN = rendezvous_scene.camera_attitude(flight, true)
+    box = rendezvous_scene.box(flight, np.asarray(quaternion.to_matrix(jnp.asarray(q_KN))), target)
+    # Wide along the line of sight, as after a long time in the dark.
+    sigma = 0.8 * max(believed, 1.0) * np.linalg.norm(target)
+    estimate = rendezvous_scene.estimate(flight, believed * target, position_sigma=sigma).relative
+    gate = outlier_gate.initial()
+    update = jax.jit(relative_orbit_ekf.update, static_argnums=1)
+    for _ in range(2):
+        estimate, gate, _, used, _ = update(
+            flight.navigation, True, flight.vehicle.focal_px, estimate, gate, jnp.asarray(q_KN), box
+        )
+    assert bool(used)
+    error = np.linalg.norm(np.asarray(estimate.r_TS_N) - target) / np.linalg.norm(target)
+    spread = np.sqrt(np.trace(np.asarray(estimate.covariance)[:3, :3])) / np.linalg.norm(target)
+    assert error < 0.1  # of a box without error; the size is known to 15 %
+    assert 0.1 < spread < 0.25
+
+
+def test_a_search_without_success_doubles_the_variance_of_the_relative_state_alone(flight: FlightParams) -> None:
+    before = rendezvous_scene.estimate(flight).relative
+    after = relative_orbit_ekf.widen(before, jnp.asarray(True))
+    ratio = np.asarray(after.covariance).diagonal() / np.asarray(before.covariance).diagonal()
+    np.testing.assert_allclose(ratio, [2.0] * 6 + [1.0] * 6)
+    np.testing.assert_array_equal(relative_orbit_ekf.widen(before, jnp.asarray(False)).covariance, before.covariance)
+    assert replace(after, covariance=before.covariance).r_TS_N is before.r_TS_N
