@@ -34,6 +34,7 @@ from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.guidance.target_pointing import TargetPointing
 from rpojax.flight.navigation import (
     attitude_ekf,
+    detection_model,
     outlier_gate,
     relative_orbit_ekf,
     thrust_estimator,
@@ -233,7 +234,12 @@ def plan_burn(
 
     Burns are `period` [s] apart, and guidance works every `dt` [s].
     """
-    lost = attitude_guidance.is_lost(params.pointing, memory.pointing)
+    missing = memory.pointing.unseen_time > params.health.unseen_limit
+    lost = jnp.where(
+        _may_be_too_small(params, memory),
+        missing | ~memory.pointing.acquired,
+        attitude_guidance.is_lost(params.pointing, memory.pointing),
+    )
     thruster_works = time >= memory.thruster_failed_at + params.formation.thruster_retry
     command_H, R_CN = formation_command(stages, params, memory, time, dt)
     safe_H = _safe_delta_v(params, memory, pointing, memory.station_keeping.impulse + command_H, period, dt)
@@ -249,6 +255,14 @@ def plan_burn(
         dt,
     )
     return replace(memory, plan=plan)
+
+
+def _may_be_too_small(params: FlightParams, memory: FlightMemory) -> Bool[Array, ""]:
+    """True if the target appears so small that frames without a box are no sign of its loss."""
+    relative = memory.orbit.relative
+    return detection_model.may_be_too_small(
+        params.navigation, params.vehicle.focal_px, relative.r_TS_N, relative.scale[0]
+    )
 
 
 def _safe_delta_v(
@@ -308,7 +322,8 @@ def guide(
     pointing, mode = attitude_guidance.guide(
         params.pointing, params.vehicle, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt
     )
-    orbit = replace(memory.orbit, relative=relative_orbit_ekf.widen(memory.orbit.relative, pointing.search_failed))
+    not_found = pointing.search_failed & ~_may_be_too_small(params, memory)
+    orbit = replace(memory.orbit, relative=relative_orbit_ekf.widen(memory.orbit.relative, not_found))
     return replace(memory, plan=plan, pointing=pointing, orbit=orbit), mode
 
 

@@ -65,7 +65,7 @@ def inhibit(
     stop = jnp.stack([0.0 * n, -2.0 * n * rho[0], 0.0 * n]) - rho_dot
     preferred = jnp.where(stays_visible, wanted_H, stop)
     hold = jnp.where(confident, 1.0, _HOLD_FRACTION) * stop
-    retreat = stop + _RETREAT * station / (period * now) * rho
+    retreat = stop + _RETREAT * jnp.minimum(station, now) / (period * now) * rho
     along_track = jnp.stack([0.0 * n, stop[1], 0.0 * n])
     candidates = jnp.stack([preferred, 0.5 * preferred, hold, jnp.zeros_like(hold), stop, along_track, retreat])
     sizes = gradient_safe.sqrt(jnp.sum(candidates * candidates, axis=1))
@@ -75,7 +75,8 @@ def inhibit(
         _least_range(n, horizon, rho, rho_dot[None, :] + candidates),
         _least_range(n, horizon, rho, rho_dot[None, :] + cut[:, None] * candidates),
     )
-    nearest = jnp.where(confident, clearance * station + _SIGMAS * range_sigma, now)
+    # On the way out to a far station the present distance counts.
+    nearest = jnp.where(confident, clearance * jnp.minimum(station, now) + _SIGMAS * range_sigma, now)
     chosen, greatest = candidates[0], least[0]
     for index in range(1, len(candidates)):
         better = least[index] > greatest

@@ -41,9 +41,17 @@ class LinearisedBox:
 
 
 def linearise_box(
-    tuning: OrbitFilterTuning, focal_px: Scalar, R_KN: Matrix, r_TS_N: Vector, box: BoxMeasurement
+    tuning: OrbitFilterTuning,
+    focal_px: Scalar,
+    R_KN: Matrix,
+    r_TS_N: Vector,
+    box: BoxMeasurement,
+    slow_scale: Scalar | float = 0.0,
 ) -> LinearisedBox:
-    """Linearised box of a target at `r_TS_N` [m] without its slowly varying errors."""
+    """Linearised box of a target at `r_TS_N` [m] without its slowly varying errors.
+
+    `slow_scale` [-] is the estimated log of its size over the expected one, which determines the noise of the size.
+    """
     r_K = apply(R_KN, r_TS_N)
     distance_squared = jnp.sum(r_TS_N * r_TS_N, axis=0)
     distance = jnp.sqrt(distance_squared)
@@ -60,7 +68,7 @@ def linearise_box(
     # A truncated box still gives the bearing to about half of its own size.
     truncation_sigma_px = jnp.where(box.truncated, 0.5 * box.side_px, 0.0)
     bearing = untruncated_bearing_variance(tuning, focal_px) + truncation_sigma_px**2 / focal_px**2
-    expected_px = focal_px * tuning.target_size / distance
+    expected_px = focal_px * tuning.target_size * jnp.exp(slow_scale) / distance
     size = _SIZE_VARIANCE_FACTOR * (tuning.edge_noise / expected_px) ** 2
     return LinearisedBox(
         predicted=predicted,

@@ -13,11 +13,28 @@ from rpojax.core.pytree import pytree
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 
 Scalar = Float[Array, ""]
+Vector = Float[Array, "3"]
+Flag = Bool[Array, ""]
 
 _LOG_LARGEST_SIDE = (0.204, 0.124)
 """Mean and 1 sigma of the log of the largest side over the geometric mean of both, of a compact target with panels."""
 _LOGISTIC_SLOPE = 1.702
 """Slope of the logistic function that is nearest to the normal distribution function."""
+
+
+_SURE_SIGMAS = 2.0
+"""A target is found at any attitude if its largest side is expected so many sigmas above the least one [-]."""
+
+
+def may_be_too_small(tuning: OrbitFilterTuning, focal_px: Scalar, r_TS_N: Vector, log_scale: Scalar) -> Flag:
+    """True if the camera may find no box of a target at `r_TS_N` [m] at some attitudes, as it appears too small.
+
+    `log_scale` [-] is the estimated log of its size over the expected one.
+    """
+    offset, spread = _LOG_LARGEST_SIDE
+    variation = jnp.sqrt(spread**2 + tuning.scale_sigma[0] ** 2 + tuning.scale_sigma[1] ** 2)
+    log_size_px = jnp.log(focal_px * tuning.target_size) + log_scale - 0.5 * jnp.log(jnp.sum(r_TS_N**2, axis=0))
+    return log_size_px + offset - _SURE_SIGMAS * variation < jnp.log(tuning.minimum_size)
 
 
 @pytree
@@ -37,8 +54,8 @@ def detection_information(
     tuning: OrbitFilterTuning,
     log_size_px: Scalar,
     variance: Scalar,
-    present: Bool[Array, ""],
-    looked_for: Bool[Array, ""],
+    present: Flag,
+    looked_for: Flag,
 ) -> DetectionInformation:
     """Information of a frame with a box (`present`), or without one where the target was `looked_for`.
 

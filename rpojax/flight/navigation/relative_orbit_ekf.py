@@ -216,14 +216,14 @@ def _prior_box(
     # Without stars the attitude error is a slow drift, not white noise; it adds to the bearing bias.
     process_variance = jnp.pad(jnp.full(2, box.attitude_variance_change), (8, 2))
     r_TS_N = estimate.r_TS_N
-    at_prior = linearise_box(tuning, focal_px, R_KN, r_TS_N, box)
+    at_prior = linearise_box(tuning, focal_px, R_KN, r_TS_N, box, estimate.scale[0])
     bearing_error = estimate.bearing_bias + at_prior.inverse_depth * estimate.center_offset
     slow_errors = jnp.concatenate([bearing_error, jnp.sum(estimate.scale, axis=0)[None]])
     measured = jnp.concatenate([box.tangent, box.log_size[None]]) - slow_errors
     whole = box.present & ~box.truncated
     range_is_wide = whole & box_position.is_range_wide(r_TS_N, estimate.covariance[:3, :3])
     reference = jnp.where(range_is_wide, box_position.position_by_box(R_KN, tuning.target_size, measured), r_TS_N)
-    model = linearise_box(tuning, focal_px, R_KN, reference, box)
+    model = linearise_box(tuning, focal_px, R_KN, reference, box, estimate.scale[0])
     innovation_variance = _innovation_variance(estimate.covariance, process_variance, model)
     variance = innovation_variance - model.variance
     # Compared with an untruncated box: the large noise of a truncated one would make any prior look certain enough.
@@ -282,7 +282,7 @@ def _measurement_rows(
     # per hour; so only while the prior is much wider than the box, where linearising at the prior would be worse.
     iterated = _iterated_position(tuning, focal_px, R_KN, estimate, box, prior.measured)
     linearisation_point = jnp.where(prior.is_wide & ~prior.range_is_wide, iterated, prior.reference)
-    model = linearise_box(tuning, focal_px, R_KN, linearisation_point, box)
+    model = linearise_box(tuning, focal_px, R_KN, linearisation_point, box, estimate.scale[0])
     residual = prior.measured - model.predicted - apply(model.position_jacobian, estimate.r_TS_N - linearisation_point)
     size = _size_row(tuning, focal_px, prior, box, decision, residual[2], model.variance[2])
     rows = MeasurementRows(
@@ -400,7 +400,7 @@ def _iterated_position(
     P = estimate.covariance[:3, :3]
     point = estimate.r_TS_N
     for _ in range(2):
-        model = linearise_box(tuning, focal_px, R_KN, point, box)
+        model = linearise_box(tuning, focal_px, R_KN, point, box, estimate.scale[0])
         G = model.position_jacobian[:2]
         residual = measured[:2] - model.predicted[:2] - jnp.sum(G * (estimate.r_TS_N - point)[None, :], axis=1)
         PG = jnp.sum(P[:, None, :] * G[None, :, :], axis=2)

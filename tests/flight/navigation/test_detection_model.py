@@ -59,3 +59,17 @@ def test_a_frame_in_which_the_target_is_not_expected_tells_nothing(flight: Fligh
 def test_no_box_makes_the_target_smaller_and_a_box_makes_it_greater(flight: FlightParams) -> None:
     assert information(flight, -0.2, 0.02, present=False, looked_for=True)[1] < 0.0
     assert information(flight, -0.2, 0.02, present=True, looked_for=True)[1] > 0.0
+
+
+def test_a_small_target_may_be_missed_and_a_large_one_may_not(flight: FlightParams) -> None:
+    tuning = replace(flight.navigation, minimum_size=jnp.float64(4.0))
+
+    def small(range_m: float, log_scale: float = 0.0) -> bool:
+        place = jnp.array([range_m, 0.0, 0.0])
+        focal = flight.vehicle.focal_px
+        return bool(detection_model.may_be_too_small(tuning, focal, place, jnp.float64(log_scale)))
+
+    assert small(200.0)
+    assert not small(60.0)
+    assert small(100.0, -0.5)
+    assert not small(200.0, 1.0)

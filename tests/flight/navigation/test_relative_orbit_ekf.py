@@ -121,7 +121,8 @@ def test_the_update_of_all_states_agrees_with_the_textbook(params: Params, seed:
     H[2, 6:8] = 1.0
     H[0, 8] = H[1, 9] = 1.0
     H[0, 10] = H[1, 11] = 1.0 / depth
-    R = np.diag(np.asarray(linearise_box(flight.navigation, flight.vehicle.focal_px, R_KN, r_TS_N, box).variance))
+    expected = linearise_box(flight.navigation, flight.vehicle.focal_px, R_KN, r_TS_N, box, scale[0])
+    R = np.diag(np.asarray(expected.variance))
     S = H @ P @ H.T + R
     K = np.linalg.solve(S, H @ P).T
     x = K @ residual
