@@ -2,8 +2,8 @@
 
 python experiments/unseen_missions/eclipse_cold_start.py --out out/eclipse_cold_start [--runs 256]
 
-The hand-over is that of `inspection_cold`; orbit, light and forces are those of `inspection_eclipse`. It is in the light,
-or anywhere in the orbit: also in the dark, where the servicer does not see the target for half an hour.
+The hand-over is that of `inspection_cold`; orbit, light and forces are those of `inspection_eclipse`. It is in the
+light, or anywhere in the orbit: also in the dark, where the servicer does not see the target for half an hour.
 """
 
 import argparse

@@ -27,17 +27,17 @@ RUNS = 64
 MAX_FLOPS_PER_RUN = 29_000.0
 """Floating-point operations per tick and run from `cost_analysis`, which counts the bodies of inner loops once.
 
-A fifth above the 24,149 that this test counts (JAX 0.10.2 on a CPU).
+A fifth above some 24,000 that this test counts (JAX 0.10.2 on a CPU).
 """
 
-MAX_INSTRUCTIONS = 940
+MAX_INSTRUCTIONS = 1140
 """Instructions of the optimised program, fusions counted once; each is started at least once per tick.
 
-A fifth above the 779 that this test counts (JAX 0.10.2 on a CPU).
+A fifth above the 951 that this test counts (JAX 0.10.2 on a CPU).
 """
 
-MAX_MULTIPLICATIONS = 2520
-"""A fifth above the 2091 of the compiled loop; recomputation across stages takes several times as many."""
+MAX_MULTIPLICATIONS = 2960
+"""A fifth above the 2468 of the compiled loop; recomputation across stages takes several times as many."""
 
 COUNT = """
 import json, sys

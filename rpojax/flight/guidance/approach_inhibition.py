@@ -2,6 +2,7 @@
 
 import math
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
@@ -88,10 +89,12 @@ def inhibit(
 
 def _least_range(n: Scalar, horizon: Scalar, rho_H: Vector, rho_dot_H: Float[Array, "k 3"]) -> Float[Array, " k"]:
     """Least range [m] of free motions over a time [s] from one position with several velocities."""
-    least = jnp.full_like(rho_dot_H[:, 0], jnp.inf)
-    for index in range(_SAMPLES):
-        transition = transition_matrix(n, (index + 1) / _SAMPLES * horizon)[:3]
+
+    def sample(least: Float[Array, " k"], time: Scalar) -> tuple[Float[Array, " k"], None]:
+        transition = transition_matrix(n, time)[:3]
         rho = jnp.sum(transition[:, :3] * rho_H[None, :], axis=1)
         moved = rho[None, :] + jnp.sum(transition[None, :, 3:] * rho_dot_H[:, None, :], axis=2)
-        least = jnp.minimum(least, gradient_safe.sqrt(jnp.sum(moved * moved, axis=1)))
-    return least
+        return jnp.minimum(least, gradient_safe.sqrt(jnp.sum(moved * moved, axis=1))), None
+
+    times = jnp.linspace(1.0 / _SAMPLES, 1.0, _SAMPLES, dtype=n.dtype) * horizon
+    return jax.lax.scan(sample, jnp.full_like(rho_dot_H[:, 0], jnp.inf), times)[0]

@@ -57,7 +57,8 @@ def results() -> Iterator[Results]:
 @pytest.mark.parametrize("name", SHARED)
 def test_a_metric_equals_that_of_the_records(name: str, results: Results) -> None:
     metrics, expected, _ = results
-    np.testing.assert_allclose(metrics[name], expected[name][0], rtol=2e-5)
+    # What no tick has a weight for is undefined in records and zero in sums.
+    np.testing.assert_allclose(metrics[name], np.nan_to_num(expected[name][0]), rtol=2e-5)
 
 
 def test_a_metric_that_is_added_to_the_catalogue_is_evaluated_in_both_ways(results: Results) -> None:
