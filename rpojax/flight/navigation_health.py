@@ -109,7 +109,7 @@ def update(
     # The gate itself finds that the estimate is wrong.
     contradicted = jnp.where(gate.recovered & gate.contradicted, 1.0, contradicted)
     samples = 2.0 / evidence
-    excess_limit = _chi_square_over_dof(tuning.alarm_sigma, samples) - 1.0
+    excess_limit = _NOISE_TOLERANCE**2 * _chi_square_over_dof(tuning.alarm_sigma, samples) - 1.0
     size_error = jnp.abs(jnp.sum(estimate.scale, axis=0)) / gradient_safe.sqrt(
         jnp.sum(shape_errors.scale_variance(filter_tuning), axis=0)
     )
@@ -128,6 +128,10 @@ def update(
     worst = jnp.max(ratios[1:], axis=0)
     confident = worst < jnp.where(health.confident, 1.0, tuning.regain)
     return NavigationHealth(mean=mean, square=square, contradicted=contradicted, ratios=ratios, confident=confident)
+
+
+_NOISE_TOLERANCE = 1.5
+"""Noise over the believed one up to which the estimate is less accurate than it might be, but not wrong [-]."""
 
 
 def _chi_square_over_dof(sigma: Scalar, dof: Scalar) -> Scalar:

@@ -74,8 +74,8 @@ def test_a_consistent_filter_keeps_the_confidence(flight: FlightParams, seed: in
 @pytest.mark.parametrize(
     ("rows", "factor", "offset", "names"),
     [
-        (slice(0, 3), 1.3, 0.0, {"gps_variance"}),
-        (slice(3, 5), 1.3, 0.0, {"box_variance"}),
+        (slice(0, 3), 2.0, 0.0, {"gps_variance"}),
+        (slice(3, 5), 2.0, 0.0, {"box_variance"}),
         (slice(5, 6), 1.0, 0.4, {"box_bias"}),
     ],
 )
@@ -87,6 +87,10 @@ def test_innovations_of_another_variance_or_mean_are_detected(
     health = run_tests(flight, sigmas, NEVER, NO_ERROR)
     assert alarms(health) == names
     assert bool(health.confident[-1]) is (names == {"gps_variance"})
+
+
+def test_noise_somewhat_above_the_belief_is_no_alarm(flight: FlightParams) -> None:
+    assert alarms(run_tests(flight, 1.4 * white(1), NEVER, NO_ERROR)) == set()
 
 
 def test_contradictions_are_detected_and_confidence_returns_after_them(flight: FlightParams) -> None:
@@ -135,4 +139,6 @@ def test_the_variance_threshold_is_the_quantile_of_chi_square(flight: FlightPara
     dof = 2.0 * float(flight.health.time_constant)
     quantile = stats.chi2.ppf(stats.norm.cdf(float(flight.health.alarm_sigma)), dof) / dof
     excess = 3.0 / float(flight.health.time_constant)
-    np.testing.assert_allclose(health.ratios[0, 0], excess / (quantile - 1.0), rtol=0.02)  # the formula is approximate
+    np.testing.assert_allclose(
+        health.ratios[0, 0], excess / (1.5**2 * quantile - 1.0), rtol=0.02
+    )  # the formula is approximate
