@@ -104,7 +104,8 @@ def update(
     mean = health.mean + fraction * (jnp.where(innovation.used, deviation, 0.0) - health.mean)
     square = health.square + fraction * (jnp.where(innovation.used, deviation**2, 1.0) - health.square)
     boxes = innovation.accepted | innovation.rejected
-    share = jnp.where(boxes, jnp.minimum(evidence, 1.0), 0.0)
+    # In seconds at any rate of the camera, since a recovery must not take the confidence for longer on a slow one.
+    share = jnp.where(boxes, jnp.minimum(interval / tuning.time_constant, 1.0), 0.0)
     contradicted = health.contradicted + share * (jnp.where(gate.contradicted, 1.0, 0.0) - health.contradicted)
     # The gate itself finds that the estimate is wrong.
     contradicted = jnp.where(gate.recovered & gate.contradicted, 1.0, contradicted)
