@@ -3,6 +3,7 @@
 from types import ModuleType
 from typing import Final
 
+from rpojax.metrics import record_statistics
 from rpojax.metrics.metric_definition import Metric, Quantity, WeightedValue
 
 GOOD_NEES: Final = 18.0
@@ -40,7 +41,7 @@ METRICS: Final = (
         "software is not confident in its navigation.",
         inputs=("nav_confident", "nees_relative"),
         value=_false_alarm,
-        reduction="mean",
+        reduction=record_statistics.conditional_mean,
     ),
     Metric(
         "health_missed_fraction",
@@ -50,6 +51,6 @@ METRICS: Final = (
         "of more than half the range, in which the flight software is confident in its navigation.",
         inputs=("nav_confident", "nees_relative", "relative_error_H", "range_m"),
         value=_missed,
-        reduction="mean",
+        reduction=record_statistics.conditional_mean,
     ),
 )

@@ -19,6 +19,11 @@ def ratio(part: NDArray[np.number], whole: NDArray[np.number]) -> Floats:
     return np.where(whole > 0, part / np.where(whole > 0, whole, 1), np.nan)
 
 
+def conditional_mean(given: WeightedValue, _: RunTiming) -> Floats:
+    """Mean over the ticks with a weight; NaN without one."""
+    return ratio(sum_in_time(np.where(given.weight, given.value, 0.0)), sum_in_time(given.weight))
+
+
 def percentile(percent: float) -> RecordStatistic:
     """Percentile of the values with a weight; NaN without one."""
 
