@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from rpojax.batching.vmap_last_axis import vmap
+from rpojax.batching import batching_mode
 from rpojax.core.numerics import runge_kutta
 from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
@@ -228,7 +228,7 @@ def begin_drifts(
     def begin(drift: Drift) -> tuple[DriftRange, Array, Array]:
         return _begin(environment, orbit, drift, keep_out)
 
-    found, starts, nodes = vmap(begin, in_axes=-1, out_axes=-1)(drifts)
+    found, starts, nodes = batching_mode.transform()(begin, in_axes=-1, out_axes=-1)(drifts)
     begins = (nodes == node)[None, :]
     motion = Motion(
         r_TN_N=orbit[0, :, node],
@@ -258,14 +258,16 @@ def advance_drifts(
     after = replace(after, v_ST_N=after.v_ST_N + jnp.where(begins, 0.0, 0.5 * STEP_S * kick))
 
     after = fusion_barrier(after, node)
-    approaches = vmap(lambda r, v: closest_approach(r, v, STEP_S), in_axes=-1, out_axes=-1)(
+    approaches = batching_mode.transform()(lambda r, v: closest_approach(r, v, STEP_S), in_axes=-1, out_axes=-1)(
         jnp.stack([motion.r_ST_N, after.r_ST_N]), jnp.stack([motion.v_ST_N, after.v_ST_N])
     )
 
     def observe(approach: Approach, ends: Array, found: DriftRange) -> DriftRange:
         return _with_interval(found, approach, time, STEP_S, ends, keep_out)
 
-    seen = vmap(observe, in_axes=-1, out_axes=-1)(fusion_barrier(approaches, node), drifts.ends, before.found)
+    seen = batching_mode.transform()(observe, in_axes=-1, out_axes=-1)(
+        fusion_barrier(approaches, node), drifts.ends, before.found
+    )
     drifting = before.nodes <= node
     found = jax.tree.map(lambda new, old: jnp.where(drifting, new, old), seen, before.found)
     return replace(before, motion=after, kick=kick, found=found)
@@ -323,7 +325,7 @@ class _Splitting:
 
         change = jnp.concatenate([motion.r_ST_N, motion.v_ST_N, (1.0 / masses - 1.0 / nominal)[None]])
         center = jnp.concatenate([jnp.zeros_like(x) for x in (motion.r_TN_N, motion.v_TN_N)] + [1.0 / nominal[None]])
-        exact = vmap(relative, in_axes=-1, out_axes=-1)(center[:, None] + change)
+        exact = batching_mode.transform()(relative, in_axes=-1, out_axes=-1)(center[:, None] + change)
         return exact - relative(center)[:, None] - _product(jax.jacfwd(relative)(center), change)
 
 

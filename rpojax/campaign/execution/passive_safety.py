@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from rpojax.batching.vmap_last_axis import vmap
+from rpojax.batching import batching_mode
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits import keplerian_elements
 from rpojax.core.pytree import concatenate, pytree, replace
@@ -198,7 +198,7 @@ class PassiveSafety:
                 keep_out = dispersed_values.apply_to_params(nominal, values).limits.keep_out
                 return free_drift.advance_drifts(environment(values), drifts, keep_out, number, before)
 
-            return vmap(step, in_axes=-1, out_axes=-1)(values, drifts, propagation)
+            return batching_mode.transform()(step, in_axes=-1, out_axes=-1)(values, drifts, propagation)
 
         first = jnp.floor(jnp.min(batch.start) / STEP_S).astype(jnp.int32)
         drifts, begun, longest = jax.vmap(begin, in_axes=-1, out_axes=-1)(values, batch)
