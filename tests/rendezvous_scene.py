@@ -7,7 +7,7 @@ from numpy_reference import MU, unit
 
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.navigation import combined_orbit_filter
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate

@@ -17,7 +17,7 @@ from rpojax.benchmark.synthetic_filter_inputs import (
     nominal_setup,
     simulate_measurements,
 )
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import combined_orbit_filter, outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning

@@ -13,7 +13,7 @@ from rpojax.campaign import single_run
 from rpojax.core import quaternion
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.navigation import combined_orbit_filter
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate

@@ -1,6 +1,4 @@
-"""Flight computer: tuning, memory, and the stages of flight software in the order in which they run."""
-
-from dataclasses import field
+"""Flight computer: the stages of the flight software in the order in which they run; burns: `burn_decision.py`."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
@@ -9,115 +7,34 @@ from rpojax.core import quaternion
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
-from rpojax.core.pytree import pytree, replace, select
-from rpojax.core.vectors import apply, apply_transposed
-from rpojax.flight import navigation_health
-from rpojax.flight.control import formation_law, reference_governor, station_keeping, wheel_torque_allocation
-from rpojax.flight.control.attitude_control import AttitudeControlTuning
-from rpojax.flight.control.formation_tuning import FormationTuning
+from rpojax.core.pytree import replace, select
+from rpojax.core.vectors import apply
+from rpojax.flight import burn_decision, navigation_health
+from rpojax.flight.control import station_keeping, wheel_torque_allocation
 from rpojax.flight.control.lqr_gain import lqr_gain
-from rpojax.flight.control.station_keeping import StationKeeping
+from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
 from rpojax.flight.guidance import (
-    approach_inhibition,
     attitude_guidance,
     burn_planning,
     detector_window,
     line_of_sight_uncertainty,
     slew_profile,
-    target_pointing,
     target_visibility,
 )
-from rpojax.flight.guidance.attitude_guidance import PointingState
-from rpojax.flight.guidance.burn_planning import BurnPlan
-from rpojax.flight.guidance.detector_window import CameraCommand, CameraFormat
-from rpojax.flight.guidance.pointing_tuning import PointingTuning
-from rpojax.flight.guidance.target_pointing import TargetPointing
+from rpojax.flight.guidance.detector_window import CameraFormat
 from rpojax.flight.navigation import (
     attitude_ekf,
-    detection_model,
     outlier_gate,
     relative_orbit_ekf,
     thrust_estimator,
 )
-from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
+from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
-from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
-from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
-from rpojax.flight.navigation.outlier_gate import GateState
-from rpojax.flight.navigation.thrust_estimator import ThrustEstimate
-from rpojax.flight.navigation_health import HealthTuning, NavigationHealth
 from rpojax.flight.stages import Stages
 from rpojax.flight.vehicle_model import VehicleModel
 
 Vector = Float[Array, "3"]
 Scalar = Float[Array, ""]
-
-
-@pytree
-class FlightParams:
-    """Tuning of all flight software, and its vehicle model."""
-
-    vehicle: VehicleModel
-    navigation: OrbitFilterTuning
-    attitude_filter: AttitudeFilterTuning
-    formation: FormationTuning
-    pointing: PointingTuning
-    attitude_control: AttitudeControlTuning
-    health: HealthTuning
-
-
-@pytree
-class FlightMemory:
-    """State of the flight software.
-
-    Attributes:
-        orbit: estimate of both orbits
-        gate: state of the outlier gate
-        health: tests of the orbit filter, and confidence in it
-        attitude: estimate of the attitude
-        attitude_variance: () of the camera across its boresight at the last frame [rad^2]
-        plan: latest decided burn
-        thrust_estimate: estimated thrust
-        thruster_failed_at: () when a burn last gave no thrust [s], minus infinity before
-        pointing: state of the attitude guidance
-        camera: latest command for an exposure
-        gain: (3, 6) of the formation controller, solved once at start
-        station_keeping: free motion and impulse that keep the station, solved once at start
-        wheel_allocation: (3, 3) body torque to wheel torques, solved once at start
-    """
-
-    orbit: OrbitEstimate
-    gate: GateState
-    health: NavigationHealth
-    attitude: AttitudeEstimate
-    attitude_variance: Array
-    plan: BurnPlan
-    thrust_estimate: ThrustEstimate
-    thruster_failed_at: Array
-    pointing: PointingState
-    camera: CameraCommand
-    gain: Array
-    station_keeping: StationKeeping
-    wheel_allocation: Array
-
-
-@pytree
-class Measurements:
-    """Measurements of one camera tick.
-
-    Attributes:
-        gps: position
-        star_tracker_q_BN: (4,)
-        star_tracker_present: () bool
-        box: bounding box
-        additional: measurements of additional sensors by name
-    """
-
-    gps: GpsMeasurement
-    star_tracker_q_BN: Array
-    star_tracker_present: Array
-    box: BoxMeasurement
-    additional: dict[str, Array] = field(default_factory=dict)
 
 
 def initial(
@@ -221,93 +138,6 @@ def _attitude_variance(vehicle: VehicleModel, estimate: AttitudeEstimate) -> Sca
     return 0.5 * (P[0, 0] + P[1, 1] + P[2, 2] - jnp.sum(boresight * apply(P, boresight), axis=0))
 
 
-def plan_burn(
-    stages: Stages,
-    params: FlightParams,
-    memory: FlightMemory,
-    pointing: TargetPointing,
-    time: Scalar,
-    period: float,
-    dt: float,
-) -> FlightMemory:
-    """Memory with a new burn plan; no burn while the target is lost or dark, or soon after the thruster failed.
-
-    Burns are `period` [s] apart, and guidance works every `dt` [s].
-    """
-    missing = memory.pointing.unseen_time > params.health.unseen_limit
-    lost = jnp.where(
-        _may_be_too_small(params, memory),
-        missing | ~memory.pointing.acquired,
-        attitude_guidance.is_lost(params.pointing, memory.pointing),
-    )
-    thruster_works = time >= memory.thruster_failed_at + params.formation.thruster_retry
-    command_H, R_CN = formation_command(stages, params, memory, time, dt)
-    safe_H = _safe_delta_v(params, memory, pointing, memory.station_keeping.impulse + command_H, period, dt)
-    plan = burn_planning.schedule_burn(
-        params.formation,
-        params.pointing,
-        params.vehicle,
-        apply_transposed(R_CN, safe_H),
-        memory.orbit,
-        pointing.q_BN,
-        pointing.visible & thruster_works & ~lost,
-        time,
-        dt,
-    )
-    return replace(memory, plan=plan)
-
-
-def _may_be_too_small(params: FlightParams, memory: FlightMemory) -> Bool[Array, ""]:
-    """True if the target appears so small that frames without a box are no sign of its loss."""
-    relative = memory.orbit.relative
-    return detection_model.may_be_too_small(
-        params.navigation, params.vehicle.focal_px, relative.r_TS_N, relative.scale[0]
-    )
-
-
-def _safe_delta_v(
-    params: FlightParams, memory: FlightMemory, pointing: TargetPointing, wanted_H: Vector, period: float, dt: float
-) -> Vector:
-    """Velocity change [m/s] of the next burn: that of the law, a stop before darkness, or one that comes less near."""
-    formation, orbit = params.formation, memory.orbit
-    deviation, _ = burn_planning.deviation_at_burn(formation, memory.station_keeping, orbit)
-    station = jnp.concatenate([formation.desired_position, memory.station_keeping.arrival_velocity])
-    r_TN_N, v_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N, orbit.servicer.v_SN_N + orbit.relative.v_TS_N
-    n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
-    stays_visible = target_visibility.is_visible_after(
-        params.vehicle, orbit, pointing.sun_N, n * (formation.lead + _BURNS_BEFORE_DARKNESS * period)
-    )
-    return approach_inhibition.inhibit(
-        params.health.clearance,
-        formation.desired_position,
-        deviation + station,
-        line_of_sight_uncertainty.relative_range_sigma(orbit) * gradient_safe.norm(orbit.relative.r_TS_N),
-        wanted_H,
-        burn_planning.certain_delta_v(params.pointing, params.vehicle, dt),
-        memory.health.confident,
-        stays_visible,
-        n,
-        period,
-    )
-
-
-def formation_command(
-    stages: Stages, params: FlightParams, memory: FlightMemory, time: Scalar, dt: float
-) -> tuple[Vector, Float[Array, "3 3"]]:
-    """Velocity change [m/s] by the control law in the Hill frame C at the next burn's middle, and `R_CN`.
-
-    The law gets as much of the along-track deviation as the thruster can follow. Guidance works every `dt` [s].
-    """
-    deviation, R_CN = burn_planning.deviation_at_burn(params.formation, memory.station_keeping, memory.orbit)
-    impulse = memory.station_keeping.impulse
-    wanted_N = apply_transposed(R_CN, impulse + formation_law.lqr_feedback(memory.gain, deviation))
-    q_look, _ = target_pointing.look_attitude(params.vehicle, memory.orbit)
-    limit = burn_planning.largest_delta_v(params.pointing, params.vehicle, wanted_N, q_look, dt)
-    governed = reference_governor.govern(memory.gain, deviation, impulse, limit)
-    command_H = stages.call("formation_law", gain=memory.gain, deviation=governed, estimate=memory.orbit, time=time)
-    return command_H, R_CN
-
-
 def guide(
     params: FlightParams,
     memory: FlightMemory,
@@ -322,7 +152,7 @@ def guide(
     pointing, mode = attitude_guidance.guide(
         params.pointing, params.vehicle, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt
     )
-    not_found = pointing.search_failed & ~_may_be_too_small(params, memory)
+    not_found = pointing.search_failed & ~burn_decision.may_be_too_small(params, memory)
     orbit = replace(memory.orbit, relative=relative_orbit_ekf.widen(memory.orbit.relative, not_found))
     return replace(memory, plan=plan, pointing=pointing, orbit=orbit), mode
 
@@ -418,25 +248,5 @@ def command_camera(
     return replace(memory, camera=command)
 
 
-_BURNS_BEFORE_DARKNESS = 3.0
-"""Burns before the target is out of sight that stop the relative motion: a single one may be too weak [-]."""
-
-
 _FAILED_THRUST_RATIO = 0.3
 """Ratio of thrust to its nominal value below which the thruster counts as failed."""
-
-
-__all__ = [
-    "FlightMemory",
-    "FlightParams",
-    "Measurements",
-    "command_camera",
-    "control_attitude",
-    "expected_delta_v",
-    "formation_command",
-    "guide",
-    "initial",
-    "navigate",
-    "plan_burn",
-    "predict",
-]

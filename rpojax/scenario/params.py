@@ -15,9 +15,9 @@ from rpojax.core.orbits.zonal_gravity import EARTH_GRAVITY
 from rpojax.core.pytree import pytree, replace
 from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
 from rpojax.errors import ScenarioError
-from rpojax.flight.computer import FlightParams
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
 from rpojax.flight.control.formation_tuning import FormationTuning
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.navigation.attitude_ekf import AttitudeFilterTuning
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning

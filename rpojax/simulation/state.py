@@ -4,7 +4,7 @@ from jaxtyping import Array
 
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.pytree import pytree
-from rpojax.flight.computer import FlightMemory
+from rpojax.flight.flight_records import FlightMemory
 from rpojax.physics.plant_state import Truth
 from rpojax.physics.thruster import BurnError
 from rpojax.scenario.static_settings import Scenario

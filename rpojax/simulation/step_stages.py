@@ -8,8 +8,8 @@ from rpojax.core.constants import MU_MOON, MU_SUN
 from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.orbits import sun_moon_ephemeris, third_body_gravity
 from rpojax.core.pytree import replace
-from rpojax.flight import computer
-from rpojax.flight.computer import FlightMemory
+from rpojax.flight import burn_decision, computer
+from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import burn_planning, target_pointing
 from rpojax.flight.navigation import attitude_ekf
 from rpojax.physics import equipment_faults, plant
@@ -93,9 +93,9 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
 
     def decide(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError]:
         error = draw_burn_error(loop.params.plant.thruster, tick.noise.burn)
-        plan = computer.plan_burn(
+        plan = burn_decision.plan_burn(
             loop.stages, flight, memory, pointing, tick.time, scenario.formation_period_s, scenario.tick_s
-        ).plan
+        )
         return plan, error
 
     def keep(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError]:

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
-from rpojax.flight.computer import FlightMemory, Measurements
+from rpojax.flight.flight_records import FlightMemory, Measurements
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.physics.plant_state import Truth
 from rpojax.sensors.camera import CameraFrame

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
-from rpojax.flight.computer import FlightMemory, Measurements
+from rpojax.flight.flight_records import FlightMemory, Measurements
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.stages import Stages

@@ -3,7 +3,7 @@
 from jaxtyping import Array, Float
 
 from rpojax.core.numerics import double_single, gradient_safe
-from rpojax.flight.computer import Measurements
+from rpojax.flight.flight_records import Measurements
 from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health

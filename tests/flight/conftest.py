@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import rendezvous_scene
 
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.scenario.params import Params
 
 

@@ -15,10 +15,11 @@ from numpy_reference import IDENTITY, MU, axis_angle_quaternion, rotation_matrix
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
 from rpojax.errors import RpojaxError
-from rpojax.flight import computer
-from rpojax.flight.computer import FlightMemory, FlightParams, Measurements
+from rpojax.flight import burn_decision, computer
 from rpojax.flight.control.lqr_gain import lqr_gain
+from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
 from rpojax.flight.guidance import target_pointing
+from rpojax.flight.guidance.burn_planning import BurnPlan
 from rpojax.flight.guidance.detector_window import CameraFormat
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
@@ -43,9 +44,9 @@ def start(flight: FlightParams, period: float, *initial_values: object) -> Fligh
 @partial(jax.jit, static_argnums=0)
 def plan_burn(
     stages: Stages, flight: FlightParams, memory: FlightMemory, sun_N: jax.Array, time: jax.Array
-) -> FlightMemory:
+) -> BurnPlan:
     sight = target_pointing.point_at_target(flight.vehicle, memory.orbit, sun_N)
-    return computer.plan_burn(stages, flight, memory, sight, time, 200.0, 1.0)
+    return burn_decision.plan_burn(stages, flight, memory, sight, time, 200.0, 1.0)
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +99,7 @@ def test_a_users_control_law_decides_the_burn(flight: FlightParams, memory: Flig
 
     found = plan_burn(
         Stages(formation_law=sideways), flight, acquired(memory), rendezvous_scene.SUN_OVERHEAD, np.float64(0.0)
-    ).plan
+    )
     normal = np.cross(rendezvous_scene.R_SN_N, rendezvous_scene.V_SN_N)
     np.testing.assert_allclose(found.delta_v_N, 0.005 * normal / np.linalg.norm(normal), atol=1e-8)
 
@@ -209,7 +210,7 @@ def burns(
     flight: FlightParams, memory: FlightMemory, sun_N: np.ndarray = rendezvous_scene.SUN_OVERHEAD, time: float = 0.0
 ) -> bool:
     """True if a burn is planned at `time` [s]."""
-    found = plan_burn(Stages(formation_law=push), flight, memory, sun_N, np.float64(time)).plan
+    found = plan_burn(Stages(formation_law=push), flight, memory, sun_N, np.float64(time))
     return float(found.cutoff) > float(found.ignition)
 
 
@@ -238,7 +239,8 @@ def test_in_the_dark_the_camera_points_at_the_estimate(flight: FlightParams, rea
 
 
 def test_a_burn_is_inhibited_by_the_estimated_attitude(flight: FlightParams, ready: FlightMemory) -> None:
-    planned = plan_burn(Stages(formation_law=push), flight, ready, rendezvous_scene.SUN_OVERHEAD, np.float64(0.0))
+    plan = plan_burn(Stages(formation_law=push), flight, ready, rendezvous_scene.SUN_OVERHEAD, np.float64(0.0))
+    planned = replace(ready, plan=plan)
     ignition = float(planned.plan.ignition)
     for degrees, fired in ((0.1, True), (5.0, False)):
         off = jnp.asarray(axis_angle_quaternion([1.0, 0.0, 0.0], np.deg2rad(degrees)))

@@ -13,10 +13,10 @@ from numpy_reference import IDENTITY, axis_angle_quaternion, random_covariance, 
 from rpojax.core import kalman_update, quaternion
 from rpojax.core.kalman_update import MeasurementRows
 from rpojax.core.pytree import replace
-from rpojax.flight.computer import FlightParams
 from rpojax.flight.control import attitude_control, formation_law, station_keeping
 from rpojax.flight.control.attitude_control import AttitudeCommand
 from rpojax.flight.control.lqr_gain import lqr_gain
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance import burn_planning, slew_profile, target_pointing
 from rpojax.flight.guidance.slew_profile import SlewReference
 from rpojax.flight.navigation import (
@@ -122,9 +122,10 @@ def planned_burn(x: jax.Array, flight: FlightParams, r_TS_N: jax.Array, gain: ja
     allowed, time = jnp.asarray(True), jnp.asarray(0.0)
     station = station_keeping.solve_station_keeping(flight.formation, jnp.asarray(1.1e-3), 200.0)
     q_BN, omega = target_pointing.look_attitude(flight.vehicle, known)
-    deviation, R_CN = burn_planning.deviation_at_burn(flight.formation, station, known)
+    at_burn = burn_planning.state_at_burn(flight.formation, known)
+    deviation = at_burn.state_H - jnp.concatenate([flight.formation.desired_position, station.arrival_velocity])
     command_H = formation_law.lqr_feedback(gain * (1.0 + 0.1 * x[6]), deviation)
-    delta_v_N = jnp.sum(R_CN * (station.impulse + command_H)[:, None], axis=0)
+    delta_v_N = jnp.sum(at_burn.R_CN * (station.impulse + command_H)[:, None], axis=0)
     plan = burn_planning.schedule_burn(
         flight.formation, flight.pointing, flight.vehicle, delta_v_N, known, q_BN, allowed, time, 1.0
     )

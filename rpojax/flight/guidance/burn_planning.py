@@ -13,7 +13,6 @@ from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.quaternion import rotate
 from rpojax.flight.control.formation_tuning import FormationTuning
-from rpojax.flight.control.station_keeping import StationKeeping
 from rpojax.flight.guidance.line_of_sight_uncertainty import relative_range_sigma
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.guidance.slew_profile import slew_duration
@@ -137,13 +136,21 @@ _TARGET_MOTION_TIME = 1.0
 """Time that the target's own motion adds to a turn [s]."""
 
 
-def deviation_at_burn(
-    formation: FormationTuning, station_keeping: StationKeeping, estimate: OrbitEstimate
-) -> tuple[Float[Array, "6"], Float[Array, "3 3"]]:
-    """Deviation of (rho, rho_dot) predicted to the burn's middle [m, m/s], and the Hill frame `R_CN` there.
+@pytree
+class StateAtBurn:
+    """Relative motion at the middle of a burn.
 
-    The desired state is compared after the prediction, since a station off the along-track axis is no equilibrium.
+    Attributes:
+        state_H: (6,) position and velocity of the servicer from the target [m, m/s]
+        R_CN: (3, 3) axes of the Hill frame at that time
     """
+
+    state_H: Array
+    R_CN: Array
+
+
+def state_at_burn(formation: FormationTuning, estimate: OrbitEstimate) -> StateAtBurn:
+    """Estimated relative motion, predicted to the middle of the next burn."""
     r_TN_N, v_TN_N = (
         estimate.servicer.r_SN_N + estimate.relative.r_TS_N,
         estimate.servicer.v_SN_N + estimate.relative.v_TS_N,
@@ -152,12 +159,11 @@ def deviation_at_burn(
     rho, rho_dot = inertial_to_hill(-estimate.relative.r_TS_N, -estimate.relative.v_TS_N, R_HN, omega_HN_N)
     n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
     now = jnp.concatenate([rho, rho_dot])
-    desired = jnp.concatenate([formation.desired_position, station_keeping.arrival_velocity])
     transition = transition_matrix(n, formation.lead)
     angle = n * formation.lead
     c, s = jnp.cos(angle), jnp.sin(angle)
     R_CN = jnp.stack([c * R_HN[0] + s * R_HN[1], -s * R_HN[0] + c * R_HN[1], R_HN[2]])
-    return jnp.sum(transition * now[None, :], axis=1) - desired, R_CN
+    return StateAtBurn(state_H=jnp.sum(transition * now[None, :], axis=1), R_CN=R_CN)
 
 
 def plan_from_command(

@@ -3,7 +3,7 @@
 import pytest
 import rendezvous_scene
 
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
 

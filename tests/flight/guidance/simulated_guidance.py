@@ -12,9 +12,8 @@ from numpy_reference import (
 )
 
 from rpojax.core.vectors import apply_transposed
-from rpojax.flight.computer import FlightParams
 from rpojax.flight.control.attitude_control import AttitudeCommand
-from rpojax.flight.control.station_keeping import StationKeeping
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance import (
     attitude_guidance,
     burn_planning,
@@ -26,7 +25,6 @@ from rpojax.flight.guidance.burn_planning import BurnPlan
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 
 GAIN = np.zeros((3, 6))
-NO_STATION_KEEPING = StationKeeping(arrival_velocity=np.zeros(3), impulse=np.zeros(3))
 YES, NO = jnp.asarray(True), jnp.asarray(False)
 SAMPLES = 5
 Law = Callable[[jax.Array, jax.Array], jax.Array]
@@ -46,8 +44,9 @@ def plan_burn(
     dt: float,
 ) -> BurnPlan:
     """Burn plan for the velocity change of a law, with guidance every `dt` [s]."""
-    deviation, R_CN = burn_planning.deviation_at_burn(flight.formation, NO_STATION_KEEPING, estimate)
-    delta_v_N = apply_transposed(R_CN, law(GAIN, deviation))
+    at_burn = burn_planning.state_at_burn(flight.formation, estimate)
+    desired_H = jnp.concatenate([flight.formation.desired_position, jnp.zeros(3)])
+    delta_v_N = apply_transposed(at_burn.R_CN, law(GAIN, at_burn.state_H - desired_H))
     return burn_planning.schedule_burn(
         flight.formation, flight.pointing, flight.vehicle, delta_v_N, estimate, q_look, allowed, jnp.asarray(TIME), dt
     )

@@ -26,7 +26,7 @@ from simulated_guidance import (
 )
 
 from rpojax.core.pytree import replace
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance import (
     attitude_guidance,
     burn_planning,

@@ -19,7 +19,7 @@ from simulated_guidance import TIME, look_attitude, plan, push_back, push_gently
 
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.pytree import replace
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance import (
     burn_planning,
 )

@@ -9,7 +9,7 @@ from numpy_reference import IDENTITY
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
 from rpojax.flight import computer
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance import detector_window
 from rpojax.flight.guidance.detector_window import CameraCommand, CameraFormat
 from rpojax.flight.stages import Stages

@@ -9,7 +9,7 @@ from numpy_reference import (
 )
 
 from rpojax.core.pytree import replace
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance import (
     line_of_sight_uncertainty,
 )

@@ -11,7 +11,7 @@ from numpy_reference import (
 )
 from simulated_guidance import SAMPLES, boresight, simulate_search
 
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance.pointing_modes import Mode
 
 

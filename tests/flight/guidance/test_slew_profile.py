@@ -13,7 +13,7 @@ from numpy_reference import (
 )
 from simulated_guidance import evaluate
 
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance import (
     slew_profile,
 )

@@ -7,7 +7,7 @@ import pytest
 from simulated_guidance import look, plan, push_back
 
 from rpojax.core.pytree import replace
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance import (
     attitude_guidance,
 )

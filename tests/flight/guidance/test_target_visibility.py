@@ -7,7 +7,7 @@ from numpy_reference import (
     unit,
 )
 
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance import (
     target_visibility,
 )

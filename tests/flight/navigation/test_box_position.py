@@ -8,7 +8,7 @@ import rendezvous_scene
 
 from rpojax.core import quaternion
 from rpojax.core.pytree import replace
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import box_position, outlier_gate, relative_orbit_ekf
 
 

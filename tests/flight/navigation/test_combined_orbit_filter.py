@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import norm
 
 from rpojax.core.pytree import replace
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import combined_orbit_filter, outlier_gate
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning

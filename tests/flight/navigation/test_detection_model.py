@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rpojax.core.pytree import replace
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import detection_model
 
 GRID = np.linspace(-6.0, 8.0, 20_001)

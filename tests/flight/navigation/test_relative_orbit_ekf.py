@@ -9,7 +9,7 @@ from hypothesis import given
 from numpy_reference import SEEDS, axis_angle_quaternion, random_covariance, random_unit, rotation_matrix, unit
 
 from rpojax.core.pytree import replace
-from rpojax.flight.computer import FlightParams
+from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.navigation import box_measurement_model, outlier_gate, outline_correlation, relative_orbit_ekf
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.outlier_gate import GateState

@@ -16,8 +16,8 @@ from rpojax.core.frames import hill_frame
 from rpojax.core.pytree import pytree
 from rpojax.core.pytree import replace as replace_leaves
 from rpojax.core.vectors import apply
-from rpojax.flight import computer
-from rpojax.flight.computer import FlightMemory
+from rpojax.flight import burn_decision
+from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import target_pointing
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.flight.stages import Stages
@@ -185,7 +185,7 @@ class LinearisedLoop:
         def burn(command: Array) -> tuple[Array, Array]:
             stages = replace(self.stages, formation_law=lambda: command)
             period, dt = self.scenario.formation_period_s, self.scenario.tick_s
-            plan = computer.plan_burn(stages, self.params.flight, memory, pointing, time, period, dt).plan
+            plan = burn_decision.plan_burn(stages, self.params.flight, memory, pointing, time, period, dt)
             turn = plan.ignition - plan.turn_start
             return plan.delta_v_N, jnp.stack([plan.turn_start, plan.cutoff + turn])
 
@@ -194,7 +194,7 @@ class LinearisedLoop:
     def _outputs(self, params: Params, telemetry: Telemetry) -> Array:
         memory = telemetry.flight
         time = elapsed_time(self.scenario, telemetry.truth, telemetry.tick)
-        command_H, _ = computer.formation_command(self.stages, params.flight, memory, time, self.scenario.tick_s)
+        command_H = burn_decision.formation_command(self.stages, params.flight, memory, time, self.scenario.tick_s)
         return jnp.concatenate([navigation_outputs(telemetry), command_H])
 
 

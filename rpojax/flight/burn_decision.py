@@ -1,0 +1,138 @@
+"""Burn decision: the next velocity change from the control law, made safe, and scheduled between two turns."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core.numerics import gradient_safe
+from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
+from rpojax.core.vectors import apply_transposed
+from rpojax.flight.control import formation_law, reference_governor
+from rpojax.flight.flight_records import FlightMemory, FlightParams
+from rpojax.flight.guidance import (
+    approach_inhibition,
+    attitude_guidance,
+    burn_planning,
+    line_of_sight_uncertainty,
+    target_pointing,
+    target_visibility,
+)
+from rpojax.flight.guidance.burn_planning import BurnPlan, StateAtBurn
+from rpojax.flight.guidance.target_pointing import TargetPointing
+from rpojax.flight.navigation import detection_model
+from rpojax.flight.stages import Stages
+
+Scalar = Float[Array, ""]
+Vector = Float[Array, "3"]
+
+
+def plan_burn(
+    stages: Stages,
+    params: FlightParams,
+    memory: FlightMemory,
+    pointing: TargetPointing,
+    time: Scalar,
+    period: float,
+    dt: float,
+) -> BurnPlan:
+    """Next burn; none while the target is lost or dark, or soon after the thruster failed.
+
+    Burns are `period` [s] apart, and guidance works every `dt` [s].
+    """
+    at_burn = burn_planning.state_at_burn(params.formation, memory.orbit)
+    command_H = _formation_command(stages, params, memory, at_burn, pointing.q_BN, time, dt)
+    wanted_H = memory.station_keeping.impulse + command_H
+    return burn_planning.schedule_burn(
+        params.formation,
+        params.pointing,
+        params.vehicle,
+        apply_transposed(at_burn.R_CN, _safe_delta_v(params, memory, at_burn, pointing, wanted_H, period, dt)),
+        memory.orbit,
+        pointing.q_BN,
+        pointing.visible & _thruster_works(params, memory, time) & ~is_lost(params, memory),
+        time,
+        dt,
+    )
+
+
+def formation_command(stages: Stages, params: FlightParams, memory: FlightMemory, time: Scalar, dt: float) -> Vector:
+    """Velocity change [m/s] by the control law in the Hill frame C at the next burn's middle.
+
+    The law gets as much of the along-track deviation as the thruster can follow. Guidance works every `dt` [s].
+    """
+    q_look, _ = target_pointing.look_attitude(params.vehicle, memory.orbit)
+    at_burn = burn_planning.state_at_burn(params.formation, memory.orbit)
+    return _formation_command(stages, params, memory, at_burn, q_look, time, dt)
+
+
+def _formation_command(
+    stages: Stages,
+    params: FlightParams,
+    memory: FlightMemory,
+    at_burn: StateAtBurn,
+    q_look: Float[Array, "4"],
+    time: Scalar,
+    dt: float,
+) -> Vector:
+    impulse = memory.station_keeping.impulse
+    desired_H = jnp.concatenate([params.formation.desired_position, memory.station_keeping.arrival_velocity])
+    deviation = at_burn.state_H - desired_H
+    wanted_N = apply_transposed(at_burn.R_CN, impulse + formation_law.lqr_feedback(memory.gain, deviation))
+    limit = burn_planning.largest_delta_v(params.pointing, params.vehicle, wanted_N, q_look, dt)
+    governed = reference_governor.govern(memory.gain, deviation, impulse, limit)
+    return stages.call("formation_law", gain=memory.gain, deviation=governed, estimate=memory.orbit, time=time)
+
+
+def _safe_delta_v(
+    params: FlightParams,
+    memory: FlightMemory,
+    at_burn: StateAtBurn,
+    pointing: TargetPointing,
+    wanted_H: Vector,
+    period: float,
+    dt: float,
+) -> Vector:
+    """Velocity change [m/s] of the next burn: that of the law, a stop before darkness, or one that comes less near."""
+    formation, orbit = params.formation, memory.orbit
+    r_TN_N, v_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N, orbit.servicer.v_SN_N + orbit.relative.v_TS_N
+    n = mean_motion(semi_major_axis(r_TN_N, v_TN_N))
+    stays_visible = target_visibility.is_visible_after(
+        params.vehicle, orbit, pointing.sun_N, n * (formation.lead + _BURNS_BEFORE_DARKNESS * period)
+    )
+    return approach_inhibition.inhibit(
+        params.health.clearance,
+        formation.desired_position,
+        at_burn.state_H,
+        line_of_sight_uncertainty.relative_range_sigma(orbit) * gradient_safe.norm(orbit.relative.r_TS_N),
+        wanted_H,
+        burn_planning.certain_delta_v(params.pointing, params.vehicle, dt),
+        memory.health.confident,
+        stays_visible,
+        n,
+        period,
+    )
+
+
+def is_lost(params: FlightParams, memory: FlightMemory) -> Bool[Array, ""]:
+    """True without a box of the target for so long that no burn should be based on the estimate."""
+    missing = memory.pointing.unseen_time > params.health.unseen_limit
+    return jnp.where(
+        may_be_too_small(params, memory),
+        missing | ~memory.pointing.acquired,
+        attitude_guidance.is_lost(params.pointing, memory.pointing),
+    )
+
+
+def may_be_too_small(params: FlightParams, memory: FlightMemory) -> Bool[Array, ""]:
+    """True if the target appears so small that frames without a box are no sign of its loss."""
+    relative = memory.orbit.relative
+    return detection_model.may_be_too_small(
+        params.navigation, params.vehicle.focal_px, relative.r_TS_N, relative.scale[0]
+    )
+
+
+def _thruster_works(params: FlightParams, memory: FlightMemory, time: Scalar) -> Bool[Array, ""]:
+    return time >= memory.thruster_failed_at + params.formation.thruster_retry
+
+
+_BURNS_BEFORE_DARKNESS = 3.0
+"""Burns before the target is out of sight that stop the relative motion: a single one may be too weak [-]."""

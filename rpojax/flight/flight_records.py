@@ -1,0 +1,89 @@
+"""Records of the flight software: its tuning, its memory between ticks, and its measurements."""
+
+from dataclasses import field
+
+from jaxtyping import Array
+
+from rpojax.core.pytree import pytree
+from rpojax.flight.control.attitude_control import AttitudeControlTuning
+from rpojax.flight.control.formation_tuning import FormationTuning
+from rpojax.flight.control.station_keeping import StationKeeping
+from rpojax.flight.guidance.attitude_guidance import PointingState
+from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.guidance.detector_window import CameraCommand
+from rpojax.flight.guidance.pointing_tuning import PointingTuning
+from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
+from rpojax.flight.navigation.outlier_gate import GateState
+from rpojax.flight.navigation.thrust_estimator import ThrustEstimate
+from rpojax.flight.navigation_health import HealthTuning, NavigationHealth
+from rpojax.flight.vehicle_model import VehicleModel
+
+
+@pytree
+class FlightParams:
+    """Tuning of all flight software, and its vehicle model."""
+
+    vehicle: VehicleModel
+    navigation: OrbitFilterTuning
+    attitude_filter: AttitudeFilterTuning
+    formation: FormationTuning
+    pointing: PointingTuning
+    attitude_control: AttitudeControlTuning
+    health: HealthTuning
+
+
+@pytree
+class FlightMemory:
+    """State of the flight software.
+
+    Attributes:
+        orbit: estimate of both orbits
+        gate: state of the outlier gate
+        health: tests of the orbit filter, and confidence in it
+        attitude: estimate of the attitude
+        attitude_variance: () of the camera across its boresight at the last frame [rad^2]
+        plan: latest decided burn
+        thrust_estimate: estimated thrust
+        thruster_failed_at: () when a burn last gave no thrust [s], minus infinity before
+        pointing: state of the attitude guidance
+        camera: latest command for an exposure
+        gain: (3, 6) of the formation controller, solved once at start
+        station_keeping: free motion and impulse that keep the station, solved once at start
+        wheel_allocation: (3, 3) body torque to wheel torques, solved once at start
+    """
+
+    orbit: OrbitEstimate
+    gate: GateState
+    health: NavigationHealth
+    attitude: AttitudeEstimate
+    attitude_variance: Array
+    plan: BurnPlan
+    thrust_estimate: ThrustEstimate
+    thruster_failed_at: Array
+    pointing: PointingState
+    camera: CameraCommand
+    gain: Array
+    station_keeping: StationKeeping
+    wheel_allocation: Array
+
+
+@pytree
+class Measurements:
+    """Measurements of one camera tick.
+
+    Attributes:
+        gps: position
+        star_tracker_q_BN: (4,)
+        star_tracker_present: () bool
+        box: bounding box
+        additional: measurements of additional sensors by name
+    """
+
+    gps: GpsMeasurement
+    star_tracker_q_BN: Array
+    star_tracker_present: Array
+    box: BoxMeasurement
+    additional: dict[str, Array] = field(default_factory=dict)
