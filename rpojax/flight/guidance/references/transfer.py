@@ -1,0 +1,78 @@
+"""Transfer to a position in a given time: by two impulses, or by more of them along a glide slope.
+
+Glide slope: impulses at equal intervals put the servicer on points of the straight line to the end, with a speed that
+falls exponentially (Hablani, Tapper and Dana-Bashian, "Guidance and relative navigation for autonomous rendezvous in a
+circular orbit", 2002). Between the impulses the motion is free.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rpojax.core.orbits.two_impulse_transfer import departure_velocity
+from rpojax.core.orbits.yamanaka_ankersen import (
+    TargetOrbit,
+    advanced,
+    constants_of_motion,
+    free_motion,
+    transition_matrix,
+)
+from rpojax.core.pytree import pytree
+from rpojax.flight.guidance.references.phase_entry import PhaseEntry, from_entry
+
+Scalar = Float[Array, ""]
+Vector = Float[Array, "3"]
+
+
+@pytree
+class Transfer:
+    """Transfer from the position at the entry.
+
+    Attributes:
+        position: (3,) at which it ends, in H [m]
+        duration: () [s]
+        pulses: () number of impulses, those at departure and arrival included, at least 2 [-]
+        speed_ratio: () speed along the glide slope at its end over that at its beginning [-]
+    """
+
+    position: Array
+    duration: Array
+    pulses: Array
+    speed_ratio: Array
+
+
+def state(reference: Transfer, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Scalar) -> Float[Array, "6"]:
+    """Desired relative state in H [m, m/s] `elapsed` [s] after the entry, with the target's `orbit` then.
+
+    After its duration it stays at the end.
+    """
+    arcs = reference.pulses - 1.0
+    interval = reference.duration / arcs
+    arc = jnp.clip(jnp.floor(elapsed / interval), 0.0, arcs - 1.0)
+    since = elapsed - arc * interval
+    departure = advanced(orbit, -since)
+    start = _waypoint(reference, entry, arc / arcs)
+    end = _waypoint(reference, entry, (arc + 1.0) / arcs)
+    velocity = departure_velocity(transition_matrix(departure, interval), start, end, interval)
+    moving = free_motion(orbit, since, constants_of_motion(departure, jnp.concatenate([start, velocity])))
+    arrived = jnp.concatenate([reference.position, jnp.zeros_like(velocity)])
+    return from_entry(entry, orbit, elapsed, jnp.where(elapsed < reference.duration, moving, arrived))
+
+
+def end_position(reference: Transfer, entry: PhaseEntry) -> Vector:
+    """Position in H at which the servicer arrives [m]."""
+    del entry
+    return reference.position
+
+
+def _waypoint(reference: Transfer, entry: PhaseEntry, share: Scalar) -> Vector:
+    """Point of the glide slope [m] after a share of the duration."""
+    rate = jnp.log(reference.speed_ratio)
+    constant = jnp.abs(rate) < _CONSTANT_SPEED
+    safe = jnp.where(constant, 1.0, rate)
+    covered = jnp.where(constant, share, jnp.expm1(safe * share) / jnp.expm1(safe))
+    start = entry.relative_state[:3]
+    return start + covered * (reference.position - start)
+
+
+_CONSTANT_SPEED = 1e-6
+"""Logarithm of the ratio of speeds below which the speed counts as constant [-]."""

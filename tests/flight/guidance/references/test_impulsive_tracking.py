@@ -1,0 +1,62 @@
+"""Burns that follow a reference, against integrated free motion."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from relative_motion_cases import ECCENTRICITIES, advanced, integrated_free_motion, orbit, period
+
+from rpojax.core.orbits import yamanaka_ankersen
+from rpojax.core.orbits.keplerian_elements import mean_motion
+from rpojax.core.pytree import replace
+from rpojax.flight.control.station_keeping import solve_station_keeping
+from rpojax.flight.guidance.references import impulsive_tracking
+from rpojax.scenario.params import Params
+
+tracked_point = jax.jit(impulsive_tracking.tracked_point)
+free_motion = jax.jit(yamanaka_ankersen.free_motion)
+INTERVAL = jnp.asarray(200.0)
+
+
+@pytest.mark.parametrize("e", ECCENTRICITIES)
+def test_a_free_motion_needs_no_impulse(e: float) -> None:
+    constants = jnp.array([30.0, -20.0, 50.0, 2.0, 7.0, 11.0])
+    before, at, after = (
+        np.asarray(free_motion(advanced(orbit(e), jnp.asarray(t)), jnp.asarray(t), constants))
+        for t in (-200.0, 0.0, 200.0)
+    )
+    found = tracked_point(orbit(e), INTERVAL, *(jnp.asarray(x[:3]) for x in (before, at, after)))
+    np.testing.assert_allclose(found.impulse, 0.0, atol=1e-12)
+    np.testing.assert_allclose(found.arrival_velocity, at[3:], atol=1e-12)
+
+
+@pytest.mark.parametrize("e", ECCENTRICITIES)
+def test_the_impulses_lead_from_point_to_point(e: float) -> None:
+    points = np.array([[0.0, -100.0, 5.0], [3.0, -90.0, 4.0], [9.0, -70.0, 0.0], [9.0, -60.0, -8.0], [2.0, -50.0, 0.0]])
+    places = [advanced(orbit(e), jnp.asarray(200.0 * k)) for k in range(5)]
+    found = [tracked_point(places[k], INTERVAL, *(jnp.asarray(p) for p in points[k - 1 : k + 2])) for k in (1, 2, 3)]
+    state = np.concatenate([points[1], found[0].arrival_velocity])
+    for k, burn in zip((1, 2, 3), found, strict=True):
+        np.testing.assert_allclose(state[3:], burn.arrival_velocity, atol=1e-8)
+        state = integrated_free_motion(e, places[k], state + np.concatenate([np.zeros(3), burn.impulse]), 200.0)
+        np.testing.assert_allclose(state[:3], points[k + 1], atol=1e-6)
+
+
+def test_holding_a_place_on_a_circular_orbit_is_station_keeping(params: Params) -> None:
+    position = jnp.array([10.0, -25.0, 15.0])
+    at = orbit(0.0)
+    expected = solve_station_keeping(
+        replace(params.flight.formation, desired_position=position), mean_motion(at.semi_major_axis), 200.0
+    )
+    found = tracked_point(at, INTERVAL, position, position, position)
+    np.testing.assert_allclose(found.impulse, expected.impulse, atol=1e-13)
+    np.testing.assert_allclose(found.arrival_velocity, expected.arrival_velocity, atol=1e-13)
+
+
+@pytest.mark.parametrize("turns", [0.5, 1.0, 2.0])
+def test_periods_without_a_solution_give_bounded_impulses(turns: float) -> None:
+    found = tracked_point(orbit(0.0), jnp.asarray(turns * period(0.0)), *jnp.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0],
+                                                                                    [7.0, 8.0, 10.0]]))  # fmt: skip
+    # The least divisor is a thousandth of that of straight motion.
+    bound = 2e3 * 100.0 / (turns * period(0.0))
+    assert np.all(np.abs(np.asarray(found.impulse)) < bound)

@@ -1,0 +1,62 @@
+"""Transfers against integrated free motion."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from relative_motion_cases import ECCENTRICITIES, advanced, entry, integrated_free_motion, orbit
+
+from rpojax.flight.guidance.references import transfer
+from rpojax.flight.guidance.references.transfer import Transfer
+
+state = jax.jit(transfer.state)
+START, END = np.array([40.0, -2000.0, 30.0]), np.array([0.0, -100.0, -5.0])
+ENTRY = entry(*START, 0.3, 0.1, -0.2)
+DURATION = 2000.0
+
+
+def reference(pulses: float, speed_ratio: float = 0.1) -> Transfer:
+    return Transfer(
+        position=jnp.asarray(END),
+        duration=jnp.asarray(DURATION),
+        pulses=jnp.asarray(pulses),
+        speed_ratio=jnp.asarray(speed_ratio),
+    )
+
+
+def at(e: float, followed: Transfer, elapsed: float) -> np.ndarray:
+    seconds = jnp.asarray(elapsed)
+    return np.asarray(state(followed, ENTRY, advanced(orbit(e), seconds), seconds))
+
+
+@pytest.mark.parametrize("e", ECCENTRICITIES)
+@pytest.mark.parametrize("pulses", [2.0, 5.0])
+def test_between_impulses_the_motion_is_free_and_leads_to_the_next(e: float, pulses: float) -> None:
+    followed = reference(pulses)
+    interval = DURATION / (pulses - 1.0)
+    for arc in range(int(pulses) - 1):
+        # A tenth of a second off the impulses, at which the velocity jumps.
+        begin, end = arc * interval + 0.1, (arc + 1) * interval - 0.1
+        place = advanced(orbit(e), jnp.asarray(begin))
+        expected = integrated_free_motion(e, place, at(e, followed, begin), end - begin)
+        np.testing.assert_allclose(at(e, followed, end), expected, atol=1e-6 * np.linalg.norm(START - END))
+    np.testing.assert_allclose(at(e, followed, 0.0)[:3], START, atol=1e-9)
+    np.testing.assert_allclose(at(e, followed, np.nextafter(DURATION, 0.0))[:3], END, atol=1e-6)
+
+
+def test_impulses_lie_on_the_straight_line_at_falling_speed() -> None:
+    """Hablani: mean speeds of equal intervals form a geometric series, whose ends have the given ratio as limit."""
+    followed = reference(41.0)
+    points = np.stack([at(0.1, followed, k * DURATION / 40.0)[:3] for k in range(41)])
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    np.testing.assert_allclose(np.sum(lengths), np.linalg.norm(START - END), rtol=1e-9)
+    np.testing.assert_allclose(lengths[1:] / lengths[:-1], 0.1 ** (1.0 / 40.0), rtol=1e-7)
+
+
+@pytest.mark.parametrize("speed_ratio", [1.0, 1.0 - 1e-7])
+def test_a_glide_slope_of_constant_speed_has_equal_steps(speed_ratio: float) -> None:
+    followed = reference(5.0, speed_ratio)
+    for k in range(5):
+        np.testing.assert_allclose(
+            at(0.1, followed, k * DURATION / 4.0)[:3], START + (END - START) * k / 4.0, atol=2e-4
+        )
