@@ -9,7 +9,7 @@ from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import replace, select
 from rpojax.core.vectors import apply
-from rpojax.flight import burn_decision, navigation_health
+from rpojax.flight import burn_decision, control_effort, navigation_health
 from rpojax.flight.control import station_keeping, wheel_torque_allocation
 from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
@@ -30,6 +30,8 @@ from rpojax.flight.navigation import (
 )
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
+from rpojax.flight.navigation.outlier_gate import GateState
+from rpojax.flight.navigation_health import NavigationHealth
 from rpojax.flight.stages import Stages
 from rpojax.flight.vehicle_model import VehicleModel
 
@@ -115,19 +117,40 @@ def navigate(
         additional=measurements.additional,
         time=time,
     )
-    health = navigation_health.update(
+    health = _updated_health(params, memory, orbit, gate, innovation, box.interval, time)
+    after = replace(memory, attitude=attitude, attitude_variance=variance, orbit=orbit, gate=gate, health=health)
+    return after, innovation
+
+
+def _updated_health(
+    params: FlightParams,
+    memory: FlightMemory,
+    orbit: OrbitEstimate,
+    gate: GateState,
+    innovation: Innovation,
+    interval: Scalar,
+    time: Scalar,
+) -> NavigationHealth:
+    """Health tests after the update of the orbit filter at `time` [s], `interval` [s] after the one before it."""
+    effort = control_effort.update(
+        memory.health.effort,
+        memory.orbit.relative,
+        orbit.relative,
+        burn_begins=(time >= memory.plan.ignition) & (time - interval < memory.plan.ignition),
+        inflated=gate.recovered,
+    )
+    return navigation_health.update(
         params.health,
         params.navigation,
         memory.health,
+        effort,
         innovation,
         gate,
         orbit.relative,
         memory.pointing.unseen_time,
         line_of_sight_uncertainty.relative_range_sigma(orbit),
-        box.interval,
+        interval,
     )
-    after = replace(memory, attitude=attitude, attitude_variance=variance, orbit=orbit, gate=gate, health=health)
-    return after, innovation
 
 
 def _attitude_variance(vehicle: VehicleModel, estimate: AttitudeEstimate) -> Scalar:

@@ -12,6 +12,8 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree
+from rpojax.flight import control_effort
+from rpojax.flight.control_effort import ControlEffort
 from rpojax.flight.navigation import box_evidence, shape_errors
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -21,10 +23,20 @@ from rpojax.flight.navigation.relative_orbit_ekf import RelativeEstimate
 Scalar = Float[Array, ""]
 Flag = Bool[Array, ""]
 
-TESTS: Final = ("gps_variance", "box_variance", "box_bias", "contradictions", "size", "unseen", "range")
+TESTS: Final = (
+    "gps_variance",
+    "box_variance",
+    "box_bias",
+    "contradictions",
+    "size",
+    "unseen",
+    "range",
+    "control_effort",
+)
 """Tests by name: variance of the GPS innovations; variance and mean of those of the box; share of boxes that were
 rejected although others confirm them; size error that explains the difference of range by size and by the orbit;
-time in which the target should have been seen and was not; sigma of the range over the range."""
+time in which the target should have been seen and was not; sigma of the range over the range; velocity that burns gave
+beyond the one that they were believed to give."""
 
 
 @pytree
@@ -60,13 +72,15 @@ class NavigationHealth:
         mean: (6,) fading mean of the normalised innovations: GPS x, y, z, bearing right and down, size [-]
         square: (6,) fading mean of their squares [-]
         contradicted: () fading share of boxes that were rejected although others confirm them [-]
-        ratios: (7,) statistic over threshold of each of `TESTS` [-]
+        effort: velocity corrections between burns
+        ratios: (8,) statistic over threshold of each of `TESTS` [-]
         confident: () bool, the tests of the relative estimate, all but that of GPS, have passed
     """
 
     mean: Array
     square: Array
     contradicted: Array
+    effort: ControlEffort
     ratios: Array
     confident: Array
 
@@ -77,6 +91,7 @@ def initial() -> NavigationHealth:
         mean=jnp.zeros(6, dtype=jnp.float64),
         square=jnp.ones(6, dtype=jnp.float64),
         contradicted=jnp.zeros((), dtype=jnp.float64),
+        effort=control_effort.initial(),
         ratios=jnp.zeros(len(TESTS), dtype=jnp.float64),
         confident=jnp.ones((), dtype=bool),
     )
@@ -86,6 +101,7 @@ def update(
     tuning: HealthTuning,
     filter_tuning: OrbitFilterTuning,
     health: NavigationHealth,
+    effort: ControlEffort,
     innovation: Innovation,
     gate: GateState,
     estimate: RelativeEstimate,
@@ -95,8 +111,8 @@ def update(
 ) -> NavigationHealth:
     """Health after the measurements of a tick, `interval` [s] after the one before it, with the `estimate` by them.
 
-    `unseen_time` [s] is the time without a box in which the target should have been seen, `range_sigma` [-] the sigma
-    of the range over the range.
+    `effort` is the control effort after them, `unseen_time` [s] the time without a box in which the target should have
+    been seen, `range_sigma` [-] the sigma of the range over the range.
     """
     evidence = box_evidence.evidence_time(interval) / tuning.time_constant
     deviation = innovation.innovation / gradient_safe.sqrt(innovation.variance)
@@ -111,6 +127,7 @@ def update(
     contradicted = jnp.where(gate.recovered & gate.contradicted, 1.0, contradicted)
     samples = 2.0 / evidence
     excess_limit = _NOISE_TOLERANCE**2 * _chi_square_over_dof(tuning.alarm_sigma, samples) - 1.0
+    effort_limit = _NOISE_TOLERANCE**2 * _chi_square_over_dof(tuning.alarm_sigma, control_effort.DEGREES_OF_FREEDOM)
     size_error = jnp.abs(jnp.sum(estimate.scale, axis=0)) / gradient_safe.sqrt(
         jnp.sum(shape_errors.scale_variance(filter_tuning), axis=0)
     )
@@ -123,19 +140,22 @@ def update(
             size_error / tuning.size_limit,
             unseen_time / tuning.unseen_limit,
             range_sigma / tuning.range_limit,
+            effort.ratio / effort_limit,
         ]
     )
     # The relative state does not depend on GPS.
     worst = jnp.max(ratios[1:], axis=0)
     confident = worst < jnp.where(health.confident, 1.0, tuning.regain)
-    return NavigationHealth(mean=mean, square=square, contradicted=contradicted, ratios=ratios, confident=confident)
+    return NavigationHealth(
+        mean=mean, square=square, contradicted=contradicted, effort=effort, ratios=ratios, confident=confident
+    )
 
 
 _NOISE_TOLERANCE = 1.5
 """Noise over the believed one up to which the estimate is less accurate than it might be, but not wrong [-]."""
 
 
-def _chi_square_over_dof(sigma: Scalar, dof: Scalar) -> Scalar:
+def _chi_square_over_dof(sigma: Scalar, dof: Scalar | float) -> Scalar:
     """Quantile of chi-square over its degrees of freedom by that of a normal (Wilson and Hilferty, 1931)."""
     spread = 2.0 / (9.0 * dof)
     return (1.0 - spread + sigma * jnp.sqrt(spread)) ** 3
