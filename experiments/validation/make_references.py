@@ -38,8 +38,9 @@ def _cs(angle: float) -> tuple[float, float]:
     return float(np.cos(angle)), float(np.sin(angle))
 
 
-LOW = orbit(6878137.0, 0.002, (97.4, 30.0, 20.0, 10.0))
-HIGH_APOGEE = orbit(24000e3, 0.7, (63.4, 100.0, 270.0, 40.0))
+LOW_ELEMENTS = (6878137.0, 0.002, (97.4, 30.0, 20.0, 10.0))
+HIGH_APOGEE_ELEMENTS = (24000e3, 0.7, (63.4, 100.0, 270.0, 40.0))
+LOW, HIGH_APOGEE = orbit(*LOW_ELEMENTS), orbit(*HIGH_APOGEE_ELEMENTS)
 
 
 def zonal_gravity(degree: int) -> Arrays:
@@ -95,6 +96,28 @@ def target_and_chaser() -> Arrays:
     return {"r0_target": r, "v0_target": v, "r0_chaser": r + rho, "v0_chaser": v + drift}
 
 
+def safety_ellipse(a: float, e: float, degrees: tuple[float, float, float, float]) -> Arrays:
+    """Target, and chaser on a safety ellipse: relative eccentricity and inclination vectors towards the perigee.
+
+    Semi-major axis and mean anomaly are equal. Amplitudes are 20 m radially and, at the semi-latus rectum, 30 m across.
+    """
+    i, _, perigee, nu = np.deg2rad(degrees)
+    eta_square = 1.0 - e * e
+    more_e, tilt = 20.0 / a, 30.0 / (a * eta_square)
+    more_node = tilt * np.sin(perigee) / np.sin(i)
+    more_nu = more_e * np.sin(nu) * (2.0 + e * np.cos(nu)) / eta_square
+    perigee_change = -more_node * np.cos(i)
+    change = np.rad2deg([tilt * np.cos(perigee), more_node, perigee_change, more_nu])
+    chaser_degrees = (degrees[0] + change[0], degrees[1] + change[1], degrees[2] + change[2], degrees[3] + change[3])
+    target, chaser = orbit(a, e, degrees), orbit(a, e + more_e, chaser_degrees)
+    return {
+        "r0_target": target["r0"],
+        "v0_target": target["v0"],
+        "r0_chaser": chaser["r0"],
+        "v0_chaser": chaser["v0"],
+    }
+
+
 def sunlight() -> Arrays:
     """Sun with Basilisk's constants, and a sphere in sunlight."""
     direction = np.array([0.9, -0.4, -0.17])
@@ -138,6 +161,12 @@ def cases() -> Iterator[tuple[str, SimulationCase, dict[str, str]]]:
     yield "b_j2", SimulationCase({**zonal_gravity(2), **LOW}, False, DAY, 10.0, 900.0), {}
     yield "b_zonals_6", SimulationCase({**zonal_gravity(6), **LOW}, False, DAY, 10.0, 900.0), {}
     yield "c_relative", SimulationCase({**zonal_gravity(2), **target_and_chaser()}, False, 28400.0, 10.0, 200.0), {}
+    for name, elements, step, spacing in (
+        ("low", LOW_ELEMENTS, 10.0, 200.0),
+        ("eccentric", HIGH_APOGEE_ELEMENTS, 2.0, 620.0),
+    ):
+        pair = {**zonal_gravity(0), **safety_ellipse(*elements)}
+        yield f"c_safety_ellipse_{name}", SimulationCase(pair, False, 100.0 * spacing, step, spacing), {}
     yield "d_tumble", SimulationCase(rigid_body(angles, spin), False, 3600.0, 0.5, 37.0), {}
     yield "d_middle_axis", SimulationCase(rigid_body(angles, (1e-4, 0.06, -1e-4), middle), False, 3600.0, 0.5, 37.0), {}
     e = {**rigid_body(angles, slow), **wheels(TILTED), **torque_commands(4.0, 600.0)}

@@ -26,6 +26,8 @@ TOLERANCES: dict[str, dict[str, float]] = {
     "b_j2": {"position_error_m": 1e-4, "velocity_error_m_s": 1e-7},
     "b_zonals_6": {"position_error_m": 1e-4, "velocity_error_m_s": 1e-7},
     "c_relative": {"position_error_m": 1e-4, "relative_position_error_m": 1e-5},
+    "c_safety_ellipse_eccentric": {"position_error_m": 1e-3, "relative_position_error_m": 1e-4},
+    "c_safety_ellipse_low": {"position_error_m": 1e-4, "relative_position_error_m": 1e-5},
     "d_middle_axis": {"attitude_error_rad": 1e-6, "rate_error_rad_s": 1e-7},
     "d_tumble": {"attitude_error_rad": 1e-8, "rate_error_rad_s": 1e-9},
     "e_wheels": {"attitude_error_rad": 1e-8, "rate_error_rad_s": 1e-9, "wheel_speed_error_rad_s": 1e-8},
