@@ -132,11 +132,12 @@ def _updated_health(
     time: Scalar,
 ) -> NavigationHealth:
     """Health tests after the update of the orbit filter at `time` [s], `interval` [s] after the one before it."""
+    ignition, cutoff = memory.plan.ignition, memory.plan.cutoff
     effort = control_effort.update(
         memory.health.effort,
         memory.orbit.relative,
         orbit.relative,
-        burn_begins=(time >= memory.plan.ignition) & (time - interval < memory.plan.ignition),
+        burn_begins=(time >= ignition) & (time - interval < ignition) & (cutoff > ignition),
         inflated=gate.recovered,
     )
     return navigation_health.update(

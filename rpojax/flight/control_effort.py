@@ -38,8 +38,8 @@ class ControlEffort:
 
 def initial() -> ControlEffort:
     """No corrections, and the expected ratio."""
-    zero = jnp.zeros((), dtype=jnp.float64)
-    return ControlEffort(correction=jnp.zeros(3, dtype=jnp.float64), variance=zero, ratio=jnp.ones_like(zero))
+    zero = jnp.zeros(())
+    return ControlEffort(correction=jnp.zeros(3), variance=zero, ratio=jnp.ones_like(zero))
 
 
 def update(
