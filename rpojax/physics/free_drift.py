@@ -25,7 +25,7 @@ from rpojax.physics import forces_and_torques
 from rpojax.physics.environment.solar_radiation_pressure import sunlit_fraction
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.plant_options import Effects
-from rpojax.physics.plant_state import PlantParams, Truth
+from rpojax.physics.plant_state import Motion, PlantParams, Truth
 
 Scalar = Float[Array, ""]
 Integer = Int[Array, ""]
@@ -74,23 +74,6 @@ class DriftRange:
 
     least_square: Array
     entry: Array
-
-
-@pytree
-class Motion:
-    """Orbit of the target and motion of the servicer relative to it, in N.
-
-    Attributes:
-        r_TN_N: (3,) target position [m]
-        v_TN_N: (3,) target velocity [m/s]
-        r_ST_N: (3,) servicer from target [m]
-        v_ST_N: (3,) its inertial derivative [m/s]
-    """
-
-    r_TN_N: Array
-    v_TN_N: Array
-    r_ST_N: Array
-    v_ST_N: Array
 
 
 @dataclass(frozen=True)
@@ -333,19 +316,24 @@ def _begin(
     environment: Environment, orbit: Float[Array, "2 3 nodes"], drift: Drift, keep_out: Scalar
 ) -> tuple[DriftRange, Float[Array, "2 3"], Integer]:
     """A drift up to its first node: its ranges so far, its relative state there, and the number of the node."""
-    found = DriftRange(least_square=jnp.full_like(drift.ends, jnp.inf), entry=jnp.full_like(drift.start, jnp.inf))
-    motion = motion_at(environment, orbit, drift.start, drift.r_ST_N, drift.v_ST_N)
     shut = drift.start + drift.thrust_s
     node = jnp.ceil(shut / STEP_S)
-    zero = jnp.zeros_like(drift.acceleration_N)
-    time = drift.start
-    for end, acceleration_N in ((shut, drift.acceleration_N), (node * STEP_S, zero)):
+    motion = motion_at(environment, orbit, drift.start, drift.r_ST_N, drift.v_ST_N)
+
+    def advance(
+        before: tuple[Motion, DriftRange], interval: tuple[Array, Array, Array]
+    ) -> tuple[tuple[Motion, DriftRange], None]:
+        (motion, found), (time, end, acceleration_N) = before, interval
         after = environment.advance(motion, drift.mass, time, end - time, acceleration_N)
         approach = closest_approach(
             jnp.stack([motion.r_ST_N, after.r_ST_N]), jnp.stack([motion.v_ST_N, after.v_ST_N]), end - time
         )
-        found = _with_interval(found, approach, time, end - time, drift.ends, keep_out)
-        motion, time = after, end
+        return (after, _with_interval(found, approach, time, end - time, drift.ends, keep_out)), None
+
+    none = DriftRange(least_square=jnp.full_like(drift.ends, jnp.inf), entry=jnp.full_like(drift.start, jnp.inf))
+    times = jnp.stack([drift.start, shut, node * STEP_S])
+    accelerations_N = jnp.stack([drift.acceleration_N, jnp.zeros_like(drift.acceleration_N)])
+    (motion, found), _ = jax.lax.scan(advance, (motion, none), (times[:-1], times[1:], accelerations_N))
     return found, jnp.stack([motion.r_ST_N, motion.v_ST_N]), node.astype(jnp.int32)
 
 

@@ -65,14 +65,27 @@ class PlantParams:
 
 
 @pytree
-class Truth:
-    """True state of both vehicles.
+class Motion:
+    """Orbit of the target and motion of the servicer relative to it, in N.
 
     Attributes:
         r_TN_N: (3,) target position [m]
         v_TN_N: (3,) target velocity [m/s]
         r_ST_N: (3,) servicer from target [m]
         v_ST_N: (3,) its inertial derivative [m/s]
+    """
+
+    r_TN_N: Array
+    v_TN_N: Array
+    r_ST_N: Array
+    v_ST_N: Array
+
+
+@pytree
+class Truth(Motion):
+    """True state of both vehicles.
+
+    Attributes:
         q_BN: (4,) servicer attitude
         omega_BN_B: (3,) servicer rate [rad/s]
         wheel_speed: (3,) relative to the body [rad/s]
@@ -84,10 +97,6 @@ class Truth:
         mass_low: () low-order part of the mass in single precision [kg]; else None
     """
 
-    r_TN_N: Array
-    v_TN_N: Array
-    r_ST_N: Array
-    v_ST_N: Array
     q_BN: Array
     omega_BN_B: Array
     wheel_speed: Array

@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar
 
@@ -37,6 +37,10 @@ class DevicePrograms:
     programs: list[Any]
     targets: list[Any]
     compile_s: float
+
+    def first(self, count: int) -> "DevicePrograms":
+        """Those of the first `count` devices."""
+        return replace(self, programs=self.programs[:count], targets=self.targets[:count])
 
     def place(self, arguments: Sequence[T]) -> list[T]:
         """Arguments of each device, copied to it."""

@@ -15,6 +15,7 @@ from rpojax.value_types import (
     Hull,
     Inertia,
     NonNegative,
+    NonNegativeAngle,
     NonNegativeVector,
     OptionalKeys,
     Positive,
@@ -195,7 +196,7 @@ class CameraSection(Section):
     outlier_size_min_px: Positive
     outlier_size_max_px: Positive
     phase_limit_deg: Annotated[float, Field(gt=0.0, le=180.0, allow_inf_nan=False)]
-    sun_exclusion_deg: Annotated[float, Field(ge=0.0, lt=180.0, allow_inf_nan=False)]
+    sun_exclusion_deg: NonNegativeAngle
 
 
 class ImagingSection(Section):
@@ -227,7 +228,7 @@ class StarTrackerSection(Section):
     noise_deg: NonNegativeVector
     misalignment_deg: Vector
     boresight: Direction
-    sun_exclusion_deg: Annotated[float, Field(ge=0.0, lt=180.0, allow_inf_nan=False)]
+    sun_exclusion_deg: NonNegativeAngle
 
 
 class GyroSection(Section):

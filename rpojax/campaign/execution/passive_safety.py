@@ -1,7 +1,7 @@
 """Passive safety of a batch of runs: their free drifts, by one more compiled program after the simulation."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import jax
@@ -12,11 +12,11 @@ from jaxtyping import Array
 from rpojax.batching import batching_mode
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits import keplerian_elements
-from rpojax.core.pytree import concatenate, pytree, replace
+from rpojax.core.pytree import pytree, replace
 from rpojax.metrics import passive_safety as metrics
 from rpojax.physics import free_drift
 from rpojax.physics.free_drift import STEP_S, Drift, DriftRange, Environment, Propagation
-from rpojax.runtime import device_programs
+from rpojax.runtime import compiler_options, device_programs
 from rpojax.runtime.device_programs import DevicePrograms
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
@@ -26,8 +26,8 @@ from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation.metrics import drift_starts
 from rpojax.simulation.metrics.drift_starts import DriftStarts
 
-_MOST_DRIFTS = 64
-"""Drifts of a run that are propagated at once; their number is fixed, so that a rerun uses the same program."""
+_MOST_DRIFTS = 48
+"""Drifts of a run in a column of a call; their number is fixed, so that a rerun uses the same program."""
 _SHARED_FIELDS = ("is_stuck", "r_ST_N", "v_ST_N", "mass", "last_delta_v")
 _FIELDS = {
     **dict.fromkeys(("start", "last", "burn", "mass", "last_delta_v"), ((), np.float64)),
@@ -97,10 +97,19 @@ class PassiveSafety:
             )
             for run in range(runs)
         ]
-        rounds = -(-max(len(each.ticks) for each in starts) // self.drifts_at_once)
-        parts = [self._propagate(drawn, starts, number * self.drifts_at_once) for number in range(rounds)]
-        least = np.sqrt(np.concatenate([np.asarray(part.least_square) for part in parts], axis=1))
-        entry = np.concatenate([np.asarray(part.entry) for part in parts], axis=0)
+        most = max(len(each.ticks) for each in starts)
+        # Most runs have few drifts: a run takes more columns of the batch only where it has more of them.
+        columns = [
+            (run, first)
+            for first in range(0, most, self.drifts_at_once)
+            for run in range(runs)
+            if first < len(starts[run].ticks)
+        ]
+        least = np.full((len(self.file.safety.horizons) + 1, most + self.drifts_at_once, runs), np.inf)
+        entry = np.full(least.shape[1:], np.inf)
+        for (run, first), found in zip(columns, self._propagate(drawn, starts, columns), strict=True):
+            drifts = slice(first, first + self.drifts_at_once)
+            least[:, drifts, run], entry[drifts, run] = np.sqrt(found.least_square), found.entry
         return self._metrics(starts, least, entry)
 
     def _metrics(self, starts: Sequence[DriftStarts], least: np.ndarray, entry: np.ndarray) -> dict[str, np.ndarray]:
@@ -137,31 +146,39 @@ class PassiveSafety:
         traces = device_programs.trace_for_devices(
             self._drift, (self.nominal, values, StartBatch(**numbers)), self.devices
         )
-        self._programs = traces.compile()
+        self._programs = traces.compile(compiler_options.LOOP_OPTIONS)
 
-    def _propagate(self, drawn: Mapping[str, np.ndarray], starts: Sequence[DriftStarts], first: int) -> DriftRange:
-        """Ranges of the drifts of all runs from number `first` on, `entry` less the longest horizon."""
+    def _propagate(
+        self, drawn: Mapping[str, np.ndarray], starts: Sequence[DriftStarts], columns: Sequence[tuple[int, int]]
+    ) -> Iterator[DriftRange]:
+        """Ranges of the drifts of each column, from a number on of a run, `entry` less the longest horizon."""
         self.compile(drawn)
         assert self._programs is not None
-        parts: list[list[DriftRange]] = [[] for _ in self.devices]
-        for begin in range(0, self.runs_per_device, self.runs_at_once):
-            # The last runs of a device are repeated until they fill a call.
-            within = np.minimum(begin + np.arange(self.runs_at_once), self.runs_per_device - 1)
-            arguments = []
-            for place in range(len(self.devices)):
-                rows = place * self.runs_per_device + within
-                values = {name: np.moveaxis(each[rows], 0, -1) for name, each in drawn.items()}
-                arguments.append((self.nominal, values, self._batch([starts[row] for row in rows], first)))
-            results = self._programs.call(self._programs.place(arguments))
-            count = min(self.runs_at_once, self.runs_per_device - begin)
-            for own, result in zip(parts, results, strict=True):
-                own.append(jax.tree.map(lambda each, count=count: np.asarray(each)[..., :count], result))
-        return concatenate([part for own in parts for part in own], axis=-1)
+        size = self.runs_at_once
+        groups = [columns[begin : begin + size] for begin in range(0, len(columns), size)]
+        for begin in range(0, len(groups), len(self.devices)):
+            batch = groups[begin : begin + len(self.devices)]
+            programs = self._programs.first(len(batch))
+            results = programs.call(programs.place([self._arguments(drawn, starts, group) for group in batch]))
+            for group, result in zip(batch, results, strict=True):
+                arrays = jax.tree.map(np.asarray, result)
+                for place in range(len(group)):
+                    yield jax.tree.map(lambda each, place=place: each[..., place], arrays)
 
-    def _batch(self, starts: Sequence[DriftStarts], first: int) -> StartBatch:
+    def _arguments(
+        self, drawn: Mapping[str, np.ndarray], starts: Sequence[DriftStarts], group: Sequence[tuple[int, int]]
+    ) -> tuple[Params, Mapping[str, np.ndarray], StartBatch]:
+        """Arguments of the program for some columns; the last is repeated until they fill a call."""
+        filled = [*group, *[group[-1]] * (self.runs_at_once - len(group))]
+        runs = [run for run, _ in filled]
+        values = {name: np.moveaxis(each[runs], 0, -1) for name, each in drawn.items()}
+        return self.nominal, values, self._batch([starts[run] for run in runs], [first for _, first in filled])
+
+    def _batch(self, starts: Sequence[DriftStarts], firsts: Sequence[int]) -> StartBatch:
         count, tick_s = self.drifts_at_once, self.scenario.tick_s
-        rows = [np.minimum(np.arange(first, first + count), len(each.ticks) - 1) for each in starts]
-        exists = np.stack([np.arange(first, first + count) < len(each.ticks) for each in starts], axis=-1)
+        numbers = [np.arange(first, first + count) for first in firsts]
+        rows = [np.minimum(own, len(each.ticks) - 1) for own, each in zip(numbers, starts, strict=True)]
+        exists = np.stack([own < len(each.ticks) for own, each in zip(numbers, starts, strict=True)], axis=-1)
 
         def gathered(name: str) -> np.ndarray:
             return np.stack([getattr(each, name)[..., row] for each, row in zip(starts, rows, strict=True)], axis=-1)
@@ -187,7 +204,7 @@ class PassiveSafety:
                 environment(values), *keplerian_elements.state_from_elements(params.orbit), self.mission_steps
             )
             lengths = self._horizons(params)
-            drifts = jax.vmap(
+            drifts = batching_mode.transform()(
                 lambda start: self._start(environment(values), orbit, lengths, start), in_axes=-1, out_axes=-1
             )(batch)
             begun = free_drift.begin_drifts(environment(values), orbit, drifts, params.limits.keep_out, first)
@@ -201,7 +218,7 @@ class PassiveSafety:
             return batching_mode.transform()(step, in_axes=-1, out_axes=-1)(values, drifts, propagation)
 
         first = jnp.floor(jnp.min(batch.start) / STEP_S).astype(jnp.int32)
-        drifts, begun, longest = jax.vmap(begin, in_axes=-1, out_axes=-1)(values, batch)
+        drifts, begun, longest = batching_mode.transform()(begin, in_axes=-1, out_axes=-1)(values, batch)
         last = jnp.ceil(jnp.max(drifts.ends) / STEP_S).astype(jnp.int32)
         found = jax.lax.fori_loop(first, last, advance, begun).found
         return replace(found, entry=found.entry - longest[None, :])

@@ -9,6 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from rpojax.core.numerics.fusion_barrier import fusion_barrier
+
 State = TypeVar("State")
 Method = Literal["rk4", "rk8"]
 Derivative = Callable[[State, Any], State]
@@ -122,19 +124,22 @@ def _rk8(derivative: Derivative[State], state: State, inputs: Any, dt: float | F
     Cooper and Verner, "Some explicit Runge-Kutta methods of high order", 1972.
     """
     count = len(_RK8_NODE_INDICES)
-    coefficients = np.zeros((count, count))
+    columns = np.zeros((count, count + 1))
     for (row, column), value in _RK8_COEFFICIENTS.items():
-        coefficients[row, column] = value
+        columns[column, row] = value
+    columns[:, count] = _RK8_WEIGHTS
 
-    def combination(slopes: State, weights: Float[Array, " stages"]) -> State:
-        return jax.tree.map(lambda k: dt * jnp.tensordot(weights, k, axes=1), slopes)
-
-    def stage(slopes: State, plan: tuple[Array, Array, Array]) -> tuple[State, None]:
+    def stage(sums: State, plan: tuple[Array, Array, Array]) -> tuple[State, None]:
         number, weights, node = plan
-        slope = derivative(_add(state, combination(slopes, weights)), jax.tree.map(lambda nodes: nodes[node], inputs))
-        return jax.tree.map(lambda k, new: k.at[number].set(new), slopes, slope), None
+        point = jax.tree.map(lambda y, total: y + dt * total[number], state, sums)
+        slope = fusion_barrier(derivative(point, jax.tree.map(lambda nodes: nodes[node], inputs)), number)
 
-    none = jax.tree.map(lambda y: jnp.zeros((count, *y.shape), dtype=y.dtype), state)
-    plan = (jnp.arange(count), jnp.asarray(coefficients), jnp.asarray(_RK8_NODE_INDICES))
-    slopes, _ = jax.lax.scan(stage, none, plan)
-    return combination(slopes, jnp.asarray(_RK8_WEIGHTS))
+        def with_slope(total: Array, k: Array) -> Array:
+            return total + weights.reshape(-1, *[1] * k.ndim) * k[None]
+
+        return jax.tree.map(with_slope, sums, slope), None
+
+    none = jax.tree.map(lambda y: jnp.zeros((count + 1, *y.shape), dtype=y.dtype), state)
+    plan = (jnp.arange(count), jnp.asarray(columns), jnp.asarray(_RK8_NODE_INDICES))
+    sums, _ = jax.lax.scan(stage, none, plan)
+    return jax.tree.map(lambda total: dt * total[count], sums)
