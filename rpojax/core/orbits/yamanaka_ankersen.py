@@ -77,17 +77,18 @@ def advanced(orbit: TargetOrbit, dt: Scalar) -> TargetOrbit:
 
     Kepler's equation is solved for the change of the eccentric argument of latitude, for eccentricities up to 0.9.
     """
-    kappa, kappa_slope = _kappa(orbit)
-    e_square = orbit.ex * orbit.ex + orbit.ey * orbit.ey
-    eta = jnp.sqrt(1.0 - e_square)
-    # e times cosine and sine of the eccentric anomaly, from those of the true anomaly.
-    e_cos, e_sin = (e_square + kappa - 1.0) / kappa, -eta * kappa_slope / kappa
+    e_cos, e_sin = _eccentric_anomaly(orbit)
     change = _eccentric_change(e_cos, e_sin, mean_motion(orbit.semi_major_axis) * dt)
     c, s = cos_sin(change)
-    after_cos, after_sin = e_cos * c - e_sin * s, e_sin * c + e_cos * s
-    before = arctan2(e_sin, 1.0 + eta - e_cos)  # half of the true less the eccentric anomaly
-    after = arctan2(after_sin, 1.0 + eta - after_cos)
-    return replace(orbit, argument_of_latitude=orbit.argument_of_latitude + change + 2.0 * (after - before))
+    lead = _true_less_eccentric(orbit, e_cos * c - e_sin * s, e_sin * c + e_cos * s)
+    lead_change = lead - _true_less_eccentric(orbit, e_cos, e_sin)
+    return replace(orbit, argument_of_latitude=orbit.argument_of_latitude + change + lead_change)
+
+
+def mean_argument_of_latitude(orbit: TargetOrbit) -> Scalar:
+    """Argument of latitude of the perigee plus the mean anomaly [rad], which grows at the rate of the mean motion."""
+    e_cos, e_sin = _eccentric_anomaly(orbit)
+    return orbit.argument_of_latitude - _true_less_eccentric(orbit, e_cos, e_sin) - e_sin
 
 
 def transition_matrix(orbit: TargetOrbit, dt: Scalar) -> Float[Array, "6 6"]:
@@ -150,6 +151,19 @@ def _kappa(orbit: TargetOrbit) -> tuple[Scalar, Scalar]:
     return 1.0 + orbit.ex * c + orbit.ey * s, orbit.ey * c - orbit.ex * s
 
 
+def _eccentric_anomaly(orbit: TargetOrbit) -> tuple[Scalar, Scalar]:
+    """Eccentricity times cosine and sine of the eccentric anomaly [-]."""
+    kappa, kappa_slope = _kappa(orbit)
+    e_square = orbit.ex * orbit.ex + orbit.ey * orbit.ey
+    return (e_square + kappa - 1.0) / kappa, -jnp.sqrt(1.0 - e_square) * kappa_slope / kappa
+
+
+def _true_less_eccentric(orbit: TargetOrbit, e_cos: Scalar, e_sin: Scalar) -> Scalar:
+    """True less eccentric anomaly [rad], from the eccentricity times cosine and sine of the latter."""
+    eta = jnp.sqrt(1.0 - orbit.ex * orbit.ex - orbit.ey * orbit.ey)
+    return 2.0 * arctan2(e_sin, 1.0 + eta - e_cos)
+
+
 def _unit_rate(orbit: TargetOrbit) -> Scalar:
     """Mean motion of a circular orbit at the semi-latus rectum [rad/s]."""
     return mean_motion(orbit.semi_major_axis * (1.0 - orbit.ex * orbit.ex - orbit.ey * orbit.ey))
@@ -172,13 +186,15 @@ def _eccentric_change(e_cos: Scalar, e_sin: Scalar, mean_change: Scalar) -> Scal
     turns = 2.0 * jnp.pi * jnp.round(mean / (2.0 * jnp.pi))
     within = jnp.abs(mean - turns)
     bound = jnp.minimum(jnp.minimum(within + e, within / (1.0 - e)), jnp.pi)
-    change = turns + jnp.where(mean < turns, -bound, bound) - before
-    for _ in range(_NEWTON_STEPS):
+
+    def newton(change: Scalar, _: None) -> tuple[Scalar, None]:
         # With half the angle, a small change keeps its digits.
         c, s = cos_sin(0.5 * change)
         residual = change - 2.0 * s * (e_cos * c - e_sin * s) - mean_change
-        change = change - residual / (1.0 - e_cos * (1.0 - 2.0 * s * s) + 2.0 * e_sin * s * c)
-    return change
+        return change - residual / (1.0 - e_cos * (1.0 - 2.0 * s * s) + 2.0 * e_sin * s * c), None
+
+    start = turns + jnp.where(mean < turns, -bound, bound) - before
+    return jax.lax.scan(newton, start, None, length=_NEWTON_STEPS)[0]
 
 
 @_eccentric_change.defjvp

@@ -24,6 +24,7 @@ State = np.ndarray
 target_orbit = jax.jit(yamanaka_ankersen.target_orbit)
 advanced = jax.jit(yamanaka_ankersen.advanced)
 transition_matrix = jax.jit(yamanaka_ankersen.transition_matrix)
+mean_argument_of_latitude = jax.jit(yamanaka_ankersen.mean_argument_of_latitude)
 constants_of_motion = jax.jit(yamanaka_ankersen.constants_of_motion)
 free_motion = jax.jit(yamanaka_ankersen.free_motion)
 frame = jax.jit(hill_frame)
@@ -169,6 +170,14 @@ def test_keplers_equation_is_solved_to_rounding_everywhere_on_the_orbit(e: float
     found = mean_anomaly(e, np.asarray(after.argument_of_latitude) - 2.1)
     # The mean anomaly changes by up to (1 + e)^2 / (1 - e^2)^1.5 = 44 for a change of the true anomaly at e = 0.9.
     np.testing.assert_allclose(found, expected, atol=2e-13)
+
+
+@pytest.mark.parametrize("e", [*ECCENTRICITIES, 0.9])
+def test_the_mean_argument_of_latitude_is_perigee_plus_mean_anomaly(e: float) -> None:
+    for nu in (-2.9, 0.6, 3.4):
+        np.testing.assert_allclose(
+            mean_argument_of_latitude(orbit(e, nu)), 2.1 + mean_anomaly(e, np.float64(nu)), atol=1e-12
+        )
 
 
 def orbit_at(e: float, anomaly: jax.Array) -> TargetOrbit:

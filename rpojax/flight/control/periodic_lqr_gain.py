@@ -1,0 +1,82 @@
+"""Gains of the linear-quadratic regulator for relative motion near an elliptic orbit, which repeats with each orbit."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rpojax.core.orbits.keplerian_elements import mean_motion
+from rpojax.core.orbits.yamanaka_ankersen import (
+    TargetOrbit,
+    advanced,
+    mean_argument_of_latitude,
+    transition_matrix,
+)
+from rpojax.flight.control.formation_tuning import FormationTuning
+
+Matrix = Float[Array, "6 6"]
+Gains = Float[Array, "n 3 6"]
+
+
+def burns_per_orbit(period: float, control_period: float) -> int:
+    """Number of burns for a table of gains: control periods [s] in a period of the orbit [s], rounded."""
+    return max(round(period / control_period), _FEWEST_BURNS)
+
+
+def periodic_lqr_gains(formation: FormationTuning, orbit: TargetOrbit, burns: int) -> Gains:
+    """Gains at equal steps of the mean argument of latitude from 0, with one impulse at each of them.
+
+    The weights count once per burn, as in `lqr_gain`, to which each gain is equal on a circular orbit. By backward
+    recursion of the Riccati equation over some orbits, the first of which gives the gains. The impulses are
+    independent, so that the minimisation is a sequence of scalar updates.
+    """
+    weights = jnp.diag(jnp.concatenate([formation.position_weight, formation.velocity_weight]))
+    motions = _motions_between_burns(orbit, burns)
+
+    def earlier(cost: Matrix, motion: Matrix) -> tuple[Matrix, Float[Array, "3 6"]]:
+        # From just before the next impulse to just after this one.
+        cost = motion.T @ cost @ motion
+        for axis in range(3):
+            row = cost[3 + axis]
+            cost = cost - row[:, None] * (row / (formation.delta_v_weight[axis] + row[3 + axis]))[None, :]
+        return weights + 0.5 * (cost + cost.T), cost[3:] / formation.delta_v_weight[:, None]
+
+    def orbit_earlier(cost: Matrix, _: None) -> tuple[Matrix, None]:
+        return jax.lax.scan(earlier, cost, motions, reverse=True)[0], None
+
+    settled, _ = jax.lax.scan(orbit_earlier, weights, None, length=-(-_SETTLING_BURNS // burns))
+    return jax.lax.scan(earlier, settled, motions, reverse=True)[1]
+
+
+def gain_at(gains: Gains, orbit: TargetOrbit) -> Float[Array, "3 6"]:
+    """Gain at a place on the orbit, by linear interpolation in the mean argument of latitude.
+
+    As a weighted sum over the table: in a batch each run has its own place.
+    """
+    count = gains.shape[0]
+    steps = jnp.arange(count, dtype=gains.dtype)
+    place = mean_argument_of_latitude(orbit) * (count / (2.0 * math.pi))
+    distance = place - steps
+    distance = jnp.abs(distance - count * jnp.round(distance / count))
+    return jnp.sum(jnp.maximum(1.0 - distance, 0.0)[:, None, None] * gains, axis=0)
+
+
+def _motions_between_burns(orbit: TargetOrbit, burns: int) -> Float[Array, "n 6 6"]:
+    """State transition matrices between burns at equal steps of the mean argument of latitude from 0."""
+    n = mean_motion(orbit.semi_major_axis)
+    start = advanced(orbit, -mean_argument_of_latitude(orbit) / n)
+    interval = 2.0 * math.pi / (burns * n)
+
+    def motion(_: None, step: Float[Array, ""]) -> tuple[None, Matrix]:
+        return None, transition_matrix(advanced(start, step * interval), interval)
+
+    return jax.lax.scan(motion, None, jnp.arange(burns, dtype=n.dtype))[1]
+
+
+_FEWEST_BURNS = 8
+"""Fewest burns per orbit of a table [-]."""
+
+
+_SETTLING_BURNS = 150
+"""Burns after which the recursion has forgotten its beginning [-]."""
