@@ -10,6 +10,8 @@ from rpojax.scenario.schema import ScenarioFile
 
 RECORD_BYTES_PER_TICK = 160
 """Memory per run and tick for the channels that metrics and free drifts need [B]."""
+POSE_BYTES_PER_TICK = 44
+"""Memory per run and tick for the poses that coverage needs, and in histories [B]."""
 EVALUATION_BYTES_PER_TICK = 120
 """Memory per run and tick while the metrics of one block are evaluated [B]."""
 HISTORY_BYTES_PER_TICK = 328
@@ -52,7 +54,8 @@ def memory_bytes(file: ScenarioFile, runs: int, block_size: int, devices: int, h
     # Results of one batch are stored while the next one is simulated.
     at_once = min(runs, 2 * block_size * devices)
     record_runs = max(at_once, block_size * devices)
-    records = ticks * (record_runs * RECORD_BYTES_PER_TICK + block_size * EVALUATION_BYTES_PER_TICK)
+    record_bytes = RECORD_BYTES_PER_TICK + (POSE_BYTES_PER_TICK if file.coverage.enabled else 0)
+    records = ticks * (record_runs * record_bytes + block_size * EVALUATION_BYTES_PER_TICK)
     histories = min(history_count, at_once) * ticks * HISTORY_BYTES_PER_TICK
     return _PROCESS_BYTES + records + histories + design_bytes(file, runs)
 

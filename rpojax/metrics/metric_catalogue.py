@@ -12,6 +12,7 @@ from rpojax.metrics import (
     navigation_health,
     passive_safety,
     position_errors,
+    surface_coverage,
     trajectory,
 )
 from rpojax.metrics.metric_definition import Metric
@@ -25,6 +26,7 @@ MODULES: Final = (
     passive_safety,
     attitude,
     camera_boxes,
+    surface_coverage,
 )
 """Modules with definitions, in display order."""
 

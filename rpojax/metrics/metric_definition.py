@@ -21,7 +21,7 @@ components alike.
 """
 
 
-Source = Literal["records", "drifts", "simulation"]
+Source = Literal["records", "drifts", "coverage", "simulation"]
 
 
 class WeightedValue(NamedTuple):
@@ -63,8 +63,8 @@ class Metric:
         window: ticks that count
         low_is_bad: low values are the worse ones
         has_derivative: its derivative is useful: it is no count, no percentile and no step function
-        source: evaluated from `records` or from free `drifts`, and so for every run of a campaign; or during the
-            `simulation` alone
+        source: evaluated from `records` or from free `drifts`, and so for every run of a campaign; from the `coverage`
+            of the target's surface, for those of a scenario with it; or during the `simulation` alone
     """
 
     name: str

@@ -10,6 +10,7 @@ import numpy as np
 from rpojax.physics.plant_options import FaultKind
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import (
+    CoverageSection,
     EffectsSection,
     FaultSection,
     HandoverSection,
@@ -72,7 +73,7 @@ def nominal_of_key(file: ScenarioFile, key: str) -> Any:
     section, name = section_of_key(file, key)
     if (
         section is None
-        or isinstance(section, RatesSection | EffectsSection | SafetySection | TuningSection)
+        or isinstance(section, RatesSection | EffectsSection | SafetySection | CoverageSection | TuningSection)
         or name not in type(section).model_fields
         or (isinstance(section, HandoverSection) and name == "covariance")
     ):

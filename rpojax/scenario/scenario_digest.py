@@ -4,6 +4,7 @@ import hashlib
 import json
 from typing import Any
 
+from rpojax.scenario import coverage_surface
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained import trained_files
 from rpojax.sensors.additional.registry import sensor_names
@@ -27,6 +28,10 @@ def scenario_digest(file: ScenarioFile) -> str:
     _remove_defaults(file, content)
     if trained := trained_files.required_digests(content):
         content["trained"] = trained
+    if not file.coverage.enabled:
+        content.pop("coverage", None)
+    elif mesh := coverage_surface.mesh_digest(content):
+        content["mesh"] = mesh
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

@@ -13,6 +13,7 @@ from rpojax.scenario.sections import (
     AttitudeControlSection,
     AttitudeFilterSection,
     CameraSection,
+    CoverageSection,
     EffectsSection,
     FaultSection,
     FormationSection,
@@ -94,6 +95,7 @@ class ScenarioFile(AdditionalSensors):
     health: HealthSection
     limits: LimitsSection
     safety: SafetySection = SafetySection()
+    coverage: CoverageSection = CoverageSection()
     fault: FaultSection
     dispersions: list[Dispersion]
     requirements: list[RequirementSection] = Field(default_factory=list)

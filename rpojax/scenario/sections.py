@@ -33,6 +33,9 @@ def _check_horizon(value: str) -> str:
     return value
 
 
+IncidenceLimit = Annotated[float, Field(gt=0.0, le=90.0, allow_inf_nan=False)]
+
+
 class RatesSection(Section):
     """Rates of plant, camera and burn decisions."""
 
@@ -354,6 +357,19 @@ class SafetySection(Section):
     )
     spacing_s: Positive = 10.0
     stuck_on_s: Annotated[float, Field(ge=0.0, le=300.0, allow_inf_nan=False)] = 30.0
+
+
+class CoverageSection(Section):
+    """Surface of the target whose inspection is judged, and what counts as seen."""
+
+    enabled: bool = False
+    surface: Annotated[str, Field(min_length=1)] = "hull"
+    mesh_units: Literal["m", "cm", "mm", "in", "ft"] = "m"
+    facet_size_m: Positive = 0.1
+    incidence_limit_deg: IncidenceLimit = 60.0
+    sun_incidence_limit_deg: IncidenceLimit = 70.0
+    resolution_limit_m_px: Positive = 0.05
+    spacing_s: Positive = 10.0
 
 
 class TuningSection(Section):

@@ -33,6 +33,7 @@ class Scenario:
         effects: model switches of the plant
         ray_sampling: of rendered images, None for other camera models
         additional_sensors: names of the additional sensors
+        records_poses: whether the poses of camera and target are channels
     """
 
     ticks: int
@@ -49,6 +50,7 @@ class Scenario:
     effects: Effects
     ray_sampling: "RaySampling | None"
     additional_sensors: tuple[str, ...] = ()
+    records_poses: bool = False
 
     @property
     def step_s(self) -> float:
@@ -85,4 +87,5 @@ def static_settings(file: ScenarioFile, allow_single: bool = False) -> Scenario:
         effects=Effects(**file.effects.model_dump()),
         ray_sampling=image_sampling.sampling_for_model(file.model_dump()),
         additional_sensors=tuple(present_sensors(file)),
+        records_poses=file.coverage.enabled or file.camera.model == "rendered",
     )

@@ -106,9 +106,11 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
 
     Measurements of additional sensors are channels too.
     """
-    names = [*CHANNELS, *IMAGE_CHANNELS] if scenario.camera_model == "rendered" else CHANNELS
+    functions = {**CHANNELS, **(POSE_CHANNELS if scenario.records_poses else {})}
+    if scenario.camera_model == "rendered":
+        functions |= IMAGE_CHANNELS
     with jax.named_scope("observe"):
-        channels = evaluate(CHANNELS | IMAGE_CHANNELS, names, ObservedTick(scenario, params, telemetry))
+        channels = evaluate(functions, functions, ObservedTick(scenario, params, telemetry))
         additional = telemetry.measurements.additional
         if taken := sorted(set(channels) & set(additional)):
             raise RpojaxError(f"{taken[0]}: found a sensor's measurement, expected a name that no channel has")
@@ -223,10 +225,11 @@ CHANNELS: Final[ChannelFunctions] = {
     **_VEHICLE,
 }
 """Channels by name, as functions of a tick."""
-IMAGE_CHANNELS: Final[ChannelFunctions] = {
-    "window_px": lambda tick: tick.telemetry.frame.window,
+IMAGE_CHANNELS: Final[ChannelFunctions] = {"window_px": lambda tick: tick.telemetry.frame.window}
+"""Window of the image of a tick, from which with the poses it can be rendered again."""
+POSE_CHANNELS: Final[ChannelFunctions] = {
     "r_TN_N": lambda tick: tick.truth.r_TN_N,
     "q_TN": lambda tick: tick.truth.q_TN,
     "q_BN": lambda tick: tick.truth.q_BN,
 }
-"""Window and poses of the image of a tick, from which it can be rendered again."""
+"""Poses of camera and target, for images that are rendered again and for the coverage of the target's surface."""

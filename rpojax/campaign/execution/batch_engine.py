@@ -18,6 +18,7 @@ from jaxtyping import Array
 
 from rpojax.batching.batching_mode import BatchingMode
 from rpojax.campaign.execution.passive_safety import PassiveSafety
+from rpojax.campaign.execution.surface_coverage import SurfaceCoverage
 from rpojax.campaign.execution.tick_batching import batch_transform, state_axes, tick_batching_mode
 from rpojax.campaign.experiment_design import Design, has_independent_runs
 from rpojax.core import random_streams
@@ -140,7 +141,8 @@ class BatchEngine:
         nominal = params.build_params(file.model_dump(), self.scenario.width_px, self.scenario.height_px)
         self._nominal = jax.tree.map(np.asarray, nominal)
         self._programs: tuple[Any, DevicePrograms] | None = None
-        self.passive_safety = PassiveSafety(file, self.scenario, self._nominal, self.runs_per_device, self.devices)
+        batch = (file, self.scenario, self._nominal, self.runs_per_device, self.devices)
+        self.passive_safety, self.coverage = PassiveSafety(*batch), SurfaceCoverage(*batch)
 
     @property
     def capacity(self) -> int:
@@ -155,6 +157,7 @@ class BatchEngine:
         if self._programs is not None:
             return
         begin = time.perf_counter()
+        self.coverage.start()
         with ThreadPoolExecutor(2) as pool:
             # The preparation is compiled while the loop, which needs its output shapes, is traced.
             preparation = pool.submit(_compile_preparation, self._preparation_trace)
@@ -163,6 +166,7 @@ class BatchEngine:
                 safety = pool.submit(self.passive_safety.compile, self._preparation_trace.out_info[0])
                 loops = traces.compile(compiler_options.LOOP_OPTIONS)
             safety.result()
+            self.coverage.compile(self._preparation_trace.out_info[0])
             self.loop_compile_s = loops.compile_s
             self._programs = (preparation.result(), loops)
         self.compile_s = time.perf_counter() - begin

@@ -3,11 +3,13 @@
 `block_arrays` turns the records into the arrays that a block stores.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 
 import numpy as np
 
+from rpojax.campaign.execution import surface_coverage
 from rpojax.campaign.execution.batch_engine import PreparedRuns, Segment
+from rpojax.campaign.execution.surface_coverage import CoverageResults
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import campaign_folder
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
@@ -22,16 +24,28 @@ RECORDED_CHANNELS = frozenset(
 """Channels that are recorded of every run."""
 
 
+def recorded_channels(file: ScenarioFile) -> frozenset[str]:
+    """Channels that are recorded of every run of a scenario."""
+    return RECORDED_CHANNELS | (set(surface_coverage.REQUIRED_CHANNELS) if file.coverage.enabled else set())
+
+
 class ChannelRecorder:
-    """Collects channels segment by segment: `RECORDED_CHANNELS` of all runs, and all kept channels of `history_rows`.
+    """Collects channels segment by segment: those of `recorded` of all runs, and all kept channels of `history_rows`.
 
     Attributes:
         records: name -> (ticks, ..., runs), in the layout of the loop, so that they are copied in long rows
         histories: name -> (history rows, ticks, ...)
     """
 
-    def __init__(self, ticks: int, history_rows: Sequence[int], keeps_channel: Callable[[str], bool]) -> None:
+    def __init__(
+        self,
+        ticks: int,
+        history_rows: Sequence[int],
+        keeps_channel: Callable[[str], bool],
+        recorded: Set[str] = RECORDED_CHANNELS,
+    ) -> None:
         self.ticks = ticks
+        self.recorded = recorded
         self.history_rows = np.array(sorted(history_rows), dtype=int)
         self.keeps_channel = keeps_channel
         self.records: dict[str, np.ndarray] = {}
@@ -50,7 +64,7 @@ class ChannelRecorder:
 
     def _add_records(self, channels: Mapping[str, np.ndarray], ticks: slice, runs: slice, all_runs: int) -> None:
         for name, values in channels.items():
-            if name in RECORDED_CHANNELS:
+            if name in self.recorded:
                 shape = (self.ticks, *values.shape[1:-1], all_runs)
                 _allocated(self.records, name, shape, values.dtype)[ticks, ..., runs] = values
 
@@ -106,6 +120,7 @@ def block_arrays(
     prepared: PreparedRuns,
     recorder: ChannelRecorder,
     passive_safety: Mapping[str, np.ndarray],
+    coverage: CoverageResults,
     judged: JudgedRuns,
     rows: slice,
 ) -> dict[str, np.ndarray]:
@@ -121,12 +136,13 @@ def block_arrays(
     with np.errstate(invalid="ignore"):
         for name, values in recorded_metrics.evaluate(file, records, used).items():
             arrays[f"metrics/{name}"] = np.where(frozen, np.nan, values)
-        for name, values in passive_safety.items():
+        for name, values in {**passive_safety, **coverage.metrics}.items():
             arrays[f"metrics/{name}"] = np.where(frozen, np.nan, values[rows])
         time_s = np.arange(recorder.ticks)[::stride] / file.rates.camera_hz
         ended = frozen[:, None] & (time_s > since_s[:, None])
         for name, values in trace_channels.decimated_traces(file, records, used, stride).items():
             arrays[f"traces/{name}"] = np.where(ended, np.float32(np.nan), values)
+    arrays |= {f"coverage/{name}": values[rows] for name, values in coverage.maps.items()}
     arrays["status/failure"] = judged.codes[rows]
     arrays["status/failed_at_s"] = since_s
     arrays |= {f"events/{name}": values for name, values in judged.events.stored(rows).items()}

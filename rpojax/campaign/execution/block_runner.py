@@ -8,8 +8,9 @@ import numpy as np
 
 from rpojax.campaign.execution import block_recording
 from rpojax.campaign.execution.batch_engine import BatchEngine, PreparedRuns
-from rpojax.campaign.execution.block_recording import ChannelRecorder
+from rpojax.campaign.execution.block_recording import ChannelRecorder, recorded_channels
 from rpojax.campaign.execution.campaign_engine import check_versions
+from rpojax.campaign.execution.surface_coverage import CoverageResults
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import block_manifests
 from rpojax.campaign.storage.campaign_folder import BlockTiming, Campaign
@@ -28,12 +29,14 @@ class SimulatedBatch:
         prepared: the runs at their initial states
         recorder: their channels
         passive_safety: metrics of their free drifts
+        coverage: of the target's surface
         judged: how they ended
     """
 
     prepared: PreparedRuns
     recorder: ChannelRecorder
     passive_safety: dict[str, np.ndarray]
+    coverage: CoverageResults
     judged: JudgedRuns
 
     def history(self, row: int, engine: BatchEngine) -> dict[str, np.ndarray]:
@@ -44,7 +47,7 @@ class SimulatedBatch:
     def block_arrays(self, rows: slice, engine: BatchEngine) -> dict[str, np.ndarray]:
         """Arrays of one block as they are stored."""
         return block_recording.block_arrays(
-            engine.file, self.prepared, self.recorder, self.passive_safety, self.judged, rows
+            engine.file, self.prepared, self.recorder, self.passive_safety, self.coverage, self.judged, rows
         )
 
 
@@ -69,7 +72,9 @@ def simulate_batch(
         on_progress: called after every segment
     """
     prepared = engine.prepare(seed, run_ids)
-    recorder = ChannelRecorder(engine.scenario.ticks, history_rows, retention.keeps_channel)
+    recorder = ChannelRecorder(
+        engine.scenario.ticks, history_rows, retention.keeps_channel, recorded_channels(engine.file)
+    )
     last = None
     for number, segment in enumerate(engine.simulate(prepared)):
         recorder.add_segment(segment)
@@ -79,7 +84,8 @@ def simulate_batch(
     failure = np.where(last.failed_at < engine.file.duration_s, last.failure, 0)
     judged = judge(engine.file, prepared.used, recorder.records_of_runs(), failure, last.failed_at)
     passive_safety = engine.passive_safety.evaluate(prepared.drawn, recorder.records)
-    return SimulatedBatch(prepared, recorder, passive_safety, judged)
+    coverage = engine.coverage.evaluate(prepared.drawn, recorder.records)
+    return SimulatedBatch(prepared, recorder, passive_safety, coverage, judged)
 
 
 @dataclass(frozen=True)

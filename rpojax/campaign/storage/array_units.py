@@ -14,6 +14,8 @@ def array_units(group: str, name: str) -> str:
             unit = trace_channels.TRACE_UNITS.get(name, "-")
         case "status" | "events":
             unit = "s" if name.endswith("_s") else "-"
+        case "coverage":
+            unit = "-"
         case _:
             unit = key_units.unit_symbol(name)
     return "1" if unit == "-" else unit

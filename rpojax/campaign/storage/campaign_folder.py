@@ -5,6 +5,7 @@
 | `campaign.json` | scenario, its hash, seed, runs, block size, versions, device; written before anything is compiled |
 | `scenario.toml` | the scenario as a file that `rpojax run` takes |
 | `results.zarr` | of every run: `metrics/NAME`, `status/NAME`, `events/NAME`, `drawn/KEY`, `used/KEY`, `traces/NAME` |
+| `results.zarr/coverage` | of every run of a scenario with coverage: `lit_samples`, `seen_samples` of each facet |
 | `results.zarr/histories/RUN` | channels of a run with a history, time first |
 | `manifest/000000.json` | one per finished block, written last; a resume runs the blocks without one |
 | `manifest/000000.attempts` | one per unfinished block that was begun: a line for every attempt |
@@ -252,6 +253,11 @@ class Campaign:
     def traces(self) -> dict[str, np.ndarray]:
         """Channel -> (runs, samples), nan after a run was frozen."""
         return self._read("traces")
+
+    @property
+    def coverage(self) -> dict[str, np.ndarray]:
+        """`lit_samples` and `seen_samples` (runs, facets) of the target's surface; empty without coverage."""
+        return self._read("coverage")
 
     @property
     def trace_time_s(self) -> np.ndarray:

@@ -3,9 +3,10 @@
 import math
 
 from rpojax.errors import ScenarioError
-from rpojax.metrics import passive_safety
+from rpojax.metrics import passive_safety, surface_coverage
 from rpojax.scenario.checks.design_checks import check_design
 from rpojax.scenario.checks.dispersion_checks import check_dispersions
+from rpojax.scenario.coverage_surface import mesh_path
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import OrbitSection
 
@@ -48,6 +49,7 @@ def check_consistency(file: ScenarioFile) -> None:
         )
     _check_precision(file)
     _check_drift_requirements(file)
+    _check_coverage(file)
     check_dispersions(file)
     check_design(file)
 
@@ -62,6 +64,16 @@ def _check_drift_requirements(file: ScenarioFile) -> None:
         if passive_safety.is_of_horizon(name) and name not in drift_metrics:
             expected = f"one of the metrics of safety.horizons = {file.safety.horizons}"
             raise ScenarioError(f"requirements.{number}.metric", requirement.metric, expected)
+
+
+def _check_coverage(file: ScenarioFile) -> None:
+    """Refuses requirements on coverage that is not evaluated, and a mesh file that is not there."""
+    names = {metric.name for metric in surface_coverage.METRICS}
+    for number, requirement in enumerate(file.requirements):
+        if requirement.metric in names and not file.coverage.enabled:
+            expected = "a metric that is evaluated: this one needs coverage.enabled = true"
+            raise ScenarioError(f"requirements.{number}.metric", requirement.metric, expected)
+    mesh_path(file.model_dump())
 
 
 def _check_precision(file: ScenarioFile) -> None:

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.checks.consistency_checks import check_consistency
+from rpojax.scenario.coverage_surface import SURFACES
 from rpojax.scenario.loading import case_table_csv
 from rpojax.scenario.loading.replaced_nominals import Layer, check_no_replaced_key_is_set
 from rpojax.scenario.loading.table_merging import apply_override, merge
@@ -108,6 +109,9 @@ def _resolve_paths(tables: dict[str, Any], folder: Path) -> None:
         name = imaging.get(key) if isinstance(imaging, dict) else None
         if isinstance(name, str) and name != trained_files.PACKAGED and isinstance(imaging, dict):
             imaging[key] = str((folder / name).resolve())
+    coverage = tables.get("coverage")
+    if isinstance(coverage, dict) and isinstance(name := coverage.get("surface"), str) and name not in SURFACES:
+        coverage["surface"] = str((folder / name).resolve())
     design = tables.get("design")
     if isinstance(design, dict) and isinstance(design.get("file"), str) and design["file"]:
         design["file"] = str(folder.absolute() / design["file"])

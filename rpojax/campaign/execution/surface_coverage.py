@@ -1,0 +1,196 @@
+"""Inspection coverage of a batch of runs: which facets of the target were lit and seen, after the simulation."""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, Final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from rpojax.core.pytree import concatenate, pytree
+from rpojax.metrics import surface_coverage as metrics
+from rpojax.runtime import device_programs
+from rpojax.runtime.device_programs import DevicePrograms
+from rpojax.scenario import coverage_surface
+from rpojax.scenario.dispersed_numbers import dispersed_values
+from rpojax.scenario.dispersed_numbers.dispersed_values import Values
+from rpojax.scenario.params import Params
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.static_settings import Scenario
+from rpojax.simulation.metrics.facet_inspection import Inspection, Instant, Surface
+from rpojax.vision.surface.facets import Facets, make_facets
+from rpojax.vision.surface.visibility_table import visibility_table
+
+_CHANNELS: Final = {
+    **{name: name for name in ("r_TN_N", "r_ST_N", "q_TN", "q_BN", "running")},
+    "accepted": "box_accepted",
+}
+"""Channel of each field of `Instant`."""
+REQUIRED_CHANNELS: Final = tuple(_CHANNELS.values())
+"""Channels from which coverage is evaluated."""
+_SHAPES: Final = {"r_TN_N": (3,), "r_ST_N": (3,), "q_TN": (4,), "q_BN": (4,), "running": (), "accepted": ()}
+_NEVER: Final = np.iinfo(np.int32).max
+"""Number of the sample in which a facet was first seen, if it never was."""
+
+
+@dataclass(frozen=True)
+class CoverageResults:
+    """Coverage of a batch of runs; empty without coverage.
+
+    Attributes:
+        metrics: name -> (runs,)
+        maps: `lit_samples` and `seen_samples` (runs, facets): number of samples in which a facet was lit, and seen
+    """
+
+    metrics: Mapping[str, np.ndarray]
+    maps: Mapping[str, np.ndarray]
+
+
+@pytree
+class Tally:
+    """What has been lit and seen.
+
+    Attributes:
+        lit: (facets,) samples in which a facet was lit
+        seen: (facets,) samples in which it was seen
+        first_seen: (facets,) number of the first of these
+    """
+
+    lit: Array
+    seen: Array
+    first_seen: Array
+
+
+class SurfaceCoverage:
+    """Coverage of batches of a fixed size, by a program that is compiled once.
+
+    Args:
+        file: the scenario
+        scenario: its static settings
+        nominal: its nominal parameters
+        runs_per_device: batch size of a device
+        devices: that share a batch
+        triangles: (n, 3, 3) of the surface in T [m], by default that of the scenario
+    """
+
+    def __init__(
+        self,
+        file: ScenarioFile,
+        scenario: Scenario,
+        nominal: Params,
+        runs_per_device: int,
+        devices: Sequence[Any],
+        triangles: np.ndarray | None = None,
+    ) -> None:
+        self.section, self.scenario, self.nominal = file.coverage, scenario, nominal
+        self.runs_per_device, self.devices = runs_per_device, devices
+        self.ticks = np.arange(0, scenario.ticks, max(1, round(file.coverage.spacing_s / scenario.tick_s)))
+        self._surface: Future[tuple[Facets, np.ndarray]] | None = None
+        self._programs: DevicePrograms | None = None
+        if file.coverage.enabled:
+            self._triangles = coverage_surface.surface_triangles(file.model_dump()) if triangles is None else triangles
+
+    def start(self) -> None:
+        """Begins to make the facets and their table of visibility, in a thread."""
+        if self.section.enabled and self._surface is None:
+            pool = ThreadPoolExecutor(1)
+            self._surface = pool.submit(self._make_surface)
+            pool.shutdown(wait=False)
+
+    @property
+    def facets(self) -> Facets:
+        """Facets of the nominal target."""
+        return self._made_surface()[0]
+
+    def compile(self, drawn: Mapping[str, Any]) -> None:
+        """Compiles the program, once, for dispersed values (runs of a device, ...) or their shapes."""
+        if self._programs is not None or not self.section.enabled:
+            return
+        values = {name: jax.ShapeDtypeStruct(each.shape, each.dtype, weak_type=False) for name, each in drawn.items()}
+        samples = (self.runs_per_device, len(self.ticks))
+        instants = Instant(
+            time=_shape(samples, np.float64),
+            **{name: _shape((*samples, *shape), np.float32 if shape else np.bool_) for name, shape in _SHAPES.items()},
+        )
+        arguments = (self.nominal, self._nominal_surface(), values, instants)
+        self._programs = device_programs.trace_for_devices(self._tally_runs, arguments, self.devices).compile()
+
+    def evaluate(self, drawn: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray]) -> CoverageResults:
+        """Coverage from dispersed values (runs, ...) and recorded channels (ticks, ..., runs)."""
+        if not self.section.enabled:
+            return CoverageResults({}, {})
+        self.compile(drawn)
+        assert self._programs is not None
+        surface, arguments = self._nominal_surface(), []
+        for place in range(len(self.devices)):
+            rows = slice(place * self.runs_per_device, (place + 1) * self.runs_per_device)
+            values = {name: each[rows] for name, each in drawn.items()}
+            arguments.append((self.nominal, surface, values, self._instants(records, rows)))
+        tally = jax.tree.map(np.asarray, concatenate(self._programs.call(self._programs.place(arguments))))
+        return CoverageResults(self._metrics(tally), {"lit_samples": tally.lit, "seen_samples": tally.seen})
+
+    def _make_surface(self) -> tuple[Facets, np.ndarray]:
+        facets = make_facets(self._triangles, self.section.facet_size_m)
+        return facets, visibility_table(facets, self._triangles)
+
+    def _made_surface(self) -> tuple[Facets, np.ndarray]:
+        self.start()
+        assert self._surface is not None
+        return self._surface.result()
+
+    def _nominal_surface(self) -> Surface:
+        facets, visible = self._made_surface()
+        fields: dict[str, Any] = {"centers": facets.centers, "normals": facets.normals}
+        return Surface(visible=jnp.asarray(visible), **{name: each.astype(np.float32) for name, each in fields.items()})
+
+    def _instants(self, records: Mapping[str, np.ndarray], rows: slice) -> Instant:
+        """Samples of some runs (runs, samples, ...)."""
+        fields: dict[str, Any] = {
+            name: np.moveaxis(records[channel][self.ticks][..., rows], -1, 0) for name, channel in _CHANNELS.items()
+        }
+        time = np.broadcast_to(self.ticks * self.scenario.tick_s, fields["running"].shape)
+        return Instant(time=jnp.asarray(time), **fields)
+
+    def _metrics(self, tally: Tally) -> dict[str, np.ndarray]:
+        """Metrics (runs,): NaN if nothing was lit, and the time if too little was seen."""
+        areas, rows = self.facets.areas, list(zip(np.asarray(tally.lit), np.asarray(tally.first_seen), strict=True))
+        tick_s = self.scenario.tick_s
+        sampled_s = np.append(self.ticks * tick_s, np.nan)
+        found = {
+            metrics.SEEN_FRACTION: [metrics.seen_fraction(areas, lit > 0, first < _NEVER) for lit, first in rows],
+            metrics.TIME_TO_90_PERCENT: [
+                metrics.time_to_see(areas, lit > 0, sampled_s[np.minimum(first, len(self.ticks))])
+                for lit, first in rows
+            ],
+        }
+        return {name: np.array(values) for name, values in found.items()}
+
+    def _tally_runs(self, nominal: Params, surface: Surface, values: Values, instants: Instant) -> Tally:
+        """Tallies of the runs of a device, one run after the other, so that they do not depend on its place."""
+
+        def tally_run(inputs: tuple[Values, Instant]) -> Tally:
+            params = dispersed_values.apply_to_params(nominal, inputs[0])
+            return self._tally(params, surface, inputs[1])
+
+        return jax.lax.map(tally_run, (values, instants))
+
+    def _tally(self, params: Params, surface: Surface, instants: Instant) -> Tally:
+        inspection = Inspection(self.scenario, self.section)
+
+        def add(tally: Tally, inputs: tuple[Array, Instant]) -> tuple[Tally, None]:
+            number, instant = inputs
+            lit, seen = inspection.lit_and_seen(params, surface, instant)
+            first_seen = jnp.minimum(tally.first_seen, jnp.where(seen, number, _NEVER))
+            counts = tally.lit + lit.astype(jnp.int32), tally.seen + seen.astype(jnp.int32)
+            return Tally(lit=counts[0], seen=counts[1], first_seen=first_seen), None
+
+        zero = jnp.zeros(surface.centers.shape[0], jnp.int32)
+        empty = Tally(lit=zero, seen=zero, first_seen=zero + _NEVER)
+        return jax.lax.scan(add, empty, (jnp.arange(len(self.ticks), dtype=jnp.int32), instants))[0]
+
+
+def _shape(shape: tuple[int, ...], dtype: Any) -> Any:
+    return jax.ShapeDtypeStruct(shape, dtype)

@@ -1,0 +1,83 @@
+"""Surface of the target of which inspection coverage is judged: packaged, hull of the scenario, or a mesh file."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rpojax.errors import ScenarioError
+from rpojax.scenario.trained.trained_files import PACKAGED, file_digest
+
+HULL = "hull"
+"""Value of `coverage.surface` that selects the convex hull of `target.hull_m`."""
+SURFACES = (PACKAGED, HULL)
+"""Values of `coverage.surface` that are no paths."""
+MAX_FACETS = 20_000
+MAX_TRIANGLES = 20_000
+
+
+def mesh_path(tables: Mapping[str, Any]) -> Path | None:
+    """Path of the mesh file of a scenario, None if it needs none.
+
+    Raises:
+        ScenarioError: there is no such file.
+    """
+    coverage = tables.get("coverage", {})
+    name = coverage.get("surface", HULL)
+    if not coverage.get("enabled") or name in SURFACES:
+        return None
+    path = Path(name)
+    if not path.is_file():
+        raise ScenarioError("coverage.surface", name, f"'{PACKAGED}', '{HULL}' or the path of a mesh file")
+    return path
+
+
+def mesh_digest(tables: Mapping[str, Any]) -> str | None:
+    """SHA-256 of the mesh file of a scenario, None if it needs none."""
+    path = mesh_path(tables)
+    return None if path is None else file_digest(path)
+
+
+def surface_triangles(tables: Mapping[str, Any]) -> np.ndarray:
+    """Triangles (n, 3, 3) of the nominal surface in T [m], counter-clockwise from outside.
+
+    Raises:
+        RpojaxError: the mesh file cannot be used, or facets and triangles are too many.
+    """
+    triangles = _triangles(tables)
+    name, size = tables["coverage"]["surface"], tables["coverage"]["facet_size_m"]
+    if len(triangles) > MAX_TRIANGLES:
+        found = f"{len(triangles)} triangles in {name!r}"
+        raise ScenarioError("coverage.surface", found, f"a mesh of at most {MAX_TRIANGLES}")
+    sides = triangles[:, 1:] - triangles[:, :1]
+    area = 0.5 * float(np.sum(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)))
+    if area > MAX_FACETS * size * size:
+        least = (area / MAX_FACETS) ** 0.5
+        raise ScenarioError("coverage.facet_size_m", size, f"at least {least:.2g}, for at most {MAX_FACETS} facets")
+    return triangles
+
+
+def _triangles(tables: Mapping[str, Any]) -> np.ndarray:
+    coverage = tables["coverage"]
+    if coverage["surface"] == HULL:
+        return _hull_triangles(np.array(tables["target"]["hull_m"]))
+    from rpojax.training.synthetic_data.meshes import mesh_files
+    from rpojax.training.synthetic_data.meshes.packaged_target import PACKAGED_TARGET
+
+    path = mesh_path(tables)
+    mesh = mesh_files.load_mesh(PACKAGED_TARGET) if path is None else mesh_files.load_mesh(path, coverage["mesh_units"])
+    return np.concatenate([part.vertices[part.faces] for part in mesh.parts])
+
+
+def _hull_triangles(points: np.ndarray) -> np.ndarray:
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        raise ScenarioError("target.hull_m", points.tolist(), "points that span a volume") from None
+    triangles = points[hull.simplices]
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    inwards = np.sum(normals * hull.equations[:, :3], axis=1) < 0.0
+    return np.where(inwards[:, None, None], triangles[:, ::-1], triangles)
