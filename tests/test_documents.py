@@ -29,6 +29,7 @@ from rpojax.scenario import key_units, schema
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.sensors.additional.registry import sensor_class, sensor_names
+from rpojax.simulation import channels
 from rpojax.simulation.channels import Channels, compute_channels
 from rpojax.simulation.metrics import trace_channels
 from rpojax.simulation.rollout import rollout
@@ -210,7 +211,7 @@ def headings_of_sections() -> list[str]:
 
 def test_the_scenario_page_lists_every_section_once() -> None:
     named = [name for heading in headings_of_sections() for name in quoted(heading)]
-    assert sorted(named) == sorted([*sections_of_the_schema(), "design", "dispersions", "requirements"])
+    assert sorted(named) == sorted([*sections_of_the_schema(), "design", "dispersions", "phases", "requirements"])
 
 
 @pytest.mark.parametrize("name", sections_of_the_schema())
@@ -231,6 +232,7 @@ def test_the_scenario_page_lists_the_keys_at_the_top_level() -> None:
         *sections_of_the_schema(),
         "design",
         "dispersions",
+        "phases",
         "requirements",
     }
 
@@ -309,7 +311,12 @@ def test_the_folder_page_names_every_trace() -> None:
 def test_the_folder_page_lists_every_channel_of_a_history() -> None:
     static, params, state = initialise_run(scenario_loader.load("inspection"))
     seen = jax.eval_shape(lambda: compute_channels(static, params, step(static, params, state, Stages())[1]))
-    assert names_listed("Channels of a history") == {"time_s", "rho_desired_H", *seen} - {"running"}
+    assert names_listed("Channels of a history") == {
+        "time_s",
+        "rho_desired_H",
+        *seen,
+        *channels.MISSION_CHANNELS,
+    } - {"running"}
 
 
 def test_the_folder_page_lists_the_further_channels_of_images_and_coverage() -> None:

@@ -34,21 +34,21 @@ def plan_burn(
     period: float,
     dt: float,
 ) -> BurnPlan:
-    """Next burn; none while the target is lost or dark, or soon after the thruster failed.
+    """Next burn; none while the target is lost or dark, the range too uncertain, or soon after the thruster failed.
 
     Burns are `period` [s] apart, and guidance works every `dt` [s].
     """
     at_burn = burn_planning.state_at_burn(params.formation, memory.orbit)
     command_H = _formation_command(stages, params, memory, at_burn, pointing.q_BN, time, dt)
+    known = line_of_sight_uncertainty.relative_range_sigma(memory.orbit) < params.formation.range_uncertainty_limit
     wanted_H = memory.station_keeping.impulse + command_H
     return burn_planning.schedule_burn(
         params.formation,
         params.pointing,
         params.vehicle,
         apply_transposed(at_burn.R_CN, _safe_delta_v(params, memory, at_burn, pointing, wanted_H, period, dt)),
-        memory.orbit,
         pointing.q_BN,
-        pointing.visible & _thruster_works(params, memory, time) & ~is_lost(params, memory),
+        pointing.visible & thruster_works(params, memory, time) & ~is_lost(params, memory) & known,
         time,
         dt,
     )
@@ -130,7 +130,8 @@ def may_be_too_small(params: FlightParams, memory: FlightMemory) -> Bool[Array, 
     )
 
 
-def _thruster_works(params: FlightParams, memory: FlightMemory, time: Scalar) -> Bool[Array, ""]:
+def thruster_works(params: FlightParams, memory: FlightMemory, time: Scalar) -> Bool[Array, ""]:
+    """False for a while after a burn that gave no thrust."""
     return time >= memory.thruster_failed_at + params.formation.thruster_retry
 
 

@@ -9,7 +9,7 @@ from rpojax.core.numerics.fusion_barrier import fusion_barrier
 from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import replace, select
 from rpojax.core.vectors import apply
-from rpojax.flight import burn_decision, control_effort, navigation_health
+from rpojax.flight import burn_decision, control_effort, mission_decision, navigation_health
 from rpojax.flight.control import station_keeping, wheel_torque_allocation
 from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.flight_records import FlightMemory, FlightParams, Measurements
@@ -22,6 +22,7 @@ from rpojax.flight.guidance import (
     target_visibility,
 )
 from rpojax.flight.guidance.detector_window import CameraFormat
+from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.navigation import (
     attitude_ekf,
     outlier_gate,
@@ -46,10 +47,11 @@ def initial(
     orbit: OrbitEstimate,
     star_tracker_q_BN: Array,
     gyro_B: Vector,
+    mission: MissionSettings | None = None,
 ) -> FlightMemory:
     """Memory at the start of a run, from the hand-over's orbit estimate and the first attitude samples.
 
-    `period` [s] is the time between burns.
+    `period` [s] is the time between burns; with the phases of a `mission` each has its own.
     """
     r_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N
     v_TN_N = orbit.servicer.v_SN_N + orbit.relative.v_TS_N
@@ -69,6 +71,8 @@ def initial(
         gain=lqr_gain(params.formation, n, period),
         station_keeping=station_keeping.solve_station_keeping(params.formation, n, period),
         wheel_allocation=wheel_torque_allocation.allocation_matrix(params.vehicle.wheel_axes),
+        mission=None if mission is None else mission_decision.initial_state(params, orbit),
+        phase_gains=None if mission is None else mission_decision.phase_gains(mission, params, n, period),
     )
 
 
@@ -169,12 +173,14 @@ def guide(
     sun_N: Vector,
     time: Scalar,
     dt: float,
+    mission: MissionSettings | None = None,
 ) -> tuple[FlightMemory, Array]:
     """Memory with the attitude reference for the next `dt` [s], and the pointing mode; the Sun is at `sun_N` [m]."""
     plan = burn_planning.inhibit(params.pointing, memory.plan, memory.attitude.q_BN, time, dt)
     visible = target_visibility.is_visible(params.vehicle, memory.orbit, sun_N)
+    other = None if mission is None else mission_decision.other_pointing(mission, params, memory, sun_N)
     pointing, mode = attitude_guidance.guide(
-        params.pointing, params.vehicle, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt
+        params.pointing, params.vehicle, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt, other
     )
     not_found = pointing.search_failed & ~burn_decision.may_be_too_small(params, memory)
     orbit = replace(memory.orbit, relative=relative_orbit_ekf.widen(memory.orbit.relative, not_found))

@@ -12,6 +12,8 @@ from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.guidance.burn_planning import BurnPlan
 from rpojax.flight.guidance.detector_window import CameraCommand
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
+from rpojax.flight.mission.mission_state import MissionState
+from rpojax.flight.mission.phase_table import MissionTuning
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
@@ -33,6 +35,7 @@ class FlightParams:
     pointing: PointingTuning
     attitude_control: AttitudeControlTuning
     health: HealthTuning
+    mission: MissionTuning | None = None
 
 
 @pytree
@@ -53,6 +56,8 @@ class FlightMemory:
         gain: (3, 6) of the formation controller, solved once at start
         station_keeping: free motion and impulse that keep the station, solved once at start
         wheel_allocation: (3, 3) body torque to wheel torques, solved once at start
+        mission: state of the mission manager, None without phases
+        phase_gains: (rows, 3, 6) of the formation controller by row of the phase table, None without phases
     """
 
     orbit: OrbitEstimate
@@ -68,6 +73,8 @@ class FlightMemory:
     gain: Array
     station_keeping: StationKeeping
     wheel_allocation: Array
+    mission: MissionState | None = None
+    phase_gains: Array | None = None
 
 
 @pytree

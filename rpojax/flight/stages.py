@@ -13,12 +13,20 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core import named_arguments
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.errors import RpojaxError
 from rpojax.flight.control import attitude_control, formation_law
 from rpojax.flight.control.attitude_control import AttitudeCommand, AttitudeControlTuning
 from rpojax.flight.guidance import detector_window
 from rpojax.flight.guidance.attitude_guidance import PointingState
 from rpojax.flight.guidance.detector_window import CameraCommand, CameraFormat
+from rpojax.flight.guidance.references import reference_motion
+from rpojax.flight.guidance.references.phase_entry import PhaseEntry
+from rpojax.flight.mission import mission_manager
+from rpojax.flight.mission.mission_manager import Situation
+from rpojax.flight.mission.mission_state import MissionState
+from rpojax.flight.mission.phase_settings import MissionSettings
+from rpojax.flight.mission.phase_table import MissionTuning
 from rpojax.flight.navigation import attitude_ekf, combined_orbit_filter
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate, AttitudeFilterTuning
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
@@ -123,6 +131,41 @@ class OrbitPrediction(Protocol):
         ...
 
 
+class ReferenceMotion(Protocol):
+    """Reference trajectory of a phase."""
+
+    def __call__(
+        self, *, phase: str, reference: Any, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Scalar
+    ) -> Float[Array, "6"]:
+        """Desired (rho, rho_dot) in the target's Hill frame [m, m/s].
+
+        Args:
+            phase: its name; `hold` and `aborted` for the built-in ones
+            reference: parameters of the phase's reference
+            entry: relative state in which the phase began
+            orbit: of the target at the asked time
+            elapsed: () since the entry, negative before it [s]
+        """
+        ...
+
+
+class MissionManagement(Protocol):
+    """Transitions between the phases of a mission."""
+
+    def __call__(
+        self, *, settings: MissionSettings, tuning: MissionTuning, state: MissionState, situation: Situation
+    ) -> MissionState:
+        """State of the mission after a decision.
+
+        Args:
+            settings: number, order and kinds of the phases
+            tuning: their numbers
+            state: before the decision
+            situation: what is known on board
+        """
+        ...
+
+
 class FormationLaw(Protocol):
     """Control law of the formation."""
 
@@ -211,6 +254,8 @@ class Stages:
         orbit_update: measurement update of the orbit filter
         orbit_predict: propagation of the orbit filter
         formation_law: velocity change of a burn
+        reference: trajectory that a phase follows
+        mission_manager: transitions between phases
         wheel_torque: attitude control
         detector_window: window of the next exposure
 
@@ -229,6 +274,12 @@ class Stages:
     )
     formation_law: FormationLaw | AnyFunction = field(
         default=formation_law.lqr_feedback, metadata={"protocol": FormationLaw}
+    )
+    reference: ReferenceMotion | AnyFunction = field(
+        default=reference_motion.reference_state, metadata={"protocol": ReferenceMotion}
+    )
+    mission_manager: MissionManagement | AnyFunction = field(
+        default=mission_manager.update, metadata={"protocol": MissionManagement}
     )
     wheel_torque: WheelControl | AnyFunction = field(
         default=attitude_control.wheel_torque, metadata={"protocol": WheelControl}

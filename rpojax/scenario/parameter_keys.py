@@ -8,6 +8,7 @@ from typing import Any, get_args
 import numpy as np
 
 from rpojax.physics.plant_options import FaultKind
+from rpojax.scenario.phases.phase_sections import MissionSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import (
     CoverageSection,
@@ -62,10 +63,17 @@ def section_of_key(file: ScenarioFile, key: str) -> tuple[Section | None, str]:
     path, _, name = key.rpartition(".")
     section: Any = file
     for part in path.split("."):
-        section = getattr(section, part, None) if part in type(section).model_fields else None
-        if not isinstance(section, Section):
+        section = _inner_section(section, part)
+        if not isinstance(section, Section | list):
             return None, name
-    return section, name
+    return (section if isinstance(section, Section) else None), name
+
+
+def _inner_section(section: Any, part: str) -> Any:
+    """The section of a name in another one, or in the list of phases; None without one of that name."""
+    if isinstance(section, list):
+        return next((phase for phase in section if phase.name == part), None)
+    return getattr(section, part, None) if part in type(section).model_fields else None
 
 
 def nominal_of_key(file: ScenarioFile, key: str) -> Any:
@@ -76,6 +84,7 @@ def nominal_of_key(file: ScenarioFile, key: str) -> Any:
         or isinstance(section, RatesSection | EffectsSection | SafetySection | CoverageSection | TuningSection)
         or name not in type(section).model_fields
         or (isinstance(section, HandoverSection) and name == "covariance")
+        or (isinstance(section, MissionSection) and (not file.phases or name == "decision_period_s"))
     ):
         return None
     value = getattr(section, name)

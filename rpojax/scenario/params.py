@@ -32,7 +32,7 @@ from rpojax.physics.plant_state import PlantParams, Target
 from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.rigid_body import Body
 from rpojax.physics.thruster import Thruster
-from rpojax.scenario import key_units
+from rpojax.scenario import key_units, phase_table
 from rpojax.scenario.trained import fitted_camera, trained_files
 from rpojax.sensors.additional.registry import sensor_class, sensor_names
 from rpojax.sensors.camera import Camera
@@ -162,6 +162,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
             name: records[name]
             for name in ("navigation", "attitude_filter", "formation", "pointing", "attitude_control", "health")
         },
+        mission=phase_table.mission_tuning(tables),
     )
     rest = ("orbit", "initial", "gps", "star_tracker", "gyro", "camera", "imaging", "limits")
     return Params(
@@ -235,6 +236,8 @@ def leaf_path_and_factor(key: str) -> tuple[tuple[str, ...], float]:
         path, cls = _SECTIONS.get(section, (("handover",), HandoverErrors))
         if leaf in {field.name for field in fields(cls)}:
             return (*path, leaf), factor
+    if key.split(".")[0] in ("phases", "mission"):
+        return ("flight", "mission", *phase_table.leaf_path(key)), factor
     if section in sensor_names() and name in sensor_class(section).model_fields:
         return ("additional_sensors", section, leaf), factor
     raise ScenarioError("key", key, "the key of a number in the scenario, such as 'servicer.mass_kg'")

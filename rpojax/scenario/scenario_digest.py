@@ -25,6 +25,8 @@ def scenario_digest(file: ScenarioFile) -> str:
     # Campaigns recorded before these keys existed keep their digest.
     if file.precision == "double":
         del content["precision"]
+    if not file.phases:
+        del content["phases"]
     _remove_defaults(file, content)
     if trained := trained_files.required_digests(content):
         content["trained"] = trained
@@ -37,7 +39,7 @@ def scenario_digest(file: ScenarioFile) -> str:
 
 def _remove_defaults(file: ScenarioFile, content: dict[str, Any]) -> None:
     """Removes from the tables of `content` the keys that have a default and its value, and tables thus empty."""
-    for name in set(content) - {"design", *sensor_names()}:
+    for name in set(content) - {"design", "phases", *sensor_names()}:
         section = getattr(file, name)
         if not isinstance(section, Section):
             continue

@@ -8,6 +8,7 @@ from pydantic import AfterValidator, Field
 from rpojax.dispersions.designs.design_kinds import Design, IndependentDesign
 from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.metrics.metric_catalogue import UNITS, is_of_campaigns
+from rpojax.scenario.phases.phase_sections import MissionSection, PhaseSection
 from rpojax.scenario.sections import (
     AtmosphereSection,
     AttitudeControlSection,
@@ -97,6 +98,8 @@ class ScenarioFile(AdditionalSensors):
     safety: SafetySection = SafetySection()
     coverage: CoverageSection = CoverageSection()
     fault: FaultSection
+    mission: MissionSection = MissionSection()
+    phases: list[PhaseSection] = Field(default_factory=list, max_length=12)
     dispersions: list[Dispersion]
     requirements: list[RequirementSection] = Field(default_factory=list)
     tuning: TuningSection = TuningSection()

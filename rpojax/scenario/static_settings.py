@@ -4,7 +4,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from rpojax.errors import ScenarioError
+from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.physics.plant_options import Effects
+from rpojax.scenario.phase_table import mission_settings
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained import image_sampling
 from rpojax.sensors.additional.registry import present_sensors
@@ -34,6 +36,7 @@ class Scenario:
         ray_sampling: of rendered images, None for other camera models
         additional_sensors: names of the additional sensors
         records_poses: whether the poses of camera and target are channels
+        mission: static settings of its phases, None without phases
     """
 
     ticks: int
@@ -51,6 +54,7 @@ class Scenario:
     ray_sampling: "RaySampling | None"
     additional_sensors: tuple[str, ...] = ()
     records_poses: bool = False
+    mission: MissionSettings | None = None
 
     @property
     def step_s(self) -> float:
@@ -88,4 +92,5 @@ def static_settings(file: ScenarioFile, allow_single: bool = False) -> Scenario:
         ray_sampling=image_sampling.sampling_for_model(file.model_dump()),
         additional_sensors=tuple(present_sensors(file)),
         records_poses=file.coverage.enabled or file.camera.model == "rendered",
+        mission=mission_settings(file) if file.phases else None,
     )

@@ -16,6 +16,7 @@ from rpojax.core.numerics import gradient_safe, trigonometric_series
 from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import apply
 from rpojax.errors import RpojaxError
+from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.physics.plant_state import Truth, propellant_used
 from rpojax.scenario.params import Params
@@ -109,6 +110,8 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
     functions = {**CHANNELS, **(POSE_CHANNELS if scenario.records_poses else {})}
     if scenario.camera_model == "rendered":
         functions |= IMAGE_CHANNELS
+    if scenario.mission is not None:
+        functions |= MISSION_CHANNELS
     with jax.named_scope("observe"):
         channels = evaluate(functions, functions, ObservedTick(scenario, params, telemetry))
         additional = telemetry.measurements.additional
@@ -172,6 +175,17 @@ def _pointing_error(tick: ObservedTick) -> Scalar:
     return jnp.rad2deg(off)
 
 
+def _desired_position(tick: ObservedTick) -> Vector:
+    assert tick.telemetry.rho_desired_H is not None
+    return tick.telemetry.rho_desired_H
+
+
+def _mission(tick: ObservedTick) -> MissionState:
+    state = tick.telemetry.flight.mission
+    assert state is not None
+    return state
+
+
 _RELATIVE_POSITION: Final[ChannelFunctions] = {
     "rho_H": lambda tick: apply(tick.R_HN, tick.truth.r_ST_N),
     "rho_estimate_H": lambda tick: apply(tick.R_HN, -tick.telemetry.flight.orbit.relative.r_TS_N),
@@ -233,3 +247,9 @@ POSE_CHANNELS: Final[ChannelFunctions] = {
     "q_BN": lambda tick: tick.truth.q_BN,
 }
 """Poses of camera and target, for images that are rendered again and for the coverage of the target's surface."""
+MISSION_CHANNELS: Final[ChannelFunctions] = {
+    "rho_desired_H": _desired_position,
+    "phase": lambda tick: _mission(tick).phase.astype(jnp.int8),
+    "abort_reason": lambda tick: _mission(tick).abort_reason.astype(jnp.int8),
+}
+"""State of the mission, in scenarios with phases."""

@@ -61,7 +61,13 @@ def init(scenario: Scenario, params: Params, key: Array, noise: InitialNoise | N
     return State(
         truth=truth,
         flight=computer.initial(
-            params.flight, camera_format(scenario), scenario.formation_period_s, orbit, star_q, gyro_B
+            params.flight,
+            camera_format(scenario),
+            scenario.formation_period_s,
+            orbit,
+            star_q,
+            gyro_B,
+            scenario.mission,
         ),
         sensor_errors=sensors,
         burn_error=BurnError(magnitude=zero, direction=jnp.zeros(3)),

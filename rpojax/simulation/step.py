@@ -10,6 +10,7 @@ from rpojax.simulation.step_stages import (
     control_and_propagate,
     finish,
     guide,
+    manage_mission,
     navigate,
     plan_burn,
     sense,
@@ -34,7 +35,8 @@ def step(
     state = command_camera(loop, state)
     tick = sense(loop, state, noise)
     tick = navigate(loop, tick)
+    tick = manage_mission(loop, tick)
     tick = plan_burn(loop, tick)
     tick = guide(loop, tick)
     motion = control_and_propagate(loop, tick)
-    return finish(loop, tick, motion), telemetry_of(tick)
+    return finish(loop, tick, motion), telemetry_of(loop, tick)

@@ -7,10 +7,11 @@ from jaxtyping import Array, Float
 from rpojax.core.constants import MU_MOON, MU_SUN
 from rpojax.core.numerics.exact_difference import Difference
 from rpojax.core.orbits import sun_moon_ephemeris, third_body_gravity
-from rpojax.core.pytree import replace
-from rpojax.flight import burn_decision, computer
+from rpojax.core.pytree import replace, select
+from rpojax.flight import burn_decision, computer, mission_decision
 from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import burn_planning, target_pointing
+from rpojax.flight.mission.mission_state import MissionState
 from rpojax.flight.navigation import attitude_ekf
 from rpojax.physics import equipment_faults, plant
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
@@ -84,15 +85,36 @@ def navigate(loop: Loop, tick: Tick) -> Tick:
     return replace(tick, flight=memory, innovation=innovation)
 
 
+def manage_mission(loop: Loop, tick: Tick) -> Tick:
+    """Phase of the mission, reconsidered on decision ticks; nothing without phases."""
+    mission = loop.scenario.mission
+    if mission is None:
+        return tick
+
+    def decide(memory: FlightMemory) -> MissionState | None:
+        return mission_decision.manage_mission(loop.stages, mission, loop.params.flight, memory, tick.time)
+
+    with jax.named_scope("manage_mission"):
+        due = tick.state.tick % mission.decision_ticks == 0
+        state = jax.lax.cond(due, decide, lambda memory: memory.mission, tick.flight)
+    return replace(tick, flight=replace(tick.flight, mission=state))
+
+
 def plan_burn(loop: Loop, tick: Tick) -> Tick:
     """Burn plan, renewed on decision ticks, and execution error of the present burn.
 
     The number of the tick is equal for all runs of a batch, so that the branch stays one under `vmap`.
     """
-    flight, scenario = loop.params.flight, loop.scenario
+    flight, scenario, mission = loop.params.flight, loop.scenario, loop.scenario.mission
+    decision_ticks = scenario.formation_ticks if mission is None else mission.decision_ticks
 
     def decide(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError]:
         error = draw_burn_error(loop.params.plant.thruster, tick.noise.burn)
+        if mission is not None:
+            plan, due = mission_decision.plan_burn(
+                loop.stages, mission, flight, memory, pointing, tick.time, scenario.tick_s
+            )
+            return select(due, (plan, error), keep(memory))
         plan = burn_decision.plan_burn(
             loop.stages, flight, memory, pointing, tick.time, scenario.formation_period_s, scenario.tick_s
         )
@@ -104,7 +126,10 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
     with jax.named_scope("plan_burn"):
         # Outside of the branch, so that XLA shares it with guidance.
         pointing = target_pointing.point_at_target(flight.vehicle, tick.flight.orbit, tick.sky.sun_N)
-        due = tick.state.tick % loop.scenario.formation_ticks == 0
+        if mission is not None:
+            other = mission_decision.other_pointing(mission, flight, tick.flight, tick.sky.sun_N)
+            pointing = target_pointing.with_other(pointing, other)
+        due = tick.state.tick % decision_ticks == 0
         plan, error = jax.lax.cond(due, decide, keep, tick.flight)
     return replace(tick, flight=replace(tick.flight, plan=plan), burn_error=error)
 
@@ -120,6 +145,7 @@ def guide(loop: Loop, tick: Tick) -> Tick:
             tick.sky.sun_N,
             tick.time,
             loop.scenario.tick_s,
+            loop.scenario.mission,
         )
     return replace(tick, flight=memory, mode=mode)
 

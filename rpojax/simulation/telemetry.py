@@ -3,12 +3,14 @@
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from rpojax.core.orbits import yamanaka_ankersen
 from rpojax.core.pytree import pytree
+from rpojax.flight import phase_goal
 from rpojax.flight.flight_records import FlightMemory, Measurements
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.physics.plant_state import Truth
 from rpojax.sensors.camera import CameraFrame
-from rpojax.simulation.tick import Tick
+from rpojax.simulation.tick import Loop, Tick
 
 
 @pytree
@@ -24,6 +26,7 @@ class Telemetry:
         mode: () guidance mode
         tick: () ticks since the start
         running: () bool, whether the run has not failed
+        rho_desired_H: (3,) position of the present phase's reference [m], None without phases
     """
 
     truth: Truth
@@ -34,9 +37,10 @@ class Telemetry:
     mode: Array
     tick: Array
     running: Array
+    rho_desired_H: Array | None = None
 
 
-def telemetry_of(tick: Tick) -> Telemetry:
+def telemetry_of(loop: Loop, tick: Tick) -> Telemetry:
     """Telemetry of a tick after guidance."""
     assert tick.innovation is not None
     assert tick.mode is not None
@@ -49,4 +53,14 @@ def telemetry_of(tick: Tick) -> Telemetry:
         mode=tick.mode,
         tick=tick.state.tick,
         running=jnp.isinf(tick.state.failed_at),
+        rho_desired_H=_desired_position(loop, tick),
     )
+
+
+def _desired_position(loop: Loop, tick: Tick) -> Array | None:
+    """Position of the present phase's reference (3,), for the true orbit of the target; None without phases."""
+    settings, tuning, state = loop.scenario.mission, loop.params.flight.mission, tick.flight.mission
+    if settings is None or tuning is None or state is None:
+        return None
+    orbit = yamanaka_ankersen.target_orbit(tick.state.truth.r_TN_N, tick.state.truth.v_TN_N)
+    return phase_goal.desired_state(loop.stages, settings, tuning, state, orbit, tick.time)[:3]

@@ -227,6 +227,14 @@ def test_burns_are_planned_only_for_an_acquired_target_in_the_light(flight: Flig
         assert burns(flight, memory) is allowed, boxes
 
 
+@pytest.mark.parametrize(("sigma", "allowed"), [(5.9, True), (6.1, False)])
+def test_there_is_no_burn_while_the_range_is_less_certain_than_a_fifth(
+    flight: FlightParams, ready: FlightMemory, sigma: float, allowed: bool
+) -> None:
+    uncertain = rendezvous_scene.estimate(flight, position_sigma=sigma)
+    assert burns(flight, replace(ready, orbit=uncertain)) is allowed
+
+
 def test_in_the_dark_the_camera_points_at_the_estimate(flight: FlightParams, ready: FlightMemory) -> None:
     memory, modes = ready, set()
     for tick in range(80):

@@ -127,7 +127,7 @@ def planned_burn(x: jax.Array, flight: FlightParams, r_TS_N: jax.Array, gain: ja
     command_H = formation_law.lqr_feedback(gain * (1.0 + 0.1 * x[6]), deviation)
     delta_v_N = jnp.sum(at_burn.R_CN * (station.impulse + command_H)[:, None], axis=0)
     plan = burn_planning.schedule_burn(
-        flight.formation, flight.pointing, flight.vehicle, delta_v_N, known, q_BN, allowed, time, 1.0
+        flight.formation, flight.pointing, flight.vehicle, delta_v_N, q_BN, allowed, time, 1.0
     )
     return 0.1 * plan.ignition, 0.1 * plan.cutoff, 1e2 * plan.delta_v_N, plan.q_burn, q_BN, 1e2 * omega
 

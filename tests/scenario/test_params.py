@@ -32,7 +32,7 @@ def numeric_keys() -> list[str]:
     for name, field in ScenarioFile.model_fields.items():
         section = field.annotation
         if (
-            name not in ("rates", "effects", "safety", "coverage", "tuning")
+            name not in ("rates", "effects", "safety", "coverage", "mission", "tuning")
             and isinstance(section, type)
             and issubclass(section, BaseModel)
         ):

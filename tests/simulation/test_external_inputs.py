@@ -38,7 +38,7 @@ def own_tick(scenario: Scenario, params: Params, tick: Tick) -> tuple[State, Tel
     loop = Loop(scenario, params, STAGES)
     guided = step_stages.guide(loop, step_stages.plan_burn(loop, tick))
     motion = step_stages.control_and_propagate(loop, guided)
-    return step_stages.finish(loop, guided, motion), telemetry_of(guided)
+    return step_stages.finish(loop, guided, motion), telemetry_of(loop, guided)
 
 
 @partial(jax.jit, static_argnums=0)

@@ -14,6 +14,7 @@ from rpojax.analysis.linear_covariance.linearisation.compiled_loop import Compil
 from rpojax.analysis.linear_covariance.linearisation.deviation_vector import make_layout
 from rpojax.analysis.linear_covariance.linearisation.linearised_loop import LinearisedLoop
 from rpojax.core.pytree import replace
+from rpojax.errors import ScenarioError
 from rpojax.flight.stages import Stages
 from rpojax.scenario import params
 from rpojax.scenario.dispersed_numbers import dispersed_values
@@ -48,6 +49,9 @@ class AnalysisSetup:
     """
 
     def __init__(self, file: ScenarioFile, members: int, stages: Stages) -> None:
+        if file.phases:
+            expected = "a scenario without phases for a linear covariance analysis"
+            raise ScenarioError("phases", len(file.phases), expected)
         self.file = file
         found = dispersion_linearisation.linearise_dispersions(file)
         self.left_out = found.left_out

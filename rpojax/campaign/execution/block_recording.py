@@ -19,9 +19,14 @@ from rpojax.simulation.outcomes import judgement
 from rpojax.simulation.outcomes.judgement import JudgedRuns
 
 RECORDED_CHANNELS = frozenset(
-    {*recorded_metrics.REQUIRED_CHANNELS, *drift_starts.REQUIRED_CHANNELS, *judgement.REQUIRED_CHANNELS}
+    {
+        *recorded_metrics.REQUIRED_CHANNELS,
+        *recorded_metrics.MISSION_CHANNELS,
+        *drift_starts.REQUIRED_CHANNELS,
+        *judgement.REQUIRED_CHANNELS,
+    }
 )
-"""Channels that are recorded of every run."""
+"""Channels that are recorded of every run, if the scenario has them."""
 
 
 def recorded_channels(file: ScenarioFile) -> frozenset[str]:

@@ -11,6 +11,7 @@ from rpojax.core.pytree import pytree
 from rpojax.core.quaternion import rotate
 from rpojax.flight.guidance import search_spiral, slew_profile, target_acquisition
 from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.guidance.other_pointing import OtherPointing
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.guidance.slew_profile import SlewReference
@@ -84,12 +85,15 @@ def guide(
     visible: Flag,
     time: Scalar,
     dt: float,
+    other: OtherPointing | None = None,
 ) -> tuple[PointingState, Array]:
     """Pointing state with the reference for the next `dt` [s], and the pointing mode.
 
-    In the dark (not `visible`) there is no search.
+    In the dark (not `visible`) there is no search, nor while an `other` attitude is wanted.
     """
     visible = visible | box_accepted
+    if other is not None:
+        visible = visible & ~other.is_wanted
     to_burn = (time >= plan.turn_start - _TIME_TOLERANCE) & (time < plan.cutoff)
     looking_away = to_burn | (state.burn_attitude_commanded | _is_slewing_back(state)) & ~box_accepted
     acquisition = target_acquisition.update_acquisition(
@@ -111,6 +115,9 @@ def guide(
     search_time = jnp.where(searching, jnp.where(ends, 1.0, state.search_time + advance), 0.0)
 
     q_target, omega_target = _target_attitude(pointing, vehicle, estimate, searching, search_time, pace)
+    if other is not None:
+        q_target = jnp.where(other.is_wanted, other.q_BN, q_target)
+        omega_target = jnp.where(other.is_wanted, other.omega_BN_B, omega_target)
     q_end = jnp.where(to_burn, plan.q_burn, q_target)
     omega_end = jnp.where(to_burn, 0.0, omega_target)
     changed = to_burn != state.burn_attitude_commanded

@@ -13,7 +13,6 @@ from rpojax.core.orbits.keplerian_elements import mean_motion, semi_major_axis
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.quaternion import rotate
 from rpojax.flight.control.formation_tuning import FormationTuning
-from rpojax.flight.guidance.line_of_sight_uncertainty import relative_range_sigma
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.guidance.slew_profile import slew_duration
 from rpojax.flight.guidance.target_pointing import look_attitude
@@ -56,7 +55,6 @@ def schedule_burn(
     pointing: PointingTuning,
     vehicle: VehicleModel,
     delta_v_N: Vector,
-    estimate: OrbitEstimate,
     q_look: Float[Array, "4"],
     allowed: Flag,
     time: Scalar,
@@ -64,8 +62,8 @@ def schedule_burn(
 ) -> BurnPlan:
     """Next burn with a commanded velocity change [m/s], and a turn from the look attitude `q_look` before it.
 
-    There is no burn inside the dead band, below the thruster's minimum on-time, while the range is too uncertain, or
-    unless `allowed`; a burn too long for the look-away limit is shortened. Guidance works every `dt` [s].
+    There is no burn inside the dead band, below the thruster's minimum on-time, or unless `allowed`; a burn too long
+    for the look-away limit is shortened. Guidance works every `dt` [s].
     """
     size, direction_N = gradient_safe.norm(delta_v_N), gradient_safe.normalize(delta_v_N)
 
@@ -74,11 +72,7 @@ def schedule_burn(
     settle_time = jnp.maximum(pointing.settle_time, _SETTLE_TICKS * dt)
     on_time = jnp.minimum(size * vehicle.mass / vehicle.thrust, _longest_on_time(pointing, turn_time, dt))
     above_dead_band = gradient_safe.gate(size - formation.dead_band, 0.05 * formation.dead_band + 1e-6)
-    possible = (
-        (on_time >= vehicle.minimum_on_time)
-        & (relative_range_sigma(estimate) < formation.range_uncertainty_limit)
-        & allowed
-    )
+    possible = (on_time >= vehicle.minimum_on_time) & allowed
     on_time = above_dead_band * jnp.where(possible, on_time, 0.0)
     ignition = time + formation.lead - 0.5 * on_time
     return BurnPlan(

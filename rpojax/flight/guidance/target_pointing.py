@@ -6,9 +6,10 @@ from jaxtyping import Array, Float
 from rpojax.core import quaternion
 from rpojax.core.frames import look_at
 from rpojax.core.numerics import gradient_safe
-from rpojax.core.pytree import pytree
+from rpojax.core.pytree import pytree, replace
 from rpojax.core.quaternion import rotate
 from rpojax.core.vectors import cross
+from rpojax.flight.guidance.other_pointing import OtherPointing
 from rpojax.flight.guidance.target_visibility import is_visible
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.vehicle_model import VehicleModel
@@ -55,3 +56,11 @@ def point_at_target(vehicle: VehicleModel, estimate: OrbitEstimate, sun_N: Vecto
     """Target pointing with the Sun at `sun_N` [m]."""
     visible = is_visible(vehicle, estimate, sun_N)
     return TargetPointing(q_BN=look_attitude(vehicle, estimate)[0], visible=visible, sun_N=sun_N)
+
+
+def with_other(pointing: TargetPointing, other: OtherPointing | None) -> TargetPointing:
+    """Pointing in a phase that may ask for an attitude away from the target, which is not visible then."""
+    if other is None:
+        return pointing
+    q_BN = jnp.where(other.is_wanted, other.q_BN, pointing.q_BN)
+    return replace(pointing, q_BN=q_BN, visible=pointing.visible & ~other.is_wanted)

@@ -165,7 +165,7 @@ def _begin_tick(scenario: Scenario, params: Params, state: State) -> tuple[Tick,
     loop = Loop(scenario, params, _STAGES)
     tick = step_stages.navigate(loop, step_stages.sense(loop, step_stages.command_camera(loop, state)))
     # Guidance sets the mode later in the tick.
-    telemetry = telemetry_of(replace(tick, mode=jnp.zeros((), dtype=jnp.int64)))
+    telemetry = telemetry_of(loop, replace(tick, mode=jnp.zeros((), dtype=jnp.int64)))
     attitude = tick.flight.attitude
     values = NavigatedValues(
         tick=message_values.observe_tick(_STAGES, scenario, params, telemetry),
@@ -186,11 +186,12 @@ def _plan_and_guide(
     scenario: Scenario, external_burns: bool, params: Params, tick: Tick, burn: ExternalBurn
 ) -> tuple[Tick, Motion, GuidedValues]:
     loop = Loop(scenario, params, _STAGES)
+    tick = step_stages.manage_mission(loop, tick)
     planned = (
         external_inputs.plan_external_burn(loop, tick, burn) if external_burns else step_stages.plan_burn(loop, tick)
     )
     guided = step_stages.guide(loop, planned)
-    telemetry, reference = telemetry_of(guided), external_inputs.attitude_commands(loop, guided)
+    telemetry, reference = telemetry_of(loop, guided), external_inputs.attitude_commands(loop, guided)
     values = GuidedValues(
         tick=message_values.observe_tick(_STAGES, scenario, params, telemetry),
         channels=compute_channels(scenario, params, telemetry),

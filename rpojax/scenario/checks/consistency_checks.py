@@ -6,6 +6,7 @@ from rpojax.errors import ScenarioError
 from rpojax.metrics import passive_safety, surface_coverage
 from rpojax.scenario.checks.design_checks import check_design
 from rpojax.scenario.checks.dispersion_checks import check_dispersions
+from rpojax.scenario.checks.phase_checks import check_phases
 from rpojax.scenario.coverage_surface import mesh_path
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import OrbitSection
@@ -50,6 +51,7 @@ def check_consistency(file: ScenarioFile) -> None:
     _check_precision(file)
     _check_drift_requirements(file)
     _check_coverage(file)
+    check_phases(file)
     check_dispersions(file)
     check_design(file)
 

@@ -10,8 +10,8 @@ from rpojax.scenario.loading import former_keys
 from rpojax.scenario.loading.validation_errors import did_you_mean
 from rpojax.sensors.additional.registry import sensor_names
 
-_OPTIONAL_SECTION = "initial.handover"
-"""Section that a scenario may leave out, and that overrides may make; validation knows its keys."""
+_OPTIONAL_SECTIONS = ("initial.handover", "mission")
+"""Sections that a scenario may leave out, and that overrides may make; validation knows their keys."""
 REMOVED = "none"
 """In place of a kind: the dispersion of the base is removed."""
 
@@ -86,12 +86,28 @@ def apply_override(tables: dict[str, Any], override: str) -> dict[str, Any]:
     if path and path[0] in sensor_names():
         # The section of an additional sensor may be made by overrides alone; validation knows its keys.
         tables.setdefault(path[0], {})[leaf] = value
-    elif ".".join([*path, leaf][:2]) == _OPTIONAL_SECTION and isinstance(tables.get(path[0]), dict):
-        inner = tables[path[0]] if len(path) == 1 else tables[path[0]].setdefault(path[1], {})
-        inner[leaf] = value
+    elif any(key == name or key.startswith(f"{name}.") for name in _OPTIONAL_SECTIONS) and path:
+        functools.reduce(lambda table, name: table.setdefault(name, {}), path, tables)[leaf] = value
+    elif len(path) > 1 and path[0] == "phases":
+        _set_of_phase(tables, key, path[1:], leaf, value)
     else:
         _set_existing(tables, key, path, leaf, value)
     return functools.reduce(lambda inner, name: {name: inner}, reversed(path), {leaf: value})
+
+
+def _set_of_phase(tables: dict[str, Any], key: str, path: list[str], leaf: str, value: Any) -> None:
+    """Sets a key of the phase of a name; those that a phase may leave out are made."""
+    phases = [each for each in tables.get("phases") or [] if isinstance(each, dict)]
+    names = [str(each.get("name")) for each in phases]
+    if path[0] not in names:
+        expected = f"the name of a phase of the scenario{did_you_mean(path[0], names)}"
+        raise ScenarioError("overrides", key, expected, is_argument=True)
+    table: Any = phases[names.index(path[0])]
+    for name in path[1:]:
+        table = table.setdefault(name, {})
+        if not isinstance(table, dict):
+            raise ScenarioError("overrides", key, f"a table at {name}", is_argument=True)
+    table[leaf] = value
 
 
 def _set_existing(tables: dict[str, Any], key: str, path: list[str], leaf: str, value: Any) -> None:

@@ -24,6 +24,9 @@ def first_error(error: ValidationError) -> ScenarioError:
         return UnknownKeyError(key, _similar_key(fault["loc"]))
     if fault["type"] == "missing":
         return ScenarioError(key, "nothing", "a value for this key")
+    if fault["type"] == "union_tag_invalid" and fault["loc"][0] == "phases":
+        context = fault.get("ctx", {})
+        return ScenarioError(f"{key}.kind", context["tag"], f"one of {context['expected_tags']}")
     if fault["type"] in ("model_type", "model_attributes_type"):
         return ScenarioError(key, fault["input"], "a table")
     message = fault["msg"].removeprefix("Value error, ").removeprefix("Input should be ").removeprefix("expected ")
@@ -33,6 +36,8 @@ def first_error(error: ValidationError) -> ScenarioError:
 def _key_path(location: tuple[int | str, ...]) -> list[str]:
     """Path of a key as in the file, without the names that pydantic gives to the members of a union."""
     branch = {"dispersions": 2, "design": 1}.get(str(location[0])) if location else None
+    if location[:1] == ("phases",) and location[2:3] == ("reference",):
+        branch = 3
     parts = [part for index, part in enumerate(location) if index != branch]
     return [str(part) for part in parts if not str(part).startswith(("constrained-", "list["))]
 

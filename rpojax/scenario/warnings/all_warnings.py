@@ -12,10 +12,12 @@ from rpojax.scenario.warnings.target_size import small_box_warnings
 def mission_warnings(file: ScenarioFile) -> list[str]:
     """One line for each reason for which a mission may not work as the scenario declares it: key, found, expected."""
     reach = DispersedReach(file)
-    return [
+    found = [
         *small_box_warnings(file, reach),
         *light_warnings(file, reach),
         *keep_out_warnings(file, reach),
         *control_warnings(file, reach),
         *belief_warnings(file, reach),
     ]
+    # With phases the station of `formation` is not used.
+    return [each for each in found if not (file.phases and "formation.desired_position_m" in each)]

@@ -20,6 +20,10 @@ _DERIVED: Final = {"desired_position_H", "is_settled"}
 """Inputs of metrics that are no channels."""
 
 
+MISSION_CHANNELS: Final = ("rho_desired_H", "phase", "abort_reason")
+"""Channels of scenarios with phases that metrics and outcomes read."""
+
+
 def _of_records() -> list[Metric]:
     return [metric for metric in METRICS.values() if metric.source == "records"]
 
@@ -50,7 +54,9 @@ def evaluate(file: ScenarioFile, records: Records, varied: Values) -> dict[str, 
 
 
 def desired_position_H(file: ScenarioFile, records: Records, varied: Values) -> Floats:
-    """Desired relative position (runs, ticks, 3) of each run [m]."""
+    """Desired relative position (runs, ticks, 3) of each run [m]: its station, or the reference of its phases."""
+    if MISSION_CHANNELS[0] in records:
+        return records[MISSION_CHANNELS[0]]
     desired = values_of_runs(varied, "formation.desired_position_m", file.formation.desired_position_m)
     return np.broadcast_to(desired[:, None], records["rho_H"].shape)
 

@@ -26,7 +26,11 @@ Scalar = Float[Array, ""]
 
 _QUANTITIES: Final[ChannelFunctions] = {
     **CHANNELS,
-    "desired_position_H": lambda tick: tick.params.flight.formation.desired_position,
+    "desired_position_H": lambda tick: (
+        tick.params.flight.formation.desired_position
+        if tick.telemetry.rho_desired_H is None
+        else tick.telemetry.rho_desired_H
+    ),
     "log_determinant": lambda tick: tick.relative_density[1] + tick.servicer_density[1],
     "innovation": lambda tick: tick.telemetry.innovation.innovation,
     "innovation_variance": lambda tick: tick.telemetry.innovation.variance,

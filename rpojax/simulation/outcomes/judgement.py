@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.metrics.recorded_metrics import desired_position_H
 from rpojax.simulation.outcomes.outcome_events import EventArrays, collect_events
 from rpojax.simulation.outcomes.outcome_kinds import FREEZING, RECOVERABLE, Outcome
 
@@ -42,9 +43,8 @@ LIMIT_KEYS: Final = (
     "limits.off_station_m",
     "limits.arrive_by_s",
     "limits.propellant_kg",
-    "formation.desired_position_m",
 )
-"""Keys of which it takes the values of each run."""
+"""Keys of which it takes the values of each run, beside those of the desired position."""
 
 
 @dataclass(frozen=True)
@@ -105,8 +105,9 @@ def raised_flags(file: ScenarioFile, varied: Mapping[str, np.ndarray], records: 
     limits = {key.rpartition(".")[2]: _column(file, varied, key) for key in LIMIT_KEYS}
     runs, ticks = records["observable"].shape
     time_s = np.arange(ticks) * tick_s
-    desired_H = limits["desired_position_m"][:, None].astype(np.float32)
+    desired_H = desired_position_H(file, records, varied).astype(np.float32)
     off = np.linalg.norm(records["rho_H"] - desired_H, axis=2)
+    aborted = records["abort_reason"] > 0 if "abort_reason" in records else np.zeros((runs, ticks), dtype=bool)
     true_box = records["box_accepted"] & ~records["box_outlier"]
     consistent = records["nees_relative"] <= DIVERGED_NEES_PER_COMPONENT * _RELATIVE_COMPONENTS
     flags = {
@@ -116,6 +117,7 @@ def raised_flags(file: ScenarioFile, varied: Mapping[str, np.ndarray], records: 
         >= limits["lost_after_s"] - _TIME_TOLERANCE_S,
         Outcome.DIVERGED: tick_s * _count_since(consistent, np.ones_like(consistent))
         >= DIVERGED_AFTER_S - _TIME_TOLERANCE_S,
+        Outcome.ABORTED: aborted,
         Outcome.OFF_STATION: (time_s >= limits["arrive_by_s"] - _TIME_TOLERANCE_S) & (off > limits["off_station_m"]),
     }
     return {kind: np.broadcast_to(flags[kind], (runs, ticks)) for kind in RECOVERABLE}

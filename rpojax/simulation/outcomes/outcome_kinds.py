@@ -7,7 +7,7 @@ import numpy as np
 
 
 class Outcome(StrEnum):
-    """How a run ended; where several apply, the first one after `COMPLETED` does."""
+    """How a run ended; where several apply, the first of those that freeze a run or of `RECOVERABLE` does."""
 
     COMPLETED = "completed"
     NON_FINITE = "non_finite"
@@ -16,6 +16,7 @@ class Outcome(StrEnum):
     LOST = "lost"
     DIVERGED = "diverged"
     OFF_STATION = "off_station"
+    ABORTED = "aborted"
 
     @property
     def code(self) -> int:
@@ -36,14 +37,21 @@ REASONS: Final = (
     "lost the target",
     "filter diverged",
     "off station",
+    "aborted",
 )
 """Reason of failure by code."""
 
 FREEZING: Final = (Outcome.NON_FINITE, Outcome.KEEP_OUT)
 """Outcomes that end a run at once, so that it has no metrics."""
 
-RECOVERABLE: Final = tuple(kind for kind in Outcome if kind not in (Outcome.COMPLETED, *FREEZING))
-"""Outcomes whose flag may be cleared again during the run, by precedence."""
+RECOVERABLE: Final = (
+    Outcome.OUT_OF_PROPELLANT,
+    Outcome.ABORTED,
+    Outcome.LOST,
+    Outcome.DIVERGED,
+    Outcome.OFF_STATION,
+)
+"""Outcomes that do not end a run and whose flag may be cleared again, by precedence."""
 
 
 def of_codes(codes: np.ndarray) -> np.ndarray:
@@ -57,5 +65,5 @@ def is_frozen(outcomes: np.ndarray) -> np.ndarray:
 
 
 def count_outcomes(outcomes: np.ndarray) -> dict[str, int]:
-    """Number of runs by outcome, all seven of them, from outcomes (runs,) as text."""
+    """Number of runs by outcome, all eight of them, from outcomes (runs,) as text."""
     return {str(kind): int(np.sum(outcomes == kind)) for kind in Outcome}

@@ -48,7 +48,7 @@ def plan_burn(
     desired_H = jnp.concatenate([flight.formation.desired_position, jnp.zeros(3)])
     delta_v_N = apply_transposed(at_burn.R_CN, law(GAIN, at_burn.state_H - desired_H))
     return burn_planning.schedule_burn(
-        flight.formation, flight.pointing, flight.vehicle, delta_v_N, estimate, q_look, allowed, jnp.asarray(TIME), dt
+        flight.formation, flight.pointing, flight.vehicle, delta_v_N, q_look, allowed, jnp.asarray(TIME), dt
     )
 
 

@@ -135,14 +135,6 @@ def test_there_is_no_burn_unless_allowed(flight: FlightParams, known: OrbitEstim
     assert_no_burn(plan(push_back, flight, known, allowed=False))
 
 
-@pytest.mark.parametrize(("sigma", "burns"), [(5.9, True), (6.1, False)])
-def test_there_is_no_burn_while_the_range_is_less_certain_than_a_fifth(
-    flight: FlightParams, sigma: float, burns: bool
-) -> None:
-    found = plan(push_back, flight, rendezvous_scene.estimate(flight, position_sigma=sigma))
-    assert (found.cutoff > found.ignition) is np.bool_(burns)
-
-
 def test_there_is_no_burn_shorter_than_the_thrusters_least_on_time(flight: FlightParams, known: OrbitEstimate) -> None:
     slow = replace(flight, vehicle=replace(flight.vehicle, minimum_on_time=jnp.float64(1.2)))
     assert_no_burn(plan(push_briefly, slow, known))

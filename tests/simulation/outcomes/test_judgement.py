@@ -209,5 +209,5 @@ def test_the_first_events_of_a_run_are_stored_and_all_are_counted(mission: Scena
 
 def test_every_outcome_but_completed_has_its_own_reason() -> None:
     assert len(REASONS) == len(Outcome) == len(set(REASONS))
-    assert [kind.reason == "" for kind in Outcome] == [True] + [False] * 6
+    assert [kind.reason == "" for kind in Outcome] == [True] + [False] * 7
     assert sum(outcome_kinds.count_outcomes(np.array(["lost", "lost", "completed"])).values()) == 3

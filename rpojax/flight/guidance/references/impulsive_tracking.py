@@ -1,5 +1,6 @@
 """Free motion between the points of a reference at which burns are made, and the impulses that join its pieces."""
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -32,8 +33,15 @@ def tracked_point(orbit: TargetOrbit, period: Scalar, before: Vector, at: Vector
     `orbit` is that of the target at the burn. Periods for which `departure_velocity` is singular, such as half an orbit
     for cross-track motion, give impulses that are bounded, but miss the points.
     """
-    arriving = transition_matrix(advanced(orbit, -period), period)
-    start = jnp.concatenate([before, departure_velocity(arriving, before, at, period)])
-    arrival = jnp.sum(arriving[3:] * start[None, :], axis=1)
-    departure = departure_velocity(transition_matrix(orbit, period), at, after, period)
-    return TrackedPoint(arrival_velocity=arrival, impulse=departure - arrival)
+
+    def arc(_: None, ends: tuple[Scalar, Vector, Vector]) -> tuple[None, tuple[Vector, Vector]]:
+        since, start, end = ends
+        motion = transition_matrix(advanced(orbit, since), period)
+        departure = departure_velocity(motion, start, end, period)
+        return None, (departure, jnp.sum(motion[3:] * jnp.concatenate([start, departure])[None, :], axis=1))
+
+    starts = jnp.stack([-period, jnp.zeros_like(period)])
+    # A scan: two copies of these operations would take twice as long to compile.
+    arcs = (starts, jnp.stack([before, at]), jnp.stack([at, after]))
+    _, (departures, arrivals) = jax.lax.scan(arc, None, arcs)
+    return TrackedPoint(arrival_velocity=arrivals[0], impulse=departures[1] - arrivals[0])

@@ -1,5 +1,6 @@
 """Relative position of one run: estimate, truth and desired (Figure 8 of the paper)."""
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from rpojax.report.figures.colours import BLUE, GREEN, INK, ORANGE
@@ -14,7 +15,8 @@ def relative_position(history: History, title: str) -> Figure:
     for axis, axes in enumerate(rows):
         axes.plot(history["time_s"], -history["rho_estimate_H"][:, axis], color=BLUE, lw=1.0, label="estimate")
         axes.plot(history["time_s"], -history["rho_H"][:, axis], color=ORANGE, lw=1.6, label="truth")
-        axes.axhline(-history["rho_desired_H"][axis], color=GREEN, lw=1.3, ls=(0, (5, 2)), label="desired")
+        desired = np.broadcast_to(history["rho_desired_H"], history["rho_H"].shape)[:, axis]
+        axes.plot(history["time_s"], -desired, color=GREEN, lw=1.3, ls=(0, (5, 2)), label="desired")
         axes.lines[0].set_zorder(axes.lines[1].get_zorder() + 0.5)
         style_axes(axes, history, f"{AXIS_NAMES[axis]} [m]", last=axis == 2)
     rows[0].set_title(

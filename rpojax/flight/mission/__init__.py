@@ -1,0 +1,1 @@
+"""Missions of several phases: the phase table, the mission manager, aborts and the burn veto."""

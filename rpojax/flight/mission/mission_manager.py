@@ -1,0 +1,164 @@
+"""Mission manager: the automaton that moves a mission from phase to phase, holds it or aborts it.
+
+It knows what is known on board alone. A burn that is decided is finished before the phase changes, unless by an abort.
+An end of a phase comes before its timeout, a command to hold before both, and an abort before all. The last phase does
+not end; after an abort there is no other phase.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from rpojax.core.numerics import gradient_safe
+from rpojax.core.pytree import pytree, select
+from rpojax.flight.guidance.references.phase_entry import PhaseEntry
+from rpojax.flight.mission.mission_state import AbortReason, MissionState
+from rpojax.flight.mission.phase_settings import MissionSettings
+from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Until, constant_of_phase, of_phase
+
+Scalar = Float[Array, ""]
+Vector = Float[Array, "3"]
+Flag = Bool[Array, ""]
+
+
+@pytree
+class Situation:
+    """What the flight software knows at a decision.
+
+    Attributes:
+        time: () since the start of the run [s]
+        state_H: (6,) estimated relative position and velocity [m, m/s]
+        burn_time: () middle of a burn that is decided now [s]
+        burn_state_H: (6,) relative state predicted to then [m, m/s]
+        burn_pending: () bool, whether a decided burn is still to be finished
+        end_H: (3,) end of the reference of the present phase [m]
+        range_sigma: () 1-sigma of the range [m]
+        seen: () bool, whether the target is acquired
+        lost: () bool, whether it has been out of sight for too long
+        confident: () bool, whether the orbit filter passes its tests
+        thruster_works: () bool
+        enters_keep_out: () bool, whether the servicer drifts into the keep-out zone before an abort could prevent it
+    """
+
+    time: Array
+    state_H: Array
+    burn_time: Array
+    burn_state_H: Array
+    burn_pending: Array
+    end_H: Array
+    range_sigma: Array
+    seen: Array
+    lost: Array
+    confident: Array
+    thruster_works: Array
+    enters_keep_out: Array
+
+
+def update(settings: MissionSettings, tuning: MissionTuning, state: MissionState, situation: Situation) -> MissionState:
+    """State of the mission after a decision."""
+    phases = [tuning.phases[each.name] for each in settings.phases]
+    running = state.phase < settings.hold
+    idle = ~situation.burn_pending
+    row = jnp.minimum(state.phase, settings.hold - 1)
+    until = of_phase(row, [phase.until for phase in phases])
+    arrived_at = _since(_is_inside(until, situation), state.arrived_at, situation.time)
+    known_at = _since(situation.range_sigma < until.range_sigma, state.known_at, situation.time)
+    elapsed = situation.time - state.entered_at
+    ended = (
+        running
+        & idle
+        & constant_of_phase(row, [phase.ends for phase in settings.phases])
+        & (elapsed >= until.time)
+        & (situation.time - arrived_at >= until.arrival_for)
+        & (situation.time - known_at >= until.range_sigma_for)
+        & (situation.time >= until.ground_go)
+    )
+    timed_out = running & idle & ~ended & (elapsed >= of_phase(row, [phase.timeout for phase in phases]))
+    after_timeout, aborts_on_timeout = _timeout_rows(settings, row)
+    following = jnp.minimum(state.phase + 1, settings.hold - 1)
+    phase = jnp.where(ended, following, jnp.where(timed_out, after_timeout, state.phase))
+    held = (situation.time >= tuning.hold_at) & (situation.time < tuning.resume_at)
+    phase = jnp.where(held & running & idle, settings.hold, phase)
+    resumed = (state.phase == settings.hold) & (state.entered_at < tuning.resume_at)
+    phase = jnp.where(resumed & (situation.time >= tuning.resume_at), state.held_phase, phase)
+    reason = _abort_reason(settings, phases, tuning, state, situation, timed_out & aborts_on_timeout)
+    aborts = (reason != AbortReason.NONE) & (state.phase != settings.aborted)
+    phase = jnp.where(aborts | (state.phase == settings.aborted), settings.aborted, phase).astype(jnp.int32)
+    begins = phase != state.phase
+    return MissionState(
+        phase=phase,
+        held_phase=jnp.where(running & (phase == settings.hold), state.phase, state.held_phase),
+        entered_at=jnp.where(begins, situation.time, state.entered_at),
+        starts_at=jnp.where(begins, situation.burn_time, state.starts_at),
+        entry=select(begins, PhaseEntry(relative_state=situation.burn_state_H), state.entry),
+        arrived_at=jnp.where(begins, jnp.inf, arrived_at),
+        known_at=jnp.where(begins, jnp.inf, known_at),
+        has_seen_target=state.has_seen_target | situation.seen,
+        abort_reason=jnp.where(aborts, reason, state.abort_reason).astype(jnp.int32),
+    )
+
+
+def leaves_corridor(corridor: Corridor, rho_H: Vector) -> Flag:
+    """True for a position [m] outside of a corridor."""
+    axis = gradient_safe.normalize(corridor.axis)
+    ahead = jnp.sum(axis * rho_H, axis=0)
+    aside = gradient_safe.norm(rho_H - ahead * axis)
+    return (ahead < 0.0) | (aside > corridor.width + ahead * jnp.tan(corridor.half_angle))
+
+
+def _is_inside(until: Until, situation: Situation) -> Flag:
+    """True in the arrival box."""
+    return jnp.all(jnp.abs(situation.state_H[:3] - situation.end_H) <= until.arrival_box, axis=0)
+
+
+def _since(holds: Flag, since: Scalar, time: Scalar) -> Scalar:
+    """Time since which a condition has held [s], infinite if it does not."""
+    return jnp.where(holds, jnp.minimum(since, time), jnp.inf)
+
+
+def _timeout_rows(settings: MissionSettings, row: Int[Array, ""]) -> tuple[Array, Array]:
+    """Phase after a timeout, and whether the timeout is a reason for an abort."""
+    last = settings.hold - 1
+    rows = {"next": None, "hold": settings.hold, "abort": settings.aborted}
+    after = [
+        min(number + 1, last) if rows[phase.on_timeout] is None else rows[phase.on_timeout]
+        for number, phase in enumerate(settings.phases)
+    ]
+    aborts = [phase.on_timeout == "abort" for phase in settings.phases]
+    return constant_of_phase(row, [int(each or 0) for each in after]), constant_of_phase(row, aborts)
+
+
+def _abort_reason(
+    settings: MissionSettings,
+    phases: list,
+    tuning: MissionTuning,
+    state: MissionState,
+    situation: Situation,
+    timed_out: Flag,
+) -> Int[Array, ""]:
+    """The first reason for an abort, 0 without one.
+
+    In a passively safe phase nothing but a command, a timeout or the threat of entering the keep-out zone is one: its
+    free motion needs neither navigation nor thrust.
+    """
+    running = state.phase < settings.hold
+    row = jnp.minimum(state.phase, settings.hold - 1)
+    forced = ~(running & constant_of_phase(row, [phase.passively_safe for phase in settings.phases]))
+    outside = jnp.zeros((), dtype=bool)
+    for number, (static, phase) in enumerate(zip(settings.phases, phases, strict=True)):
+        if static.has_corridor:
+            outside |= (state.phase == number) & leaves_corridor(phase.corridor, situation.state_H[:3])
+    watched = forced & state.has_seen_target
+    reason = jnp.zeros((), dtype=jnp.int32)
+    for applies, code in reversed(
+        (
+            (situation.time >= tuning.abort_at, AbortReason.COMMAND),
+            (timed_out, AbortReason.TIMEOUT),
+            (situation.enters_keep_out & state.has_seen_target, AbortReason.KEEP_OUT_PREDICTED),
+            (outside, AbortReason.CORRIDOR_LEFT),
+            (situation.lost & watched, AbortReason.TARGET_LOST),
+            (~situation.confident & watched, AbortReason.CONFIDENCE_LOST),
+            (~situation.thruster_works & watched, AbortReason.THRUSTER_FAILED),
+        )
+    ):
+        reason = jnp.where(applies, int(code), reason)
+    return reason

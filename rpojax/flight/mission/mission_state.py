@@ -1,0 +1,66 @@
+"""State of the mission manager between its decisions."""
+
+import enum
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rpojax.core.pytree import pytree
+from rpojax.flight.guidance.references.phase_entry import PhaseEntry
+
+
+class AbortReason(enum.IntEnum):
+    """Reason of an abort; the first one that applies is recorded."""
+
+    NONE = 0
+    COMMAND = 1
+    TIMEOUT = 2
+    KEEP_OUT_PREDICTED = 3
+    CORRIDOR_LEFT = 4
+    TARGET_LOST = 5
+    CONFIDENCE_LOST = 6
+    THRUSTER_FAILED = 7
+
+
+@pytree
+class MissionState:
+    """State of the mission manager.
+
+    Attributes:
+        phase: () int32, row of the phase table; after these the built-in ones of holding and of an abort
+        held_phase: () int32, phase to which a resumed mission returns
+        entered_at: () when the phase began [s]
+        starts_at: () when its reference starts: at the middle of its first burn [s]
+        entry: relative state then, predicted when the phase began
+        arrived_at: () since when the servicer has been in the arrival box [s], infinite outside
+        known_at: () since when the range has been known well enough [s], infinite if it is not
+        has_seen_target: () bool, whether the target was ever seen
+        abort_reason: () int32, an `AbortReason`
+    """
+
+    phase: Array
+    held_phase: Array
+    entered_at: Array
+    starts_at: Array
+    entry: PhaseEntry
+    arrived_at: Array
+    known_at: Array
+    has_seen_target: Array
+    abort_reason: Array
+
+
+def initial(state_H: Float[Array, "6"], lead: Float[Array, ""]) -> MissionState:
+    """State at the start of the first phase, with the relative state [m, m/s] estimated for `lead` [s] later."""
+    zero = jnp.zeros_like(state_H[0])
+    none = jnp.zeros((), dtype=jnp.int32)
+    return MissionState(
+        phase=none,
+        held_phase=none,
+        entered_at=zero,
+        starts_at=zero + lead,
+        entry=PhaseEntry(relative_state=state_H),
+        arrived_at=zero + jnp.inf,
+        known_at=zero + jnp.inf,
+        has_seen_target=jnp.zeros((), dtype=bool),
+        abort_reason=none,
+    )

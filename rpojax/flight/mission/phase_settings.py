@@ -1,0 +1,60 @@
+"""Static settings of a mission: number, order and kinds of its phases; changing one recompiles the simulation."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Pointing = Literal["target", "sun_safe", "velocity"]
+TimeoutAction = Literal["next", "hold", "abort"]
+
+
+@dataclass(frozen=True)
+class PhaseSettings:
+    """Static settings of a phase.
+
+    Attributes:
+        name: of the phase
+        pointing: where the camera looks
+        control_ticks: ticks between burn decisions
+        on_timeout: what follows a timeout
+        ends: whether it has conditions that end it
+        passively_safe: whether no planned burn may make the free drift unsafe
+        has_corridor: whether leaving its corridor is a reason for an abort
+    """
+
+    name: str
+    pointing: Pointing
+    control_ticks: int
+    on_timeout: TimeoutAction
+    ends: bool
+    passively_safe: bool
+    has_corridor: bool
+
+
+@dataclass(frozen=True)
+class MissionSettings:
+    """Static settings of a mission.
+
+    Attributes:
+        phases: in their order
+        decision_ticks: ticks between decisions of the mission manager
+        hold_ticks: ticks between burn decisions while it holds its place or has aborted
+    """
+
+    phases: tuple[PhaseSettings, ...]
+    decision_ticks: int
+    hold_ticks: int
+
+    @property
+    def hold(self) -> int:
+        """Row of the built-in phase that holds the present place."""
+        return len(self.phases)
+
+    @property
+    def aborted(self) -> int:
+        """Row of the built-in phase after an abort."""
+        return len(self.phases) + 1
+
+    @property
+    def control_ticks(self) -> tuple[int, ...]:
+        """Ticks between burn decisions by row, the built-in phases included."""
+        return (*(phase.control_ticks for phase in self.phases), self.hold_ticks, self.hold_ticks)

@@ -1,0 +1,65 @@
+"""Burn veto and abort burn: the velocity change whose free drift stays clear of the keep-out zone."""
+
+import itertools
+import math
+from typing import Final
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core.numerics import gradient_safe
+from rpojax.flight.mission.drift_clearance import Drift, least_clearance
+
+Scalar = Float[Array, ""]
+Vector = Float[Array, "3"]
+
+_SHARES: Final = (1.0, 0.75, 0.5, 0.25, 0.0)
+"""Parts of the planned burn that are tried, the first safe one is taken [-]."""
+
+_SIZES: Final = (0.05, 0.12, 0.3, 0.6, 1.0)
+"""Sizes of other burns over the greatest that can be made in any direction [-]."""
+
+_R: Final = math.sqrt(0.5)
+_DIRECTIONS: Final = np.array(
+    [
+        *((math.cos(angle), math.sin(angle), 0.0) for angle in np.arange(8) * (math.pi / 4.0)),
+        *((0.0, 0.0, sign) for sign in (1.0, -1.0)),
+        *((0.0, _R * y, _R * z) for y, z in itertools.product((1.0, -1.0), repeat=2)),
+    ]
+)
+"""Directions in H of other burns: all about the orbit normal, along it, and between it and the track."""
+
+
+def safe_delta_v(drift: Drift, planned_H: Vector, greatest: Scalar) -> Vector:
+    """Velocity change [m/s] of the next burn: as much of the planned one as is safe, else the smallest that is safe.
+
+    If nothing is safe, the one with the greatest clearance is made. A planned change that is not finite is returned.
+
+    Args:
+        drift: free motion before the burn, and what it must keep clear of
+        planned_H: (3,) velocity change by the control law; zero if there is none to be made [m/s]
+        greatest: () size of the greatest change that can be made in any direction [m/s]
+    """
+    dtype = planned_H.dtype
+    others_H = jnp.asarray(_DIRECTIONS.T, dtype=dtype)
+    directions_H = jnp.concatenate([planned_H[:, None], others_H], axis=1)
+    sizes = jnp.broadcast_to(jnp.asarray(_SIZES, dtype=dtype) * greatest, (len(_DIRECTIONS), len(_SIZES)))
+    shares = jnp.asarray(_SHARES, dtype=dtype)[None]
+    clearance = least_clearance(drift, directions_H, jnp.concatenate([shares, sizes]))
+    of_planned, of_others = clearance[0], clearance[1:]
+    is_safe = of_others >= 1.0
+    # Of two burns of one size, the one with more clearance.
+    cheapest = _least(jnp.where(is_safe, sizes / greatest - 0.01 * of_others / (1.0 + of_others), jnp.inf))
+    best = jnp.where(jnp.any(is_safe, axis=(0, 1)), cheapest, _least(-of_others))
+    chosen = jnp.sum(others_H[:, :, None] * jnp.where(best, sizes, 0.0)[None], axis=(1, 2))
+    for number in reversed(range(len(_SHARES))):
+        chosen = jnp.where(of_planned[number] >= 1.0, _SHARES[number] * planned_H, chosen)
+    return jnp.where(gradient_safe.is_finite(planned_H), chosen, planned_H)
+
+
+def _least(cost: Float[Array, "d k"]) -> Bool[Array, "d k"]:
+    """True for the burn with the least cost alone; of equal ones, for the first."""
+    is_least = cost <= jnp.min(cost, axis=(0, 1))
+    number = jnp.arange(cost.size).reshape(cost.shape)
+    return number == jnp.min(jnp.where(is_least, number, cost.size), axis=(0, 1))

@@ -1,0 +1,274 @@
+"""Decisions of a mission with phases: the present phase, and its next burn, made safe or replaced by an abort burn."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from rpojax.core.frames import hill_frame, inertial_to_hill
+from rpojax.core.numerics import gradient_safe
+from rpojax.core.orbits import yamanaka_ankersen
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
+from rpojax.core.pytree import pytree, replace, select
+from rpojax.core.vectors import apply_transposed, cross
+from rpojax.flight import burn_decision, phase_goal
+from rpojax.flight.control import formation_law, reference_governor
+from rpojax.flight.control.lqr_gain import lqr_gain
+from rpojax.flight.flight_records import FlightMemory, FlightParams
+from rpojax.flight.guidance import burn_planning, line_of_sight_uncertainty
+from rpojax.flight.guidance import other_pointing as attitudes
+from rpojax.flight.guidance.burn_planning import BurnPlan
+from rpojax.flight.guidance.other_pointing import OtherPointing
+from rpojax.flight.guidance.target_pointing import TargetPointing
+from rpojax.flight.mission import drift_clearance, mission_state, safe_burn
+from rpojax.flight.mission.drift_clearance import Drift
+from rpojax.flight.mission.mission_manager import Situation
+from rpojax.flight.mission.mission_state import MissionState
+from rpojax.flight.mission.phase_settings import MissionSettings
+from rpojax.flight.mission.phase_table import MissionTuning, constant_of_phase, of_phase
+from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
+from rpojax.flight.stages import Stages
+
+Scalar = Float[Array, ""]
+Vector = Float[Array, "3"]
+Matrix = Float[Array, "3 3"]
+Flag = Bool[Array, ""]
+
+
+@pytree
+class Prediction:
+    """Estimated relative motion now and at the middle of a burn that is decided now.
+
+    Attributes:
+        orbit: of the target now
+        state_H: (6,) now [m, m/s]
+        burn_orbit: of the target at the burn
+        burn_state_H: (6,) at the burn, without another one before [m, m/s]
+        R_CN: (3, 3) Hill frame at the burn
+        range_ratio_sigma: () 1-sigma of the range over the range [-]
+        drift_sigma: () 1-sigma of the drift constant of the motion [m]
+    """
+
+    orbit: TargetOrbit
+    state_H: Array
+    burn_orbit: TargetOrbit
+    burn_state_H: Array
+    R_CN: Array
+    range_ratio_sigma: Array
+    drift_sigma: Array
+
+
+def predict_to_burn(params: FlightParams, estimate: OrbitEstimate) -> Prediction:
+    """Relative motion up to a burn that is decided now."""
+    relative, servicer = estimate.relative, estimate.servicer
+    r_TN_N, v_TN_N = servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N
+    R_HN, omega_HN_N = hill_frame(r_TN_N, v_TN_N)
+    state_H = jnp.concatenate(inertial_to_hill(-relative.r_TS_N, -relative.v_TS_N, R_HN, omega_HN_N))
+    orbit = yamanaka_ankersen.target_orbit(r_TN_N, v_TN_N)
+    burn_orbit = yamanaka_ankersen.advanced(orbit, params.formation.lead)
+    constants = yamanaka_ankersen.constants_of_motion(orbit, state_H)
+    angle = burn_orbit.argument_of_latitude - orbit.argument_of_latitude
+    c, s = jnp.cos(angle), jnp.sin(angle)
+    return Prediction(
+        orbit=orbit,
+        state_H=state_H,
+        burn_orbit=burn_orbit,
+        burn_state_H=yamanaka_ankersen.free_motion(burn_orbit, params.formation.lead, constants),
+        R_CN=jnp.stack([c * R_HN[0] + s * R_HN[1], -s * R_HN[0] + c * R_HN[1], R_HN[2]]),
+        range_ratio_sigma=line_of_sight_uncertainty.relative_range_sigma(estimate),
+        drift_sigma=_drift_sigma(orbit, relative.covariance[:6, :6], R_HN, omega_HN_N),
+    )
+
+
+def _drift_sigma(orbit: TargetOrbit, covariance_N: Float[Array, "6 6"], R_HN: Matrix, omega_HN_N: Vector) -> Scalar:
+    """1-sigma of the drift constant [m] from the covariance of the relative position and velocity in N."""
+    row_H = yamanaka_ankersen.constants_of_motion(orbit, jnp.eye(6, dtype=covariance_N.dtype))[3]
+    velocity_row = apply_transposed(R_HN, row_H[3:])
+    position_row = apply_transposed(R_HN, row_H[:3]) - cross(velocity_row, omega_HN_N)
+    row = jnp.concatenate([position_row, velocity_row])
+    return gradient_safe.sqrt(jnp.sum(row * jnp.sum(covariance_N * row[None, :], axis=1), axis=0))
+
+
+def initial_state(params: FlightParams, estimate: OrbitEstimate) -> MissionState:
+    """State of the mission at the start of a run."""
+    return mission_state.initial(predict_to_burn(params, estimate).burn_state_H, params.formation.lead)
+
+
+def phase_gains(
+    settings: MissionSettings, params: FlightParams, n: Scalar, hold_period: float
+) -> Float[Array, "rows 3 6"]:
+    """LQR gains by row of the phase table at mean motion `n` [rad/s]; held places have a `hold_period` [s]."""
+    assert params.mission is not None
+    formation = params.formation
+    tick_s = hold_period / settings.hold_ticks
+    gains = []
+    for static in settings.phases:
+        phase = params.mission.phases[static.name]
+        weights = replace(
+            formation,
+            position_weight=phase.position_weight,
+            velocity_weight=phase.velocity_weight,
+            delta_v_weight=phase.delta_v_weight,
+        )
+        gains.append(lqr_gain(weights, n, static.control_ticks * tick_s))
+    return jnp.stack([*gains, *(2 * [lqr_gain(formation, n, hold_period)])])
+
+
+def manage_mission(
+    stages: Stages, settings: MissionSettings, params: FlightParams, memory: FlightMemory, time: Scalar
+) -> MissionState:
+    """State of the mission after a decision at `time` [s]."""
+    state, tuning = memory.mission, params.mission
+    assert state is not None
+    assert tuning is not None
+    lead = params.formation.lead
+    predicted = predict_to_burn(params, memory.orbit)
+    # An abort that is decided at the next decision burns its `lead` later.
+    soon = 2.0 * lead
+    drift = Drift(
+        orbit=predicted.orbit,
+        state_H=predicted.state_H,
+        scale_sigma=predicted.range_ratio_sigma,
+        drift_sigma=predicted.drift_sigma,
+        sigmas=tuning.abort_sigmas,
+        semi_axes=keep_out_zone(settings, tuning, state),
+        first_span=soon,
+        horizon=soon,
+    )
+    none = jnp.zeros_like(predicted.state_H[:3, None])
+    clearance = drift_clearance.least_clearance(drift, none, none[:1])[0, 0]
+    situation = Situation(
+        time=time,
+        state_H=predicted.state_H,
+        burn_time=time + lead,
+        burn_state_H=predicted.burn_state_H,
+        burn_pending=(memory.plan.cutoff > memory.plan.ignition) & (memory.plan.cutoff > time),
+        end_H=phase_goal.end_position(settings, tuning, state, predicted.orbit, time),
+        range_sigma=predicted.range_ratio_sigma * gradient_safe.norm(predicted.state_H[:3]),
+        seen=memory.pointing.acquired,
+        lost=burn_decision.is_lost(params, memory),
+        confident=memory.health.confident,
+        thruster_works=burn_decision.thruster_works(params, memory, time),
+        enters_keep_out=clearance < 1.0,
+    )
+    return stages.call("mission_manager", settings=settings, tuning=tuning, state=state, situation=situation)
+
+
+def other_pointing(
+    settings: MissionSettings, params: FlightParams, memory: FlightMemory, sun_N: Vector
+) -> OtherPointing | None:
+    """Attitude of a phase that does not point at the target, with the Sun at `sun_N` [m]; None if all phases do."""
+    modes = [*(phase.pointing for phase in settings.phases), "target", "target"]
+    if set(modes) == {"target"}:
+        return None
+    assert memory.mission is not None
+    phase = memory.mission.phase
+    safe = attitudes.sun_safe_attitude(params.vehicle, memory.orbit, sun_N)
+    ahead = attitudes.velocity_attitude(params.vehicle, memory.orbit)
+    is_ahead = constant_of_phase(phase, [mode == "velocity" for mode in modes])
+    q_BN, omega = select(is_ahead, ahead, safe)
+    is_wanted = constant_of_phase(phase, [mode != "target" for mode in modes])
+    return OtherPointing(q_BN=q_BN, omega_BN_B=omega, is_wanted=is_wanted)
+
+
+def keep_out_zone(settings: MissionSettings, tuning: MissionTuning, state: MissionState) -> Vector:
+    """Semi-axes [m] of the keep-out ellipsoid of the present phase."""
+    phases = [tuning.phases[phase.name].keep_out for phase in settings.phases]
+    return of_phase(state.phase, [*phases, tuning.keep_out, tuning.keep_out])
+
+
+def plan_burn(
+    stages: Stages,
+    settings: MissionSettings,
+    params: FlightParams,
+    memory: FlightMemory,
+    pointing: TargetPointing,
+    time: Scalar,
+    tick_s: float,
+) -> tuple[BurnPlan, Flag]:
+    """Next burn of the present phase, and whether it is one of the times at which the phase decides about burns.
+
+    The burn that the control law plans is made as far as the free motion after it stays clear of the keep-out zone: for
+    two control periods, or in a passively safe phase for the whole horizon; else another one is made. After an abort
+    only what is needed for that is done. Guidance works every `tick_s` [s].
+    """
+    state, tuning = memory.mission, params.mission
+    assert state is not None
+    assert tuning is not None
+    period = constant_of_phase(state.phase, settings.control_ticks) * tick_s
+    since = time - state.entered_at
+    whole = jnp.abs(since - period * jnp.round(since / period)) < 0.5 * tick_s
+    predicted = predict_to_burn(params, memory.orbit)
+    planned_H = _planned_delta_v(stages, settings, params, memory, predicted, pointing, time, period, tick_s)
+    aborted = state.phase == settings.aborted
+    works = burn_decision.thruster_works(params, memory, time)
+    uncertain = predicted.range_ratio_sigma >= params.formation.range_uncertainty_limit
+    keeps = ~aborted & pointing.visible & ~burn_decision.is_lost(params, memory) & memory.health.confident & ~uncertain
+    drift = _drift_after_burn(settings, tuning, state, predicted, period)
+    greatest = burn_planning.certain_delta_v(params.pointing, params.vehicle, tick_s)
+    safe_H = safe_burn.safe_delta_v(drift, jnp.where(keeps, planned_H, 0.0), greatest)
+    plan = burn_planning.schedule_burn(
+        params.formation,
+        params.pointing,
+        params.vehicle,
+        apply_transposed(predicted.R_CN, safe_H),
+        pointing.q_BN,
+        (keeps | aborted) & works,
+        time,
+        tick_s,
+    )
+    return plan, whole
+
+
+def _drift_after_burn(
+    settings: MissionSettings, tuning: MissionTuning, state: MissionState, predicted: Prediction, period: Scalar
+) -> Drift:
+    """Free motion after a burn of the present phase, and what it must keep clear of."""
+    passive = [*(phase.passively_safe for phase in settings.phases), False, True]
+    orbit_period = drift_clearance.orbit_period(predicted.burn_orbit)
+    is_passive = constant_of_phase(state.phase, passive)
+    span = jnp.where(is_passive, jnp.minimum(orbit_period, tuning.abort_horizon), 2.0 * period)
+    return Drift(
+        orbit=predicted.burn_orbit,
+        state_H=predicted.burn_state_H,
+        scale_sigma=predicted.range_ratio_sigma,
+        drift_sigma=predicted.drift_sigma,
+        sigmas=tuning.abort_sigmas,
+        semi_axes=keep_out_zone(settings, tuning, state) + tuning.abort_margin,
+        first_span=span,
+        horizon=jnp.where(is_passive, jnp.maximum(span, tuning.abort_horizon), span),
+    )
+
+
+def _planned_delta_v(
+    stages: Stages,
+    settings: MissionSettings,
+    params: FlightParams,
+    memory: FlightMemory,
+    predicted: Prediction,
+    pointing: TargetPointing,
+    time: Scalar,
+    period: Scalar,
+    tick_s: float,
+) -> Vector:
+    """Velocity change (3,) in H [m/s] by the control law for the reference of the present phase."""
+    state, tuning = memory.mission, params.mission
+    assert state is not None
+    assert tuning is not None
+    assert memory.phase_gains is not None
+    gain = of_phase(state.phase, list(memory.phase_gains))
+    goal = phase_goal.goal_at_burn(
+        stages,
+        settings,
+        tuning,
+        state,
+        predicted.burn_orbit,
+        predicted.burn_state_H[3:],
+        time + params.formation.lead,
+        period,
+        time - state.entered_at < 0.5 * period,
+    )
+    deviation = predicted.burn_state_H - jnp.concatenate([goal.position, goal.arrival_velocity])
+    wanted_N = apply_transposed(predicted.R_CN, goal.impulse + formation_law.lqr_feedback(gain, deviation))
+    limit = burn_planning.largest_delta_v(params.pointing, params.vehicle, wanted_N, pointing.q_BN, tick_s)
+    governed = reference_governor.govern(gain, deviation, goal.impulse, limit)
+    command_H = stages.call("formation_law", gain=gain, deviation=governed, estimate=memory.orbit, time=time)
+    return goal.impulse + command_H

@@ -1,0 +1,108 @@
+"""Goal of the present phase: what its reference asks of the next burn."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced
+from rpojax.core.pytree import pytree
+from rpojax.flight.guidance.references import impulsive_tracking, reference_motion
+from rpojax.flight.guidance.references.hold import Hold
+from rpojax.flight.guidance.references.phase_entry import PhaseEntry
+from rpojax.flight.mission.mission_state import MissionState
+from rpojax.flight.mission.phase_settings import MissionSettings
+from rpojax.flight.mission.phase_table import MissionTuning, of_phase
+from rpojax.flight.stages import Stages
+
+Scalar = Float[Array, ""]
+Vector = Float[Array, "3"]
+
+
+@pytree
+class Goal:
+    """Desired motion at a burn.
+
+    Attributes:
+        position: (3,) at the burn [m]
+        arrival_velocity: (3,) just before it [m/s]
+        impulse: (3,) feed-forward velocity change [m/s]
+    """
+
+    position: Array
+    arrival_velocity: Array
+    impulse: Array
+
+
+def references(settings: MissionSettings, tuning: MissionTuning, entry: PhaseEntry) -> list[tuple[str, Any]]:
+    """Name and reference of all rows; holding and aborted, a servicer keeps to the place where that began."""
+    place = Hold(position=entry.relative_state[:3])
+    named = [(phase.name, tuning.phases[phase.name].reference) for phase in settings.phases]
+    return [*named, ("hold", place), ("aborted", place)]
+
+
+def desired_state(
+    stages: Stages,
+    settings: MissionSettings,
+    tuning: MissionTuning,
+    state: MissionState,
+    orbit: TargetOrbit,
+    time: Scalar,
+) -> Float[Array, "6"]:
+    """Relative state (6,) of the present phase's reference at `time` [m, m/s], with the target at `orbit`."""
+    elapsed = time - state.starts_at
+    states = [
+        stages.call("reference", phase=name, reference=reference, entry=state.entry, orbit=orbit, elapsed=elapsed)
+        for name, reference in references(settings, tuning, state.entry)
+    ]
+    return of_phase(state.phase, states)
+
+
+def end_position(
+    settings: MissionSettings, tuning: MissionTuning, state: MissionState, orbit: TargetOrbit, time: Scalar
+) -> Vector:
+    """Position [m] at which the present phase's reference ends, or that at `time` [s] of one without an end."""
+    elapsed = time - state.starts_at
+    ends = [
+        reference_motion.end_position(reference, state.entry, orbit, elapsed)
+        for _, reference in references(settings, tuning, state.entry)
+    ]
+    return of_phase(state.phase, ends)
+
+
+def goal_at_burn(
+    stages: Stages,
+    settings: MissionSettings,
+    tuning: MissionTuning,
+    state: MissionState,
+    orbit: TargetOrbit,
+    rho_dot_H: Vector,
+    burn_time: Scalar,
+    period: Scalar,
+    is_first: Array,
+) -> Goal:
+    """Goal of a burn.
+
+    Args:
+        stages: replaceable stages
+        settings: static settings of the mission
+        tuning: of the mission
+        state: of the mission
+        orbit: of the target at the burn
+        rho_dot_H: (3,) predicted relative velocity before the burn [m/s]
+        burn_time: () since the start of the run [s]
+        period: () between the burns of the phase [s]
+        is_first: () bool, whether it is the first burn of the phase, which changes to the reference's velocity at once
+    """
+
+    def position(_: None, dt: Scalar) -> tuple[None, Vector]:
+        place = advanced(orbit, dt)
+        return None, desired_state(stages, settings, tuning, state, place, burn_time + dt)[:3]
+
+    # A scan: three copies of all references would take three times as long to compile.
+    _, (before, at, after) = jax.lax.scan(position, None, jnp.stack([-period, jnp.zeros_like(period), period]))
+    tracked = impulsive_tracking.tracked_point(orbit, period, before, at, after)
+    departure = tracked.arrival_velocity + tracked.impulse
+    arrival = jnp.where(is_first, rho_dot_H, tracked.arrival_velocity)
+    return Goal(position=at, arrival_velocity=arrival, impulse=departure - arrival)

@@ -1,0 +1,154 @@
+"""Checks of the phases of a mission: names, periods, ends, and references within the limits of the phase."""
+
+import math
+
+import numpy as np
+
+from rpojax.errors import ScenarioError
+from rpojax.scenario.phases import reference_sections as kinds
+from rpojax.scenario.phases.phase_sections import CorridorSection, PhaseSection
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.warnings.control_authority import largest_delta_v_m_s
+from rpojax.scenario.warnings.dispersed_reach import DispersedReach
+from rpojax.scenario.warnings.orbit_geometry import mean_motion, transition_matrices
+
+_BUILT_IN = ("hold", "aborted")
+_ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
+
+
+def check_phases(file: ScenarioFile) -> None:
+    """Checks the phases of a scenario and its mission section.
+
+    Raises:
+        ScenarioError: naming the key, what was found and what was expected.
+    """
+    if not file.phases:
+        if file.mission != type(file.mission)():
+            raise ScenarioError("mission", "settings", "them only in a scenario with [[phases]]")
+        return
+    names = [phase.name for phase in file.phases]
+    for phase in file.phases:
+        if names.count(phase.name) > 1 or phase.name in _BUILT_IN:
+            expected = f"a name that no other phase has, and none of {', '.join(_BUILT_IN)}"
+            raise ScenarioError("phases.name", phase.name, expected)
+    _check_periods(file)
+    place = list(file.initial.relative_position_m)
+    for phase in file.phases:
+        _check_end(file, phase)
+        _check_keep_out(file, phase)
+        if isinstance(phase.reference, kinds.TransferSection):
+            _check_transfer(file, phase.name, phase.reference, place)
+        place = _end_m(phase, place)
+
+
+def _check_periods(file: ScenarioFile) -> None:
+    decision, camera = file.mission.decision_period_s, file.rates.camera_hz
+    _check_multiple("mission.decision_period_s", decision, 1.0 / camera, "camera periods")
+    default, limit, lead = file.rates.formation_period_s, file.pointing.look_away_limit_s, file.formation.lead_s
+    _check_multiple("rates.formation_period_s", default, decision, "mission.decision_period_s")
+    for phase in file.phases:
+        key, period = f"phases.{phase.name}.control_period_s", phase.control_period_s or default
+        _check_multiple(key, period, decision, "mission.decision_period_s")
+        if period < lead + 0.5 * limit:
+            expected = f"at least {lead + 0.5 * limit:g}, formation.lead_s and half of pointing.look_away_limit_s"
+            raise ScenarioError(key, period, expected)
+
+
+def _check_multiple(key: str, value: float, unit: float, name: str) -> None:
+    ratio = value / unit
+    if ratio < 0.5 or not math.isclose(ratio, round(ratio), rel_tol=1e-9):
+        raise ScenarioError(key, value, f"a whole number of {name} ({unit:g} s)")
+
+
+def _check_end(file: ScenarioFile, phase: PhaseSection) -> None:
+    """Refuses a phase before the last one that can never end."""
+    key = f"phases.{phase.name}"
+    given = phase.until.model_dump() if phase.until else {}
+    if phase.until is not None and not given:
+        raise ScenarioError(f"{key}.until", "no condition", "at least one, such as time_s")
+    for name, needs in (("arrival_for_s", "arrival_box_m"), ("range_sigma_for_s", "range_sigma_m")):
+        if name in given and needs not in given:
+            raise ScenarioError(f"{key}.until.{name}", given[name], f"it only beside {needs}")
+    is_last = phase is file.phases[-1]
+    if phase.timeout_s is None and not is_last and not given:
+        raise ScenarioError(key, "a phase that never ends", "until or timeout_s, as other phases follow")
+    latest = {"until.time_s": given.get("time_s"), "until.ground_go_s": given.get("ground_go_s")}
+    for name, value in {**latest, "timeout_s": phase.timeout_s}.items():
+        if value is not None and value > file.duration_s and (name != "timeout_s" or (not given and not is_last)):
+            raise ScenarioError(f"{key}.{name}", value, f"an end within the run: duration_s = {file.duration_s:g}")
+
+
+def _check_keep_out(file: ScenarioFile, phase: PhaseSection) -> None:
+    """Refuses a reference inside of its keep-out zone or outside of its corridor."""
+    semi_axes = np.array(phase.keep_out_m or 3 * [file.limits.keep_out_m])
+    places = _places(phase)
+    key = f"phases.{phase.name}.reference"
+    if len(places) and (clearance := np.min(np.linalg.norm(places / np.maximum(semi_axes, 1e-9), axis=1))) < 1.0:
+        expected = f"one outside of the keep-out zone of {semi_axes.max():g} m"
+        raise ScenarioError(key, f"{phase.reference.kind} at {clearance:.2g} of its radius", expected)
+    if phase.corridor is None:
+        return
+    axis = np.array(phase.corridor.axis) / np.linalg.norm(phase.corridor.axis)
+    outside = [place for place in places if not _in_corridor(phase.corridor, axis, place)]
+    if outside:
+        found = [round(float(each), 1) for each in outside[0]]
+        expected = f"a way inside of phases.{phase.name}.corridor"
+        raise ScenarioError(key, f"{phase.reference.kind} through {found} m", expected)
+
+
+def _in_corridor(corridor: CorridorSection, axis: np.ndarray, place: np.ndarray) -> bool:
+    ahead = float(axis @ place)
+    aside = float(np.linalg.norm(place - ahead * axis))
+    return ahead >= 0.0 and aside <= corridor.width_m + ahead * math.tan(math.radians(corridor.half_angle_deg))
+
+
+def _places(phase: PhaseSection) -> np.ndarray:
+    """Places (n, 3) [m] of a reference that are known before flight, of a near-circular orbit."""
+    c, s = np.cos(_ANGLES), np.sin(_ANGLES)
+    match phase.reference:
+        case kinds.HoldSection(position_m=place) | kinds.TransferSection(position_m=place):
+            return np.array([place])
+        case kinds.ApproachSection(end_position_m=place):
+            return np.array([place])
+        case kinds.RelativeOrbitSection() as orbit:
+            # A drift carries the motion along the track past the target: its clearance must be across the track.
+            lag = math.radians(orbit.radial_phase_deg - orbit.cross_track_phase_deg)
+            along = orbit.along_track_m + 2.0 * orbit.radial_m * s
+            level = -orbit.drift_per_orbit_m / (1.5 * 2.0 * np.pi)
+            x, z = level - orbit.radial_m * c, orbit.cross_track_m * np.sin(_ANGLES + lag)
+            return np.stack([x, 0.0 * along if orbit.drift_per_orbit_m else along, z], axis=1)
+        case kinds.FlyAroundSection() as circle:
+            axis = np.array(circle.axis) / np.linalg.norm(circle.axis)
+            first = np.linalg.svd(axis[None])[2][1:]
+            return circle.radius_m * (c[:, None] * first[0] + s[:, None] * first[1])
+        case _:
+            return np.zeros((0, 3))
+
+
+def _end_m(phase: PhaseSection, place: list[float]) -> list[float]:
+    """Position at which the next phase begins, as far as it is known."""
+    match phase.reference:
+        case kinds.HoldSection(position_m=end) | kinds.TransferSection(position_m=end):
+            return list(end)
+        case kinds.ApproachSection(end_position_m=end):
+            return list(end)
+        case _:
+            return place
+
+
+def _check_transfer(file: ScenarioFile, name: str, transfer: kinds.TransferSection, start: list[float]) -> None:
+    """Refuses a transfer whose impulses the thruster cannot give within the look-away limit."""
+    n, begin, end = mean_motion(file), np.array(start), np.array(transfer.position_m)
+    motion = transition_matrices(n, np.array([transfer.duration_s]))[0]
+    if transfer.pulses > 2:
+        return
+    departure = np.linalg.solve(motion[:3, 3:], end - motion[:3, :3] @ begin)
+    arrival = motion[3:] @ np.concatenate([begin, departure])
+    reach = DispersedReach(file)
+    for which, impulse, place in (("first", departure, begin), ("last", -arrival, end)):
+        largest = float(largest_delta_v_m_s(file, reach, -place, impulse))
+        if (size := float(np.linalg.norm(impulse))) > largest:
+            found = f"a {which} impulse of {1e3 * size:.3g} mm/s"
+            limits = "which thruster and look-away limit give; more pulses split it"
+            expected = f"at most {1e3 * largest:.3g} mm/s, {limits}"
+            raise ScenarioError(f"phases.{name}.reference.duration_s", found, expected)

@@ -1,0 +1,116 @@
+"""Phases of a scenario as static settings of the mission and as its parameters."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any, Final
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from rpojax.flight.guidance.references.approach import Approach
+from rpojax.flight.guidance.references.fly_around import FlyAround
+from rpojax.flight.guidance.references.hold import Hold
+from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
+from rpojax.flight.guidance.references.retreat import Retreat
+from rpojax.flight.guidance.references.transfer import Transfer
+from rpojax.flight.mission.phase_settings import MissionSettings, PhaseSettings
+from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Phase, Until
+from rpojax.scenario import key_units
+from rpojax.scenario.phases.phase_sections import PhaseSection
+from rpojax.scenario.schema import ScenarioFile
+
+Table = Mapping[str, Any]
+
+REFERENCES: Final[dict[str, type]] = {
+    "hold": Hold,
+    "relative_orbit": RelativeOrbit,
+    "transfer": Transfer,
+    "fly_around": FlyAround,
+    "approach": Approach,
+    "retreat": Retreat,
+}
+"""Class of the reference by its kind."""
+
+_NO_CONDITION: Final[dict[str, Any]] = {
+    "time": 0.0,
+    "arrival_box": [math.inf] * 3,
+    "arrival_for": 0.0,
+    "range_sigma": math.inf,
+    "range_sigma_for": 0.0,
+    "ground_go": 0.0,
+}
+"""Values of the conditions of `until` that always hold."""
+
+_WEIGHTS: Final = ("position_weight", "velocity_weight", "delta_v_weight")
+
+
+def control_period_s(file: ScenarioFile, phase: PhaseSection) -> float:
+    """Time between the burn decisions of a phase [s]."""
+    return phase.control_period_s or file.rates.formation_period_s
+
+
+def mission_settings(file: ScenarioFile) -> MissionSettings:
+    """Static settings of a scenario with phases."""
+
+    def ticks(seconds: float) -> int:
+        return round(seconds * file.rates.camera_hz)
+
+    return MissionSettings(
+        phases=tuple(
+            PhaseSettings(
+                name=phase.name,
+                pointing=phase.pointing,
+                control_ticks=ticks(control_period_s(file, phase)),
+                on_timeout=phase.on_timeout,
+                ends=phase.until is not None,
+                passively_safe=phase.passively_safe,
+                has_corridor=phase.corridor is not None,
+            )
+            for phase in file.phases
+        ),
+        decision_ticks=ticks(file.mission.decision_period_s),
+        hold_ticks=ticks(file.rates.formation_period_s),
+    )
+
+
+def mission_tuning(tables: Table) -> MissionTuning | None:
+    """Parameters of the mission from the tables of a scenario, None without phases."""
+    if not tables["phases"]:
+        return None
+    sphere = [tables["limits"]["keep_out_m"]] * 3
+    numbers = _numbers(tables["mission"])
+    return MissionTuning(
+        phases={phase["name"]: _phase(phase, tables["formation"], sphere) for phase in tables["phases"]},
+        keep_out=_array(sphere),
+        **{field.name: numbers[field.name] for field in fields(MissionTuning) if field.name in numbers},
+    )
+
+
+def leaf_path(key: str) -> tuple[str, ...]:
+    """Attribute path in the mission's parameters of a key such as `phases.hold.timeout_s` or `mission.abort_at_s`."""
+    *path, name = key.removeprefix("mission.").split(".")
+    return (*path, key_units.split_unit(name)[0])
+
+
+def _phase(table: Table, formation: Table, sphere: list[float]) -> Phase:
+    until, corridor = table.get("until") or {}, table.get("corridor")
+    reference = {name: value for name, value in table["reference"].items() if name != "kind"}
+    return Phase(
+        reference=REFERENCES[table["reference"]["kind"]](**_numbers(reference)),
+        until=Until(**({name: _array(value) for name, value in _NO_CONDITION.items()} | _numbers(until))),
+        timeout=_array(table.get("timeout_s", math.inf)),
+        keep_out=_array(table.get("keep_out_m", sphere)),
+        corridor=None if corridor is None else Corridor(**_numbers(corridor)),
+        **{name: _array(table.get(name, formation[name])) for name in _WEIGHTS},
+    )
+
+
+def _numbers(table: Table) -> dict[str, Array]:
+    """Numbers of a section in SI and radians, by name without unit."""
+    units = {key: key_units.split_unit(key) for key in table}
+    return {name: _array(table[key]) * factor for key, (name, factor) in units.items()}
+
+
+def _array(value: Any) -> Array:
+    return jnp.asarray(value, dtype=jnp.float64)

@@ -1,0 +1,1 @@
+"""Schema of the phases of a mission and of their reference trajectories."""

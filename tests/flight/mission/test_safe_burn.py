@@ -1,0 +1,99 @@
+"""Clearance of free drifts and the burns that keep it, against drifts propagated step by step."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.core.orbits.clohessy_wiltshire import transition_matrix
+from rpojax.core.orbits.keplerian_elements import mean_motion
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
+from rpojax.flight.mission import drift_clearance, safe_burn
+from rpojax.flight.mission.drift_clearance import Drift
+
+A = 6.878e6
+N = float(mean_motion(jnp.float64(A)))
+ORBIT = TargetOrbit(
+    argument_of_latitude=jnp.float64(0.3), ex=jnp.float64(0.0), ey=jnp.float64(0.0), semi_major_axis=jnp.float64(A)
+)
+PERIOD = 2.0 * np.pi / N
+DAY = 16.0 * PERIOD
+GREATEST = 0.04
+
+least_clearance = jax.jit(drift_clearance.least_clearance)
+safe_delta_v = jax.jit(safe_burn.safe_delta_v)
+
+
+def drift_of(state: list[float], keep_out: float = 12.0, sigmas: float = 0.0) -> Drift:
+    return Drift(
+        orbit=ORBIT,
+        state_H=jnp.asarray(state),
+        scale_sigma=jnp.float64(0.03),
+        drift_sigma=jnp.float64(0.3),
+        sigmas=jnp.float64(sigmas),
+        semi_axes=jnp.full(3, keep_out),
+        first_span=jnp.float64(PERIOD),
+        horizon=jnp.float64(DAY),
+    )
+
+
+def least_range(state: np.ndarray, horizon: float = DAY) -> float:
+    """Least range of a drift, sampled every 10 s."""
+    times = jnp.arange(10.0, horizon, 10.0)
+    matrices = jax.vmap(lambda t: transition_matrix(jnp.float64(N), t)[:3])(times)
+    return float(np.linalg.norm(np.asarray(matrices) @ state, axis=1).min())
+
+
+ELLIPSE = [0.0, 40.0, 25.0, 20.0 * N, 0.0, 0.0]
+V_BAR = [0.0, -30.0, 0.0, 0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    "state",
+    [ELLIPSE, V_BAR, [0.0, -400.0, 30.0, 0.0, 0.004, 0.01], [20.0, 300.0, 0.0, 0.0, -1.5 * N * 20.0, 0.0]],
+    ids=["safety ellipse", "hold", "drift", "co-elliptic"],
+)
+def test_the_clearance_is_that_of_the_drift_sampled_finely(state: list[float]) -> None:
+    found = float(least_clearance(drift_of(state), jnp.zeros((3, 1)), jnp.zeros((1, 1)))[0, 0]) * 12.0
+    expected = least_range(np.array(state))
+    # Between the passages, which lie on the line, the servicer may be farther away.
+    assert found <= expected + 0.02 * expected + 0.5
+    assert found >= 0.8 * expected - 3.0
+
+
+def test_the_uncertainty_of_the_drift_counts() -> None:
+    slow = [0.0, -60.0, 0.0, 0.0, 1e-4, 0.0]
+    none = jnp.zeros((3, 1)), jnp.zeros((1, 1))
+    certain, uncertain = (float(least_clearance(drift_of(slow, sigmas=k), *none)[0, 0]) for k in (0.0, 3.0))
+    assert uncertain < 0.5 * certain
+
+
+def test_a_safe_planned_burn_is_made_as_planned() -> None:
+    planned = jnp.array([1e-3, -1e-3, 2e-3])
+    np.testing.assert_array_equal(safe_delta_v(drift_of(ELLIPSE), planned, jnp.float64(GREATEST)), planned)
+
+
+def test_a_burn_that_gives_up_the_safety_is_made_in_part() -> None:
+    lowest = np.array([-20.0, 0.0, 0.0, 0.0, 40.0 * N, 25.0 * N])
+    planned = np.array([0.0, 2e-3, -25.0 * N])
+    found = np.asarray(safe_delta_v(drift_of(list(lowest)), jnp.asarray(planned), jnp.float64(GREATEST)))
+    share = float(found[1] / planned[1])
+    assert share in (0.25, 0.5)
+    assert least_range(lowest + np.concatenate([np.zeros(3), found])) > 12.0
+    assert least_range(lowest + np.concatenate([np.zeros(3), planned])) < 12.0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_an_abort_leaves_the_keep_out_zone_alone_for_a_day(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    direction = rng.normal(size=3)
+    place = rng.uniform(20.0, 80.0) * direction / np.linalg.norm(direction)
+    state = [*place, *(2e-3 * rng.normal(size=3))]
+    found = np.asarray(safe_delta_v(drift_of(state, sigmas=1.0), jnp.zeros(3), jnp.float64(GREATEST)))
+    assert np.linalg.norm(found) <= GREATEST * (1.0 + 1e-12)
+    assert least_range(np.array(state) + np.concatenate([np.zeros(3), found])) > 12.0
+
+
+def test_a_change_that_is_not_finite_is_returned() -> None:
+    planned = jnp.array([jnp.nan, 0.0, 0.0])
+    assert np.isnan(safe_delta_v(drift_of(ELLIPSE), planned, jnp.float64(GREATEST))[0])
