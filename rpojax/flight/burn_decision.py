@@ -105,7 +105,7 @@ def _safe_delta_v(
         line_of_sight_uncertainty.relative_range_sigma(orbit) * gradient_safe.norm(orbit.relative.r_TS_N),
         wanted_H,
         burn_planning.certain_delta_v(params.pointing, params.vehicle, dt),
-        memory.health.confident,
+        approach_inhibition.Confidence(present=memory.health.confident, last_range=memory.health.confident_range),
         stays_visible,
         n,
         period,

@@ -60,7 +60,7 @@ def initial(
     return FlightMemory(
         orbit=orbit,
         gate=outlier_gate.initial(),
-        health=navigation_health.initial(),
+        health=navigation_health.initial(orbit.relative),
         attitude=attitude,
         attitude_variance=_attitude_variance(params.vehicle, attitude),
         plan=burn_planning.no_burn(),

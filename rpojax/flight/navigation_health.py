@@ -75,6 +75,7 @@ class NavigationHealth:
         effort: velocity corrections between burns
         ratios: (8,) statistic over threshold of each of `TESTS` [-]
         confident: () bool, the tests of the relative estimate, all but that of GPS, have passed
+        confident_range: () estimated range when they last had [m]
     """
 
     mean: Array
@@ -83,10 +84,11 @@ class NavigationHealth:
     effort: ControlEffort
     ratios: Array
     confident: Array
+    confident_range: Array
 
 
-def initial() -> NavigationHealth:
-    """Confidence at hand-over, with the expected values of the means."""
+def initial(relative: RelativeEstimate) -> NavigationHealth:
+    """Confidence in the estimate at hand-over, with the expected values of the means."""
     return NavigationHealth(
         mean=jnp.zeros(6, dtype=jnp.float64),
         square=jnp.ones(6, dtype=jnp.float64),
@@ -94,6 +96,7 @@ def initial() -> NavigationHealth:
         effort=control_effort.initial(),
         ratios=jnp.zeros(len(TESTS), dtype=jnp.float64),
         confident=jnp.ones((), dtype=bool),
+        confident_range=gradient_safe.norm(relative.r_TS_N),
     )
 
 
@@ -147,7 +150,13 @@ def update(
     worst = jnp.max(ratios[1:], axis=0)
     confident = worst < jnp.where(health.confident, 1.0, tuning.regain)
     return NavigationHealth(
-        mean=mean, square=square, contradicted=contradicted, effort=effort, ratios=ratios, confident=confident
+        mean=mean,
+        square=square,
+        contradicted=contradicted,
+        effort=effort,
+        ratios=ratios,
+        confident=confident,
+        confident_range=jnp.where(confident, gradient_safe.norm(estimate.r_TS_N), health.confident_range),
     )
 
 

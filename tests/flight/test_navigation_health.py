@@ -50,7 +50,7 @@ def run_tests(flight: FlightParams, sigmas: jax.Array, contradicted: jax.Array, 
         )
         return after, after
 
-    return jax.lax.scan(tick, navigation_health.initial(), (sigmas, contradicted))[1]
+    return jax.lax.scan(tick, navigation_health.initial(estimate), (sigmas, contradicted))[1]
 
 
 def white(seed: int) -> np.ndarray:
@@ -119,7 +119,7 @@ def test_a_recovery_of_the_gate_takes_the_confidence_for_ten_minutes_at_any_rate
     )
     update = jax.jit(navigation_health.update)
     recovered = replace(outlier_gate.initial(), contradicted=jnp.asarray(True), recovered=jnp.asarray(True))
-    health, gate, without = navigation_health.initial(), recovered, 0
+    health, gate, without = navigation_health.initial(estimate), recovered, 0
     for _ in range(round(700 / interval)):
         health = update(
             flight.health,

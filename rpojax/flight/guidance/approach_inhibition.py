@@ -8,6 +8,7 @@ from jaxtyping import Array, Bool, Float
 
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits.clohessy_wiltshire import transition_matrix
+from rpojax.core.pytree import pytree
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
@@ -28,6 +29,26 @@ _RETREAT = 0.25
 _HOLD_FRACTION = 0.5
 """Part of the change to a hold that is made without confidence: converges if the range is believed thrice too large."""
 
+_NEAR_STATION_AXIS = 0.7
+"""Cosine of the angle between servicer and station above which a hold leads to the line through the station [-]."""
+
+_HOLD_MARGIN = 0.1
+"""A hold is farther than the range at which the confidence was lost by this fraction of it, so that no error of a burn
+comes nearer [-]."""
+
+
+@pytree
+class Confidence:
+    """Confidence in the relative estimate.
+
+    Attributes:
+        present: () bool
+        last_range: () estimated range when there last was confidence [m]
+    """
+
+    present: Array
+    last_range: Array
+
 
 def inhibit(
     clearance: Scalar,
@@ -36,17 +57,18 @@ def inhibit(
     range_sigma: Scalar,
     wanted_H: Vector,
     certain_delta_v: Scalar,
-    confident: Flag,
+    confidence: Confidence,
     stays_visible: Flag,
     n: Scalar,
     period: float,
 ) -> Vector:
-    """Velocity change [m/s] of the next burn: the `wanted_H` if it is safe, else half of it, a hold, none or a retreat.
+    """Velocity change [m/s] of the next burn: the `wanted_H` if it is safe, else half of it, a stop, none or a retreat.
 
     A burn is safe if the free motion after it stays farther from the target than the fraction `clearance` of the
-    distance of the `station_H` [m], with a margin for the uncertain range. If the estimate is not `confident`, it must
-    not come nearer than it is now. If nothing is safe, the change with the greatest least range is made. A change that
-    is not finite is returned. The last burns before the target is out of sight are holds.
+    distance of the `station_H` [m], with a margin for the uncertain range. Without confidence a hold at the present
+    range is wanted instead, and no burn comes nearer than the range at which the confidence was lost, or the present
+    one if that is nearer. If nothing is safe, the change with the greatest least range is made. A change that is not
+    finite is returned. The last burns before the target is out of sight are stops.
 
     Args:
         clearance: () least range over the station's distance [-]
@@ -55,29 +77,23 @@ def inhibit(
         range_sigma: () 1-sigma of the range [m]
         wanted_H: (3,) velocity change of the control law [m/s]
         certain_delta_v: () size of a change that a burn can make in any direction; a larger one may be cut [m/s]
-        confident: () bool
+        confidence: in the estimate
         stays_visible: () bool, there will be another burn after this one
         n: () mean motion of the target [rad/s]
         period: time between burns [s]
     """
-    rho, rho_dot = state_H[:3], state_H[3:]
-    now, station = gradient_safe.norm(rho), gradient_safe.norm(station_H)
-    # Without radial and cross-track velocity and with this one along the track, the relative motion does not drift.
-    stop = jnp.stack([0.0 * n, -2.0 * n * rho[0], 0.0 * n]) - rho_dot
-    preferred = jnp.where(stays_visible, wanted_H, stop)
-    hold = jnp.where(confident, 1.0, _HOLD_FRACTION) * stop
-    retreat = stop + _RETREAT * jnp.minimum(station, now) / (period * now) * rho
-    along_track = jnp.stack([0.0 * n, stop[1], 0.0 * n])
-    candidates = jnp.stack([preferred, 0.5 * preferred, hold, jnp.zeros_like(hold), stop, along_track, retreat])
+    now, station = gradient_safe.norm(state_H[:3]), gradient_safe.norm(station_H)
+    candidates = _candidates(station_H, state_H, wanted_H, confidence, stays_visible, n, period)
     sizes = gradient_safe.sqrt(jnp.sum(candidates * candidates, axis=1))
     cut = certain_delta_v / jnp.maximum(sizes, certain_delta_v)
     horizon = jnp.where(stays_visible, _HORIZON_PERIODS * period, 2.0 * math.pi / n)
     least = jnp.minimum(
-        _least_range(n, horizon, rho, rho_dot[None, :] + candidates),
-        _least_range(n, horizon, rho, rho_dot[None, :] + cut[:, None] * candidates),
+        _least_range(n, horizon, state_H[:3], state_H[None, 3:] + candidates),
+        _least_range(n, horizon, state_H[:3], state_H[None, 3:] + cut[:, None] * candidates),
     )
     # On the way out to a far station the present distance counts.
-    nearest = jnp.where(confident, clearance * jnp.minimum(station, now) + _SIGMAS * range_sigma, now)
+    cleared = clearance * jnp.minimum(station, now) + _SIGMAS * range_sigma
+    nearest = jnp.where(confidence.present, cleared, jnp.minimum(now, confidence.last_range))
     chosen, greatest = candidates[0], least[0]
     for index in range(1, len(candidates)):
         better = least[index] > greatest
@@ -85,6 +101,49 @@ def inhibit(
     for index in reversed(range(len(candidates))):
         chosen = jnp.where(least[index] >= nearest, candidates[index], chosen)
     return jnp.where(jnp.all(jnp.isfinite(wanted_H), axis=0), chosen, wanted_H)
+
+
+def _candidates(
+    station_H: Vector,
+    state_H: Float[Array, "6"],
+    wanted_H: Vector,
+    confidence: Confidence,
+    stays_visible: Flag,
+    n: Scalar,
+    period: float,
+) -> Float[Array, "7 3"]:
+    """Velocity changes [m/s] in the order of preference."""
+    rho, rho_dot = state_H[:3], state_H[3:]
+    now, station = gradient_safe.norm(rho), gradient_safe.norm(station_H)
+    # Without radial and cross-track velocity and with this one along the track, the relative motion does not drift.
+    stop = jnp.stack([0.0 * n, -2.0 * n * rho[0], 0.0 * n]) - rho_dot
+    caution = jnp.where(confidence.present, 1.0, _HOLD_FRACTION)
+    hold = _change_to_hold(station_H, state_H, confidence.last_range, n, _HORIZON_PERIODS * period)
+    preferred = jnp.where(stays_visible, jnp.where(confidence.present, wanted_H, caution * hold), stop)
+    along_track = jnp.stack([0.0 * n, stop[1], 0.0 * n])
+    retreat = caution * stop + _RETREAT * jnp.minimum(station, now) / (period * now) * rho
+    return jnp.stack([preferred, 0.5 * preferred, caution * stop, jnp.zeros_like(stop), stop, along_track, retreat])
+
+
+def _change_to_hold(
+    station_H: Vector, state_H: Float[Array, "6"], last_range: Scalar, n: Scalar, duration: float
+) -> Vector:
+    """Velocity change [m/s] that leads in a time [s] to the line through target and station, at the present range.
+
+    Far from that line the place to hold is the present one.
+    """
+    rho = state_H[:3]
+    now = gradient_safe.norm(rho)
+    station_axis = station_H / gradient_safe.norm(station_H)
+    cosine = jnp.sum(station_axis * rho, axis=0) / now
+    away = jnp.where(jnp.abs(cosine) > _NEAR_STATION_AXIS, jnp.sign(cosine) * station_axis, rho / now)
+    transition = transition_matrix(n, jnp.full_like(n, duration))[:3]
+    place = away * jnp.maximum(now, (1.0 + _HOLD_MARGIN) * last_range)
+    way = place - jnp.sum(transition[:, :3] * rho[None, :], axis=1)
+    a, b, d = transition[0, 3], transition[0, 4], transition[1, 4]
+    # In the orbit plane the matrix from velocity to position is ((a, b), (-b, d)).
+    in_plane = jnp.stack([d * way[0] - b * way[1], b * way[0] + a * way[1]]) / (a * d + b * b)
+    return jnp.concatenate([in_plane, way[2:] / transition[2, 5]]) - state_H[3:]
 
 
 def _least_range(n: Scalar, horizon: Scalar, rho_H: Vector, rho_dot_H: Float[Array, "k 3"]) -> Float[Array, " k"]:

@@ -9,33 +9,40 @@ from numpy_reference import SEEDS
 from scipy.linalg import expm
 
 from rpojax.flight.guidance import approach_inhibition
+from rpojax.flight.guidance.approach_inhibition import Confidence
 
 N = 1.1e-3
 PERIOD = 200.0
 STATION = np.array([0.0, -30.0, 0.0])
+HILL = np.zeros((6, 6))
+HILL[:3, 3:] = np.eye(3)
+HILL[3, 0], HILL[3, 4], HILL[4, 3], HILL[5, 2] = 3.0 * N**2, 2.0 * N, -2.0 * N, -(N**2)
 inhibit = jax.jit(approach_inhibition.inhibit, static_argnums=9)
 
 
 def change(
-    state: np.ndarray, wanted: np.ndarray, confident: bool = True, visible: bool = True, sigma: float = 0.5
+    state: np.ndarray,
+    wanted: np.ndarray,
+    confident: bool = True,
+    visible: bool = True,
+    sigma: float = 0.5,
+    confident_range: float | None = None,
 ) -> np.ndarray:
-    """Velocity change instead of the `wanted` one [m/s]."""
+    """Velocity change instead of the `wanted` one [m/s]; the confidence was lost at the present range by default."""
+    confident_range = float(np.linalg.norm(state[:3])) if confident_range is None else confident_range
     return np.asarray(
         inhibit(
-            np.float64(0.5), STATION, state, np.float64(sigma), wanted, np.float64(1.0), jnp.asarray(confident),
-            jnp.asarray(visible),
-            np.float64(N), PERIOD,
+            np.float64(0.5), STATION, state, np.float64(sigma), wanted, np.float64(1.0),
+            Confidence(present=jnp.asarray(confident), last_range=jnp.asarray(confident_range)),
+            jnp.asarray(visible), np.float64(N), PERIOD,
         )
     )  # fmt: skip
 
 
 def least_range(state: np.ndarray, delta_v: np.ndarray, duration: float = 2.0 * PERIOD) -> float:
     """Least range over the free motion after a velocity change, by the matrix exponential of Hill's equations."""
-    A = np.zeros((6, 6))
-    A[:3, 3:] = np.eye(3)
-    A[3, 0], A[3, 4], A[4, 3], A[5, 2] = 3.0 * N**2, 2.0 * N, -2.0 * N, -(N**2)
     start = state + np.concatenate([np.zeros(3), delta_v])
-    return min(float(np.linalg.norm((expm(A * t) @ start)[:3])) for t in np.linspace(duration / 24, duration, 24))
+    return min(float(np.linalg.norm((expm(HILL * t) @ start)[:3])) for t in np.linspace(duration / 24, duration, 24))
 
 
 @given(SEEDS)
@@ -60,13 +67,35 @@ def test_without_confidence_no_burn_comes_nearer_where_another_stays_away(seed: 
     assert least_range(state, found) >= min(bound, least_range(state, np.zeros(3))) - 1e-9
 
 
-def test_without_confidence_the_servicer_does_not_approach_and_still_retreats() -> None:
-    far, near = np.array([0.0, -50.0, 0.0, 0.0, 0.0, 0.0]), np.array([0.0, -20.0, 0.0, 0.0, 0.0, 0.0])
-    approach, away = np.array([0.0, 0.05, 0.0]), np.array([0.0, -0.02, 0.0])
+def test_without_confidence_the_servicer_does_not_approach() -> None:
+    far = np.array([0.0, -50.0, 0.0, 0.0, 0.0, 0.0])
+    approach = np.array([0.0, 0.05, 0.0])
     np.testing.assert_array_equal(change(far, approach), approach)
-    assert least_range(far, change(far, approach, confident=False)) > 49.0
     assert least_range(far, approach) < 35.0
-    np.testing.assert_array_equal(change(near, away, confident=False), away)
+    assert least_range(far, change(far, approach, confident=False)) >= 50.0
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("x", [-6.0, 0.0, 6.0])
+def test_without_confidence_the_servicer_holds_even_if_the_range_is_believed_far_from_what_it_is(
+    scale: float, x: float
+) -> None:
+    state = np.array([x, -50.0, 2.0, 0.005, -0.01, 0.005])
+    begin = float(np.linalg.norm(state[:3]))
+    moved, ranges = expm(HILL * PERIOD), []
+    for _ in range(60):
+        burn = change(scale * state, np.zeros(3), confident=False, confident_range=scale * begin)
+        ranges.append(least_range(state, burn, PERIOD))
+        state = moved @ (state + np.concatenate([np.zeros(3), burn]))
+    assert min(ranges) > begin
+    assert max(ranges) < 1.2 * begin
+    np.testing.assert_allclose(ranges[-10:], 1.1 * begin, rtol=0.03)
+
+
+def test_without_confidence_a_hold_does_not_return_to_the_range_at_which_it_was_lost() -> None:
+    far = np.array([0.0, -80.0, 0.0, 0.0, 0.0, 0.0])
+    found = change(far, np.array([0.0, 0.02, 0.0]), confident=False, confident_range=50.0)
+    np.testing.assert_allclose(found, 0.0, atol=1e-12)
 
 
 def test_the_last_burn_in_the_light_stops_the_drift() -> None:
