@@ -1,6 +1,6 @@
 """Synthetic campaign results with the attributes of a stored campaign, for tests without the simulator."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,8 @@ class SyntheticCampaign:
     histories: dict[int, dict[str, np.ndarray]]
     is_judged: np.ndarray
     events: list[OutcomeEvent]
+    coverage: dict[str, np.ndarray] = field(default_factory=dict)
+    surface: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def run_ids(self) -> np.ndarray:

@@ -84,6 +84,16 @@ class CampaignResults(Protocol):
         ...
 
     @property
+    def coverage(self) -> Mapping[str, np.ndarray]:
+        """`lit_samples` and `seen_samples` (runs, facets) of the target's surface; empty without coverage."""
+        ...
+
+    @property
+    def surface(self) -> Mapping[str, np.ndarray]:
+        """Facets of the target's surface: arrays of `rpojax.vision.surface.facets.Facets`; empty without coverage."""
+        ...
+
+    @property
     def history_ids(self) -> Sequence[int]:
         """Numbers of the runs with a stored full history."""
         ...

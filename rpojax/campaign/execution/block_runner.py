@@ -156,6 +156,8 @@ def store_blocks(campaign: Campaign, engine: BatchEngine, results: BlockResults)
         UnfinishedError: they cannot be stored.
     """
     size, batch = engine.runs_per_device, results.batch
+    if engine.file.coverage.enabled:
+        campaign.write_surface(engine.coverage.facets.arrays())
     retention = campaign.configuration.options.histories
     for place, block in enumerate(results.blocks):
         rows = slice(place * size, place * size + size)

@@ -6,6 +6,7 @@
 | `scenario.toml` | the scenario as a file that `rpojax run` takes |
 | `results.zarr` | of every run: `metrics/NAME`, `status/NAME`, `events/NAME`, `drawn/KEY`, `used/KEY`, `traces/NAME` |
 | `results.zarr/coverage` | of every run of a scenario with coverage: `lit_samples`, `seen_samples` of each facet |
+| `results.zarr/surface` | facets of the target, of a scenario with coverage |
 | `results.zarr/histories/RUN` | channels of a run with a history, time first |
 | `manifest/000000.json` | one per finished block, written last; a resume runs the blocks without one |
 | `manifest/000000.attempts` | one per unfinished block that was begun: a line for every attempt |
@@ -161,6 +162,14 @@ class Campaign:
         """
         self._writer.write_history(run_id, channels)
 
+    def write_surface(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Stores the facets of the target, if they are not stored yet.
+
+        Raises:
+            UnfinishedError: they cannot be written.
+        """
+        self._writer.write_surface(arrays)
+
     def _read(self, group: str) -> dict[str, np.ndarray]:
         """Arrays of a group, rows of finished blocks only; read again only when there are more of them."""
         finished = self.manifests
@@ -258,6 +267,15 @@ class Campaign:
     def coverage(self) -> dict[str, np.ndarray]:
         """`lit_samples` and `seen_samples` (runs, facets) of the target's surface; empty without coverage."""
         return self._read("coverage")
+
+    @property
+    def surface(self) -> dict[str, np.ndarray]:
+        """Facets of the target's surface: arrays of `rpojax.vision.surface.facets.Facets`; empty without coverage.
+
+        Raises:
+            ResultError: they cannot be read.
+        """
+        return zarr_reader.read_surface(self.directory)
 
     @property
     def trace_time_s(self) -> np.ndarray:

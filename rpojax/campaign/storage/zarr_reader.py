@@ -54,7 +54,20 @@ def read_history(directory: Path, run_id: int) -> dict[str, np.ndarray]:
     Raises:
         ResultError: a channel is missing, cannot be read or is not what was written.
     """
-    folder = directory / "results.zarr" / "histories" / str(run_id)
+    return _read_whole_group(directory, directory / "results.zarr" / "histories" / str(run_id))
+
+
+def read_surface(directory: Path) -> dict[str, np.ndarray]:
+    """Facets of the target, empty if there are none.
+
+    Raises:
+        ResultError: an array is missing, cannot be read or is not what was written.
+    """
+    folder = directory / "results.zarr" / "surface"
+    return _read_whole_group(directory, folder) if folder.exists() else {}
+
+
+def _read_whole_group(directory: Path, folder: Path) -> dict[str, np.ndarray]:
     channels = {path.name: _read_array(directory, path) for path in _array_folders(directory, folder)}
     content = atomic_files.read_json(folder / "zarr.json", "a group of channels", 1_000_000)
     attributes = content.get("attributes") if isinstance(content, dict) else None

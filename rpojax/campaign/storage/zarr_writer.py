@@ -41,7 +41,19 @@ class ZarrWriter:
         Raises:
             UnfinishedError: they cannot be written.
         """
-        path = Path("histories", str(run_id))
+        self._write_whole_group(Path("histories", str(run_id)), channels)
+
+    def write_surface(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Writes the facets of the target, once; the metadata of their group are written last.
+
+        Raises:
+            UnfinishedError: they cannot be written.
+        """
+        path = Path("surface")
+        if not (self.directory / "results.zarr" / path / "zarr.json").is_file():
+            self._write_whole_group(path, arrays)
+
+    def _write_whole_group(self, path: Path, channels: Mapping[str, np.ndarray]) -> None:
         self._write_group_metadata(path.parent)
         samples = len(channels["time_s"]) if "time_s" in channels else -1
         for name, values in channels.items():

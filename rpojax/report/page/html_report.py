@@ -15,12 +15,13 @@ from rpojax.campaign.storage.atomic_outputs import write_atomically, write_json
 from rpojax.errors import OutputError
 from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.coverage import coverage_section
 from rpojax.report.figures.paper.paper_figures import missing_channels, write_figures
 from rpojax.report.number_format import format_number, format_p_value
 from rpojax.report.page.camera_sheet import CameraSheet, write_camera_sheet
 from rpojax.report.page.report_json import report_content
 from rpojax.report.page.run_selection import choose_run
-from rpojax.report.page.template_values import RunDetail, page_charts, run_detail_values, table_values
+from rpojax.report.page.template_values import RunDetail, coverage_values, page_charts, run_detail_values, table_values
 from rpojax.report.sections import identity_section
 from rpojax.report.sections.dispersion_section import DrawnDistribution, drawn_distributions
 
@@ -47,7 +48,8 @@ def write_report(campaign: CampaignResults, run_id: int | None = None, film: boo
         history = campaign.history(shown_run)
         figures, missing = write_figures(history, campaign.directory / "figures", title), missing_channels(history)
     camera = write_camera_sheet(campaign, shown_run) if film else CameraSheet(None, "They were left out by --no-film.")
-    page = _render_page(campaign, content, drawn, RunDetail(shown_run, figures, missing, camera))
+    coverage = coverage_section.write_figure(campaign)
+    page = _render_page(campaign, content, drawn, RunDetail(shown_run, figures, missing, camera), coverage)
     write_json(campaign.directory / "report.json", content)
     return write_atomically(campaign.directory / "report.html", page.encode())
 
@@ -59,7 +61,11 @@ def _refuse_symlink(folder: Path) -> None:
 
 
 def _render_page(
-    campaign: CampaignResults, content: Mapping[str, Any], drawn: list[DrawnDistribution], detail: RunDetail
+    campaign: CampaignResults,
+    content: Mapping[str, Any],
+    drawn: list[DrawnDistribution],
+    detail: RunDetail,
+    coverage: Path | None,
 ) -> str:
     charts = page_charts(campaign, content)
     return (
@@ -81,6 +87,7 @@ def _render_page(
             dispersions=drawn,
             **table_values(campaign, content),
             **run_detail_values(campaign, content, detail),
+            **coverage_values(coverage),
         )
     )
 

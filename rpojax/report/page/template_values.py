@@ -8,6 +8,7 @@ from typing import Any
 
 from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.coverage import coverage_section
 from rpojax.report.figures.charts.plotly_charts import Chart
 from rpojax.report.figures.charts.scatter_explorer import scatter_explorer
 from rpojax.report.page.camera_sheet import CameraSheet
@@ -52,6 +53,11 @@ class RunDetail:
     camera: CameraSheet
 
 
+def coverage_values(figure: Path | None) -> dict[str, Any]:
+    """Picture of the target's coverage."""
+    return {"coverage_figure": "" if figure is None else _data_url(figure)}
+
+
 @dataclass(frozen=True)
 class PageCharts:
     """Charts by name, data of the interactive scatter plot, and the template values that place them."""
@@ -94,6 +100,7 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any]) -> dict[
         "metric_rows": metrics_section.metric_rows(campaign, content),
         "safety": safety_section.rows(content["safety"]),
         "entries": content["safety"]["entries"]["run_ids"],
+        "coverage": coverage_section.rows(content),
         "consistency": {
             "means": consistency_section.mean_rows(consistency),
             "instants": consistency_section.time_rows(consistency),

@@ -1,6 +1,6 @@
 """Facets of about equal area of a surface of triangles, without what lies inside the body."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -29,6 +29,10 @@ class Facets:
     areas: np.ndarray
     pieces: np.ndarray
     piece_facets: np.ndarray
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All attributes by name, as they are stored."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
 def make_facets(triangles: np.ndarray, size_m: float) -> Facets:
