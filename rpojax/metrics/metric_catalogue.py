@@ -1,5 +1,6 @@
 """All metrics by name, with their units, and which of them are better when greater; free of JAX."""
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -16,6 +17,7 @@ from rpojax.metrics import (
     trajectory,
 )
 from rpojax.metrics.metric_definition import Metric
+from rpojax.metrics.time_windows import WINDOW_METRICS, split_name, window_in_words
 
 MODULES: Final = (
     position_errors,
@@ -41,8 +43,12 @@ DIFFERENTIABLE: Final = tuple(name for name, metric in METRICS.items() if metric
 
 
 def find(name: str) -> Metric | None:
-    """The metric of that name, those of any horizon of free drift included; None if there is none."""
-    return METRICS.get(name) or passive_safety.metric_of_horizon(name)
+    """The metric of that name, in a window and of any horizon of free drift too; None if there is none."""
+    base, window = split_name(name)
+    if not window:
+        return METRICS.get(name) or passive_safety.metric_of_horizon(name)
+    metric, words = WINDOW_METRICS.get(base) or METRICS.get(base), window_in_words(window)
+    return None if metric is None or words is None else replace(metric, name=name, title=f"{metric.title} {words}")
 
 
 def unit_of(name: str) -> str:
@@ -52,8 +58,8 @@ def unit_of(name: str) -> str:
 
 
 def is_of_campaigns(name: str) -> bool:
-    """Whether campaigns have a metric of that name."""
-    metric = find(name)
+    """Whether every campaign has a metric of that name, over its own window."""
+    metric = None if split_name(name)[1] else find(name)
     return metric is not None and metric.source != "simulation"
 
 

@@ -32,10 +32,11 @@ class WeightedValue(NamedTuple):
 
 
 class RunTiming(NamedTuple):
-    """Duration of a tick [s], and ticks from one burn decision to the next."""
+    """Duration of a tick [s], ticks from one burn decision to the next, and number of the first tick."""
 
     tick_s: float
     decision_ticks: int
+    first_tick: int = 0
 
 
 RecordStatistic = Callable[[WeightedValue, RunTiming], Floats]

@@ -85,5 +85,6 @@ def longest_wait(flags: WeightedValue, timing: RunTiming) -> Floats:
 
 def longest_total_between_decisions(flags: WeightedValue, timing: RunTiming) -> Floats:
     """Longest total time with a true flag from one burn decision to the next [s]."""
-    starts = np.arange(0, flags.value.shape[1], timing.decision_ticks)
+    to_next = -timing.first_tick % timing.decision_ticks
+    starts = np.union1d([0], np.arange(to_next, flags.value.shape[1], timing.decision_ticks))
     return timing.tick_s * np.add.reduceat(flags.value, starts, axis=1, dtype=float).max(1)

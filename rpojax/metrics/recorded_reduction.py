@@ -1,8 +1,10 @@
 """Reduction of metrics over recorded quantities, summed in order of time."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rpojax.errors import RpojaxError
 from rpojax.metrics.metric_definition import Floats, Metric, RunTiming
@@ -40,6 +42,29 @@ def reduce_records(metric: Metric, records: Mapping[str, np.ndarray], timing: Ru
             return _counted(value, weight, -np.inf).max(axis=over_ticks_and_components).astype(float)
         case "end":
             return value[:, -1].astype(float)
+
+
+def reduce_in_window(
+    metric: Metric, records: Mapping[str, np.ndarray], ticks: NDArray[np.bool_], timing: RunTiming, *, is_event: bool
+) -> Floats:
+    """Metric (runs,) of the flagged `ticks` (runs, ticks) in place of its own window; NaN for runs without any.
+
+    A total since the start is what has been added from each of these ticks to the next, or the total at an event.
+
+    Raises:
+        RpojaxError: the metric is evaluated during the simulation alone.
+    """
+    found = np.full(len(ticks), np.nan)
+    for run in np.flatnonzero(ticks.any(axis=1)):
+        own = {name: records[name][run : run + 1] for name in metric.inputs}
+        if metric.reduction == "end" and not is_event:
+            total = metric.weighted_value(np, own).value[0].astype(float)
+            found[run] = np.diff(total)[ticks[run, :-1]].sum()
+            continue
+        selected = {name: values[:, ticks[run]] for name, values in own.items()}
+        first = timing._replace(first_tick=int(ticks[run].argmax()))
+        found[run] = reduce_records(replace(metric, window="all"), selected, first)[0]
+    return found
 
 
 def _squared_norm(value: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from rpojax.value_types import Section
 def scenario_digest(file: ScenarioFile) -> str:
     """SHA-256 of everything in a scenario that can change a number of a run, trained files included.
 
-    Name, description, requirements and the weights of tuning cannot.
+    Name, description, limits of requirements and the weights of tuning cannot; metrics in windows are stored.
     """
     content = file.model_dump(mode="json", exclude={"name", "description", "requirements", "tuning"})
     if file.design.kind == "independent":
@@ -28,6 +28,8 @@ def scenario_digest(file: ScenarioFile) -> str:
     if not file.phases:
         del content["phases"]
     _remove_defaults(file, content)
+    if windows := sorted({each.metric_name for each in file.requirements if each.window.suffix}):
+        content["metrics_in_windows"] = windows
     if trained := trained_files.required_digests(content):
         content["trained"] = trained
     if not file.coverage.enabled:

@@ -8,7 +8,8 @@ from pydantic import AfterValidator, Field
 from rpojax.dispersions.designs.design_kinds import Design, IndependentDesign
 from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.metrics.metric_catalogue import UNITS, is_of_campaigns
-from rpojax.scenario.phases.phase_sections import MissionSection, PhaseSection
+from rpojax.metrics.time_windows import MetricWindow
+from rpojax.scenario.phases.phase_sections import BUILT_IN_PHASES, MissionSection, PhaseSection
 from rpojax.scenario.sections import (
     AtmosphereSection,
     AttitudeControlSection,
@@ -39,7 +40,7 @@ from rpojax.scenario.sections import (
     WheelsSection,
 )
 from rpojax.sensors.additional.registry import AdditionalSensors
-from rpojax.value_types import Epoch, Finite, Positive, Section
+from rpojax.value_types import Epoch, Finite, NonNegative, OptionalKeys, Positive
 
 
 def _check_metric_name(value: str) -> str:
@@ -53,14 +54,39 @@ def _check_metric_name(value: str) -> str:
 MetricName = Annotated[str, AfterValidator(_check_metric_name), Field(json_schema_extra={"enum": list(UNITS)})]
 
 
-class RequirementSection(Section):
-    """Bound that a metric must satisfy with at least a given probability."""
+OutcomeName = Literal[
+    "completed", "non_finite", "keep_out", "out_of_propellant", "lost", "diverged", "off_station", "aborted"
+]  # fmt: skip
+
+
+class RequirementSection(OptionalKeys):
+    """Bound that a metric, or the metric in a window, must satisfy with at least a given probability."""
 
     metric: MetricName
     bound: Literal["at most", "at least"]
     limit: Finite
     probability: Annotated[float, Field(gt=0.0, lt=1.0, allow_inf_nan=False)]
     consumer_risk: Annotated[float, Field(gt=0.0, lt=0.5, allow_inf_nan=False)]
+    phase: str | None = None
+    at: Literal["begin", "end"] | None = None
+    from_s: NonNegative | None = None
+    to_s: NonNegative | None = None
+    outcome: OutcomeName | None = None
+
+    @property
+    def window(self) -> MetricWindow:
+        """Ticks that count; the metric's own where none is named."""
+        return MetricWindow(self.phase, self.at, self.from_s, self.to_s)
+
+    @property
+    def metric_name(self) -> str:
+        """Name of the metric, in the window if there is one."""
+        return self.metric + self.window.suffix
+
+    @property
+    def is_of_all_runs(self) -> bool:
+        """Whether the metric of every whole run counts: without a window and an outcome."""
+        return not self.window.suffix and self.outcome is None
 
 
 class ScenarioFile(AdditionalSensors):
@@ -104,3 +130,8 @@ class ScenarioFile(AdditionalSensors):
     requirements: list[RequirementSection] = Field(default_factory=list)
     tuning: TuningSection = TuningSection()
     design: Design = IndependentDesign(kind="independent")
+
+    @property
+    def phase_names(self) -> tuple[str, ...]:
+        """Names of the phases in the order of the channel `phase`, none in a mission without phases."""
+        return (*(phase.name for phase in self.phases), *BUILT_IN_PHASES) if self.phases else ()

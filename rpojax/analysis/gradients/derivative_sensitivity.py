@@ -178,7 +178,7 @@ def sensitivity(
 
 
 def select_metrics(file: ScenarioFile, names: Sequence[str]) -> tuple[str, ...]:
-    """Metrics by name, or those of the scenario's requirements that have a derivative.
+    """Metrics by name, or those of the scenario's requirements on whole runs that have a derivative.
 
     Raises:
         RpojaxError: a metric has no derivative, or there is none.
@@ -187,7 +187,8 @@ def select_metrics(file: ScenarioFile, names: Sequence[str]) -> tuple[str, ...]:
         if name not in DIFFERENTIABLE:
             known = ", ".join(DIFFERENTIABLE)
             raise RpojaxError.of_argument("metrics", f"found {name!r}, expected a metric with a derivative: {known}")
-    chosen = names or [each.metric for each in file.requirements if each.metric in DIFFERENTIABLE]
+    of_whole_runs = [each.metric for each in file.requirements if each.is_of_all_runs]
+    chosen = names or [name for name in of_whole_runs if name in DIFFERENTIABLE]
     if not chosen:
         raise RpojaxError.of_argument(
             "metrics", "found none, expected one, for a scenario without requirements on such metrics"

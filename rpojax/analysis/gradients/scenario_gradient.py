@@ -105,7 +105,7 @@ def gradient(
     if not has_independent_runs(file):
         raise RpojaxError(f"design: found {file.design.kind!r}, expected 'independent' for derivatives")
     check_differentiable(file)
-    used = file if horizon_s is None else scenario_loader.validate({**file.model_dump(), "duration_s": horizon_s})
+    used = file if horizon_s is None else scenario_loader.with_duration(file, horizon_s)
     nominal = {key: _nominal_of(used, key) for key in dict.fromkeys(keys)}
     if not nominal:
         raise RpojaxError("keys: found none, expected at least one key of a number in the scenario")

@@ -68,10 +68,11 @@ def select_limit(file: ScenarioFile, choice: LimitChoice) -> MetricLimit:
 
 
 def _limit_of_requirement(file: ScenarioFile, requirement: str) -> MetricLimit:
-    known = [each.metric for each in file.requirements]
-    chosen = [each for each in file.requirements if each.metric == requirement]
+    of_whole_runs = [each for each in file.requirements if each.is_of_all_runs]
+    known = [each.metric for each in of_whole_runs]
+    chosen = [each for each in of_whole_runs if each.metric == requirement]
     if not chosen:
-        expected = ", ".join(known) or "a scenario that has requirements"
+        expected = ", ".join(known) or "a scenario that has requirements on whole runs, whatever their outcome"
         raise RpojaxError.of_argument(
             "requirement", f"found {requirement!r}, expected one of the scenario's: {expected}"
         )

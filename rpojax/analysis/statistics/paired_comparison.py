@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import binomtest
 
 from rpojax.analysis.statistics.intervals.median_bootstrap import resampled_medians
-from rpojax.analysis.statistics.tolerance_verdicts import violates
+from rpojax.analysis.statistics.tolerance_verdicts import counts, violates
 from rpojax.errors import ResultError
 from rpojax.scenario.schema import RequirementSection
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
@@ -162,13 +162,15 @@ def _rows(runs: RunMetrics, rows: np.ndarray) -> RunMetrics:
 
 
 def _name(requirement: RequirementSection) -> str:
-    return f"{requirement.metric} {requirement.bound} {requirement.limit:g}"
+    condition = "" if requirement.outcome is None else f" of {requirement.outcome} runs"
+    return f"{requirement.metric_name} {requirement.bound} {requirement.limit:g}{condition}"
 
 
 def _violating(requirement: RequirementSection, runs: RunMetrics) -> np.ndarray:
-    if requirement.metric not in runs.metrics:
-        raise ResultError(f"metrics: found no {requirement.metric!r} in a campaign, expected it for a requirement")
-    return violates(requirement, runs.metrics[requirement.metric])
+    name = requirement.metric_name
+    if name not in runs.metrics:
+        raise ResultError(f"metrics: found no {name!r} in a campaign, expected it for a requirement")
+    return violates(requirement, runs.metrics[name]) & counts(requirement, runs.metrics, runs.outcomes)
 
 
 def _median_changes(one: RunMetrics, other: RunMetrics, rng: np.random.Generator | None) -> tuple[MedianChange, ...]:

@@ -4,6 +4,7 @@ The consumer's risk is the probability of accepting a design that meets the requ
 fraction of runs (Hanson and Beard, NASA/TP-2010-216447).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -41,7 +42,8 @@ class RequirementEvaluation:
         requirement: that was evaluated
         verdict: on it
         more_runs: fewest further runs, none of them in violation, that would verify; None with another verdict
-        runs: that were evaluated
+        runs: that were evaluated: those that count
+        not_counted: runs of another outcome than the requirement's, or never in its phase
         violations: runs beyond the limit, or without the metric
         allowed: most violations with which so many runs verify; None if too few
         rank: of the run that must keep the limit, 1 is the best; None if too few runs
@@ -59,6 +61,7 @@ class RequirementEvaluation:
     verdict: Verdict
     more_runs: int | None
     runs: int
+    not_counted: int
     violations: int
     allowed: int | None
     rank: int | None
@@ -87,17 +90,30 @@ def violates(requirement: RequirementSection, values: np.ndarray) -> np.ndarray:
     return _severity(requirement, values) > _sign(requirement) * requirement.limit
 
 
+def counts(requirement: RequirementSection, metrics: Mapping[str, np.ndarray], outcomes: np.ndarray) -> np.ndarray:
+    """Flags (n,) of runs that count for a requirement: of its outcome, and once in its phase or at its event."""
+    of_outcome = np.full(len(outcomes), True) if requirement.outcome is None else outcomes == requirement.outcome
+    if requirement.phase is None:
+        return of_outcome
+    presence = metrics[requirement.window.presence_name]
+    return of_outcome & (np.isfinite(presence) if requirement.at is not None else presence > 0.0)
+
+
 def evaluate_requirement(
     requirement: RequirementSection,
     values: np.ndarray,
     run_ids: np.ndarray,
     independent: bool,
     missing: int = 0,
+    counted: np.ndarray | None = None,
 ) -> RequirementEvaluation:
     """Evaluates a requirement by the metric's `values` (n,), NaN where undefined, of runs with `run_ids` (n,).
 
-    While `missing` requested runs are not done there is no verdict.
+    While `missing` requested runs are not done there is no verdict. Flags `counted` (n,) of `counts`; by default all.
     """
+    not_counted = 0 if counted is None else int(np.sum(~counted))
+    if counted is not None:
+        values, run_ids = values[counted], run_ids[counted]
     severity = _severity(requirement, values)
     violating = severity > _sign(requirement) * requirement.limit
     count, runs = int(violating.sum()), len(values)
@@ -114,6 +130,7 @@ def evaluate_requirement(
         verdict=verdict,
         more_runs=_more_runs(requirement, count, runs) if verdict is Verdict.MORE_RUNS else None,
         runs=runs,
+        not_counted=not_counted,
         violations=count,
         allowed=allowed,
         rank=rank,

@@ -131,7 +131,7 @@ def block_arrays(
 ) -> dict[str, np.ndarray]:
     """Arrays of one block as `Campaign.write_block` stores them: `group/name` -> (runs, ...).
 
-    Metrics of frozen runs are nan, and so are traces after they were frozen.
+    Metrics of frozen runs are nan, those of windows that they were frozen in, and traces after they were frozen.
     """
     records = recorder.records_of_runs(rows)
     used = {key: values[rows] for key, values in prepared.used.items()}
@@ -141,6 +141,8 @@ def block_arrays(
     with np.errstate(invalid="ignore"):
         for name, values in recorded_metrics.evaluate(file, records, used).items():
             arrays[f"metrics/{name}"] = np.where(frozen, np.nan, values)
+        for name, values in recorded_metrics.evaluate_windows(file, records, used).items():
+            arrays[f"metrics/{name}"] = values
         for name, values in {**passive_safety, **coverage.metrics}.items():
             arrays[f"metrics/{name}"] = np.where(frozen, np.nan, values[rows])
         time_s = np.arange(recorder.ticks)[::stride] / file.rates.camera_hz

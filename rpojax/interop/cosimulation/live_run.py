@@ -181,7 +181,8 @@ class _LiveRun:
         """Metrics of a run that reached its end, none of others."""
         if not self.reached_end:
             return {}
-        found = recorded_metrics.evaluate(self._file, self._records, self._varied)
+        inputs = self._file, self._records, self._varied
+        found = recorded_metrics.evaluate(*inputs) | recorded_metrics.evaluate_windows(*inputs)
         return {name: float(values[0]) for name, values in found.items()}
 
     def _simulate_tick(self, commands: CommandSource, record: Callable[[Channels], None]) -> PackedTick:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pydantic
 
-from rpojax.analysis.statistics.tolerance_verdicts import Verdict, evaluate_requirement
+from rpojax.analysis.statistics.tolerance_verdicts import Verdict, counts, evaluate_requirement
 from rpojax.errors import ResultError
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.labels import metric_label
@@ -56,9 +56,14 @@ def rows(entries: Sequence[Mapping[str, Any]]) -> list[RequirementRow]:
 
 
 def _requirement_phrase(requirement: RequirementSection) -> str:
-    label = metric_label(requirement.metric)
+    label = metric_label(requirement.metric_name)
     limit = with_unit(f"{requirement.limit:g}", label.unit)
-    return f"{label.title} {requirement.bound} {limit} in at least {100.0 * requirement.probability:g} % of runs"
+    return f"{label.title} {requirement.bound} {limit} {_share_of_runs(requirement)}"
+
+
+def _share_of_runs(requirement: RequirementSection) -> str:
+    ending = "" if requirement.outcome is None else f" that end as {requirement.outcome}"
+    return f"in at least {100.0 * requirement.probability:g} % of runs{ending}"
 
 
 def _validated_requirement(campaign: CampaignResults, index: int, entry: Mapping[str, Any]) -> RequirementSection:
@@ -67,18 +72,22 @@ def _validated_requirement(campaign: CampaignResults, index: int, entry: Mapping
     except pydantic.ValidationError as error:
         reason = error.errors()[0]["msg"]
         raise ResultError(f"requirements[{index}]: found {entry!r}, expected a requirement: {reason}") from None
-    if len(campaign.completed) and found.metric not in campaign.metrics:
-        raise ResultError(f"requirements[{index}]: found no metric {found.metric!r} in the campaign, expected it")
+    if len(campaign.completed) and found.metric_name not in campaign.metrics:
+        raise ResultError(f"requirements[{index}]: found no metric {found.metric_name!r} in the campaign, expected it")
     return found
 
 
 def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: int) -> dict[str, Any]:
-    values = np.asarray(campaign.metrics.get(requirement.metric, ()), dtype=np.float64)
-    found = evaluate_requirement(requirement, values, campaign.run_ids, runs_are_independent(campaign), missing)
+    values = np.asarray(campaign.metrics.get(requirement.metric_name, ()), dtype=np.float64)
+    is_conditional = len(values) > 0 and (requirement.outcome is not None or requirement.phase is not None)
+    counted = counts(requirement, campaign.metrics, campaign.outcomes) if is_conditional else None
+    found = evaluate_requirement(
+        requirement, values, campaign.run_ids, runs_are_independent(campaign), missing, counted
+    )
     return {
         "text": _requirement_phrase(requirement),
         **requirement.model_dump(),
-        "unit": metric_label(requirement.metric).unit or "-",
+        "unit": metric_label(requirement.metric_name).unit or "-",
         "verdict": str(found.verdict),
         "verdict_text": found.text,
         "more_runs": found.more_runs,
@@ -95,20 +104,23 @@ def _entry(campaign: CampaignResults, requirement: RequirementSection, missing: 
         "risk_reached": found.risk_reached,
         "success_interval": None if found.success_interval is None else list(found.success_interval),
         "violating_ids": list(found.violating_ids),
+        **({} if requirement.is_of_all_runs else {"of": requirement.metric_name, "not_counted": found.not_counted}),
     }
 
 
 def _row(entry: Mapping[str, Any]) -> RequirementRow:
-    label = metric_label(entry["metric"])
+    label = metric_label(entry.get("of", entry["metric"]))
     cells = _cells(entry)
+    ending = f" that end as {entry['outcome']}" if "outcome" in entry else ""
     side = "\N{LESS-THAN OR EQUAL TO}" if entry["bound"] == "at most" else "\N{GREATER-THAN OR EQUAL TO}"
     return RequirementRow(
         title=f"{label.title} {side} {with_unit(format(entry['limit'], 'g'), label.unit)}",
-        probability=f"in at least {100.0 * entry['probability']:g} % of runs",
+        probability=f"in at least {100.0 * entry['probability']:g} % of runs{ending}",
         verdict=entry["verdict_text"],
         css_class=_CSS_CLASSES.get(Verdict(entry["verdict"]), "open"),
-        note=f"{100.0 * entry['probability']:g} % of runs; {entry['violations']} of {entry['runs']} violate it"
+        note=f"{100.0 * entry['probability']:g} % of runs{ending}; {entry['violations']} of {entry['runs']} violate it"
         + _violation_kinds(entry)
+        + _not_counted(entry)
         + ("" if entry["margin"] is None else f"; margin {with_unit(_signed(entry['margin']), label.unit)}"),
         cells=cells,
         violating=list(entry["violating_ids"]),
@@ -139,6 +151,13 @@ def _violation_kinds(entry: Mapping[str, Any]) -> str:
     if not entry["without_value"]:
         return ""
     return f" ({entry['beyond_limit']} beyond the limit, {entry['without_value']} without a value)"
+
+
+def _not_counted(entry: Mapping[str, Any]) -> str:
+    """Addition on runs that do not count, empty without any."""
+    if not entry.get("not_counted"):
+        return ""
+    return f"; {entry['not_counted']} do not count, as they ended otherwise or were never there"
 
 
 def _risk_text(reached: float | None) -> str:

@@ -3,10 +3,10 @@
 import math
 
 from rpojax.errors import ScenarioError
-from rpojax.metrics import passive_safety, surface_coverage
 from rpojax.scenario.checks.design_checks import check_design
 from rpojax.scenario.checks.dispersion_checks import check_dispersions
 from rpojax.scenario.checks.phase_checks import check_phases
+from rpojax.scenario.checks.requirement_checks import check_requirements
 from rpojax.scenario.coverage_surface import mesh_path
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.sections import OrbitSection
@@ -49,33 +49,11 @@ def check_consistency(file: ScenarioFile) -> None:
             f"a place farther from the target than limits.keep_out_m = {file.limits.keep_out_m:g}",
         )
     _check_precision(file)
-    _check_drift_requirements(file)
-    _check_coverage(file)
+    check_requirements(file)
+    mesh_path(file.model_dump())
     check_phases(file)
     check_dispersions(file)
     check_design(file)
-
-
-def _check_drift_requirements(file: ScenarioFile) -> None:
-    """Refuses requirements on ranges of free drift over horizons that the scenario does not have."""
-    drift_metrics = {passive_safety.horizon_metric_name(horizon) for horizon in file.safety.horizons}
-    for number, requirement in enumerate(file.requirements):
-        name = requirement.metric
-        if name == passive_safety.ONE_ORBIT_RANGE:
-            name = passive_safety.horizon_metric_name("1_orbit")
-        if passive_safety.is_of_horizon(name) and name not in drift_metrics:
-            expected = f"one of the metrics of safety.horizons = {file.safety.horizons}"
-            raise ScenarioError(f"requirements.{number}.metric", requirement.metric, expected)
-
-
-def _check_coverage(file: ScenarioFile) -> None:
-    """Refuses requirements on coverage that is not evaluated, and a mesh file that is not there."""
-    names = {metric.name for metric in surface_coverage.METRICS}
-    for number, requirement in enumerate(file.requirements):
-        if requirement.metric in names and not file.coverage.enabled:
-            expected = "a metric that is evaluated: this one needs coverage.enabled = true"
-            raise ScenarioError(f"requirements.{number}.metric", requirement.metric, expected)
-    mesh_path(file.model_dump())
 
 
 def _check_precision(file: ScenarioFile) -> None:

@@ -6,13 +6,12 @@ import numpy as np
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.phases import reference_sections as kinds
-from rpojax.scenario.phases.phase_sections import CorridorSection, PhaseSection
+from rpojax.scenario.phases.phase_sections import BUILT_IN_PHASES, CorridorSection, PhaseSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.warnings.control_authority import largest_delta_v_m_s
 from rpojax.scenario.warnings.dispersed_reach import DispersedReach
 from rpojax.scenario.warnings.orbit_geometry import mean_motion, transition_matrices
 
-_BUILT_IN = ("hold", "aborted")
 _ANGLES = np.linspace(0.0, 2.0 * np.pi, 361)
 
 
@@ -28,8 +27,8 @@ def check_phases(file: ScenarioFile) -> None:
         return
     names = [phase.name for phase in file.phases]
     for phase in file.phases:
-        if names.count(phase.name) > 1 or phase.name in _BUILT_IN:
-            expected = f"a name that no other phase has, and none of {', '.join(_BUILT_IN)}"
+        if names.count(phase.name) > 1 or phase.name in BUILT_IN_PHASES:
+            expected = f"a name that no other phase has, and none of {', '.join(BUILT_IN_PHASES)}"
             raise ScenarioError("phases.name", phase.name, expected)
     _check_periods(file)
     place = list(file.initial.relative_position_m)

@@ -62,6 +62,16 @@ def validate(tables: Mapping[str, Any]) -> ScenarioFile:
     return file
 
 
+def with_duration(file: ScenarioFile, duration_s: float) -> ScenarioFile:
+    """The scenario simulated for another time [s], without its requirements in windows.
+
+    Raises:
+        ScenarioError: the duration does not suit the scenario.
+    """
+    kept = [each.model_dump() for each in file.requirements if not each.window.suffix]
+    return validate({**file.model_dump(), "duration_s": duration_s, "requirements": kept})
+
+
 def _merge_files(files: Sequence[dict[str, Any]]) -> tuple[list[Layer], dict[str, Any]]:
     """Changes that each file makes to those before it, and the tables of all together."""
     layers, tables = [], {}

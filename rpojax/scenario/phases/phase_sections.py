@@ -1,6 +1,6 @@
 """Schema of the phases of a mission, and of the mission's commands and aborts."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
@@ -16,6 +16,8 @@ from rpojax.value_types import (
     Section,
 )
 
+BUILT_IN_PHASES: Final = ("hold", "aborted")
+"""Phases of the mission manager itself, after those of the scenario: holding its place, and after an abort."""
 PhaseName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 
 

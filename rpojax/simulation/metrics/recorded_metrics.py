@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.metrics.metric_catalogue import METRICS
 from rpojax.metrics.metric_definition import Floats, Metric, RunTiming
-from rpojax.metrics.recorded_reduction import reduce_records
+from rpojax.metrics.recorded_reduction import reduce_in_window, reduce_records
+from rpojax.metrics.time_windows import MetricWindow
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
 from rpojax.scenario.schema import ScenarioFile
 
@@ -42,15 +43,56 @@ def evaluate(file: ScenarioFile, records: Records, varied: Values) -> dict[str, 
         records: channels (runs, ticks) or (runs, ticks, components)
         varied: values of the runs (runs, ...) by key, of the keys that vary
     """
+    quantities, timing = _quantities(file, records, varied), _timing(file)
+    return {metric.name: reduce_records(metric, quantities, timing) for metric in _of_records()}
+
+
+def evaluate_windows(file: ScenarioFile, records: Records, varied: Values) -> dict[str, Floats]:
+    """Metrics (runs,) in the windows of the scenario's requirements, and when runs were there, as `evaluate`.
+
+    A run that was frozen in a window has no metric of it; `records` hold `running` too.
+    """
+    required = {each.metric_name: each for each in file.requirements if each.window.suffix}
+    if not required:
+        return {}
+    quantities, timing = _quantities(file, records, varied), _timing(file)
+    running, found = records["running"], dict[str, Floats]()
+    for name, requirement in required.items():
+        window = requirement.window
+        ticks = _window_ticks(file, window, records, timing.tick_s)
+        within = ticks & running
+        values = reduce_in_window(
+            METRICS[requirement.metric], quantities, within, timing, is_event=window.at is not None
+        )
+        found[name] = np.where((ticks & ~running).any(axis=1), np.nan, values)
+        if window.at is not None:
+            found[window.presence_name] = np.where(within.any(axis=1), within.argmax(axis=1) * timing.tick_s, np.nan)
+        elif window.phase is not None:
+            found[window.presence_name] = within.sum(axis=1) * timing.tick_s
+    return found
+
+
+def _window_ticks(file: ScenarioFile, window: MetricWindow, records: Records, tick_s: float) -> NDArray[np.bool_]:
+    """Flags (runs, ticks) of a window, the time after a run was frozen included."""
+    shape = records["running"].shape
+    if window.phase is None:
+        return np.broadcast_to(window.between_times(shape[1], tick_s), shape)
+    return window.within(records["phase"] == file.phase_names.index(window.phase))
+
+
+def _timing(file: ScenarioFile) -> RunTiming:
     tick_s = 1.0 / file.rates.camera_hz
+    return RunTiming(tick_s, decision_ticks=round(file.rates.formation_period_s / tick_s))
+
+
+def _quantities(file: ScenarioFile, records: Records, varied: Values) -> Records:
+    """Inputs of metrics: channels, and what is made of them."""
     settle_time_s = values_of_runs(varied, "pointing.settle_time_s", file.pointing.settle_time_s)
-    timing = RunTiming(tick_s, decision_ticks=round(file.rates.formation_period_s / tick_s))
-    quantities = {
+    return {
         **records,
         "desired_position_H": desired_position_H(file, records, varied),
-        "is_settled": _is_settled(records["mode"], np.round(settle_time_s / tick_s)),
+        "is_settled": _is_settled(records["mode"], np.round(settle_time_s / (1.0 / file.rates.camera_hz))),
     }
-    return {metric.name: reduce_records(metric, quantities, timing) for metric in _of_records()}
 
 
 def desired_position_H(file: ScenarioFile, records: Records, varied: Values) -> Floats:

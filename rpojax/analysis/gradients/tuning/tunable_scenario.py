@@ -16,7 +16,7 @@ def scenario_at_horizon(file: ScenarioFile, settings: TuningSettings) -> Scenari
     if file.design.kind != "independent":
         raise ScenarioError("design.kind", file.design.kind, "'independent', since every step draws fresh runs")
     horizon = min(settings.horizon_s, file.duration_s)
-    return scenario_loader.validate({**file.model_dump(), "duration_s": horizon})
+    return scenario_loader.with_duration(file, horizon)
 
 
 def check_differentiable(file: ScenarioFile) -> None:
