@@ -262,12 +262,14 @@ def test_the_scenario_page_lists_every_kind_with_its_settings(heading: str, unio
 
 
 def test_the_scenarios_of_the_scenario_page_are_accepted(tmp_path: Path) -> None:
-    handover, derived, grid = blocks(SCENARIO_PAGE, "toml")
+    handover, derived, grid, requirement = blocks(SCENARIO_PAGE, "toml")
     path = tmp_path / "mine.toml"
     path.write_text('extends = "inspection"\n' + handover)
     assert scenario_loader.load(path).initial.handover is not None
     path.write_text('extends = "inspection"\n' + derived)
     assert scenario_loader.load(path).dispersions[-1].kind == "derived"
+    path.write_text('extends = "inspection"\n' + requirement)
+    assert [each.window.suffix for each in scenario_loader.load(path).requirements] == ["@2000-end"]
     path.write_text('extends = "inspection_cold"\n' + grid)
     with pytest.raises(RpojaxError, match=r"^design.values: found 'servicer.mass_kg'"):
         scenario_loader.load(path)
