@@ -30,7 +30,7 @@ class MetricWindow:
 
     Attributes:
         phase: name of a phase
-        at: that end of the phase alone: its first or its last tick, the latter if it has ended
+        at: that end of the phase alone: its first tick, or the last one before another phase, if not a built-in one
         from_s: first time [s], by default the start
         to_s: last time [s], by default the end
     """
@@ -62,18 +62,18 @@ class MetricWindow:
         end = np.inf if self.to_s is None else self.to_s + _TOLERANCE_S
         return (time_s >= begin) & (time_s <= end)
 
-    def within(self, in_phase: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Flags (runs, ticks) of the window from those of its phase."""
+    def within(self, in_phase: NDArray[np.bool_], in_table: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Flags (runs, ticks) of the window from those of its phase and of all phases but the built-in ones."""
         if self.at is None:
             return in_phase
-        flags = np.zeros_like(in_phase)
-        if self.at == "begin":
-            rows = np.flatnonzero(in_phase.any(axis=1))
-            flags[rows, in_phase[rows].argmax(axis=1)] = True
-            return flags
-        rows = np.flatnonzero(in_phase.any(axis=1) & ~in_phase[:, -1])
-        flags[rows, in_phase.shape[1] - 1 - in_phase[rows, ::-1].argmax(axis=1)] = True
-        return flags
+        event = in_phase.copy()
+        if self.at == "end":
+            event[:, :-1] &= ~in_phase[:, 1:] & in_table[:, 1:]
+            event[:, -1] = False
+            event = event[:, ::-1]
+        flags, rows = np.zeros_like(event), np.flatnonzero(event.any(axis=1))
+        flags[rows, event[rows].argmax(axis=1)] = True
+        return flags[:, ::-1] if self.at == "end" else flags
 
 
 def split_name(name: str) -> tuple[str, str]:

@@ -1,22 +1,29 @@
 """Metrics in the windows of requirements against NumPy on the same records, and which windows are refused."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
 from synthetic_channel_records import Records, perfect_run
 
+from rpojax.analysis.statistics import tolerance_verdicts
+from rpojax.analysis.statistics.tolerance_verdicts import RequirementEvaluation
 from rpojax.errors import ScenarioError
 from rpojax.flight.guidance.pointing_modes import Mode
 from rpojax.metrics import metric_catalogue
 from rpojax.metrics.time_windows import MetricWindow
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.scenario_digest import scenario_digest
-from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.schema import OutcomeName, ScenarioFile
 from rpojax.simulation.metrics import recorded_metrics
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 RUNS, TICKS = 3, 600
+PHASES = [
+    {"name": name, "reference": {"kind": "hold", "position_m": [0.0, -50.0, 0.0]}, "until": {"time_s": 200.0}}
+    for name in ("drift", "approach", "stay")
+]
 REST = {"bound": "at most", "limit": 1.0, "probability": 0.9, "consumer_risk": 0.1}
 METRICS = (
     "formation_error_rms_m", "min_range_m", "nees_relative_mean", "boxes_rejected", "delta_v_m_s", "look_away_peak_s",
@@ -28,6 +35,7 @@ def with_requirements(*entries: dict[str, Any], overrides: Sequence[str] = ()) -
     """Ten minutes of the packaged mission with requirements of these entries."""
     tables = scenario_loader.load("inspection", [f"duration_s={TICKS}", *overrides]).model_dump()
     tables["requirements"] = [REST | entry for entry in entries]
+    tables["phases"] = PHASES if any("phase" in entry for entry in entries) else []
     return scenario_loader.validate(tables)
 
 
@@ -46,8 +54,8 @@ def records() -> Records:
     return {**found, "running": np.ones((RUNS, TICKS), bool)}
 
 
-def expected(name: str, records: Records, run: int, ticks: slice) -> float:
-    """The metric of one run between two ticks."""
+def expected(name: str, records: Records, run: int, ticks: Any) -> float:
+    """The metric of one run over some ticks."""
     part = {key: values[run, ticks] for key, values in records.items()}
     match name:
         case "formation_error_rms_m":
@@ -160,7 +168,6 @@ def test_windows_are_part_of_the_digest_and_limits_are_not() -> None:
     ({"from_s": 40.2, "to_s": 40.8}, "requirements.0.from_s: found 40.2, expected a window with a camera tick"),
     ({"from_s": 50.0, "to_s": 40.0}, "requirements.0.from_s: found 50.0, expected a window with a camera tick"),
     ({"at": "end"}, "requirements.0.at: found 'end', expected it only beside phase"),
-    ({"phase": "approach"}, "requirements.0.phase: found 'approach', expected it only in a scenario with"),
     ({"phase": "approach", "to_s": 3.0}, "requirements.0.phase: found 'approach', expected either a phase or times"),
     ({"metric": "passive_range_m", "to_s": 3.0}, "requirements.0.metric: found 'passive_range_m', expected a metric"),
     ({"metric": "min_range_m@0-3"}, "requirements.0.metric: found 'min_range_m@0-3', expected the name of a metric"),
@@ -171,3 +178,72 @@ def test_windows_that_no_run_has_are_refused_in_one_line(entry: dict[str, Any], 
         with_requirements({"metric": "min_range_m"} | entry)
     assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
+
+
+def test_an_unknown_phase_and_one_in_a_mission_without_phases_are_refused() -> None:
+    with pytest.raises(
+        ScenarioError, match=r"^requirements\.0\.phase: found 'dock', expected one of drift, approach, stay"
+    ):
+        with_requirements({"metric": "min_range_m", "phase": "dock"})
+    tables = with_requirements({"metric": "min_range_m", "phase": "approach"}).model_dump() | {"phases": []}
+    with pytest.raises(ScenarioError, match=r"^requirements\.0\.phase: found 'approach', expected it only in a scen"):
+        scenario_loader.validate(tables)
+
+
+def in_phases(records: Records) -> Records:
+    """Records of a run that comes through the approach, one that stays in it, and one that never begins it."""
+    phase = np.zeros((RUNS, TICKS), np.int8)
+    phase[0, 200:450], phase[0, 450:], phase[1, 300:] = 1, 2, 1
+    # A phase that a hold interrupts has not ended.
+    phase[1, 400:420] = 3
+    return {**records, "rho_desired_H": np.full((RUNS, TICKS, 3), [0.0, -30.0, 0.0]), "phase": phase}
+
+
+def test_metrics_of_phases_are_those_of_their_ticks_and_undefined_where_a_run_never_was(records: Records) -> None:
+    name = "formation_error_rms_m"
+    file = with_requirements(
+        *({"metric": name, "phase": "approach"} | at for at in ({}, {"at": "begin"}, {"at": "end"}))
+    )
+    found = recorded_metrics.evaluate_windows(file, in_phases(records), {})
+    for window, ticks in {
+        "approach": (slice(200, 450), np.r_[300:400, 420:TICKS]),
+        "approach.begin": (slice(200, 201), slice(300, 301)),
+        "approach.end": (slice(449, 450),),
+    }.items():
+        values = [expected(name, records, run, each) for run, each in enumerate(ticks)]
+        np.testing.assert_allclose(found[f"{name}@{window}"], values + [np.nan] * (RUNS - len(values)), rtol=1e-5)
+    np.testing.assert_array_equal(found["duration_s@approach"], [250.0, 280.0, 0.0])
+    np.testing.assert_array_equal(found["event_time_s@approach.begin"], [200.0, 300.0, np.nan])
+    np.testing.assert_array_equal(found["event_time_s@approach.end"], [449.0, np.nan, np.nan])
+
+
+def test_a_total_at_an_event_is_that_since_the_start(records: Records) -> None:
+    file = with_requirements({"metric": "delta_v_m_s", "phase": "approach", "at": "end"})
+    found = recorded_metrics.evaluate_windows(file, in_phases(records), {})
+    assert found["delta_v_m_s@approach.end"][0] == records["delta_v_m_s"][0, 449]
+
+
+def verdict_on(file: ScenarioFile, metrics: dict[str, Any], outcomes: np.ndarray) -> RequirementEvaluation:
+    """Verdict on the first requirement, from those of the runs that count."""
+    [requirement, *_] = file.requirements
+    counted = tolerance_verdicts.counts(requirement, metrics, outcomes)
+    values = metrics[requirement.metric_name]
+    return tolerance_verdicts.evaluate_requirement(requirement, values, np.arange(RUNS), True, counted=counted)
+
+
+def test_runs_that_never_were_in_a_phase_do_not_count_and_those_frozen_in_it_fail(records: Records) -> None:
+    records["running"][1, 400:] = False
+    file = with_requirements({"metric": "min_range_m", "phase": "approach", "limit": 100.0})
+    found = recorded_metrics.evaluate_windows(file, in_phases(records), {})
+    verdict = verdict_on(file, found, np.array(["completed", "keep_out", "completed"]))
+    assert (verdict.runs, verdict.not_counted, verdict.violations, verdict.without_value) == (2, 1, 1, 1)
+
+
+def test_of_an_outcome_only_its_runs_count() -> None:
+    file = with_requirements({"metric": "min_range_m", "outcome": "lost"})
+    verdict = verdict_on(file, {"min_range_m": np.array([5.0, 0.5, 3.0])}, np.array(["completed", "lost", "lost"]))
+    assert (verdict.runs, verdict.not_counted, verdict.violations, verdict.violating_ids) == (2, 1, 1, (2,))
+
+
+def test_outcomes_of_requirements_are_those_of_runs() -> None:
+    assert get_args(OutcomeName) == tuple(map(str, Outcome))

@@ -77,7 +77,8 @@ def _window_ticks(file: ScenarioFile, window: MetricWindow, records: Records, ti
     shape = records["running"].shape
     if window.phase is None:
         return np.broadcast_to(window.between_times(shape[1], tick_s), shape)
-    return window.within(records["phase"] == file.phase_names.index(window.phase))
+    phases = records["phase"]
+    return window.within(phases == file.phase_names.index(window.phase), phases < len(file.phases))
 
 
 def _timing(file: ScenarioFile) -> RunTiming:
