@@ -81,11 +81,13 @@ def figures() -> dict[str, list[Example]]:
         cross_track_phase=0.5,
         along_track=0.0,
         drift_per_orbit=0.0,
-        join=3000.0,
+        join=orbital_period(0.0),
     )
     walking = record(relative_orbit.RelativeOrbit, **{**vars(safe), "along_track": -150.0, "drift_per_orbit": 100.0,
                                                       "join": 0.0})  # fmt: skip
     behind = (0.0, -300.0, 0.0, *still)
+    on_orbit = on_the_orbit_behind(0.7, 180.0)
+    safe_elliptic = record(relative_orbit.RelativeOrbit, **{**vars(safe), "join": 0.5 * two})
     drift = (-60.0, -1500.0, 80.0, 0.0, 0.1, 0.0)
     two_impulses = record(transfer.Transfer, position=(0.0, -100.0, 0.0), duration=2400.0, pulses=2.0, speed_ratio=0.2)
     slope = record(transfer.Transfer, **{**vars(two_impulses), "pulses": 8.0})
@@ -104,7 +106,7 @@ def figures() -> dict[str, list[Example]]:
                  Example(elliptic, hold, station, away, 0.7, 3000.0, 600.0)],
         "relative_orbit": [Example(circular + ", safety ellipse", relative_orbit, safe, behind, 0.0, 3.0 * one),
                            Example(circular + ", walking", relative_orbit, walking, behind, 0.0, 3.0 * one),
-                           Example(elliptic + ", safety ellipse", relative_orbit, safe, behind, 0.7, 1.2 * two)],
+                           Example(elliptic + ", safety ellipse", relative_orbit, safe_elliptic, on_orbit, 0.7, 1.5 * two)],
         "transfer": [Example(circular + ", two impulses", transfer, two_impulses, drift, 0.0, 3000.0, 2400.0),
                      Example(circular + ", glide slope", transfer, slope, drift, 0.0, 3000.0, 2400.0 / 7.0),
                      Example(elliptic + ", two impulses", transfer, two_impulses, drift, 0.7, 3000.0, 2400.0)],
@@ -127,6 +129,16 @@ def target(e: float) -> TargetOrbit:
     elements = (PERIGEE_ARGUMENT, e * math.cos(PERIGEE_ARGUMENT), e * math.sin(PERIGEE_ARGUMENT), PERIGEE / (1.0 - e))
     u, ex, ey, a = map(jnp.asarray, elements)
     return TargetOrbit(argument_of_latitude=u, ex=ex, ey=ey, semi_major_axis=a)
+
+
+def on_the_orbit_behind(e: float, distance: float) -> tuple[float, ...]:
+    """Relative state (6,) at the perigee on the target's own orbit, by a time in which it moves by a distance [m].
+
+    The distance is that at the semi-latus rectum.
+    """
+    orbit = target(e)
+    constants = -distance * jnp.array([1.0, orbit.ey, -orbit.ex, 0.0, 0.0, 0.0])
+    return tuple(map(float, yamanaka_ankersen.free_motion(orbit, jnp.asarray(0.0), constants)))
 
 
 def orbital_period(e: float) -> float:

@@ -91,6 +91,11 @@ def mean_argument_of_latitude(orbit: TargetOrbit) -> Scalar:
     return orbit.argument_of_latitude - _true_less_eccentric(orbit, e_cos, e_sin) - e_sin
 
 
+def unit_rate(orbit: TargetOrbit) -> Scalar:
+    """Mean motion of a circular orbit at the semi-latus rectum [rad/s]."""
+    return mean_motion(orbit.semi_major_axis * (1.0 - orbit.ex * orbit.ex - orbit.ey * orbit.ey))
+
+
 def transition_matrix(orbit: TargetOrbit, dt: Scalar) -> Float[Array, "6 6"]:
     """State transition matrix of (rho, rho_dot) in the Hill frame over `dt` [s] from a place on the orbit."""
     identity = jnp.eye(6, dtype=orbit.semi_major_axis.dtype)
@@ -126,7 +131,7 @@ def free_motion(orbit: TargetOrbit, since: Scalar, constants: Columns) -> Column
     kappa, kappa_slope = _kappa(orbit)
     c, s = cos_sin(orbit.argument_of_latitude)
     along, ax, ay, d, bx, by = constants
-    tau = since * _unit_rate(orbit)
+    tau = since * unit_rate(orbit)
     radial_cos, radial_sin = ax * c + ay * s, ax * s - ay * c
     out, out_slope = bx * s - by * c, bx * c + by * s
     inverse = 1.0 / kappa
@@ -164,14 +169,9 @@ def _true_less_eccentric(orbit: TargetOrbit, e_cos: Scalar, e_sin: Scalar) -> Sc
     return 2.0 * arctan2(e_sin, 1.0 + eta - e_cos)
 
 
-def _unit_rate(orbit: TargetOrbit) -> Scalar:
-    """Mean motion of a circular orbit at the semi-latus rectum [rad/s]."""
-    return mean_motion(orbit.semi_major_axis * (1.0 - orbit.ex * orbit.ex - orbit.ey * orbit.ey))
-
-
 def _rate(orbit: TargetOrbit, kappa: Scalar) -> Scalar:
     """Rate of the argument of latitude [rad/s]."""
-    return _unit_rate(orbit) * kappa * kappa
+    return unit_rate(orbit) * kappa * kappa
 
 
 @jax.custom_jvp

@@ -4,6 +4,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rpojax.core.numerics import gradient_safe
+from rpojax.core.numerics.trigonometric_series import cos_sin
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.core.pytree import pytree
 from rpojax.core.vectors import cross
@@ -46,7 +47,7 @@ def state(reference: FlyAround, entry: PhaseEntry, orbit: TargetOrbit, elapsed: 
     else:
         angle = angle + reference.start
     ahead = cross(axis, zero)
-    c, s = jnp.cos(angle), jnp.sin(angle)
+    c, s = cos_sin(angle)
     radial, tangential = c * zero + s * ahead, c * ahead - s * zero
     wanted = jnp.concatenate([reference.radius * radial, reference.radius * reference.rate * tangential])
     return joined(entry, orbit, elapsed, reference.join, wanted)

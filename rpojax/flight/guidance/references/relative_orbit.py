@@ -12,9 +12,10 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, free_motion
+from rpojax.core.numerics.trigonometric_series import cos_sin
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, advanced, constants_of_motion, free_motion, unit_rate
 from rpojax.core.pytree import pytree
-from rpojax.flight.guidance.references.phase_entry import PhaseEntry, joined
+from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 
 Scalar = Float[Array, ""]
 
@@ -48,21 +49,68 @@ class RelativeOrbit:
 
 
 def state(reference: RelativeOrbit, entry: PhaseEntry, orbit: TargetOrbit, elapsed: Scalar) -> Float[Array, "6"]:
-    """Desired relative state in H [m, m/s] `elapsed` [s] after the entry, with the target's `orbit` then."""
-    wanted = free_motion(orbit, elapsed, _constants(reference, orbit))
-    return joined(entry, orbit, elapsed, reference.join, wanted)
+    """Desired relative state in H [m, m/s] `elapsed` [s] after the entry, with the target's `orbit` then.
+
+    During the join the shape goes over from that of the motion before the entry in the first half of the time, so that
+    the separation in height and across the orbit plane is there early. The offset takes the whole time, by a drift: at
+    the height of a co-elliptic orbit the motion is nearly free.
+    """
+    start = constants_of_motion(advanced(orbit, -elapsed), entry.relative_state)
+    before = _with_drift_along(orbit, start, -1.0)
+    change = _with_drift_along(orbit, _constants(reference, orbit), -1.0) - before
+    shape_share, shape_slope, _ = _smooth_step(elapsed, _SHAPE_SHARE * reference.join)
+    share, slope, curvature = _smooth_step(elapsed, reference.join)
+    blend, blend_slope = before + shape_share * change, shape_slope * change
+    rate = 3.0 * unit_rate(orbit)
+    gap = change[0] + rate * elapsed * change[3]
+    offset = before[0] + rate * elapsed * before[3] + share * gap
+    drift = before[3] + share * change[3] + slope * gap / rate
+    drift_change = 2.0 * slope * change[3] + curvature * gap / rate
+    zero = jnp.zeros_like(elapsed)
+    free = jnp.stack([offset, blend[1], blend[2], drift, blend[4], blend[5]])
+    forced = jnp.stack([zero, blend_slope[1], blend_slope[2], drift_change, blend_slope[4], blend_slope[5]])
+    motion = free_motion(orbit, zero, _with_drift_along(orbit, free, 1.0))
+    velocity = free_motion(orbit, zero, _with_drift_along(orbit, forced, 1.0))[:3]
+    return motion + jnp.concatenate([jnp.zeros_like(velocity), velocity])
+
+
+def _with_drift_along(orbit: TargetOrbit, constants: Float[Array, "6"], sign: float) -> Float[Array, "6"]:
+    """Constants [m] with the eccentricity vector of a servicer ahead on the target's own orbit added or subtracted.
+
+    Without it, a drift changes none of them but the offset.
+    """
+    offset = sign * constants[0]
+    ahead = jnp.stack([constants[1] + orbit.ey * offset, constants[2] - orbit.ex * offset])
+    return jnp.concatenate([constants[:1], ahead, constants[3:]])
+
+
+def _smooth_step(elapsed: Scalar, duration: Scalar) -> tuple[Scalar, Scalar, Scalar]:
+    """Quintic from 0 to 1 in a duration [s], 1 at once if that is 0; its first [1/s] and second [1/s^2] derivative."""
+    lasts = duration > 0.0
+    length = jnp.where(lasts, duration, 1.0)
+    place = jnp.where(lasts, jnp.clip(elapsed / length, 0.0, 1.0), 1.0)
+    rest = 1.0 - place
+    share = place**3 * (10.0 - 15.0 * place + 6.0 * place * place)
+    slope = 30.0 * (place * rest) ** 2 / length
+    return share, slope, 60.0 * place * rest * (rest - place) / length**2
 
 
 def _constants(reference: RelativeOrbit, orbit: TargetOrbit) -> Float[Array, "6"]:
     """Constants of the free motion [m]."""
     eta_square = 1.0 - orbit.ex * orbit.ex - orbit.ey * orbit.ey
+    radial_cos, radial_sin = cos_sin(reference.radial_phase)
+    across_cos, across_sin = cos_sin(reference.cross_track_phase)
     return jnp.stack(
         [
             reference.along_track,
-            reference.radial * jnp.cos(reference.radial_phase),
-            reference.radial * jnp.sin(reference.radial_phase),
+            reference.radial * radial_cos,
+            reference.radial * radial_sin,
             reference.drift_per_orbit * eta_square * jnp.sqrt(eta_square) / (6.0 * math.pi),
-            reference.cross_track * jnp.cos(reference.cross_track_phase),
-            reference.cross_track * jnp.sin(reference.cross_track_phase),
+            reference.cross_track * across_cos,
+            reference.cross_track * across_sin,
         ]
     )
+
+
+_SHAPE_SHARE = 0.5
+"""Share of the join in which the shape is reached [-]."""

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from relative_motion_cases import ECCENTRICITIES, advanced, entry, integrated_free_motion, orbit, period
 
+from rpojax.core.orbits import yamanaka_ankersen
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
-from rpojax.flight.guidance.references import relative_orbit
+from rpojax.flight.guidance.references import impulsive_tracking, relative_orbit
+from rpojax.flight.guidance.references.phase_entry import PhaseEntry
 from rpojax.flight.guidance.references.relative_orbit import RelativeOrbit
 
-state = jax.jit(relative_orbit.state)
+free_motion = jax.jit(yamanaka_ankersen.free_motion)
+state, tracked_point = jax.jit(relative_orbit.state), jax.jit(impulsive_tracking.tracked_point)
 ENTRY = entry(150.0, -900.0, 30.0, 0.0, -0.2, 0.05)
 
 
@@ -80,6 +83,23 @@ def test_parallel_vectors_keep_clear_of_the_along_track_axis_and_perpendicular_o
 
     assert clearance(SAFE) >= min(30.0, 40.0 / (1.0 + e)) - 1e-9
     assert clearance(crossing) < 0.5
+
+
+@pytest.mark.parametrize("e", ECCENTRICITIES)
+def test_a_join_from_the_targets_own_orbit_is_nearly_free_and_keeps_clear_of_the_target(e: float) -> None:
+    """From 1500 m behind in two orbits; a forced straight line would take twice the mean motion times it, 3 m/s."""
+    at_start = orbit(e)
+    behind = -1500.0 * jnp.array([1.0, at_start.ey, -at_start.ex, 0.0, 0.0, 0.0])
+    joining = reference(radial=30.0, radial_phase=0.3, cross_track=40.0, cross_track_phase=0.3, join=2.0 * period(e))
+    far = PhaseEntry(relative_state=free_motion(at_start, jnp.asarray(0.0), behind))
+    interval = period(e) / 30.0
+    burns = jnp.arange(63.0) * interval
+    places = jax.vmap(advanced, in_axes=(None, 0))(orbit(e), burns)
+    positions = jax.vmap(state, in_axes=(None, None, 0, 0))(joining, far, places, burns)[:, :3]
+    burn = jax.vmap(tracked_point, in_axes=(0, None, 0, 0, 0))
+    impulses = burn(jax.tree.map(lambda x: x[1:-1], places), interval, positions[:-2], positions[1:-1], positions[2:])
+    assert float(jnp.sum(jnp.linalg.norm(impulses.impulse, axis=1))) < 0.35
+    assert float(jnp.min(jnp.linalg.norm(positions, axis=1))) > 25.0
 
 
 @pytest.mark.parametrize("e", ECCENTRICITIES)
