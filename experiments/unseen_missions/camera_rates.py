@@ -3,15 +3,10 @@
 python experiments/unseen_missions/camera_rates.py --out out/camera_rates [--runs 64]
 """
 
-import argparse
-import os
-from pathlib import Path
-
-os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.cpu_count()}")
-
+import mission_campaigns
 import numpy as np
+from mission_campaigns import Case, mean, percent
 
-import rpojax
 from rpojax.campaign.storage.campaign_folder import Campaign
 
 RATES_HZ = (0.2, 0.5, 1.0, 2.0, 5.0)
@@ -32,29 +27,32 @@ def lost_runs(result: Campaign) -> int:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--runs", type=int, default=64)
-    options = parser.parse_args()
-    print(
-        "| camera | lost runs | formation error, median | p95 | relative position error, median | NEES/6 | coverage |"
+    options = mission_campaigns.parser(__doc__, runs=64).parse_args()
+    cases = [Case(f"{rate:g} Hz", "inspection", [f"rates.camera_hz={rate}"]) for rate in RATES_HZ]
+    mission_campaigns.header(
+        "camera",
+        "lost runs",
+        "formation error, median",
+        "p95",
+        "relative position error, median",
+        "NEES/6",
+        "coverage",
+        "confident",
     )
-    print("|---|---|---|---|---|---|---|")
     lost = 0
-    for rate in RATES_HZ:
-        file = rpojax.load("inspection", [f"rates.camera_hz={rate}"])
-        out = options.out / f"{rate:g}_hz"
-        result = rpojax.run_campaign(file, options.runs, out, histories=range(options.runs))
+    for case, result in mission_campaigns.campaigns(cases, options, histories=options.runs):
         metrics, here = result.metrics, lost_runs(result)
         lost += here
         formation = metrics["formation_error_rms_m"]
-        print(
-            f"| {rate:g} Hz | {here} of {options.runs} | {np.nanmedian(formation):.3f} m "
-            f"| {np.nanpercentile(formation, 95):.2f} m "
-            f"| {np.nanmedian(metrics['nav_relative_position_error_rms_m']):.3f} m "
-            f"| {np.nanmean(metrics['nees_relative_mean']) / 6.0:.2f} "
-            f"| {100.0 * np.nanmean(metrics['sigma3_coverage']):.1f} % |",
-            flush=True,
+        mission_campaigns.row(
+            case.name,
+            f"{here} of {options.runs}",
+            f"{np.nanmedian(formation):.3f} m",
+            f"{np.nanpercentile(formation, 95):.2f} m",
+            f"{np.nanmedian(metrics['nav_relative_position_error_rms_m']):.3f} m",
+            f"{mean(metrics['nees_relative_mean']) / 6.0:.2f}",
+            percent(mean(metrics["sigma3_coverage"])),
+            percent(mean(metrics["confident_fraction"])),
         )
     return int(lost > 0)
 

@@ -6,15 +6,10 @@ The hand-over is that of `inspection_cold`; orbit, light and forces are those of
 light, or anywhere in the orbit: also in the dark, where the servicer does not see the target for half an hour.
 """
 
-import argparse
-import os
-from pathlib import Path
-
-os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.cpu_count()}")
-
+import mission_campaigns
 import numpy as np
+from mission_campaigns import Case
 
-import rpojax
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
 COLD = ["navigation.initial_relative_position_sigma_m=5", "navigation.initial_relative_velocity_sigma_m_s=0.05"]
@@ -23,27 +18,26 @@ SUN_OUT_OF_PLANE_DEG = (0.0, 15.0, 30.0)
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--runs", type=int, default=256)
-    options = parser.parse_args()
-    print("| Sun out of plane | hand-over | keep-out | lost or diverged | off station | least range |")
-    print("|---|---|---|---|---|---|")
+    options = mission_campaigns.parser(__doc__, runs=256).parse_args()
+    cases = [
+        Case(f"{elevation:g} deg, {name}", "inspection_eclipse", [*COLD, *where, f"orbit.raan_deg={elevation}"])
+        for name, where in (("anywhere", ANYWHERE), ("in the light", []))
+        for elevation in SUN_OUT_OF_PLANE_DEG
+    ]
+    mission_campaigns.header(
+        "Sun out of plane, hand-over", "keep-out", "completed", "lost", "diverged", "off station", "least range"
+    )
     entered = 0
-    for elevation in SUN_OUT_OF_PLANE_DEG:
-        for name, where in (("in the light", []), ("anywhere", ANYWHERE)):
-            file = rpojax.load("inspection_eclipse", [*COLD, *where, f"orbit.raan_deg={elevation}"])
-            out = options.out / f"{elevation:g}_{name.replace(' ', '_')}"
-            result = rpojax.run_campaign(file, options.runs, out, histories=[])
-            kinds = result.outcomes
-            counts = {kind: int((kinds == kind).sum()) for kind in Outcome}
-            entered += counts[Outcome.KEEP_OUT]
-            print(
-                f"| {elevation:g} deg | {name} | {counts[Outcome.KEEP_OUT]} of {options.runs} "
-                f"| {counts[Outcome.LOST] + counts[Outcome.DIVERGED]} | {counts[Outcome.OFF_STATION]} "
-                f"| {np.nanmin(result.metrics['min_range_m']):.1f} m |",
-                flush=True,
-            )
+    for case, result in mission_campaigns.campaigns(cases, options):
+        counts = {kind: int((result.outcomes == kind).sum()) for kind in Outcome}
+        entered += counts[Outcome.KEEP_OUT]
+        kinds = (Outcome.COMPLETED, Outcome.LOST, Outcome.DIVERGED, Outcome.OFF_STATION)
+        mission_campaigns.row(
+            case.name,
+            f"{counts[Outcome.KEEP_OUT]} of {options.runs}",
+            *(str(counts[kind]) for kind in kinds),
+            f"{np.nanmin(result.metrics['min_range_m']):.1f} m",
+        )
     return int(entered > 0)
 
 

@@ -1,62 +1,26 @@
-"""Filter and formation over missions that nobody tuned for, with one tuning: one table campaign a group of variants.
+"""Filter and formation over missions that nobody tuned for, with one tuning: one table campaign an epoch.
 
 python experiments/unseen_missions/filter_table.py --out DIR [--runs 256] [--seed 11] [--only NAME ...]
 """
 
-import argparse
-import json
 import math
-import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
-os.environ.setdefault("XLA_FLAGS", f"--xla_force_host_platform_device_count={os.cpu_count()}")
-
+import mission_campaigns
 import numpy as np
+from mission_campaigns import Variant, mean, percent
 
 import rpojax
-from rpojax.scenario.loading import scenario_loader
 
-DISPERSED = "dispersed"
-"""In place of a value: drawn for each run as `inspection` declares."""
 CHECKED_HISTORIES = 4
 """Runs of a variant whose formation error is recomputed from their histories."""
-
-NOMINAL: dict[str, Any] = {
-    "formation.desired_position_m": (0.0, -30.0, 0.0),
-    "limits.keep_out_m": 10.0,
-    "target.tumble_rate_deg_s": DISPERSED,
-    "target.scale": 1.0,
-    "navigation.target_size_sigma": 0.0,
-    "camera.edge_noise_px": 1.0,
-    "navigation.edge_noise_px": 1.0,
-    "orbit.semi_major_axis_m": 6878137.0,
-    "orbit.eccentricity": 0.001,
-    "orbit.inclination_deg": 97.4,
-    "orbit.raan_deg": 77.0,
-}
-"""Values of a run without changes, by key."""
-
-
-@dataclass(frozen=True)
-class Variant:
-    """A mission: its changes to `inspection`, and whether the bars of the filter apply to it."""
-
-    changes: Mapping[str, Any] = field(default_factory=dict)
-    epoch_utc: str = "2026-03-20T14:46:00"
-    is_barred: bool = True
-
-    @property
-    def values(self) -> dict[str, Any]:
-        """Value of every key."""
-        return {**NOMINAL, **self.changes}
+STATION = "formation.desired_position_m"
+TUMBLE = "target.tumble_rate_deg_s"
 
 
 def station(x_m: float, y_m: float, z_m: float, keep_out_m: float = 10.0) -> dict[str, Any]:
     """Changes for another station."""
-    return {"formation.desired_position_m": (x_m, y_m, z_m), "limits.keep_out_m": keep_out_m}
+    return {STATION: (x_m, y_m, z_m), "limits.keep_out_m": keep_out_m}
 
 
 def wrong_size(factor: float, sigma: float) -> dict[str, Any]:
@@ -64,9 +28,8 @@ def wrong_size(factor: float, sigma: float) -> dict[str, Any]:
     return {"target.scale": factor, "navigation.target_size_sigma": sigma}
 
 
-TUMBLE = "target.tumble_rate_deg_s"
 VARIANTS: dict[str, Variant] = {
-    "30 m": Variant(),
+    "30 m": Variant(station(0.0, -30.0, 0.0)),
     "10 m": Variant(station(0.0, -10.0, 0.0, 4.0)),
     "20 m": Variant(station(0.0, -20.0, 0.0, 4.0)),
     "60 m": Variant(station(0.0, -60.0, 0.0)),
@@ -95,104 +58,58 @@ VARIANTS: dict[str, Variant] = {
 
 
 def main() -> None:
-    """Simulates the variants and writes the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--runs", type=int, default=256)
-    parser.add_argument("--seed", type=int, default=11)
+    """Simulates the variants and prints the table; what misses a bar is in bold."""
+    parser = mission_campaigns.parser(__doc__, runs=256)
     parser.add_argument("--only", nargs="*", choices=VARIANTS, default=list(VARIANTS))
     options = parser.parse_args()
-    rows: dict[str, dict[str, float]] = {}
-    for epoch in dict.fromkeys(VARIANTS[name].epoch_utc for name in options.only):
-        names = [name for name in options.only if VARIANTS[name].epoch_utc == epoch]
-        file = table_scenario(names, options.runs, options.seed)
-        folder = options.out / epoch[:10]
-        first = np.arange(len(names)) * options.runs
-        kept = (first[:, None] + np.arange(min(CHECKED_HISTORIES, options.runs))).ravel().tolist()
-        campaign = rpojax.run_campaign(file, len(names) * options.runs, folder, options.seed, histories=kept)
-        for place, name in enumerate(names):
-            rows[name] = summary(campaign, slice(place * options.runs, (place + 1) * options.runs), name)
-    (options.out / "table.json").write_text(json.dumps({"seed": options.seed, "runs": options.runs, "rows": rows}))
-    print(markdown(rows, options.runs, options.seed))
+    print(f"{options.runs} runs each, seed {options.seed}.\n")
+    mission_campaigns.header(
+        "mission",
+        "formation error, median",
+        "of the range",
+        "recorded less recomputed",
+        "3-sigma coverage",
+        "runs below 95 %",
+        "relative NEES / 6",
+        "navigation error, median",
+        "outcomes",
+    )
+    variants = {name: VARIANTS[name] for name in options.only}
+    for name, campaign, rows in mission_campaigns.variant_campaigns(variants, options, CHECKED_HISTORIES):
+        mission_campaigns.row(
+            name, *cells(campaign, rows, np.asarray(VARIANTS[name].changes.get(STATION, (0, -30, 0))))
+        )
 
 
-def table_scenario(names: Sequence[str], runs: int, seed: int) -> rpojax.ScenarioFile:
-    """`inspection` with one row of a table for every run of the variants."""
-    tables = rpojax.load("inspection").model_dump(mode="json")
-    rates = next(each for each in tables["dispersions"] if each["key"] == TUMBLE)
-    tables["dispersions"] = [each for each in tables["dispersions"] if each["key"] != TUMBLE]
-    tables["epoch_utc"] = VARIANTS[names[0]].epoch_utc
-    rng = np.random.default_rng(seed)
-    columns: dict[str, list[float]] = {}
-    for name in names:
-        drawn = rng.uniform(rates["low"], rates["high"], runs).tolist()
-        for key, value in VARIANTS[name].values.items():
-            if isinstance(value, tuple):
-                for index, component in enumerate(value):
-                    columns.setdefault(f"{key}[{index}]", []).extend([component] * runs)
-            else:
-                columns.setdefault(key, []).extend(drawn if value == DISPERSED else [value] * runs)
-    tables["design"] = {"kind": "table", "values": columns}
-    return scenario_loader.validate(tables)
-
-
-def summary(campaign: rpojax.Campaign, rows: slice, name: str) -> dict[str, float]:
+def cells(campaign: rpojax.Campaign, rows: slice, station_H: np.ndarray) -> list[str]:
     """Figures of one variant."""
     metrics = {key: values[rows] for key, values in campaign.metrics.items()}
-    outcomes = campaign.outcomes[rows]
-    target = np.array(VARIANTS[name].values["formation.desired_position_m"])
-    coverage, nees = metrics["sigma3_coverage"], metrics["nees_relative_mean"] / 6.0
-    defined = np.isfinite(coverage)
     formation = float(np.nanmedian(metrics["formation_error_rms_m"]))
-    return {
-        "formation_error_m": formation,
-        "of_range_percent": 100.0 * formation / float(np.linalg.norm(target)),
-        "recomputed_difference_m": recomputed_difference(campaign, rows, target),
-        "coverage_percent": 100.0 * float(np.mean(coverage[defined])),
-        "low_runs_percent": 100.0 * float(np.mean(coverage[defined] < 0.95)),
-        "nees_over_6": float(np.mean(nees[defined])),
-        "navigation_error_m": float(np.nanmedian(metrics["nav_relative_position_error_rms_m"])),
-        "completed": int(np.sum(outcomes == "completed")),
-        **{kind: int(np.sum(outcomes == kind)) for kind in sorted(set(outcomes.tolist()) - {"completed"})},
-    }
+    of_range = formation / float(np.linalg.norm(station_H))
+    coverage = metrics["sigma3_coverage"][np.isfinite(metrics["sigma3_coverage"])]
+    low_runs, nees = float(np.mean(coverage < 0.95)), mean(metrics["nees_relative_mean"]) / 6.0
+    kinds, counts = np.unique(campaign.outcomes[rows], return_counts=True)
+    return [
+        f"{formation:.3f} m",
+        _marked(percent(of_range, 2), of_range <= 0.04),
+        f"{recomputed_difference(campaign, rows, station_H):.1e} m",
+        _marked(percent(mean(coverage), 2), mean(coverage) >= 0.97),
+        _marked(percent(low_runs), low_runs <= 0.05),
+        _marked(f"{nees:.2f}", 0.45 <= nees <= 1.5),
+        f"{np.nanmedian(metrics['nav_relative_position_error_rms_m']):.3f} m",
+        ", ".join(f"{count} {kind}" for kind, count in zip(kinds, counts, strict=True)),
+    ]
 
 
-def recomputed_difference(campaign: rpojax.Campaign, rows: slice, target: np.ndarray) -> float:
+def recomputed_difference(campaign: rpojax.Campaign, rows: slice, station_H: np.ndarray) -> float:
     """Largest difference of the recorded formation error from that of the kept histories [m]."""
     differences = [0.0]
     for run in range(rows.start, rows.start + CHECKED_HISTORIES):
         if run in campaign.history_ids and np.isfinite(campaign.metrics["formation_error_rms_m"][run]):
             rho_H = np.asarray(campaign.history(run)["rho_H"], dtype=np.float64)[-1000:]
-            error = math.sqrt(np.mean(np.sum((rho_H - target) ** 2, axis=1)))
+            error = math.sqrt(np.mean(np.sum((rho_H - station_H) ** 2, axis=1)))
             differences.append(abs(error - float(campaign.metrics["formation_error_rms_m"][run])))
     return max(differences)
-
-
-def markdown(rows: Mapping[str, Mapping[str, float]], runs: int, seed: int) -> str:
-    """Table of all variants; what misses a bar is in bold."""
-    lines = [
-        f"{runs} runs each, seed {seed}.",
-        "",
-        "| mission | formation error, median | of the range | recorded less recomputed | 3-sigma coverage "
-        "| runs below 95 % | relative NEES / 6 | navigation error, median | outcomes |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for name, row in rows.items():
-        others = {kind: row[kind] for kind in row if isinstance(row[kind], int) and kind != "completed"}
-        outcomes = ", ".join([f"{row['completed']} completed", *(f"{count} {kind}" for kind, count in others.items())])
-        cells = [
-            name,
-            f"{row['formation_error_m']:.3f} m",
-            _marked(f"{row['of_range_percent']:.2f} %", row["of_range_percent"] <= 4.0),
-            f"{row['recomputed_difference_m']:.1e} m",
-            _marked(f"{row['coverage_percent']:.2f} %", row["coverage_percent"] >= 97.0),
-            _marked(f"{row['low_runs_percent']:.1f} %", row["low_runs_percent"] <= 5.0),
-            _marked(f"{row['nees_over_6']:.2f}", 0.45 <= row["nees_over_6"] <= 1.5),
-            f"{row['navigation_error_m']:.3f} m",
-            outcomes,
-        ]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
 
 
 def _marked(text: str, is_good: bool) -> str:
