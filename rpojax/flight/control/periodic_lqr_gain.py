@@ -52,9 +52,11 @@ def periodic_lqr_gains(formation: FormationTuning, orbit: TargetOrbit, burns: in
 def gain_at(gains: Gains, orbit: TargetOrbit) -> Float[Array, "3 6"]:
     """Gain at a place on the orbit, by linear interpolation in the mean argument of latitude.
 
-    As a weighted sum over the table: in a batch each run has its own place.
+    As a weighted sum over the table: in a batch each run has its own place. A table of one gain holds everywhere.
     """
     count = gains.shape[0]
+    if count == 1:
+        return gains[0]
     steps = jnp.arange(count, dtype=gains.dtype)
     place = mean_argument_of_latitude(orbit) * (count / (2.0 * math.pi))
     distance = place - steps
