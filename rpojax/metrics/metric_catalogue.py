@@ -45,9 +45,10 @@ DIFFERENTIABLE: Final = tuple(name for name, metric in METRICS.items() if metric
 def find(name: str) -> Metric | None:
     """The metric of that name, in a window and of any horizon of free drift too; None if there is none."""
     base, window = split_name(name)
+    known = METRICS.get(base) or passive_safety.metric_of_horizon(base)
     if not window:
-        return METRICS.get(name) or passive_safety.metric_of_horizon(name)
-    metric, words = WINDOW_METRICS.get(base) or METRICS.get(base), window_in_words(window)
+        return known
+    metric, words = WINDOW_METRICS.get(base, known), window_in_words(window)
     return None if metric is None or words is None else replace(metric, name=name, title=f"{metric.title} {words}")
 
 

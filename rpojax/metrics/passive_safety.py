@@ -90,3 +90,8 @@ METRICS: Final = (
         low_is_bad=True,
     ),
 )
+
+
+def is_of_drifts(name: str) -> bool:
+    """Whether a metric of that name is evaluated from free drifts."""
+    return is_of_horizon(name) or any(metric.name == name for metric in METRICS)

@@ -169,7 +169,7 @@ def test_windows_are_part_of_the_digest_and_limits_are_not() -> None:
     ({"from_s": 50.0, "to_s": 40.0}, "requirements.0.from_s: found 50.0, expected a window with a camera tick"),
     ({"at": "end"}, "requirements.0.at: found 'end', expected it only beside phase"),
     ({"phase": "approach", "to_s": 3.0}, "requirements.0.phase: found 'approach', expected either a phase or times"),
-    ({"metric": "passive_range_m", "to_s": 3.0}, "requirements.0.metric: found 'passive_range_m', expected a metric"),
+    ({"metric": "surface_seen_fraction", "to_s": 3.0}, "requirements.0.metric: found 'surface_seen_fraction'"),
     ({"metric": "min_range_m@0-3"}, "requirements.0.metric: found 'min_range_m@0-3', expected the name of a metric"),
     ({"outcome": "fine"}, "requirements.0.outcome: found 'fine', expected 'completed', "),
 ])  # fmt: skip

@@ -72,10 +72,10 @@ def _limit_of_requirement(file: ScenarioFile, requirement: str) -> MetricLimit:
     known = [each.metric for each in of_whole_runs]
     chosen = [each for each in of_whole_runs if each.metric == requirement]
     if not chosen:
-        expected = ", ".join(known) or "a scenario that has requirements on whole runs, whatever their outcome"
-        raise RpojaxError.of_argument(
-            "requirement", f"found {requirement!r}, expected one of the scenario's: {expected}"
-        )
+        expected = "a scenario with requirements on whole runs, whatever their outcome"
+        if known:
+            expected = f"one of the scenario's: {', '.join(known)}"
+        raise RpojaxError.of_argument("requirement", f"found {requirement!r}, expected {expected}")
     check_metric("requirement", requirement)
     return MetricLimit(requirement, chosen[0].bound, chosen[0].limit)
 

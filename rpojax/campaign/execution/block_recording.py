@@ -12,6 +12,7 @@ from rpojax.campaign.execution.batch_engine import PreparedRuns, Segment
 from rpojax.campaign.execution.surface_coverage import CoverageResults
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import campaign_folder
+from rpojax.metrics.time_windows import split_name
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import drift_starts, recorded_metrics, trace_channels
@@ -144,7 +145,8 @@ def block_arrays(
         for name, values in recorded_metrics.evaluate_windows(file, records, used).items():
             arrays[f"metrics/{name}"] = values
         for name, values in {**passive_safety, **coverage.metrics}.items():
-            arrays[f"metrics/{name}"] = np.where(frozen, np.nan, values[rows])
+            is_ended = frozen & (split_name(name)[1] == "")
+            arrays[f"metrics/{name}"] = np.where(is_ended, np.nan, values[rows])
         time_s = np.arange(recorder.ticks)[::stride] / file.rates.camera_hz
         ended = frozen[:, None] & (time_s > since_s[:, None])
         for name, values in trace_channels.decimated_traces(file, records, used, stride).items():

@@ -23,7 +23,7 @@ from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
-from rpojax.simulation.metrics import drift_starts
+from rpojax.simulation.metrics import drift_starts, recorded_metrics
 from rpojax.simulation.metrics.drift_starts import DriftStarts
 
 _MOST_DRIFTS = 48
@@ -89,11 +89,17 @@ class PassiveSafety:
         self.drifts_at_once = min(_MOST_DRIFTS, 1 + 2 * burns + burns + -(-scenario.ticks // self.spacing_ticks))
 
     def evaluate(self, drawn: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Metrics (runs,) from dispersed values (runs, ...) and recorded channels (ticks, ..., runs)."""
+        """Metrics (runs,) from dispersed values (runs, ...) and recorded channels (ticks, ..., runs).
+
+        Those in windows of requirements are NaN for a run that never was there or was frozen there.
+        """
         runs = self.runs_per_device * len(self.devices)
+        windows = self._windows(records)
         starts = [
             drift_starts.drift_starts(
-                {name: records[name][..., run] for name in drift_starts.REQUIRED_CHANNELS}, self.spacing_ticks
+                {name: records[name][..., run] for name in drift_starts.REQUIRED_CHANNELS},
+                self.spacing_ticks,
+                [tick for flags in windows.values() for tick in (np.flatnonzero(np.diff(flags[run])) + 1).tolist()],
             )
             for run in range(runs)
         ]
@@ -110,21 +116,48 @@ class PassiveSafety:
         for (run, first), found in zip(columns, self._propagate(drawn, starts, columns), strict=True):
             drifts = slice(first, first + self.drifts_at_once)
             least[:, drifts, run], entry[drifts, run] = np.sqrt(found.least_square), found.entry
-        return self._metrics(starts, least, entry)
+        running = records["running"].T
+        found = self._metrics(starts, least, entry, np.ones_like(running))
+        in_windows: dict[str, np.ndarray] = {}
+        for window, flags in windows.items():
+            frozen = (flags & ~running).any(axis=1)
+            values = self._metrics(starts, least, entry, flags)
+            in_windows |= {name + window: np.where(frozen, np.nan, each) for name, each in values.items()}
+        required = {each.metric_name for each in self.file.requirements}
+        return found | {name: values for name, values in in_windows.items() if name in required}
 
-    def _metrics(self, starts: Sequence[DriftStarts], least: np.ndarray, entry: np.ndarray) -> dict[str, np.ndarray]:
-        """Metrics from least ranges (horizons + 1, drifts, runs), and times of entry less the longest horizon."""
+    def _windows(self, records: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Flags (runs, ticks) of the windows of requirements on drifts, by suffix."""
+        by_run = {name: records[name].T for name in ("running", "phase") if name in records}
+        return {
+            each.window.suffix: recorded_metrics.window_ticks(self.file, each.window, by_run)
+            for each in self.file.requirements
+            if each.window.suffix and metrics.is_of_drifts(each.metric)
+        }
+
+    def _metrics(
+        self, starts: Sequence[DriftStarts], least: np.ndarray, entry: np.ndarray, window: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """Metrics of drifts from the ticks of a window, NaN for runs without any.
+
+        Args:
+            starts: drifts of each run
+            least: least ranges (horizons + 1, drifts, runs) [m]
+            entry: times of entry (drifts, runs) less the longest horizon [s]
+            window: flags (runs, ticks)
+        """
         found: dict[str, list[float]] = {}
-        for run, each in enumerate(starts):
-            count, stuck = len(each.ticks), each.is_stuck
+        for run, (each, flags) in enumerate(zip(starts, window, strict=True)):
+            count, there = len(each.ticks), flags[each.ticks]
+            own, stuck, among = there & ~each.is_stuck, there & each.is_stuck, flags[each.instants]
             ranges = least[:, :count, run]
             unsafe = entry[each.instant_drifts, run] <= each.instants * self.scenario.tick_s
             values = {
-                metrics.horizon_metric_name(horizon): float(ranges[place, ~stuck].min())
+                metrics.horizon_metric_name(horizon): _least(ranges[place, own])
                 for place, horizon in enumerate(self.file.safety.horizons)
             }
-            values[metrics.UNSAFE_FRACTION] = each.unsafe_fraction(unsafe)
-            values[metrics.STUCK_ON_RANGE] = float(ranges[-1, stuck].min()) if stuck.any() else math.nan
+            values[metrics.UNSAFE_FRACTION] = each.unsafe_fraction(unsafe, among) if among.any() else math.nan
+            values[metrics.STUCK_ON_RANGE] = _least(ranges[-1, stuck])
             for name, value in values.items():
                 found.setdefault(name, []).append(value)
         arrays = {name: np.array(values) for name, values in found.items()}
@@ -252,3 +285,8 @@ class PassiveSafety:
             acceleration_N=push,
             ends=start.last + thrust_s + lengths,
         )
+
+
+def _least(ranges: np.ndarray) -> float:
+    """Least of some ranges, NaN without any."""
+    return float(ranges.min()) if len(ranges) else math.nan

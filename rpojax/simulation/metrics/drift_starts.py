@@ -5,7 +5,7 @@ up to the horizons of its last instant. A drift of its own begins at each instan
 stuck open, at the end of each burn.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -47,17 +47,24 @@ class DriftStarts:
     instants: Integers
     instant_drifts: Integers
 
-    def unsafe_fraction(self, unsafe: NDArray[np.bool_]) -> float:
-        """Share of the time between the instants that belongs to those of `unsafe` (instants,), half to either side."""
-        if len(self.instants) == 1:
+    def unsafe_fraction(self, unsafe: NDArray[np.bool_], among: NDArray[np.bool_]) -> float:
+        """Share of the time between instants that belongs to those of `unsafe` (instants,), half to either side.
+
+        Only the instants of `among` (instants,) count, at least one.
+        """
+        instants, unsafe = self.instants[among], unsafe[among]
+        if len(instants) == 1:
             return float(unsafe[0])
-        half_gaps = 0.5 * np.diff(self.instants)
+        half_gaps = 0.5 * np.diff(instants)
         weights = np.concatenate([half_gaps, [0.0]]) + np.concatenate([[0.0], half_gaps])
         return float(np.sum(weights * unsafe) / np.sum(weights))
 
 
-def drift_starts(records: Mapping[str, Floats], spacing_ticks: int) -> DriftStarts:
-    """Drifts of one run from its channels (ticks, ...), at every `spacing_ticks` and at both ends of each burn."""
+def drift_starts(records: Mapping[str, Floats], spacing_ticks: int, divisions: Collection[int] = ()) -> DriftStarts:
+    """Drifts of one run from its channels (ticks, ...), at every `spacing_ticks` and at both ends of each burn.
+
+    Further instants are those ticks of `divisions` at which the run lasts, and a coast begins anew there.
+    """
     ticks = max(1, int(np.sum(records["running"])))
     delta_v = records["delta_v_m_s"][:ticks]
     burning = np.diff(delta_v) > 0.0
@@ -67,9 +74,11 @@ def drift_starts(records: Mapping[str, Floats], spacing_ticks: int) -> DriftStar
     ignitions = np.flatnonzero(burning & ~before)
     ends = np.flatnonzero(~burning & before)
     spaced = np.arange(0, ticks, spacing_ticks)
-    instants = np.union1d(spaced, np.concatenate([ignitions, ends]))
+    divided = np.array([tick for tick in divisions if tick < ticks], dtype=int)
+    instants = np.union1d(spaced, np.concatenate([ignitions, ends, divided]))
     in_burn = instants[burning[instants] & before[instants]]
     coasts = np.union1d([0], ends) if not burning[0] else np.concatenate([[0], ends])
+    coasts = np.union1d(coasts, np.setdiff1d(divided, in_burn))
     begins = np.concatenate([coasts, in_burn, ends]).astype(int)
     is_stuck = np.arange(len(begins)) >= len(coasts) + len(in_burn)
     order = np.argsort(begins, kind="stable")

@@ -58,13 +58,12 @@ def evaluate_windows(file: ScenarioFile, records: Records, varied: Values) -> di
     quantities, timing = _quantities(file, records, varied), _timing(file)
     running, found = records["running"], dict[str, Floats]()
     for name, requirement in required.items():
-        window = requirement.window
-        ticks = _window_ticks(file, window, records, timing.tick_s)
+        window, metric = requirement.window, METRICS.get(requirement.metric)
+        ticks = window_ticks(file, window, records)
         within = ticks & running
-        values = reduce_in_window(
-            METRICS[requirement.metric], quantities, within, timing, is_event=window.at is not None
-        )
-        found[name] = np.where((ticks & ~running).any(axis=1), np.nan, values)
+        if metric is not None and metric.source == "records":
+            values = reduce_in_window(metric, quantities, within, timing, is_event=window.at is not None)
+            found[name] = np.where((ticks & ~running).any(axis=1), np.nan, values)
         if window.at is not None:
             found[window.presence_name] = np.where(within.any(axis=1), within.argmax(axis=1) * timing.tick_s, np.nan)
         elif window.phase is not None:
@@ -72,11 +71,11 @@ def evaluate_windows(file: ScenarioFile, records: Records, varied: Values) -> di
     return found
 
 
-def _window_ticks(file: ScenarioFile, window: MetricWindow, records: Records, tick_s: float) -> NDArray[np.bool_]:
-    """Flags (runs, ticks) of a window, the time after a run was frozen included."""
+def window_ticks(file: ScenarioFile, window: MetricWindow, records: Records) -> NDArray[np.bool_]:
+    """Flags (runs, ticks) of a window, the time after a run was frozen included; `records` hold `running` too."""
     shape = records["running"].shape
     if window.phase is None:
-        return np.broadcast_to(window.between_times(shape[1], tick_s), shape)
+        return np.broadcast_to(window.between_times(shape[1], 1.0 / file.rates.camera_hz), shape)
     phases = records["phase"]
     return window.within(phases == file.phase_names.index(window.phase), phases < len(file.phases))
 

@@ -104,9 +104,11 @@ def test_metrics_are_those_of_the_requirements_unless_asked_for(space: StandardN
 def test_what_has_no_derivative_is_refused(space: StandardNormalSpace) -> None:
     with pytest.raises(RpojaxError, match=r"^metrics: found 'detection_rate', expected a metric with a derivative: "):
         derivative_sensitivity.select_metrics(space.file, ("detection_rate",))
-    without = space.file.model_copy(update={"requirements": []})
-    with pytest.raises(RpojaxError, match=r"^metrics: found none, expected one, for a scenario without requirements"):
-        derivative_sensitivity.select_metrics(without, ())
+    timed = [each.model_copy(update={"to_s": 100.0}) for each in space.file.requirements]
+    for requirements in ([], timed):
+        without = space.file.model_copy(update={"requirements": requirements})
+        with pytest.raises(RpojaxError, match=r"^metrics: found none, expected one, for a scenario without requirem"):
+            derivative_sensitivity.select_metrics(without, ())
 
 
 def test_too_few_runs_are_refused(space: StandardNormalSpace) -> None:

@@ -51,3 +51,19 @@ def test_options_that_name_no_limit_are_refused(mission: ScenarioFile, arguments
 def test_a_bound_that_is_no_side_is_refused(mission: ScenarioFile) -> None:
     with pytest.raises(RpojaxError, match=r"^bound: found 'below', expected 'at most' or 'at least'$"):
         metric_limit.select_limit(mission, LimitChoice(None, "min_range_m", 3.0, "below"))
+
+
+def test_requirements_in_windows_and_of_outcomes_are_no_limits_of_whole_runs(mission: ScenarioFile) -> None:
+    tables = mission.model_dump()
+    tables["requirements"] = [
+        tables["requirements"][0] | {"metric": "min_range_m", "bound": "at least", **condition}
+        for condition in ({"limit": 3.0, "to_s": 500.0}, {"limit": 4.0, "outcome": "lost"})
+    ]
+    for name in ("min_range_m", "min_range_m@0-500"):
+        with pytest.raises(
+            RpojaxError, match=rf"^requirement: found '{name}', expected a scenario that has requirements"
+        ):
+            metric_limit.select_limit(scenario_loader.validate(tables), LimitChoice(name, None, None))
+    tables["requirements"].append(tables["requirements"][0] | {"limit": 5.0, "to_s": None})
+    found = metric_limit.select_limit(scenario_loader.validate(tables), LimitChoice("min_range_m", None, None))
+    assert found.limit == 5.0

@@ -69,3 +69,25 @@ def test_drifts_in_several_rounds_have_the_same_ranges(inputs: Any, monkeypatch:
     for name, values in expected.items():
         # Two programs of other sizes round differently.
         np.testing.assert_allclose(found[name], values, rtol=1e-9, err_msg=name)
+
+
+def test_ranges_in_windows_are_those_of_the_drifts_that_begin_there(inputs: Any) -> None:
+    evaluator, drawn, records = inputs
+    rest = {"bound": "at least", "limit": 1.0, "probability": 0.9, "consumer_risk": 0.1}
+    ranges = ("passive_range_1_h_m", "passive_range_24_h_m", "stuck_on_range_24_h_m")
+    tables = evaluator.file.model_dump()
+    tables["requirements"] = [
+        {"metric": name, **rest, **times} for name in ranges for times in ({"to_s": 149.0}, {"from_s": 150.0})
+    ]
+    file = scenario_loader.validate(tables)
+    found = PassiveSafety(file, evaluator.scenario, evaluator.nominal, RUNS, jax.devices()[:1]).evaluate(drawn, records)
+    whole = evaluator.evaluate(drawn, records)
+    for name in ranges:
+        parts = found[f"{name}@0-149"], found[f"{name}@150-end"]
+        # Only the second run lasts; it burns in the first window.
+        assert np.isnan(np.stack(parts))[:, [0, 2]].all()
+        assert np.isfinite(parts[0][1])
+        assert np.isfinite(parts[1][1]) == (name != "stuck_on_range_24_h_m")
+        assert np.fmin(*parts)[1] == found[name][1]
+        # A coast that is divided goes on from a recorded state.
+        np.testing.assert_allclose(found[name][[0, 2]], whole[name][[0, 2]], rtol=1e-9)

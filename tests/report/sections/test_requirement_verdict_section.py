@@ -48,6 +48,30 @@ def test_verdict_texts_and_colours(build, runs, limit, verdict):
     assert row.title == f"Delta-v \N{LESS-THAN OR EQUAL TO} {limit:g} m/s"
 
 
+def test_runs_that_do_not_count_are_told_apart(build):
+    campaign = build(runs=300, seconds=30, kept=())
+    name, there = "delta_v_m_s@approach", np.arange(300) % 3 > 0
+    campaign.metrics[name] = np.where(there, campaign.metrics["delta_v_m_s"], np.nan)
+    campaign.metrics["duration_s@approach"] = np.where(there, 10.0, 0.0)
+    found = _require(campaign, phase="approach", probability=0.98)
+    assert (found["of"], found["runs"], found["not_counted"], found["violations"]) == (name, 200, 100, 0)
+    assert found["verdict"] == "verified"
+    assert found["text"] == "Delta-v in approach at most 1 m/s in at least 98 % of runs"
+    row = requirement_verdict_section.rows([found])[0]
+    assert row.title.startswith("Delta-v in approach ")
+    assert "100 do not count" in row.note
+    assert "100 do not count" in write_report(campaign).read_text()
+
+
+def test_a_requirement_on_an_outcome_counts_its_runs(build):
+    campaign = build(runs=12, seconds=30, kept=(), failed=(4,))
+    outcome = str(campaign.outcomes[4])
+    found = _require(campaign, outcome=outcome)
+    assert (found["runs"], found["not_counted"], found["violating_ids"]) == (1, 11, [4])
+    assert found["text"].endswith(f"of runs that end as {outcome}")
+    assert _require(campaign).keys().isdisjoint({"of", "not_counted", "outcome", "phase"})
+
+
 def test_failed_run_violates_every_requirement_and_has_a_rerun_command(build):
     campaign = build(runs=12, seconds=30, kept=(), failed=(4,))
     found = _require(campaign, metric="min_range_m", bound="at least", limit=1.0)

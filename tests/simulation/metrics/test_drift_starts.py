@@ -66,5 +66,16 @@ def test_the_unsafe_share_weighs_each_instant_by_half_the_time_to_its_neighbours
     found = drift_starts(record(((17, 34),)), 50)
     assert found.instants.tolist() == [0, 17, 34, 50]
     unsafe = np.array([False, True, True, False])
-    assert found.unsafe_fraction(unsafe) == (17.0 + 16.5) / 50.0
-    assert found.unsafe_fraction(~unsafe) == (8.5 + 8.0) / 50.0
+    every = np.ones_like(unsafe)
+    assert found.unsafe_fraction(unsafe, every) == (17.0 + 16.5) / 50.0
+    assert found.unsafe_fraction(~unsafe, every) == (8.5 + 8.0) / 50.0
+    assert found.unsafe_fraction(unsafe, unsafe) == 1.0
+
+
+def test_a_division_begins_a_coast_anew_and_is_an_instant_of_a_burn() -> None:
+    found = drift_starts(record(((20, 30),)), 50, [10, 25, 60, TICKS])
+    own = ~found.is_stuck
+    assert list(zip(found.ticks[own], found.last_ticks[own], strict=True)) == [
+        (0, 0), (10, 20), (25, 25), (30, 50), (60, 60)
+    ]  # fmt: skip
+    np.testing.assert_array_equal(found.r_ST_N[1, 0, own], [0.0, 10.0, 25.0, 30.0, 60.0])
