@@ -22,6 +22,7 @@ from rpojax.core.random_streams import Stream
 from rpojax.dispersions.designs.design_kinds import Design
 from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.errors import RpojaxError
+from rpojax.flight.mission.mission_state import AbortReason
 from rpojax.metrics import metric_catalogue
 from rpojax.physics import equipment_faults
 from rpojax.report.labels import metric_label
@@ -367,11 +368,17 @@ def test_the_stages_of_the_page_on_flight_software_act_in_the_loop() -> None:
             for each in fields(Stages)
             if getattr(stages, each.name) != each.default
         }
-    assert set(replaced) == {"formation_law", "wheel_torque", "orbit_update"}
-    file = scenario_loader.load("inspection", ["initial.relative_position_m=[0, -70, 0]"])
+    assert set(replaced) == {"formation_law", "wheel_torque", "orbit_update", "reference", "mission_manager"}
+    tables = scenario_loader.load("inspection", ["initial.relative_position_m=[0, -70, 0]"]).model_dump()
+    phase = {"name": "station", "reference": {"kind": "hold", "position_m": [0.0, -70.0, 0.0]}}
+    file = scenario_loader.validate(tables | {"phases": [phase]})
     _, telemetry = jax.jit(rollout, static_argnums=(0, 3, 4))(*initialise_run(file), 3, Stages(**replaced))
     assert bool(telemetry.frame.box.present.any())
     assert not bool(telemetry.innovation.accepted.any())  # the target is farther than 60 m
+    mission = telemetry.flight.mission
+    assert bool((mission.abort_reason == AbortReason.COMMAND).all())
+    raised = mission.entry.relative_state[:, :3] + jnp.array([[0.0, 0.0, 5.0]])
+    assert jnp.allclose(telemetry.rho_desired_H, raised, rtol=0.0, atol=1e-12)
     assert bool(jnp.isfinite(telemetry.truth.r_ST_N).all())
 
 

@@ -144,12 +144,19 @@ def manage_mission(
         end_H=phase_goal.end_position(settings, tuning, state, predicted.orbit, time),
         range_sigma=predicted.range_ratio_sigma * gradient_safe.norm(predicted.state_H[:3]),
         seen=memory.pointing.acquired,
-        lost=burn_decision.is_lost(params, memory),
+        lost=_is_lost(params, memory),
         confident=memory.health.confident,
         thruster_works=burn_decision.thruster_works(params, memory, time),
         enters_keep_out=clearance < 1.0,
     )
     return stages.call("mission_manager", settings=settings, tuning=tuning, state=state, situation=situation)
+
+
+def _is_lost(params: FlightParams, memory: FlightMemory) -> Flag:
+    """True if the target is out of sight for too long; in the dark, or behind the back, it is to be acquired anew."""
+    pointing = memory.pointing
+    is_late = pointing.unseen_time > params.health.unseen_limit
+    return burn_decision.is_lost(params, memory) & (pointing.acquired | is_late)
 
 
 def other_pointing(

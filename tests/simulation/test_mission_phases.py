@@ -1,0 +1,204 @@
+"""Missions of several phases fly as declared: transitions, pointing, commands, values of single runs, one trace."""
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rpojax.campaign import single_run
+from rpojax.campaign.execution import batch_engine
+from rpojax.campaign.execution.batch_engine import BatchEngine
+from rpojax.campaign.rerun import rerun
+from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
+from rpojax.campaign.storage.campaign_folder import Campaign
+from rpojax.core.pytree import replace
+from rpojax.flight.mission.mission_state import AbortReason
+from rpojax.flight.stages import Stages
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation import step_stages
+from rpojax.simulation.step import step
+from rpojax.simulation.tick import Loop
+
+PHASES: list[dict[str, Any]] = [
+    {
+        "name": "wait",
+        "reference": {"kind": "hold", "position_m": [0.0, 50.0, 0.0]},
+        "until": {"time_s": 50.0, "range_sigma_m": 60.0},
+    },
+    {
+        "name": "ahead",
+        "reference": {"kind": "hold", "position_m": [0.0, 50.0, 0.0]},
+        "pointing": "velocity",
+        "timeout_s": 80.0,
+        "on_timeout": "next",
+    },
+    {
+        "name": "safe",
+        "reference": {"kind": "hold", "position_m": [0.0, 50.0, 0.0]},
+        "pointing": "sun_safe",
+        "until": {"time_s": 80.0},
+    },
+    {
+        "name": "ellipse",
+        "reference": {"kind": "relative_orbit", "radial_m": 20.0, "cross_track_m": 25.0, "along_track_m": 60.0},
+        "passively_safe": True,
+        "delta_v_weight": [4e4, 4e4, 4e4],
+    },
+]
+WAIT, AHEAD, SAFE, ELLIPSE, HELD, ABORTED = range(6)
+DURATION = 400
+OWN_VALUES: dict[str, list[float]] = {
+    "phases.wait.until.time_s": [50.0, 95.0, 50.0, 50.0],
+    "phases.ahead.timeout_s": [80.0, 80.0, 80.0, 35.0],
+    "phases.ellipse.reference.radial_m": [20.0, 20.0, 20.0, 35.0],
+    "phases.ellipse.delta_v_weight[0]": [4e4, 4e4, 4e4, 1e3],
+    "mission.abort_at_s": [1e9, 1e9, 91.0, 1e9],
+    "mission.hold_at_s": [1e9, 310.0, 1e9, 1e9],
+    "mission.resume_at_s": [1e9, 345.0, 1e9, 1e9],
+}
+"""Values of four runs: as the scenario has them; held for a while; aborted; with other numbers of its phases."""
+NOMINAL, HELD_RUN, ABORTED_RUN, OTHER_RUN = range(4)
+
+
+def mission(**changes: Any) -> ScenarioFile:
+    """Four phases in 400 s, with burns every 40 s and decisions every 20 s."""
+    tables = scenario_loader.load("inspection", ["requirements=[]"]).model_dump()
+    tables["rates"]["formation_period_s"] = 40.0
+    tables["formation"]["lead_s"] = 20.0
+    tables["pointing"]["look_away_limit_s"] = 40.0
+    tables["initial"]["relative_position_m"] = [0.0, 50.0, 0.0]
+    return scenario_loader.validate(tables | {"duration_s": float(DURATION), "phases": PHASES} | changes)
+
+
+@pytest.fixture(scope="module")
+def traces() -> list[int]:
+    """One entry for each trace of the step while the campaign is made."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def campaign(programs: None, traces: list[int], tmp_path_factory: pytest.TempPathFactory) -> Campaign:
+    """Four runs with their own values in four blocks."""
+    simulate_tick = step
+
+    def counted(*arguments: Any) -> Any:
+        traces.append(len(arguments))
+        return simulate_tick(*arguments)
+
+    columns = {key: list(values) for key, values in OWN_VALUES.items()}
+    file = mission(design={"kind": "table", "file": "", "values": columns})
+    out = tmp_path_factory.mktemp("phases") / "runs"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(batch_engine, "step", counted)
+        return run_campaign(file, 4, out, seed=3, block_size=1, histories=range(4), devices=jax.devices()[:1])
+
+
+def changes_of(values: np.ndarray) -> list[tuple[int, int]]:
+    """Second of each change of a channel, and the value from then on."""
+    at = np.flatnonzero(np.diff(values)) + 1
+    return [(int(second), int(values[second])) for second in at]
+
+
+def test_phases_change_as_declared(campaign: Campaign) -> None:
+    phase = campaign.history(NOMINAL)["phase"]
+    assert phase[0] == WAIT
+    assert changes_of(phase) == [(60, AHEAD), (140, SAFE), (220, ELLIPSE)]
+    assert not campaign.history(NOMINAL)["abort_reason"].any()
+
+
+def test_runs_follow_their_own_values_and_commands(campaign: Campaign) -> None:
+    assert changes_of(campaign.history(OTHER_RUN)["phase"]) == [(60, AHEAD), (100, SAFE), (180, ELLIPSE)]
+    held = [(100, AHEAD), (180, SAFE), (260, ELLIPSE), (320, HELD), (360, ELLIPSE)]
+    assert changes_of(campaign.history(HELD_RUN)["phase"]) == held
+
+
+def test_an_abort_between_two_decisions_begins_with_the_next_one(campaign: Campaign) -> None:
+    history = campaign.history(ABORTED_RUN)
+    assert changes_of(history["phase"]) == [(60, AHEAD), (100, ABORTED)]
+    assert changes_of(history["abort_reason"]) == [(100, AbortReason.COMMAND)]
+    assert campaign.outcomes.tolist() == ["completed", "completed", "aborted", "completed"]
+
+
+def test_the_desired_position_is_that_of_the_phase(campaign: Campaign) -> None:
+    nominal, other = (campaign.history(run) for run in (NOMINAL, OTHER_RUN))
+    np.testing.assert_array_equal(nominal["rho_desired_H"][:220], np.broadcast_to([0.0, 50.0, 0.0], (220, 3)))
+    for radial, history in ((20.0, nominal), (35.0, other)):
+        place = history["rho_desired_H"][260:].astype(float)
+        # On the ellipse (x / radial)^2 + ((y - offset) / (2 radial))^2 = 1, to the eccentricity of the target's orbit.
+        size = np.hypot(place[:, 0], 0.5 * (place[:, 1] - 60.0))
+        np.testing.assert_allclose(size, radial, rtol=5e-3)
+
+
+def angle_deg(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Angle between vectors [deg]."""
+    cosine = np.sum(a * b, axis=-1) / (np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1))
+    return np.rad2deg(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def test_other_attitudes_are_reached_and_left(campaign: Campaign) -> None:
+    history = campaign.history(NOMINAL)
+    off, line_H, line_N = history["pointing_error_deg"], -history["rho_H"], -history["r_ST_N"]
+    at_target = [*range(30, 60), *range(295, 300)]
+    assert np.all(off[at_target] < 3.0)
+    velocity_H, from_sun_N = np.array([0.0, 1.0, 0.0]), np.array([-1.0, 0.0, 0.0])
+    np.testing.assert_allclose(off[130:140], angle_deg(line_H, velocity_H)[130:140], atol=1.0)
+    np.testing.assert_allclose(off[210:220], angle_deg(line_N, from_sun_N)[210:220], atol=1.0)
+    assert np.all(off[130:140] > 170.0)
+    assert np.all(off[210:220] > 30.0)
+    assert history["box_accepted"][300:].any()
+
+
+def test_the_campaign_traced_the_step_once_whatever_the_values(campaign: Campaign, traces: list[int]) -> None:
+    assert campaign.missing_blocks() == []
+    assert len(traces) == 1
+
+
+def test_rerun_and_resume_give_the_same_bits(campaign: Campaign, tmp_path: Path) -> None:
+    again = rerun(campaign, HELD_RUN, tmp_path / "again").campaign.history(HELD_RUN)
+    for name, values in campaign.history(HELD_RUN).items():
+        np.testing.assert_array_equal(again[name], values, err_msg=name)
+    begun = tmp_path / "begun"
+    shutil.copytree(campaign.directory, begun)
+    (begun / "manifest" / "000002.json").unlink()
+    resumed = resume_campaign(begun)
+    for name, values in campaign.metrics.items():
+        np.testing.assert_array_equal(resumed.metrics[name], values, err_msg=name)
+    np.testing.assert_array_equal(resumed.outcomes, campaign.outcomes)
+
+
+def test_missions_with_the_statistical_camera_in_single_precision_have_channels_of_the_mission() -> None:
+    tables = mission().model_dump()
+    tables["camera"]["model"] = "statistical"
+    engine = BatchEngine(scenario_loader.validate(tables | {"precision": "single"}), 1, jax.devices()[:1])
+    _, channels = engine._loop_traces.outputs
+    found = {name: channels[name].dtype for name in ("phase", "abort_reason", "rho_desired_H")}
+    assert found == {"phase": np.int8, "abort_reason": np.int8, "rho_desired_H": np.float32}
+
+
+def test_a_scenario_without_phases_has_no_channels_of_a_mission() -> None:
+    engine = BatchEngine(scenario_loader.load("inspection", ["duration_s=200"]), 1, jax.devices()[:1])
+    _, channels = engine._loop_traces.outputs
+    assert not {"phase", "abort_reason", "rho_desired_H"} & set(channels)
+
+
+def test_a_held_station_needs_the_burns_of_a_mission_without_phases() -> None:
+    station = {"name": "station", "reference": {"kind": "hold", "position_m": [0.0, -30.0, 0.0]}}
+    tables = scenario_loader.load("inspection").model_dump()
+    with_phase = scenario_loader.validate(tables | {"phases": [station]})
+
+    def delta_v(file: ScenarioFile) -> np.ndarray:
+        scenario, params, state = single_run.initialise_run(file)
+        pointing = replace(state.flight.pointing, acquired=jnp.asarray(True), recent_detections=jnp.asarray(5.0))
+        flight = replace(state.flight, pointing=pointing)
+        loop = Loop(scenario, params, Stages())
+        tick = step_stages.sense(loop, replace(state, flight=flight, tick=state.tick + 200))
+        return np.asarray(step_stages.plan_burn(loop, tick).flight.plan.delta_v_N)
+
+    found, expected = delta_v(with_phase), delta_v(scenario_loader.validate(tables))
+    assert np.linalg.norm(expected) > 1e-3
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=2e-3 * np.linalg.norm(expected))
