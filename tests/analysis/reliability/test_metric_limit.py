@@ -61,7 +61,7 @@ def test_requirements_in_windows_and_of_outcomes_are_no_limits_of_whole_runs(mis
     ]
     for name in ("min_range_m", "min_range_m@0-500"):
         with pytest.raises(
-            RpojaxError, match=rf"^requirement: found '{name}', expected a scenario that has requirements"
+            RpojaxError, match=rf"^requirement: found '{name}', expected a scenario with requirements on"
         ):
             metric_limit.select_limit(scenario_loader.validate(tables), LimitChoice(name, None, None))
     tables["requirements"].append(tables["requirements"][0] | {"limit": 5.0, "to_s": None})
