@@ -20,7 +20,7 @@ from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
-from rpojax.simulation.metrics.facet_inspection import Inspection, Instant, Surface
+from rpojax.simulation.metrics.facet_inspection import Inspection, Instant, Surface, View
 from rpojax.vision.surface.facets import Facets, make_facets
 from rpojax.vision.surface.visibility_table import visibility_table
 
@@ -180,16 +180,18 @@ class SurfaceCoverage:
     def _tally(self, params: Params, surface: Surface, instants: Instant) -> Tally:
         inspection = Inspection(self.scenario, self.section)
 
-        def add(tally: Tally, inputs: tuple[Array, Instant]) -> tuple[Tally, None]:
-            number, instant = inputs
-            lit, seen = inspection.lit_and_seen(params, surface, instant)
+        def add(tally: Tally, inputs: tuple[Array, View]) -> tuple[Tally, None]:
+            number, view = inputs
+            lit, seen = inspection.lit_and_seen(params, surface, view)
             first_seen = jnp.minimum(tally.first_seen, jnp.where(seen, number, _NEVER))
             counts = tally.lit + lit.astype(jnp.int32), tally.seen + seen.astype(jnp.int32)
             return Tally(lit=counts[0], seen=counts[1], first_seen=first_seen), None
 
+        # Before the scan, so that XLA does not compute the geometry again for every facet.
+        views = jax.vmap(lambda instant: inspection.view(params, instant))(instants)
         zero = jnp.zeros(surface.centers.shape[0], jnp.int32)
         empty = Tally(lit=zero, seen=zero, first_seen=zero + _NEVER)
-        return jax.lax.scan(add, empty, (jnp.arange(len(self.ticks), dtype=jnp.int32), instants))[0]
+        return jax.lax.scan(add, empty, (jnp.arange(len(self.ticks), dtype=jnp.int32), views))[0]
 
 
 def _shape(shape: tuple[int, ...], dtype: Any) -> Any:
