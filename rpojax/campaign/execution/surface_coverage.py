@@ -21,8 +21,8 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation.metrics.facet_inspection import Inspection, Instant, Surface, View
-from rpojax.vision.surface.facets import Facets, make_facets
-from rpojax.vision.surface.visibility_table import visibility_table
+from rpojax.vision.surface import surface_cache
+from rpojax.vision.surface.facets import Facets
 
 _CHANNELS: Final = {
     **{name: name for name in ("r_TN_N", "r_ST_N", "q_TN", "q_BN", "running")},
@@ -133,8 +133,7 @@ class SurfaceCoverage:
         return CoverageResults(self._metrics(tally), {"lit_samples": tally.lit, "seen_samples": tally.seen})
 
     def _make_surface(self) -> tuple[Facets, np.ndarray]:
-        facets = make_facets(self._triangles, self.section.facet_size_m)
-        return facets, visibility_table(facets, self._triangles)
+        return surface_cache.facets_and_table(self._triangles, self.section.facet_size_m)
 
     def _made_surface(self) -> tuple[Facets, np.ndarray]:
         self.start()

@@ -48,7 +48,7 @@ def make_facets(triangles: np.ndarray, size_m: float) -> Facets:
         each[areas > 0.0] for each in (pieces, areas, doubled / np.maximum(2 * areas, 1e-300)[:, None])
     )
     middles = pieces.mean(axis=1)
-    directions, _ = octahedral_map.cell_directions(_OPENNESS_CELLS)
+    directions, _ = octahedral_map.corner_directions(_OPENNESS_CELLS)
     outside = free_directions(middles, normals, triangles, directions).any(axis=1)
     pieces, areas, normals, middles = (each[outside] for each in (pieces, areas, normals, middles))
     numbers = _cluster(middles, normals, size_m)

@@ -13,14 +13,15 @@ def cell_directions(cells: int) -> tuple[np.ndarray, np.ndarray]:
 
     `cells` is even, so that the folds of the map lie between cells; a corner that cells share is listed once.
     """
-    corners, numbers = _corner_directions(cells)
+    corners, numbers = corner_directions(cells)
     middles = corners[numbers].sum(axis=1)
     middles /= np.linalg.norm(middles, axis=1, keepdims=True)
     own = len(corners) + np.arange(len(middles))[:, None]
     return np.concatenate([corners, middles]), np.concatenate([numbers, own], axis=1)
 
 
-def _corner_directions(cells: int) -> tuple[np.ndarray, np.ndarray]:
+def corner_directions(cells: int) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors (n, 3) at the corners of cells, and the four (cells^2, 4) of each."""
     places = np.arange(cells + 1)
     # In whole numbers, so that the two images of a direction on the border are recognised as one.
     u, v = np.meshgrid(2 * places - cells, 2 * places - cells, indexing="ij")

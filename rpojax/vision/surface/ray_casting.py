@@ -1,5 +1,8 @@
 """Which rays from points of a surface leave it without meeting a triangle."""
 
+from collections.abc import Iterator
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +15,7 @@ _EDGE_ON = 1e-7
 _LIFT = 1e-4
 """Height of the starts of rays above the surface, as a fraction of the surface's span."""
 
-_POINTS_AT_ONCE = 256
+_POINTS_AT_ONCE = 64
 
 
 def free_directions(
@@ -24,47 +27,58 @@ def free_directions(
         points: (points, 3) on the surface [m]
         normals: (points, 3) unit vectors outwards
         triangles: (triangles, 3, 3) corners of the surface [m]; either side stops a ray
-        directions: (directions, 3) unit vectors
+        directions: (directions, 3) unit vectors, in opposite pairs
     """
     span = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
-    starts = points + _LIFT * span * normals
-    before = _in_front(starts, normals, triangles)
-    most = max(1, *(len(each) for each in before))
-    surface, rays = triangles.astype(np.float32), directions.astype(np.float32)
-    found = []
-    for first in range(0, len(points), _POINTS_AT_ONCE):
-        # The last points are repeated until they fill a call, so that all calls have one size.
-        rows = np.minimum(np.arange(first, first + _POINTS_AT_ONCE), len(points) - 1)
-        numbers = np.full((len(rows), most), -1, dtype=np.int32)
-        for row, each in zip(numbers, (before[row] for row in rows), strict=True):
-            row[: len(each)] = each
-        ahead = (starts[rows].astype(np.float32), normals[rows].astype(np.float32))
-        found.append(np.asarray(_cast(numbers, *ahead, surface, rays))[: len(points) - first])
-    return np.concatenate(found)
+    starts, ahead, surface, rays = (
+        each.astype(np.float32) for each in (points + _LIFT * span * normals, normals, triangles, directions)
+    )
+    counts, free = np.zeros(len(points), dtype=int), np.zeros((len(points), len(directions)), dtype=bool)
+    for part, rows in _calls(np.arange(len(points))):
+        counts[part] = np.asarray(_count_in_front(starts[rows], ahead[rows], surface))[: len(part)]
+    # Points with about as many triangles are cast together, in few sizes, each of which is compiled once.
+    sizes = 8 ** np.ceil(np.log2(np.maximum(counts, 512)) / 3.0).astype(int)
+    for size in np.unique(sizes).tolist():
+        for part, rows in _calls(np.flatnonzero(sizes == size)):
+            free[part] = np.asarray(_cast(starts[rows], ahead[rows], surface, rays, size))[: len(part)]
+    return free
 
 
-def _in_front(starts: np.ndarray, normals: np.ndarray, triangles: np.ndarray) -> list[np.ndarray]:
-    """For each point the numbers of the triangles that reach above its horizon."""
-    corners = np.moveaxis(triangles.astype(np.float32), (1, 2), (0, 1))
-    found = []
-    for rows in np.array_split(np.arange(len(starts)), -(-len(starts) // _POINTS_AT_ONCE)):
-        ahead = normals[rows].astype(np.float32)
-        heights = np.maximum(np.maximum(ahead @ corners[0], ahead @ corners[1]), ahead @ corners[2])
-        level = np.sum(starts[rows] * normals[rows], axis=1, keepdims=True).astype(np.float32)
-        found += [np.flatnonzero(each).astype(np.int32) for each in heights > level]
-    return found
+def _calls(rows: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Rows of each call, and the same with the last one repeated until all calls are of one size."""
+    for part in np.array_split(rows, -(-len(rows) // _POINTS_AT_ONCE)):
+        yield part, part[np.minimum(np.arange(_POINTS_AT_ONCE), len(part) - 1)]
+
+
+def _is_in_front(start: Float[Array, "3"], normal: Float[Array, "3"], triangles: Float[Array, "t 3 3"]) -> Array:
+    """Whether each triangle reaches above the horizon of a point."""
+    heights = [jnp.sum((triangles[:, corner] - start[None, :]) * normal[None, :], axis=1) for corner in range(3)]
+    return jnp.maximum(jnp.maximum(heights[0], heights[1]), heights[2]) > 0.0
 
 
 @jax.jit
+def _count_in_front(
+    starts: Float[Array, "p 3"], normals: Float[Array, "p 3"], triangles: Float[Array, "t 3 3"]
+) -> Int[Array, " p"]:
+    def at_point(inputs: tuple[Array, Array]) -> Array:
+        return jnp.sum(_is_in_front(inputs[0], inputs[1], triangles), dtype=jnp.int32)
+
+    return jax.lax.map(at_point, (starts, normals))
+
+
+@partial(jax.jit, static_argnums=4)
 def _cast(
-    before: Int[Array, "p n"],
     starts: Float[Array, "p 3"],
     normals: Float[Array, "p 3"],
     triangles: Float[Array, "t 3 3"],
     directions: Float[Array, "d 3"],
+    size: int,
 ) -> Bool[Array, "p d"]:
-    def from_point(inputs: tuple[Array, Array, Array]) -> Array:
-        rows, start, normal = inputs
+    """Whether rays are free of at most `size` triangles in front of each point."""
+
+    def from_point(inputs: tuple[Array, Array]) -> Array:
+        start, normal = inputs
+        (rows,) = jnp.nonzero(_is_in_front(start, normal, triangles), size=size, fill_value=-1)
         a, b, c = (triangles[rows, corner] - start[None, :] for corner in range(3))
         # A ray is inside of the cone of a triangle if it is on the same side of all its three planes.
         sides = [jnp.cross(a, b), jnp.cross(b, c), jnp.cross(c, a)]
@@ -72,12 +86,16 @@ def _cast(
         is_edge_on = jnp.abs(volume) <= _EDGE_ON * _length(a) * _length(b) * _length(c)
         turn = jnp.where((rows < 0) | is_edge_on, 0.0, jnp.sign(volume))
         planes = [side * (turn / jnp.maximum(_length(side), 1e-30))[:, None] for side in sides]
+        cosines = jnp.sum(directions * normal[None, :], axis=1)
+        # At most half of the directions are above the horizon, as all come in opposite pairs.
+        upper = jnp.argsort(-cosines)[: directions.shape[0] // 2]
         inside = (turn != 0.0)[None, :]
         for plane in planes:
-            inside = inside & (_dots(directions, plane) > -_EDGE_TOLERANCE)
-        return (jnp.sum(directions * normal[None, :], axis=1) > 0.0) & ~jnp.any(inside, axis=1)
+            inside = inside & (_dots(directions[upper], plane) > -_EDGE_TOLERANCE)
+        free = (cosines[upper] > 0.0) & ~jnp.any(inside, axis=1)
+        return jnp.zeros(directions.shape[0], dtype=bool).at[upper].set(free)
 
-    return jax.lax.map(from_point, (before, starts, normals))
+    return jax.lax.map(from_point, (starts, normals))
 
 
 def _length(vectors: Array) -> Array:
