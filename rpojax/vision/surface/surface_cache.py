@@ -14,7 +14,6 @@ from rpojax.vision.surface.visibility_table import CELLS, visibility_table
 
 _FORMAT: Final = 1
 """To be counted up with every change of what facets and tables are made of."""
-_TABLE: Final = "visible"
 
 
 def facets_and_table(triangles: np.ndarray, size_m: float) -> tuple[Facets, np.ndarray]:
@@ -47,7 +46,7 @@ def _read(path: Path) -> tuple[Facets, np.ndarray] | None:
     try:
         with np.load(path, allow_pickle=False) as content:
             arrays = dict(content)
-        table = arrays.pop(_TABLE)
+        table = arrays.pop("visible")
         return Facets(**arrays), table
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error):
         return None
@@ -59,7 +58,15 @@ def _write(path: Path, facets: Facets, table: np.ndarray) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with partial.open("wb") as stream:
-            np.savez_compressed(stream, **facets.arrays(), **{_TABLE: table})
+            np.savez_compressed(
+                stream,
+                centers=facets.centers,
+                normals=facets.normals,
+                areas=facets.areas,
+                pieces=facets.pieces,
+                piece_facets=facets.piece_facets,
+                visible=table,
+            )
         partial.replace(path)
     except OSError:
         partial.unlink(missing_ok=True)
