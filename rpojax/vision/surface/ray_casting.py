@@ -37,7 +37,7 @@ def free_directions(
     for part, rows in _calls(np.arange(len(points))):
         counts[part] = np.asarray(_count_in_front(starts[rows], ahead[rows], surface))[: len(part)]
     # Points with about as many triangles are cast together, in few sizes, each of which is compiled once.
-    sizes = 8 ** np.ceil(np.log2(np.maximum(counts, 512)) / 3.0).astype(int)
+    sizes = np.where(counts <= 16, 16, 8 ** np.ceil(np.log2(np.maximum(counts, 512)) / 3.0).astype(int))
     for size in np.unique(sizes).tolist():
         for part, rows in _calls(np.flatnonzero(sizes == size)):
             free[part] = np.asarray(_cast(starts[rows], ahead[rows], surface, rays, size))[: len(part)]
