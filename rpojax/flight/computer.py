@@ -72,7 +72,7 @@ def initial(
         station_keeping=station_keeping.solve_station_keeping(params.formation, n, period),
         wheel_allocation=wheel_torque_allocation.allocation_matrix(params.vehicle.wheel_axes),
         mission=None if mission is None else mission_decision.initial_state(params, orbit),
-        phase_gains=None if mission is None else mission_decision.phase_gains(mission, params, n, period),
+        phase_gains=None if mission is None else mission_decision.phase_gains(mission, params, orbit, period),
     )
 
 

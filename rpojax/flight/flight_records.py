@@ -57,7 +57,8 @@ class FlightMemory:
         station_keeping: free motion and impulse that keep the station, solved once at start
         wheel_allocation: (3, 3) body torque to wheel torques, solved once at start
         mission: state of the mission manager, None without phases
-        phase_gains: (rows, 3, 6) of the formation controller by row of the phase table, None without phases
+        phase_gains: (places, 3, 6) gains of the formation controller over the orbit for each row of the phase table,
+            None without phases
     """
 
     orbit: OrbitEstimate
@@ -74,7 +75,7 @@ class FlightMemory:
     station_keeping: StationKeeping
     wheel_allocation: Array
     mission: MissionState | None = None
-    phase_gains: Array | None = None
+    phase_gains: tuple[Array, ...] | None = None
 
 
 @pytree

@@ -6,11 +6,13 @@ from jaxtyping import Array, Bool, Float
 from rpojax.core.frames import hill_frame, inertial_to_hill
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.orbits import yamanaka_ankersen
+from rpojax.core.orbits.keplerian_elements import mean_motion
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.core.pytree import pytree, replace, select
 from rpojax.core.vectors import apply_transposed, cross
 from rpojax.flight import burn_decision, phase_goal
-from rpojax.flight.control import formation_law, reference_governor
+from rpojax.flight.control import formation_law, periodic_lqr_gain, reference_governor
+from rpojax.flight.control.formation_tuning import FormationTuning
 from rpojax.flight.control.lqr_gain import lqr_gain
 from rpojax.flight.flight_records import FlightMemory, FlightParams
 from rpojax.flight.guidance import burn_planning, line_of_sight_uncertainty
@@ -93,23 +95,31 @@ def initial_state(params: FlightParams, estimate: OrbitEstimate) -> MissionState
 
 
 def phase_gains(
-    settings: MissionSettings, params: FlightParams, n: Scalar, hold_period: float
-) -> Float[Array, "rows 3 6"]:
-    """LQR gains by row of the phase table at mean motion `n` [rad/s]; held places have a `hold_period` [s]."""
+    settings: MissionSettings, params: FlightParams, estimate: OrbitEstimate, hold_period: float
+) -> tuple[Float[Array, "places 3 6"], ...]:
+    """LQR gains over the orbit by row of the phase table; held places have a `hold_period` [s]."""
     assert params.mission is not None
-    formation = params.formation
+    relative, servicer = estimate.relative, estimate.servicer
+    orbit = yamanaka_ankersen.target_orbit(servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N)
+
+    def over_orbit(weights: FormationTuning, places: int, period: float) -> Float[Array, "places 3 6"]:
+        if places == 1:
+            return lqr_gain(weights, mean_motion(orbit.semi_major_axis), period)[None]
+        return periodic_lqr_gain.periodic_lqr_gains(weights, orbit, places)
+
     tick_s = hold_period / settings.hold_ticks
     gains = []
     for static in settings.phases:
         phase = params.mission.phases[static.name]
         weights = replace(
-            formation,
+            params.formation,
             position_weight=phase.position_weight,
             velocity_weight=phase.velocity_weight,
             delta_v_weight=phase.delta_v_weight,
         )
-        gains.append(lqr_gain(weights, n, static.control_ticks * tick_s))
-    return jnp.stack([*gains, *(2 * [lqr_gain(formation, n, hold_period)])])
+        gains.append(over_orbit(weights, static.burns_per_orbit, static.control_ticks * tick_s))
+    held = over_orbit(params.formation, settings.hold_burns_per_orbit, hold_period)
+    return (*gains, held, held)
 
 
 def manage_mission(
@@ -261,7 +271,9 @@ def _planned_delta_v(
     assert state is not None
     assert tuning is not None
     assert memory.phase_gains is not None
-    gain = of_phase(state.phase, list(memory.phase_gains))
+    gain = of_phase(
+        state.phase, [periodic_lqr_gain.gain_at(gains, predicted.burn_orbit) for gains in memory.phase_gains]
+    )
     goal = phase_goal.goal_at_burn(
         stages,
         settings,

@@ -72,6 +72,7 @@ class NavigationHealth:
         mean: (6,) fading mean of the normalised innovations: GPS x, y, z, bearing right and down, size [-]
         square: (6,) fading mean of their squares [-]
         contradicted: () fading share of boxes that were rejected although others confirm them [-]
+        size_error: (2,) fading mean of the estimated size error: end-on, an outline may be far smaller for a while [-]
         effort: velocity corrections between burns
         ratios: (8,) statistic over threshold of each of `TESTS` [-]
         confident: () bool, the tests of the relative estimate, all but that of GPS, have passed
@@ -81,6 +82,7 @@ class NavigationHealth:
     mean: Array
     square: Array
     contradicted: Array
+    size_error: Array
     effort: ControlEffort
     ratios: Array
     confident: Array
@@ -93,6 +95,7 @@ def initial(relative: RelativeEstimate) -> NavigationHealth:
         mean=jnp.zeros(6, dtype=jnp.float64),
         square=jnp.ones(6, dtype=jnp.float64),
         contradicted=jnp.zeros((), dtype=jnp.float64),
+        size_error=jnp.zeros_like(relative.scale),
         effort=control_effort.initial(),
         ratios=jnp.zeros(len(TESTS), dtype=jnp.float64),
         confident=jnp.ones((), dtype=bool),
@@ -131,16 +134,15 @@ def update(
     samples = 2.0 / evidence
     excess_limit = _NOISE_TOLERANCE**2 * _chi_square_over_dof(tuning.alarm_sigma, samples) - 1.0
     effort_limit = _NOISE_TOLERANCE**2 * _chi_square_over_dof(tuning.alarm_sigma, control_effort.DEGREES_OF_FREEDOM)
-    size_error = jnp.abs(jnp.sum(estimate.scale, axis=0)) / gradient_safe.sqrt(
-        jnp.sum(shape_errors.scale_variance(filter_tuning), axis=0)
-    )
+    size_error = health.size_error + share * (estimate.scale - health.size_error)
+    size_sigma = gradient_safe.sqrt(jnp.sum(shape_errors.scale_variance(filter_tuning), axis=0))
     ratios = jnp.stack(
         [
             (jnp.max(square[:3], axis=0) - 1.0) / excess_limit,
             (jnp.max(square[3:], axis=0) - 1.0) / excess_limit,
             jnp.max(jnp.abs(mean[3:]), axis=0) * jnp.sqrt(samples) / tuning.alarm_sigma,
             contradicted / tuning.contradiction_limit,
-            size_error / tuning.size_limit,
+            jnp.abs(jnp.sum(size_error, axis=0)) / size_sigma / tuning.size_limit,
             unseen_time / tuning.unseen_limit,
             range_sigma / tuning.range_limit,
             effort.ratio / effort_limit,
@@ -153,6 +155,7 @@ def update(
         mean=mean,
         square=square,
         contradicted=contradicted,
+        size_error=size_error,
         effort=effort,
         ratios=ratios,
         confident=confident,

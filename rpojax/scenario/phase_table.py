@@ -8,6 +8,7 @@ from typing import Any, Final
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from rpojax.flight.control import periodic_lqr_gain
 from rpojax.flight.guidance.references.approach import Approach
 from rpojax.flight.guidance.references.fly_around import FlyAround
 from rpojax.flight.guidance.references.hold import Hold
@@ -19,6 +20,7 @@ from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Phase, Un
 from rpojax.scenario import key_units
 from rpojax.scenario.phases.phase_sections import PhaseSection
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.warnings.orbit_geometry import mean_motion
 
 Table = Mapping[str, Any]
 
@@ -42,6 +44,9 @@ _NO_CONDITION: Final[dict[str, Any]] = {
 }
 """Values of the conditions of `until` that always hold."""
 
+_NEAR_CIRCLE: Final = 0.02
+"""Eccentricity below which the gain for a circular orbit serves everywhere on the orbit [-]."""
+
 _WEIGHTS: Final = ("position_weight", "velocity_weight", "delta_v_weight")
 
 
@@ -56,12 +61,18 @@ def mission_settings(file: ScenarioFile) -> MissionSettings:
     def ticks(seconds: float) -> int:
         return round(seconds * file.rates.camera_hz)
 
+    def gains(control_period: float) -> int:
+        if file.orbit.eccentricity < _NEAR_CIRCLE:
+            return 1
+        return periodic_lqr_gain.burns_per_orbit(2.0 * math.pi / mean_motion(file), control_period)
+
     return MissionSettings(
         phases=tuple(
             PhaseSettings(
                 name=phase.name,
                 pointing=phase.pointing,
                 control_ticks=ticks(control_period_s(file, phase)),
+                burns_per_orbit=gains(control_period_s(file, phase)),
                 on_timeout=phase.on_timeout,
                 ends=phase.until is not None,
                 passively_safe=phase.passively_safe,
@@ -71,6 +82,7 @@ def mission_settings(file: ScenarioFile) -> MissionSettings:
         ),
         decision_ticks=ticks(file.mission.decision_period_s),
         hold_ticks=ticks(file.rates.formation_period_s),
+        hold_burns_per_orbit=gains(file.rates.formation_period_s),
     )
 
 

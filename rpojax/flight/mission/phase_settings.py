@@ -15,6 +15,7 @@ class PhaseSettings:
         name: of the phase
         pointing: where the camera looks
         control_ticks: ticks between burn decisions
+        burns_per_orbit: number of LQR gains over an orbit; 1 if it is so near to a circle that they are equal
         on_timeout: what follows a timeout
         ends: whether it has conditions that end it
         passively_safe: whether no planned burn may make the free drift unsafe
@@ -24,6 +25,7 @@ class PhaseSettings:
     name: str
     pointing: Pointing
     control_ticks: int
+    burns_per_orbit: int
     on_timeout: TimeoutAction
     ends: bool
     passively_safe: bool
@@ -38,11 +40,13 @@ class MissionSettings:
         phases: in their order
         decision_ticks: ticks between decisions of the mission manager
         hold_ticks: ticks between burn decisions while it holds its place or has aborted
+        hold_burns_per_orbit: number of LQR gains over an orbit then
     """
 
     phases: tuple[PhaseSettings, ...]
     decision_ticks: int
     hold_ticks: int
+    hold_burns_per_orbit: int
 
     @property
     def hold(self) -> int:

@@ -34,13 +34,19 @@ def settings(on_timeout: TimeoutAction = "hold", passively_safe: bool = False) -
             name=name,
             pointing="target",
             control_ticks=200,
+            burns_per_orbit=1,
             on_timeout=on_timeout,
             ends=True,
             passively_safe=passively_safe,
             has_corridor=name == "first",
         )
 
-    return MissionSettings(phases=(phase("first"), phase("second"), phase("last")), decision_ticks=20, hold_ticks=200)
+    return MissionSettings(
+        phases=(phase("first"), phase("second"), phase("last")),
+        decision_ticks=20,
+        hold_ticks=200,
+        hold_burns_per_orbit=1,
+    )
 
 
 def tuning(until: Until, timeout: float = np.inf, **commands: float) -> MissionTuning:
