@@ -8,6 +8,7 @@ from typing import Any, Final
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from rpojax.core.constants import MU_EARTH
 from rpojax.flight.control import periodic_lqr_gain
 from rpojax.flight.guidance.references.approach import Approach
 from rpojax.flight.guidance.references.fly_around import FlyAround
@@ -20,7 +21,6 @@ from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Phase, Un
 from rpojax.scenario import key_units
 from rpojax.scenario.phases.phase_sections import PhaseSection
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.warnings.orbit_geometry import mean_motion
 
 Table = Mapping[str, Any]
 
@@ -64,7 +64,8 @@ def mission_settings(file: ScenarioFile) -> MissionSettings:
     def gains(control_period: float) -> int:
         if file.orbit.eccentricity < _NEAR_CIRCLE:
             return 1
-        return periodic_lqr_gain.burns_per_orbit(2.0 * math.pi / mean_motion(file), control_period)
+        orbit_period = 2.0 * math.pi * math.sqrt(file.orbit.semi_major_axis_m**3 / MU_EARTH)
+        return periodic_lqr_gain.burns_per_orbit(orbit_period, control_period)
 
     return MissionSettings(
         phases=tuple(
