@@ -123,14 +123,18 @@ def phase_gains(
 
 
 def manage_mission(
-    stages: Stages, settings: MissionSettings, params: FlightParams, memory: FlightMemory, time: Scalar
+    stages: Stages,
+    settings: MissionSettings,
+    params: FlightParams,
+    memory: FlightMemory,
+    predicted: Prediction,
+    time: Scalar,
 ) -> MissionState:
-    """State of the mission after a decision at `time` [s]."""
+    """State of the mission after a decision at `time` [s], with the motion `predicted` from the estimate."""
     state, tuning = memory.mission, params.mission
     assert state is not None
     assert tuning is not None
     lead = params.formation.lead
-    predicted = predict_to_burn(params, memory.orbit)
     # An abort that is decided at the next decision burns its `lead` later.
     soon = 2.0 * lead
     drift = Drift(
@@ -197,6 +201,7 @@ def plan_burn(
     settings: MissionSettings,
     params: FlightParams,
     memory: FlightMemory,
+    predicted: Prediction,
     pointing: TargetPointing,
     time: Scalar,
     tick_s: float,
@@ -213,7 +218,6 @@ def plan_burn(
     period = constant_of_phase(state.phase, settings.control_ticks) * tick_s
     since = time - state.entered_at
     whole = jnp.abs(since - period * jnp.round(since / period)) < 0.5 * tick_s
-    predicted = predict_to_burn(params, memory.orbit)
     planned_H = _planned_delta_v(stages, settings, params, memory, predicted, pointing, time, period, tick_s)
     aborted = state.phase == settings.aborted
     works = burn_decision.thruster_works(params, memory, time)

@@ -62,13 +62,19 @@ def desired_state(
 def end_position(
     settings: MissionSettings, tuning: MissionTuning, state: MissionState, orbit: TargetOrbit, time: Scalar
 ) -> Vector:
-    """Position [m] at which the present phase's reference ends, or that at `time` [s] of one without an end."""
+    """Position [m] at which the present phase's reference ends, or that at `time` [s] of one without an end.
+
+    A phase that no condition ends has that of its entry.
+    """
     elapsed = time - state.starts_at
+    entry = state.entry
     ends = [
-        reference_motion.end_position(reference, state.entry, orbit, elapsed)
-        for _, reference in references(settings, tuning, state.entry)
+        reference_motion.end_position(tuning.phases[phase.name].reference, entry, orbit, elapsed)
+        if phase.ends
+        else entry.relative_state[:3]
+        for phase in settings.phases
     ]
-    return of_phase(state.phase, ends)
+    return of_phase(jnp.minimum(state.phase, settings.hold), [*ends, entry.relative_state[:3]])
 
 
 def goal_at_burn(

@@ -12,6 +12,7 @@ from rpojax.flight import burn_decision, computer, mission_decision
 from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.guidance import burn_planning, target_pointing
 from rpojax.flight.mission.mission_state import MissionState
+from rpojax.flight.mission_decision import Prediction
 from rpojax.flight.navigation import attitude_ekf
 from rpojax.physics import equipment_faults, plant
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
@@ -86,18 +87,23 @@ def navigate(loop: Loop, tick: Tick) -> Tick:
 
 
 def manage_mission(loop: Loop, tick: Tick) -> Tick:
-    """Phase of the mission, reconsidered on decision ticks; nothing without phases."""
-    mission = loop.scenario.mission
+    """Phase of the mission, reconsidered on decision ticks, and the prediction for it; nothing without phases."""
+    flight, mission = loop.params.flight, loop.scenario.mission
     if mission is None:
         return tick
+    shape = jax.eval_shape(mission_decision.predict_to_burn, flight, tick.flight.orbit)
 
-    def decide(memory: FlightMemory) -> MissionState | None:
-        return mission_decision.manage_mission(loop.stages, mission, loop.params.flight, memory, tick.time)
+    def decide(memory: FlightMemory) -> tuple[MissionState | None, Prediction]:
+        predicted = mission_decision.predict_to_burn(flight, memory.orbit)
+        return mission_decision.manage_mission(loop.stages, mission, flight, memory, predicted, tick.time), predicted
+
+    def keep(memory: FlightMemory) -> tuple[MissionState | None, Prediction]:
+        return memory.mission, jax.tree.map(jnp.zeros_like, shape)
 
     with jax.named_scope("manage_mission"):
         due = tick.state.tick % mission.decision_ticks == 0
-        state = jax.lax.cond(due, decide, lambda memory: memory.mission, tick.flight)
-    return replace(tick, flight=replace(tick.flight, mission=state))
+        state, predicted = jax.lax.cond(due, decide, keep, tick.flight)
+    return replace(tick, flight=replace(tick.flight, mission=state), prediction=predicted)
 
 
 def plan_burn(loop: Loop, tick: Tick) -> Tick:
@@ -111,8 +117,9 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
     def decide(memory: FlightMemory) -> tuple[burn_planning.BurnPlan, BurnError]:
         error = draw_burn_error(loop.params.plant.thruster, tick.noise.burn)
         if mission is not None:
+            assert tick.prediction is not None
             plan, due = mission_decision.plan_burn(
-                loop.stages, mission, flight, memory, pointing, tick.time, scenario.tick_s
+                loop.stages, mission, flight, memory, tick.prediction, pointing, tick.time, scenario.tick_s
             )
             return select(due, (plan, error), keep(memory))
         plan = burn_decision.plan_burn(

@@ -6,6 +6,7 @@ from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
 from rpojax.flight.flight_records import FlightMemory, Measurements
+from rpojax.flight.mission_decision import Prediction
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation
 from rpojax.flight.stages import Stages
@@ -50,6 +51,7 @@ class Tick:
         flight: memory of the flight software after the latest stage
         burn_error: execution error of the present burn
         innovation: of the orbit filter, None before navigation
+        prediction: of the relative motion to a burn on decision ticks of a mission, else zero; None without phases
         mode: () pointing mode, None before guidance
     """
 
@@ -63,6 +65,7 @@ class Tick:
     flight: FlightMemory
     burn_error: BurnError
     innovation: Innovation | None = None
+    prediction: Prediction | None = None
     mode: Array | None = None
 
 

@@ -18,6 +18,7 @@ from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.core.pytree import replace
 from rpojax.flight.mission.mission_state import AbortReason
 from rpojax.flight.stages import Stages
+from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation import step_stages
@@ -186,19 +187,44 @@ def test_a_scenario_without_phases_has_no_channels_of_a_mission() -> None:
     assert not {"phase", "abort_reason", "rho_desired_H"} & set(channels)
 
 
+def planned_delta_v(file: ScenarioFile, **numbers: jax.Array) -> jax.Array:
+    """Velocity change of the burn that is planned at 200 s, with the state of the start and a target in sight.
+
+    `numbers` are those of the reference of the phase `only`.
+    """
+    scenario, params, state = single_run.initialise_run(file)
+    pointing = replace(state.flight.pointing, acquired=jnp.asarray(True), recent_detections=jnp.asarray(5.0))
+    state = replace(state, flight=replace(state.flight, pointing=pointing), tick=state.tick + 200)
+    changed = dispersed_values.apply_to_params(params, {f"phases.only.reference.{k}": v for k, v in numbers.items()})
+    loop = Loop(scenario, changed, Stages())
+    tick = step_stages.manage_mission(loop, step_stages.sense(loop, state))
+    return step_stages.plan_burn(loop, tick).flight.plan.delta_v_N
+
+
 def test_a_held_station_needs_the_burns_of_a_mission_without_phases() -> None:
     station = {"name": "station", "reference": {"kind": "hold", "position_m": [0.0, -30.0, 0.0]}}
     tables = scenario_loader.load("inspection").model_dump()
-    with_phase = scenario_loader.validate(tables | {"phases": [station]})
+    found = planned_delta_v(scenario_loader.validate(tables | {"phases": [station]}))
+    expected = planned_delta_v(scenario_loader.validate(tables))
+    assert jnp.linalg.norm(expected) > 1e-3
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=2e-3 * float(jnp.linalg.norm(expected)))
 
-    def delta_v(file: ScenarioFile) -> np.ndarray:
-        scenario, params, state = single_run.initialise_run(file)
-        pointing = replace(state.flight.pointing, acquired=jnp.asarray(True), recent_detections=jnp.asarray(5.0))
-        flight = replace(state.flight, pointing=pointing)
-        loop = Loop(scenario, params, Stages())
-        tick = step_stages.sense(loop, replace(state, flight=flight, tick=state.tick + 200))
-        return np.asarray(step_stages.plan_burn(loop, tick).flight.plan.delta_v_N)
 
-    found, expected = delta_v(with_phase), delta_v(scenario_loader.validate(tables))
-    assert np.linalg.norm(expected) > 1e-3
-    np.testing.assert_allclose(found, expected, rtol=0.0, atol=2e-3 * np.linalg.norm(expected))
+@pytest.mark.parametrize(
+    ("reference", "key", "step"),
+    [
+        ({"kind": "relative_orbit", "radial_m": 8.0, "along_track_m": -50.0, "join_s": 3000.0}, "radial_m", 1e-3),
+        ({"kind": "transfer", "position_m": [0.0, -40.0, 0.0], "duration_s": 1500.0}, "duration_s", 0.1),
+    ],
+)
+def test_the_derivative_of_a_planned_burn_by_a_number_of_its_phase(
+    reference: dict[str, Any], key: str, step: float
+) -> None:
+    tables = scenario_loader.load("inspection").model_dump()
+    file = scenario_loader.validate(tables | {"phases": [{"name": "only", "reference": reference}]})
+    planned = jax.jit(lambda value: planned_delta_v(file, **{key: value}))
+    value = jnp.asarray(reference[key])
+    found = jax.jit(jax.jacfwd(planned))(value)
+    central = (planned(value + step) - planned(value - step)) / (2.0 * step)
+    assert jnp.linalg.norm(central) > 1e-7
+    np.testing.assert_allclose(found, central, rtol=0.0, atol=1e-4 * float(jnp.linalg.norm(central)))
