@@ -1,10 +1,12 @@
 """The packaged target against the packaged scenario."""
 
+import sys
+
 import numpy as np
 import pytest
 
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.training.synthetic_data.meshes import packaged_target, target_mesh
+from rpojax.training.synthetic_data.meshes import mesh_files, packaged_target, target_mesh
 
 
 def test_packaged_target_fills_hull_of_scenario(inspection_file: ScenarioFile) -> None:
@@ -33,3 +35,12 @@ def test_outline_and_size_of_packaged_target_match_scenario(inspection_file: Sce
     assert 4 <= len(hull) <= 64
     # The nozzle and the dish are outside of the hull of the scenario.
     assert target_mesh.apparent_size(hull) == pytest.approx(size, rel=0.05)
+
+
+def test_packaged_target_needs_no_optional_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    mesh = mesh_files.load_mesh("target")
+    triangles = np.concatenate([part.vertices[part.faces] for part in mesh.parts])
+    # Bus, five plates, panels and cells, cylinders, ring, and the shells of two paraboloids: all face outwards.
+    volumes = np.sum(triangles[:, 0] * np.cross(triangles[:, 1], triangles[:, 2]), axis=1) / 6.0
+    assert volumes.sum() == pytest.approx(0.16145, rel=1e-3)
