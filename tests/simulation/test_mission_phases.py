@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rpojax.analysis.gradients.scenario_gradient import Gradient, gradient
 from rpojax.campaign import single_run
 from rpojax.campaign.execution import batch_engine
 from rpojax.campaign.execution.batch_engine import BatchEngine
@@ -228,3 +229,36 @@ def test_the_derivative_of_a_planned_burn_by_a_number_of_its_phase(
     central = (planned(value + step) - planned(value - step)) / (2.0 * step)
     assert jnp.linalg.norm(central) > 1e-7
     np.testing.assert_allclose(found, central, rtol=0.0, atol=1e-4 * float(jnp.linalg.norm(central)))
+
+
+@pytest.mark.slow
+def test_derivatives_of_metrics_by_numbers_of_phases_agree_with_central_differences() -> None:
+    near = {"kind": "transfer", "position_m": [0.0, -40.0, 0.0], "duration_s": 350.0}
+    around = {"kind": "relative_orbit", "radial_m": 8.0, "cross_track_m": 6.0, "along_track_m": -40.0, "join_s": 1500.0}
+    phases = [
+        {"name": "near", "reference": near, "timeout_s": 380.0, "on_timeout": "next"},
+        {"name": "around", "reference": around},
+    ]
+    calm = ["duration_s=660", "camera.outlier_probability=0.0", "camera.miss_probability=0.0", "requirements=[]"]
+    tables = scenario_loader.load("inspection", calm).model_dump()
+    metrics = ["formation_error_rms_m", "delta_v_m_s", "min_range_m"]
+    steps = {"phases.near.reference.duration_s": 0.01, "phases.around.reference.radial_m": 1e-3}
+
+    def derivatives(**changes: float) -> Gradient:
+        shifted = [
+            phases[0] | {"reference": near | {"duration_s": 350.0 + changes.get("duration_s", 0.0)}},
+            phases[1] | {"reference": around | {"radial_m": 8.0 + changes.get("radial_m", 0.0)}},
+        ]
+        file = scenario_loader.validate(tables | {"phases": shifted})
+        return gradient(file, list(steps), metrics, runs=2, seed=3, progress=False)
+
+    found = derivatives()
+    for key, step_size in steps.items():
+        name = key.rpartition(".")[2]
+        after, before = (derivatives(**{name: sign * step_size}) for sign in (1.0, -1.0))
+        np.testing.assert_array_equal(after.events, found.events)
+        np.testing.assert_array_equal(before.events, found.events)
+        for metric in metrics:
+            central = (after.metrics[metric] - before.metrics[metric]) / (2.0 * step_size)
+            assert np.all(central != 0.0)
+            np.testing.assert_allclose(found.derivatives[metric][key], central, rtol=1e-3)

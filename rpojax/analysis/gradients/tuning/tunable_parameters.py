@@ -25,6 +25,7 @@ def _lead_time_coordinate(file: ScenarioFile) -> LogitCoordinate:
     return LogitCoordinate(half, file.rates.formation_period_s - half)
 
 
+_WEIGHTS: Final = ("formation.position_weight", "formation.velocity_weight", "formation.delta_v_weight")
 GROUPS: Final[dict[str, dict[str, Coordinate | Callable[[ScenarioFile], Coordinate]]]] = {
     "navigation": {
         "navigation.gps_noise_m": LogCoordinate(),
@@ -43,11 +44,7 @@ GROUPS: Final[dict[str, dict[str, Coordinate | Callable[[ScenarioFile], Coordina
         "navigation.burn_direction_sigma_deg": LogCoordinate(),
     },
     "gate": {"navigation.gate_sigma": LogitCoordinate(1.5, 12.0)},
-    "formation": {
-        "formation.position_weight": LogCoordinate(),
-        "formation.velocity_weight": LogCoordinate(),
-        "formation.delta_v_weight": LogCoordinate(),
-    },
+    "formation": dict.fromkeys(_WEIGHTS, LogCoordinate()),
     "attitude": {
         "attitude_control.bandwidth_rad_s": LogitCoordinate(0.02, 2.0),
         "attitude_control.damping": LogitCoordinate(0.2, 3.0),
@@ -125,7 +122,8 @@ def select_parameters(file: ScenarioFile, names: Sequence[str]) -> TunableParame
     itself is refused.
 
     Raises:
-        ScenarioError: a name is neither a group nor a tunable key, the key is dispersed, or nothing is left.
+        ScenarioError: a name is neither a group nor a tunable key, the key is dispersed or without effect in a mission
+            with phases, or nothing is left.
     """
     selected: dict[str, bool] = {}
     for name in names:
@@ -138,6 +136,8 @@ def select_parameters(file: ScenarioFile, names: Sequence[str]) -> TunableParame
     nominal, coordinates, held = {}, {}, []
     for key, by_name in selected.items():
         value = np.asarray(nominal_of_key(file, key), dtype=np.float64)
+        if file.phases and key in _WEIGHTS:
+            raise ScenarioError(key, "phases, which have weights of their own", "no [[phases]] to tune it")
         if key in dispersion_keys.varied_keys(file):
             raise ScenarioError(key, "a dispersion of it", "a number that all runs share, to tune it")
         coordinate = _coordinate(file, key)

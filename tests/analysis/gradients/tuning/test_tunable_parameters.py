@@ -62,6 +62,12 @@ def test_what_cannot_be_tuned_is_refused_in_one_line(names: list[str], overrides
     assert "\n" not in str(refused.value)
 
 
+def test_weights_of_a_mission_with_phases_are_not_tuned_as_those_of_the_formation() -> None:
+    with pytest.raises(ScenarioError, match=r"formation.position_weight: found 'phases, which have weights"):
+        tunable_parameters.select_parameters(rpojax.load("safety_ellipse"), ["formation"])
+    assert tunable_parameters.select_parameters(rpojax.load("safety_ellipse"), ["navigation"]).names
+
+
 def test_a_dispersed_number_is_not_tuned() -> None:
     entry = {"key": "navigation.edge_noise_px", "kind": "normal", "sigma": 0.1}
     tables = INSPECTION.model_dump()
