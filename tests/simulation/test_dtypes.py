@@ -33,6 +33,7 @@ EXCEPTIONS = {
         "an initial value, which has no arguments; a run is initialised in double precision and rounded",
     ),
     "core/random_streams.py": "drawn numbers, which depend on keys alone",
+    "simulation/metrics/facet_inspection.py": "recorded channels, in single precision, after the simulation",
     "simulation/step_stages.py": "times of the plant steps of a tick, which depend on the scenario alone",
 }
 """File -> why it asks for a dtype itself."""
