@@ -59,6 +59,7 @@ def test_the_table_holds_every_key_that_is_read() -> None:
 
 
 def test_nothing_reads_a_nominal_number_that_a_run_may_have_of_its_own() -> None:
+    """Parameters (`params.…`) hold the run's own numbers, sections of a scenario the nominal ones."""
     found = []
     keys = _dispersible_keys()
     for path, tree in _modules():
@@ -66,7 +67,7 @@ def test_nothing_reads_a_nominal_number_that_a_run_may_have_of_its_own() -> None
         for node in ast.walk(tree):
             if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Attribute):
                 chain = f"{node.value.attr}.{node.attr}"
-                if chain in keys and id(node) not in allowed:
+                if chain in keys and id(node) not in allowed and not ast.unparse(node).startswith("params."):
                     found.append(f"{path.relative_to(PACKAGE)}: {chain}")
     assert found == []
 

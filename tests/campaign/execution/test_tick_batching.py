@@ -50,12 +50,17 @@ def largest(leaf: Any) -> float:
     return float(np.max(np.abs(np.where(np.isfinite(leaf), leaf, 0.0)), initial=0.0))
 
 
-def magnitude(leaf_name: str, leaf: Any, channels: Any, focal_px: float) -> float:
+def magnitude(leaf_name: str, leaf: Any, state: Any, channels: Any, focal_px: float) -> float:
     """Magnitude of the numbers that a leaf is made of: its largest, or that of the numbers whose difference it is.
 
-    A gyro bias is learnt from differences of rates of some 1 rad/s, a bearing bias from those of two boxes.
+    A gyro bias is learnt from differences of rates of some 1 rad/s, a bearing bias from those of two boxes, the
+    variance of the control effort from those of velocity covariances.
     """
-    terms = {"bias_B": 1.0, "bearing_bias": largest(channels["expected_px"]) / focal_px}
+    terms = {
+        "bias_B": 1.0,
+        "bearing_bias": largest(channels["expected_px"]) / focal_px,
+        "variance": largest(state.flight.orbit.relative.covariance[3:6, 3:6]),
+    }
     return max(largest(leaf), terms.get(leaf_name, 0.0))
 
 
@@ -100,7 +105,7 @@ def assert_both_ways_agree(name: str, overrides: Sequence[str] = (), same_deriva
         if not jnp.issubdtype(found.dtype, jnp.floating):
             assert found.dtype == jax.dtypes.float0 or np.array_equal(found, expected), leaf
             continue
-        scale = magnitude(getattr(path[-1], "name", ""), expected, theirs[path[0].idx][1], focal_px)
+        scale = magnitude(getattr(path[-1], "name", ""), expected, *theirs[path[0].idx], focal_px)
         of_number = same_derivatives if path[0].idx else SAME
         same = of_number if found.dtype == np.float64 else SAME_SINGLE
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=same * scale, err_msg=leaf)
