@@ -29,6 +29,8 @@ class SyntheticCampaign:
     events: list[OutcomeEvent]
     coverage: dict[str, np.ndarray] = field(default_factory=dict)
     surface: dict[str, np.ndarray] = field(default_factory=dict)
+    phases: dict[str, np.ndarray] = field(default_factory=dict)
+    phase_names: tuple[str, ...] = ()
 
     @property
     def run_ids(self) -> np.ndarray:

@@ -12,11 +12,14 @@ RECORD_BYTES_PER_TICK = 160
 """Memory per run and tick for the channels that metrics and free drifts need [B]."""
 POSE_BYTES_PER_TICK = 44
 """Memory per run and tick for the poses that coverage needs, and in histories [B]."""
+MISSION_BYTES_PER_TICK = 16
+"""Memory per run and tick for the channels of phases, and in histories [B]."""
 EVALUATION_BYTES_PER_TICK = 120
 """Memory per run and tick while the metrics of one block are evaluated [B]."""
 HISTORY_BYTES_PER_TICK = 328
 """Memory and disk per tick of a full history [B]."""
 _RUN_BYTES = 2048
+_PHASES_BYTES = 1536
 _TRACE_BYTES_PER_S = 4
 _REPORT_BYTES = 10_000_000
 _PROCESS_BYTES = 500_000_000
@@ -55,6 +58,7 @@ def memory_bytes(file: ScenarioFile, runs: int, block_size: int, devices: int, h
     at_once = min(runs, 2 * block_size * devices)
     record_runs = max(at_once, block_size * devices)
     record_bytes = RECORD_BYTES_PER_TICK + (POSE_BYTES_PER_TICK if file.coverage.enabled else 0)
+    record_bytes += MISSION_BYTES_PER_TICK if file.phases else 0
     records = ticks * (record_runs * record_bytes + block_size * EVALUATION_BYTES_PER_TICK)
     histories = min(history_count, at_once) * ticks * HISTORY_BYTES_PER_TICK
     return _PROCESS_BYTES + records + histories + design_bytes(file, runs)
@@ -63,7 +67,8 @@ def memory_bytes(file: ScenarioFile, runs: int, block_size: int, devices: int, h
 def disk_bytes(file: ScenarioFile, runs: int, history_count: int) -> int:
     """Upper estimate of the size of a campaign folder [B]."""
     histories = history_count * _tick_count(file) * HISTORY_BYTES_PER_TICK
-    return _REPORT_BYTES + runs * (_RUN_BYTES + round(file.duration_s) * _TRACE_BYTES_PER_S) + histories
+    per_run = _RUN_BYTES + (_PHASES_BYTES if file.phases else 0) + round(file.duration_s) * _TRACE_BYTES_PER_S
+    return _REPORT_BYTES + runs * per_run + histories
 
 
 def _tick_count(file: ScenarioFile) -> int:

@@ -13,11 +13,11 @@ Quantity = Any
 """Array of NumPy, (runs, ticks) or (runs, ticks, components), or of JAX at one tick, () or (components,)."""
 Window = Literal["all", "late", "last"]
 """All ticks, or those of one of the windows of `time_windows`."""
-Reduction = Literal["mean", "rms", "sum", "min", "max", "end"]
+Reduction = Literal["mean", "rms", "sum", "min", "max", "end", "total"]
 """Reduction over time that can be accumulated tick by tick.
 
-`rms` is that of the norm over components, `end` the scalar value at the last tick; the others are over ticks and
-components alike.
+`rms` is that of the norm over components, `end` the scalar value at the last tick, `total` the same of a quantity that
+accumulates from the start; the others are over ticks and components alike.
 """
 
 

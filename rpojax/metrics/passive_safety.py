@@ -9,6 +9,7 @@ STANDARD_HORIZONS: Final = ("1_orbit", "4_orbits", "24_h")
 """Horizons of the packaged scenarios."""
 UNSAFE_FRACTION: Final = "passive_unsafe_fraction"
 STUCK_ON_RANGE: Final = "stuck_on_range_24_h_m"
+FINAL_DRIFT_RANGE: Final = "final_drift_range_24_h_m"
 ONE_ORBIT_RANGE: Final = "passive_range_m"
 
 _HORIZON = re.compile(r"([1-9][0-9]{0,3})_(orbits?|h)")
@@ -78,6 +79,14 @@ METRICS: Final = (
         "m",
         title="Stuck-on range, 24 h",
         meaning="Smallest distance within 24 h of free drift after a burn whose thruster stayed open.",
+        source="drifts",
+        low_is_bad=True,
+    ),
+    Metric(
+        FINAL_DRIFT_RANGE,
+        "m",
+        title="Final drift range, 24 h",
+        meaning="Smallest distance from the last burn to 24 h after the end of the run, in free drift.",
         source="drifts",
         low_is_bad=True,
     ),

@@ -40,7 +40,7 @@ def reduce_records(metric: Metric, records: Mapping[str, np.ndarray], timing: Ru
             return _counted(value, weight, np.inf).min(axis=over_ticks_and_components).astype(float)
         case "max":
             return _counted(value, weight, -np.inf).max(axis=over_ticks_and_components).astype(float)
-        case "end":
+        case "end" | "total":
             return value[:, -1].astype(float)
 
 
@@ -57,7 +57,7 @@ def reduce_in_window(
     found = np.full(len(ticks), np.nan)
     for run in np.flatnonzero(ticks.any(axis=1)):
         own = {name: records[name][run : run + 1] for name in metric.inputs}
-        if metric.reduction == "end" and not is_event:
+        if metric.reduction == "total" and not is_event:
             total = metric.weighted_value(np, own).value[0].astype(float)
             found[run] = np.diff(total)[ticks[run, :-1]].sum()
             continue

@@ -95,7 +95,7 @@ def _accumulated(metric: Metric, total: Scalar, value: Scalar, weight: Scalar) -
             return jnp.where((weight > 0.0) & (value < total), value, total)
         case "max":
             return jnp.where((weight > 0.0) & (value > total), value, total)
-        case "end":
+        case "end" | "total":
             return value
         case _:
             # A value without weight may be undefined; excluded, it does not enter the derivative of the sum.

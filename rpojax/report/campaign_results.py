@@ -84,6 +84,16 @@ class CampaignResults(Protocol):
         ...
 
     @property
+    def phases(self) -> Mapping[str, np.ndarray]:
+        """Arrays of `rpojax.simulation.metrics.phase_records.evaluate` of the runs; empty without phases."""
+        ...
+
+    @property
+    def phase_names(self) -> Sequence[str]:
+        """Names of the phases in the order of those arrays, the two built-in ones last."""
+        ...
+
+    @property
     def coverage(self) -> Mapping[str, np.ndarray]:
         """`lit_samples` and `seen_samples` (runs, facets) of the target's surface; empty without coverage."""
         ...

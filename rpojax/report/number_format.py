@@ -20,6 +20,12 @@ def format_number(value: float | None, digits: int = 4) -> str:
     return f"{value:.{max(0, digits - 1 - magnitude)}f}"
 
 
+def format_percent_interval(low: float, high: float) -> str:
+    """Interval of a probability in percent, with two significant digits."""
+    ends = (100.0 * end for end in (low, high))
+    return " to ".join("100" if end >= 99.5 else f"{end:.2g}" for end in ends) + " %"
+
+
 def format_p_value(p: float | None) -> str:
     """P-value with two significant digits, a dash for None."""
     return format_number(None) if p is None else f"{p:.2g}"

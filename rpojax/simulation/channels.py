@@ -250,6 +250,7 @@ POSE_CHANNELS: Final[ChannelFunctions] = {
 MISSION_CHANNELS: Final[ChannelFunctions] = {
     "rho_desired_H": _desired_position,
     "phase": lambda tick: _mission(tick).phase.astype(jnp.int8),
+    "phase_entered_by": lambda tick: _mission(tick).entered_by.astype(jnp.int8),
     "abort_reason": lambda tick: _mission(tick).abort_reason.astype(jnp.int8),
 }
 """State of the mission, in scenarios with phases."""

@@ -36,7 +36,7 @@ MIN_RUNS = 2
 _KINKS = {
     "min": "the least value over time: its derivative jumps where another instant becomes the least",
     "max": "the greatest value over time: its derivative jumps where another instant becomes the greatest",
-    "end": "a sum of burns, decided on in steps: the derivative of a smoothed decision stands in for the jump",
+    "total": "a sum of burns, decided on in steps: the derivative of a smoothed decision stands in for the jump",
 }
 
 

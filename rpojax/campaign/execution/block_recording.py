@@ -15,7 +15,7 @@ from rpojax.campaign.storage import campaign_folder
 from rpojax.metrics.time_windows import split_name
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.metrics import drift_starts, recorded_metrics, trace_channels
+from rpojax.simulation.metrics import drift_starts, phase_records, recorded_metrics, trace_channels
 from rpojax.simulation.outcomes import judgement
 from rpojax.simulation.outcomes.judgement import JudgedRuns
 
@@ -151,6 +151,7 @@ def block_arrays(
         ended = frozen[:, None] & (time_s > since_s[:, None])
         for name, values in trace_channels.decimated_traces(file, records, used, stride).items():
             arrays[f"traces/{name}"] = np.where(ended, np.float32(np.nan), values)
+    arrays |= {f"phases/{name}": values for name, values in phase_records.evaluate(file, records).items()}
     arrays |= {f"coverage/{name}": values[rows] for name, values in coverage.maps.items()}
     arrays["status/failure"] = judged.codes[rows]
     arrays["status/failed_at_s"] = since_s

@@ -158,6 +158,8 @@ class PassiveSafety:
             }
             values[metrics.UNSAFE_FRACTION] = each.unsafe_fraction(unsafe, among) if among.any() else math.nan
             values[metrics.STUCK_ON_RANGE] = _least(ranges[-1, stuck])
+            # Drifts are in order of time.
+            values[metrics.FINAL_DRIFT_RANGE] = _least(ranges[-1, own][-1:])
             for name, value in values.items():
                 found.setdefault(name, []).append(value)
         arrays = {name: np.array(values) for name, values in found.items()}

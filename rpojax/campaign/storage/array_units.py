@@ -2,7 +2,7 @@
 
 from rpojax.metrics import metric_catalogue
 from rpojax.scenario import key_units
-from rpojax.simulation.metrics import trace_channels
+from rpojax.simulation.metrics import phase_records, trace_channels
 
 
 def array_units(group: str, name: str) -> str:
@@ -14,6 +14,8 @@ def array_units(group: str, name: str) -> str:
             unit = trace_channels.TRACE_UNITS.get(name, "-")
         case "status" | "events":
             unit = "s" if name.endswith("_s") else "-"
+        case "phases":
+            unit = phase_records.UNITS.get(name, "-")
         case "coverage":
             unit = "-"
         case _:

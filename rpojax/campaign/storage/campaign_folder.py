@@ -6,6 +6,7 @@
 | `scenario.toml` | the scenario as a file that `rpojax run` takes |
 | `results.zarr` | of every run: `metrics/NAME`, `status/NAME`, `events/NAME`, `drawn/KEY`, `used/KEY`, `traces/NAME` |
 | `results.zarr/coverage` | of every run of a scenario with coverage: `lit_samples`, `seen_samples` of each facet |
+| `results.zarr/phases` | of every run of a scenario with phases: `NAME` of each phase, and its transitions |
 | `results.zarr/surface` | facets of the target, of a scenario with coverage |
 | `results.zarr/histories/RUN` | channels of a run with a history, time first |
 | `manifest/000000.json` | one per finished block, written last; a resume runs the blocks without one |
@@ -30,6 +31,7 @@ from rpojax.campaign.storage.zarr_writer import ZarrWriter
 from rpojax.errors import ResultError, UnfinishedError
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.metrics.phase_records import PhaseTransition, listed_transitions
 from rpojax.simulation.outcomes import outcome_kinds
 from rpojax.simulation.outcomes.outcome_events import OutcomeEvent, listed_events
 from rpojax.simulation.outcomes.outcome_kinds import REASONS
@@ -251,6 +253,21 @@ class Campaign:
     def events(self) -> list[OutcomeEvent]:
         """Flags of failure that were raised in the runs, with the time at which they were cleared, if they were."""
         return listed_events(self.run_ids, self._read("events"))
+
+    @property
+    def phases(self) -> dict[str, np.ndarray]:
+        """Arrays of `rpojax.simulation.metrics.phase_records.evaluate` of the runs; empty without phases."""
+        return self._read("phases")
+
+    @property
+    def phase_names(self) -> tuple[str, ...]:
+        """Names of the phases, in the order of those arrays; empty without phases."""
+        return self.file.phase_names
+
+    @property
+    def transitions(self) -> list[PhaseTransition]:
+        """Phases that began in the runs, by what and when; the first one at the start of the run."""
+        return listed_transitions(self.run_ids, self.phase_names, self.phases)
 
     @property
     def is_judged(self) -> np.ndarray:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import xarray
 
 
-_PREFIXES = {"metrics": "", "traces": "trace.", "drawn": "drawn.", "used": "used."}
+_PREFIXES = {"metrics": "", "traces": "trace.", "drawn": "drawn.", "used": "used.", "phases": "phase."}
 """Prefix of the variables of each group: some names, such as `delta_v_m_s`, occur in several."""
 
 
@@ -21,9 +21,9 @@ def open_campaign(path: Path | str) -> "xarray.Dataset":
     """Finished runs of a campaign folder as an `xarray.Dataset`.
 
     Variables are metrics by their names, `trace.NAME` over `time` [s], `failed_at_s`, `failure_reason`, `outcome` and
-    `completed`, and dispersed values as `drawn.KEY` and `used.KEY`, each with its unit as attribute `units`. Dimensions
-    are `run`, with the run numbers as coordinate, `time`, and `axisI_N` for components. Attributes identify the
-    campaign.
+    `completed`, dispersed values as `drawn.KEY` and `used.KEY`, and those of phases as `phase.NAME`, each with its unit
+    as attribute `units`. Dimensions are `run`, with the run numbers as coordinate, `time`, and `axisI_N` for
+    components. Attributes identify the campaign.
 
     Raises:
         RpojaxError: xarray is not installed, or the folder is no campaign that can be read.
@@ -41,6 +41,7 @@ def open_campaign(path: Path | str) -> "xarray.Dataset":
         "traces": campaign.traces,
         "drawn": campaign.drawn,
         "used": campaign.used,
+        "phases": campaign.phases,
     }
     for group, arrays in groups.items():
         for name, values in arrays.items():

@@ -13,8 +13,8 @@ from rpojax.campaign.storage.block_manifests import Manifest
 from rpojax.campaign.storage.campaign_configuration import CampaignConfiguration
 from rpojax.errors import ResultError, RpojaxError
 
-_OPTIONAL_GROUPS = ("drawn", "used", "events", "coverage")
-"""Groups that need not exist: without numbers that vary or without coverage, and in folders of older versions."""
+_OPTIONAL_GROUPS = ("drawn", "used", "events", "coverage", "phases")
+"""Groups that need not exist: without numbers that vary, coverage or phases, and in folders of older versions."""
 
 
 def read_group(

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import pytree, select
 from rpojax.flight.guidance.references.phase_entry import PhaseEntry
-from rpojax.flight.mission.mission_state import AbortReason, MissionState
+from rpojax.flight.mission.mission_state import AbortReason, MissionState, Transition
 from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Until, constant_of_phase, of_phase
 
@@ -76,18 +76,22 @@ def update(settings: MissionSettings, tuning: MissionTuning, state: MissionState
     after_timeout, aborts_on_timeout = _timeout_rows(settings, row)
     following = jnp.minimum(state.phase + 1, settings.hold - 1)
     phase = jnp.where(ended, following, jnp.where(timed_out, after_timeout, state.phase))
-    held = (situation.time >= tuning.hold_at) & (situation.time < tuning.resume_at)
-    phase = jnp.where(held & running & idle, settings.hold, phase)
+    by = jnp.where(ended, int(Transition.CONDITIONS_MET), int(Transition.TIMEOUT))
+    held = (situation.time >= tuning.hold_at) & (situation.time < tuning.resume_at) & running & idle
+    phase, by = jnp.where(held, settings.hold, phase), jnp.where(held, int(Transition.HOLD_COMMAND), by)
     resumed = (state.phase == settings.hold) & (state.entered_at < tuning.resume_at)
-    phase = jnp.where(resumed & (situation.time >= tuning.resume_at), state.held_phase, phase)
+    resumed &= situation.time >= tuning.resume_at
+    phase, by = jnp.where(resumed, state.held_phase, phase), jnp.where(resumed, int(Transition.RESUME_COMMAND), by)
     reason = _abort_reason(settings, phases, tuning, state, situation, timed_out & aborts_on_timeout)
     aborts = (reason != AbortReason.NONE) & (state.phase != settings.aborted)
     phase = jnp.where(aborts | (state.phase == settings.aborted), settings.aborted, phase).astype(jnp.int32)
     begins = phase != state.phase
+    by = jnp.where(aborts, int(Transition.ABORT), by)
     return MissionState(
         phase=phase,
         held_phase=jnp.where(running & (phase == settings.hold), state.phase, state.held_phase),
         entered_at=jnp.where(begins, situation.time, state.entered_at),
+        entered_by=jnp.where(begins, by, state.entered_by).astype(jnp.int32),
         starts_at=jnp.where(begins, situation.burn_time, state.starts_at),
         entry=select(begins, PhaseEntry(relative_state=situation.burn_state_H), state.entry),
         arrived_at=jnp.where(begins, jnp.inf, arrived_at),

@@ -21,6 +21,28 @@ class AbortReason(enum.IntEnum):
     CONFIDENCE_LOST = 6
     THRUSTER_FAILED = 7
 
+    @property
+    def text(self) -> str:
+        """The reason in words, empty without one."""
+        words = {AbortReason.NONE: "", AbortReason.KEEP_OUT_PREDICTED: "keep-out zone ahead"}
+        return words.get(self, self.name.lower().replace("_", " "))
+
+
+class Transition(enum.IntEnum):
+    """What began a phase: the start of the run, the end or the timeout of the one before, a command, or an abort."""
+
+    START = 0
+    CONDITIONS_MET = 1
+    TIMEOUT = 2
+    HOLD_COMMAND = 3
+    RESUME_COMMAND = 4
+    ABORT = 5
+
+    @property
+    def text(self) -> str:
+        """It in words."""
+        return self.name.lower().replace("_", " ")
+
 
 @pytree
 class MissionState:
@@ -30,6 +52,7 @@ class MissionState:
         phase: () int32, row of the phase table; after these the built-in ones of holding and of an abort
         held_phase: () int32, phase to which a resumed mission returns
         entered_at: () when the phase began [s]
+        entered_by: () int32, a `Transition`
         starts_at: () when its reference starts: at the middle of its first burn [s]
         entry: relative state then, predicted when the phase began
         arrived_at: () since when the servicer has been in the arrival box [s], infinite outside
@@ -41,6 +64,7 @@ class MissionState:
     phase: Array
     held_phase: Array
     entered_at: Array
+    entered_by: Array
     starts_at: Array
     entry: PhaseEntry
     arrived_at: Array
@@ -57,6 +81,7 @@ def initial(state_H: Float[Array, "6"], lead: Float[Array, ""]) -> MissionState:
         phase=none,
         held_phase=none,
         entered_at=zero,
+        entered_by=none,
         starts_at=zero + lead,
         entry=PhaseEntry(relative_state=state_H),
         arrived_at=zero + jnp.inf,

@@ -5,6 +5,7 @@ from typing import Any
 from rpojax.campaign.storage.json_types import to_json_types
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.coverage import coverage_section
+from rpojax.report.mission import phase_section
 from rpojax.report.page.campaign_summary import summarise
 from rpojax.report.sections import (
     caveats_section,
@@ -24,6 +25,7 @@ def report_content(campaign: CampaignResults, drawn: list[DrawnDistribution]) ->
     summary = summarise(campaign)
     detections = detection_section.detections_by_range(campaign.history(run) for run in sorted(campaign.history_ids))
     parts = {
+        "mission": phase_section.content(campaign),
         "safety": safety_section.content(campaign),
         "coverage": coverage_section.content(campaign),
         "consistency": consistency_section.content(campaign),

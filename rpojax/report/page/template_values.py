@@ -11,6 +11,7 @@ from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.coverage import coverage_section
 from rpojax.report.figures.charts.plotly_charts import Chart
 from rpojax.report.figures.charts.scatter_explorer import scatter_explorer
+from rpojax.report.mission import abort_section, phase_section, phase_timeline
 from rpojax.report.page.camera_sheet import CameraSheet
 from rpojax.report.sections import (
     consistency_section,
@@ -77,6 +78,8 @@ def page_charts(campaign: CampaignResults, content: Mapping[str, Any]) -> PageCh
     charts |= {f"average-{name}": chart for name, (_, chart) in averages.items()}
     charts |= {f"histogram-{entry['name']}": entry["chart"] for entry in histograms if entry["chart"] is not None}
     charts |= {f"convergence-{name}": chart for name, (_, chart) in convergence.items()}
+    shares = phase_timeline.chart(campaign)
+    charts |= {} if shares is None else {"phase-shares": shares}
     charts |= {f"sensitivity-{entry['metric']}": sensitivity_section.chart(entry) for entry in content["sensitivity"]}
     template_values = {
         "envelopes": [channel for channel, _ in envelopes.values()],
@@ -100,6 +103,7 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any]) -> dict[
         "metric_rows": metrics_section.metric_rows(campaign, content),
         "safety": safety_section.rows(content["safety"]),
         "entries": content["safety"]["entries"]["run_ids"],
+        "mission": _mission_values(content),
         "coverage": coverage_section.rows(content),
         "consistency": {
             "means": consistency_section.mean_rows(consistency),
@@ -121,6 +125,21 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any]) -> dict[
         ],
         "faults": {"rows": fault_section.fault_rows(campaign), "headings": fault_section.headings()},
         "worst": worst_runs_section.rows(content["worst_runs"]),
+    }
+
+
+def _mission_values(content: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Tables of the phases and of aborts, None without phases."""
+    mission = content["mission"]
+    if mission is None:
+        return None
+    return {
+        "times": phase_section.time_rows(mission),
+        "headings": phase_section.figure_headings(),
+        "figures": phase_section.figure_rows(mission),
+        "further_stays": mission["runs_with_further_stays"],
+        "abort_sentences": abort_section.sentences(mission["aborts"]),
+        "aborts": abort_section.rows(mission["aborts"]),
     }
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from rpojax.analysis.statistics.intervals.binomial_intervals import clopper_pearson_interval
 from rpojax.report.labels import metric_label
-from rpojax.report.number_format import format_number
+from rpojax.report.number_format import format_number, format_percent_interval
 from rpojax.report.sections import consistency_section
 from rpojax.report.sections.failure_section import outcomes_text
 
@@ -71,7 +71,7 @@ def _failure_tile(runs: Mapping[str, Any], independent: bool) -> Tile:
     note = "runs are not independent"
     if independent:
         low, high = clopper_pearson_interval(failed, total)
-        note = f"95 % interval of the rate: {100.0 * low:.2g} to {100.0 * high:.2g} %"
+        note = f"95 % interval of the rate: {format_percent_interval(low, high)}"
     if failed:
         note = f"{outcomes_text(runs['outcomes'])}; {note}"
     return Tile("Failed runs", str(failed), f"of {total}", note, alert=failed > 0)

@@ -11,7 +11,7 @@ from rpojax.metrics.passive_safety import STUCK_ON_RANGE, UNSAFE_FRACTION, horiz
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.dispersed_inputs import keep_out_radii
 from rpojax.report.labels import metric_label
-from rpojax.report.number_format import format_number, with_unit
+from rpojax.report.number_format import format_number, format_percent_interval, with_unit
 from rpojax.report.run_independence import runs_are_independent
 from rpojax.simulation.outcomes.outcome_kinds import Outcome
 
@@ -190,4 +190,4 @@ def _proportion_texts(found: Mapping[str, Any] | None) -> tuple[str, str]:
     value, interval = f"{found['count']} of {found['runs']}", found["interval_95"]
     if interval is None:
         return value, "runs are not independent: no interval"
-    return value, f"95 % interval of the probability: {100 * interval[0]:.2g} to {100 * interval[1]:.2g} %"
+    return value, f"95 % interval of the probability: {format_percent_interval(*interval)}"

@@ -16,6 +16,7 @@ from rpojax.simulation.noise import run_key
 TICKS = 400
 RUNS = 3
 RADII = np.array([10.0, 500.0, 20.0])
+BOUND = {"bound": "at least", "limit": 1.0, "probability": 0.9, "consumer_risk": 0.1}
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,7 @@ def test_each_run_is_judged_by_its_own_keep_out_sphere(inputs: Any) -> None:
     found = evaluator.evaluate(drawn, records)
     assert set(found) == {
         "passive_range_1_h_m", "passive_range_1_orbit_m", "passive_range_24_h_m", "passive_unsafe_fraction",
-        "stuck_on_range_24_h_m", "passive_range_m",
+        "stuck_on_range_24_h_m", "passive_range_m", "final_drift_range_24_h_m",
     }  # fmt: skip
     # At rest on an orbit of eccentricity 1e-3 the range stays: 50 m to a few per cent.
     np.testing.assert_allclose(found["passive_range_1_orbit_m"][[0, 2]], 50.0, rtol=0.1)
@@ -73,11 +74,10 @@ def test_drifts_in_several_rounds_have_the_same_ranges(inputs: Any, monkeypatch:
 
 def test_ranges_in_windows_are_those_of_the_drifts_that_begin_there(inputs: Any) -> None:
     evaluator, drawn, records = inputs
-    rest = {"bound": "at least", "limit": 1.0, "probability": 0.9, "consumer_risk": 0.1}
     ranges = ("passive_range_1_h_m", "passive_range_24_h_m", "stuck_on_range_24_h_m")
     tables = evaluator.file.model_dump()
     tables["requirements"] = [
-        {"metric": name, **rest, **times} for name in ranges for times in ({"to_s": 149.0}, {"from_s": 150.0})
+        {"metric": name, **BOUND, **times} for name in ranges for times in ({"to_s": 149.0}, {"from_s": 150.0})
     ]
     file = scenario_loader.validate(tables)
     found = PassiveSafety(file, evaluator.scenario, evaluator.nominal, RUNS, jax.devices()[:1]).evaluate(drawn, records)
@@ -91,3 +91,24 @@ def test_ranges_in_windows_are_those_of_the_drifts_that_begin_there(inputs: Any)
         assert np.fmin(*parts)[1] == found[name][1]
         # A coast that is divided goes on from a recorded state.
         np.testing.assert_allclose(found[name][[0, 2]], whole[name][[0, 2]], rtol=1e-9)
+
+
+def test_the_final_drift_is_that_after_the_last_burn(inputs: Any) -> None:
+    evaluator, drawn, records = inputs
+    approaching = records["v_ST_N"].copy()
+    # Slower along the track, it falls below the target and overtakes it.
+    approaching[:122, :, 1] += 0.005 * records["r_ST_N"][0, :, 1] / np.linalg.norm(records["r_ST_N"][0, :, 1])
+    tables = evaluator.file.model_dump()
+    tables["requirements"] = [
+        {"metric": "passive_range_24_h_m", "from_s": 126.0, **BOUND},
+        {"metric": "final_drift_range_24_h_m", "to_s": 100.0, **BOUND},
+    ]
+    file = scenario_loader.validate(tables)
+    again = PassiveSafety(file, evaluator.scenario, evaluator.nominal, RUNS, jax.devices()[:1])
+    found = again.evaluate(drawn, {**records, "v_ST_N": approaching})
+    final = found["final_drift_range_24_h_m"]
+    assert final[1] > 1.5 * found["passive_range_24_h_m"][1]
+    np.testing.assert_allclose(final[1], found["passive_range_24_h_m@126-end"][1], rtol=1e-9)
+    # In a window it is that of the last drift which begins there, and without a burn that of the only one.
+    np.testing.assert_allclose(found["final_drift_range_24_h_m@0-100"][1], found["passive_range_24_h_m"][1], rtol=1e-3)
+    np.testing.assert_array_equal(final[[0, 2]], found["passive_range_24_h_m"][[0, 2]])

@@ -10,7 +10,7 @@ from rpojax.core.pytree import replace
 from rpojax.flight.guidance.references.hold import Hold
 from rpojax.flight.mission import mission_manager, mission_state
 from rpojax.flight.mission.mission_manager import Situation
-from rpojax.flight.mission.mission_state import AbortReason, MissionState
+from rpojax.flight.mission.mission_state import AbortReason, MissionState, Transition
 from rpojax.flight.mission.phase_settings import MissionSettings, PhaseSettings, TimeoutAction
 from rpojax.flight.mission.phase_table import Corridor, MissionTuning, Phase, Until
 
@@ -209,3 +209,20 @@ def test_after_an_abort_there_is_no_other_phase_and_the_first_reason_stays() -> 
     assert found.abort_reason == AbortReason.COMMAND
     later = mission_manager.update(settings(), tuning(ALWAYS), found, situation(900.0, lost=True))
     assert (later.phase, later.entered_at, later.abort_reason) == (ABORTED, 20.0, AbortReason.COMMAND)
+
+
+def test_a_phase_knows_what_began_it() -> None:
+    never = replace(ALWAYS, time=jnp.float64(1e9))
+    assert start().entered_by == Transition.START
+    assert after(ALWAYS, situation(0.0), timeout=0.0).entered_by == Transition.CONDITIONS_MET
+    for action in ("next", "hold"):
+        timed_out = after(never, situation(20.0), timeout=20.0, static=settings(action))
+        assert timed_out.entered_by == Transition.TIMEOUT
+    held = [situation(20.0 * number) for number in range(4)]
+    assert after(ALWAYS, *held[:2], hold_at=20.0, resume_at=60.0).entered_by == Transition.HOLD_COMMAND
+    # A phase in which nothing happens keeps what began it.
+    assert after(ALWAYS, *held[:3], hold_at=20.0, resume_at=60.0).entered_by == Transition.HOLD_COMMAND
+    assert after(ALWAYS, *held, hold_at=20.0, resume_at=60.0).entered_by == Transition.RESUME_COMMAND
+    aborted = after(never, situation(20.0), timeout=20.0, static=settings("abort"))
+    assert (aborted.entered_by, aborted.abort_reason) == (Transition.ABORT, AbortReason.TIMEOUT)
+    assert after(ALWAYS, *held[:2], abort_at=20.0).entered_by == Transition.ABORT

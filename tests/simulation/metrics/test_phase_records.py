@@ -1,0 +1,100 @@
+"""What is stored of the phases of runs, against the records of three short runs by hand."""
+
+import numpy as np
+import pytest
+from synthetic_channel_records import Records, perfect_run
+
+from rpojax.flight.mission.mission_state import AbortReason, Transition
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.metrics import phase_records
+from rpojax.simulation.metrics.phase_records import MAX_TRANSITIONS, PhaseTransition
+
+TICKS, PLAIN, HELD, FROZEN = 100, 0, 1, 2
+NAMES = ("drift", "stay", "hold", "aborted")
+
+
+@pytest.fixture(scope="module")
+def file() -> ScenarioFile:
+    """Two phases, with two ticks in a second."""
+    tables = scenario_loader.load("inspection", [f"duration_s={TICKS // 2}", "requirements=[]"]).model_dump()
+    reference = {"kind": "hold", "position_m": [0.0, -50.0, 0.0]}
+    phases = [
+        {"name": "drift", "reference": reference, "until": {"time_s": 10.0}},
+        {"name": "stay", "reference": reference},
+    ]
+    found = scenario_loader.validate(tables | {"phases": phases})
+    return found.model_copy(update={"rates": found.rates.model_copy(update={"camera_hz": 2.0})})
+
+
+@pytest.fixture
+def records() -> Records:
+    """A run that drifts and stays, one that holds in between and aborts, one that is frozen as it stays."""
+    found = perfect_run(TICKS, 3)
+    phase, by = np.zeros((2, 3, TICKS), np.int8)
+    for run, changes in {
+        PLAIN: [(40, 1, Transition.CONDITIONS_MET)],
+        HELD: [(20, 2, Transition.HOLD_COMMAND), (30, 0, Transition.RESUME_COMMAND), (60, 3, Transition.ABORT)],
+        FROZEN: [(50, 1, Transition.TIMEOUT)],
+    }.items():
+        for tick, number, cause in changes:
+            phase[run, tick:], by[run, tick:] = number, cause
+    found["range_m"] += np.arange(TICKS, dtype=np.float32)
+    found["rho_desired_H"] = found["rho_H"] + np.float32([0.0, 2.0, 0.0])
+    found["delta_v_m_s"][:, 40:] = 0.25
+    reason = np.where(phase == 3, AbortReason.TARGET_LOST, AbortReason.NONE).astype(np.int8)
+    running = np.ones((3, TICKS), bool)
+    running[FROZEN, 80:] = False
+    return {**found, "phase": phase, "phase_entered_by": by, "abort_reason": reason, "running": running}
+
+
+def test_figures_of_a_phase_are_those_of_its_ticks(file: ScenarioFile, records: Records) -> None:
+    found = phase_records.evaluate(file, records)
+    nan = np.nan
+    expected = {
+        "duration_s": [[20.0, 30.0, 0.0, 0.0], [25.0, 0.0, 5.0, 20.0], [25.0, 15.0, 0.0, 0.0]],
+        # The burn before tick 40 is of the phase at tick 39.
+        "delta_v_m_s": [[0.25, 0.0, nan, nan], [0.25, nan, 0.0, 0.0], [0.25, 0.0, nan, nan]],
+        "formation_error_rms_m": [[2.0, 2.0, nan, nan], [2.0, nan, 2.0, nan], [2.0, 2.0, nan, nan]],
+        "nees_relative_mean": [[6.0, 6.0, nan, nan], [6.0, nan, 6.0, 6.0], [6.0, 6.0, nan, nan]],
+        "min_range_m": [[30.0, 70.0, nan, nan], [30.0, nan, 50.0, 90.0], [30.0, 80.0, nan, nan]],
+        "max_range_m": [[69.0, 129.0, nan, nan], [89.0, nan, 59.0, 129.0], [79.0, 109.0, nan, nan]],
+    }
+    for name, values in expected.items():
+        np.testing.assert_array_equal(found[name], values, err_msg=name)
+    np.testing.assert_array_equal(found["abort_reason"], [0, AbortReason.TARGET_LOST, 0])
+    assert set(found) == set(phase_records.UNITS)
+
+
+def test_transitions_tell_phase_time_and_cause(file: ScenarioFile, records: Records) -> None:
+    found = phase_records.evaluate(file, records)
+    np.testing.assert_array_equal(found["transition_count"], [2, 4, 2])
+    none = AbortReason.NONE
+    assert phase_records.listed_transitions(np.array([7, 8, 9]), file.phase_names, found) == [
+        PhaseTransition(7, 0.0, "drift", Transition.START, none),
+        PhaseTransition(7, 20.0, "stay", Transition.CONDITIONS_MET, none),
+        PhaseTransition(8, 0.0, "drift", Transition.START, none),
+        PhaseTransition(8, 10.0, "hold", Transition.HOLD_COMMAND, none),
+        PhaseTransition(8, 15.0, "drift", Transition.RESUME_COMMAND, none),
+        PhaseTransition(8, 30.0, "aborted", Transition.ABORT, AbortReason.TARGET_LOST),
+        PhaseTransition(9, 0.0, "drift", Transition.START, none),
+        PhaseTransition(9, 25.0, "stay", Transition.TIMEOUT, none),
+    ]
+
+
+def test_of_many_transitions_the_first_are_kept_and_all_counted(file: ScenarioFile, records: Records) -> None:
+    records["phase"][PLAIN] = np.arange(TICKS) % 2
+    found = phase_records.evaluate(file, records)
+    assert found["transition_count"][PLAIN] == TICKS
+    np.testing.assert_array_equal(found["transition_phase"][PLAIN], np.arange(MAX_TRANSITIONS) % 2)
+
+
+def test_without_phases_nothing_is_stored(records: Records) -> None:
+    assert phase_records.evaluate(scenario_loader.load("inspection"), records) == {}
+    assert phase_records.listed_transitions(np.arange(3), (), {}) == []
+
+
+def test_reasons_and_causes_have_words() -> None:
+    assert AbortReason.KEEP_OUT_PREDICTED.text == "keep-out zone ahead"
+    assert (AbortReason.TARGET_LOST.text, AbortReason.NONE.text) == ("target lost", "")
+    assert Transition.CONDITIONS_MET.text == "conditions met"
