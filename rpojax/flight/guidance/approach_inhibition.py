@@ -65,10 +65,11 @@ def inhibit(
     """Velocity change [m/s] of the next burn: the `wanted_H` if it is safe, else half of it, a stop, none or a retreat.
 
     A burn is safe if the free motion after it stays farther from the target than the fraction `clearance` of the
-    distance of the `station_H` [m], with a margin for the uncertain range. Without confidence a hold at the present
-    range is wanted instead, and no burn comes nearer than the range at which the confidence was lost, or the present
-    one if that is nearer. If nothing is safe, the change with the greatest least range is made. A change that is not
-    finite is returned. The last burns before the target is out of sight are stops.
+    distance of the `station_H` [m], with a margin for the uncertain range; or than the servicer is, if that is less, so
+    that many small burns do not add up to an approach. Without confidence a hold at the present range is wanted
+    instead, and no burn comes nearer than the range at which the confidence was lost, or the present one if that is
+    nearer. If nothing is safe, the change with the greatest least range is made. A change that is not finite is
+    returned. The last burns before the target is out of sight are stops.
 
     Args:
         clearance: () least range over the station's distance [-]
@@ -91,9 +92,8 @@ def inhibit(
         _least_range(n, horizon, state_H[:3], state_H[None, 3:] + candidates),
         _least_range(n, horizon, state_H[:3], state_H[None, 3:] + cut[:, None] * candidates),
     )
-    # On the way out to a far station the present distance counts.
-    cleared = clearance * jnp.minimum(station, now) + _SIGMAS * range_sigma
-    nearest = jnp.where(confidence.present, cleared, jnp.minimum(now, confidence.last_range))
+    cleared = clearance * station + _SIGMAS * range_sigma
+    nearest = jnp.minimum(now, jnp.where(confidence.present, cleared, confidence.last_range))
     chosen, greatest = candidates[0], least[0]
     for index in range(1, len(candidates)):
         better = least[index] > greatest
