@@ -9,7 +9,7 @@ from rpojax.report.page.campaign_summary import summarise
 
 _STATISTICS = ("mean", "std", "min", "p1", "p5", "p50", "p95", "p99", "max", "p1_lower_95", "p99_upper_95")
 NO_RUNS = dict.fromkeys(
-    ("completed", "lost", "off_station", "diverged", "out_of_propellant", "keep_out", "non_finite"), 0
+    ("completed", "lost", "off_station", "diverged", "out_of_propellant", "keep_out", "non_finite", "aborted"), 0
 )
 """Number of runs by outcome, of no runs."""
 
