@@ -88,12 +88,27 @@ def _approach(file: ScenarioFile, run: Runs, last: int, tick_s: float) -> dict[s
         near = np.flatnonzero((distance[:-span] < 20.0) & (phase[:-span] <= last))
         if len(near):
             closing.append(float(np.max(distance[near] - distance[near + span]) / (span * tick_s)))
-    return {"lateral error at 12 m [m]": lateral, "closing speed inside 20 m [m/s]": closing}
+    found = {"lateral error at 12 m [m]": lateral, "closing speed inside 20 m [m/s]": closing}
+    return found | {"most of the corridor's radius, completed runs [-]": _share_of_corridor(file, run)}
+
+
+def _share_of_corridor(file: ScenarioFile, run: Runs) -> list[float]:
+    """Greatest true distance from the corridor's axis over the corridor's radius there, of each completed run."""
+    shares = np.zeros(len(run["range_m"]))
+    for row, phase in enumerate(file.phases):
+        if phase.corridor is None:
+            continue
+        axis = np.array(phase.corridor.axis) / np.linalg.norm(phase.corridor.axis)
+        ahead = run["rho_H"].astype(float) @ axis
+        aside = np.linalg.norm(run["rho_H"] - ahead[..., None] * axis, axis=2)
+        radius = phase.corridor.width_m + ahead * np.tan(np.radians(phase.corridor.half_angle_deg))
+        shares = np.maximum(shares, np.max(np.where(run["phase"] == row, aside / radius, 0.0), axis=1))
+    return shares[run["outcome"] == "completed"].tolist()
 
 
 def _quantiles(column: list[float]) -> dict[str, float]:
-    found = np.nanquantile(column, (0.0, 0.5, 0.99, 1.0))
-    return dict(zip(("least", "p50", "p99", "most"), np.round(found, 4).tolist(), strict=True))
+    found = [np.nanmean(column), *np.nanquantile(column, (0.0, 0.5, 0.99, 1.0))]
+    return dict(zip(("mean", "least", "p50", "p99", "most"), np.round(found, 4).tolist(), strict=True))
 
 
 def main() -> None:
@@ -111,17 +126,7 @@ def main() -> None:
             reasons.update(AbortReason(int(code)).name for code in run["abort_reason"][:, -1] if code)
             for key, column in figures(file, run).items():
                 values.setdefault(key, []).extend(column)
-        quantiles = {
-            key: dict(
-                zip(
-                    ("least", "p50", "p99", "most"),
-                    np.round(np.nanquantile(column, (0.0, 0.5, 0.99, 1.0)), 4),
-                    strict=True,
-                )
-            )
-            for key, column in values.items()
-            if column
-        }
+        quantiles = {key: _quantiles(column) for key, column in values.items() if column}
         unsafe = int(np.sum(np.array(values["passive_unsafe_fraction"]) > 0.0))
         print(
             json.dumps(
