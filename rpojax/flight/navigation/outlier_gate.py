@@ -102,15 +102,25 @@ def accept(
     `residual` (tangents, log-size) has the innovation `variance`; `prior_is_wide` means that the prior is much less
     certain than a box, `possible` that the predicted target can have such a box.
     """
+    margin = tuning.gate_sigma**2 - _worst_ratio(box, residual, variance)
+    inside = gradient_safe.gate(margin, jnp.asarray(_GATE_WIDTH, dtype=margin.dtype))
+    confirmed = _is_confirmed(tuning, focal_px, R_KN, state, box)
+    allowed = box.present & possible & (confirmed | ~prior_is_wide)
+    return GateDecision(accepted=allowed & (inside > 0.5), weight=jnp.where(allowed, inside, 0.0), confirmed=confirmed)
+
+
+def is_inside(tuning: OrbitFilterTuning, box: BoxMeasurement, residual: Vector, variance: Vector) -> Bool[Array, ""]:
+    """True if the `residual` (tangents, log-size) of innovation `variance` is within the gate."""
+    return _worst_ratio(box, residual, variance) < tuning.gate_sigma**2
+
+
+def _worst_ratio(box: BoxMeasurement, residual: Vector, variance: Vector) -> Scalar:
+    """Largest squared residual over its variance."""
     ratio = residual**2 / variance
     bearing = jnp.maximum(ratio[0], ratio[1])
     # The visible part of a truncated target may be smaller than the target, but not larger.
     size = jnp.where(box.truncated & (residual[2] < 0.0), 0.0, ratio[2])
-    worst = jnp.maximum(bearing, size)
-    inside = gradient_safe.gate(tuning.gate_sigma**2 - worst, jnp.asarray(_GATE_WIDTH, dtype=worst.dtype))
-    confirmed = _is_confirmed(tuning, focal_px, R_KN, state, box)
-    allowed = box.present & possible & (confirmed | ~prior_is_wide)
-    return GateDecision(accepted=allowed & (inside > 0.5), weight=jnp.where(allowed, inside, 0.0), confirmed=confirmed)
+    return jnp.maximum(bearing, size)
 
 
 def _is_confirmed(

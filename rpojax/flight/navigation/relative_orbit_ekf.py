@@ -203,10 +203,49 @@ def update(
         rows,
         jacobian_times_covariance,
         process_variance=prior.process_variance,
-        inflation_variance=_recovery_variance(tuning, estimate.r_TS_N, recover),
+        inflation_variance=recovery_variance(tuning, estimate.r_TS_N, recover),
     )
     outline = _updated_outline(tuning, focal_px, estimate, box, decision.accepted)
-    return _corrected(estimate, result, outline), gate, result, decision.accepted, _expected_box(prior, box)
+    return corrected(estimate, result, outline), gate, result, decision.accepted, _expected_box(prior, box)
+
+
+def rows_of_box(
+    tuning: OrbitFilterTuning,
+    gated: bool,
+    focal_px: Scalar,
+    estimate: RelativeEstimate,
+    q_KN: Array,
+    box: BoxMeasurement,
+) -> tuple[MeasurementRows, Bool[Array, ""]]:
+    """Rows for the update of a larger filter of which `estimate` is a part, and whether the box is used.
+
+    The box has passed a gate before: that of the camera's own computer. With `gated` it must be as the larger filter
+    expects it, too. A size that follows from a frame without a box is a row as well.
+    """
+    R_KN = quaternion.to_matrix(q_KN)
+    prior = _prior_box(tuning, focal_px, R_KN, estimate, box)
+    accepted = box.present
+    if gated:
+        possible = prior.in_front | prior.range_is_wide
+        accepted = accepted & possible & outlier_gate.is_inside(tuning, box, prior.residual, prior.innovation_variance)
+    decision = GateDecision(
+        accepted=accepted, weight=jnp.where(accepted, 1.0, 0.0), confirmed=jnp.zeros_like(box.present)
+    )
+    _, rows = _measurement_rows(tuning, focal_px, R_KN, estimate, prior, box, decision)
+    return rows, accepted
+
+
+def recovery_variance(tuning: OrbitFilterTuning, r_TS_N: Vector, recover: Bool[Array, ""]) -> Float[Array, "12"]:
+    """Covariance inflation after too many rejections, so that the filter accepts the target's boxes again."""
+    square = jnp.sum(r_TS_N * r_TS_N, axis=0)
+    added = jnp.concatenate(
+        [
+            jnp.full(3, tuning.recovery_position_sigma**2 * square),
+            jnp.full(3, tuning.recovery_velocity_sigma**2),
+            jnp.zeros(6, dtype=square.dtype),
+        ]
+    )
+    return jnp.where(recover, added, 0.0)
 
 
 def _prior_box(
@@ -336,7 +375,7 @@ _ASPECT_NOISE_FACTOR = 4.5
 """Variance of the log aspect ratio over that of an edge in units of the size: 4 for a square, more for other shapes."""
 
 
-def _corrected(estimate: RelativeEstimate, result: KalmanUpdate, outline: OutlineCorrelation) -> RelativeEstimate:
+def corrected(estimate: RelativeEstimate, result: KalmanUpdate, outline: OutlineCorrelation) -> RelativeEstimate:
     """Estimate with the correction of an update."""
     x = result.deviation
     return RelativeEstimate(
@@ -344,8 +383,8 @@ def _corrected(estimate: RelativeEstimate, result: KalmanUpdate, outline: Outlin
         v_TS_N=estimate.v_TS_N + x[3:6],
         scale=estimate.scale + x[6:8],
         bearing_bias=estimate.bearing_bias + x[8:10],
-        center_offset=estimate.center_offset + x[10:],
-        covariance=result.covariance,
+        center_offset=estimate.center_offset + x[10:12],
+        covariance=result.covariance[:12, :12],
         outline=outline,
     )
 
@@ -425,16 +464,3 @@ def widen(estimate: RelativeEstimate, search_failed: Bool[Array, ""]) -> Relativ
 
 _WIDENING = 2.0
 """Factor on the variance of position and velocity after a search of all directions that they allow."""
-
-
-def _recovery_variance(tuning: OrbitFilterTuning, r_TS_N: Vector, recover: Bool[Array, ""]) -> Float[Array, "12"]:
-    """Covariance inflation after too many rejections, so that the filter accepts the target's boxes again."""
-    square = jnp.sum(r_TS_N * r_TS_N, axis=0)
-    added = jnp.concatenate(
-        [
-            jnp.full(3, tuning.recovery_position_sigma**2 * square),
-            jnp.full(3, tuning.recovery_velocity_sigma**2),
-            jnp.zeros(6, dtype=square.dtype),
-        ]
-    )
-    return jnp.where(recover, added, 0.0)

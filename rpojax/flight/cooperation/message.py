@@ -1,0 +1,75 @@
+"""Messages between servicers: what each sends of itself and of the target, and the delay line they go through."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from rpojax.core.pytree import pytree, replace
+from rpojax.flight.cooperation.burn_effect import BurnEffect
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
+
+
+@pytree
+class TargetTrack:
+    """The sender's estimate of the target relative to itself.
+
+    Attributes:
+        state: (6,) position [m] and velocity [m/s] in N
+        covariance: (6, 6)
+    """
+
+    state: Array
+    covariance: Array
+
+
+@pytree
+class Message:
+    """State of the sender at the time stamp.
+
+    Attributes:
+        time: () time stamp since the start [s], minus infinity before the first one
+        gps: position, by code or carrier phase
+        burns: effect of the sender's burns since the start
+        q_KN: (4,) attitude of its camera
+        attitude_variance: () sum of the changes of that attitude's variance since the start [rad^2]
+        box: box that passed the sender's gate, None where boxes are not shared
+        track: estimate of the target, None where estimates are not shared
+    """
+
+    time: Array
+    gps: GpsMeasurement
+    burns: BurnEffect
+    q_KN: Array
+    attitude_variance: Array
+    box: BoxMeasurement | None = None
+    track: TargetTrack | None = None
+
+
+def delay_line(message: Message, delay_ticks: int) -> Message:
+    """Messages of the last ticks, newest first along a leading axis; none of them has been sent."""
+    line = jax.tree.map(lambda leaf: jnp.stack([jnp.zeros_like(leaf)] * (delay_ticks + 1)), message)
+    return replace(line, time=jnp.full_like(line.time, -jnp.inf))
+
+
+def push(line: Message, message: Message) -> Message:
+    """Delay line one tick later, with a new message."""
+    return jax.tree.map(lambda old, new: jnp.concatenate([new[None], old[:-1]]), line, message)
+
+
+def oldest(line: Message) -> Message:
+    """The message that arrives now."""
+    return jax.tree.map(lambda leaf: leaf[-1], line)
+
+
+def message_bytes(message: Message) -> int:
+    """Length of a message of double-precision numbers and flags of one byte [byte].
+
+    A covariance is sent as its upper triangle. What the receiver works out itself is not sent.
+    """
+    total = 0
+    for leaf in jax.tree.leaves(message):
+        numbers = leaf.size
+        if leaf.ndim == 2 and leaf.shape[0] == leaf.shape[1]:
+            numbers = leaf.shape[0] * (leaf.shape[0] + 1) // 2
+        total += numbers * (1 if leaf.dtype == bool else 8)
+    return total

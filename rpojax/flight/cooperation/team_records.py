@@ -1,0 +1,46 @@
+"""Records of a team: what each servicer brings to the exchange of messages, with the servicers along the last axis."""
+
+from typing import TypeVar
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from rpojax.core.pytree import pytree
+from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
+from rpojax.flight.navigation.outlier_gate import GateState
+
+T = TypeVar("T")
+
+
+@pytree
+class TeamRecords:
+    """Servicers of a team after navigation of a tick; all arrays have a last axis of servicers.
+
+    Attributes:
+        orbit: estimates after each servicer's own update
+        gate: states of the outlier gates
+        innovation: diagnostics of these updates
+        box: boxes as the orbit filters got them
+        gps: positions, by code or carrier phase, whose differences are the baselines
+        q_KN: (4, N) attitudes of the cameras by the attitude filters
+        running: (N,) bool, a servicer that failed neither sends nor hears
+    """
+
+    orbit: OrbitEstimate
+    gate: GateState
+    innovation: Innovation
+    box: BoxMeasurement
+    gps: GpsMeasurement
+    q_KN: Array
+    running: Array
+
+
+def for_receivers(of_servicers: T, peers: tuple[tuple[int, ...], ...]) -> T:
+    """Arrays (..., N) of servicers as (peers, ..., N): what each of N receivers gets from its peers."""
+
+    def gather(leaf: Array) -> Array:
+        return jnp.stack([jnp.stack([leaf[..., j] for j in row]) for row in peers], axis=-1)
+
+    return jax.tree.map(gather, of_servicers)
