@@ -210,7 +210,7 @@ def step(case: Case, tuning, baseline: BaselineTuning, world: World, tick: Array
     many = each(tuning, N)
     if not case.alone:
         records, memory = sharing.share(
-            case.link, baseline, many, jnp.full(N, FOCAL_PX), records, memory, received, 1.0 * tick, 1.0
+            case.link, baseline, many, jnp.full(N, FOCAL_PX), records, memory, received, tick.astype(float), 1.0
         )
     orbit = records.orbit
     out = measure(world, orbit)
@@ -230,7 +230,7 @@ def step(case: Case, tuning, baseline: BaselineTuning, world: World, tick: Array
             * jnp.linalg.norm(v[:3])
             * (tuning.burn_magnitude_sigma * v[6] * along + tuning.burn_direction_sigma * across)
         )
-    on = jnp.where(burning, 0.2, 0.0)
+    on = jnp.where(burning, 0.2, 0.0)[None, :]
     delta_v, error = on * jnp.stack(planned, axis=-1), on * jnp.stack(errors, axis=-1)
     size = jnp.linalg.norm(jnp.stack(planned, axis=-1), axis=0)
 
@@ -249,7 +249,7 @@ def step(case: Case, tuning, baseline: BaselineTuning, world: World, tick: Array
 def advance(tuning, case: Case, world: World, delta_v, drift_T, drift, keys) -> World:
     N = world.d.shape[1]
     r, v = world.r_SN_N, world.v_SN_N
-    g = lambda r: -MU * r / jnp.linalg.norm(r, axis=0) ** 3  # noqa: E731
+    g = lambda r: -MU * r / jnp.linalg.norm(r, axis=0)[None, :] ** 3  # noqa: E731
     a = g(r) + delta_v
     r_after = r + v + 0.5 * a
     v_after = v + 0.5 * (a + g(r_after) + delta_v) + drift

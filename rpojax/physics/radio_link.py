@@ -19,7 +19,7 @@ class RadioLink:
     Attributes:
         loss: () probability of losing a message outside of bursts [-]
         burst_loss: () probability of losing a message in a burst [-]
-        burst_rate: () bursts in the time between two [1/s]
+        burst_interval: () mean time from the end of a burst to the next one [s]
         burst_duration: () mean duration of a burst [s]
         outage_start: (outages,) of windows without any message [s]
         outage_end: (outages,) [s]
@@ -27,7 +27,7 @@ class RadioLink:
 
     loss: Array
     burst_loss: Array
-    burst_rate: Array
+    burst_interval: Array
     burst_duration: Array
     outage_start: Array
     outage_end: Array
@@ -37,7 +37,7 @@ def advance_bursts(
     link: RadioLink, in_burst: Bool[Array, "N N"], uniforms: Float[Array, "N N"], dt: float
 ) -> Bool[Array, "N N"]:
     """Whether each link is in a burst of losses `dt` [s] later."""
-    begins, ends = 1.0 - jnp.exp(-dt * link.burst_rate), 1.0 - jnp.exp(-dt / link.burst_duration)
+    begins, ends = 1.0 - jnp.exp(-dt / link.burst_interval), 1.0 - jnp.exp(-dt / link.burst_duration)
     return jnp.where(in_burst, uniforms >= ends, uniforms < begins)
 
 

@@ -13,7 +13,7 @@ def link(**changes: object) -> RadioLink:
     values = {
         "loss": 0.2,
         "burst_loss": 1.0,
-        "burst_rate": 0.02,
+        "burst_interval": 50.0,
         "burst_duration": 10.0,
         "outage_start": [100.0, 500.0],
         "outage_end": [200.0, 600.0],

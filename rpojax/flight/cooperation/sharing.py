@@ -177,9 +177,11 @@ def share(
         arrived: _Arrived,
         heard: Bool[Array, " peers"],
     ) -> tuple[RelativeEstimate, SharingMemory]:
+        # What a failed sender would say may not be a number.
+        none = jax.tree.map(jnp.zeros_like, arrived.messages)
         news, latest = peer_news.read(
             memory.heard,
-            arrived.messages,
+            peer_news.select_peers(heard, arrived.messages, none),
             heard,
             memory.burns,
             message.oldest(memory.line),
@@ -211,6 +213,7 @@ def _sent(
     time: Scalar,
 ) -> SharingMemory:
     """Memory of a servicer after the message of a tick."""
+    assert records.innovation is not None
     accepted, own = records.innovation.accepted, records.orbit.relative
     box = _gated(records.box, accepted)
     estimates = memory.estimates
@@ -240,6 +243,7 @@ def _received(
 ) -> tuple[RelativeEstimate, SharingMemory]:
     """Estimate of the target and memory of a servicer after the messages of a tick."""
     if memory.joint is not None:
+        assert records.innovation is not None
         box = _gated(records.box, records.innovation.accepted)
         joint, is_used = box_sharing.update(
             tuning,

@@ -21,7 +21,7 @@ class TeamRecords:
     Attributes:
         orbit: estimates after each servicer's own update
         gate: states of the outlier gates
-        innovation: diagnostics of these updates
+        innovation: diagnostics of these updates, None at hand-over
         box: boxes as the orbit filters got them
         gps: positions, by code or carrier phase, whose differences are the baselines
         q_KN: (4, N) attitudes of the cameras by the attitude filters
@@ -30,7 +30,7 @@ class TeamRecords:
 
     orbit: OrbitEstimate
     gate: GateState
-    innovation: Innovation
+    innovation: Innovation | None
     box: BoxMeasurement
     gps: GpsMeasurement
     q_KN: Array
