@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rpojax.batching.vmap_last_axis import vmap
+from rpojax.batching import batching_mode
 from rpojax.core.numerics import double_single
 from rpojax.core.orbits import two_body_gravity
 from rpojax.core.pytree import pytree, replace
@@ -92,7 +92,7 @@ def initial(
         estimates = estimate_sharing.initial(tuning, baseline, own, baselines, peers.tuning, is_naive)
         return replace(memory, estimates=estimates)
 
-    return vmap(of_one, in_axes=-1, out_axes=-1)(tuning, peers, records)
+    return batching_mode.transform()(of_one, in_axes=-1, out_axes=-1)(tuning, peers, records)
 
 
 def _baselines(own: OrbitEstimate, peers: OrbitEstimate) -> Float[Array, "peers 6"]:
@@ -164,7 +164,7 @@ def share(
     def send(records: TeamRecords, tuning: OrbitFilterTuning, focal_px: Scalar, memory: SharingMemory) -> SharingMemory:
         return _sent(settings, records, tuning, focal_px, memory, time)
 
-    memory = vmap(send, in_axes=-1, out_axes=-1)(records, tuning, focal_px, memory)
+    memory = batching_mode.transform()(send, in_axes=-1, out_axes=-1)(records, tuning, focal_px, memory)
     arrived = _Arrived(messages=message.oldest(memory.line), tuning=tuning, focal_px=focal_px)
     arrived = for_receivers(arrived, settings.peers)
     heard = jnp.stack([jnp.stack([received[i, j] for j in row]) for i, row in enumerate(settings.peers)], axis=-1)
@@ -191,7 +191,9 @@ def share(
         memory = replace(memory, heard=latest)
         return _received(settings, baseline, tuning, focal_px, records, memory, news, delay)
 
-    relative, memory = vmap(receive, in_axes=-1, out_axes=-1)(records, tuning, focal_px, memory, arrived, heard)
+    relative, memory = batching_mode.transform()(receive, in_axes=-1, out_axes=-1)(
+        records, tuning, focal_px, memory, arrived, heard
+    )
     return replace(records, orbit=replace(records.orbit, relative=relative)), memory
 
 
@@ -309,7 +311,7 @@ def predict(
             estimates = estimate_sharing.predict(tuning, settings.zonal_degree, estimates, *motion)
         return replace(_with_burns(memory, before, delta_v_N, covariance, tick_s), joint=joint, estimates=estimates)
 
-    return vmap(of_one, in_axes=-1, out_axes=-1)(
+    return batching_mode.transform()(of_one, in_axes=-1, out_axes=-1)(
         tuning, memory, before, after, delta_v_N, burn_delta_v, burn_sigma_inflation
     )
 
