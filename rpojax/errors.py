@@ -38,6 +38,14 @@ class UnknownKeyError(ScenarioError):
         self.key = key
 
 
+class ServicerError(ScenarioError):
+    """What differs for one servicer of a team is invalid."""
+
+    def __init__(self, name: str, error: ScenarioError) -> None:
+        RpojaxError.__init__(self, f"servicers.{name}.{error}")
+        self.key = f"servicers.{name}.{error.key}"
+
+
 class OutputError(RpojaxError):
     """An output folder or file cannot be written."""
 

@@ -1,12 +1,25 @@
 """Field types of sections of a scenario: bounded numbers, vectors, inertias, dates; and the base class of sections."""
 
+import functools
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import UTC, date, datetime
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_serializer
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    create_model,
+    model_serializer,
+)
+from pydantic.fields import FieldInfo
+from pydantic_core import CoreSchema
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
@@ -118,3 +131,39 @@ class OptionalKeys(Section):
     @model_serializer(mode="wrap")
     def _leave_out_absent(self, serialise: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
         return {key: value for key, value in serialise(self).items() if value is not None}
+
+
+@dataclass(frozen=True)
+class ChangesOf:
+    """Mark of a field that holds some keys of a section, each of the form that the section demands.
+
+    Attributes:
+        section: the whole section
+        nested: its sections of which also only some keys are given, by their key
+        tables: keys of tables that are checked only once they are merged
+        without: keys that cannot be given
+    """
+
+    section: type[Section]
+    nested: tuple[tuple[str, type[Section]], ...] = ()
+    tables: tuple[str, ...] = ()
+    without: tuple[str, ...] = ()
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        """Schema of the section with all keys optional."""
+        return handler.generate_schema(_optional_keys(self))
+
+
+@functools.cache
+def _optional_keys(changes: ChangesOf) -> type[OptionalKeys]:
+    forms = {name: _form(field) for name, field in changes.section.model_fields.items() if name not in changes.without}
+    forms |= {name: _optional_keys(ChangesOf(section)) for name, section in changes.nested}
+    forms |= dict.fromkeys(changes.tables, dict[str, Any])
+    fields: dict[str, Any] = {name: (form | None, None) for name, form in forms.items()}
+    name, summary = changes.section.__name__, changes.section.__doc__ or ""
+    return create_model(f"{name}Changes", __base__=OptionalKeys, __doc__=f"Keys that differ: {summary}", **fields)
+
+
+def _form(field: FieldInfo) -> Any:
+    """Type of a field with its limits and checks."""
+    return Annotated[(field.annotation, *field.metadata)] if field.metadata else field.annotation

@@ -88,9 +88,9 @@ def sections_of_the_schema() -> dict[str, type[Section]]:
 
 
 def kinds(union: Any) -> dict[str, set[str]]:
-    """Kind -> its settings, the key and the kind left out."""
+    """Kind -> its settings; the key, the kind and what all kinds have left out."""
     return {
-        get_args(model.model_fields["kind"].annotation)[0]: set(model.model_fields) - {"key", "kind"}
+        get_args(model.model_fields["kind"].annotation)[0]: set(model.model_fields) - {"key", "kind", "common"}
         for model in get_args(get_args(union)[0])
     }
 
@@ -212,7 +212,9 @@ def headings_of_sections() -> list[str]:
 
 def test_the_scenario_page_lists_every_section_once() -> None:
     named = [name for heading in headings_of_sections() for name in quoted(heading)]
-    assert sorted(named) == sorted([*sections_of_the_schema(), "design", "dispersions", "phases", "requirements"])
+    assert sorted(named) == sorted(
+        [*sections_of_the_schema(), "design", "dispersions", "phases", "requirements", "servicers"]
+    )
 
 
 @pytest.mark.parametrize("name", sections_of_the_schema())
@@ -235,6 +237,7 @@ def test_the_scenario_page_lists_the_keys_at_the_top_level() -> None:
         "dispersions",
         "phases",
         "requirements",
+        "servicers",
     }
 
 
@@ -263,10 +266,12 @@ def test_the_scenario_page_lists_every_kind_with_its_settings(heading: str, unio
 
 
 def test_the_scenarios_of_the_scenario_page_are_accepted(tmp_path: Path) -> None:
-    handover, derived, grid, requirement = blocks(SCENARIO_PAGE, "toml")
+    handover, team, derived, grid, requirement = blocks(SCENARIO_PAGE, "toml")
     path = tmp_path / "mine.toml"
     path.write_text('extends = "inspection"\n' + handover)
     assert scenario_loader.load(path).initial.handover is not None
+    path.write_text('extends = "safety_ellipse"\n' + team)
+    assert [each.name for each in scenario_loader.load(path).servicers] == ["leader", "follower"]
     path.write_text('extends = "inspection"\n' + derived)
     assert scenario_loader.load(path).dispersions[-1].kind == "derived"
     path.write_text('extends = "inspection"\n' + requirement)

@@ -15,6 +15,7 @@ from rpojax.scenario.sections import (
     EffectsSection,
     FaultSection,
     HandoverSection,
+    LinkSection,
     RatesSection,
     SafetySection,
     TuningSection,
@@ -84,6 +85,7 @@ def nominal_of_key(file: ScenarioFile, key: str) -> Any:
         or isinstance(section, RatesSection | EffectsSection | SafetySection | CoverageSection | TuningSection)
         or name not in type(section).model_fields
         or (isinstance(section, HandoverSection) and name == "covariance")
+        or (isinstance(section, LinkSection) and name in ("period_s", "delay_s", "outages_s", "hears"))
         or (isinstance(section, MissionSection) and (not file.phases or name == "decision_period_s"))
     ):
         return None

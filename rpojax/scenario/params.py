@@ -1,6 +1,7 @@
 """Parameters of a run: pytree of all numbers that can be dispersed or differentiated, and their scenario keys."""
 
 import functools
+import math
 from collections.abc import Mapping
 from dataclasses import field, fields
 from typing import Any
@@ -17,6 +18,7 @@ from rpojax.dispersions.semidefinite_cholesky import cholesky_factor
 from rpojax.errors import ScenarioError
 from rpojax.flight.control.attitude_control import AttitudeControlTuning
 from rpojax.flight.control.formation_tuning import FormationTuning
+from rpojax.flight.cooperation.link_settings import BaselineTuning
 from rpojax.flight.flight_records import FlightParams
 from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.navigation.attitude_ekf import AttitudeFilterTuning
@@ -29,6 +31,7 @@ from rpojax.physics.environment.solar_radiation_pressure import Sunlight
 from rpojax.physics.environment.spacecraft_surface import Surface
 from rpojax.physics.equipment_faults import Fault
 from rpojax.physics.plant_state import PlantParams, Target
+from rpojax.physics.radio_link import RadioLink
 from rpojax.physics.reaction_wheels import ReactionWheels
 from rpojax.physics.rigid_body import Body
 from rpojax.physics.thruster import Thruster
@@ -36,7 +39,7 @@ from rpojax.scenario import key_units, phase_table
 from rpojax.scenario.trained import fitted_camera, trained_files
 from rpojax.sensors.additional.registry import sensor_class, sensor_names
 from rpojax.sensors.camera import Camera
-from rpojax.sensors.gps import Gps
+from rpojax.sensors.gps import Gps, GpsDifferences
 from rpojax.sensors.gyro import Gyro
 from rpojax.sensors.rendered_camera import Imaging, Networks
 from rpojax.sensors.star_tracker import StarTracker
@@ -99,7 +102,10 @@ class Limits:
 
 @pytree
 class Params:
-    """All numbers of a run that can be dispersed or differentiated, SI and radians."""
+    """All numbers of a run that can be dispersed or differentiated, SI and radians.
+
+    `link`, `gps_differences` and `baseline` are used in a team of servicers.
+    """
 
     orbit: KeplerianElements
     initial: InitialRelativeState
@@ -113,6 +119,9 @@ class Params:
     statistics: CameraStatistics | None
     flight: FlightParams
     limits: Limits
+    link: RadioLink
+    gps_differences: GpsDifferences
+    baseline: BaselineTuning
     handover: HandoverErrors | None = None
     additional_sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
 
@@ -143,6 +152,10 @@ _SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
     "limits": (("limits",), Limits),
 }
 """Attribute path in `Params` and class of the record, by section of a scenario file."""
+_TEAM_SECTIONS: dict[str, type] = {"link": RadioLink, "gps_differences": GpsDifferences}
+"""Class of the record, by section of a team; its name is that of the field of `Params`."""
+_BELIEF_IN_DIFFERENCES = "navigation.difference_"
+"""Begin of the keys of what flight software believes of differences of GPS positions."""
 _HANDOVER = "initial.handover"
 """Section that a scenario may leave out."""
 
@@ -173,18 +186,37 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
         handover=_handover_errors(tables["initial"].get("handover")),
         additional_sensors={name: _numbers(tables[name]) for name in sensor_names() if name in tables},
         **{name: records[name] for name in rest},
+        **_team_records(tables),
     )
+
+
+def _team_records(tables: Mapping[str, Any]) -> dict[str, Any]:
+    """Links and differences of GPS positions as the truth has them, and what flight software believes of these."""
+    outages = tables["link"]["outages_s"] or [[math.inf, math.inf]]
+    starts, ends = jnp.asarray(outages, dtype=jnp.float64).T
+    prefix = _BELIEF_IN_DIFFERENCES.partition(".")[2]
+    belief = {key.removeprefix(prefix): value for key, value in tables["navigation"].items() if key.startswith(prefix)}
+    return {
+        "link": RadioLink(outage_start=starts, outage_end=ends, **_fields(RadioLink, tables["link"])),
+        "gps_differences": _record(GpsDifferences, tables["gps_differences"]),
+        "baseline": _record(BaselineTuning, belief),
+    }
 
 
 def _record(cls: type, table: Mapping[str, Any]) -> Any:
     """Record of one section; keys without a field are static settings and are skipped."""
+    return cls(**_fields(cls, table))
+
+
+def _fields(cls: type, table: Mapping[str, Any]) -> dict[str, Array]:
+    """Fields of a record that a section has, in SI and radians."""
     names = {field.name for field in fields(cls)}
     values = {}
     for key, value in table.items():
         name, factor = key_units.split_unit(key)
         if name in names:
             values[name] = jnp.asarray(equipment_faults.kind_code(value), dtype=jnp.float64) * factor
-    return cls(**values)
+    return values
 
 
 def _handover_errors(table: Mapping[str, Any] | None) -> HandoverErrors | None:
@@ -236,6 +268,10 @@ def leaf_path_and_factor(key: str) -> tuple[tuple[str, ...], float]:
         path, cls = _SECTIONS.get(section, (("handover",), HandoverErrors))
         if leaf in {field.name for field in fields(cls)}:
             return (*path, leaf), factor
+    if section in _TEAM_SECTIONS and leaf in {field.name for field in fields(_TEAM_SECTIONS[section])}:
+        return (section, leaf), factor
+    if key.startswith(_BELIEF_IN_DIFFERENCES):
+        return ("baseline", key_units.split_unit(key.removeprefix(_BELIEF_IN_DIFFERENCES))[0]), factor
     if key.split(".")[0] in ("phases", "mission"):
         return ("flight", "mission", *phase_table.leaf_path(key)), factor
     if section in sensor_names() and name in sensor_class(section).model_fields:

@@ -25,8 +25,9 @@ def scenario_digest(file: ScenarioFile) -> str:
     # Campaigns recorded before these keys existed keep their digest.
     if file.precision == "double":
         del content["precision"]
-    if not file.phases:
-        del content["phases"]
+    for name in ("phases", "servicers"):
+        if not content[name]:
+            del content[name]
     _remove_defaults(file, content)
     if windows := sorted({each.metric_name for each in file.requirements if each.window.suffix}):
         content["metrics_in_windows"] = windows
@@ -41,7 +42,7 @@ def scenario_digest(file: ScenarioFile) -> str:
 
 def _remove_defaults(file: ScenarioFile, content: dict[str, Any]) -> None:
     """Removes from the tables of `content` the keys that have a default and its value, and tables thus empty."""
-    for name in set(content) - {"design", "phases", *sensor_names()}:
+    for name in set(content) - {"design", "phases", "servicers", *sensor_names()}:
         section = getattr(file, name)
         if not isinstance(section, Section):
             continue

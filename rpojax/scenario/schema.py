@@ -1,7 +1,7 @@
 """Schema of a whole scenario file; free of JAX, so that validation is instant."""
 
 import difflib
-from typing import Annotated, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import AfterValidator, Field
 
@@ -9,7 +9,13 @@ from rpojax.dispersions.designs.design_kinds import Design, IndependentDesign
 from rpojax.dispersions.kinds.registry import Dispersion
 from rpojax.metrics.metric_catalogue import UNITS, is_of_campaigns
 from rpojax.metrics.time_windows import MetricWindow
-from rpojax.scenario.phases.phase_sections import BUILT_IN_PHASES, MissionSection, PhaseSection
+from rpojax.scenario.phases.phase_sections import (
+    BUILT_IN_PHASES,
+    CorridorSection,
+    MissionSection,
+    PhaseName,
+    PhaseSection,
+)
 from rpojax.scenario.sections import (
     AtmosphereSection,
     AttitudeControlSection,
@@ -19,12 +25,14 @@ from rpojax.scenario.sections import (
     EffectsSection,
     FaultSection,
     FormationSection,
+    GpsDifferencesSection,
     GpsSection,
     GyroSection,
     HealthSection,
     ImagingSection,
     InitialSection,
     LimitsSection,
+    LinkSection,
     NavigationSection,
     OrbitSection,
     PointingSection,
@@ -40,7 +48,7 @@ from rpojax.scenario.sections import (
     WheelsSection,
 )
 from rpojax.sensors.additional.registry import AdditionalSensors
-from rpojax.value_types import Epoch, Finite, NonNegative, OptionalKeys, Positive
+from rpojax.value_types import ChangesOf, Epoch, Finite, NonNegative, OptionalKeys, Positive
 
 
 def _check_metric_name(value: str) -> str:
@@ -89,6 +97,44 @@ class RequirementSection(OptionalKeys):
         return not self.window.suffix and self.outcome is None
 
 
+MAX_SERVICERS: Final = 8
+"""Most servicers of a team; the filters' states and the compiled program grow with them."""
+ServicerName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
+_PHASE = ChangesOf(PhaseSection, nested=(("corridor", CorridorSection),), tables=("reference",), without=("name",))
+
+
+class ServicerChanges(OptionalKeys):
+    """One servicer of a team: its name, and the keys of the scenario's sections that differ."""
+
+    name: ServicerName
+    decision_offset_s: NonNegative | None = None
+    initial: Annotated[OptionalKeys, ChangesOf(InitialSection)] | None = None
+    servicer: Annotated[OptionalKeys, ChangesOf(ServicerSection)] | None = None
+    servicer_surface: Annotated[OptionalKeys, ChangesOf(SurfaceSection)] | None = None
+    thruster: Annotated[OptionalKeys, ChangesOf(ThrusterSection)] | None = None
+    wheels: Annotated[OptionalKeys, ChangesOf(WheelsSection)] | None = None
+    camera: Annotated[OptionalKeys, ChangesOf(CameraSection)] | None = None
+    imaging: Annotated[OptionalKeys, ChangesOf(ImagingSection)] | None = None
+    gps: Annotated[OptionalKeys, ChangesOf(GpsSection)] | None = None
+    star_tracker: Annotated[OptionalKeys, ChangesOf(StarTrackerSection)] | None = None
+    gyro: Annotated[OptionalKeys, ChangesOf(GyroSection)] | None = None
+    navigation: Annotated[OptionalKeys, ChangesOf(NavigationSection)] | None = None
+    attitude_filter: Annotated[OptionalKeys, ChangesOf(AttitudeFilterSection)] | None = None
+    formation: Annotated[OptionalKeys, ChangesOf(FormationSection)] | None = None
+    pointing: Annotated[OptionalKeys, ChangesOf(PointingSection)] | None = None
+    attitude_control: Annotated[OptionalKeys, ChangesOf(AttitudeControlSection)] | None = None
+    health: Annotated[OptionalKeys, ChangesOf(HealthSection)] | None = None
+    limits: Annotated[OptionalKeys, ChangesOf(LimitsSection)] | None = None
+    fault: Annotated[OptionalKeys, ChangesOf(FaultSection)] | None = None
+    mission: Annotated[OptionalKeys, ChangesOf(MissionSection)] | None = None
+    phases: dict[PhaseName, Annotated[OptionalKeys, _PHASE]] | None = None
+
+    @property
+    def tables(self) -> dict[str, Any]:
+        """Keys that differ, by section, and by phase in `phases`."""
+        return self.model_dump(exclude={"name", "decision_offset_s"})
+
+
 class ScenarioFile(AdditionalSensors):
     """A whole scenario, in the units of its keys."""
 
@@ -126,6 +172,9 @@ class ScenarioFile(AdditionalSensors):
     fault: FaultSection
     mission: MissionSection = MissionSection()
     phases: list[PhaseSection] = Field(default_factory=list, max_length=12)
+    servicers: list[ServicerChanges] = Field(default_factory=list, max_length=MAX_SERVICERS)
+    link: LinkSection = LinkSection()
+    gps_differences: GpsDifferencesSection = GpsDifferencesSection()
     dispersions: list[Dispersion]
     requirements: list[RequirementSection] = Field(default_factory=list)
     tuning: TuningSection = TuningSection()

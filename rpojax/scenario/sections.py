@@ -33,6 +33,9 @@ def _check_horizon(value: str) -> str:
     return value
 
 
+NonNegativePair = Annotated[list[NonNegative], Field(min_length=2, max_length=2)]
+NamePair = Annotated[list[str], Field(min_length=2, max_length=2)]
+Delay = Annotated[float, Field(ge=0.0, le=60.0, allow_inf_nan=False)]
 IncidenceLimit = Annotated[float, Field(gt=0.0, le=90.0, allow_inf_nan=False)]
 
 
@@ -223,6 +226,7 @@ class GpsSection(Section):
     noise_m: NonNegative
     bias_sigma_m: NonNegative
     bias_time_constant_s: Positive
+    common_share: Probability = 0.9
 
 
 class StarTrackerSection(Section):
@@ -246,11 +250,15 @@ class NavigationSection(Section):
     """Orbit filter and measurement gate."""
 
     gating: Literal["covariance", "none"]
+    sharing: Literal["none", "boxes", "estimates", "central", "naive"] = "none"
     zonal_degree: ZonalDegree
     luni_solar: bool
     gps_noise_m: Positive
     gps_error_sigma_m: Positive
     gps_error_time_constant_s: Positive
+    difference_noise_m: Positive = 2.83
+    difference_error_sigma_m: Positive = 0.54
+    difference_error_time_constant_s: Positive = 700.0
     edge_noise_px: Positive
     minimum_size_px: Positive = 4.0
     miss_probability: Annotated[float, Field(gt=0.0, lt=1.0, allow_inf_nan=False)] = 0.1
@@ -370,6 +378,35 @@ class CoverageSection(Section):
     sun_incidence_limit_deg: IncidenceLimit = 70.0
     resolution_limit_m_px: Positive = 0.05
     spacing_s: Positive = 10.0
+
+
+class LinkSection(OptionalKeys):
+    """Radio links between the servicers of a team."""
+
+    period_s: Positive = 1.0
+    delay_s: Delay = 0.0
+    loss: Probability = 0.0
+    burst_loss: Probability = 1.0
+    burst_interval_s: Positive = 1e9
+    burst_duration_s: Positive = 10.0
+    outages_s: list[NonNegativePair] = Field(default=[], max_length=16)
+    hears: Annotated[list[NamePair], Field(max_length=56)] | None = None
+
+    @model_validator(mode="after")
+    def _check_windows(self) -> "LinkSection":
+        for window in self.outages_s:
+            if window[1] <= window[0]:
+                raise ValueError(f"expected windows that end after they start, unlike outages_s = {window}")
+        return self
+
+
+class GpsDifferencesSection(Section):
+    """Differences of the GPS positions of two servicers, as the truth has them."""
+
+    kind: Literal["code", "carrier"] = "code"
+    noise_m: NonNegative = 0.05
+    slow_error_m: NonNegative = 0.007
+    slow_error_time_constant_s: Positive = 700.0
 
 
 class TuningSection(Section):

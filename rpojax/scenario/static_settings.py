@@ -1,13 +1,16 @@
 """Static settings of a run: the hashable part of a scenario, for which the simulation is compiled."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from rpojax.errors import ScenarioError
+from rpojax.flight.cooperation.team_settings import TeamSettings
 from rpojax.flight.mission.phase_settings import MissionSettings
 from rpojax.physics.plant_options import Effects
 from rpojax.scenario.phase_table import mission_settings
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.team.members import member_files
+from rpojax.scenario.team.team_options import team_settings
 from rpojax.scenario.trained import image_sampling
 from rpojax.sensors.additional.registry import present_sensors
 from rpojax.value_types import epoch_seconds
@@ -37,6 +40,7 @@ class Scenario:
         additional_sensors: names of the additional sensors
         records_poses: whether the poses of camera and target are channels
         mission: static settings of its phases, None without phases
+        team: static settings of a team of servicers, None for a servicer alone
     """
 
     ticks: int
@@ -55,6 +59,7 @@ class Scenario:
     additional_sensors: tuple[str, ...] = ()
     records_poses: bool = False
     mission: MissionSettings | None = None
+    team: TeamSettings | None = None
 
     @property
     def step_s(self) -> float:
@@ -70,11 +75,15 @@ class Scenario:
 def static_settings(file: ScenarioFile, allow_single: bool = False) -> Scenario:
     """Static settings of a validated scenario; `allow_single` if the caller can simulate in single precision.
 
+    Those of the servicers of a team are equal, as its checks demand; `team` has what they have together.
+
     Raises:
         ScenarioError: the scenario asks for single precision, which the caller does not support.
     """
     if file.precision == "single" and not allow_single:
         raise ScenarioError("precision", file.precision, "'double', as only run, campaign and bench know 'single'")
+    if file.servicers:
+        return replace(static_settings(member_files(file)[0], allow_single), team=team_settings(file))
     rates = file.rates
     return Scenario(
         ticks=round(file.duration_s * rates.camera_hz),

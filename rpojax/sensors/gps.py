@@ -1,4 +1,4 @@
-"""GPS receiver: position of the servicer with white noise and a slowly varying error."""
+"""GPS receiver: position of the servicer with white noise and a slowly varying error; differences of two receivers."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -16,11 +16,28 @@ class Gps:
         noise: () white noise, 1 sigma per axis [m]
         bias_sigma: () slowly varying error, 1 sigma per axis [m]
         bias_time_constant: () its correlation time [s]
+        common_share: () part of its variance that receivers near each other have in common [-]
     """
 
     noise: Array
     bias_sigma: Array
     bias_time_constant: Array
+    common_share: Array
+
+
+@pytree
+class GpsDifferences:
+    """Errors of the difference of two receivers' positions by carrier phase.
+
+    Attributes:
+        noise: () white noise, 1 sigma per axis [m]
+        slow_error: () slowly varying error, 1 sigma per axis [m]
+        slow_error_time_constant: () its correlation time [s]
+    """
+
+    noise: Array
+    slow_error: Array
+    slow_error_time_constant: Array
 
 
 def measure(gps: Gps, r_SN_N: Vector, bias_N: Vector, normals: Vector) -> Vector:

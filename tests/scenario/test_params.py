@@ -22,6 +22,12 @@ STATIC = {
     "zonal_degree",
     "luni_solar",
     "handover",
+    "sharing",
+    "period_s",
+    "delay_s",
+    "outages_s",
+    "hears",
+    "kind",
 }
 """Keys of static settings, and of a section that may be absent."""
 
@@ -36,7 +42,9 @@ def numeric_keys() -> list[str]:
             and isinstance(section, type)
             and issubclass(section, BaseModel)
         ):
-            keys += [f"{name}.{key}" for key in section.model_fields if key not in STATIC]
+            keys += [
+                f"{name}.{key}" for key in section.model_fields if key not in STATIC or f"{name}.{key}" == "fault.kind"
+            ]
     return keys
 
 

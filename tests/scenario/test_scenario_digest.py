@@ -42,13 +42,15 @@ def test_defaults_are_not_hashed(
 ) -> None:
     file = scenario_loader.validate({**tables, "limits": {"keep_out_m": 10.0}})
     content = {**file.model_dump(mode="json"), "limits": {"keep_out_m": 10.0}}
-    optional = ("safety", "coverage", "mission", "phases")
+    optional = ("safety", "coverage", "mission", "phases", "servicers", "link", "gps_differences")
     for key in ("name", "description", "requirements", "tuning", "design", "precision", *optional):
         del content[key]
     del content["target"]["scale"]
-    for key in ("minimum_size_px", "miss_probability", "center_perspective", "target_size_sigma"):
+    for key in ("minimum_size_px", "miss_probability", "center_perspective", "target_size_sigma", "sharing"):
         del content["navigation"][key]
-    del content["navigation"]["outline_time_constant_s"]
+    for key in ("outline_time_constant_s", *(key for key in content["navigation"] if key.startswith("difference_"))):
+        del content["navigation"][key]
+    del content["gps"]["common_share"]
     text = json.dumps(content, sort_keys=True)
     assert scenario_digest(file) == hashlib.sha256(text.encode()).hexdigest()
     single = file.model_copy(update={"precision": "single"})

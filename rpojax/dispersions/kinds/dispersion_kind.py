@@ -14,7 +14,7 @@ import numpy as np
 from rpojax.dispersions.marginal_distribution import Distribution
 from rpojax.dispersions.random_source import RandomSource
 from rpojax.errors import RpojaxError
-from rpojax.value_types import Section
+from rpojax.value_types import OptionalKeys
 
 if TYPE_CHECKING:
     import jax
@@ -37,11 +37,16 @@ class ExtremeValue:
     whole: bool
 
 
-class DispersionKind(Section):
-    """Base class of the sections `[[dispersions]]`; a kind adds fields: its keys, its name `kind` and its settings."""
+class DispersionKind(OptionalKeys):
+    """Base class of the sections `[[dispersions]]`; a kind adds fields: its keys, its name `kind` and its settings.
+
+    `common` says whether all servicers of a team have one error, None for what is usual for the keys.
+    """
 
     if TYPE_CHECKING:
         kind: Any
+
+    common: bool | None = None
 
     is_joint: ClassVar[bool] = False
     """Whether several keys, in a field `keys`, are assigned together."""

@@ -12,11 +12,13 @@ from rpojax.core.random_streams import Stream
 from rpojax.dispersions.coordinate_source import CoordinateSource
 from rpojax.dispersions.key_source import KeySource
 from rpojax.dispersions.kinds.derived import Derived
+from rpojax.dispersions.kinds.dispersion_kind import DispersionKind
 from rpojax.scenario import params as parameters
 from rpojax.scenario.dispersed_numbers.dispersion_keys import (
     assigned_parts,
     design_keys,
     evaluation_order,
+    is_common,
     nominal_numbers,
 )
 from rpojax.scenario.parameter_keys import ParameterKey, nominal_value, parse_key
@@ -27,19 +29,19 @@ Values = dict[str, Array]
 """Value by key, in the unit of the key."""
 
 
-def draw(file: ScenarioFile, run_key: Array, assigned: Mapping[str, Array]) -> Values:
-    """Values of all dispersed keys of one run.
+def draw(file: ScenarioFile, run_key: Array, assigned: Mapping[str, Array], team_key: Array | None = None) -> Values:
+    """Values of all dispersed keys of one run, or of one servicer of a team.
 
     Random numbers depend on the run's key and the dispersion's name, so that adding a dispersion leaves the others
     unchanged. `assigned` is this run's part of a design: values by key, or coordinates in (0, 1) by dispersion name.
+    With `team_key`, that of a team's run, dispersions that are common to its servicers depend on that one.
     """
-    stream = random_streams.fold_in(run_key, Stream.DISPERSION)
     values: Values = {}
     for text in design_keys(file):
         _set_value(file, values, parse_key(text), assigned[text])
     entries = evaluation_order(file)
     names = [entry.name for entry in entries]
-    for entry, name, key in zip(entries, names, _random_keys(stream, names), strict=True):
+    for entry, name, key in zip(entries, names, _keys_of_entries(entries, run_key, team_key), strict=True):
         nominal = nominal_numbers(file, entry)
         if isinstance(entry, Derived):
             value = entry.value(nominal.shape, [_value_of(file, values, parse_key(term.key)) for term in entry.terms])
@@ -49,6 +51,16 @@ def draw(file: ScenarioFile, run_key: Array, assigned: Mapping[str, Array]) -> V
         for parameter, part in assigned_parts(file, entry, value):
             _set_value(file, values, parameter, part)
     return values
+
+
+def _keys_of_entries(entries: Sequence[DispersionKind], run_key: Array, team_key: Array | None) -> Array:
+    """(n, 2) random keys of dispersions of a servicer, or of its team for those that are common."""
+    names = [entry.name for entry in entries]
+    own = _random_keys(random_streams.fold_in(run_key, Stream.DISPERSION), names)
+    if team_key is None:
+        return own
+    common = np.array([is_common(entry) for entry in entries], dtype=bool)
+    return jnp.where(common[:, None], _random_keys(random_streams.fold_in(team_key, Stream.DISPERSION), names), own)
 
 
 def _random_keys(stream: Array, names: Sequence[str]) -> Array:

@@ -1,7 +1,7 @@
 """Keys of a scenario that vary from run to run, and the order in which their values are computed; free of JAX."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -11,6 +11,13 @@ from rpojax.dispersions.kinds.dispersion_kind import DispersionKind, RandomKind
 from rpojax.errors import ScenarioError
 from rpojax.scenario.parameter_keys import ParameterKey, expand_vectors, nominal_value, parse_key
 from rpojax.scenario.schema import ScenarioFile
+
+_TEAM_SECTIONS: Final = frozenset(
+    {"orbit", "atmosphere", "sunlight", "target", "target_surface", "link", "gps_differences"}
+)
+"""Sections whose values all servicers of a team have together."""
+_BELIEF_OF_TEAM: Final = "navigation.difference_"
+"""Begin of the keys of the belief in differences of GPS positions, which is that of a pair."""
 
 
 def assigned_keys(dispersion: DispersionKind) -> list[ParameterKey]:
@@ -27,6 +34,23 @@ def varied_keys(file: ScenarioFile) -> list[str]:
     """Whole keys of all numbers that vary from run to run, by dispersions or by the design."""
     parameters = [parameter for dispersion in file.dispersions for parameter in assigned_keys(dispersion)]
     return list(dict.fromkeys(parameter.key for parameter in [*parameters, *map(parse_key, design_keys(file))]))
+
+
+def is_of_team(parameter: ParameterKey) -> bool:
+    """Whether a key is that of the world, or of what all servicers of a team have together."""
+    return parameter.key.partition(".")[0] in _TEAM_SECTIONS or parameter.key.startswith(_BELIEF_OF_TEAM)
+
+
+def is_common(dispersion: DispersionKind) -> bool:
+    """Whether all servicers of a team have the same random numbers of a dispersion."""
+    if dispersion.common is not None:
+        return dispersion.common
+    return all(is_of_team(parameter) for parameter in assigned_keys(dispersion))
+
+
+def common_keys(file: ScenarioFile) -> frozenset[str]:
+    """Whole keys that vary from run to run and have the same value for all servicers of a team."""
+    return frozenset(key for key in varied_keys(file) if is_of_team(parse_key(key)))
 
 
 def nominal_numbers(file: ScenarioFile, dispersion: DispersionKind) -> np.ndarray:

@@ -11,11 +11,11 @@ from pydantic import ValidationError
 
 from rpojax.errors import ScenarioError
 from rpojax.scenario.checks.consistency_checks import check_consistency
+from rpojax.scenario.checks.validation_errors import first_error
 from rpojax.scenario.coverage_surface import SURFACES
 from rpojax.scenario.loading import case_table_csv
 from rpojax.scenario.loading.replaced_nominals import Layer, check_no_replaced_key_is_set
 from rpojax.scenario.loading.table_merging import apply_override, merge
-from rpojax.scenario.loading.validation_errors import first_error
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.trained import trained_files
 

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario.loading import former_keys
-from rpojax.scenario.loading.validation_errors import did_you_mean
+from rpojax.scenario.checks import former_keys
+from rpojax.scenario.checks.validation_errors import did_you_mean
 from rpojax.sensors.additional.registry import sensor_names
 
-_OPTIONAL_SECTIONS = ("initial.handover", "mission")
+_OPTIONAL_SECTIONS = ("initial.handover", "mission", "link", "gps_differences")
 """Sections that a scenario may leave out, and that overrides may make; validation knows their keys."""
 REMOVED = "none"
 """In place of a kind: the dispersion of the base is removed."""

@@ -6,7 +6,7 @@ from typing import get_args
 from pydantic import ValidationError
 
 from rpojax.errors import ScenarioError, UnknownKeyError
-from rpojax.scenario.loading import former_keys
+from rpojax.scenario.checks import former_keys
 from rpojax.scenario.schema import ScenarioFile
 
 

@@ -1,0 +1,66 @@
+"""Servicers of a team as scenarios and parameters of one servicer each."""
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from pydantic import ValidationError
+
+from rpojax.errors import ScenarioError, ServicerError
+from rpojax.scenario.checks.validation_errors import did_you_mean, first_error
+from rpojax.scenario.schema import ScenarioFile, ServicerChanges
+
+if TYPE_CHECKING:
+    from rpojax.scenario.params import Params
+
+
+def member_names(file: ScenarioFile) -> tuple[str, ...]:
+    """Names of the servicers of a team, none of a servicer alone."""
+    return tuple(changes.name for changes in file.servicers)
+
+
+def member_files(file: ScenarioFile) -> tuple[ScenarioFile, ...]:
+    """Scenario of each servicer of a team, itself without a team; the scenario itself of a servicer alone.
+
+    Raises:
+        ServicerError: naming the key that does not suit a servicer, what was found and what was expected.
+    """
+    if not file.servicers:
+        return (file,)
+    tables = {**file.model_dump(), "servicers": []}
+    return tuple(_member(tables, changes) for changes in file.servicers)
+
+
+def member_params(file: ScenarioFile) -> "tuple[Params, ...]":
+    """Parameters of each servicer of a team, or of a servicer alone."""
+    from rpojax.scenario.params import build_params
+
+    members = member_files(file)
+    return tuple(build_params(each.model_dump(), each.camera.width_px, each.camera.height_px) for each in members)
+
+
+def _member(tables: dict[str, Any], changes: ServicerChanges) -> ScenarioFile:
+    try:
+        return ScenarioFile.model_validate(_with_changes(tables, changes.tables))
+    except ValidationError as error:
+        raise ServicerError(changes.name, first_error(error)) from None
+    except ScenarioError as error:
+        raise ServicerError(changes.name, error) from None
+
+
+def _with_changes(tables: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Tables of a scenario with what differs for one servicer, in phases by their name."""
+    of_phases = changes.get("phases", {})
+    names = [phase["name"] for phase in tables["phases"]]
+    for name in of_phases:
+        if name not in names:
+            raise ScenarioError("phases", name, f"the name of a phase of the scenario{did_you_mean(name, names)}")
+    phases = [_merged(phase, of_phases.get(phase["name"], {})) for phase in tables["phases"]]
+    return _merged(tables, {**changes, "phases": phases})
+
+
+def _merged(table: dict[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    merged = dict(table)
+    for key, value in changes.items():
+        old = table.get(key)
+        merged[key] = _merged(old, value) if isinstance(old, dict) and isinstance(value, dict) else value
+    return merged
