@@ -14,6 +14,7 @@ def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = F
     """Check a scenario without running it."""
     from rpojax.scenario.dispersed_numbers import dispersion_keys
     from rpojax.scenario.scenario_digest import scenario_digest
+    from rpojax.scenario.team.members import member_names
     from rpojax.scenario.warnings.all_warnings import mission_warnings
 
     file = load(scenario, overrides)
@@ -24,12 +25,15 @@ def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = F
         "scenario_hash": scenario_digest(file),
         "dispersions": dispersion_keys.varied_keys(file),
         "design": file.design.kind,
+        "servicers": list(member_names(file)),
         "warnings": mission_warnings(file),
     }
     if as_json:
         print_json(content)
     else:
         print(f"{file.name}: valid; {file.duration_s:g} s, {len(file.dispersions)} dispersions")
+        if file.servicers:
+            print(f"servicers: {', '.join(member_names(file))}")
         for warning in content["warnings"]:
             print(f"warning: {warning}")
     return Status.DONE

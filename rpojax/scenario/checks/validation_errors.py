@@ -18,6 +18,9 @@ def first_error(error: ValidationError) -> ScenarioError:
     related = [fault for fault in faults if _key_path(fault["loc"])[: len(first)] == first]
     fault = max(related, key=lambda fault: len(_key_path(fault["loc"])))
     key = ".".join(_key_path(fault["loc"]))
+    if fault["type"] == "extra_forbidden" and _is_of_world(fault["loc"]):
+        expected = f"it only at the top of the scenario: one {fault['loc'][2]} for all servicers"
+        return ScenarioError(key, "a value", expected)
     if fault["type"] == "extra_forbidden":
         if present := former_keys.replacement(key):
             return ScenarioError(key, fault["input"], present)
@@ -42,16 +45,23 @@ def _key_path(location: tuple[int | str, ...]) -> list[str]:
     return [str(part) for part in parts if not str(part).startswith(("constrained-", "list["))]
 
 
+def _is_of_world(location: tuple[int | str, ...]) -> bool:
+    """Whether a servicer of a team changes what is a key of the scenario, but not of a servicer."""
+    return location[0] == "servicers" and len(location) == 3 and location[2] in ScenarioFile.model_fields
+
+
 def _similar_key(location: tuple[int | str, ...]) -> str:
     """Hint at a known key of the same section with a similar name."""
-    fields, unknown = ScenarioFile.model_fields, str(location[-1])
-    if len(location) > 1 and location[0] in fields:
-        annotation = fields[str(location[0])].annotation
+    fields, *path = ScenarioFile.model_fields, *location
+    if path[0] == "servicers" and len(path) > 3:
+        path = path[2:]
+    if len(path) > 1 and path[0] in fields:
+        annotation = fields[str(path[0])].annotation
         section = next(iter(get_args(annotation)), annotation)
         names = list(getattr(section, "model_fields", {}))
     else:
         names = list(fields)
-    return did_you_mean(unknown, names)
+    return did_you_mean(str(path[-1]), names)
 
 
 def did_you_mean(unknown: str, names: list[str]) -> str:

@@ -17,6 +17,7 @@ from rpojax.scenario.loading import case_table_csv
 from rpojax.scenario.loading.replaced_nominals import Layer, check_no_replaced_key_is_set
 from rpojax.scenario.loading.table_merging import apply_override, merge
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.team.team_checks import check_team
 from rpojax.scenario.trained import trained_files
 
 _MAX_EXTENDS_DEPTH = 8
@@ -59,6 +60,7 @@ def validate(tables: Mapping[str, Any]) -> ScenarioFile:
     except ValidationError as error:
         raise first_error(error) from None
     check_consistency(file)
+    check_team(file)
     return file
 
 

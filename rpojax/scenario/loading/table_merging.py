@@ -12,6 +12,8 @@ from rpojax.sensors.additional.registry import sensor_names
 
 _OPTIONAL_SECTIONS = ("initial.handover", "mission", "link", "gps_differences")
 """Sections that a scenario may leave out, and that overrides may make; validation knows their keys."""
+_NAMED = {"phases": "phase", "servicers": "servicer"}
+"""Lists of tables with names, by which overrides find them, and what one of them is."""
 REMOVED = "none"
 """In place of a kind: the dispersion of the base is removed."""
 
@@ -88,25 +90,26 @@ def apply_override(tables: dict[str, Any], override: str) -> dict[str, Any]:
         tables.setdefault(path[0], {})[leaf] = value
     elif any(key == name or key.startswith(f"{name}.") for name in _OPTIONAL_SECTIONS) and path:
         functools.reduce(lambda table, name: table.setdefault(name, {}), path, tables)[leaf] = value
-    elif len(path) > 1 and path[0] == "phases":
-        _set_of_phase(tables, key, path[1:], leaf, value)
+    elif len(path) > 1 and path[0] in _NAMED:
+        _set_of_named(tables, key, path, leaf, value)
     else:
         _set_existing(tables, key, path, leaf, value)
     return functools.reduce(lambda inner, name: {name: inner}, reversed(path), {leaf: value})
 
 
-def _set_of_phase(tables: dict[str, Any], key: str, path: list[str], leaf: str, value: Any) -> None:
-    """Sets a key of the phase of a name; those that a phase may leave out are made."""
-    phases = [each for each in tables.get("phases") or [] if isinstance(each, dict)]
-    names = [str(each.get("name")) for each in phases]
-    if path[0] not in names:
-        expected = f"the name of a phase of the scenario{did_you_mean(path[0], names)}"
+def _set_of_named(tables: dict[str, Any], key: str, path: list[str], leaf: str, value: Any) -> None:
+    """Sets a key of the phase or servicer of a name; those that it may leave out are made."""
+    of_list, name, *inner = path
+    entries = [each for each in tables.get(of_list) or [] if isinstance(each, dict)]
+    names = [str(each.get("name")) for each in entries]
+    if name not in names:
+        expected = f"the name of a {_NAMED[of_list]} of the scenario{did_you_mean(name, names)}"
         raise ScenarioError("overrides", key, expected, is_argument=True)
-    table: Any = phases[names.index(path[0])]
-    for name in path[1:]:
-        table = table.setdefault(name, {})
+    table: Any = entries[names.index(name)]
+    for part in inner:
+        table = table.setdefault(part, {})
         if not isinstance(table, dict):
-            raise ScenarioError("overrides", key, f"a table at {name}", is_argument=True)
+            raise ScenarioError("overrides", key, f"a table at {part}", is_argument=True)
     table[leaf] = value
 
 
