@@ -3,11 +3,14 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from numpy_reference import axis_angle_quaternion, random_unit, rotation_matrix, unit
 
 from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.phases.reference_sections import RelativeOrbitSection
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import static_settings
+from rpojax.scenario.team.members import member_files
 
 
 def test_the_full_scenario_has_every_effect_but_faults() -> None:
@@ -66,3 +69,50 @@ def test_the_scale_sigmas_of_the_filter_are_those_of_a_tumbling_hull(
     # Four sigma of a standard deviation from 300 draws are 16 per cent.
     np.testing.assert_allclose(np.std(means), slow, rtol=0.2)
     np.testing.assert_allclose(np.sqrt(np.mean(spreads)), fast, rtol=0.2)
+
+
+def _places(file: ScenarioFile) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Position (3,) [m] and rate (3,) [m/s] of each servicer on its relative orbit at the start, by the textbook."""
+    n = np.sqrt(3.986004418e14 / file.orbit.semi_major_axis_m**3)
+    latitude = np.radians(file.orbit.argument_of_perigee_deg + file.orbit.true_anomaly_deg)
+    found = []
+    for member in member_files(file):
+        orbit = member.phases[0].reference
+        assert isinstance(orbit, RelativeOrbitSection)
+        a, b = latitude - np.radians([orbit.radial_phase_deg, orbit.cross_track_phase_deg])
+        r, c = orbit.radial_m, orbit.cross_track_m
+        place = np.array([-r * np.cos(a), 2.0 * r * np.sin(a), c * np.sin(b)])
+        found.append((place, n * np.array([r * np.sin(a), 2.0 * r * np.cos(a), c * np.cos(b)])))
+    return found
+
+
+@pytest.mark.parametrize("name", ["cooperative_inspection", "cooperative_far", "cooperative_faults"])
+def test_the_servicers_of_a_team_start_on_their_relative_orbits(name: str) -> None:
+    """Within the digits to which the file gives them, of 1e-5 m/s, or 1e-4 m/s at 200 m."""
+    file = scenario_loader.load(name)
+    for member, (place, rate) in zip(member_files(file), _places(file), strict=True):
+        np.testing.assert_allclose(member.initial.relative_position_m, place, atol=1e-9)
+        np.testing.assert_allclose(member.initial.relative_velocity_m_s, rate, atol=1e-4)
+
+
+def test_a_drift_along_the_track_brings_no_two_servicers_together() -> None:
+    """The separation across the track of any two stays above 25 m, at all arguments of latitude."""
+    file = scenario_loader.load("cooperative_inspection")
+    latitudes = np.linspace(0.0, 360.0, 721)
+    across = []
+    for member in member_files(file):
+        orbit = member.phases[0].reference
+        assert isinstance(orbit, RelativeOrbitSection)
+        a, b = np.radians(latitudes - orbit.radial_phase_deg), np.radians(latitudes - orbit.cross_track_phase_deg)
+        across.append(np.stack([-orbit.radial_m * np.cos(a), orbit.cross_track_m * np.sin(b)]))
+    for first, second in ((0, 1), (1, 2), (0, 2)):
+        assert np.linalg.norm(across[first] - across[second], axis=0).min() > 25.0
+
+
+def test_what_the_cooperative_scenarios_fail() -> None:
+    file = scenario_loader.load("cooperative_faults")
+    assert file.link.loss == 0.3
+    first, second, third = member_files(file)
+    assert (first.fault.kind, second.fault.kind, second.fault.duration_s) == ("none", "camera_blackout", 1800.0)
+    assert first.mission.abort_at_s > file.duration_s > third.mission.abort_at_s
+    assert static_settings(file).effects.faults
