@@ -25,6 +25,9 @@ class Stream(enum.IntEnum):
     SENSOR_BIAS = 8
     CHAMBER_PRESSURE = 9
     ADDITIONAL_SENSORS = 10
+    SERVICER = 11
+    LINK = 12
+    GPS_DIFFERENCES = 13
 
 
 def master_key(seed: int) -> Key:

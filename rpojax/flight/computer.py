@@ -31,6 +31,7 @@ from rpojax.flight.navigation import (
 )
 from rpojax.flight.navigation.attitude_ekf import AttitudeEstimate
 from rpojax.flight.navigation.combined_orbit_filter import Innovation, OrbitEstimate
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement
 from rpojax.flight.navigation.outlier_gate import GateState
 from rpojax.flight.navigation_health import NavigationHealth
 from rpojax.flight.stages import Stages
@@ -48,10 +49,12 @@ def initial(
     star_tracker_q_BN: Array,
     gyro_B: Vector,
     mission: MissionSettings | None = None,
+    first_decision: Scalar | None = None,
 ) -> FlightMemory:
     """Memory at the start of a run, from the hand-over's orbit estimate and the first attitude samples.
 
-    `period` [s] is the time between burns; with the phases of a `mission` each has its own.
+    `period` [s] is the time between burns; with the phases of a `mission` each has its own, and the first one begins
+    with the `first_decision` [s], by default at once.
     """
     r_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N
     v_TN_N = orbit.servicer.v_SN_N + orbit.relative.v_TS_N
@@ -71,7 +74,7 @@ def initial(
         gain=lqr_gain(params.formation, n, period),
         station_keeping=station_keeping.solve_station_keeping(params.formation, n, period),
         wheel_allocation=wheel_torque_allocation.allocation_matrix(params.vehicle.wheel_axes),
-        mission=None if mission is None else mission_decision.initial_state(params, orbit),
+        mission=None if mission is None else mission_decision.initial_state(params, orbit, first_decision),
         phase_gains=None if mission is None else mission_decision.phase_gains(mission, params, orbit, period),
     )
 
@@ -89,8 +92,6 @@ def navigate(
 
     Boxes are ignored while the target should be dark, with the Sun at `sun_N` [m].
     """
-    visible = target_visibility.is_visible(params.vehicle, memory.orbit, sun_N, target_visibility.VISIBILITY_TOLERANCE)
-    box = measurements.box
     attitude = stages.call(
         "attitude_update",
         tuning=params.attitude_filter,
@@ -101,7 +102,7 @@ def navigate(
         time=time,
     )
     variance = _attitude_variance(params.vehicle, attitude)
-    q_KB = quaternion.normalize(params.vehicle.camera_mounting)
+    box = filtered_box(params, memory, variance, measurements.box, sun_N)
     orbit, gate, innovation = stages.call(
         "orbit_update",
         tuning=params.navigation,
@@ -110,20 +111,36 @@ def navigate(
         estimate=memory.orbit,
         gate=memory.gate,
         gps=measurements.gps,
-        q_KN=quaternion.multiply(q_KB, attitude.q_BN),
-        box=replace(
-            box,
-            present=box.present & visible,
-            expected=box.expected & target_visibility.is_visible(params.vehicle, memory.orbit, sun_N),
-            # Absolute: when the star tracker returns, the bearing bias learnt under drift is as wrong.
-            attitude_variance_change=jnp.abs(variance - memory.attitude_variance),
-        ),
+        q_KN=camera_attitude(params.vehicle, attitude),
+        box=box,
         additional=measurements.additional,
         time=time,
     )
     health = _updated_health(params, memory, orbit, gate, innovation, box.interval, time)
     after = replace(memory, attitude=attitude, attitude_variance=variance, orbit=orbit, gate=gate, health=health)
     return after, innovation
+
+
+def filtered_box(
+    params: FlightParams, before: FlightMemory, attitude_variance: Scalar, box: BoxMeasurement, sun_N: Vector
+) -> BoxMeasurement:
+    """Box as the orbit filter gets it, by the memory before the update and the variance [rad^2] after it.
+
+    It is ignored while the target should be dark, with the Sun at `sun_N` [m].
+    """
+    visible = target_visibility.is_visible(params.vehicle, before.orbit, sun_N, target_visibility.VISIBILITY_TOLERANCE)
+    return replace(
+        box,
+        present=box.present & visible,
+        expected=box.expected & target_visibility.is_visible(params.vehicle, before.orbit, sun_N),
+        # Absolute: when the star tracker returns, the bearing bias learnt under drift is as wrong.
+        attitude_variance_change=jnp.abs(attitude_variance - before.attitude_variance),
+    )
+
+
+def camera_attitude(vehicle: VehicleModel, estimate: AttitudeEstimate) -> Float[Array, "4"]:
+    """Estimated attitude of the camera."""
+    return quaternion.multiply(quaternion.normalize(vehicle.camera_mounting), estimate.q_BN)
 
 
 def _updated_health(

@@ -58,14 +58,15 @@ class Prediction:
     drift_sigma: Array
 
 
-def predict_to_burn(params: FlightParams, estimate: OrbitEstimate) -> Prediction:
-    """Relative motion up to a burn that is decided now."""
+def predict_to_burn(params: FlightParams, estimate: OrbitEstimate, after: Scalar | None = None) -> Prediction:
+    """Relative motion up to a burn that is decided now, or `after` [s]."""
+    lead = params.formation.lead if after is None else params.formation.lead + after
     relative, servicer = estimate.relative, estimate.servicer
     r_TN_N, v_TN_N = servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N
     R_HN, omega_HN_N = hill_frame(r_TN_N, v_TN_N)
     state_H = jnp.concatenate(inertial_to_hill(-relative.r_TS_N, -relative.v_TS_N, R_HN, omega_HN_N))
     orbit = yamanaka_ankersen.target_orbit(r_TN_N, v_TN_N)
-    burn_orbit = yamanaka_ankersen.advanced(orbit, params.formation.lead)
+    burn_orbit = yamanaka_ankersen.advanced(orbit, lead)
     constants = yamanaka_ankersen.constants_of_motion(orbit, state_H)
     angle = burn_orbit.argument_of_latitude - orbit.argument_of_latitude
     c, s = jnp.cos(angle), jnp.sin(angle)
@@ -73,7 +74,7 @@ def predict_to_burn(params: FlightParams, estimate: OrbitEstimate) -> Prediction
         orbit=orbit,
         state_H=state_H,
         burn_orbit=burn_orbit,
-        burn_state_H=yamanaka_ankersen.free_motion(burn_orbit, params.formation.lead, constants),
+        burn_state_H=yamanaka_ankersen.free_motion(burn_orbit, lead, constants),
         R_CN=jnp.stack([c * R_HN[0] + s * R_HN[1], -s * R_HN[0] + c * R_HN[1], R_HN[2]]),
         range_ratio_sigma=line_of_sight_uncertainty.relative_range_sigma(estimate),
         drift_sigma=_drift_sigma(orbit, relative.covariance[:6, :6], R_HN, omega_HN_N),
@@ -89,9 +90,10 @@ def _drift_sigma(orbit: TargetOrbit, covariance_N: Float[Array, "6 6"], R_HN: Ma
     return gradient_safe.sqrt(jnp.sum(row * jnp.sum(covariance_N * row[None, :], axis=1), axis=0))
 
 
-def initial_state(params: FlightParams, estimate: OrbitEstimate) -> MissionState:
-    """State of the mission at the start of a run."""
-    return mission_state.initial(predict_to_burn(params, estimate).burn_state_H, params.formation.lead)
+def initial_state(params: FlightParams, estimate: OrbitEstimate, first_decision: Scalar | None = None) -> MissionState:
+    """State of the mission at the start of a run, whose first phase begins with the `first_decision` [s]."""
+    predicted = predict_to_burn(params, estimate, first_decision)
+    return mission_state.initial(predicted.burn_state_H, params.formation.lead, first_decision)
 
 
 def phase_gains(

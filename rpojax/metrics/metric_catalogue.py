@@ -14,6 +14,7 @@ from rpojax.metrics import (
     passive_safety,
     position_errors,
     surface_coverage,
+    team,
     trajectory,
 )
 from rpojax.metrics.metric_definition import Metric
@@ -29,6 +30,7 @@ MODULES: Final = (
     attitude,
     camera_boxes,
     surface_coverage,
+    team,
 )
 """Modules with definitions, in display order."""
 
@@ -43,7 +45,11 @@ DIFFERENTIABLE: Final = tuple(name for name, metric in METRICS.items() if metric
 
 
 def find(name: str) -> Metric | None:
-    """The metric of that name, in a window and of any horizon of free drift too; None if there is none."""
+    """The metric of that name, in a window, of any horizon of free drift and of one servicer too; else None."""
+    whole, _, servicer = name.partition("/")
+    if servicer:
+        metric = find(whole)
+        return None if metric is None else replace(metric, name=name, title=f"{metric.title}, {servicer}")
     base, window = split_name(name)
     known = METRICS.get(base) or passive_safety.metric_of_horizon(base)
     if not window:
@@ -60,7 +66,7 @@ def unit_of(name: str) -> str:
 
 def is_of_campaigns(name: str) -> bool:
     """Whether every campaign has a metric of that name, over its own window."""
-    metric = None if split_name(name)[1] else find(name)
+    metric = None if split_name(name)[1] or "/" in name else find(name)
     return metric is not None and metric.source != "simulation"
 
 

@@ -31,6 +31,17 @@ METRICS: Final = (
         has_derivative=True,
     ),
     Metric(
+        "nav_range_error_rms_m",
+        "m",
+        title="Range error",
+        meaning=f"RMS error of the estimated relative position along the line of sight, {_LATE_WINDOW}.",
+        inputs=("relative_error_H", "rho_H"),
+        value=lambda xp, error, rho: xp.sum(error * rho, axis=-1) / xp.sqrt(xp.sum(rho * rho, axis=-1)),
+        reduction="rms",
+        window="late",
+        has_derivative=True,
+    ),
+    Metric(
         "nav_servicer_position_error_rms_m",
         "m",
         title="Servicer navigation error",

@@ -108,6 +108,6 @@ class CampaignResults(Protocol):
         """Numbers of the runs with a stored full history."""
         ...
 
-    def history(self, run_id: int) -> Mapping[str, np.ndarray]:
+    def history(self, run_id: int, servicer: int | None = None) -> Mapping[str, np.ndarray]:
         """Full history of one of `history_ids`: channel -> array, time first."""
         ...

@@ -72,16 +72,25 @@ class Scenario:
         return self.tick_s * self.formation_ticks
 
 
-def static_settings(file: ScenarioFile, allow_single: bool = False) -> Scenario:
-    """Static settings of a validated scenario; `allow_single` if the caller can simulate in single precision.
+def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: bool = False) -> Scenario:
+    """Static settings of a validated scenario.
 
     Those of the servicers of a team are equal, as its checks demand; `team` has what they have together.
 
+    Args:
+        file: the scenario
+        allow_single: whether the caller can simulate in single precision
+        allow_team: whether the caller can simulate several servicers
+
     Raises:
-        ScenarioError: the scenario asks for single precision, which the caller does not support.
+        ScenarioError: the scenario has single precision or several servicers, which the caller does not support.
     """
     if file.precision == "single" and not allow_single:
         raise ScenarioError("precision", file.precision, "'double', as only run, campaign and bench know 'single'")
+    if file.servicers and not allow_team:
+        raise ScenarioError(
+            "servicers", f"{len(file.servicers)} of them", "none, as only campaigns and runs know teams"
+        )
     if file.servicers:
         return replace(static_settings(member_files(file)[0], allow_single), team=team_settings(file))
     rates = file.rates

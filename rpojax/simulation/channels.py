@@ -23,8 +23,7 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation import camera_models
 from rpojax.simulation.camera_models import boresight_N
-from rpojax.simulation.estimation_errors import orbit_errors
-from rpojax.simulation.telemetry import Telemetry
+from rpojax.simulation.telemetry import Telemetry, orbit_errors
 
 Channels = dict[str, Array]
 """Channels by name."""

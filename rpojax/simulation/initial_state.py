@@ -21,8 +21,21 @@ from rpojax.simulation.camera_models import camera_format
 from rpojax.simulation.noise import InitialNoise, draw_initial_noise
 from rpojax.simulation.state import SensorErrors, State
 
+Scalar = Float[Array, ""]
 
-def init(scenario: Scenario, params: Params, key: Array, noise: InitialNoise | None = None) -> State:
+
+def random_keys(key: Array) -> Array:
+    """Random keys (streams, 2) of a run, one for each stream, from that of the run."""
+    return jax.vmap(lambda stream: random_streams.fold_in(key, stream))(jnp.arange(len(Stream) + 1))
+
+
+def init(
+    scenario: Scenario,
+    params: Params,
+    key: Array,
+    noise: InitialNoise | None = None,
+    first_decision: Scalar | None = None,
+) -> State:
     """Initial state: truth from the parameters, orbit estimate with hand-over errors.
 
     These have the covariance that the filter is told, unless the scenario has another one for the truth.
@@ -32,8 +45,9 @@ def init(scenario: Scenario, params: Params, key: Array, noise: InitialNoise | N
         params: parameters of the run
         key: random key of the run
         noise: random numbers, by default those of the key
+        first_decision: () when the mission's first phase begins [s], by default at once
     """
-    streams = jax.vmap(lambda stream: random_streams.fold_in(key, stream))(jnp.arange(len(Stream) + 1))
+    streams = random_keys(key)
     noise = noise or draw_initial_noise(scenario, streams)
     navigation = params.flight.navigation
     identity = jnp.array([1.0, 0.0, 0.0, 0.0], dtype=params.initial.relative_position.dtype)
@@ -68,6 +82,7 @@ def init(scenario: Scenario, params: Params, key: Array, noise: InitialNoise | N
             star_q,
             gyro_B,
             scenario.mission,
+            first_decision,
         ),
         sensor_errors=sensors,
         burn_error=BurnError(magnitude=zero, direction=jnp.zeros(3)),

@@ -1,5 +1,8 @@
 """State of a run between ticks."""
 
+import dataclasses
+from typing import Any
+
 from jaxtyping import Array
 
 from rpojax.core.frames import hill_frame, inertial_to_hill
@@ -48,6 +51,15 @@ class State:
     tick: Array
     failed_at: Array
     failure: Array
+
+
+def state_axes(axis: int) -> State:
+    """Batch axis of each field of `State`: `axis`, but None for the tick, which is the same for all runs.
+
+    An unbatched tick makes the burn decision a true branch, taken on one tick in two hundred.
+    """
+    axes: dict[str, Any] = {field.name: axis for field in dataclasses.fields(State)}
+    return State(**{**axes, "tick": None})
 
 
 def elapsed_time(scenario: Scenario, truth: Truth, tick: Array) -> Array:

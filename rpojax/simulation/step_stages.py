@@ -144,11 +144,12 @@ def plan_burn(loop: Loop, tick: Tick) -> Tick:
 def guide(loop: Loop, tick: Tick) -> Tick:
     """Attitude reference of the tick, and the pointing mode."""
     assert tick.innovation is not None
+    accepted = tick.innovation.accepted
     with jax.named_scope("guide"):
         memory, mode = computer.guide(
             loop.params.flight,
             tick.flight,
-            tick.innovation.accepted,
+            accepted if tick.confirmed is None else accepted | tick.confirmed,
             tick.sky.sun_N,
             tick.time,
             loop.scenario.tick_s,

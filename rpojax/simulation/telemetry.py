@@ -1,8 +1,9 @@
-"""Telemetry of one tick."""
+"""Telemetry of one tick, and the estimation errors of the orbit filter in it."""
 
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
+from rpojax.core.numerics import double_single
 from rpojax.core.orbits import yamanaka_ankersen
 from rpojax.core.pytree import pytree
 from rpojax.flight import phase_goal
@@ -64,3 +65,18 @@ def _desired_position(loop: Loop, tick: Tick) -> Array | None:
         return None
     orbit = yamanaka_ankersen.target_orbit(tick.state.truth.r_TN_N, tick.state.truth.v_TN_N)
     return phase_goal.desired_state(loop.stages, settings, tuning, state, orbit, tick.time)[:3]
+
+
+def orbit_errors(telemetry: Telemetry) -> tuple[Float[Array, "6"], Float[Array, "6"]]:
+    """Estimate minus truth in N [m, m/s]: state of the servicer, and of the target relative to it."""
+    truth, servicer, relative = telemetry.truth, telemetry.flight.orbit.servicer, telemetry.flight.orbit.relative
+    low, true_low = (each.orbit_low if each.orbit_low is not None else (None, None) for each in (servicer, truth))
+    return (
+        jnp.concatenate(
+            [
+                double_single.subtract(servicer.r_SN_N, low[0], truth.r_TN_N, true_low[0]) - truth.r_ST_N,
+                double_single.subtract(servicer.v_SN_N, low[1], truth.v_TN_N, true_low[1]) - truth.v_ST_N,
+            ]
+        ),
+        jnp.concatenate([relative.r_TS_N + truth.r_ST_N, relative.v_TS_N + truth.v_ST_N]),
+    )

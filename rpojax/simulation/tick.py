@@ -1,6 +1,8 @@
 """Records of a tick in progress: what its stages share, what they hand on, and the motion between two plant steps."""
 
+import dataclasses
 from dataclasses import dataclass
+from typing import Any
 
 from jaxtyping import Array
 
@@ -18,7 +20,7 @@ from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
 from rpojax.sensors.camera import CameraFrame
 from rpojax.simulation.noise import TickNoise
-from rpojax.simulation.state import State
+from rpojax.simulation.state import State, state_axes
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,7 @@ class Tick:
         innovation: of the orbit filter, None before navigation
         prediction: of the relative motion to a burn on decision ticks of a mission, else zero; None without phases
         mode: () pointing mode, None before guidance
+        confirmed: () bool, whether what other servicers see confirms the estimate; None without others
     """
 
     state: State
@@ -67,6 +70,13 @@ class Tick:
     innovation: Innovation | None = None
     prediction: Prediction | None = None
     mode: Array | None = None
+    confirmed: Array | None = None
+
+
+def tick_axes(axis: int) -> Tick:
+    """Batch axis of each field of `Tick`: `axis`, but None for the number of the tick."""
+    axes: dict[str, Any] = {field.name: axis for field in dataclasses.fields(Tick)}
+    return Tick(**{**axes, "state": state_axes(axis)})
 
 
 @pytree

@@ -7,6 +7,7 @@ from rpojax.flight.flight_records import Measurements
 from rpojax.flight.navigation.orbit_measurements import GpsMeasurement
 from rpojax.physics.environment.sun_moon_positions import SunMoonPositions
 from rpojax.physics.equipment_faults import Health
+from rpojax.physics.plant_state import Truth
 from rpojax.physics.thruster import BurnError
 from rpojax.scenario.params import Params
 from rpojax.scenario.static_settings import Scenario
@@ -14,11 +15,13 @@ from rpojax.sensors import chamber_pressure, gps, gyro, star_tracker, statistica
 from rpojax.sensors.additional.additional_sensor import SensedScene
 from rpojax.sensors.additional.registry import sensor_class
 from rpojax.sensors.camera import CameraFrame
+from rpojax.sensors.gps import Gps
 from rpojax.simulation import camera_models
 from rpojax.simulation.noise import TickNoise, camera_key
 from rpojax.simulation.state import SensorErrors, State
 
 Scalar = Float[Array, ""]
+Vector = Float[Array, "3"]
 
 
 def measure(
@@ -45,7 +48,7 @@ def measure(
         state.tick,
     )
     measurements = Measurements(
-        gps=_measure_gps(params, state, noise, health),
+        gps=measure_position(params.gps, truth, state.sensor_errors.gps_bias_N, noise.gps, health),
         star_tracker_q_BN=star_tracker.measure(params.star_tracker, truth.q_BN, noise.star_tracker),
         star_tracker_present=health.star_tracker
         & star_tracker.is_available(params.star_tracker, truth.q_BN, sky.sun_N),
@@ -63,12 +66,12 @@ def _measure_additional(scenario: Scenario, params: Params, noise: TickNoise, sc
     return found
 
 
-def _measure_gps(params: Params, state: State, noise: TickNoise, health: Health) -> GpsMeasurement:
-    truth, bias_N = state.truth, state.sensor_errors.gps_bias_N
+def measure_position(receiver: Gps, truth: Truth, bias_N: Vector, normals: Vector, health: Health) -> GpsMeasurement:
+    """Position of the servicer by a GPS receiver with a slow error `bias_N` [m], from standard normal numbers (3,)."""
     if truth.orbit_low is None:
-        position_N, residue_N = gps.measure(params.gps, truth.r_TN_N + truth.r_ST_N, bias_N, noise.gps), None
+        position_N, residue_N = gps.measure(receiver, truth.r_TN_N + truth.r_ST_N, bias_N, normals), None
     else:
-        from_target_N = gps.measure(params.gps, truth.r_ST_N, bias_N, noise.gps)
+        from_target_N = gps.measure(receiver, truth.r_ST_N, bias_N, normals)
         position_N, residue_N = double_single.add(truth.r_TN_N, truth.orbit_low[0], from_target_N)
     return GpsMeasurement(position_N=position_N, position_low_N=residue_N, present=health.gps)
 

@@ -17,9 +17,11 @@ from jax.stages import Traced
 from jaxtyping import Array
 
 from rpojax.batching.batching_mode import BatchingMode
+from rpojax.campaign.execution import run_programs
 from rpojax.campaign.execution.passive_safety import PassiveSafety
 from rpojax.campaign.execution.surface_coverage import SurfaceCoverage
-from rpojax.campaign.execution.tick_batching import batch_transform, state_axes, tick_batching_mode
+from rpojax.campaign.execution.teams import member_values
+from rpojax.campaign.execution.tick_batching import batch_transform, tick_batching_mode
 from rpojax.campaign.experiment_design import Design, has_independent_runs
 from rpojax.core import random_streams
 from rpojax.core.pytree import concatenate
@@ -27,16 +29,14 @@ from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.runtime import compiler_options, device_programs, garbage_collection
 from rpojax.runtime.device_programs import DevicePrograms, DeviceTraces
-from rpojax.scenario import params
-from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
+from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import static_settings
-from rpojax.simulation import initial_state, single_precision
-from rpojax.simulation.channels import Channels, compute_channels
-from rpojax.simulation.state import State
-from rpojax.simulation.step import step
+from rpojax.scenario.team import members
+from rpojax.simulation import single_precision
+from rpojax.simulation.channels import Channels
 
 SEGMENT_TICKS = 200
 """Approximate length of a segment: ticks that run on the device before the host gets their channels."""
@@ -49,8 +49,10 @@ def default_block_size(file: ScenarioFile) -> int:
     """
     rendered = file.camera.model == "rendered"
     if jax.default_backend() == "cpu":
-        return 10 if rendered else 256 if file.precision == "single" else 128
-    return 256 if rendered else 4096
+        runs = 10 if rendered else 256 if file.precision == "single" else 128
+    else:
+        runs = 256 if rendered else 4096
+    return max(1, runs // max(1, len(file.servicers)))
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ class PreparedRuns:
     run_ids: np.ndarray
     drawn: dict[str, np.ndarray]
     used: dict[str, np.ndarray]
-    device_inputs: list[tuple[Params, Values, State]]
+    device_inputs: list[tuple[Params, Values, Any]]
 
 
 @dataclass(frozen=True)
@@ -77,8 +79,8 @@ class Segment:
     Attributes:
         first_tick: number of its first tick
         device_channels: for each device, name -> (ticks, ..., runs of the device), in the layout of the loop
-        failure: (runs,) failure code at the end of the segment
-        failed_at: (runs,) [s], infinite for a run that has not failed
+        failure: (runs,) failure code at the end of the segment; (servicers, runs) of a team
+        failed_at: of the same shape [s], infinite where nothing has failed
     """
 
     first_tick: int
@@ -125,7 +127,7 @@ class BatchEngine:
             raise RpojaxError(f"design: found none, expected that of the campaign for {file.design.kind!r}")
         self.design = design
         self.file = file
-        self.scenario = static_settings(file, allow_single=True)
+        self.scenario = static_settings(file, allow_single=True, allow_team=True)
         self.batching: BatchingMode = tick_batching_mode(self.scenario, batching)
         self.is_single_precision = file.precision == "single"
         self.runs_per_device = runs_per_device or default_block_size(file)
@@ -136,12 +138,14 @@ class BatchEngine:
         self.segment_count = -(-self.scenario.ticks // SEGMENT_TICKS)
         self.segment_ticks = -(-self.scenario.ticks // self.segment_count)
         # Programs depend on the length of a segment, not of the mission, so that missions of other lengths share them.
-        self._segment_file = file.model_copy(update={"duration_s": self.segment_ticks * self.scenario.tick_s})
+        segment_file = file.model_copy(update={"duration_s": self.segment_ticks * self.scenario.tick_s})
         self._segment_scenario = dataclasses.replace(self.scenario, ticks=self.segment_ticks)
-        nominal = params.build_params(file.model_dump(), self.scenario.width_px, self.scenario.height_px)
-        self._nominal = jax.tree.map(np.asarray, nominal)
+        self._run = run_programs.run_program(segment_file, self._segment_scenario, self.stages, self.batching)
+        self._nominal = jax.tree.map(np.asarray, self._run.nominal)
         self._programs: tuple[Any, DevicePrograms] | None = None
-        batch = (file, self.scenario, self._nominal, self.runs_per_device, self.devices)
+        self.members = members.member_files(file)
+        self.member_params = [jax.tree.map(np.asarray, own) for own in members.member_params(file)]
+        batch = (self.members[0], self.scenario, self.member_params[0], self.runs_per_device, self.devices)
         self.passive_safety, self.coverage = PassiveSafety(*batch), SurfaceCoverage(*batch)
 
     @property
@@ -163,10 +167,13 @@ class BatchEngine:
             preparation = pool.submit(_compile_preparation, self._preparation_trace)
             traces = self._loop_traces
             with self._tracing_precision():
-                safety = pool.submit(self.passive_safety.compile, self._preparation_trace.out_info[0])
+                drawn = jax.eval_shape(
+                    lambda values: member_values.of_member(self.file, values, 0), self._preparation_trace.out_info[0]
+                )
+                safety = pool.submit(self.passive_safety.compile, drawn)
                 loops = traces.compile(compiler_options.LOOP_OPTIONS)
             safety.result()
-            self.coverage.compile(self._preparation_trace.out_info[0])
+            self.coverage.compile(drawn)
             self.loop_compile_s = loops.compile_s
             self._programs = (preparation.result(), loops)
         self.compile_s = time.perf_counter() - begin
@@ -269,28 +276,23 @@ class BatchEngine:
             device_channels=[
                 {name: np.asarray(value)[:kept_ticks] for name, value in part.channels.items()} for part in parts
             ],
-            failure=np.concatenate([part.failure for part in parts]),
-            failed_at=np.concatenate([part.failed_at for part in parts]),
+            failure=np.concatenate([part.failure for part in parts], axis=-1),
+            failed_at=np.concatenate([part.failed_at for part in parts], axis=-1),
         )
 
-    def _prepare(self, nominal: Params, key: Array, run_ids: Array, assigned: Values) -> tuple[Values, Values, State]:
-        def prepare_run(run_id: Array, assigned: Values) -> tuple[Values, Values, State]:
+    def _prepare(self, nominal: Params, key: Array, run_ids: Array, assigned: Values) -> tuple[Values, Values, Any]:
+        def prepare_run(run_id: Array, assigned: Values) -> tuple[Values, Values, Any]:
             run_key = random_streams.fold_in(key, run_id)
-            drawn = dispersed_values.draw(self._segment_file, run_key, assigned)
-            dispersed = dispersed_values.apply_to_params(nominal, drawn)
-            used = dispersed_values.read_back(dispersed, self.dispersed_keys)
-            state = initial_state.init(self._segment_scenario, dispersed, run_key)
-            return drawn, used, single_precision.round_state_to_single(state) if self.is_single_precision else state
+            drawn, used, state = self._run.prepare(nominal, run_key, assigned)
+            return drawn, used, self._run.round_to_single(state) if self.is_single_precision else state
 
-        return jax.vmap(prepare_run, out_axes=(0, 0, state_axes(-1)))(run_ids, assigned)
+        return jax.vmap(prepare_run, out_axes=(0, 0, self._run.state_axes))(run_ids, assigned)
 
-    def _advance(self, nominal: Params, values: Values, state: State) -> tuple[State, Channels]:
-        def tick(values: Values, state: State) -> tuple[State, Channels]:
-            dispersed = dispersed_values.apply_to_params(nominal, values)
-            after, seen = step(self._segment_scenario, dispersed, state, self.stages)
-            return after, compute_channels(self._segment_scenario, dispersed, seen)
+    def _advance(self, nominal: Params, values: Values, state: Any) -> tuple[Any, Channels]:
+        def tick(values: Values, state: Any) -> tuple[Any, Channels]:
+            return self._run.tick(nominal, values, state)
 
-        axes = state_axes(-1)
+        axes = self._run.state_axes
         batched_tick = batch_transform(self._segment_scenario, self.batching)(
             tick, in_axes=(-1, axes), out_axes=(axes, -1)
         )
@@ -317,7 +319,7 @@ class _DeviceBatch:
     program: Any
     nominal: Params
     values: Values
-    state: State
+    state: Any
 
     def advance(self) -> _DeviceSegment:
         """Advances the runs by one segment."""

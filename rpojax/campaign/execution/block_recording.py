@@ -4,6 +4,7 @@
 """
 
 from collections.abc import Callable, Mapping, Sequence, Set
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from rpojax.campaign.storage import campaign_folder
 from rpojax.metrics.time_windows import split_name
 from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.simulation.metrics import drift_starts, phase_records, recorded_metrics, trace_channels
+from rpojax.simulation.metrics import drift_starts, phase_records, recorded_metrics, team_metrics, trace_channels
 from rpojax.simulation.outcomes import judgement
 from rpojax.simulation.outcomes.judgement import JudgedRuns
 
@@ -25,6 +26,7 @@ RECORDED_CHANNELS = frozenset(
         *recorded_metrics.MISSION_CHANNELS,
         *drift_starts.REQUIRED_CHANNELS,
         *judgement.REQUIRED_CHANNELS,
+        *team_metrics.TEAM_CHANNELS,
     }
 )
 """Channels that are recorded of every run, if the scenario has them."""
@@ -64,7 +66,7 @@ class ChannelRecorder:
             length, *_, count = next(iter(channels.values())).shape
             ticks = slice(segment.first_tick, segment.first_tick + length)
             runs = slice(begin, begin + count)
-            self._add_records(channels, ticks, runs, len(segment.failure))
+            self._add_records(channels, ticks, runs, segment.failure.shape[-1])
             self._add_histories(channels, ticks, runs)
             begin += count
 
@@ -90,14 +92,23 @@ class ChannelRecorder:
         return {name: np.moveaxis(values[..., rows], -1, 0) for name, values in self.records.items()}
 
     def history(
-        self, row: int, file: ScenarioFile, varied: Mapping[str, np.ndarray], frozen_at_s: float
+        self,
+        row: int,
+        file: ScenarioFile,
+        varied: Mapping[str, np.ndarray],
+        frozen_at_s: float,
+        servicer: int | None = None,
     ) -> dict[str, np.ndarray]:
         """Kept channels of one run, time first, nan after it was frozen.
 
-        `varied` are the values of all runs (runs, ...) by key, of the keys that vary.
+        `varied` are the values of all runs (runs, ...) by key, of the keys that vary; `servicer` is
+        the number of one of a team.
         """
         place = int(np.searchsorted(self.history_rows, row))
-        channels = {name: values[place].copy() for name, values in self.histories.items()}
+        channels = {
+            name: (values[place] if servicer is None else values[place][..., servicer]).copy()
+            for name, values in self.histories.items()
+        }
         time_s = np.arange(self.ticks) / file.rates.camera_hz
         if np.isfinite(frozen_at_s):
             for values in channels.values():
@@ -121,21 +132,35 @@ def _allocated(arrays: dict[str, np.ndarray], name: str, shape: tuple[int, ...],
     return arrays[name]
 
 
-def block_arrays(
-    file: ScenarioFile,
-    prepared: PreparedRuns,
-    recorder: ChannelRecorder,
-    passive_safety: Mapping[str, np.ndarray],
-    coverage: CoverageResults,
-    judged: JudgedRuns,
-    rows: slice,
-) -> dict[str, np.ndarray]:
-    """Arrays of one block as `Campaign.write_block` stores them: `group/name` -> (runs, ...).
+@dataclass(frozen=True)
+class ServicerResults:
+    """What is judged of one servicer in a batch of runs.
+
+    Attributes:
+        file: its scenario
+        used: values of the runs (runs, ...) by key, of the keys that vary
+        records: recorded channels (runs, ticks, ...)
+        passive_safety: metrics of its free drifts
+        coverage: of the target's surface
+        judged: how its runs ended
+    """
+
+    file: ScenarioFile
+    used: Mapping[str, np.ndarray]
+    records: Mapping[str, np.ndarray]
+    passive_safety: Mapping[str, np.ndarray]
+    coverage: CoverageResults
+    judged: JudgedRuns
+
+
+def servicer_arrays(results: ServicerResults, rows: slice) -> dict[str, np.ndarray]:
+    """Arrays of one servicer in some runs as `Campaign.write_block` stores them: `group/name` -> (runs, ...).
 
     Metrics of frozen runs are nan, those of windows that they were frozen in, and traces after they were frozen.
     """
-    records = recorder.records_of_runs(rows)
-    used = {key: values[rows] for key, values in prepared.used.items()}
+    file, judged, coverage = results.file, results.judged, results.coverage
+    records = {name: values[rows] for name, values in results.records.items()}
+    used = {key: values[rows] for key, values in results.used.items()}
     frozen, since_s = judged.frozen[rows], judged.since_s[rows]
     stride = campaign_folder.trace_stride(file)
     arrays: dict[str, np.ndarray] = {}
@@ -144,10 +169,11 @@ def block_arrays(
             arrays[f"metrics/{name}"] = np.where(frozen, np.nan, values)
         for name, values in recorded_metrics.evaluate_windows(file, records, used).items():
             arrays[f"metrics/{name}"] = values
-        for name, values in {**passive_safety, **coverage.metrics}.items():
+        for name, values in {**results.passive_safety, **coverage.metrics}.items():
             is_ended = frozen & (split_name(name)[1] == "")
             arrays[f"metrics/{name}"] = np.where(is_ended, np.nan, values[rows])
-        time_s = np.arange(recorder.ticks)[::stride] / file.rates.camera_hz
+        ticks = records["running"].shape[1]
+        time_s = np.arange(ticks)[::stride] / file.rates.camera_hz
         ended = frozen[:, None] & (time_s > since_s[:, None])
         for name, values in trace_channels.decimated_traces(file, records, used, stride).items():
             arrays[f"traces/{name}"] = np.where(ended, np.float32(np.nan), values)
@@ -155,8 +181,13 @@ def block_arrays(
     arrays |= {f"coverage/{name}": values[rows] for name, values in coverage.maps.items()}
     arrays["status/failure"] = judged.codes[rows]
     arrays["status/failed_at_s"] = since_s
-    arrays |= {f"events/{name}": values for name, values in judged.events.stored(rows).items()}
-    for group, values in (("drawn", prepared.drawn), ("used", prepared.used)):
-        for key, array in values.items():
-            arrays[f"{group}/{key}"] = array[rows]
-    return arrays
+    return arrays | {f"events/{name}": values for name, values in judged.events.stored(rows).items()}
+
+
+def value_arrays(prepared: PreparedRuns, rows: slice) -> dict[str, np.ndarray]:
+    """Values drawn and used in some runs."""
+    return {
+        f"{group}/{key}": array[rows]
+        for group, values in (("drawn", prepared.drawn), ("used", prepared.used))
+        for key, array in values.items()
+    }

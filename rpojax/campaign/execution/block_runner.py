@@ -1,20 +1,22 @@
 """Simulation of blocks of a campaign, one per device at a time, and storing of their results in the campaign folder."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from rpojax.campaign.execution import block_recording
-from rpojax.campaign.execution.batch_engine import BatchEngine, PreparedRuns
-from rpojax.campaign.execution.block_recording import ChannelRecorder, recorded_channels
+from rpojax.campaign.execution.batch_engine import BatchEngine, PreparedRuns, Segment
+from rpojax.campaign.execution.block_recording import ChannelRecorder, ServicerResults, recorded_channels
 from rpojax.campaign.execution.campaign_engine import check_versions
-from rpojax.campaign.execution.surface_coverage import CoverageResults
+from rpojax.campaign.execution.teams import member_values, passive_separation, team_recording
 from rpojax.campaign.options.history_retention import Retention
 from rpojax.campaign.storage import block_manifests
 from rpojax.campaign.storage.campaign_folder import BlockTiming, Campaign
 from rpojax.campaign.storage.provenance import device_description
+from rpojax.simulation.metrics import team_metrics
+from rpojax.simulation.outcomes import team_outcome
 from rpojax.simulation.outcomes.judgement import JudgedRuns, judge
 
 BatchProgressCallback = Callable[[float, int], None]
@@ -28,27 +30,38 @@ class SimulatedBatch:
     Attributes:
         prepared: the runs at their initial states
         recorder: their channels
-        passive_safety: metrics of their free drifts
-        coverage: of the target's surface
-        judged: how they ended
+        servicers: what was judged of each servicer
+        judged: how the runs ended: as the worst of their servicers did
+        between: metrics of the free drifts of servicers from each other
     """
 
     prepared: PreparedRuns
     recorder: ChannelRecorder
-    passive_safety: dict[str, np.ndarray]
-    coverage: CoverageResults
+    servicers: Sequence[ServicerResults]
     judged: JudgedRuns
+    between: Mapping[str, np.ndarray]
 
     def history(self, row: int, engine: BatchEngine) -> dict[str, np.ndarray]:
-        """Kept channels of one run."""
-        frozen_at_s = float(self.judged.since_s[row]) if self.judged.frozen[row] else np.inf
-        return self.recorder.history(row, engine.file, self.prepared.used, frozen_at_s)
+        """Kept channels of one run, with the servicers of a team along the second axis."""
+        histories = []
+        for number, own in enumerate(self.servicers):
+            frozen_at_s = float(own.judged.since_s[row]) if own.judged.frozen[row] else np.inf
+            servicer = number if engine.file.servicers else None
+            histories.append(self.recorder.history(row, own.file, own.used, frozen_at_s, servicer))
+        return team_recording.joined_history(histories) if engine.file.servicers else histories[0]
 
     def block_arrays(self, rows: slice, engine: BatchEngine) -> dict[str, np.ndarray]:
         """Arrays of one block as they are stored."""
-        return block_recording.block_arrays(
-            engine.file, self.prepared, self.recorder, self.passive_safety, self.coverage, self.judged, rows
-        )
+        arrays = [block_recording.servicer_arrays(own, rows) for own in self.servicers]
+        if not engine.file.servicers:
+            return arrays[0] | block_recording.value_arrays(self.prepared, rows)
+        coverage = engine.coverage.union([own.coverage for own in self.servicers])
+        recorded = self.recorder.records_of_runs(rows)
+        of_team = {**coverage.metrics, **self.between}
+        metrics = {name: values[rows] for name, values in of_team.items()}
+        metrics |= team_metrics.evaluate(1.0 / engine.file.rates.camera_hz, recorded)
+        joined = team_recording.joined_arrays(arrays, metrics, coverage.maps, self.judged, rows)
+        return joined | team_recording.value_arrays(engine.file, block_recording.value_arrays(self.prepared, rows))
 
 
 def simulate_batch(
@@ -79,13 +92,49 @@ def simulate_batch(
     for number, segment in enumerate(engine.simulate(prepared)):
         recorder.add_segment(segment)
         last = segment
-        on_progress((number + 1) / engine.segment_count, int((segment.failure[unpadded_rows] > 0).sum()))
+        on_progress((number + 1) / engine.segment_count, int(_failures(segment)[unpadded_rows].sum()))
     assert last is not None
     failure = np.where(last.failed_at < engine.file.duration_s, last.failure, 0)
-    judged = judge(engine.file, prepared.used, recorder.records_of_runs(), failure, last.failed_at)
-    passive_safety = engine.passive_safety.evaluate(prepared.drawn, recorder.records)
-    coverage = engine.coverage.evaluate(prepared.drawn, recorder.records)
-    return SimulatedBatch(prepared, recorder, passive_safety, coverage, judged)
+    servicers = [_judged(engine, prepared, recorder, number, failure, last.failed_at) for number in _numbers(engine)]
+    if not engine.file.servicers:
+        return SimulatedBatch(prepared, recorder, servicers, servicers[0].judged, {})
+    drawn = [member_values.of_member(engine.file, prepared.drawn, number) for number in _numbers(engine)]
+    between = passive_separation.least_separation(engine.passive_safety, engine.member_params, drawn, recorder.records)
+    return SimulatedBatch(prepared, recorder, servicers, team_outcome.worst([own.judged for own in servicers]), between)
+
+
+def _failures(segment: Segment) -> np.ndarray:
+    """Flags (runs,) of runs of which something was frozen."""
+    return segment.failure.reshape(-1, segment.failure.shape[-1]).any(axis=0)
+
+
+def _numbers(engine: BatchEngine) -> Sequence[int]:
+    return range(len(engine.members))
+
+
+def _judged(
+    engine: BatchEngine,
+    prepared: PreparedRuns,
+    recorder: ChannelRecorder,
+    number: int,
+    failure: np.ndarray,
+    failed_at: np.ndarray,
+) -> ServicerResults:
+    """What is judged of one servicer."""
+    file, nominal, is_team = engine.members[number], engine.member_params[number], bool(engine.file.servicers)
+    drawn, used = (member_values.of_member(engine.file, values, number) for values in (prepared.drawn, prepared.used))
+    # The servicers of a team are the axis before the runs.
+    channels = {name: each[..., number, :] if is_team else each for name, each in recorder.records.items()}
+    records = {name: np.moveaxis(values, -1, 0) for name, values in channels.items()}
+    own_failure, own_failed_at = (failure[number], failed_at[number]) if is_team else (failure, failed_at)
+    return ServicerResults(
+        file=file,
+        used=used,
+        records=records,
+        passive_safety=engine.passive_safety.evaluate(drawn, channels, nominal),
+        coverage=engine.coverage.evaluate(drawn, channels, nominal),
+        judged=judge(file, used, records, own_failure, own_failed_at),
+    )
 
 
 @dataclass(frozen=True)

@@ -88,9 +88,12 @@ class PassiveSafety:
         self.runs_at_once = -(-runs_per_device // calls)
         self.drifts_at_once = min(_MOST_DRIFTS, 1 + 2 * burns + burns + -(-scenario.ticks // self.spacing_ticks))
 
-    def evaluate(self, drawn: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    def evaluate(
+        self, drawn: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray], nominal: Params | None = None
+    ) -> dict[str, np.ndarray]:
         """Metrics (runs,) from dispersed values (runs, ...) and recorded channels (ticks, ..., runs).
 
+        `nominal` parameters are by default those of the batch; those of another servicer of a team have equal shapes.
         Those in windows of requirements are NaN for a run that never was there or was frozen there.
         """
         runs = self.runs_per_device * len(self.devices)
@@ -113,7 +116,9 @@ class PassiveSafety:
         ]
         least = np.full((len(self.file.safety.horizons) + 1, most + self.drifts_at_once, runs), np.inf)
         entry = np.full(least.shape[1:], np.inf)
-        for (run, first), found in zip(columns, self._propagate(drawn, starts, columns), strict=True):
+        for (run, first), found in zip(
+            columns, self._propagate(nominal or self.nominal, drawn, starts, columns), strict=True
+        ):
             drifts = slice(first, first + self.drifts_at_once)
             least[:, drifts, run], entry[drifts, run] = np.sqrt(found.least_square), found.entry
         running = records["running"].T
@@ -184,7 +189,11 @@ class PassiveSafety:
         self._programs = traces.compile(compiler_options.LOOP_OPTIONS)
 
     def _propagate(
-        self, drawn: Mapping[str, np.ndarray], starts: Sequence[DriftStarts], columns: Sequence[tuple[int, int]]
+        self,
+        nominal: Params,
+        drawn: Mapping[str, np.ndarray],
+        starts: Sequence[DriftStarts],
+        columns: Sequence[tuple[int, int]],
     ) -> Iterator[DriftRange]:
         """Ranges of the drifts of each column, from a number on of a run, `entry` less the longest horizon."""
         self.compile(drawn)
@@ -194,7 +203,9 @@ class PassiveSafety:
         for begin in range(0, len(groups), len(self.devices)):
             batch = groups[begin : begin + len(self.devices)]
             programs = self._programs.first(len(batch))
-            results = programs.call(programs.place([self._arguments(drawn, starts, group) for group in batch]))
+            results = programs.call(
+                programs.place([(nominal, *self._arguments(drawn, starts, group)) for group in batch])
+            )
             for group, result in zip(batch, results, strict=True):
                 arrays = jax.tree.map(np.asarray, result)
                 for place in range(len(group)):
@@ -202,12 +213,12 @@ class PassiveSafety:
 
     def _arguments(
         self, drawn: Mapping[str, np.ndarray], starts: Sequence[DriftStarts], group: Sequence[tuple[int, int]]
-    ) -> tuple[Params, Mapping[str, np.ndarray], StartBatch]:
+    ) -> tuple[Mapping[str, np.ndarray], StartBatch]:
         """Arguments of the program for some columns; the last is repeated until they fill a call."""
         filled = [*group, *[group[-1]] * (self.runs_at_once - len(group))]
         runs = [run for run, _ in filled]
         values = {name: np.moveaxis(each[runs], 0, -1) for name, each in drawn.items()}
-        return self.nominal, values, self._batch([starts[run] for run in runs], [first for _, first in filled])
+        return values, self._batch([starts[run] for run in runs], [first for _, first in filled])
 
     def _batch(self, starts: Sequence[DriftStarts], firsts: Sequence[int]) -> StartBatch:
         count, tick_s = self.drifts_at_once, self.scenario.tick_s

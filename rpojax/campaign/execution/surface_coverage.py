@@ -43,10 +43,12 @@ class CoverageResults:
     Attributes:
         metrics: name -> (runs,)
         maps: `lit_samples` and `seen_samples` (runs, facets): number of samples in which a facet was lit, and seen
+        tally: what they are made of, None without coverage
     """
 
     metrics: Mapping[str, np.ndarray]
     maps: Mapping[str, np.ndarray]
+    tally: "Tally | None" = None
 
 
 @pytree
@@ -118,8 +120,13 @@ class SurfaceCoverage:
         arguments = (self.nominal, self._nominal_surface(), values, instants)
         self._programs = device_programs.trace_for_devices(self._tally_runs, arguments, self.devices).compile()
 
-    def evaluate(self, drawn: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray]) -> CoverageResults:
-        """Coverage from dispersed values (runs, ...) and recorded channels (ticks, ..., runs)."""
+    def evaluate(
+        self, drawn: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray], nominal: Params | None = None
+    ) -> CoverageResults:
+        """Coverage from dispersed values (runs, ...) and recorded channels (ticks, ..., runs).
+
+        `nominal` parameters are by default those of the batch.
+        """
         if not self.section.enabled:
             return CoverageResults({}, {})
         self.compile(drawn)
@@ -128,9 +135,25 @@ class SurfaceCoverage:
         for place in range(len(self.devices)):
             rows = slice(place * self.runs_per_device, (place + 1) * self.runs_per_device)
             values = {name: each[rows] for name, each in drawn.items()}
-            arguments.append((self.nominal, surface, values, self._instants(records, rows)))
+            arguments.append((nominal or self.nominal, surface, values, self._instants(records, rows)))
         tally = jax.tree.map(np.asarray, concatenate(self._programs.call(self._programs.place(arguments))))
-        return CoverageResults(self._metrics(tally), {"lit_samples": tally.lit, "seen_samples": tally.seen})
+        return self._results(tally)
+
+    def union(self, servicers: Sequence[CoverageResults]) -> CoverageResults:
+        """Coverage by a team: a facet is seen if anyone sees it, so often as by the servicer that sees it most."""
+        tallies = [each.tally for each in servicers if each.tally is not None]
+        if not tallies:
+            return CoverageResults({}, {})
+        lit, seen, first_seen = (
+            [np.asarray(getattr(tally, name)) for tally in tallies] for name in ("lit", "seen", "first_seen")
+        )
+        # All have the same target in the same light, unless one stopped early.
+        joint = Tally(lit=np.max(lit, axis=0), seen=np.max(seen, axis=0), first_seen=np.min(first_seen, axis=0))  # pyright: ignore[reportArgumentType]
+        return self._results(joint)
+
+    def _results(self, tally: "Tally") -> CoverageResults:
+        maps: dict[str, Any] = {"lit_samples": tally.lit, "seen_samples": tally.seen}
+        return CoverageResults(self._metrics(tally), maps, tally)
 
     def _make_surface(self) -> tuple[Facets, np.ndarray]:
         return surface_cache.facets_and_table(self._triangles, self.section.facet_size_m)

@@ -7,7 +7,7 @@ from rpojax.simulation.metrics import phase_records, trace_channels
 
 def array_units(group: str, name: str) -> str:
     """Unit of an array of a group as text; 1 for dimensionless quantities."""
-    match group:
+    match group.removeprefix("servicer_"):
         case "metrics":
             unit = metric_catalogue.unit_of(name)
         case "traces":

@@ -6,6 +6,7 @@
 | `scenario.toml` | the scenario as a file that `rpojax run` takes |
 | `results.zarr` | of every run: `metrics/NAME`, `status/NAME`, `events/NAME`, `drawn/KEY`, `used/KEY`, `traces/NAME` |
 | `results.zarr/coverage` | of every run of a scenario with coverage: `lit_samples`, `seen_samples` of each facet |
+| `results.zarr/servicer_GROUP` | of every run of a team: `NAME` of each servicer, which are the second axis |
 | `results.zarr/phases` | of every run of a scenario with phases: `NAME` of each phase, and its transitions |
 | `results.zarr/surface` | facets of the target, of a scenario with coverage |
 | `results.zarr/histories/RUN` | channels of a run with a history, time first |
@@ -202,18 +203,34 @@ class Campaign:
 
     @property
     def metrics(self) -> dict[str, np.ndarray]:
-        """Metric -> (runs,), nan where undefined."""
-        return self._read("metrics")
+        """Metric -> (runs,), nan where undefined; of a team also those of each servicer, as `METRIC/SERVICER`."""
+        return self._read("metrics") | self._of_each_servicer("metrics")
 
     @property
     def drawn(self) -> dict[str, np.ndarray]:
-        """Dispersed key -> (runs, ...) values drawn, in the user's units."""
-        return self._read("drawn")
+        """Dispersed key -> (runs, ...) values drawn, in the user's units; `KEY/SERVICER` if each has its own."""
+        return self._read("drawn") | self._of_each_servicer("drawn")
 
     @property
     def used(self) -> dict[str, np.ndarray]:
-        """Dispersed key -> (runs, ...) values read back from the runs' Params, in the user's units."""
-        return self._read("used")
+        """As `drawn`, values read back from the runs' Params."""
+        return self._read("used") | self._of_each_servicer("used")
+
+    @property
+    def servicer_names(self) -> tuple[str, ...]:
+        """Names of the servicers of a team; empty for a single one."""
+        return tuple(servicer.name for servicer in self.file.servicers)
+
+    def servicers(self, group: str) -> dict[str, np.ndarray]:
+        """Arrays of a group of each servicer of a team (runs, servicers, ...); empty for a single one."""
+        return self._read(f"servicer_{group}") if self.servicer_names else {}
+
+    def _of_each_servicer(self, group: str) -> dict[str, np.ndarray]:
+        return {
+            f"{name}/{servicer}": values[:, number]
+            for name, values in self.servicers(group).items()
+            for number, servicer in enumerate(self.servicer_names)
+        }
 
     @property
     def failed_at_s(self) -> np.ndarray:
@@ -307,15 +324,29 @@ class Campaign:
         options = self.configuration.options
         return zarr_reader.stored_history_ids(self.directory, options.first_run, options.runs)
 
-    def history(self, run_id: int) -> dict[str, np.ndarray]:
-        """Stored history of a run, time first.
+    def history(self, run_id: int, servicer: int | None = None) -> dict[str, np.ndarray]:
+        """Stored history of a run, time first; of a team the servicers are the second axis.
+
+        Args:
+            run_id: number of the run
+            servicer: number of the servicer of a team whose history is wanted; without effect for a single one
 
         Raises:
             ResultError: the run has no history, or it cannot be read.
         """
         if run_id not in (stored := self.history_ids):
             raise ResultError(f"run {run_id}: found no history, expected one of {stored}")
-        return zarr_reader.read_history(self.directory, run_id)
+        history = zarr_reader.read_history(self.directory, run_id)
+        return history if servicer is None or not self.servicer_names else of_servicer(history, servicer)
+
+
+def of_servicer(history: Mapping[str, np.ndarray], servicer: int) -> dict[str, np.ndarray]:
+    """History of one servicer of a team from that of all, whose channels are (ticks, servicers, ...)."""
+    ticks = len(history["time_s"])
+    return {
+        name: values if name == "time_s" else values[:, servicer] if len(values) == ticks else values[servicer]
+        for name, values in history.items()
+    }
 
 
 def trace_stride(file: ScenarioFile) -> int:

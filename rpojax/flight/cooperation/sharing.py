@@ -47,7 +47,7 @@ class SharingMemory:
         burns: effect of its burns since the start
         attitude_variance: () sum of the changes of its attitude's variance [rad^2]
         heard: of its peers
-        boxes_used: (peers,) bool, a box of the peer was used in the latest tick
+        news_used: (peers,) bool, what the peer sent was used in the latest tick
         joint: joint estimate, None unless boxes are shared
         estimates: of the target and the baselines, None unless estimates are shared
     """
@@ -56,7 +56,7 @@ class SharingMemory:
     burns: BurnEffect
     attitude_variance: Array
     heard: Heard
-    boxes_used: Array
+    news_used: Array
     joint: JointEstimate | None = None
     estimates: EstimateSharing | None = None
 
@@ -83,7 +83,7 @@ def initial(
             burns=burn_effect.initial(),
             attitude_variance=zero,
             heard=peer_news.initial(settings.servicers - 1),
-            boxes_used=jnp.zeros(settings.servicers - 1, dtype=bool),
+            news_used=jnp.zeros(settings.servicers - 1, dtype=bool),
         )
         memory = replace(memory, line=message.delay_line(memory.line, settings.delay_ticks))
         if settings.sharing in ("boxes", "central"):
@@ -259,11 +259,11 @@ def _received(
             news,
             delay,
         )
-        return joint_filter.own_estimate(joint), replace(memory, joint=joint, boxes_used=is_used)
+        return joint_filter.own_estimate(joint), replace(memory, joint=joint, news_used=is_used)
     assert memory.estimates is not None
     receive = estimate_sharing.receive_naively if settings.sharing == "naive" else estimate_sharing.receive
     estimates, relative = receive(baseline, memory.estimates, records.orbit, news, delay)
-    return relative, replace(memory, estimates=estimates)
+    return relative, replace(memory, estimates=estimates, news_used=news.used)
 
 
 def predict(

@@ -73,16 +73,22 @@ class MissionState:
     abort_reason: Array
 
 
-def initial(state_H: Float[Array, "6"], lead: Float[Array, ""]) -> MissionState:
-    """State at the start of the first phase, with the relative state [m, m/s] estimated for `lead` [s] later."""
+def initial(
+    state_H: Float[Array, "6"], lead: Float[Array, ""], begins_at: Float[Array, ""] | None = None
+) -> MissionState:
+    """State at the start of the first phase, with the relative state [m, m/s] estimated for `lead` [s] later.
+
+    It `begins_at` a time since the start of the run [s], by default with it.
+    """
     zero = jnp.zeros_like(state_H[0])
+    begin = zero if begins_at is None else zero + begins_at
     none = jnp.zeros((), dtype=jnp.int32)
     return MissionState(
         phase=none,
         held_phase=none,
-        entered_at=zero,
+        entered_at=begin,
         entered_by=none,
-        starts_at=zero + lead,
+        starts_at=begin + lead,
         entry=PhaseEntry(relative_state=state_H),
         arrived_at=zero + jnp.inf,
         known_at=zero + jnp.inf,

@@ -29,7 +29,7 @@ def write_camera_sheet(campaign: CampaignResults, run_id: int | None) -> CameraS
         return CameraSheet(None, "The scenario's camera renders no images.")
     try:
         file = rerender.rendered_scenario(campaign.info["scenario"], campaign.info["scenario_hash"])
-        history = campaign.history(run_id)
+        history = campaign.history(run_id, 0)
         if not rerender.is_renderable(history, file):
             return CameraSheet(None, "The history of this run was not kept in full.")
         ticks = camera_stills.select_stills(history, rerender.valid_tick_count(history))

@@ -45,7 +45,7 @@ def write_report(campaign: CampaignResults, run_id: int | None = None, film: boo
     missing: dict[str, list[str]] = {}
     if shown_run is not None:
         title = f"{campaign.info.get('name', 'campaign')}, run {shown_run}"
-        history = campaign.history(shown_run)
+        history = campaign.history(shown_run, 0)
         figures, missing = write_figures(history, campaign.directory / "figures", title), missing_channels(history)
     camera = write_camera_sheet(campaign, shown_run) if film else CameraSheet(None, "They were left out by --no-film.")
     coverage = coverage_section.write_figure(campaign)

@@ -23,7 +23,7 @@ from rpojax.report.sections.dispersion_section import DrawnDistribution
 def report_content(campaign: CampaignResults, drawn: list[DrawnDistribution]) -> dict[str, Any]:
     """Content of report.json: the summary and one part from each section; `drawn` are the campaign's distributions."""
     summary = summarise(campaign)
-    detections = detection_section.detections_by_range(campaign.history(run) for run in sorted(campaign.history_ids))
+    detections = detection_section.detections_by_range(campaign.history(run, 0) for run in sorted(campaign.history_ids))
     parts = {
         "mission": phase_section.content(campaign),
         "safety": safety_section.content(campaign),

@@ -1,0 +1,56 @@
+"""Metrics of a team's run from those of its servicers, and from their channels."""
+
+from collections.abc import Mapping
+from itertools import combinations
+
+import numpy as np
+
+from rpojax.metrics import passive_safety, team
+from rpojax.metrics.metric_definition import Floats, Metric
+
+TEAM_CHANNELS = ("news_used",)
+"""Channels that only teams have, and that are recorded of every run."""
+
+
+def joined(metric: Metric | None, each: Floats) -> Floats:
+    """Metric of the team (runs,) from those of its servicers (runs, servicers).
+
+    Least values of a run give the least one, greatest values and unsafe fractions the greatest; others their mean.
+    Servicers of which it is undefined do not count.
+    """
+    defined = np.isfinite(each)
+    some = defined.any(axis=1)
+    if metric is not None and (metric.reduction == "min" or (metric.source == "drifts" and metric.low_is_bad)):
+        found = np.min(each, axis=1, where=defined, initial=np.inf)
+    elif metric is not None and (metric.reduction == "max" or metric.name == passive_safety.UNSAFE_FRACTION):
+        found = np.max(each, axis=1, where=defined, initial=-np.inf)
+    else:
+        found = np.sum(each, axis=1, where=defined, dtype=float) / np.maximum(defined.sum(axis=1), 1)
+    return np.where(some, found, np.nan)
+
+
+def evaluate(tick_s: float, records: Mapping[str, np.ndarray]) -> dict[str, Floats]:
+    """Metrics of the team (runs,) from channels (runs, ticks, ..., servicers) at ticks of `tick_s` [s]."""
+    found = {team.SEPARATION: _least_separation(records["rho_H"]), team.UNSEEN: _unseen(records, tick_s)}
+    if "news_used" in records:
+        used = records["news_used"]
+        found[team.DELIVERY] = used.mean(axis=tuple(range(1, used.ndim)))
+    return found
+
+
+def _least_separation(rho_H: np.ndarray) -> Floats:
+    """Least distance between any two servicers (runs,) [m]; NaN for one alone."""
+    pairs = [
+        np.linalg.norm(rho_H[..., i].astype(float) - rho_H[..., j], axis=2).min(axis=1)
+        for i, j in combinations(range(rho_H.shape[-1]), 2)
+    ]
+    return np.min(pairs, axis=0) if pairs else np.full(len(rho_H), np.nan)
+
+
+def _unseen(records: Mapping[str, np.ndarray], tick_s: float) -> Floats:
+    """Longest time in which nobody accepts a box of the target, after the first one (runs,) [s]."""
+    seen = (records["box_accepted"] & ~records["box_outlier"]).any(axis=-1)
+    tick = np.arange(seen.shape[1])
+    last = np.maximum.accumulate(np.where(seen, tick, -1), axis=1)
+    gap = np.where(last >= 0, tick - last, 0)
+    return np.where(seen.any(axis=1), gap.max(axis=1) * tick_s, np.nan)

@@ -1,0 +1,213 @@
+"""Exchange of messages in a tick of a team: what is measured for it, what arrives, and what is made of it."""
+
+from typing import Any
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from rpojax.core import random_streams
+from rpojax.core.numerics import gradient_safe
+from rpojax.core.pytree import replace
+from rpojax.core.random_streams import Stream
+from rpojax.flight import computer
+from rpojax.flight.cooperation import sharing
+from rpojax.flight.cooperation.team_records import TeamRecords
+from rpojax.flight.flight_records import FlightMemory
+from rpojax.flight.navigation import thrust_estimator
+from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
+from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
+from rpojax.physics import radio_link
+from rpojax.scenario.params import Params
+from rpojax.sensors import gps
+from rpojax.sensors.gps import Gps
+from rpojax.simulation.state import State
+from rpojax.simulation.team.member_axes import TeamParams
+from rpojax.simulation.team.team_loop import TeamLoop
+from rpojax.simulation.team.team_state import LinkState, TeamState
+from rpojax.simulation.tick import Motion, Tick, tick_axes
+from rpojax.simulation.tick_measurements import measure_position
+
+_INITIAL_TICK = 0x7FFFFFFF
+"""Tick number of the random numbers of the initial state."""
+
+
+def initial(loop: TeamLoop, servicers: State) -> TeamState:
+    """State of a team whose servicers have just been handed over."""
+    if loop.settings.link.sharing == "none":
+        return TeamState(servicers=servicers)
+    count = loop.settings.servicers
+    normals = loop.params.each(lambda _, keys: _carrier_normals(keys, jnp.int32(_INITIAL_TICK)))(servicers.keys)
+    error = _carrier_receiver(loop.params.member(0)).bias_sigma * normals[:3]
+    zero = jnp.zeros(count, dtype=servicers.truth.r_ST_N.dtype)
+    records = TeamRecords(
+        orbit=servicers.flight.orbit,
+        gate=servicers.flight.gate,
+        innovation=None,
+        box=_no_box(zero),
+        gps=_no_position(servicers),
+        q_KN=jnp.zeros((4, count), dtype=zero.dtype),
+        running=jnp.ones(count, dtype=bool),
+    )
+    memory = sharing.initial(loop.settings.link, _baseline(loop), _tuning(loop.params), records)
+    links = LinkState(in_burst=jnp.zeros((count, count), dtype=bool), carrier_error_N=error)
+    return TeamState(servicers=servicers, links=links, sharing=memory)
+
+
+def share(loop: TeamLoop, state: TeamState, ticks: Tick) -> tuple[Tick, TeamState]:
+    """Ticks (..., N) with the estimates after the messages of the tick, and the state of the exchange."""
+    if state.sharing is None or state.links is None:
+        return ticks, state
+    scenario, link = loop.scenario, loop.settings.link
+    links, received = _pass_messages(loop, state.links, ticks)
+    by_carrier = loop.settings.carrier_differences
+
+    def brings(params: Params, tick: Tick, carrier_error_N: Array) -> TeamRecords:
+        return _records(params, tick, carrier_error_N if by_carrier else None)
+
+    records = loop.params.each(brings, (tick_axes(-1), -1))(ticks, links.carrier_error_N)
+    records, memory = sharing.share(
+        link,
+        _baseline(loop),
+        _tuning(loop.params),
+        loop.params.of_each(lambda params: params.flight.vehicle.focal_px),
+        records,
+        state.sharing,
+        received,
+        _time(ticks),
+        scenario.tick_s,
+    )
+    flight = replace(ticks.flight, orbit=records.orbit)
+    confirmed = jnp.any(memory.news_used, axis=0)
+    return replace(ticks, flight=flight, confirmed=confirmed), replace(state, links=links, sharing=memory)
+
+
+def predict(loop: TeamLoop, state: TeamState, ticks: Tick, motion: Motion, after: State) -> TeamState:
+    """State of the team after a tick, with the servicers `after` it."""
+    if state.sharing is None or state.links is None:
+        return replace(state, servicers=after)
+
+    def burns(_: Params, memory: FlightMemory) -> tuple[Array, Array, Array]:
+        thrust = memory.thrust_estimate
+        planned = thrust.ratio * gradient_safe.norm(memory.plan.delta_v_N)
+        return thrust.ratio, planned, thrust_estimator.sigma_inflation(thrust)
+
+    ratio, planned, inflation = loop.params.each(burns)(after.flight)
+    memory = sharing.predict(
+        loop.settings.link,
+        _tuning(loop.params),
+        state.sharing,
+        ticks.flight.orbit,
+        after.flight.orbit,
+        ratio * motion.delta_v_N,
+        planned,
+        inflation,
+        loop.scenario.tick_s,
+    )
+    number = ticks.state.tick + 1
+    normals = loop.params.each(lambda _, keys: _carrier_normals(keys, number))(ticks.state.keys)[:3]
+    receiver = _carrier_receiver(loop.params.member(0))
+    error = gps.advance_bias(receiver, state.links.carrier_error_N, normals, loop.scenario.tick_s)
+    links = replace(state.links, carrier_error_N=error)
+    return replace(state, servicers=after, links=links, sharing=memory)
+
+
+def _records(params: Params, tick: Tick, carrier_error_N: Array | None) -> TeamRecords:
+    """What a servicer brings to the exchange, after its own navigation."""
+    memory, position = tick.flight, tick.measurements.gps
+    if carrier_error_N is not None:
+        normals = _carrier_normals(tick.state.keys, tick.state.tick)[3:]
+        receiver = _carrier_receiver(params)
+        position = measure_position(receiver, tick.state.truth, carrier_error_N, normals, tick.health)
+    return TeamRecords(
+        orbit=memory.orbit,
+        gate=memory.gate,
+        innovation=tick.innovation,
+        box=computer.filtered_box(
+            params.flight, tick.state.flight, memory.attitude_variance, tick.measurements.box, tick.sky.sun_N
+        ),
+        gps=position,
+        q_KN=computer.camera_attitude(params.flight.vehicle, memory.attitude),
+        running=jnp.isinf(tick.state.failed_at),
+    )
+
+
+def _pass_messages(loop: TeamLoop, links: LinkState, ticks: Tick) -> tuple[LinkState, Bool[Array, "N N"]]:
+    """Links after a tick, and which messages (receiver, sender) that are due arrive."""
+    settings, count = loop.settings.link, loop.settings.servicers
+    radio = loop.params.member(0).link
+    assert radio is not None
+    time = _time(ticks)
+    key = random_streams.fold_in(ticks.state.keys[Stream.LINK, :, 0], ticks.state.tick)
+    uniforms = random_streams.uniform(key, 2 * count * count).reshape(2, count, count)
+    in_burst = radio_link.advance_bursts(radio, links.in_burst, uniforms[0], loop.scenario.tick_s)
+    due = (ticks.state.tick - settings.delay_ticks) % settings.period_ticks == 0
+    heard = _pairs(settings.hears, count)
+    works = jnp.isinf(ticks.state.failed_at)
+    if settings.sharing == "central":
+        arrives = jnp.ones((count, count), dtype=bool)
+    else:
+        arrives = radio_link.arrives(radio, in_burst, uniforms[1], time) & due
+    return replace(links, in_burst=in_burst), arrives & heard & works[None, :] & works[:, None]
+
+
+def _pairs(pairs: tuple[tuple[int, int], ...], count: int) -> Bool[Array, "N N"]:
+    """Matrix of the (receiver, sender) pairs."""
+    return jnp.array([[(i, j) in pairs for j in range(count)] for i in range(count)])
+
+
+def _time(ticks: Tick) -> Array:
+    """Time of the tick [s], the same for all servicers."""
+    return ticks.time[0]
+
+
+def _carrier_receiver(params: Params) -> Gps:
+    """Errors of a receiver's position by carrier phase that are not common: half the variance of a difference."""
+    differences = params.gps_differences
+    assert differences is not None
+    return Gps(
+        noise=differences.noise / jnp.sqrt(2.0),
+        bias_sigma=differences.slow_error / jnp.sqrt(2.0),
+        bias_time_constant=differences.slow_error_time_constant,
+        common_share=jnp.zeros_like(differences.noise),
+    )
+
+
+def _carrier_normals(keys: Array, number: Array) -> Array:
+    """Standard normal numbers (6,) of the carrier-phase position at a tick: of its slow error, and white ones."""
+    return random_streams.normal(random_streams.fold_in(keys[Stream.GPS_DIFFERENCES], number), 6)
+
+
+def _baseline(loop: TeamLoop) -> Any:
+    baseline = loop.params.member(0).baseline
+    assert baseline is not None
+    return baseline
+
+
+def _tuning(params: TeamParams) -> OrbitFilterTuning:
+    return params.of_each(lambda member: member.flight.navigation)
+
+
+def _no_position(servicers: State) -> GpsMeasurement:
+    orbit = servicers.flight.orbit.servicer
+    low = None if orbit.orbit_low is None else jnp.zeros_like(orbit.orbit_low[0])
+    return GpsMeasurement(
+        position_N=jnp.zeros_like(orbit.r_SN_N),
+        position_low_N=low,
+        present=jnp.zeros(orbit.r_SN_N.shape[-1], dtype=bool),
+    )
+
+
+def _no_box(zero: Array) -> BoxMeasurement:
+    none, pair = jnp.zeros_like(zero, dtype=bool), jnp.stack([zero, zero])
+    return BoxMeasurement(
+        tangent=pair,
+        log_size=zero,
+        log_aspect=zero,
+        side_px=zero,
+        present=none,
+        expected=none,
+        truncated=none,
+        half_frame_tangent=pair,
+        attitude_variance_change=zero,
+        interval=zero,
+    )
