@@ -283,8 +283,7 @@ class BatchEngine:
     def _prepare(self, nominal: Params, key: Array, run_ids: Array, assigned: Values) -> tuple[Values, Values, Any]:
         def prepare_run(run_id: Array, assigned: Values) -> tuple[Values, Values, Any]:
             run_key = random_streams.fold_in(key, run_id)
-            drawn, used, state = self._run.prepare(nominal, run_key, assigned)
-            return drawn, used, self._run.round_to_single(state) if self.is_single_precision else state
+            return self._run.prepare(nominal, run_key, assigned, single=self.is_single_precision)
 
         return jax.vmap(prepare_run, out_axes=(0, 0, self._run.state_axes))(run_ids, assigned)
 

@@ -105,7 +105,7 @@ def simulate_batch(
 
 def _failures(segment: Segment) -> np.ndarray:
     """Flags (runs,) of runs of which something was frozen."""
-    return segment.failure.reshape(-1, segment.failure.shape[-1]).any(axis=0)
+    return np.asarray(segment.failure.reshape(-1, segment.failure.shape[-1]).any(axis=0))
 
 
 def _numbers(engine: BatchEngine) -> Sequence[int]:

@@ -45,16 +45,15 @@ class ServicerRun:
         """Batch axis of each field of the state."""
         return state_axes(-1)
 
-    def prepare(self, nominal: Params, run_key: Array, assigned: Values) -> tuple[Values, Values, State]:
-        """Values drawn, values read back from the parameters, and initial state."""
+    def prepare(
+        self, nominal: Params, run_key: Array, assigned: Values, *, single: bool
+    ) -> tuple[Values, Values, State]:
+        """Values drawn, values read back from the parameters, and initial state, which may be in `single` precision."""
         drawn = dispersed_values.draw(self.file, run_key, assigned)
         dispersed = dispersed_values.apply_to_params(nominal, drawn)
         used = dispersed_values.read_back(dispersed, dispersion_keys.varied_keys(self.file))
-        return drawn, used, initial_state.init(self.scenario, dispersed, run_key)
-
-    def round_to_single(self, state: State) -> State:
-        """The state in single precision."""
-        return single_precision.round_state_to_single(state)
+        state = initial_state.init(self.scenario, dispersed, run_key)
+        return drawn, used, single_precision.round_state_to_single(state) if single else state
 
     def tick(self, nominal: Params, values: Values, state: State) -> tuple[State, Channels]:
         """State one tick later, and channels of the tick."""
@@ -91,17 +90,18 @@ class TeamRun:
         """Batch axis of each field of the state."""
         return TeamState(servicers=state_axes(-1), links=-1, sharing=-1)  # pyright: ignore[reportArgumentType]
 
-    def prepare(self, nominal: Params, run_key: Array, assigned: Values) -> tuple[Values, Values, TeamState]:
-        """Values drawn, values read back from the parameters, and initial state."""
+    def prepare(
+        self, nominal: Params, run_key: Array, assigned: Values, *, single: bool
+    ) -> tuple[Values, Values, TeamState]:
+        """Values drawn, values read back from the parameters, and initial state, which may be in `single` precision."""
         drawn = draw_of_members(self.file, run_key, assigned)
         dispersed = self._dispersed(nominal, drawn)
         used = dispersed_values.read_back(dispersed.leaves, dispersion_keys.varied_keys(self.file))
-        return drawn, used, initial_team.init(self.scenario, dispersed, run_key)
-
-    def round_to_single(self, state: TeamState) -> TeamState:
-        """The state in single precision."""
-        rounded = single_precision.round_to_single(state)
-        return dataclasses.replace(rounded, servicers=single_precision.round_state_to_single(state.servicers))
+        state = initial_team.init(self.scenario, dispersed, run_key)
+        if single:
+            servicers = single_precision.round_state_to_single(state.servicers)
+            state = dataclasses.replace(single_precision.round_to_single(state), servicers=servicers)
+        return drawn, used, state
 
     def tick(self, nominal: Params, values: Values, state: TeamState) -> tuple[TeamState, Channels]:
         """State one tick later, and channels of the tick."""

@@ -49,8 +49,8 @@ def _least_separation(rho_H: np.ndarray) -> Floats:
 
 def _unseen(records: Mapping[str, np.ndarray], tick_s: float) -> Floats:
     """Longest time in which nobody accepts a box of the target, after the first one (runs,) [s]."""
-    seen = (records["box_accepted"] & ~records["box_outlier"]).any(axis=-1)
+    seen = np.asarray((records["box_accepted"] & ~records["box_outlier"]).any(axis=-1), dtype=bool)
     tick = np.arange(seen.shape[1])
     last = np.maximum.accumulate(np.where(seen, tick, -1), axis=1)
     gap = np.where(last >= 0, tick - last, 0)
-    return np.where(seen.any(axis=1), gap.max(axis=1) * tick_s, np.nan)
+    return np.where(np.any(seen, axis=1), gap.max(axis=1) * tick_s, np.nan)

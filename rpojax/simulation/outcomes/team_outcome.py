@@ -31,7 +31,7 @@ def _joined(servicers: Sequence[EventArrays]) -> EventArrays:
     )
     order = np.argsort(np.nan_to_num(raised, nan=np.inf), axis=1, kind="stable")[:, :MAX_EVENTS]
     return EventArrays(
-        count=np.sum([each.count for each in servicers], axis=0, dtype=np.int32),
+        count=np.asarray(np.sum([each.count for each in servicers], axis=0, dtype=np.int32)),
         code=np.take_along_axis(codes, order, axis=1),
         raised_at_s=np.take_along_axis(raised, order, axis=1),
         cleared_at_s=np.take_along_axis(cleared, order, axis=1),
