@@ -138,9 +138,9 @@ class BatchEngine:
         self.segment_count = -(-self.scenario.ticks // SEGMENT_TICKS)
         self.segment_ticks = -(-self.scenario.ticks // self.segment_count)
         # Programs depend on the length of a segment, not of the mission, so that missions of other lengths share them.
-        segment_file = file.model_copy(update={"duration_s": self.segment_ticks * self.scenario.tick_s})
+        self._segment_file = file.model_copy(update={"duration_s": self.segment_ticks * self.scenario.tick_s})
         self._segment_scenario = dataclasses.replace(self.scenario, ticks=self.segment_ticks)
-        self._run = run_programs.run_program(segment_file, self._segment_scenario, self.stages, self.batching)
+        self._run = run_programs.run_program(self._segment_file, self._segment_scenario, self.stages, self.batching)
         self._nominal = jax.tree.map(np.asarray, self._run.nominal)
         self._programs: tuple[Any, DevicePrograms] | None = None
         self.members = members.member_files(file)

@@ -26,7 +26,7 @@ def test_a_servicer_alone_is_its_own_member(inspection_file: ScenarioFile) -> No
     assert member_names(inspection_file) == ()
     assert member_files(inspection_file) == (inspection_file,)
     assert len(member_params(inspection_file)) == 1
-    assert static_settings(inspection_file).team is None
+    assert static_settings(inspection_file, allow_team=True).team is None
 
 
 def test_each_servicer_has_the_scenario_with_its_own_keys(team: ScenarioFile, tables: dict[str, Any]) -> None:
@@ -100,7 +100,7 @@ def test_the_rest_of_the_static_settings_is_that_of_a_servicer_alone(
     team: ScenarioFile, tables: dict[str, Any]
 ) -> None:
     alone = static_settings(scenario_loader.ScenarioFile.model_validate({**tables, "servicers": []}))
-    of_team = static_settings(team)
+    of_team = static_settings(team, allow_team=True)
     assert of_team.team is not None
     assert {**vars(of_team), "team": None} == vars(alone)
 
