@@ -84,14 +84,14 @@ def test_static_settings_of_a_team(tables: dict[str, Any]) -> None:
         "hears": [["first", "third"], ["second", "first"], ["third", "first"]],
     }
     tables["gps_differences"] = {"kind": "carrier"}
-    team = static_settings(scenario_loader.validate(tables)).team
+    team = static_settings(scenario_loader.validate(tables), allow_team=True).team
     assert team is not None
     assert (team.servicers, team.carrier_differences) == (3, True)
     link = team.link
     assert (link.servicers, link.sharing, link.period_ticks, link.delay_ticks) == (3, "boxes", 2, 3)
     assert link.hears == ((0, 2), (1, 0), (2, 0))
     tables["navigation"]["sharing"] = "central"
-    central = static_settings(scenario_loader.validate(tables)).team
+    central = static_settings(scenario_loader.validate(tables), allow_team=True).team
     assert central is not None
     assert (central.link.period_ticks, central.link.delay_ticks, len(central.link.hears)) == (1, 0, 6)
 
@@ -109,7 +109,7 @@ def test_burn_decisions_of_servicers_are_shared_out_over_the_burn_period(tables:
     """200 s between burns and decisions every 20 s, by hand: a third is 67 s, next to 60 s, and two thirds 140 s."""
 
     def offsets() -> tuple[int, ...]:
-        team = static_settings(scenario_loader.validate(tables)).team
+        team = static_settings(scenario_loader.validate(tables), allow_team=True).team
         assert team is not None
         return team.decision_offsets
 
