@@ -19,7 +19,7 @@ from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.parameter_keys import component_columns, nominal_of_key
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.warnings.all_warnings import mission_warnings
+from rpojax.scenario.team.team_warnings import mission_warnings
 
 TYPICAL_SPEEDS = {"geometric": 85_000.0, "statistical": 85_000.0, "rendered": 92.0}
 """Simulated seconds of all runs per second on a core of a CPU, measured with `inspection`; by `camera.model`."""

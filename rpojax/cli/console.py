@@ -101,7 +101,7 @@ def _reasons(summary: Mapping[str, Any]) -> dict[str, int]:
 
 def show_warnings(file: "ScenarioFile", quiet: bool) -> None:
     """Prints on stderr why the mission may not work as the scenario declares it, unless `quiet`."""
-    from rpojax.scenario.warnings.all_warnings import mission_warnings
+    from rpojax.scenario.team.team_warnings import mission_warnings
 
     for warning in [] if quiet else mission_warnings(file):
         print(f"rpojax: warning: {warning}", file=sys.stderr)

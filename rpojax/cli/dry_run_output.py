@@ -77,7 +77,7 @@ def show(
 
 
 def _lines(plan: "Plan", table: Path | None) -> list[str]:
-    from rpojax.scenario.warnings.all_warnings import mission_warnings
+    from rpojax.scenario.team.team_warnings import mission_warnings
 
     found = plan.estimate
     lines = [

@@ -3,7 +3,7 @@
 from rpojax.errors import ScenarioError
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.scenario.loading import scenario_loader
-from rpojax.scenario.warnings import all_warnings
+from rpojax.scenario.team import team_warnings
 
 
 def known_before(campaign: CampaignResults) -> list[str]:
@@ -12,4 +12,4 @@ def known_before(campaign: CampaignResults) -> list[str]:
         file = scenario_loader.validate(campaign.info.get("scenario", {}))
     except ScenarioError:
         return []
-    return all_warnings.mission_warnings(file)
+    return team_warnings.mission_warnings(file)

@@ -15,7 +15,7 @@ def validate(scenario: Source, *, overrides: Overrides = (), as_json: AsJson = F
     from rpojax.scenario.dispersed_numbers import dispersion_keys
     from rpojax.scenario.scenario_digest import scenario_digest
     from rpojax.scenario.team.members import member_names
-    from rpojax.scenario.warnings.all_warnings import mission_warnings
+    from rpojax.scenario.team.team_warnings import mission_warnings
 
     file = load(scenario, overrides)
     content = {

@@ -1,6 +1,6 @@
 """What the filters believe of sensors, burns, target and hand-over, against what the scenario declares."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -26,12 +26,14 @@ Belief = tuple[str, str, float, float]
 
 def belief_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
     """Beliefs that differ too much from what the scenario declares."""
+    beliefs = [*_sensor_beliefs(file, reach), *_error_beliefs(reach), *_handover_beliefs(file, reach)]
+    return judged_beliefs(beliefs) + _time_constant(file, reach) + _target_size(file, reach)
+
+
+def judged_beliefs(beliefs: Sequence[Belief]) -> list[str]:
+    """Warnings about beliefs that are too far from the truth."""
     found = []
-    for key, of_truth, truth, believed in (
-        *_sensor_beliefs(file, reach),
-        *_error_beliefs(reach),
-        *_handover_beliefs(file, reach),
-    ):
+    for key, of_truth, truth, believed in beliefs:
         both = f"{key}: the filter believes {believed:.4g}, the truth is {truth:.4g} by {of_truth}"
         if truth > MOST_OVER * believed:
             found.append(
@@ -39,7 +41,7 @@ def belief_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
             )
         elif 0.0 < MOST_UNDER * truth < believed:
             found.append(f"{both}, the {believed / truth:.3g}th part, expected at least the {MOST_UNDER:g}th")
-    return found + _time_constant(file, reach) + _target_size(file, reach)
+    return found
 
 
 def _sensor_beliefs(file: ScenarioFile, reach: DispersedReach) -> Iterator[Belief]:

@@ -1,0 +1,29 @@
+"""What the filters of a team believe of differences of GPS positions, against what the scenario declares."""
+
+import math
+
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.warnings.dispersed_reach import DispersedReach
+from rpojax.scenario.warnings.filter_beliefs import Belief, judged_beliefs
+
+
+def difference_warnings(file: ScenarioFile, reach: DispersedReach) -> list[str]:
+    """Beliefs in differences of GPS positions that differ too much from those of two receivers as this servicer's."""
+
+    def high(key: str) -> float:
+        return float(reach.ends(key)[1])
+
+    if file.gps_differences.kind == "carrier":
+        noise_key, error_key = "gps_differences.noise_m", "gps_differences.slow_error_m"
+        noise, error = high(noise_key), high(error_key)
+    else:
+        noise_key, error_key = "gps.noise_m", "gps.bias_sigma_m and common_share"
+        own_share = 1.0 - float(reach.ends("gps.common_share")[0])
+        noise, error = math.sqrt(2.0) * high(noise_key), math.sqrt(2.0 * own_share) * high("gps.bias_sigma_m")
+    beliefs: list[Belief] = []
+    for key, of_truth, truth in (
+        ("navigation.difference_noise_m", noise_key, noise),
+        ("navigation.difference_error_sigma_m", error_key, error),
+    ):
+        beliefs.append((key, of_truth, truth, float(reach.middle(key))))
+    return judged_beliefs(beliefs)

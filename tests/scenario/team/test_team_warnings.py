@@ -1,0 +1,43 @@
+"""Warnings about teams."""
+
+from typing import Any
+
+import pytest
+
+from rpojax.scenario.loading import scenario_loader
+from rpojax.scenario.team.team_warnings import mission_warnings
+
+PACKAGED = ("cooperative_inspection", "cooperative_far", "cooperative_faults")
+
+
+@pytest.mark.parametrize("name", PACKAGED)
+def test_there_is_no_warning_about_a_packaged_team(name: str) -> None:
+    assert mission_warnings(scenario_loader.load(name)) == []
+
+
+def test_what_holds_for_one_servicer_names_it(tables: dict[str, Any]) -> None:
+    tables["servicers"][2]["navigation"] = {"gps_noise_m": 0.5}
+    (warning,) = mission_warnings(scenario_loader.validate(tables))
+    assert warning.startswith("servicers.third.navigation.gps_noise_m: the filter believes 0.5, the truth is 2 ")
+
+
+def test_what_holds_for_all_is_said_once(tables: dict[str, Any]) -> None:
+    tables["navigation"]["gps_noise_m"] = 0.5
+    (warning,) = mission_warnings(scenario_loader.validate(tables))
+    assert warning.startswith("navigation.gps_noise_m: ")
+
+
+def test_the_belief_in_differences_of_positions_is_judged(tables: dict[str, Any]) -> None:
+    """By code sqrt(2) 2 m = 2.83 m and sqrt(2 (1 - 0.9)) 1.2 m = 0.537 m, as `inspection` believes."""
+    assert mission_warnings(scenario_loader.validate(tables)) == []
+    tables["gps"]["common_share"] = 0.5
+    (warning,) = mission_warnings(scenario_loader.validate(tables))
+    assert warning.startswith("navigation.difference_error_sigma_m: the filter believes 0.54, the truth is 1.2 by gps.")
+    tables["gps_differences"] = {"kind": "carrier"}
+    found = mission_warnings(scenario_loader.validate(tables))
+    assert [each.partition(":")[0] for each in found] == [
+        "navigation.difference_noise_m",
+        "navigation.difference_error_sigma_m",
+    ]
+    tables["navigation"]["sharing"] = "none"
+    assert mission_warnings(scenario_loader.validate(tables)) == []
