@@ -27,6 +27,7 @@ from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.team.members import refuse_team
 from rpojax.simulation import initial_state
 from rpojax.simulation.metrics import running_metrics
 from rpojax.simulation.metrics.running_metrics import RunningSums
@@ -101,6 +102,7 @@ class RolloutEvaluator:
         checkpoint_memory_bytes: int = CHECKPOINT_MEMORY_BYTES,
     ) -> None:
         self.file, self.metric_names, self.input_count = file, tuple(metric_names), input_count
+        refuse_team(file, "derivatives of runs")
         self.scenario, self._nominal = single_run.nominal_parameters(file)
         self._input_function, self._stages, self._cotangent = input_function, stages or Stages(), cotangent
         devices, self.runs_per_device = share_runs(runs, RUNS_PER_DEVICE)

@@ -20,6 +20,7 @@ from rpojax.scenario import params
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import static_settings
+from rpojax.scenario.team.members import refuse_team
 from rpojax.simulation import initial_state
 from rpojax.simulation.noise import run_key
 
@@ -49,6 +50,7 @@ class AnalysisSetup:
     """
 
     def __init__(self, file: ScenarioFile, members: int, stages: Stages) -> None:
+        refuse_team(file, "a linear covariance analysis")
         if file.phases:
             expected = "a scenario without phases for a linear covariance analysis"
             raise ScenarioError("phases", len(file.phases), expected)

@@ -25,6 +25,7 @@ from rpojax.interop.ros2.message_builders import nanoseconds
 from rpojax.runtime import garbage_collection
 from rpojax.scenario.dispersed_numbers import dispersed_values, dispersion_keys
 from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.team.members import refuse_team
 from rpojax.simulation import initial_state
 from rpojax.simulation.channels import Channels
 from rpojax.simulation.metrics import recorded_metrics
@@ -75,8 +76,9 @@ def simulate_live(
     """Simulates one run live; `write_line` gets lines on progress and events.
 
     Raises:
-        RpojaxError: the domain cannot be joined, or no external nodes were found.
+        RpojaxError: the scenario is that of a team, the domain cannot be joined, or no external nodes were found.
     """
+    refuse_team(file, "a live run")
     events = EventLog(write_line)
     stages = settings.external_stages
     exchange = MessageExchange(settings.domain_id, published_topics(stages), command_topics(stages), events)

@@ -38,6 +38,16 @@ def member_params(file: ScenarioFile) -> "tuple[Params, ...]":
     return tuple(build_params(each.model_dump(), each.camera.width_px, each.camera.height_px) for each in members)
 
 
+def refuse_team(file: ScenarioFile, purpose: str) -> None:
+    """Refuses a team for a `purpose` that knows one servicer alone.
+
+    Raises:
+        ScenarioError: the scenario has several servicers.
+    """
+    if file.servicers:
+        raise ScenarioError("servicers", len(file.servicers), f"a scenario without [[servicers]] for {purpose}")
+
+
 def _member(tables: dict[str, Any], changes: ServicerChanges) -> ScenarioFile:
     try:
         return ScenarioFile.model_validate(_with_changes(tables, changes.tables))
