@@ -9,7 +9,7 @@ from rpojax.core.orbits import yamanaka_ankersen
 from rpojax.core.orbits.keplerian_elements import mean_motion
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.core.pytree import pytree, replace, select
-from rpojax.core.vectors import apply_transposed, cross
+from rpojax.core.vectors import apply_transposed
 from rpojax.flight import burn_decision, phase_goal
 from rpojax.flight.control import formation_law, periodic_lqr_gain, reference_governor
 from rpojax.flight.control.formation_tuning import FormationTuning
@@ -46,7 +46,8 @@ class Prediction:
         burn_state_H: (6,) at the burn, without another one before [m, m/s]
         R_CN: (3, 3) Hill frame at the burn
         range_ratio_sigma: () 1-sigma of the range over the range [-]
-        drift_sigma: () 1-sigma of the drift constant of the motion [m]
+        covariance_H: (6, 6) of the state now
+        burn_covariance_H: (6, 6) of that at the burn
     """
 
     orbit: TargetOrbit
@@ -55,7 +56,8 @@ class Prediction:
     burn_state_H: Array
     R_CN: Array
     range_ratio_sigma: Array
-    drift_sigma: Array
+    covariance_H: Array
+    burn_covariance_H: Array
 
 
 def predict_to_burn(params: FlightParams, estimate: OrbitEstimate, after: Scalar | None = None) -> Prediction:
@@ -68,6 +70,12 @@ def predict_to_burn(params: FlightParams, estimate: OrbitEstimate, after: Scalar
     orbit = yamanaka_ankersen.target_orbit(r_TN_N, v_TN_N)
     burn_orbit = yamanaka_ankersen.advanced(orbit, lead)
     constants = yamanaka_ankersen.constants_of_motion(orbit, state_H)
+    transition = yamanaka_ankersen.free_motion(
+        burn_orbit,
+        params.formation.lead,
+        yamanaka_ankersen.constants_of_motion(orbit, jnp.eye(6, dtype=state_H.dtype)),
+    )
+    covariance_H = _in_hill_frame(relative.covariance[:6, :6], R_HN, omega_HN_N)
     angle = burn_orbit.argument_of_latitude - orbit.argument_of_latitude
     c, s = jnp.cos(angle), jnp.sin(angle)
     return Prediction(
@@ -77,17 +85,25 @@ def predict_to_burn(params: FlightParams, estimate: OrbitEstimate, after: Scalar
         burn_state_H=yamanaka_ankersen.free_motion(burn_orbit, lead, constants),
         R_CN=jnp.stack([c * R_HN[0] + s * R_HN[1], -s * R_HN[0] + c * R_HN[1], R_HN[2]]),
         range_ratio_sigma=line_of_sight_uncertainty.relative_range_sigma(estimate),
-        drift_sigma=_drift_sigma(orbit, relative.covariance[:6, :6], R_HN, omega_HN_N),
+        covariance_H=covariance_H,
+        burn_covariance_H=_mapped(transition, covariance_H),
     )
 
 
-def _drift_sigma(orbit: TargetOrbit, covariance_N: Float[Array, "6 6"], R_HN: Matrix, omega_HN_N: Vector) -> Scalar:
-    """1-sigma of the drift constant [m] from the covariance of the relative position and velocity in N."""
-    row_H = yamanaka_ankersen.constants_of_motion(orbit, jnp.eye(6, dtype=covariance_N.dtype))[3]
-    velocity_row = apply_transposed(R_HN, row_H[3:])
-    position_row = apply_transposed(R_HN, row_H[:3]) - cross(velocity_row, omega_HN_N)
-    row = jnp.concatenate([position_row, velocity_row])
-    return gradient_safe.sqrt(jnp.sum(row * jnp.sum(covariance_N * row[None, :], axis=1), axis=0))
+def _in_hill_frame(covariance_N: Float[Array, "6 6"], R_HN: Matrix, omega_HN_N: Vector) -> Float[Array, "6 6"]:
+    """Covariance of the relative position and velocity in H, from that in N."""
+    identity = jnp.eye(6, dtype=covariance_N.dtype)
+    columns = [
+        jnp.concatenate(inertial_to_hill(identity[:3, number], identity[3:, number], R_HN, omega_HN_N))
+        for number in range(6)
+    ]
+    return _mapped(jnp.stack(columns, axis=1), covariance_N)
+
+
+def _mapped(matrix: Float[Array, "6 6"], covariance: Float[Array, "6 6"]) -> Float[Array, "6 6"]:
+    """Covariance of a linear function of a state."""
+    half = jnp.sum(matrix[:, :, None] * covariance[None], axis=1)
+    return jnp.sum(half[:, None] * matrix[None], axis=2)
 
 
 def initial_state(params: FlightParams, estimate: OrbitEstimate, first_decision: Scalar | None = None) -> MissionState:
@@ -143,14 +159,14 @@ def manage_mission(
         orbit=predicted.orbit,
         state_H=predicted.state_H,
         scale_sigma=predicted.range_ratio_sigma,
-        drift_sigma=predicted.drift_sigma,
+        covariance_H=predicted.covariance_H,
         sigmas=tuning.abort_sigmas,
         semi_axes=keep_out_zone(settings, tuning, state),
         first_span=soon,
         horizon=soon,
     )
     none = jnp.zeros_like(predicted.state_H[:3, None])
-    clearance = drift_clearance.least_clearance(drift, none, none[:1])[0, 0]
+    clearance, _ = drift_clearance.least_clearance(drift, none, none[:1], _SAMPLES_BEFORE_ABORT)
     situation = Situation(
         time=time,
         state_H=predicted.state_H,
@@ -163,9 +179,13 @@ def manage_mission(
         lost=_is_lost(params, memory),
         confident=memory.health.confident,
         thruster_works=burn_decision.thruster_works(params, memory, time),
-        enters_keep_out=clearance < 1.0,
+        enters_keep_out=clearance[0, 0] < 1.0,
     )
     return stages.call("mission_manager", settings=settings, tuning=tuning, state=state, situation=situation)
+
+
+_SAMPLES_BEFORE_ABORT = 6
+"""Times in the two minutes in which an abort cannot act yet."""
 
 
 def _is_lost(params: FlightParams, memory: FlightMemory) -> Flag:
@@ -225,9 +245,10 @@ def plan_burn(
     works = burn_decision.thruster_works(params, memory, time)
     uncertain = predicted.range_ratio_sigma >= params.formation.range_uncertainty_limit
     keeps = ~aborted & pointing.visible & ~burn_decision.is_lost(params, memory) & memory.health.confident & ~uncertain
-    drift = _drift_after_burn(settings, tuning, state, predicted, period)
+    passive = constant_of_phase(state.phase, _passively_safe(settings))
+    drift = _drift_after_burn(settings, tuning, state, predicted, passive, period)
     greatest = burn_planning.certain_delta_v(params.pointing, params.vehicle, tick_s)
-    safe_H = safe_burn.safe_delta_v(drift, jnp.where(keeps, planned_H, 0.0), greatest)
+    safe_H = safe_burn.safe_delta_v(drift, jnp.where(keeps, planned_H, 0.0), greatest, passive & ~aborted)
     plan = burn_planning.schedule_burn(
         params.formation,
         params.pointing,
@@ -241,19 +262,27 @@ def plan_burn(
     return plan, whole
 
 
+def _passively_safe(settings: MissionSettings) -> list[bool]:
+    """Whether each row of the phase table is passively safe."""
+    return [*(phase.passively_safe for phase in settings.phases), False, True]
+
+
 def _drift_after_burn(
-    settings: MissionSettings, tuning: MissionTuning, state: MissionState, predicted: Prediction, period: Scalar
+    settings: MissionSettings,
+    tuning: MissionTuning,
+    state: MissionState,
+    predicted: Prediction,
+    is_passive: Flag,
+    period: Scalar,
 ) -> Drift:
-    """Free motion after a burn of the present phase, and what it must keep clear of."""
-    passive = [*(phase.passively_safe for phase in settings.phases), False, True]
+    """Free motion after a burn of the present phase, passively safe or not, and what it must keep clear of."""
     orbit_period = drift_clearance.orbit_period(predicted.burn_orbit)
-    is_passive = constant_of_phase(state.phase, passive)
     span = jnp.where(is_passive, jnp.minimum(orbit_period, tuning.abort_horizon), 2.0 * period)
     return Drift(
         orbit=predicted.burn_orbit,
         state_H=predicted.burn_state_H,
         scale_sigma=predicted.range_ratio_sigma,
-        drift_sigma=predicted.drift_sigma,
+        covariance_H=predicted.burn_covariance_H,
         sigmas=tuning.abort_sigmas,
         semi_axes=keep_out_zone(settings, tuning, state) + tuning.abort_margin,
         first_span=span,

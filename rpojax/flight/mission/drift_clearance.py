@@ -2,7 +2,8 @@
 
 The free motion of the linear model repeats itself from orbit to orbit but for a drift that is proportional to time. So
 the passages of one place on the orbit lie on a straight line, and the samples of one orbit cover any horizon: each by
-the least distance of the line from its first passage to its last.
+the least distance of the line from its first passage to its last. The uncertainty of the estimate covers the whole
+covariance of the state at the first passages; up to the last ones, the scale of the motion and its drift.
 """
 
 import math
@@ -16,11 +17,9 @@ from rpojax.core.orbits import yamanaka_ankersen
 from rpojax.core.orbits.keplerian_elements import mean_motion
 from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
 from rpojax.core.pytree import pytree
+from rpojax.core.vectors import cross
 
 Scalar = Float[Array, ""]
-
-_SAMPLES = 24
-"""Evenly spaced times of the first orbit."""
 
 
 @pytree
@@ -31,7 +30,7 @@ class Drift:
         orbit: of the target at the burn
         state_H: (6,) relative state before the burn [m, m/s]
         scale_sigma: () 1-sigma of the range over the range, which scales the whole relative motion [-]
-        drift_sigma: () 1-sigma of the drift constant of the motion apart from that scale [m]
+        covariance_H: (6, 6) of that state
         sigmas: () of these that are covered [-]
         semi_axes: (3,) of the keep-out ellipsoid in H with its margin [m]
         first_span: () free motion that is sampled [s]
@@ -41,7 +40,7 @@ class Drift:
     orbit: TargetOrbit
     state_H: Array
     scale_sigma: Array
-    drift_sigma: Array
+    covariance_H: Array
     sigmas: Array
     semi_axes: Array
     first_span: Array
@@ -53,24 +52,30 @@ def orbit_period(orbit: TargetOrbit) -> Scalar:
     return 2.0 * math.pi / mean_motion(orbit.semi_major_axis)
 
 
-def least_clearance(drift: Drift, directions_H: Float[Array, "3 d"], sizes: Float[Array, "d k"]) -> Float[Array, "d k"]:
-    """Least distance from the target over that of the keep-out ellipsoid in the same direction, for each burn.
+def least_clearance(
+    drift: Drift, directions_H: Float[Array, "3 d"], sizes: Float[Array, "d k"], samples: int = 24
+) -> tuple[Float[Array, "d k"], Scalar]:
+    """Least distance from the target over that of the keep-out ellipsoid in the same direction.
+
+    Returned are that of each burn with the uncertainty of the estimate, and that without a burn by the estimate alone.
 
     Args:
         drift: what the drifts have in common
         directions_H: (3, d) directions of burns, of any length
         sizes: (d, k) factors on each direction [m/s]
+        samples: number of evenly spaced times of the first span
     """
     columns = jnp.concatenate([jnp.zeros_like(directions_H), directions_H])
     columns = jnp.concatenate([columns, drift.state_H[:, None]], axis=1)
     constants = yamanaka_ankersen.constants_of_motion(drift.orbit, columns)
+    of_states = yamanaka_ankersen.constants_of_motion(drift.orbit, jnp.eye(6, dtype=drift.state_H.dtype))
     unit_drift = jnp.where(jnp.arange(6)[:, None] == 3, 1.0, jnp.zeros_like(constants[:, :1]))
     constants = jnp.concatenate([constants, unit_drift], axis=1)
-    scale_error, drift_error = drift.sigmas * drift.scale_sigma, drift.sigmas * drift.drift_sigma
+    scale_error, drift_error = drift.sigmas * drift.scale_sigma, drift.sigmas * _drift_sigma(drift, of_states[3])
     signs = [(scale, other) for scale in (-1.0, 1.0) for other in (-1.0, 1.0)]
     ends = jnp.stack([jnp.zeros_like(drift.horizon), drift.horizon - drift.first_span])
 
-    def sample(least: Float[Array, "d k"], time: Scalar) -> tuple[Float[Array, "d k"], None]:
+    def sample(least: tuple[Float[Array, "d k"], Scalar], time: Scalar) -> tuple[tuple[Array, Array], None]:
         place = yamanaka_ankersen.advanced(drift.orbit, time)
 
         def passage(_: None, later: Scalar) -> tuple[None, Float[Array, "3 c"]]:
@@ -79,17 +84,46 @@ def least_clearance(drift: Drift, directions_H: Float[Array, "3 d"], sizes: Floa
 
         _, (first, last) = jax.lax.scan(passage, None, ends)
         a, b = (each[:, :-2, None] * sizes[None] for each in (first, last))
+        transition = yamanaka_ankersen.free_motion(place, time, of_states)[:3] / drift.semi_axes[:, None]
+        of_burns = jnp.minimum(least[0], _certain_square_distance(a + first[:, -2][:, None, None], drift, transition))
         for scale, other in signs:
             base = [
                 (1.0 + scale * scale_error) * each[:, -2] + other * drift_error * each[:, -1] for each in (first, last)
             ]
             near, far = a + base[0][:, None, None], b + base[1][:, None, None]
-            least = jnp.minimum(least, _square_distance_to_line(near, far))
-        return least, None
+            of_burns = jnp.minimum(of_burns, _square_distance_to_line(near, far))
+        expected = _square_distance_to_line(first[:, -2][:, None, None], last[:, -2][:, None, None])[0, 0]
+        return (of_burns, jnp.minimum(least[1], expected)), None
 
-    times = jnp.linspace(1.0 / _SAMPLES, 1.0, _SAMPLES, dtype=drift.state_H.dtype) * drift.first_span
-    least, _ = jax.lax.scan(sample, jnp.full_like(sizes, jnp.inf), times)
-    return gradient_safe.sqrt(least)
+    times = jnp.linspace(1.0 / samples, 1.0, samples, dtype=drift.state_H.dtype) * drift.first_span
+    none = (jnp.full_like(sizes, jnp.inf), jnp.full_like(drift.horizon, jnp.inf))
+    (of_burns, expected), _ = jax.lax.scan(sample, none, times)
+    return gradient_safe.sqrt(of_burns), gradient_safe.sqrt(expected)
+
+
+def _drift_sigma(drift: Drift, row: Float[Array, "6"]) -> Scalar:
+    """1-sigma of the drift constant [m], a linear function of the state."""
+    return gradient_safe.sqrt(jnp.sum(row * jnp.sum(drift.covariance_H * row[None], axis=1), axis=0))
+
+
+def _certain_square_distance(
+    place: Float[Array, "3 d k"], drift: Drift, transition: Float[Array, "3 6"]
+) -> Float[Array, "d k"]:
+    """Squared distance from the origin that is left in the worst case of the state before, in the scale of the zone.
+
+    The distance is at least that along any direction. The one that is taken avoids those of great uncertainty: with E
+    the covariance of the place times the squared sigmas it is u = adj(E + I) p, for which E u = det(E + I) p - u.
+    """
+    half = jnp.sum(transition[:, :, None] * drift.covariance_H[None], axis=1)
+    errors = drift.sigmas * drift.sigmas * jnp.sum(half[:, None] * transition[None], axis=2)
+    x, y, z = errors + jnp.eye(3, dtype=errors.dtype)
+    adjugate = jnp.stack([cross(y, z), cross(z, x), cross(x, y)])
+    determinant = jnp.sum(x * adjugate[0], axis=0)
+    u = jnp.sum(adjugate[:, :, None, None] * place[None], axis=1)
+    along, square = jnp.sum(u * place, axis=0), jnp.sum(u * u, axis=0)
+    uncertain = gradient_safe.sqrt(jnp.maximum(determinant * along - square, 0.0))
+    certain = jnp.maximum(along - uncertain, 0.0)
+    return certain * certain / jnp.where(square > 0.0, square, 1.0)
 
 
 def _square_distance_to_line(a: Float[Array, "3 d k"], b: Float[Array, "3 d k"]) -> Float[Array, "d k"]:

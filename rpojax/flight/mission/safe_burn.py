@@ -13,6 +13,7 @@ from rpojax.flight.mission.drift_clearance import Drift, least_clearance
 
 Scalar = Float[Array, ""]
 Vector = Float[Array, "3"]
+Flag = Bool[Array, ""]
 
 _SHARES: Final = (1.0, 0.75, 0.5, 0.25, 0.0)
 """Parts of the planned burn that are tried, the first safe one is taken [-]."""
@@ -31,28 +32,32 @@ _DIRECTIONS: Final = np.array(
 """Directions in H of other burns: all about the orbit normal, along it, and between it and the track."""
 
 
-def safe_delta_v(drift: Drift, planned_H: Vector, greatest: Scalar) -> Vector:
+def safe_delta_v(drift: Drift, planned_H: Vector, greatest: Scalar, may_wait: Flag) -> Vector:
     """Velocity change [m/s] of the next burn: as much of the planned one as is safe, else the smallest that is safe.
 
     If nothing is safe, the one with the greatest clearance is made. A planned change that is not finite is returned.
+    A servicer that may wait makes no other burn while the drift is safe by the estimate alone: to know more is better
+    than to leave a safe orbit for an uncertain one.
 
     Args:
         drift: free motion before the burn, and what it must keep clear of
         planned_H: (3,) velocity change by the control law; zero if there is none to be made [m/s]
         greatest: () size of the greatest change that can be made in any direction [m/s]
+        may_wait: () bool, whether the estimate will be better at the next decision, and soon enough
     """
     dtype = planned_H.dtype
     others_H = jnp.asarray(_DIRECTIONS.T, dtype=dtype)
     directions_H = jnp.concatenate([planned_H[:, None], others_H], axis=1)
     sizes = jnp.broadcast_to(jnp.asarray(_SIZES, dtype=dtype) * greatest, (len(_DIRECTIONS), len(_SIZES)))
     shares = jnp.asarray(_SHARES, dtype=dtype)[None]
-    clearance = least_clearance(drift, directions_H, jnp.concatenate([shares, sizes]))
+    clearance, expected = least_clearance(drift, directions_H, jnp.concatenate([shares, sizes]))
     of_planned, of_others = clearance[0], clearance[1:]
     is_safe = of_others >= 1.0
     # Of two burns of one size, the one with more clearance.
     cheapest = _least(jnp.where(is_safe, sizes / greatest - 0.01 * of_others / (1.0 + of_others), jnp.inf))
     best = jnp.where(jnp.any(is_safe, axis=(0, 1)), cheapest, _least(-of_others))
     chosen = jnp.sum(others_H[:, :, None] * jnp.where(best, sizes, 0.0)[None], axis=(1, 2))
+    chosen = jnp.where(may_wait & (expected >= 1.0), 0.0, chosen)
     for number in reversed(range(len(_SHARES))):
         chosen = jnp.where(of_planned[number] >= 1.0, _SHARES[number] * planned_H, chosen)
     return jnp.where(gradient_safe.is_finite(planned_H), chosen, planned_H)

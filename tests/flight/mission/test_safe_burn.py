@@ -7,7 +7,8 @@ import pytest
 
 from rpojax.core.orbits.clohessy_wiltshire import transition_matrix
 from rpojax.core.orbits.keplerian_elements import mean_motion
-from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit
+from rpojax.core.orbits.yamanaka_ankersen import TargetOrbit, free_motion
+from rpojax.core.pytree import replace
 from rpojax.flight.mission import drift_clearance, safe_burn
 from rpojax.flight.mission.drift_clearance import Drift
 
@@ -19,17 +20,25 @@ ORBIT = TargetOrbit(
 PERIOD = 2.0 * np.pi / N
 DAY = 16.0 * PERIOD
 GREATEST = 0.04
+NO, YES = jnp.asarray(False), jnp.asarray(True)
 
 least_clearance = jax.jit(drift_clearance.least_clearance)
 safe_delta_v = jax.jit(safe_burn.safe_delta_v)
 
 
-def drift_of(state: list[float], keep_out: float = 12.0, sigmas: float = 0.0) -> Drift:
+UNIT_DRIFT = free_motion(ORBIT, jnp.float64(0.0), jnp.eye(6)[3])
+DRIFT_COVARIANCE = 0.3**2 * jnp.outer(UNIT_DRIFT, UNIT_DRIFT)
+"""Of a state whose drift constant alone is uncertain, by 0.3 m."""
+
+
+def drift_of(
+    state: list[float], keep_out: float = 12.0, sigmas: float = 0.0, covariance_H: jax.Array = DRIFT_COVARIANCE
+) -> Drift:
     return Drift(
         orbit=ORBIT,
         state_H=jnp.asarray(state),
         scale_sigma=jnp.float64(0.03),
-        drift_sigma=jnp.float64(0.3),
+        covariance_H=covariance_H,
         sigmas=jnp.float64(sigmas),
         semi_axes=jnp.full(3, keep_out),
         first_span=jnp.float64(PERIOD),
@@ -46,6 +55,7 @@ def least_range(state: np.ndarray, horizon: float = DAY) -> float:
 
 ELLIPSE = [0.0, 40.0, 25.0, 20.0 * N, 0.0, 0.0]
 V_BAR = [0.0, -30.0, 0.0, 0.0, 0.0, 0.0]
+TOWARD = [0.0, -30.0, 0.0, 0.0, 1e-3, 0.0]
 
 
 @pytest.mark.parametrize(
@@ -54,7 +64,7 @@ V_BAR = [0.0, -30.0, 0.0, 0.0, 0.0, 0.0]
     ids=["safety ellipse", "hold", "drift", "co-elliptic"],
 )
 def test_the_clearance_is_that_of_the_drift_sampled_finely(state: list[float]) -> None:
-    found = float(least_clearance(drift_of(state), jnp.zeros((3, 1)), jnp.zeros((1, 1)))[0, 0]) * 12.0
+    found = float(least_clearance(drift_of(state), jnp.zeros((3, 1)), jnp.zeros((1, 1)))[0][0, 0]) * 12.0
     expected = least_range(np.array(state))
     # Between the passages, which lie on the line, the servicer may be farther away.
     assert found <= expected + 0.02 * expected + 0.5
@@ -64,19 +74,48 @@ def test_the_clearance_is_that_of_the_drift_sampled_finely(state: list[float]) -
 def test_the_uncertainty_of_the_drift_counts() -> None:
     slow = [0.0, -60.0, 0.0, 0.0, 1e-4, 0.0]
     none = jnp.zeros((3, 1)), jnp.zeros((1, 1))
-    certain, uncertain = (float(least_clearance(drift_of(slow, sigmas=k), *none)[0, 0]) for k in (0.0, 3.0))
+    certain, uncertain = (float(least_clearance(drift_of(slow, sigmas=k), *none)[0][0, 0]) for k in (0.0, 3.0))
     assert uncertain < 0.5 * certain
+
+
+UNCERTAIN = jnp.diag(jnp.square(jnp.array([0.2, 1.3, 0.8, 1e-3, 1e-3, 1e-3])))
+"""Covariance of a state that has been watched for a few minutes."""
+
+
+def test_drifts_come_nearer_than_the_clearance_as_seldom_as_its_sigmas_say() -> None:
+    drift = replace(
+        drift_of(ELLIPSE, sigmas=2.0, covariance_H=UNCERTAIN), horizon=jnp.float64(PERIOD), scale_sigma=jnp.float64(0.0)
+    )
+    bound = 12.0 * float(least_clearance(drift, jnp.zeros((3, 1)), jnp.zeros((1, 1)))[0][0, 0])
+    errors = np.random.default_rng(5).multivariate_normal(np.zeros(6), np.asarray(UNCERTAIN), size=300)
+    ranges = np.array([least_range(np.array(ELLIPSE) + error, PERIOD) for error in errors])
+    assert np.mean(ranges < bound) <= 0.05
+    assert bound > 0.7 * np.min(ranges)
+
+
+def test_a_servicer_on_a_safe_orbit_waits_until_it_knows_enough() -> None:
+    unknown = drift_of(ELLIPSE, sigmas=3.0, covariance_H=16.0 * UNCERTAIN)
+    planned = jnp.array([0.0, 8e-3, 0.0])
+    np.testing.assert_array_equal(safe_delta_v(unknown, planned, jnp.float64(GREATEST), YES), jnp.zeros(3))
+    assert np.linalg.norm(safe_delta_v(unknown, planned, jnp.float64(GREATEST), NO)) > 0.0
+    expected = float(least_clearance(unknown, jnp.zeros((3, 1)), jnp.zeros((1, 1)))[1])
+    assert expected * 12.0 == pytest.approx(least_range(np.array(ELLIPSE)), rel=0.02)
+
+
+def test_a_servicer_that_drifts_into_the_keep_out_zone_does_not_wait() -> None:
+    found = np.asarray(safe_delta_v(drift_of(TOWARD), jnp.zeros(3), jnp.float64(GREATEST), YES))
+    assert least_range(np.array(TOWARD) + np.concatenate([np.zeros(3), found])) > 12.0
 
 
 def test_a_safe_planned_burn_is_made_as_planned() -> None:
     planned = jnp.array([1e-3, -1e-3, 2e-3])
-    np.testing.assert_array_equal(safe_delta_v(drift_of(ELLIPSE), planned, jnp.float64(GREATEST)), planned)
+    np.testing.assert_array_equal(safe_delta_v(drift_of(ELLIPSE), planned, jnp.float64(GREATEST), NO), planned)
 
 
 def test_a_burn_that_gives_up_the_safety_is_made_in_part() -> None:
     lowest = np.array([-20.0, 0.0, 0.0, 0.0, 40.0 * N, 25.0 * N])
     planned = np.array([0.0, 2e-3, -25.0 * N])
-    found = np.asarray(safe_delta_v(drift_of(list(lowest)), jnp.asarray(planned), jnp.float64(GREATEST)))
+    found = np.asarray(safe_delta_v(drift_of(list(lowest)), jnp.asarray(planned), jnp.float64(GREATEST), NO))
     share = float(found[1] / planned[1])
     assert share in (0.25, 0.5)
     assert least_range(lowest + np.concatenate([np.zeros(3), found])) > 12.0
@@ -89,11 +128,11 @@ def test_an_abort_leaves_the_keep_out_zone_alone_for_a_day(seed: int) -> None:
     direction = rng.normal(size=3)
     place = rng.uniform(20.0, 80.0) * direction / np.linalg.norm(direction)
     state = [*place, *(2e-3 * rng.normal(size=3))]
-    found = np.asarray(safe_delta_v(drift_of(state, sigmas=1.0), jnp.zeros(3), jnp.float64(GREATEST)))
+    found = np.asarray(safe_delta_v(drift_of(state, sigmas=1.0), jnp.zeros(3), jnp.float64(GREATEST), NO))
     assert np.linalg.norm(found) <= GREATEST * (1.0 + 1e-12)
     assert least_range(np.array(state) + np.concatenate([np.zeros(3), found])) > 12.0
 
 
 def test_a_change_that_is_not_finite_is_returned() -> None:
     planned = jnp.array([jnp.nan, 0.0, 0.0])
-    assert np.isnan(safe_delta_v(drift_of(ELLIPSE), planned, jnp.float64(GREATEST))[0])
+    assert np.isnan(safe_delta_v(drift_of(ELLIPSE), planned, jnp.float64(GREATEST), NO)[0])
