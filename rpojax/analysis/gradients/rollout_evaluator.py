@@ -17,7 +17,7 @@ from jaxtyping import Array
 
 from rpojax.analysis.gradients.checkpointed_scan import checkpoint_interval, checkpointed_scan
 from rpojax.campaign import single_run
-from rpojax.campaign.execution.tick_batching import batch_transform, state_axes
+from rpojax.campaign.execution.tick_batching import batch_transform
 from rpojax.core.pytree import concatenate
 from rpojax.flight.stages import Stages
 from rpojax.runtime import compiler_options
@@ -32,7 +32,7 @@ from rpojax.simulation import initial_state
 from rpojax.simulation.metrics import running_metrics
 from rpojax.simulation.metrics.running_metrics import RunningSums
 from rpojax.simulation.noise import run_key
-from rpojax.simulation.state import State
+from rpojax.simulation.state import State, state_axes
 from rpojax.simulation.step import step
 
 InputFunction = Callable[[Array, Array], Values]

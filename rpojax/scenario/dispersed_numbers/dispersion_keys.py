@@ -16,8 +16,8 @@ _TEAM_SECTIONS: Final = frozenset(
     {"orbit", "atmosphere", "sunlight", "target", "target_surface", "link", "gps_differences"}
 )
 """Sections whose values all servicers of a team have together."""
-_BELIEF_OF_TEAM: Final = "navigation.difference_"
-"""Begin of the keys of the belief in differences of GPS positions, which is that of a pair."""
+_KEYS_OF_PAIRS: Final = ("navigation.difference_", "gps.common_share")
+"""Begins of the keys of differences of GPS positions in sections of a servicer."""
 
 
 def assigned_keys(dispersion: DispersionKind) -> list[ParameterKey]:
@@ -38,7 +38,7 @@ def varied_keys(file: ScenarioFile) -> list[str]:
 
 def is_of_team(parameter: ParameterKey) -> bool:
     """Whether a key is that of the world, or of what all servicers of a team have together."""
-    return parameter.key.partition(".")[0] in _TEAM_SECTIONS or parameter.key.startswith(_BELIEF_OF_TEAM)
+    return parameter.key.partition(".")[0] in _TEAM_SECTIONS or parameter.key.startswith(_KEYS_OF_PAIRS)
 
 
 def is_common(dispersion: DispersionKind) -> bool:

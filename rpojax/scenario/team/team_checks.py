@@ -20,7 +20,7 @@ _LEAST_DISTANCE_M: Final = 0.1
 _SECTIONS: Final = tuple(name for name in ServicerChanges.model_fields if name not in ("name", "decision_offset_s"))
 _FREE: Final = frozenset({"timeout_s", "keep_out_m", "position_weight", "velocity_weight", "delta_v_weight"})
 """Keys of phases that one servicer may have and another one not."""
-_EQUAL_NUMBERS: Final = frozenset({"control_period_s", "decision_period_s"})
+_EQUAL_NUMBERS: Final = frozenset({"control_period_s", "decision_period_s", "common_share"})
 _EQUAL_BELIEF: Final = "difference_"
 """Begin of the keys of the belief in differences of GPS positions, which is that of a pair."""
 

@@ -16,7 +16,7 @@ from rpojax.batching.batching_mode import BatchingMode
 from rpojax.campaign import run_and_resume
 from rpojax.campaign.execution import campaign_engine
 from rpojax.campaign.execution.batch_engine import BatchEngine
-from rpojax.campaign.execution.tick_batching import state_axes, tick_batching_mode
+from rpojax.campaign.execution.tick_batching import tick_batching_mode
 from rpojax.errors import RpojaxError
 from rpojax.flight.stages import Stages
 from rpojax.scenario.dispersed_numbers import dispersed_values
@@ -24,6 +24,7 @@ from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
 from rpojax.simulation.channels import compute_channels
+from rpojax.simulation.state import state_axes
 from rpojax.simulation.step import step
 
 RUNS, TICKS = 3, 3

@@ -79,10 +79,11 @@ def test_values_do_not_depend_on_the_batch_or_the_order_of_runs(
 
 
 def every_key(file: ScenarioFile) -> list[str]:
-    """All keys that can be dispersed."""
+    """All keys that can be dispersed without a team."""
     sections = {name: type(getattr(file, name)) for name in type(file).model_fields}
     keys = [f"{name}.{key}" for name, cls in sections.items() for key in getattr(cls, "model_fields", {})]
-    return [key for key in keys if nominal_of_key(file, key) is not None]
+    of_team = ("link.", "gps_differences.", "navigation.difference_")
+    return [key for key in keys if nominal_of_key(file, key) is not None and not key.startswith(of_team)]
 
 
 def _any_dispersion(key: str) -> Any:

@@ -57,6 +57,7 @@ FAULTS: list[tuple[Callable[[Tables], None], str, str]] = [
     (_second(camera={"width_px": 256}), SECOND + ".camera.width_px", "128 as servicer 'first'"),
     (_second(camera={"model": "statistical"}), SECOND + ".camera.model", "'geometric'"),
     (_second(navigation={"sharing": "none"}), SECOND + ".navigation.sharing", "'boxes'"),
+    (_second(gps={"common_share": 0.5}), SECOND + ".gps.common_share", "0.9 as servicer 'first'"),
     (_second(navigation={"difference_noise_m": 1.0}), SECOND + ".navigation.difference_noise_m", "2.83"),
     (_second(initial=HANDOVER), SECOND + ".initial.handover", "nothing"),
     (_second(phases={"inspect": {"control_period_s": 180.0}}), SECOND + ".phases.inspect.control_period_s", "nothing"),

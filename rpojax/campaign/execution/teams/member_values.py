@@ -17,7 +17,7 @@ def draw_of_members(file: ScenarioFile, run_key: Array, assigned: Values) -> Val
     """Values of all dispersed keys of a run: those that all share, of others those of each in the last axis."""
     common = dispersion_keys.common_keys(file)
     drawn = [
-        dispersed_values.draw(member, member_key(run_key, number), assigned)
+        dispersed_values.draw(member, member_key(run_key, number), assigned, team_key=run_key)
         for number, member in enumerate(members.member_files(file))
     ]
     return {
