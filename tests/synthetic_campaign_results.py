@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from rpojax.campaign.execution.teams.team_recording import joined_history
+from rpojax.campaign.storage.campaign_folder import of_servicer
 from rpojax.simulation.outcomes import outcome_kinds
 from rpojax.simulation.outcomes.outcome_events import OutcomeEvent
 
@@ -31,6 +33,8 @@ class SyntheticCampaign:
     surface: dict[str, np.ndarray] = field(default_factory=dict)
     phases: dict[str, np.ndarray] = field(default_factory=dict)
     phase_names: tuple[str, ...] = ()
+    servicer_names: tuple[str, ...] = ()
+    servicer_groups: dict[str, dict[str, np.ndarray]] = field(default_factory=dict)
 
     @property
     def run_ids(self) -> np.ndarray:
@@ -44,8 +48,12 @@ class SyntheticCampaign:
     def history_ids(self) -> list[int]:
         return list(self.histories)
 
-    def history(self, run_id: int) -> dict[str, np.ndarray]:
-        return self.histories[run_id]
+    def history(self, run_id: int, servicer: int | None = None) -> dict[str, np.ndarray]:
+        history = self.histories[run_id]
+        return history if servicer is None or not self.servicer_names else of_servicer(history, servicer)
+
+    def servicers(self, group: str) -> dict[str, np.ndarray]:
+        return self.servicer_groups.get(group, {})
 
 
 def synthetic_campaign(
@@ -78,6 +86,49 @@ def synthetic_campaign(
         is_judged=np.ones(runs, bool),
         events=[],
     )
+
+
+def synthetic_team(directory: Path, names: tuple[str, ...] = ("near", "far"), **choices: Any) -> SyntheticCampaign:
+    """Campaign of servicers side by side, each with the numbers of a campaign of its own that are `number` % greater.
+
+    Metrics of the team are those of the first one, with a news fraction and the distance between servicers.
+    """
+    campaign = synthetic_campaign(directory, **choices)
+    count, runs = len(names), len(campaign.completed)
+    factors = 1.0 + 0.01 * np.arange(count)
+    own = {name: values[:, None] * factors for name, values in campaign.metrics.items()}
+    campaign.servicer_names = names
+    campaign.servicer_groups = {
+        "metrics": own,
+        "status": {"failure": np.zeros((runs, count), np.int8), "failed_at_s": np.full((runs, count), np.nan)},
+    }
+    campaign.metrics |= {
+        f"{name}/{servicer}": values[:, number] for name, values in own.items() for number, servicer in enumerate(names)
+    }
+    campaign.metrics |= {
+        "news_fraction": np.linspace(0.8, 0.9, runs),
+        "min_separation_m": np.linspace(20.0, 30.0, runs),
+    }
+    campaign.histories = {
+        run: joined_history([{**history, "rho_H": history["rho_H"] * factor} for factor in factors])
+        for run, history in campaign.histories.items()
+    }
+    campaign.info["scenario"] |= {
+        "navigation": {"sharing": "boxes"},
+        "servicers": [{"name": name} for name in names],
+        "link": {
+            "period_s": 2.0,
+            "delay_s": 3.0,
+            "loss": 0.3,
+            "burst_loss": 0.95,
+            "burst_interval_s": 300.0,
+            "burst_duration_s": 20.0,
+            "outages_s": [[100.0, 200.0]],
+            "hears": [["near", "far"], ["far", "near"]],
+        },
+        "gps_differences": {"kind": "carrier", "noise_m": 0.05, "slow_error_m": 0.007},
+    }
+    return campaign
 
 
 def _info(runs: int, seconds: int) -> dict[str, Any]:

@@ -30,7 +30,7 @@ class CampaignResults(Protocol):
 
     @property
     def metrics(self) -> Mapping[str, np.ndarray]:
-        """Metric name -> (runs,), in the unit that `rpojax.metrics.metric_catalogue.UNITS` gives."""
+        """Metric name, of one servicer `NAME/SERVICER` -> (runs,), in the unit of `rpojax.metrics.metric_catalogue`."""
         ...
 
     @property
@@ -109,5 +109,14 @@ class CampaignResults(Protocol):
         ...
 
     def history(self, run_id: int, servicer: int | None = None) -> Mapping[str, np.ndarray]:
-        """Full history of one of `history_ids`: channel -> array, time first."""
+        """Full history of one of `history_ids`: channel -> array, time first; of a team that of all or one servicer."""
+        ...
+
+    @property
+    def servicer_names(self) -> Sequence[str]:
+        """Names of the servicers of a team; empty for one alone."""
+        ...
+
+    def servicers(self, group: str) -> Mapping[str, np.ndarray]:
+        """Arrays (runs, servicers, ...) of a group, such as `status`, of a team; empty for one servicer alone."""
         ...

@@ -49,6 +49,11 @@ def metric_label(name: str) -> MetricLabel:
     return MetricLabel(metric.title, metric.meaning, "" if metric.unit == "-" else metric.unit, metric.low_is_bad)
 
 
+def of_all_servicers(names: Iterable[str]) -> list[str]:
+    """Those of `names` that are not of one servicer of a team, in their order."""
+    return [name for name in names if "/" not in name]
+
+
 def in_display_order(names: Iterable[str]) -> list[str]:
     """Names of metrics in display order: formation, navigation, consistency, ..., boxes; unknown ones last."""
     places = {name: place for place, name in enumerate(METRICS)}

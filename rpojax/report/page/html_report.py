@@ -21,13 +21,23 @@ from rpojax.report.number_format import format_number, format_p_value
 from rpojax.report.page.camera_sheet import CameraSheet, write_camera_sheet
 from rpojax.report.page.report_json import report_content
 from rpojax.report.page.run_selection import choose_run
-from rpojax.report.page.template_values import RunDetail, coverage_values, page_charts, run_detail_values, table_values
+from rpojax.report.page.template_values import (
+    PageFigures,
+    RunDetail,
+    figure_values,
+    page_charts,
+    run_detail_values,
+    table_values,
+)
 from rpojax.report.sections import identity_section
 from rpojax.report.sections.dispersion_section import DrawnDistribution, drawn_distributions
+from rpojax.report.team import team_section
 
 
 def write_report(campaign: CampaignResults, run_id: int | None = None, film: bool = True) -> Path:
     """Writes report.html, report.json and the figures of one run into the campaign's folder; returns the page's path.
+
+    Of a team the run is shown in detail as its first servicer had it.
 
     Args:
         campaign: results
@@ -41,15 +51,18 @@ def write_report(campaign: CampaignResults, run_id: int | None = None, film: boo
     drawn = drawn_distributions(campaign)
     content = report_content(campaign, drawn)
     _refuse_symlink(campaign.directory / "figures")
+    servicer = campaign.servicer_names[0] if campaign.servicer_names else ""
     figures: dict[str, Path] = {}
     missing: dict[str, list[str]] = {}
     if shown_run is not None:
         title = f"{campaign.info.get('name', 'campaign')}, run {shown_run}"
+        title += f", servicer {servicer}" if servicer else ""
         history = campaign.history(shown_run, 0)
         figures, missing = write_figures(history, campaign.directory / "figures", title), missing_channels(history)
     camera = write_camera_sheet(campaign, shown_run) if film else CameraSheet(None, "They were left out by --no-film.")
-    coverage = coverage_section.write_figure(campaign)
-    page = _render_page(campaign, content, drawn, RunDetail(shown_run, figures, missing, camera), coverage)
+    detail = RunDetail(shown_run, servicer, figures, missing, camera)
+    pictures = PageFigures(coverage_section.write_figure(campaign), team_section.write_figure(campaign, shown_run))
+    page = _render_page(campaign, content, drawn, detail, pictures)
     write_json(campaign.directory / "report.json", content)
     return write_atomically(campaign.directory / "report.html", page.encode())
 
@@ -65,7 +78,7 @@ def _render_page(
     content: Mapping[str, Any],
     drawn: list[DrawnDistribution],
     detail: RunDetail,
-    coverage: Path | None,
+    pictures: PageFigures,
 ) -> str:
     charts = page_charts(campaign, content)
     return (
@@ -87,7 +100,7 @@ def _render_page(
             dispersions=drawn,
             **table_values(campaign, content),
             **run_detail_values(campaign, content, detail),
-            **coverage_values(coverage),
+            **figure_values(pictures),
         )
     )
 

@@ -18,13 +18,19 @@ from rpojax.report.sections import (
     worst_runs_section,
 )
 from rpojax.report.sections.dispersion_section import DrawnDistribution
+from rpojax.report.team import team_section
 
 
 def report_content(campaign: CampaignResults, drawn: list[DrawnDistribution]) -> dict[str, Any]:
     """Content of report.json: the summary and one part from each section; `drawn` are the campaign's distributions."""
     summary = summarise(campaign)
-    detections = detection_section.detections_by_range(campaign.history(run, 0) for run in sorted(campaign.history_ids))
+    detections = detection_section.detections_by_range(
+        campaign.history(run, servicer)
+        for run in sorted(campaign.history_ids)
+        for servicer in range(max(1, len(campaign.servicer_names)))
+    )
     parts = {
+        "team": team_section.content(campaign),
         "mission": phase_section.content(campaign),
         "safety": safety_section.content(campaign),
         "coverage": coverage_section.content(campaign),

@@ -29,6 +29,7 @@ from rpojax.report.sections import (
     sensitivity_section,
     worst_runs_section,
 )
+from rpojax.report.team import team_tables
 
 _CAPTIONS = {
     "bearing_and_range.png": "Bearing unit vector from servicer to target in the Hill frame (left) and range from the "
@@ -46,17 +47,30 @@ _CAPTIONS = {
 
 @dataclass(frozen=True)
 class RunDetail:
-    """Run that is shown in detail: its figures, the channels that the omitted figures lack, and its camera images."""
+    """Run that is shown in detail: its figures, the channels that the omitted figures lack, and its camera images.
+
+    `servicer` is the name of the one that is shown of a team, empty for one alone.
+    """
 
     run_id: int | None
+    servicer: str
     figures: Mapping[str, Path]
     missing_channels: Mapping[str, list[str]]
     camera: CameraSheet
 
 
-def coverage_values(figure: Path | None) -> dict[str, Any]:
-    """Picture of the target's coverage."""
-    return {"coverage_figure": "" if figure is None else _data_url(figure)}
+@dataclass(frozen=True)
+class PageFigures:
+    """Pictures of single sections, None if there are none: the target's coverage, the relative orbits of a team."""
+
+    coverage: Path | None
+    team: Path | None
+
+
+def figure_values(figures: PageFigures) -> dict[str, Any]:
+    """Pictures of single sections, empty if there are none."""
+    named = {"coverage_figure": figures.coverage, "team_figure": figures.team}
+    return {name: "" if path is None else _data_url(path) for name, path in named.items()}
 
 
 @dataclass(frozen=True)
@@ -104,6 +118,7 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any]) -> dict[
         "safety": safety_section.rows(content["safety"]),
         "entries": content["safety"]["entries"]["run_ids"],
         "mission": _mission_values(content),
+        "team": team_tables.tables(content),
         "coverage": coverage_section.rows(content),
         "consistency": {
             "means": consistency_section.mean_rows(consistency),
@@ -147,6 +162,7 @@ def run_detail_values(campaign: CampaignResults, content: Mapping[str, Any], det
     """Detections, camera images and figures of the run shown in detail."""
     return {
         "shown_run": detail.run_id,
+        "shown_servicer": detail.servicer,
         "shown_run_metrics": [] if detail.run_id is None else metrics_section.run_metrics(campaign, detail.run_id),
         "detections": detection_section.table_cells(content["detections"]),
         "rendered": campaign.info.get("scenario", {}).get("camera", {}).get("model") == "rendered",

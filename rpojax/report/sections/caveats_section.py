@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.labels import in_display_order, metric_label
+from rpojax.report.labels import in_display_order, metric_label, of_all_servicers
 from rpojax.report.number_format import format_number
 from rpojax.report.run_independence import design_phrase, runs_are_independent
 
@@ -58,7 +58,8 @@ def _undefined_metrics_caveats(campaign: CampaignResults) -> list[str]:
     ended = np.asarray(campaign.reached_end, dtype=bool)
     frozen = int(np.sum(~ended))
     undefined = {
-        name: int(np.sum(ended & ~np.isfinite(campaign.metrics[name]))) for name in in_display_order(campaign.metrics)
+        name: int(np.sum(ended & ~np.isfinite(campaign.metrics[name])))
+        for name in of_all_servicers(in_display_order(campaign.metrics))
     }
     partly = [name for name, count in undefined.items() if 0 < count < int(ended.sum())]
     sentences = [

@@ -38,11 +38,13 @@ def headings() -> list[str]:
 
 
 def _fault_codes(campaign: CampaignResults) -> np.ndarray:
-    """Fault code of each run (runs,); empty without the effect `faults`."""
+    """Fault code of each run (runs,); empty without the effect `faults`, and where servicers have their own."""
     scenario = campaign.info.get("scenario", {})
     if not scenario.get("effects", {}).get("faults"):
         return np.zeros(0, dtype=int)
     drawn = campaign.drawn.get("fault.kind")
+    if drawn is None and campaign.servicer_names:
+        return np.zeros(0, dtype=int)
     if drawn is None:
         return np.full(campaign.run_ids.size, KINDS.index(scenario["fault"]["kind"]))
     return np.round(drawn).astype(int)

@@ -8,7 +8,7 @@ import numpy as np
 
 from rpojax.metrics.metric_catalogue import worst_first
 from rpojax.report.campaign_results import CampaignResults
-from rpojax.report.labels import in_display_order, metric_label
+from rpojax.report.labels import in_display_order, metric_label, of_all_servicers
 from rpojax.report.number_format import format_number
 
 
@@ -31,9 +31,10 @@ class MetricRow:
 
 
 def metric_rows(campaign: CampaignResults, summary: Mapping[str, Any]) -> list[MetricRow]:
-    """Rows of the metric table in the order of report.json."""
+    """Rows of the metric table in the order of report.json; those of the servicers of a team have a table of theirs."""
     rows = []
-    for name, entry in summary["metrics"].items():
+    for name in of_all_servicers(summary["metrics"]):
+        entry = summary["metrics"][name]
         label = metric_label(name)
         keys = ("mean", "std", "min", "p50", *label.tail_statistics[:3], "max")
         cells = [_with_statistic_name(key, format_number(entry[key])) for key in keys]

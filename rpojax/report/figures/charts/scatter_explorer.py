@@ -10,7 +10,7 @@ from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.dispersed_inputs import dispersed_scalars, rankable_scalars
 from rpojax.report.figures.charts.plotly_charts import rounded_values
 from rpojax.report.key_metrics import has_variation
-from rpojax.report.labels import in_display_order, metric_label
+from rpojax.report.labels import in_display_order, metric_label, of_all_servicers
 from rpojax.report.run_independence import runs_are_independent
 
 _MAX_POINTS = 1500
@@ -28,7 +28,7 @@ def scatter_explorer(campaign: CampaignResults) -> dict[str, Any] | None:
     independent = runs_are_independent(campaign)
     metrics = {
         name: campaign.metrics[name]
-        for name in in_display_order(campaign.metrics)
+        for name in of_all_servicers(in_display_order(campaign.metrics))
         if has_variation(campaign.metrics[name])
     }
     if not inputs or not metrics:
