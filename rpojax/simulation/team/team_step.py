@@ -75,36 +75,45 @@ def _sense_and_navigate(loop: Loop, state: State, noise: TickNoise) -> Tick:
 
 
 def _decide(loop: TeamLoop, ticks: Tick) -> Tick:
-    """Decisions about the mission and burns, of one servicer at a time, so that somebody always looks.
+    """Decisions about the mission and burns, of one servicer after the other.
 
-    Each servicer's clock of decisions is late by its own offset. The number of the tick is equal for all runs of a
-    batch, so that the branch stays one under `vmap`.
+    Each servicer's clock of decisions is late by its own offset, so that somebody always looks. The number of the tick
+    is equal for all runs of a batch, so that the branches stay branches under `vmap`.
     """
     scenario, offsets = loop.scenario, jnp.array(loop.settings.decision_offsets, dtype=jnp.int32)
     period = scenario.formation_ticks if scenario.mission is None else scenario.mission.decision_ticks
-    number = ticks.state.tick
-    is_turn = ((number - offsets) % period == 0) & (number >= offsets)
-    turn = jnp.argmax(is_turn).astype(jnp.int32)
+    late_ticks = ticks.state.tick - offsets
+    is_turn = (late_ticks % period == 0) & (late_ticks >= 0)
 
-    def decide(ticks: Tick) -> tuple[Any, Any]:
-        own = Loop(scenario, loop.params.member(turn), loop.stages)
-        tick = jax.tree.map(
-            lambda axis, part: part if axis is None else jax.tree.map(lambda leaf: take(leaf, turn), part),
-            TICK_AXES,
-            ticks,
-            is_leaf=lambda node: node is None or node == -1,
-        )
-        late = replace(tick, state=replace(tick.state, tick=number - take(offsets, turn)))
+    def decide(number: Array, decided: tuple[Any, Any]) -> tuple[Any, Any]:
+        flight, burn_error = decided
+        tick = _member_tick(replace(ticks, flight=flight, burn_error=burn_error), number)
+        late = replace(tick, state=replace(tick.state, tick=take(late_ticks, number)))
+        own = Loop(scenario, loop.params.member(number), loop.stages)
         after = step_stages.plan_burn(own, step_stages.manage_mission(own, late))
-        changed = (after.flight, after.burn_error)
-        return jax.tree.map(lambda all_, one: put(all_, turn, one), (ticks.flight, ticks.burn_error), changed)
+        return jax.tree.map(lambda all_, one: put(all_, number, one), decided, (after.flight, after.burn_error))
 
-    def keep(ticks: Tick) -> tuple[Any, Any]:
-        return ticks.flight, ticks.burn_error
+    def decide_if_turn(number: Array, decided: tuple[Any, Any]) -> tuple[Any, Any]:
+        return jax.lax.cond(take(is_turn, number), lambda: decide(number, decided), lambda: decided)
 
+    def decide_all(decided: tuple[Any, Any]) -> tuple[Any, Any]:
+        numbers = jnp.arange(loop.settings.servicers, dtype=jnp.int32)
+        return jax.lax.scan(lambda now, number: (decide_if_turn(number, now), None), decided, numbers)[0]
+
+    before = (ticks.flight, ticks.burn_error)
     with jax.named_scope("decide"):
-        flight, burn_error = jax.lax.cond(jnp.any(is_turn), decide, keep, ticks)
+        flight, burn_error = jax.lax.cond(jnp.any(is_turn), decide_all, lambda decided: decided, before)
     return replace(ticks, flight=flight, burn_error=burn_error)
+
+
+def _member_tick(ticks: Tick, number: Array) -> Tick:
+    """The tick of one servicer."""
+    return jax.tree.map(
+        lambda axis, part: part if axis is None else jax.tree.map(lambda leaf: take(leaf, number), part),
+        TICK_AXES,
+        ticks,
+        is_leaf=lambda node: node is None or node == -1,
+    )
 
 
 def _guide_and_move(loop: Loop, tick: Tick) -> tuple[Tick, Motion]:

@@ -61,3 +61,11 @@ def test_decisions_of_the_second_servicer_are_staggered(pair: ScenarioFile) -> N
     first, second = applied.argmax(axis=0)
     assert applied.any(axis=0).all()
     assert 80 < (second - first) % 200 < 120
+
+
+def test_all_servicers_decide_though_their_clocks_coincide(pair: ScenarioFile) -> None:
+    changes = {"servicers": [each.model_copy(update={"decision_offset_s": 0.0}) for each in pair.servicers]}
+    found = simulate(pair.model_copy(update={"duration_s": 400.0, **changes}), [4])
+    applied = np.diff(found["delta_v_m_s"][:, 0], axis=0) > 0.0
+    assert applied.any(axis=0).all()
+    assert abs(int(applied[:, 1].argmax()) - int(applied[:, 0].argmax())) < 20
