@@ -114,7 +114,9 @@ def _estimate_resources(
         if speed_per_core is None:
             source = f"none known for {platform}"
         else:
-            speed, source = speed_per_core * len(devices), f"rough figure for {len(devices)} x CPU core"
+            speed = speed_per_core * len(devices) / resource_estimates.servicer_count(file)
+            source = f"rough figure for {len(devices)} x CPU core"
+            source += " and servicers that share nothing" if file.servicers else ""
     return ResourceEstimate(
         memory_bytes=resource_estimates.memory_bytes(file, runs, block_size, len(devices), history_count),
         disk_bytes=resource_estimates.disk_bytes(file, runs, history_count),

@@ -58,8 +58,8 @@ def is_renderable(history: History, file: ScenarioFile) -> bool:
 
 
 def valid_tick_count(history: History) -> int:
-    """Number of ticks before a history ends or its run failed."""
-    valid = np.isfinite(history["range_m"])
+    """Number of ticks before a history, of one servicer or of a team, ends or its run failed."""
+    valid = np.all(np.isfinite(history["range_m"]).reshape(len(history["time_s"]), -1), axis=1, keepdims=True)[:, 0]
     return len(valid) if valid.all() else int(valid.argmin())
 
 
@@ -70,10 +70,18 @@ def render_images(
     history: History,
     ticks: Sequence[int],
     run_range: RunRange | None = None,
+    servicer: int | None = None,
 ) -> Iterator[tuple[np.ndarray, dict[str, np.ndarray]]]:
     """Images of some ticks of a run, one after the other: (p, p, 3) uint8 sRGB codes, and the channels of the tick.
 
-    `run_range` is that of the campaign's design, by default this run alone.
+    Args:
+        file: the scenario
+        seed: master seed
+        run_id: number of the run
+        history: of the run, or of one servicer of a team
+        ticks: to render
+        run_range: that of the campaign's design, by default this run alone
+        servicer: number of the servicer of a team, None for one alone
 
     Raises:
         ResultError: the history lacks channels or ticks.
@@ -82,7 +90,7 @@ def render_images(
         raise ResultError(f"run {run_id}: found no channel {missing[0]!r}, expected the history of a rendered camera")
     if not is_renderable(history, file):
         raise ResultError(f"run {run_id}: found a history without some ticks, expected one with all of them")
-    scenario, params, state = single_run.initialise_run(file, seed, run_id, run_range)
+    scenario, params, state = single_run.initialise_run(file, seed, run_id, run_range, servicer)
     samples = len(history["time_s"])
     time_series = {name: values for name, values in history.items() if values.ndim and len(values) == samples}
     for tick in ticks:

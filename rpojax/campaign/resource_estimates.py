@@ -61,14 +61,21 @@ def memory_bytes(file: ScenarioFile, runs: int, block_size: int, devices: int, h
     record_bytes += MISSION_BYTES_PER_TICK if file.phases else 0
     records = ticks * (record_runs * record_bytes + block_size * EVALUATION_BYTES_PER_TICK)
     histories = min(history_count, at_once) * ticks * HISTORY_BYTES_PER_TICK
-    return _PROCESS_BYTES + records + histories + design_bytes(file, runs)
+    return _PROCESS_BYTES + servicer_count(file) * (records + histories) + design_bytes(file, runs)
 
 
 def disk_bytes(file: ScenarioFile, runs: int, history_count: int) -> int:
     """Upper estimate of the size of a campaign folder [B]."""
-    histories = history_count * _tick_count(file) * HISTORY_BYTES_PER_TICK
+    servicers = servicer_count(file)
+    histories = history_count * _tick_count(file) * HISTORY_BYTES_PER_TICK * servicers
     per_run = _RUN_BYTES + (_PHASES_BYTES if file.phases else 0) + round(file.duration_s) * _TRACE_BYTES_PER_S
-    return _REPORT_BYTES + runs * per_run + histories
+    # Of a team, what each servicer has is stored beside what they have together.
+    return _REPORT_BYTES + runs * per_run * (servicers + 1 if file.servicers else 1) + histories
+
+
+def servicer_count(file: ScenarioFile) -> int:
+    """Number of servicers."""
+    return max(1, len(file.servicers))
 
 
 def _tick_count(file: ScenarioFile) -> int:

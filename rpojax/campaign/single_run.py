@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array
 
 from rpojax.campaign import experiment_design
+from rpojax.campaign.execution.teams import member_values
 from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
 from rpojax.scenario import params
@@ -15,11 +16,13 @@ from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario, static_settings
+from rpojax.scenario.team.members import member_files
 from rpojax.simulation import initial_state
 from rpojax.simulation.channels import Channels, compute_channels
 from rpojax.simulation.noise import run_key
 from rpojax.simulation.state import State
 from rpojax.simulation.step import step
+from rpojax.simulation.team.initial_team import member_key
 
 
 def nominal_parameters(file: ScenarioFile) -> tuple[Scenario, Params]:
@@ -29,24 +32,38 @@ def nominal_parameters(file: ScenarioFile) -> tuple[Scenario, Params]:
 
 
 def dispersed_parameters(
-    file: ScenarioFile, seed: int = 0, run_id: int = 0, run_range: RunRange | None = None
+    file: ScenarioFile, seed: int = 0, run_id: int = 0, run_range: RunRange | None = None, servicer: int | None = None
 ) -> tuple[Scenario, Params, Array]:
-    """Static settings, dispersed Params and random key of one run of a campaign.
+    """Static settings, dispersed Params and random key of one run of a campaign, or of one servicer of a team in it.
 
-    `run_range` is that of the campaign, on which designs such as a Latin hypercube depend; by default this run alone.
+    Args:
+        file: the scenario
+        seed: master seed
+        run_id: number of the run
+        run_range: that of the campaign, on which designs such as a Latin hypercube depend; by default this run alone
+        servicer: number of the servicer of a team, None for one alone
+
+    Raises:
+        ScenarioError: the scenario has a team, and no servicer of it was chosen.
     """
-    scenario, nominal = nominal_parameters(file)
+    scenario, nominal = nominal_parameters(file if servicer is None else member_files(file)[servicer])
     key = run_key(seed, run_id)
     design = experiment_design.make_design(file, seed, run_range or RunRange(run_id, 1))
     assigned = {name: jnp.asarray(rows[0]) for name, rows in design.for_runs(np.array([run_id])).items()}
-    return scenario, dispersed_values.apply_to_params(nominal, dispersed_values.draw(file, key, assigned)), key
+    if servicer is None:
+        return scenario, dispersed_values.apply_to_params(nominal, dispersed_values.draw(file, key, assigned)), key
+    values = member_values.of_member(file, member_values.draw_of_members(file, key, assigned), servicer)
+    return scenario, dispersed_values.apply_to_params(nominal, values), member_key(key, servicer)
 
 
 def initialise_run(
-    file: ScenarioFile, seed: int = 0, run_id: int = 0, run_range: RunRange | None = None
+    file: ScenarioFile, seed: int = 0, run_id: int = 0, run_range: RunRange | None = None, servicer: int | None = None
 ) -> tuple[Scenario, Params, State]:
-    """Static settings, dispersed Params and initial state of one run of a campaign."""
-    scenario, dispersed, key = dispersed_parameters(file, seed, run_id, run_range)
+    """Static settings, dispersed Params and initial state of one run of a campaign, or of one servicer of a team.
+
+    GPS errors that the servicers of a team have in common are not in that state.
+    """
+    scenario, dispersed, key = dispersed_parameters(file, seed, run_id, run_range, servicer)
     return scenario, dispersed, initial_state.init(scenario, dispersed, key)
 
 

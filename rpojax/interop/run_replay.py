@@ -27,6 +27,7 @@ from rpojax.runtime.progress_bar import Progress, ProgressCallback
 from rpojax.scenario.params import Params
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
+from rpojax.scenario.team.members import refuse_team
 from rpojax.simulation.state import State, elapsed_time
 from rpojax.simulation.step import step
 from rpojax.simulation.telemetry import Telemetry
@@ -106,9 +107,11 @@ def replay(
     """Simulates a run of a campaign again.
 
     Raises:
-        RpojaxError: there is no such run, or scenario, trained files or stages are not those of the campaign.
+        RpojaxError: there is no such run, the scenario has a team, or scenario, trained files or stages are not those
+            of the campaign.
     """
     check_run_id(campaign, run_id)
+    refuse_team(campaign.file, "an export, which replays one servicer alone")
     file = campaign_engine.recreate_engine(campaign.configuration, jax.devices()[:1], stages).file
     in_double = file.model_copy(update={"precision": "double"})
     options = campaign.configuration.options

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from empty_campaign_folders import empty_campaign
-from rendered_run import RUN, SEED, TICKS
+from rendered_run import RUN, SEED, TICKS, RenderedRun
 
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.scenario.schema import ScenarioFile
@@ -41,6 +41,21 @@ def test_film_writes_a_contact_sheet_and_a_film(
         count += 1
     assert count == TICKS / 2
     assert sorted(path.name for path in tmp_path.iterdir()) == ["new", "runs", "seen.mp4"]
+
+
+def test_the_film_of_a_team_shows_its_cameras_side_by_side(
+    rendered_pair: RenderedRun, film: Callable[..., Any], tmp_path: Path
+) -> None:
+    import cv2
+
+    campaign = empty_campaign(tmp_path / "runs", rendered_pair.file, SEED, 4, 0, 1, [RUN])
+    campaign.write_history(RUN, rendered_pair.history)
+    movie, sheet = tmp_path / "seen.mp4", tmp_path / "seen.png"
+    assert film(campaign.directory, "--every", 5, "--out", movie) == (0, f"{movie}\n")
+    frame = cv2.VideoCapture(str(movie)).read()[1]
+    assert frame.shape[1] > 2 * 384
+    assert film(campaign.directory, "--out", sheet) == (0, f"{sheet}\n")
+    assert cv2.imread(str(sheet)).shape[1] > 4 * 384
 
 
 def test_film_does_not_overwrite(rendered_campaign: Campaign, film: Callable[..., Any], tmp_path: Path) -> None:

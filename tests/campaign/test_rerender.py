@@ -5,8 +5,8 @@ import pytest
 from rendered_run import RUN, SEED, TICKS, RenderedRun
 
 from rpojax.campaign import rerender
-from rpojax.campaign.storage.campaign_folder import Campaign
-from rpojax.errors import ResultError, RpojaxError
+from rpojax.campaign.storage.campaign_folder import Campaign, of_servicer
+from rpojax.errors import ResultError, RpojaxError, ScenarioError
 
 
 def test_rerendered_images_are_those_of_the_loop(rendered_run: RenderedRun) -> None:
@@ -49,8 +49,8 @@ def test_history_without_poses_is_refused_with_the_missing_channel(rendered_run:
 
 
 def test_valid_ticks_end_at_the_failure() -> None:
-    assert rerender.valid_tick_count({"range_m": np.array([3.0, 2.0, np.nan, np.nan])}) == 2
-    assert rerender.valid_tick_count({"range_m": np.array([3.0, 2.0])}) == 2
+    assert rerender.valid_tick_count({"time_s": np.arange(4.0), "range_m": np.array([3.0, 2.0, np.nan, np.nan])}) == 2
+    assert rerender.valid_tick_count({"time_s": np.arange(2.0), "range_m": np.array([3.0, 2.0])}) == 2
 
 
 def test_scenario_of_a_campaign_is_read_back(rendered_campaign: Campaign, rendered_run: RenderedRun) -> None:
@@ -67,3 +67,27 @@ def test_camera_without_images_is_refused(model: str) -> None:
 def test_other_trained_files_than_the_campaigns_are_refused(rendered_campaign: Campaign) -> None:
     with pytest.raises(RpojaxError, match="imaging: found other trained files"):
         rerender.rendered_scenario(rendered_campaign.configuration.scenario, "0" * 64)
+
+
+def test_images_of_a_team_are_those_of_each_camera(rendered_run: RenderedRun, rendered_pair: RenderedRun) -> None:
+    ticks = [0, 4]
+
+    def images(servicer: int) -> np.ndarray:
+        own = of_servicer(rendered_pair.history, servicer)
+        found = rerender.render_images(rendered_pair.file, SEED, RUN, own, ticks, None, servicer)
+        return np.stack([image for image, _ in found]).astype(float)
+
+    alone = rerender.render_images(rendered_run.file, SEED, RUN, rendered_run.history, ticks)
+    np.testing.assert_array_equal(images(0), np.stack([image for image, _ in alone]))
+    # From the same pose the second camera has its own noise.
+    assert np.abs(images(1) - images(0)).max() > 1.0
+
+
+def test_a_team_without_a_chosen_servicer_is_refused(rendered_run: RenderedRun, rendered_pair: RenderedRun) -> None:
+    with pytest.raises(ScenarioError, match="servicers: found .2 of them"):
+        next(rerender.render_images(rendered_pair.file, SEED, RUN, rendered_run.history, [0]))
+
+
+def test_valid_ticks_of_a_team_end_at_the_first_failure() -> None:
+    ranges = np.array([[3.0, 4.0], [2.0, 4.0], [2.0, np.nan], [np.nan, np.nan]])
+    assert rerender.valid_tick_count({"time_s": np.arange(4.0), "range_m": ranges}) == 2

@@ -13,6 +13,7 @@ from rpojax.campaign.execution import block_recording
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.errors import RpojaxError
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.simulation.metrics import recorded_metrics
 
@@ -65,3 +66,13 @@ def test_disk_estimate_covers_a_campaign(three_runs: Campaign, mission: Scenario
     per_run = resource_estimates._RUN_BYTES + mission.duration_s * resource_estimates._TRACE_BYTES_PER_S
     histories = 2 * 400 * resource_estimates.HISTORY_BYTES_PER_TICK
     assert sum(path.stat().st_size for path in files) < resource_estimates._REPORT_BYTES + 3 * per_run + histories
+
+
+def test_each_servicer_of_a_team_counts() -> None:
+    team = scenario_loader.load("cooperative_inspection")
+    alone = team.model_copy(update={"servicers": []})
+    sizes = [resource_estimates.memory_bytes(file, 1000, 100, 2, 8) - 500_000_000 for file in (alone, team)]
+    np.testing.assert_allclose(sizes[1] / sizes[0], 3.0, rtol=0.05)
+    histories = [resource_estimates.disk_bytes(file, 0, 8) - 10_000_000 for file in (alone, team)]
+    assert histories[1] == 3 * histories[0]
+    assert resource_estimates.disk_bytes(team, 1000, 0) > 3 * resource_estimates.disk_bytes(alone, 1000, 0)

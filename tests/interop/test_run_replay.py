@@ -8,15 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from empty_campaign_folders import empty_campaign
+from scenario_error_assertions import assert_one_line
 
 from rpojax.campaign import single_run
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.core.pytree import replace
-from rpojax.errors import RpojaxError
+from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.interop import run_replay
 from rpojax.interop.ros2 import message_values
 from rpojax.interop.run_replay import ReplayedRun, TickObserver
 from rpojax.runtime.progress_bar import Progress
+from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.params import Params
 from rpojax.scenario.scenario_digest import scenario_digest
 from rpojax.scenario.static_settings import Scenario
@@ -26,6 +28,13 @@ from rpojax.simulation.state import State
 def test_a_run_that_the_campaign_does_not_have_is_refused(campaign: Campaign) -> None:
     with pytest.raises(RpojaxError, match=r"run_id: found 4, expected a run of this campaign, 0 to 3"):
         run_replay.replay(campaign, 4, message_values.observe_tick)
+
+
+def test_a_team_is_refused_in_one_line(tmp_path: Path) -> None:
+    team = empty_campaign(tmp_path / "team", scenario_loader.load("cooperative_far"), 0, 2, 0, 1)
+    with pytest.raises(ScenarioError) as caught:
+        run_replay.replay(team, 1, message_values.observe_tick)
+    assert_one_line(caught.value, "servicers", "an export, which replays one servicer alone")
 
 
 def test_a_scenario_with_other_trained_files_is_refused(campaign: Campaign, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from rpojax.campaign.storage.campaign_folder import Campaign
-    from rpojax.report.figures.camera.camera_overlay import CameraFrame
+    from rpojax.report.figures.camera.camera_overlay import CameraFrame, TeamFrame
     from rpojax.scenario.schema import ScenarioFile
 
 
@@ -33,7 +33,10 @@ def film(
     force: Annotated[bool, arg(help="Replace the file if it is there.")] = False,
     no_cache: NoCache = False,
 ) -> int:
-    """Film of the rendered camera of a run with the detector's boxes; a run without a stored history is replayed."""
+    """Film of the rendered camera of a run with the detector's boxes; a run without a stored history is replayed.
+
+    The cameras of a team stand side by side.
+    """
     suffix = out.suffix.lower()
     if suffix not in (".png", ".mp4"):
         raise OutputError(f"{out}: found suffix {out.suffix!r}, expected .png or .mp4")
@@ -44,7 +47,7 @@ def film(
     prepare_jax(cache=not no_cache)
     from rpojax.campaign import rerender
     from rpojax.campaign.storage.atomic_outputs import write_atomically
-    from rpojax.campaign.storage.campaign_folder import Campaign
+    from rpojax.campaign.storage.campaign_folder import Campaign, of_servicer
     from rpojax.report.figures.camera import camera_film, camera_stills
 
     camera_film.check_codec(codec)
@@ -52,10 +55,18 @@ def film(
     file = rerender.rendered_scenario(found.configuration.scenario, found.configuration.scenario_hash)
     run, history = _history_of(found, file, run_id)
     end = rerender.valid_tick_count(history)
-    ticks = camera_stills.select_stills(history, end) if suffix == ".png" else list(range(0, end, every))
+    # The stills of a team are chosen by what its first servicer does.
+    ticks = camera_stills.select_stills(of_servicer(history, 0) if file.servicers else history, end)
+    ticks = ticks if suffix == ".png" else list(range(0, end, every))
     with item_progress("taking pictures", quiet=False) as watch:
         options = found.configuration.options
-        pictures = rerender.render_images(file, options.seed, run, history, ticks, options.design_range)
+        pictures = _pictures(
+            file,
+            history,
+            lambda own, servicer: rerender.render_images(
+                file, options.seed, run, own, ticks, options.design_range, servicer
+            ),
+        )
         shots = _counted(pictures, len(ticks), watch)
         if suffix == ".png":
             write_atomically(out, camera_stills.png_bytes(camera_stills.contact_sheet(shots)))
@@ -86,7 +97,26 @@ def _history_of(found: "Campaign", file: "ScenarioFile", run_id: int | None) -> 
     return run, replayed[0]
 
 
-def _counted(shots: "Iterable[CameraFrame]", total: int, watch: Callable[..., None]) -> "Iterator[CameraFrame]":
+def _pictures(
+    file: "ScenarioFile",
+    history: "Mapping[str, np.ndarray]",
+    render: "Callable[[Mapping[str, np.ndarray], int | None], Iterator[CameraFrame]]",
+) -> "Iterator[CameraFrame | TeamFrame]":
+    """Pictures of the camera of a servicer, or of all cameras of a team, by the history and the number of each."""
+    if not file.servicers:
+        return render(history, None)
+    from rpojax.campaign.storage.campaign_folder import of_servicer
+    from rpojax.report.figures.camera.camera_overlay import TeamFrame
+    from rpojax.scenario.team.members import member_names
+
+    names = member_names(file)
+    cameras = [render(of_servicer(history, number), number) for number in range(len(names))]
+    return (TeamFrame(dict(zip(names, shots, strict=True))) for shots in zip(*cameras, strict=True))
+
+
+def _counted(
+    shots: "Iterable[CameraFrame | TeamFrame]", total: int, watch: Callable[..., None]
+) -> "Iterator[CameraFrame | TeamFrame]":
     for count, shot in enumerate(shots):
         yield shot
         watch(count + 1, total)

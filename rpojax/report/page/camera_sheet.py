@@ -17,7 +17,10 @@ class CameraSheet:
 
 
 def write_camera_sheet(campaign: CampaignResults, run_id: int | None) -> CameraSheet:
-    """Renders camera images of a run again and writes them as figures/camera.jpg in the campaign's folder."""
+    """Renders camera images of a run again and writes them as figures/camera.jpg in the campaign's folder.
+
+    Of a team they are those of its first servicer.
+    """
     if run_id is None:
         return CameraSheet(None, "No full history was kept.")
     # Imported here because rendering imports the simulation.
@@ -35,7 +38,9 @@ def write_camera_sheet(campaign: CampaignResults, run_id: int | None) -> CameraS
         ticks = camera_stills.select_stills(history, rerender.valid_tick_count(history))
         options = CampaignOptions.from_record(campaign.info)
         sheet = camera_stills.contact_sheet(
-            rerender.render_images(file, options.seed, run_id, history, ticks, options.design_range)
+            rerender.render_images(
+                file, options.seed, run_id, history, ticks, options.design_range, 0 if campaign.servicer_names else None
+            )
         )
     except RpojaxError as error:
         return CameraSheet(None, f"The images cannot be rendered again: {error}.")

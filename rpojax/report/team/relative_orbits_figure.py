@@ -25,6 +25,7 @@ from rpojax.report.figures.png_export import AXIS_NAMES
 
 REQUIRED_CHANNELS: Final = ("rho_H",)
 _COLOURS: Final = (BLUE, ORANGE, GREEN, PURPLE, VERMILLION, SKY_BLUE, YELLOW, INK)
+_WIDTH_INCHES: Final = 10.8
 _ALONG, _ACROSS, _RADIAL = 1, 2, 0
 
 
@@ -39,9 +40,10 @@ def relative_orbits(
         keep_out_m: radius of the keep-out sphere [m], None without one
         title: of the figure
     """
-    figure = new_figure(title, (10.8, 5.4))
     reach = _reach(history["rho_H"], keep_out_m)
     widths = [float(reach[across]) for across in (_ALONG, _ACROSS)]
+    height = float(np.clip(1.5 + 0.9 * _WIDTH_INCHES * reach[_RADIAL] / sum(widths), 3.0, 9.0))
+    figure = new_figure(title, (_WIDTH_INCHES, height))
     planes = figure.subplots(1, 2, width_ratios=widths)
     for axes, across in zip(planes, (_ALONG, _ACROSS), strict=True):
         for number, name in enumerate(names):

@@ -8,12 +8,12 @@ import numpy as np
 
 from rpojax.errors import OutputError
 from rpojax.optional_packages import require_package
-from rpojax.report.figures.camera.camera_overlay import CameraFrame, annotated_frame
+from rpojax.report.figures.camera.camera_overlay import CameraFrame, TeamFrame, annotated_frame
 
 _FRAMES_PER_S = 12.0
 
 
-def write_film(frames: Iterable[CameraFrame], path: Path, codec: str = "vp9") -> Path:
+def write_film(frames: Iterable[CameraFrame | TeamFrame], path: Path, codec: str = "vp9") -> Path:
     """Writes images as an MP4 film at 12 frames per second with one of `CODECS`; returns `path`.
 
     Raises:
@@ -25,7 +25,7 @@ def write_film(frames: Iterable[CameraFrame], path: Path, codec: str = "vp9") ->
         path.parent.mkdir(parents=True, exist_ok=True)
         partial = path.with_name(f"{path.stem}.{os.getpid()}.partial.mp4")
         try:
-            encode((annotated_frame(image, telemetry) for image, telemetry in frames), partial, path)
+            encode((annotated_frame(frame) for frame in frames), partial, path)
             partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)

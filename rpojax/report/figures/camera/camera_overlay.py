@@ -1,6 +1,7 @@
 """Camera images annotated with the detector's box, the filter's gate and the state of the run."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -14,8 +15,19 @@ from rpojax.report.figures.colours import FILM_AMBER, FILM_BLUE, FILM_GREEN, FIL
 History = Mapping[str, np.ndarray]
 CameraFrame = tuple[np.ndarray, History]
 """Image (p, p, 3), uint8 sRGB, and the recorded channels of its tick."""
+
+
+@dataclass(frozen=True)
+class TeamFrame:
+    """Images of the cameras of a team at one tick, by the names of its servicers."""
+
+    cameras: Mapping[str, CameraFrame]
+
+
 Edges = tuple[float, float, float, float]
 """Left, top, right, bottom [px]."""
+_GAP_PX = 4
+"""Between the cameras of a team."""
 _SIZE_PX = 384
 """Approximate side of enlarged images; those of 128 px are enlarged three times."""
 _MODE_LABELS = {
@@ -32,13 +44,26 @@ _LEGEND = (
 )
 
 
-def annotated_frame(image: np.ndarray, telemetry: History) -> np.ndarray:
+def annotated_frame(frame: CameraFrame | TeamFrame) -> np.ndarray:
     """Frame of a film (h, w, 3), uint8 sRGB, with even width and height and a legend below the image."""
-    return np.asarray(with_legend(annotated_image(image, telemetry)))
+    return np.asarray(with_legend(annotated_image(frame)))
 
 
-def annotated_image(image: np.ndarray, telemetry: History) -> Image.Image:
-    """Image enlarged by a whole number, with box and gate, below two lines of text."""
+def annotated_image(frame: CameraFrame | TeamFrame) -> Image.Image:
+    """Annotated image of a camera, or those of the cameras of a team side by side."""
+    if not isinstance(frame, TeamFrame):
+        return _annotated_camera(*frame)
+    parts = [_annotated_camera(*camera, name) for name, camera in frame.cameras.items()]
+    width, height = sum(part.width for part in parts) + _GAP_PX * (len(parts) - 1), max(part.height for part in parts)
+    row, left = Image.new("RGB", (width, height), FILM_GROUND), 0
+    for part in parts:
+        row.paste(part, (left, 0))
+        left += part.width + _GAP_PX
+    return row
+
+
+def _annotated_camera(image: np.ndarray, telemetry: History, name: str = "") -> Image.Image:
+    """Image enlarged by a whole number, with box and gate, below two lines of text that begin with the name."""
     zoom = max(1, round(_SIZE_PX / image.shape[0]))
     large = Image.fromarray(image).resize((zoom * image.shape[1], zoom * image.shape[0]), Image.Resampling.NEAREST)
     scale = large.width / float(telemetry["window_px"][2])
@@ -51,10 +76,11 @@ def annotated_image(image: np.ndarray, telemetry: History) -> Image.Image:
     still.paste(large, (0, head))
     draw = ImageDraw.Draw(still)
     mode = Mode(int(telemetry["mode"]))
+    title = f"{name}:   " if name else ""
     light = "" if telemetry["observable"] else ", no usable light"
     draw.text(
         (6, 4),
-        f"{telemetry['time_s']:.0f} s   {telemetry['range_m']:.1f} m   {_MODE_LABELS[mode]}{light}",
+        f"{title}{telemetry['time_s']:.0f} s   {telemetry['range_m']:.1f} m   {_MODE_LABELS[mode]}{light}",
         FILM_INK,
         font,
     )

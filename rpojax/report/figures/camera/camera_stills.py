@@ -7,7 +7,13 @@ import numpy as np
 from PIL import Image
 
 from rpojax.flight.guidance.pointing_modes import Mode
-from rpojax.report.figures.camera.camera_overlay import CameraFrame, History, annotated_image, with_legend
+from rpojax.report.figures.camera.camera_overlay import (
+    CameraFrame,
+    History,
+    TeamFrame,
+    annotated_image,
+    with_legend,
+)
 from rpojax.report.figures.colours import FILM_GROUND
 
 _MAX_STILLS = 12
@@ -32,10 +38,12 @@ def select_stills(history: History, ticks: int) -> list[int]:
     return sorted(chosen)
 
 
-def contact_sheet(frames: Iterable[CameraFrame]) -> Image.Image:
-    """Annotated images in rows of four, with a legend below."""
-    tiles = [annotated_image(image, telemetry) for image, telemetry in frames]
-    columns = min(_COLUMNS, len(tiles))
+def contact_sheet(frames: Iterable[CameraFrame | TeamFrame]) -> Image.Image:
+    """Annotated images in rows of four, those of a team's tick in one row, with a legend below."""
+    shown = list(frames)
+    tiles = [annotated_image(frame) for frame in shown]
+    cameras = max(len(frame.cameras) if isinstance(frame, TeamFrame) else 1 for frame in shown)
+    columns = min(max(1, _COLUMNS // cameras), len(tiles))
     rows = -(-len(tiles) // columns)
     width, height = tiles[0].width + _GAP_PX, tiles[0].height + _GAP_PX
     sheet = Image.new("RGB", (columns * width - _GAP_PX, rows * height - _GAP_PX), FILM_GROUND)

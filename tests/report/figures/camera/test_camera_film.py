@@ -22,7 +22,7 @@ def test_film_contains_every_frame(tmp_path: Path, codec: str) -> None:
     capture = cv2.VideoCapture(str(path))
     found, picture = capture.read()
     assert found
-    expected = camera_overlay.annotated_frame(*camera_frame())
+    expected = camera_overlay.annotated_frame(camera_frame())
     assert picture.shape == expected.shape
     assert expected.shape[0] % 2 == expected.shape[1] % 2 == 0
     # Lossy, but red is red and blue is blue.
