@@ -1,11 +1,20 @@
 """Metrics of position errors: of the formation, and of navigation."""
 
+from types import ModuleType
 from typing import Final
 
-from rpojax.metrics.metric_definition import Metric
+from rpojax.metrics.metric_definition import Metric, Quantity
 
 _LAST_WINDOW = "over the last 1000 s or third of the run"
 _LATE_WINDOW = "from 1000 s (or a third of a shorter run) to the end"
+
+_LEAST_SQUARED_RANGE = 1e-12
+"""Keeps the direction to the target defined at no distance [m^2]."""
+
+def _along(xp: ModuleType, error: Quantity, rho: Quantity) -> Quantity:
+    """Component of an error along the line of sight."""
+    return xp.sum(error * rho, axis=-1) / xp.sqrt(xp.maximum(xp.sum(rho * rho, axis=-1), _LEAST_SQUARED_RANGE))
+
 
 METRICS: Final = (
     Metric(
@@ -36,7 +45,9 @@ METRICS: Final = (
         title="Range error",
         meaning=f"RMS error of the estimated relative position along the line of sight, {_LATE_WINDOW}.",
         inputs=("relative_error_H", "rho_H"),
-        value=lambda xp, error, rho: xp.sum(error * rho, axis=-1) / xp.sqrt(xp.sum(rho * rho, axis=-1)),
+        value=lambda xp, error, rho: _along(xp, error, rho),
+            xp.sum(error * rho, axis=-1) / xp.sqrt(xp.maximum(xp.sum(rho * rho, axis=-1), _LEAST_SQUARED_RANGE))
+        ),
         reduction="rms",
         window="late",
         has_derivative=True,

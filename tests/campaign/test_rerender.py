@@ -84,7 +84,7 @@ def test_images_of_a_team_are_those_of_each_camera(rendered_run: RenderedRun, re
 
 
 def test_a_team_without_a_chosen_servicer_is_refused(rendered_run: RenderedRun, rendered_pair: RenderedRun) -> None:
-    with pytest.raises(ScenarioError, match="servicers: found .2 of them"):
+    with pytest.raises(ScenarioError, match=r"servicers: found .2 of them"):
         next(rerender.render_images(rendered_pair.file, SEED, RUN, rendered_run.history, [0]))
 
 

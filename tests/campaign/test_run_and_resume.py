@@ -21,7 +21,7 @@ from rpojax.campaign.storage.provenance import new_configuration
 from rpojax.errors import OutputError, ResultError, RpojaxError
 from rpojax.flight.control import formation_law
 from rpojax.flight.stages import Stages
-from rpojax.metrics import metric_catalogue, surface_coverage
+from rpojax.metrics import metric_catalogue, surface_coverage, team
 from rpojax.runtime.progress_bar import Progress
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.schema import ScenarioFile
@@ -44,8 +44,8 @@ def test_every_run_has_every_metric_trace_and_dispersed_value(three_runs: Campai
     assert three_runs.run_ids.tolist() == [0, 1, 2]
     assert three_runs.completed.all()
     assert np.isnan(three_runs.failed_at_s).all()
-    of_coverage = {metric.name for metric in surface_coverage.METRICS}
-    assert set(three_runs.metrics) == set(metric_catalogue.UNITS) - of_coverage
+    of_others = {metric.name for metric in (*surface_coverage.METRICS, *team.METRICS)}
+    assert set(three_runs.metrics) == set(metric_catalogue.UNITS) - of_others
     assert all(values.shape == (3,) for values in three_runs.metrics.values())
     assert set(three_runs.traces) == set(trace_channels.TRACE_UNITS)
     assert all(values.shape == (3, 40) for values in three_runs.traces.values())

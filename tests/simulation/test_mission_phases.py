@@ -11,7 +11,7 @@ import pytest
 
 from rpojax.analysis.gradients.scenario_gradient import Gradient, gradient
 from rpojax.campaign import single_run
-from rpojax.campaign.execution import batch_engine
+from rpojax.campaign.execution import run_programs
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.rerun import rerun
 from rpojax.campaign.run_and_resume import resume_campaign, run_campaign
@@ -96,7 +96,7 @@ def campaign(programs: None, traces: list[int], tmp_path_factory: pytest.TempPat
     file = mission(design={"kind": "table", "file": "", "values": columns})
     out = tmp_path_factory.mktemp("phases") / "runs"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(batch_engine, "step", counted)
+        patch.setattr(run_programs, "step", counted)
         return run_campaign(file, 4, out, seed=3, block_size=1, histories=range(4), devices=jax.devices()[:1])
 
 

@@ -166,10 +166,10 @@ class BatchEngine:
             # The preparation is compiled while the loop, which needs its output shapes, is traced.
             preparation = pool.submit(_compile_preparation, self._preparation_trace)
             traces = self._loop_traces
+            drawn = jax.eval_shape(
+                lambda values: member_values.of_member(self.file, values, 0), self._preparation_trace.out_info[0]
+            )
             with self._tracing_precision():
-                drawn = jax.eval_shape(
-                    lambda values: member_values.of_member(self.file, values, 0), self._preparation_trace.out_info[0]
-                )
                 safety = pool.submit(self.passive_safety.compile, drawn)
                 loops = traces.compile(compiler_options.LOOP_OPTIONS)
             safety.result()

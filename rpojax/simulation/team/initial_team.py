@@ -1,6 +1,7 @@
 """Initial state of a team: its servicers at hand-over, around the same target."""
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from rpojax.core import random_streams
@@ -28,7 +29,7 @@ def init(scenario: Scenario, params: TeamParams, key: Array) -> TeamState:
     streams = params.each(lambda _, own: initial_state.random_keys(own))(keys)
     noise = params.each(lambda _, own: draw_initial_noise(scenario, own))(streams)
     noise = replace(noise, biases=team_step.with_common_gps_error(params, noise.biases))
-    offsets = jnp.array(loop.settings.decision_offsets, dtype=jnp.float64) * scenario.tick_s
+    offsets = jnp.asarray(np.array(loop.settings.decision_offsets) * scenario.tick_s)
     servicers = params.each(
         lambda own, key, noise, offset: initial_state.init(scenario, own, key, noise, offset),
         out_axes=team_step.STATE_AXES,

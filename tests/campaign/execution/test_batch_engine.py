@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import rpojax
-from rpojax.campaign.execution import batch_engine
+from rpojax.campaign.execution import run_programs
 from rpojax.campaign.execution.batch_engine import BatchEngine
 from rpojax.campaign.run_and_resume import run_campaign
 from rpojax.scenario.schema import ScenarioFile
@@ -98,7 +98,7 @@ def test_campaign_of_many_blocks_traces_the_loop_once(
         calls.append(len(arguments))
         return simulate_tick(*arguments)
 
-    monkeypatch.setattr(batch_engine, "step", counted)
+    monkeypatch.setattr(run_programs, "step", counted)
     unique = mission.model_copy(update={"name": "not compiled by another test"})
     result = run_campaign(unique, 3, tmp_path / "runs", block_size=1, devices=jax.devices()[:1])
     assert result.missing_blocks() == []

@@ -19,7 +19,7 @@ def test_every_packaged_scenario_loads_and_has_the_name_of_its_file(name: str) -
     file = scenario_loader.load(name)
     assert file.name == name
     assert file.description
-    static = static_settings(file)
+    static = static_settings(file, allow_team=True)
     assert static.ticks * static.tick_s == pytest.approx(file.duration_s)
 
 

@@ -115,4 +115,4 @@ def test_what_the_cooperative_scenarios_fail() -> None:
     first, second, third = member_files(file)
     assert (first.fault.kind, second.fault.kind, second.fault.duration_s) == ("none", "camera_blackout", 1800.0)
     assert first.mission.abort_at_s > file.duration_s > third.mission.abort_at_s
-    assert static_settings(file).effects.faults
+    assert static_settings(file, allow_team=True).effects.faults
