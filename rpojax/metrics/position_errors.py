@@ -11,6 +11,7 @@ _LATE_WINDOW = "from 1000 s (or a third of a shorter run) to the end"
 _LEAST_SQUARED_RANGE = 1e-12
 """Keeps the direction to the target defined at no distance [m^2]."""
 
+
 def _along(xp: ModuleType, error: Quantity, rho: Quantity) -> Quantity:
     """Component of an error along the line of sight."""
     return xp.sum(error * rho, axis=-1) / xp.sqrt(xp.maximum(xp.sum(rho * rho, axis=-1), _LEAST_SQUARED_RANGE))
@@ -45,9 +46,7 @@ METRICS: Final = (
         title="Range error",
         meaning=f"RMS error of the estimated relative position along the line of sight, {_LATE_WINDOW}.",
         inputs=("relative_error_H", "rho_H"),
-        value=lambda xp, error, rho: _along(xp, error, rho),
-            xp.sum(error * rho, axis=-1) / xp.sqrt(xp.maximum(xp.sum(rho * rho, axis=-1), _LEAST_SQUARED_RANGE))
-        ),
+        value=_along,
         reduction="rms",
         window="late",
         has_derivative=True,
