@@ -82,3 +82,25 @@ def test_runs_that_are_not_the_same_cases_are_not_compared(
     line = capsys.readouterr().err
     assert line.count("\n") == 1
     assert all(word in line for word in words)
+
+
+def test_servicers_of_a_team_are_compared_in_json_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    team, folders = scenario_loader.load("cooperative_far", ["requirements=[]"]), []
+    for name, factor in (("a", 1.0), ("b", 2.0)):
+        result = empty_campaign(tmp_path / name, team, 0, RUNS, 0, RUNS)
+        arrays = {
+            "metrics/delta_v_m_s": BEFORE,
+            "servicer_metrics/delta_v_m_s": np.stack([BEFORE, factor * BEFORE], axis=1),
+            "status/failure": np.zeros(RUNS, np.int8),
+            "status/failed_at_s": np.full(RUNS, np.nan),
+        }
+        result.write_block(0, arrays, synthetic_timing())
+        folders.append(result.directory)
+    metrics = compared(capsys, *folders)["metrics"]
+    assert isinstance(metrics, list)
+    ratios = {each["metric"]: each["ratio"]["value"] for each in metrics}
+    assert ratios == pytest.approx({"delta_v_m_s": 1.0, "delta_v_m_s/first": 1.0, "delta_v_m_s/second": 2.0})
+    assert main.main(["compare", *map(str, folders)]) == 0
+    shown = capsys.readouterr().out
+    assert "Delta-v" in shown
+    assert "Delta-v, second" not in " ".join(shown.split())

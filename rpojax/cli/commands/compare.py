@@ -21,7 +21,10 @@ def compare(
     *,
     as_json: AsJson = False,
 ) -> int:
-    """What changed from one campaign to another, run by run: run n had the same dispersions in both."""
+    """What changed from one campaign to another, run by run: run n had the same dispersions in both.
+
+    With --json also the metrics of each servicer of a team.
+    """
     prepare_jax(cache=True)
     from rpojax.analysis.statistics import campaign_comparison
     from rpojax.campaign.storage.campaign_folder import Campaign
@@ -38,7 +41,7 @@ def _show(found: "PairedComparison", changed: "Sequence[KeyChange]", independent
     from rich.console import Console
     from rich.table import Table
 
-    from rpojax.report.labels import in_display_order, metric_label
+    from rpojax.report.labels import in_display_order, metric_label, of_all_servicers
     from rpojax.report.number_format import format_number
 
     console = Console(highlight=False)
@@ -50,7 +53,7 @@ def _show(found: "PairedComparison", changed: "Sequence[KeyChange]", independent
     for heading in ("median, first", "second", "ratio", "90 % interval"):
         table.add_column(heading, justify="right")
     by_name = {change.metric: change for change in found.metrics}
-    for name in in_display_order(by_name):
+    for name in of_all_servicers(in_display_order(by_name)):
         change, shown = by_name[name], metric_label(name)
         cells = (
             format_number(change.first),
