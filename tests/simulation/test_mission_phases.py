@@ -211,6 +211,30 @@ def test_a_held_station_needs_the_burns_of_a_mission_without_phases() -> None:
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=2e-3 * float(jnp.linalg.norm(expected)))
 
 
+def test_a_target_that_should_be_seen_is_lost_after_two_minutes_and_not_after_a_few_frames() -> None:
+    station = {"name": "station", "reference": {"kind": "hold", "position_m": [0.0, -30.0, 0.0]}}
+    file = scenario_loader.validate(scenario_loader.load("inspection").model_dump() | {"phases": [station]})
+    scenario, params, state = single_run.initialise_run(file)
+    assert state.flight.mission is not None
+    loop, mission = Loop(scenario, params, Stages()), replace(state.flight.mission, has_seen_target=jnp.asarray(True))
+
+    @jax.jit
+    def abort_reason(unseen_s: jax.Array) -> jax.Array:
+        pointing = replace(state.flight.pointing, acquired=jnp.asarray(True), unseen_time=unseen_s)
+        flight = replace(state.flight, pointing=pointing, mission=mission)
+        begun = replace(state, flight=flight, tick=state.tick + 200)
+        decided = step_stages.manage_mission(loop, step_stages.sense(loop, begun)).flight.mission
+        assert decided is not None
+        return decided.abort_reason
+
+    limit = file.health.unseen_limit_s
+    assert [int(abort_reason(jnp.asarray(each))) for each in (20.0, limit, limit + 1.0)] == [
+        0,
+        0,
+        AbortReason.TARGET_LOST,
+    ]
+
+
 @pytest.mark.parametrize(
     ("reference", "key", "step"),
     [
