@@ -40,6 +40,7 @@ from rpojax.scenario.trained import fitted_camera, trained_files
 from rpojax.sensors.additional.registry import sensor_class, sensor_names
 from rpojax.sensors.camera import Camera
 from rpojax.sensors.gps import Gps, GpsDifferences
+from rpojax.sensors.link_range import LinkRange
 from rpojax.sensors.gyro import Gyro
 from rpojax.sensors.rendered_camera import Imaging, Networks
 from rpojax.sensors.star_tracker import StarTracker
@@ -104,7 +105,7 @@ class Limits:
 class Params:
     """All numbers of a run that can be dispersed or differentiated, SI and radians.
 
-    `link`, `gps_differences` and `baseline` are used in a team of servicers.
+    `link`, `gps_differences`, `link_range` and `baseline` are used in a team of servicers.
     """
 
     orbit: KeplerianElements
@@ -121,6 +122,7 @@ class Params:
     limits: Limits
     link: RadioLink
     gps_differences: GpsDifferences
+    link_range: LinkRange
     baseline: BaselineTuning
     handover: HandoverErrors | None = None
     additional_sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
@@ -152,10 +154,10 @@ _SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
     "limits": (("limits",), Limits),
 }
 """Attribute path in `Params` and class of the record, by section of a scenario file."""
-_TEAM_SECTIONS: dict[str, type] = {"link": RadioLink, "gps_differences": GpsDifferences}
+_TEAM_SECTIONS: dict[str, type] = {"link": RadioLink, "gps_differences": GpsDifferences, "link_range": LinkRange}
 """Class of the record, by section of a team; its name is that of the field of `Params`."""
 _BELIEF_IN_DIFFERENCES = "navigation.difference_"
-"""Begin of the keys of what flight software believes of differences of GPS positions."""
+"""Begin of the keys of what flight software believes of differences of GPS positions and of ranges over links."""
 _HANDOVER = "initial.handover"
 """Section that a scenario may leave out."""
 
@@ -191,7 +193,7 @@ def build_params(tables: Mapping[str, Any], width_px: int, height_px: int) -> Pa
 
 
 def _team_records(tables: Mapping[str, Any]) -> dict[str, Any]:
-    """Links and differences of GPS positions as the truth has them, and what flight software believes of these."""
+    """Links, differences of GPS positions and ranges as the truth has them, and what flight software believes."""
     outages = tables["link"]["outages_s"] or [[math.inf, math.inf]]
     starts, ends = jnp.asarray(outages, dtype=jnp.float64).T
     prefix = _BELIEF_IN_DIFFERENCES.partition(".")[2]
@@ -199,6 +201,7 @@ def _team_records(tables: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "link": RadioLink(outage_start=starts, outage_end=ends, **_fields(RadioLink, tables["link"])),
         "gps_differences": _record(GpsDifferences, tables["gps_differences"]),
+        "link_range": _record(LinkRange, tables["link_range"]),
         "baseline": _record(BaselineTuning, belief),
     }
 

@@ -26,6 +26,7 @@ from rpojax.scenario.sections import (
     FaultSection,
     FormationSection,
     GpsDifferencesSection,
+    LinkRangeSection,
     GpsSection,
     GyroSection,
     HealthSection,
@@ -175,6 +176,7 @@ class ScenarioFile(AdditionalSensors):
     servicers: list[ServicerChanges] = Field(default_factory=list, max_length=MAX_SERVICERS)
     link: LinkSection = LinkSection()
     gps_differences: GpsDifferencesSection = GpsDifferencesSection()
+    link_range: LinkRangeSection = LinkRangeSection()
     dispersions: list[Dispersion]
     requirements: list[RequirementSection] = Field(default_factory=list)
     tuning: TuningSection = TuningSection()

@@ -259,6 +259,8 @@ class NavigationSection(Section):
     difference_noise_m: Positive = 2.83
     difference_error_sigma_m: Positive = 0.54
     difference_error_time_constant_s: Positive = 700.0
+    difference_range_noise_m: Positive = 0.1
+    difference_range_bias_sigma_m: NonNegative = 0.05
     edge_noise_px: Positive
     minimum_size_px: Positive = 4.0
     miss_probability: Annotated[float, Field(gt=0.0, lt=1.0, allow_inf_nan=False)] = 0.1
@@ -407,6 +409,14 @@ class GpsDifferencesSection(Section):
     noise_m: NonNegative = 0.05
     slow_error_m: NonNegative = 0.007
     slow_error_time_constant_s: Positive = 700.0
+
+
+class LinkRangeSection(Section):
+    """Ranges that servicers measure to each other over their links, as the truth has them."""
+
+    enabled: bool = False
+    noise_m: NonNegative = 0.1
+    bias_sigma_m: NonNegative = 0.05
 
 
 class TuningSection(Section):

@@ -78,6 +78,7 @@ FAULTS: list[tuple[Callable[[Tables], None], str, str]] = [
     (_alone(navigation={"sharing": "boxes"}), "navigation.sharing", "[[servicers]]"),
     (_alone(link={"loss": 0.1}), "link", "[[servicers]]"),
     (_alone(gps_differences={"kind": "carrier"}), "gps_differences", "[[servicers]]"),
+    (_alone(link_range={"enabled": True}), "link_range", "[[servicers]]"),
     (_alone(dispersions=[LOSS]), "dispersions", "[[servicers]]"),
     (_dispersion(key="orbit.raan_deg", common=False), "dispersions.10.common", "orbit.raan_deg in common"),
     (_dispersion(key="link.period_s"), "dispersions.10.key", "key of a number"),
