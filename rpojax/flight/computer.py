@@ -74,7 +74,7 @@ def initial(
         gain=lqr_gain(params.formation, n, period),
         station_keeping=station_keeping.solve_station_keeping(params.formation, n, period),
         wheel_allocation=wheel_torque_allocation.allocation_matrix(params.vehicle.wheel_axes),
-        mission=None if mission is None else mission_decision.initial_state(params, orbit, first_decision),
+        mission=None if mission is None else mission_decision.initial_state(mission, params, orbit, first_decision),
         phase_gains=None if mission is None else mission_decision.phase_gains(mission, params, orbit, period),
     )
 

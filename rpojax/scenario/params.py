@@ -24,6 +24,7 @@ from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.navigation.attitude_ekf import AttitudeFilterTuning
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation_health import HealthTuning
+from rpojax.flight.team_guidance.team_tuning import TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
 from rpojax.physics import equipment_faults
 from rpojax.physics.environment.drag import Atmosphere
@@ -104,7 +105,7 @@ class Limits:
 class Params:
     """All numbers of a run that can be dispersed or differentiated, SI and radians.
 
-    `link`, `gps_differences` and `baseline` are used in a team of servicers.
+    `link`, `gps_differences`, `baseline` and `team` are used in a team of servicers.
     """
 
     orbit: KeplerianElements
@@ -122,6 +123,7 @@ class Params:
     link: RadioLink
     gps_differences: GpsDifferences
     baseline: BaselineTuning
+    team: TeamTuning
     handover: HandoverErrors | None = None
     additional_sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
 
@@ -152,7 +154,7 @@ _SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
     "limits": (("limits",), Limits),
 }
 """Attribute path in `Params` and class of the record, by section of a scenario file."""
-_TEAM_SECTIONS: dict[str, type] = {"link": RadioLink, "gps_differences": GpsDifferences}
+_TEAM_SECTIONS: dict[str, type] = {"link": RadioLink, "gps_differences": GpsDifferences, "team": TeamTuning}
 """Class of the record, by section of a team; its name is that of the field of `Params`."""
 _BELIEF_IN_DIFFERENCES = "navigation.difference_"
 """Begin of the keys of what flight software believes of differences of GPS positions."""
@@ -200,6 +202,7 @@ def _team_records(tables: Mapping[str, Any]) -> dict[str, Any]:
         "link": RadioLink(outage_start=starts, outage_end=ends, **_fields(RadioLink, tables["link"])),
         "gps_differences": _record(GpsDifferences, tables["gps_differences"]),
         "baseline": _record(BaselineTuning, belief),
+        "team": _record(TeamTuning, tables["team"]),
     }
 
 

@@ -43,6 +43,7 @@ from rpojax.scenario.sections import (
     SunlightSection,
     SurfaceSection,
     TargetSection,
+    TeamSection,
     ThrusterSection,
     TuningSection,
     WheelsSection,
@@ -174,6 +175,7 @@ class ScenarioFile(AdditionalSensors):
     phases: list[PhaseSection] = Field(default_factory=list, max_length=12)
     servicers: list[ServicerChanges] = Field(default_factory=list, max_length=MAX_SERVICERS)
     link: LinkSection = LinkSection()
+    team: TeamSection = TeamSection()
     gps_differences: GpsDifferencesSection = GpsDifferencesSection()
     dispersions: list[Dispersion]
     requirements: list[RequirementSection] = Field(default_factory=list)

@@ -400,6 +400,12 @@ class LinkSection(OptionalKeys):
         return self
 
 
+class TeamSection(Section):
+    """Guidance of a team: how the servicers keep clear of each other."""
+
+    keep_out_m: NonNegative = 0.0
+
+
 class GpsDifferencesSection(Section):
     """Differences of the GPS positions of two servicers, as the truth has them."""
 

@@ -111,6 +111,8 @@ def compute_channels(scenario: Scenario, params: Params, telemetry: Telemetry) -
         functions |= IMAGE_CHANNELS
     if scenario.mission is not None:
         functions |= MISSION_CHANNELS
+        if scenario.mission.coordinated:
+            functions |= TEAM_CHANNELS
     with jax.named_scope("observe"):
         channels = evaluate(functions, functions, ObservedTick(scenario, params, telemetry))
         additional = telemetry.measurements.additional
@@ -185,6 +187,15 @@ def _mission(tick: ObservedTick) -> MissionState:
     return state
 
 
+def _changed_for(tick: ObservedTick) -> Array:
+    """Place in the team, from 1 on, of the servicer for which a burn decision of this tick was changed; 0 without."""
+    team = _mission(tick).team
+    assert team is not None
+    tick_s = tick.scenario.tick_s
+    is_now = jnp.abs(team.changed_at - tick.telemetry.tick * tick_s) < 0.5 * tick_s
+    return jnp.where(is_now, team.changed_for + 1, 0).astype(jnp.int8)
+
+
 _RELATIVE_POSITION: Final[ChannelFunctions] = {
     "rho_H": lambda tick: apply(tick.R_HN, tick.truth.r_ST_N),
     "rho_estimate_H": lambda tick: apply(tick.R_HN, -tick.telemetry.flight.orbit.relative.r_TS_N),
@@ -253,3 +264,5 @@ MISSION_CHANNELS: Final[ChannelFunctions] = {
     "abort_reason": lambda tick: _mission(tick).abort_reason.astype(jnp.int8),
 }
 """State of the mission, in scenarios with phases."""
+TEAM_CHANNELS: Final[ChannelFunctions] = {"burn_changed_for": _changed_for}
+"""Decisions because of other servicers, in coordinated teams."""

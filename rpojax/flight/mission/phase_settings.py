@@ -41,12 +41,14 @@ class MissionSettings:
         decision_ticks: ticks between decisions of the mission manager
         hold_ticks: ticks between burn decisions while it holds its place or has aborted
         hold_burns_per_orbit: number of LQR gains over an orbit then
+        coordinated: whether the servicer decides with others of a team
     """
 
     phases: tuple[PhaseSettings, ...]
     decision_ticks: int
     hold_ticks: int
     hold_burns_per_orbit: int
+    coordinated: bool = False
 
     @property
     def hold(self) -> int:

@@ -16,6 +16,8 @@ from rpojax.flight.flight_records import FlightMemory
 from rpojax.flight.navigation import thrust_estimator
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
+from rpojax.flight.team_guidance import coordination, intent
+from rpojax.flight.team_guidance.intent import Intent
 from rpojax.physics import radio_link
 from rpojax.scenario.params import Params
 from rpojax.sensors import gps
@@ -50,7 +52,8 @@ def initial(loop: TeamLoop, servicers: State) -> TeamState:
     )
     memory = sharing.initial(loop.settings.link, _baseline(loop), _tuning(loop.params), records)
     links = LinkState(in_burst=jnp.zeros((count, count), dtype=bool), carrier_error_N=error)
-    return TeamState(servicers=servicers, links=links, sharing=memory)
+    plans = coordination.initial(loop.settings.link, zero[0]) if loop.settings.coordinated else None
+    return TeamState(servicers=servicers, links=links, sharing=memory, coordination=plans)
 
 
 def share(loop: TeamLoop, state: TeamState, ticks: Tick) -> tuple[Tick, TeamState]:
@@ -78,7 +81,30 @@ def share(loop: TeamLoop, state: TeamState, ticks: Tick) -> tuple[Tick, TeamStat
     )
     flight = replace(ticks.flight, orbit=records.orbit)
     confirmed = jnp.any(memory.news_used, axis=0)
-    return replace(ticks, flight=flight, confirmed=confirmed), replace(state, links=links, sharing=memory)
+    ticks, state = replace(ticks, flight=flight, confirmed=confirmed), replace(state, links=links, sharing=memory)
+    return _coordinate(loop, state, ticks, received)
+
+
+def _coordinate(loop: TeamLoop, state: TeamState, ticks: Tick, received: Bool[Array, "N N"]) -> tuple[Tick, TeamState]:
+    """Ticks and state with what the servicers know of each other's plans and motion."""
+    if state.coordination is None:
+        return ticks, state
+    assert state.sharing is not None
+    mission = loop.scenario.mission
+    assert mission is not None
+
+    def plans(_: Params, tick: Tick) -> Intent:
+        assert tick.flight.mission is not None
+        return intent.intent(tick.flight.plan, tick.flight.mission.phase < mission.hold, tick.time)
+
+    known, memory = coordination.share(
+        loop.settings.link,
+        state.coordination,
+        state.sharing,
+        loop.params.each(plans, (tick_axes(-1),))(ticks),
+        received,
+    )
+    return replace(ticks, peers=known), replace(state, coordination=memory)
 
 
 def predict(loop: TeamLoop, state: TeamState, ticks: Tick, motion: Motion, after: State) -> TeamState:
@@ -98,15 +124,18 @@ def predict(loop: TeamLoop, state: TeamState, ticks: Tick, motion: Motion, after
         state.sharing,
         ticks.flight.orbit,
         after.flight.orbit,
-        ratio * motion.delta_v_N,
+        ratio[None] * motion.delta_v_N,
         planned,
         inflation,
         loop.scenario.tick_s,
     )
     number = ticks.state.tick + 1
-    normals = loop.params.each(lambda _, keys: _carrier_normals(keys, number))(ticks.state.keys)[:3]
-    receiver = _carrier_receiver(loop.params.member(0))
-    error = gps.advance_bias(receiver, state.links.carrier_error_N, normals, loop.scenario.tick_s)
+
+    def advance(params: Params, keys: Array, error_N: Array) -> Array:
+        normals = _carrier_normals(keys, number)[:3]
+        return gps.advance_bias(_carrier_receiver(params), error_N, normals, loop.scenario.tick_s)
+
+    error = loop.params.each(advance)(ticks.state.keys, state.links.carrier_error_N)
     links = replace(state.links, carrier_error_N=error)
     return replace(state, servicers=after, links=links, sharing=memory)
 
