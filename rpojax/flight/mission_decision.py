@@ -30,7 +30,7 @@ from rpojax.flight.mission.safe_burn import SafeBurn
 from rpojax.flight.mission.team_mission import TeamMission
 from rpojax.flight.navigation.combined_orbit_filter import OrbitEstimate
 from rpojax.flight.stages import Stages
-from rpojax.flight.team_guidance import peer_drift
+from rpojax.flight.team_guidance import peer_drift, team_knowledge
 from rpojax.flight.team_guidance.known_peers import KnownPeers
 from rpojax.flight.team_guidance.peer_drift import PeerDrifts
 from rpojax.flight.team_guidance.team_tuning import TeamTuning
@@ -113,12 +113,22 @@ def _mapped(matrix: Float[Array, "6 6"], covariance: Float[Array, "6 6"]) -> Flo
 
 
 def initial_state(
-    settings: MissionSettings, params: FlightParams, estimate: OrbitEstimate, first_decision: Scalar | None = None
+    settings: MissionSettings,
+    params: FlightParams,
+    estimate: OrbitEstimate,
+    first_decision: Scalar | None = None,
+    phase_rate: Scalar | None = None,
 ) -> MissionState:
-    """State of the mission at the start of a run, whose first phase begins with the `first_decision` [s]."""
+    """State of the mission at the start of a run, whose first phase begins with the `first_decision` [s].
+
+    In a team whose phases are chosen on the way these shift at a `phase_rate` [rad/s].
+    """
     predicted = predict_to_burn(params, estimate, first_decision)
     state = mission_state.initial(predicted.burn_state_H, params.formation.lead, first_decision)
-    return replace(state, team=team_mission.initial(state.entered_at)) if settings.coordinated else state
+    if not settings.coordinated:
+        return state
+    rate = None if settings.phasing == "fixed" else phase_rate
+    return replace(state, team=team_mission.initial(state.entered_at, rate))
 
 
 def phase_gains(
@@ -261,6 +271,9 @@ def plan_burn(
     state, tuning = memory.mission, params.mission
     assert state is not None
     assert tuning is not None
+    if team is not None and settings.phasing != "fixed":
+        state = _with_phase_of_team(stages, settings, params, memory, predicted, pointing, team, time)
+        memory = replace(memory, mission=state)
     period = constant_of_phase(state.phase, settings.control_ticks) * tick_s
     since = time - state.entered_at
     whole = jnp.abs(since - period * jnp.round(since / period)) < 0.5 * tick_s
@@ -274,7 +287,7 @@ def plan_burn(
     greatest = burn_planning.certain_delta_v(params.pointing, params.vehicle, tick_s)
     planned_H, may_wait = jnp.where(keeps, planned_H, 0.0), passive & ~aborted
     decided = state.team
-    if team is None or decided is None:
+    if team is None or decided is None or not settings.keeps_clear:
         safe_H = safe_burn.safe_delta_v(drift, planned_H, greatest, may_wait)
     else:
         burn = _safe_burn_among(params, memory, predicted, drift, team, planned_H, greatest, may_wait, time)
@@ -290,6 +303,41 @@ def plan_burn(
         tick_s,
     )
     return plan, decided, whole
+
+
+def _with_phase_of_team(
+    stages: Stages,
+    settings: MissionSettings,
+    params: FlightParams,
+    memory: FlightMemory,
+    predicted: Prediction,
+    pointing: TargetPointing,
+    team: Team,
+    time: Scalar,
+) -> MissionState:
+    """State of the mission with the phase of the relative orbit that the team wants at `time` [s]."""
+    state, tuning = memory.mission, params.mission
+    assert state is not None
+    assert state.team is not None
+    assert tuning is not None
+    running = state.phase < settings.hold
+    row = jnp.minimum(state.phase, settings.hold - 1)
+    situation = team_knowledge.situation(
+        team.peers,
+        team.tuning,
+        memory.orbit,
+        predicted.state_H,
+        predicted.orbit,
+        of_phase(row, [phase_goal.planned_orbit(tuning.phases[phase.name].reference) for phase in settings.phases]),
+        of_phase(row, [team.peers.slots[number] for number in range(len(settings.phases))]),
+        team_knowledge.Own(follows=running, shift=team_mission.angle(state.team, time)),
+        team.tuning.keep_out + tuning.abort_margin,
+        pointing.sun_N,
+        time,
+    )
+    wanted = stages.call("team_phasing", settings=settings, tuning=team.tuning, team=situation)
+    members = jnp.sum(situation.present.astype(jnp.int32), axis=0)
+    return replace(state, team=team_mission.shifted(state.team, wanted, members, time))
 
 
 def _safe_burn_among(

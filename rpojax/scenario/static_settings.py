@@ -93,7 +93,12 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
         )
     if file.servicers:
         own, team = static_settings(member_files(file)[0], allow_single), team_settings(file)
-        mission = own.mission and replace(own.mission, coordinated=team.coordinated)
+        mission = own.mission and replace(
+            own.mission,
+            coordinated=team.coordinated,
+            keeps_clear=file.team.keep_out_m > 0.0,
+            phasing=file.team.phasing,
+        )
         return replace(own, mission=mission, team=team)
     rates = file.rates
     return Scenario(

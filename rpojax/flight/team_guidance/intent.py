@@ -19,16 +19,20 @@ class Intent:
         follows: () bool, whether it follows the reference of its phase; after an abort it does not
         delta_v_N: (3,) what is left of a burn that it has decided [m/s]
         burn_time: () middle of that [s]
+        shift: () angle by which its relative orbit is ahead of the plan [rad]
+        sees: () bool, whether it has a box of the target
     """
 
     time: Array
     follows: Array
     delta_v_N: Array
     burn_time: Array
+    shift: Array
+    sees: Array
 
 
-def intent(plan: BurnPlan, follows: Bool[Array, ""], time: Scalar) -> Intent:
-    """Plans of a servicer at `time` [s]."""
+def intent(plan: BurnPlan, follows: Bool[Array, ""], shift: Scalar, sees: Bool[Array, ""], time: Scalar) -> Intent:
+    """Plans of a servicer at `time` [s], with the shift of its relative orbit [rad] and whether it has a box."""
     begin = jnp.maximum(plan.ignition, time)
     duration = plan.cutoff - plan.ignition
     left = jnp.clip((plan.cutoff - begin) / jnp.where(duration > 0.0, duration, 1.0), 0.0, 1.0)
@@ -37,13 +41,15 @@ def intent(plan: BurnPlan, follows: Bool[Array, ""], time: Scalar) -> Intent:
         follows=follows,
         delta_v_N=jnp.where(duration > 0.0, left, 0.0) * plan.delta_v_N,
         burn_time=0.5 * (begin + jnp.maximum(plan.cutoff, begin)),
+        shift=shift,
+        sees=sees,
     )
 
 
 def before_the_first(time: Scalar) -> Intent:
     """What is assumed of a servicer at the start, at `time` [s]: it follows its phase, and has decided no burn."""
-    yes = jnp.ones((), dtype=bool)
-    return Intent(time=time, follows=yes, delta_v_N=jnp.stack([jnp.zeros_like(time)] * 3), burn_time=time)
+    yes, zero = jnp.ones((), dtype=bool), jnp.zeros_like(time)
+    return Intent(time=time, follows=yes, delta_v_N=jnp.stack([zero] * 3), burn_time=time, shift=zero, sees=~yes)
 
 
 def delay_line(first: Intent, delay_ticks: int) -> Intent:

@@ -18,12 +18,18 @@ class KnownPeers:
         covariance_N: (peers, 6, 6)
         intents: latest plans of each that have arrived
         numbers: (peers,) int32, their places in the team
+        number: () int32, the own one
+        slots: (rows, N) phases of the relative orbits of all by the plan, in each phase of the mission [rad]
+        last_seen: (directions,) when each side of the target was last seen by anybody [s], None if no one asks
     """
 
     state_N: Array
     covariance_N: Array
     intents: Intent
     numbers: Array
+    number: Array
+    slots: Array
+    last_seen: Array | None = None
 
 
 def motion(memory: SharingMemory) -> tuple[Float[Array, "peers 6"], Float[Array, "peers 6 6"]]:

@@ -140,17 +140,22 @@ def _check_link(file: ScenarioFile) -> None:
 
 def _check_guidance(file: ScenarioFile) -> None:
     """Checks what the guidance of a team needs: messages, phases, and starts that are far enough from each other."""
-    keep_out = file.team.keep_out_m
-    if not keep_out:
-        if "team.keep_out_m" in varied_keys(file):
-            raise ScenarioError("team.keep_out_m", keep_out, "above 0, as it is dispersed")
-        return
-    for found, expected in (
-        (file.navigation.sharing != "none", "navigation.sharing beside it, as messages tell where the others are"),
-        (file.phases, "phases beside it, whose burns keep clear of the others"),
+    keep_out, phasing = file.team.keep_out_m, file.team.phasing
+    if not keep_out and "team.keep_out_m" in varied_keys(file):
+        raise ScenarioError("team.keep_out_m", keep_out, "above 0, as it is dispersed")
+    for key, value, is_used in (
+        ("team.keep_out_m", keep_out, keep_out > 0.0),
+        ("team.phasing", phasing, phasing != "fixed"),
     ):
-        if not found:
-            raise ScenarioError("team.keep_out_m", keep_out, expected)
+        if is_used and file.navigation.sharing == "none":
+            expected = "navigation.sharing beside it, as messages tell where the others are"
+            raise ScenarioError(key, value, expected)
+        if is_used and not file.phases:
+            raise ScenarioError(key, value, "phases beside it, in which burns are planned so")
+    if phasing != "fixed" and not any(phase.reference.kind == "relative_orbit" for phase in file.phases):
+        raise ScenarioError("team.phasing", phasing, "a phase with a reference of kind 'relative_orbit'")
+    if not keep_out:
+        return
     places = [each.initial.relative_position_m for each in member_files(file)]
     for (of_first, first), (name, place) in combinations(zip(member_names(file), places, strict=True), 2):
         if math.dist(first, place) <= keep_out:

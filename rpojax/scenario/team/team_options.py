@@ -20,7 +20,7 @@ def team_settings(file: ScenarioFile) -> TeamSettings:
 
 def is_coordinated(file: ScenarioFile) -> bool:
     """Whether the servicers of a team decide with what they know of each other."""
-    return file.team.keep_out_m > 0.0
+    return file.team.keep_out_m > 0.0 or file.team.phasing != "fixed"
 
 
 def _link_settings(file: ScenarioFile) -> LinkSettings:

@@ -6,19 +6,23 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from rpojax.core import random_streams
+from rpojax.core.frames import hill_frame
 from rpojax.core.numerics import gradient_safe
 from rpojax.core.pytree import replace
 from rpojax.core.random_streams import Stream
-from rpojax.flight import computer
+from rpojax.core.vectors import apply
+from rpojax.flight import computer, phase_goal
 from rpojax.flight.cooperation import sharing
 from rpojax.flight.cooperation.team_records import TeamRecords
 from rpojax.flight.flight_records import FlightMemory
+from rpojax.flight.mission import team_mission
 from rpojax.flight.navigation import thrust_estimator
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation.orbit_measurements import BoxMeasurement, GpsMeasurement
 from rpojax.flight.team_guidance import coordination, intent
+from rpojax.flight.team_guidance.coordination import Sight
 from rpojax.flight.team_guidance.intent import Intent
-from rpojax.physics import radio_link
+from rpojax.physics import equipment_faults, radio_link
 from rpojax.scenario.params import Params
 from rpojax.sensors import gps
 from rpojax.sensors.gps import Gps
@@ -52,7 +56,11 @@ def initial(loop: TeamLoop, servicers: State) -> TeamState:
     )
     memory = sharing.initial(loop.settings.link, _baseline(loop), _tuning(loop.params), records)
     links = LinkState(in_burst=jnp.zeros((count, count), dtype=bool), carrier_error_N=error)
-    plans = coordination.initial(loop.settings.link, zero[0]) if loop.settings.coordinated else None
+    plans = None
+    if loop.settings.coordinated:
+        mission = loop.scenario.mission
+        maps_directions = mission is not None and mission.phasing == "viewpoints"
+        plans = coordination.initial(loop.settings.link, zero[0], maps_directions)
     return TeamState(servicers=servicers, links=links, sharing=memory, coordination=plans)
 
 
@@ -93,18 +101,48 @@ def _coordinate(loop: TeamLoop, state: TeamState, ticks: Tick, received: Bool[Ar
     mission = loop.scenario.mission
     assert mission is not None
 
-    def plans(_: Params, tick: Tick) -> Intent:
-        assert tick.flight.mission is not None
-        return intent.intent(tick.flight.plan, tick.flight.mission.phase < mission.hold, tick.time)
+    def plans(_: Params, tick: Tick) -> tuple[Intent, Sight]:
+        own, orbit = tick.flight.mission, tick.flight.orbit
+        assert own is not None
+        assert own.team is not None
+        assert tick.innovation is not None
+        shift = jnp.zeros_like(tick.time) if own.team.shift is None else team_mission.angle(own.team, tick.time)
+        follows = own.phase < mission.hold
+        relative, servicer = orbit.relative, orbit.servicer
+        R_HN = hill_frame(servicer.r_SN_N + relative.r_TS_N, servicer.v_SN_N + relative.v_TS_N)[0]
+        sight = Sight(
+            place_H=-apply(R_HN, relative.r_TS_N),
+            R_HN=R_HN,
+            sun_H=apply(R_HN, gradient_safe.normalize(tick.sky.sun_N)),
+        )
+        return intent.intent(tick.flight.plan, follows, shift, tick.innovation.accepted, tick.time), sight
 
+    own, sight = loop.params.each(plans, (tick_axes(-1),))(ticks)
     known, memory = coordination.share(
         loop.settings.link,
+        loop.params.member(0).team,
         state.coordination,
         state.sharing,
-        loop.params.each(plans, (tick_axes(-1),))(ticks),
+        own,
+        sight,
+        _slots(loop),
         received,
     )
     return replace(ticks, peers=known), replace(state, coordination=memory)
+
+
+def _slots(loop: TeamLoop) -> Array:
+    """Phases (rows, N) of the relative orbits by the plan [rad], 0 where a phase has another reference."""
+    mission = loop.scenario.mission
+    assert mission is not None
+    names = [phase.name for phase in mission.phases]
+
+    def of_member(params: Params) -> Array:
+        assert params.flight.mission is not None
+        references = [params.flight.mission.phases[name].reference for name in names]
+        return jnp.stack([phase_goal.planned_phase(reference) for reference in references])
+
+    return loop.params.each(of_member)()
 
 
 def predict(loop: TeamLoop, state: TeamState, ticks: Tick, motion: Motion, after: State) -> TeamState:
@@ -171,12 +209,19 @@ def _pass_messages(loop: TeamLoop, links: LinkState, ticks: Tick) -> tuple[LinkS
     in_burst = radio_link.advance_bursts(radio, links.in_burst, uniforms[0], loop.scenario.tick_s)
     due = (ticks.state.tick - settings.delay_ticks) % settings.period_ticks == 0
     heard = _pairs(settings.hears, count)
-    works = jnp.isinf(ticks.state.failed_at)
+    works = jnp.isinf(ticks.state.failed_at) & _radio_works(loop, time)
     if settings.sharing == "central":
         arrives = jnp.ones((count, count), dtype=bool)
     else:
         arrives = radio_link.arrives(radio, in_burst, uniforms[1], time) & due
     return replace(links, in_burst=in_burst), arrives & heard & works[None, :] & works[:, None]
+
+
+def _radio_works(loop: TeamLoop, time: Array) -> Bool[Array, " N"]:
+    """Whether the radio of each servicer works at `time` [s]."""
+    if not loop.scenario.effects.faults:
+        return jnp.ones(loop.settings.servicers, dtype=bool)
+    return loop.params.each(lambda params: equipment_faults.radio_works(params.plant.fault, time))()
 
 
 def _pairs(pairs: tuple[tuple[int, int], ...], count: int) -> Bool[Array, "N N"]:
