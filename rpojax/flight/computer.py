@@ -50,11 +50,12 @@ def initial(
     gyro_B: Vector,
     mission: MissionSettings | None = None,
     first_decision: Scalar | None = None,
+    phase_rate: Scalar | None = None,
 ) -> FlightMemory:
     """Memory at the start of a run, from the hand-over's orbit estimate and the first attitude samples.
 
     `period` [s] is the time between burns; with the phases of a `mission` each has its own, and the first one begins
-    with the `first_decision` [s], by default at once.
+    with the `first_decision` [s], by default at once. In a team relative orbits may shift at a `phase_rate` [rad/s].
     """
     r_TN_N = orbit.servicer.r_SN_N + orbit.relative.r_TS_N
     v_TN_N = orbit.servicer.v_SN_N + orbit.relative.v_TS_N
@@ -74,7 +75,9 @@ def initial(
         gain=lqr_gain(params.formation, n, period),
         station_keeping=station_keeping.solve_station_keeping(params.formation, n, period),
         wheel_allocation=wheel_torque_allocation.allocation_matrix(params.vehicle.wheel_axes),
-        mission=None if mission is None else mission_decision.initial_state(params, orbit, first_decision),
+        mission=None
+        if mission is None
+        else mission_decision.initial_state(mission, params, orbit, first_decision, phase_rate),
         phase_gains=None if mission is None else mission_decision.phase_gains(mission, params, orbit, period),
     )
 

@@ -44,6 +44,7 @@ from rpojax.scenario.sections import (
     SunlightSection,
     SurfaceSection,
     TargetSection,
+    TeamSection,
     ThrusterSection,
     TuningSection,
     WheelsSection,
@@ -175,6 +176,7 @@ class ScenarioFile(AdditionalSensors):
     phases: list[PhaseSection] = Field(default_factory=list, max_length=12)
     servicers: list[ServicerChanges] = Field(default_factory=list, max_length=MAX_SERVICERS)
     link: LinkSection = LinkSection()
+    team: TeamSection = TeamSection()
     gps_differences: GpsDifferencesSection = GpsDifferencesSection()
     link_range: LinkRangeSection = LinkRangeSection()
     dispersions: list[Dispersion]

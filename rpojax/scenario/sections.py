@@ -402,6 +402,19 @@ class LinkSection(OptionalKeys):
         return self
 
 
+class TeamSection(Section):
+    """Guidance of a team: how the servicers keep clear of each other, and where on their relative orbit they are."""
+
+    keep_out_m: NonNegative = 0.0
+    phasing: Literal["fixed", "spread", "viewpoints"] = "fixed"
+    lost_after_s: Positive = 60.0
+    phase_rate_deg_h: Positive = 60.0
+    view_incidence_deg: IncidenceLimit = 60.0
+    view_sun_incidence_deg: IncidenceLimit = 70.0
+    view_memory_s: Positive = 6000.0
+    keeping_delta_v_m_s: Positive = 0.005
+
+
 class GpsDifferencesSection(Section):
     """Differences of the GPS positions of two servicers, as the truth has them."""
 
