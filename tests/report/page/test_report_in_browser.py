@@ -33,7 +33,8 @@ def test_every_chart_is_drawn_without_console_messages(build):
     assert "<img src=" not in shown.stdout.partition("<script")[0]
     places = len(re.findall(r'data-chart="', shown.stdout))
     assert places > 20
-    assert len(re.findall(r'class="[^"]*js-plotly-plot', shown.stdout)) == places + 2
+    others = len(re.findall(r'id="detail-|id="(?:rank|scatter)-chart', shown.stdout))
+    assert len(re.findall(r'data-drawn="yes"', shown.stdout)) == places + others
     assert shown.stdout.count("<option") > 10
 
 
