@@ -15,6 +15,7 @@ from rpojax.report.page import page_templates
 from rpojax.report.page.camera_sheet import CameraSheet, write_camera_sheet
 from rpojax.report.page.detail_values import DetailValues, detail_values
 from rpojax.report.page.report_json import report_content
+from rpojax.report.page.run_page import is_single_run, render_run_page
 from rpojax.report.page.run_selection import choose_run
 from rpojax.report.page.template_values import (
     PageFigures,
@@ -49,7 +50,10 @@ def write_report(campaign: CampaignResults, run_id: int | None = None, film: boo
     _refuse_symlink(campaign.directory / "figures")
     detail = _run_detail(campaign, shown_run, film)
     pictures = PageFigures(coverage_section.write_figure(campaign), team_section.write_figure(campaign, shown_run))
-    page = _render_page(campaign, content, drawn, detail, pictures)
+    if is_single_run(content):
+        page = render_run_page(campaign, content, detail)
+    else:
+        page = _render_page(campaign, content, drawn, detail, pictures)
     write_json(campaign.directory / "report.json", content)
     return write_atomically(campaign.directory / "report.html", page.encode())
 

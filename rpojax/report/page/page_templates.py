@@ -4,12 +4,16 @@ import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import jinja2
 from markupsafe import Markup, escape
 
 from rpojax.report.number_format import format_number, format_p_value
+
+
+_HASH_DIGITS: Final = 16
+"""Digits of the scenario's hash at the foot of a page; the identity section has all."""
 
 
 def render(template: str, data: Mapping[str, Any], values: Mapping[str, Any]) -> str:
@@ -22,10 +26,10 @@ def foot_text(info: Mapping[str, Any]) -> str:
     """Foot of every page: name, hash of the scenario, seed, version and date of a campaign, as far as recorded."""
     parts = [
         str(info.get("name", "campaign")),
-        f"scenario {info['scenario_hash']}" if info.get("scenario_hash") else "",
+        f"scenario {str(info['scenario_hash'])[:_HASH_DIGITS]}" if info.get("scenario_hash") else "",
         f"seed {info['seed']}" if "seed" in info else "",
         f"rpojax {info['versions']['rpojax']}" if "rpojax" in info.get("versions", {}) else "",
-        str(info.get("created", "")),
+        str(info.get("created", "")).partition("T")[0],
     ]
     return " \N{MIDDLE DOT} ".join(part for part in parts if part)
 

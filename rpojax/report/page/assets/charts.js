@@ -72,7 +72,7 @@ const Charts = (() => {
     const usable = values.filter((value) => typeof value === "number" && (!log || value > 0));
     let [low, high] = axis.range ? axis.range.map((value) => (log ? 10 ** value : value)) : usable.reduce(
       ([least, most], value) => [Math.min(least, value), Math.max(most, value)], [Infinity, -Infinity]);
-    if (!(low <= high)) [low, high] = log ? [1, 10] : [0, 1];
+    if (!axis.range && !(low <= high)) [low, high] = log ? [1, 10] : [0, 1];
     if (!axis.range && axis.rangemode === "tozero") [low, high] = [Math.min(0, low), Math.max(0, high)];
     if (low === high) [low, high] = log ? [low / 2, high * 2] : [low - (Math.abs(low) * 0.1 || 1), high + (Math.abs(high) * 0.1 || 1)];
     if (!axis.range && axis.pad) {
@@ -84,7 +84,7 @@ const Charts = (() => {
     const share = log ? (value) => Math.log(value / low) / Math.log(high / low) : (value) => (value - low) / (high - low);
     const suffix = axis.ticksuffix || "";
     return {
-      low, high, log, ticks: log ? logTicks(low, high) : linearTicks(low, high, count),
+      low, high, log, ticks: log ? logTicks(low, high) : linearTicks(Math.min(low, high), Math.max(low, high), count),
       to: (value) => start + share(value) * (end - start), text: (value) => number(value, 6) + suffix,
       from: (place) => {
         const part = (place - start) / (end - start);

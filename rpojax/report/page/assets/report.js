@@ -134,6 +134,7 @@
 
   // The print layout applies only while printing, so charts are drawn anew for the widths of their containers on paper.
   function fitPaper() {
+    if (document.body.classList.contains("brief")) return;
     for (const details of document.querySelectorAll("details:not([open])")) {
       if (details.classList.contains("screen")) continue;
       details.open = true;
@@ -146,6 +147,7 @@
   }
 
   function fitScreen() {
+    if (document.body.classList.contains("brief")) return;
     closed.splice(0).forEach((details) => { details.open = false; });
     Charts.resize();
   }

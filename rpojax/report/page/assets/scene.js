@@ -152,7 +152,7 @@ const Scene = (() => {
     });
     facing.sort((a, b) => a.depth - b.depth);
     for (const { corners, shade } of facing) {
-      pen.fillStyle = `hsl(40 45% ${Math.round(72 * shade)}%)`;
+      pen.fillStyle = `hsl(42 40% ${Math.round(30 + 50 * shade)}%)`;
       pen.strokeStyle = pen.fillStyle;
       pen.lineWidth = 0.6;
       pen.beginPath();
