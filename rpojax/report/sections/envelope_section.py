@@ -43,7 +43,7 @@ def envelope_charts(
 
 def _with_limits(chart: Chart, limits: Sequence[Limit]) -> Chart:
     """The chart with a line at each limit, which its vertical axis includes."""
-    shapes = [{**limit_line(limit.value, limit.channel_text), "fits": True} for limit in limits]
+    shapes = [limit_line(limit.value, limit.channel_text) for limit in limits]
     return {**chart, "layout": {**chart["layout"], "shapes": [*chart["layout"].get("shapes", []), *shapes]}}
 
 

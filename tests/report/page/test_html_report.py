@@ -11,7 +11,18 @@ from rpojax.errors import OutputError, ResultError
 from rpojax.report.page.html_report import write_report
 
 _SECTIONS = {
-    *("outcome", "path", "identity", "requirements", "headline", "metrics", "safety", "envelopes", "consistency", "distributions"),
+    *(
+        "outcome",
+        "path",
+        "identity",
+        "requirements",
+        "headline",
+        "metrics",
+        "safety",
+        "envelopes",
+        "consistency",
+        "distributions",
+    ),
     *("convergence", "dispersions", "sensitivity", "failures", "worst", "camera", "run", "scenario", "limits"),
 }
 
@@ -96,13 +107,6 @@ def test_folder_in_place_of_the_page_is_an_error(campaign):
     with pytest.raises(OutputError, match=r"report\.html: found .*, expected a file") as caught:
         write_report(campaign)
     assert "\n" not in str(caught.value)
-
-
-def test_campaign_of_one_run(build):
-    words = page_text(rendered_page(build(runs=1, kept=(0,))))
-    assert "One run has no distribution" in words
-    assert "None failed." in words
-    assert "Run 0 " in words
 
 
 @pytest.mark.parametrize("kept", [(), (0, 1)])

@@ -64,7 +64,7 @@ def _limit_shape(limit: Limit, low: float, high: float) -> dict[str, Any]:
         return limit_line(high, f"{limit.text} \N{RIGHTWARDS ARROW}", upright=True)
     if limit.value < low - reach:
         return limit_line(low, f"\N{LEFTWARDS ARROW} {limit.text}", upright=True)
-    return {**limit_line(limit.value, limit.text, upright=True), "fits": True}
+    return limit_line(limit.value, limit.text, upright=True)
 
 
 def _vertical_line(x: float, dash: str) -> dict[str, Any]:

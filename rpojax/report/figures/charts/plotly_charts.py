@@ -34,9 +34,9 @@ def add_reference_lines(chart: Chart, unit: str, levels: Sequence[tuple[float, s
 
 
 def limit_line(value: float, text: str, upright: bool = False) -> dict[str, Any]:
-    """Shape of a limit with its text: across the chart at a height, or `upright` at a place of the horizontal axis."""
+    """Line of a limit with its text, across the chart or `upright`; by its name the axes include it."""
     line = {"color": VERMILLION, "width": 1.6, "dash": "dash"}
-    shape: dict[str, Any] = {"type": "line", "line": line, "label": {"text": text}}
+    shape: dict[str, Any] = {"type": "line", "name": "limit", "line": line, "label": {"text": text}}
     if upright:
         return {**shape, "xref": "x", "yref": "paper", "x0": value, "x1": value, "y0": 0, "y1": 1}
     return {**shape, "xref": "paper", "yref": "y", "x0": 0, "x1": 1, "y0": value, "y1": value}

@@ -290,8 +290,8 @@ const Charts = (() => {
     const top = 10;
     const bottom = height - (title || layout.xaxis2 ? 40 : 22);
     const yAxis = { pad: 0.04, ...layout.yaxis };
-    const marked = (layout.shapes || []).filter((shape) => shape.yref !== "paper" && shape.fits).map((shape) => shape.y0);
-    const markedX = (layout.shapes || []).filter((shape) => shape.yref === "paper" && shape.fits).map((shape) => shape.x0);
+    const marked = (layout.shapes || []).filter((shape) => shape.yref !== "paper" && shape.name === "limit").map((shape) => shape.y0);
+    const markedX = (layout.shapes || []).filter((shape) => shape.yref === "paper" && shape.name === "limit").map((shape) => shape.x0);
     const inView = view.range ? traces.map((trace) => within(trace, view.range)) : traces;
     const y = scale(yAxis, [...extent(inView, "y"), ...marked], bottom, top, (bottom - top) / 42);
     const left = leftMargin(y, layout);

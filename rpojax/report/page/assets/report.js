@@ -44,7 +44,7 @@
     function drawScatter(metric, input) {
       const title = metric.title + (metric.unit ? " [" + metric.unit + "]" : "");
       const limits = metric.limits.map(({ value, text }) => (
-        { type: "line", y0: value, y1: value, fits: true, label: { text }, line: { color: "#D55E00", width: 1.4 } }));
+        { type: "line", y0: value, y1: value, name: "limit", label: { text }, line: { color: "#D55E00", width: 1.4 } }));
       Charts.draw(document.getElementById("scatter-chart"), {
         data: [{
           type: "scatter", mode: "markers", x: explorer.inputs[input], y: metric.values, text: explorer.runs.map((run) => "run " + run),
@@ -103,7 +103,7 @@
         if (log) for (const trace of traces) trace.y = trace.y.map((value) => (value > 0 ? value : null));
         Charts.draw(place, { data: traces, layout: {
           xaxis: { ticksuffix: " s" }, yaxis: { ...(log ? { type: "log" } : { rangemode: "tozero" }), title: { text: channel.unit ? `[${channel.unit}]` : "[-]" } },
-          shapes: channel.limits.map(({ value, text }) => ({ type: "line", y0: value, y1: value, fits: true, label: { text }, line: { color: "#D55E00", width: 1.6, dash: "dash" } })),
+          shapes: channel.limits.map(({ value, text }) => ({ type: "line", y0: value, y1: value, name: "limit", label: { text }, line: { color: "#D55E00", width: 1.6, dash: "dash" } })),
         } });
       }
       for (const row of document.querySelectorAll("[data-run]")) row.hidden = row.dataset.run !== run;

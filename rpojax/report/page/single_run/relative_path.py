@@ -11,6 +11,7 @@ from rpojax.report.campaign_results import CampaignResults
 _MAX_POINTS: Final = 240
 """Most points of a path."""
 _MAX_RUNS: Final = 24
+_ANY_FACET_SIZE_M: Final = 1e3
 
 
 def path_scene(campaign: CampaignResults, median_run: int | None, worst: Sequence[int]) -> dict[str, Any] | None:
@@ -75,7 +76,10 @@ def _mesh(scenario: Mapping[str, Any]) -> dict[str, Any] | None:
     # Imported here because meshes need packages that other pages do without.
     from rpojax.scenario.coverage_surface import HULL, surface_triangles
 
-    for tables in (scenario, {**scenario, "coverage": {**scenario.get("coverage", {}), "surface": HULL}}):
+    # The size of facets matters to coverage alone; a large one is never refused.
+    coverage = {"surface": HULL, **scenario.get("coverage", {}), "facet_size_m": _ANY_FACET_SIZE_M}
+    for surface in dict.fromkeys((coverage["surface"], HULL)):
+        tables = {**scenario, "coverage": {**coverage, "surface": surface}}
         try:
             triangles = surface_triangles(tables)
         except (RpojaxError, KeyError):

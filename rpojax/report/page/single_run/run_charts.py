@@ -208,5 +208,5 @@ def _away_shapes(history: History) -> list[dict[str, Any]]:
 
 
 def _with_shapes(chart: Chart, limits: Sequence[Limit], away: list[dict[str, Any]]) -> Chart:
-    shapes = [*away, *({**limit_line(limit.value, limit.channel_text), "fits": True} for limit in limits)]
+    shapes = [*away, *(limit_line(limit.value, limit.channel_text) for limit in limits)]
     return {**chart, "layout": {**chart["layout"], "shapes": shapes}}
