@@ -15,6 +15,14 @@ const Charts = (() => {
   tip.hidden = true;
 
   const color = (name) => themed[name] || name;
+  // Fills are given with their opacity, "rgba(0, 114, 178, 0.13)".
+  function filling(name) {
+    const found = /^rgba\((\d+), (\d+), (\d+), ([\d.]+)\)$/.exec(name);
+    if (!found) return { fill: color(name) };
+    const hex = `#${found.slice(1, 4).map((part) => Number(part).toString(16).padStart(2, "0")).join("")}`;
+    const same = Object.keys(themed).find((one) => one.toLowerCase() === hex);
+    return { fill: same ? themed[same] : hex, "fill-opacity": found[4] };
+  }
   const wait = (value) => (value === undefined || value === null);
 
   function node(parent, name, attributes, text) {
@@ -178,7 +186,7 @@ const Charts = (() => {
       node(root, "path", { d: pathOf(trace.x, trace.y, x, y, "", back), fill: color(trace.fillcolor), "fill-opacity": 0.85 });
     } else if (trace.fill === "tonexty" && before) {
       const back = before.x.map((place, index) => [place, before.y[index]]).reverse();
-      node(root, "path", { d: pathOf(trace.x, trace.y, x, y, "", back), fill: trace.fillcolor });
+      node(root, "path", { d: pathOf(trace.x, trace.y, x, y, "", back), ...filling(trace.fillcolor) });
     }
     if (line.width) {
       node(root, "path", {
@@ -245,7 +253,7 @@ const Charts = (() => {
       const key = item.appendChild(document.createElementNS(SVG, "svg"));
       key.setAttribute("viewBox", "0 0 22 10");
       const line = trace.line || {};
-      if (trace.fillcolor) node(key, "rect", { width: 22, height: 10, fill: color(trace.fillcolor) });
+      if (trace.fillcolor) node(key, "rect", { width: 22, height: 10, ...filling(trace.fillcolor) });
       else if (trace.type === "bar" || trace.mode === "markers") node(key, "rect", { x: 6, width: 10, height: 10, fill: color((trace.marker || {}).color) });
       else node(key, "line", { x1: 0, x2: 22, y1: 5, y2: 5, stroke: color(line.color), "stroke-width": 2, "stroke-dasharray": dashes[line.dash] });
       item.append(trace.name);

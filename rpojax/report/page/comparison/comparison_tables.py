@@ -58,7 +58,7 @@ def comparison_sentence(found: CampaignComparison) -> str:
     if found.independent:
         by_chance = _CHANCE * len(judged)
         parts.append(
-            f"the median of {changed} of {len(judged)} metrics changed (about {by_chance:.0f} would appear so by chance)"
+            f"the median of {changed} of {len(judged)} metrics changed (about {by_chance:.0f} would seem to by chance)"
         )
     p_value = "" if runs.failures.p_value is None else f" (p {format_p_value(runs.failures.p_value)})"
     parts.append(f"failed runs {failed[0]} \N{RIGHTWARDS ARROW} {failed[1]}{p_value}")

@@ -25,7 +25,7 @@ def leading_figures(content: Mapping[str, Any], charts: Collection[str]) -> list
     name = "" if weakest is None else str(weakest.get("of", weakest["metric"]))
     channel = CHANNEL_OF_METRIC.get(name.partition("@")[0], "nav_relative_error_m")
     wanted = [
-        LeadingFigure("phase-shares", "Runs in each phase of the mission [%]"),
+        *_phases(content),
         LeadingFigure("envelope-range_m", "Range to the target [m], all runs"),
         *([] if channel == "range_m" else [_envelope(channel)]),
         LeadingFigure(f"histogram-{name}", _histogram_title(name)),
@@ -40,6 +40,13 @@ def leading_figures(content: Mapping[str, Any], charts: Collection[str]) -> list
     figures = list(found.values())
     spread = [figure for figure in figures if figure.chart.startswith("histogram-")]
     return [*[figure for figure in figures if figure not in spread][: _FIGURES - len(spread)], *spread]
+
+
+def _phases(content: Mapping[str, Any]) -> list[LeadingFigure]:
+    """Phases of the mission, where the runs were in more than one."""
+    phases = (content.get("mission") or {}).get("phases", [])
+    several = sum(phase["runs"] > 0 for phase in phases) > 1
+    return [LeadingFigure("phase-shares", "Runs in each phase of the mission [%]")] if several else []
 
 
 def _envelope(channel: str) -> LeadingFigure:

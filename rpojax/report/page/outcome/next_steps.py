@@ -53,18 +53,32 @@ def _failures(campaign: CampaignResults, content: Mapping[str, Any]) -> list[Nex
 
 
 def _passive_safety(campaign: CampaignResults, content: Mapping[str, Any]) -> list[NextStep]:
-    found = passive_safety_count(content["safety"])
-    if found is None or not found[1]["count"]:
-        return []
-    horizon, proportion = found
-    drifts = [drift["least_range"] for drift in content["safety"]["free_drift"] if drift["least_range"] is not None]
-    nearest = drifts[-1] if drifts else content["safety"]["least_passive_range"]
-    text = (
-        f"After a loss of thrust {proportion['count']} of {proportion['runs']} runs could drift into the keep-out "
-        f"sphere within {horizon}: accept the risk, or choose a passively safe orbit such as safety_ellipse."
-    )
-    command = "" if nearest is None else shell_commands.rerun_command(campaign, nearest["run_id"], "run_nearest")
-    return [NextStep(text, "safety", command)]
+    safety = content["safety"]
+    found, steps = passive_safety_count(safety), []
+    if found is not None and found[1]["count"]:
+        horizon, proportion = found
+        drifts = [drift["least_range"] for drift in safety["free_drift"] if drift["least_range"] is not None]
+        nearest = drifts[-1] if drifts else safety["least_passive_range"]
+        text = (
+            f"After a loss of thrust {proportion['count']} of {proportion['runs']} runs could drift into the keep-out "
+            f"sphere within {horizon}: accept the risk, or choose a passively safe orbit such as safety_ellipse."
+        )
+        steps.append(NextStep(text, "safety", _nearest_command(campaign, nearest)))
+    stuck = safety["stuck_on"]
+    if (below := stuck["below_keep_out"]) is not None and below["count"]:
+        text = (
+            f"After a burn that did not end {below['count']} of {below['runs']} runs could drift into the sphere "
+            "within 24 h: consider how a stuck thruster is shut off."
+        )
+        steps.append(NextStep(text, "safety", _nearest_command(campaign, stuck["least_range"])))
+    return steps
+
+
+def _nearest_command(campaign: CampaignResults, nearest: Mapping[str, Any] | None) -> str:
+    """Command that repeats the run with the nearest drift, empty without one."""
+    if nearest is None:
+        return ""
+    return shell_commands.rerun_command(campaign, nearest["run_id"], f"run_{nearest['run_id']}")
 
 
 def _violations(campaign: CampaignResults, content: Mapping[str, Any]) -> list[NextStep]:

@@ -16,10 +16,11 @@ from rpojax.report.number_format import format_number, with_unit
 class WorstRun:
     """Worst run of a metric with a history: what it is the worst in, its value, and that of the median run.
 
-    `remark` says where the worst run of all has no history, so that a better one stands for it.
+    `worst_id` is the worst run of all. Where that has no history, `remark` says so, and a better one stands for it.
     """
 
     run_id: int
+    worst_id: int
     metric: str
     title: str
     value: str
@@ -64,4 +65,4 @@ def _worst_run(campaign: CampaignResults, name: str, median_run: int | None) -> 
         value = float(values[rows[0]]) if run is not None and len(rows) else None
         return with_unit(format_number(value), label.unit)
 
-    return WorstRun(shown, name, label.title, text(shown), text(median_run), remark)
+    return WorstRun(shown, ranked[0], name, label.title, text(shown), text(median_run), remark)

@@ -47,7 +47,7 @@ def test_changed_rows_are_marked_and_come_first(three, tmp_path):
     words = page_text(page)
     rows = words[words.index("Pairs Changed") :]
     assert rows.index("Delta-v") < rows.index("Formation error")
-    assert "the median of 2 of 18 metrics changed (about 1 would appear so by chance)" in words
+    assert "the median of 2 of 18 metrics changed (about 1 would seem to by chance)" in words
 
 
 def test_signed_figures_have_differences_and_no_ratio(three):

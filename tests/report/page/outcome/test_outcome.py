@@ -56,6 +56,7 @@ CONTENT = {
                 "below_keep_out": {"count": 194, "runs": 500},
             },
         ],
+        "stuck_on": {"least_range": {"value": 1.4, "run_id": 11}, "below_keep_out": {"count": 12, "runs": 500}},
         "passive_below_keep_out": None,
         "least_passive_range": None,
     },
@@ -99,7 +100,11 @@ def test_leading_figures_are_range_weakest_channel_and_weakest_histogram():
         "envelope-nav_relative_error_m",
         "histogram-nav_relative_position_error_rms_m",
     ]
-    assert leading_figures(CONTENT, {"envelope-range_m", "phase-shares"})[0].chart == "phase-shares"
+    mission = {"phases": [{"name": "hold", "runs": 500}, {"name": "approach", "runs": 20}]}
+    drawn = {"envelope-range_m", "phase-shares"}
+    assert leading_figures({**CONTENT, "mission": mission}, drawn)[0].chart == "phase-shares"
+    mission["phases"][1]["runs"] = 0
+    assert leading_figures({**CONTENT, "mission": mission}, drawn)[0].chart == "envelope-range_m"
 
 
 @pytest.mark.parametrize(
@@ -114,6 +119,7 @@ def test_next_steps_follow_from_what_was_found(campaign, change, words):
     content["requirements"][0] |= change
     steps = next_steps(campaign, content)
     assert steps[0].text.startswith("After a loss of thrust 194 of 500 runs could drift into the keep-out sphere")
+    assert steps[1].text.startswith("After a burn that did not end 12 of 500 runs could")
     assert any(words in step.text for step in steps)
     assert all(step.command.startswith("rpojax ") for step in steps[:2])
 
