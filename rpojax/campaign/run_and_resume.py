@@ -72,7 +72,8 @@ def run_campaign(
         runs: number of runs
         out: folder to make
         seed: master seed
-        histories: run numbers, or the rule, of the runs that keep a history; by default the first eight
+        histories: run numbers, or the rule, of the runs that keep a history; by default the first eight and the worst
+            one of each requirement
         force: replace the folder if it holds a campaign
         devices: of this process, by default all
         stages: of the flight software, replaced ones included
@@ -113,7 +114,9 @@ def start_campaign(
     size = options.block_size or batch_engine.default_block_size(file)
     options = replace(options, block_size=size)
     devices = _devices_for_blocks(used.devices, -(-options.runs // size))
-    resource_estimates.check_resources(file, options.runs, size, len(devices), options.max_full_histories, out)
+    resource_estimates.check_resources(
+        file, options.runs, size, len(devices), options.max_full_histories(len(file.requirements)), out
+    )
     design = experiment_design.make_design(file, options.seed, options.design_range)
     stages = replaced_stage_provenance.replaced_stages(used.stages or Stages())
     engine = BatchEngine(file, size, devices, used.stages, design)
