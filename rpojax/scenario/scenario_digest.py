@@ -4,9 +4,8 @@ import hashlib
 import json
 from typing import Any
 
-from rpojax.scenario import coverage_surface
 from rpojax.scenario.schema import ScenarioFile
-from rpojax.scenario.trained import trained_files
+from rpojax.scenario.trained import coverage_surface, trained_files
 from rpojax.sensors.additional.registry import sensor_names
 from rpojax.value_types import Section
 
@@ -25,6 +24,7 @@ def scenario_digest(file: ScenarioFile) -> str:
     # Campaigns recorded before these keys existed keep their digest.
     if file.precision == "double":
         del content["precision"]
+    content.pop("plugin", None)  # where it is; its hash counts
     for name in ("phases", "servicers"):
         if not content[name]:
             del content[name]

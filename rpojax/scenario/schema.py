@@ -1,9 +1,11 @@
 """Schema of a whole scenario file; free of JAX, so that validation is instant."""
 
 import difflib
+import functools
+from collections.abc import Iterable
 from typing import Annotated, Any, Final, Literal
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, create_model
 
 from rpojax.dispersions.designs.design_kinds import Design, IndependentDesign
 from rpojax.dispersions.kinds.registry import Dispersion
@@ -47,6 +49,7 @@ from rpojax.scenario.sections import (
     TuningSection,
     WheelsSection,
 )
+from rpojax.sensors.additional.additional_sensor import AdditionalSensor
 from rpojax.sensors.additional.registry import AdditionalSensors
 from rpojax.value_types import ChangesOf, Epoch, Finite, NonNegative, OptionalKeys, Positive
 
@@ -142,6 +145,8 @@ class ScenarioFile(AdditionalSensors):
     description: str
     duration_s: Positive
     precision: Literal["double", "single"] = "double"
+    plugin: Annotated[str, Field(min_length=1)] | None = None
+    plugin_sha256: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")] | None = None
     epoch_utc: Epoch
     effects: EffectsSection
     rates: RatesSection
@@ -184,3 +189,15 @@ class ScenarioFile(AdditionalSensors):
     def phase_names(self) -> tuple[str, ...]:
         """Names of the phases in the order of the channel `phase`, none in a mission without phases."""
         return (*(phase.name for phase in self.phases), *BUILT_IN_PHASES) if self.phases else ()
+
+    @classmethod
+    def absent_keys(cls) -> Iterable[str]:
+        """Further keys that are left out where they are None."""
+        return ("plugin", "plugin_sha256")
+
+
+@functools.cache
+def with_sensors(sensors: tuple[tuple[str, type[AdditionalSensor]], ...]) -> type[ScenarioFile]:
+    """Schema of a whole scenario with the sections of further additional sensors."""
+    fields: dict[str, Any] = {name: (cls | None, None) for name, cls in sensors}
+    return create_model("ScenarioFile", __base__=ScenarioFile, __doc__=ScenarioFile.__doc__, **fields)

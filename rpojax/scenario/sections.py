@@ -409,8 +409,11 @@ class GpsDifferencesSection(Section):
     slow_error_time_constant_s: Positive = 700.0
 
 
-class TuningSection(Section):
-    """Weights of the objective that `rpojax tune` minimises; no simulation depends on them."""
+class TuningSection(OptionalKeys):
+    """Weights of the objective that `rpojax tune` minimises; no simulation depends on them.
+
+    `metrics` has weights of further metrics by name, negative where more is better.
+    """
 
     innovations: NonNegative = 1.0
     estimate: NonNegative = 3.0
@@ -419,3 +422,4 @@ class TuningSection(Section):
     formation: NonNegative = 0.5
     delta_v: NonNegative = 0.15
     pointing: NonNegative = 0.05
+    metrics: dict[str, Finite] | None = None
