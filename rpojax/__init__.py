@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rpojax.dispersions.designs.run_range import RunRange
     from rpojax.errors import RpojaxError
     from rpojax.flight.stages import Stages
-    from rpojax.interop.tables.export import export
+    from rpojax.interop.export import export
     from rpojax.report.page.html_report import write_report
     from rpojax.runtime.jax_environment import prepare_process
     from rpojax.scenario.loading.scenario_loader import load
@@ -57,7 +57,7 @@ _MODULE_OF = {
     "State": "simulation.state",
     "Telemetry": "simulation.telemetry",
     "compare": "analysis.statistics.campaign_comparison",
-    "export": "interop.tables.export",
+    "export": "interop.export",
     "gradient": "analysis.gradients.scenario_gradient",
     "init": "simulation.initial_state",
     "initialise_run": "campaign.single_run",

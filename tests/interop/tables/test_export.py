@@ -14,9 +14,9 @@ import scipy.io
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import main
 from rpojax.errors import OutputError, RpojaxError
+from rpojax.interop.export import export
 from rpojax.interop.tables import table_files
 from rpojax.interop.tables.campaign_tables import TABLE_NAMES
-from rpojax.interop.tables.export import export
 
 Tables = dict[str, dict[str, np.ndarray]]
 
@@ -142,7 +142,7 @@ def test_names_of_fields_are_those_of_matlab_and_differ() -> None:
     [
         ({"form": "xlsx"}, "form: found 'xlsx'"),
         ({"what": ["metric"]}, "what: found 'metric'"),
-        ({"what": []}, "what: found nothing"),
+        ({"what": []}, "what: found ''"),
         ({"run_id": 7}, "run_id: found 7"),
         ({"what": ["history"], "run_id": 1}, "run 1: found no history"),
     ],
