@@ -33,6 +33,7 @@ from rpojax.cli.commands.export_bag import export_bag
 from rpojax.cli.commands.export_rrd import export_rrd
 from rpojax.cli.commands.film import film
 from rpojax.cli.commands.lincov import lincov
+from rpojax.cli.commands.new import new
 from rpojax.cli.commands.report import report
 from rpojax.cli.commands.rerun import rerun
 from rpojax.cli.commands.resume import resume
@@ -67,6 +68,7 @@ COMMANDS: tuple[Callable[..., int], ...] = (
     bridge,
     bench,
     film,
+    new,
     validate,
     schema,
 )

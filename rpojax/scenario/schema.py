@@ -42,6 +42,7 @@ from rpojax.scenario.sections import (
     SafetySection,
     ServicerSection,
     StarTrackerSection,
+    StartSection,
     SunlightSection,
     SurfaceSection,
     TargetSection,
@@ -138,9 +139,14 @@ class ServicerChanges(OptionalKeys):
         return self.model_dump(exclude={"name", "decision_offset_s"})
 
 
+FORMAT_VERSION: Final = 2
+"""Version of the format of scenario files; `scenario/loading/format_migration.py` says what changed."""
+
+
 class ScenarioFile(AdditionalSensors):
     """A whole scenario, in the units of its keys."""
 
+    format_version: Annotated[int, Field(ge=FORMAT_VERSION, le=FORMAT_VERSION)] = FORMAT_VERSION
     name: Annotated[str, Field(min_length=1)]
     description: str
     duration_s: Positive
@@ -150,6 +156,7 @@ class ScenarioFile(AdditionalSensors):
     epoch_utc: Epoch
     effects: EffectsSection
     rates: RatesSection
+    start: StartSection | None = None
     orbit: OrbitSection
     initial: InitialSection
     atmosphere: AtmosphereSection
@@ -193,7 +200,7 @@ class ScenarioFile(AdditionalSensors):
     @classmethod
     def absent_keys(cls) -> Iterable[str]:
         """Further keys that are left out where they are None."""
-        return ("plugin", "plugin_sha256")
+        return ("plugin", "plugin_sha256", "start")
 
 
 @functools.cache

@@ -1,6 +1,7 @@
 """Scenario files, packaged or of the user, read and validated."""
 
 import copy
+import functools
 import tomllib
 from collections.abc import Mapping, Sequence
 from importlib import resources
@@ -12,7 +13,7 @@ from pydantic import ValidationError
 from rpojax.errors import RpojaxError, ScenarioError
 from rpojax.scenario.checks.consistency_checks import check_consistency
 from rpojax.scenario.checks.validation_errors import first_error
-from rpojax.scenario.loading import case_table_csv
+from rpojax.scenario.loading import case_table_csv, format_migration
 from rpojax.scenario.loading.replaced_nominals import Layer, check_no_replaced_key_is_set
 from rpojax.scenario.loading.table_merging import apply_override, merge
 from rpojax.scenario.plugins import plugin_file, plugin_registry
@@ -51,6 +52,12 @@ def load(
     """
     layers, tables = _merge_files(_read_files(source))
     _find_plugin(tables, allow_plugin, plugin)
+    if "start" in tables:
+        # Imported here because it needs JAX's constants, which other scenarios do without.
+        from rpojax.scenario.loading.starts import start_files
+
+        without_start = copy.deepcopy(tables)
+        layers.append(Layer(without_start, start_files.resolve_start(tables)))
     before = copy.deepcopy(tables)
     changes: dict[str, Any] = {}
     for override in overrides:
@@ -131,10 +138,13 @@ def _read_files(source: str | Path, depth: int = 0) -> list[dict[str, Any]]:
     _resolve_paths(tables, folder)
     base = tables.pop("extends", None)
     if base is None:
+        format_migration.migrate(tables, {}, str(source))
         return [tables]
     if not isinstance(base, str):
         raise ScenarioError("extends", base, "the name of a packaged scenario or the path of a TOML file")
-    return [*_read_files(base if base in packaged_names() else folder / base, depth + 1), tables]
+    extended = _read_files(base if base in packaged_names() else folder / base, depth + 1)
+    format_migration.migrate(tables, functools.reduce(merge, extended, {}), str(source))
+    return [*extended, tables]
 
 
 def _read_text(source: str | Path) -> tuple[str, Path]:
@@ -154,6 +164,10 @@ def _resolve_paths(tables: dict[str, Any], folder: Path) -> None:
     """Makes the paths of trained files and of a case table absolute."""
     if isinstance(reference := tables.get("plugin"), str):
         tables["plugin"] = plugin_file.absolute_reference(reference, folder)
+    start = tables.get("start")
+    for key in ("target", "servicer"):
+        if isinstance(start, dict) and isinstance(name := start.get(key), str):
+            start[key] = str((folder / name).resolve())
     imaging = tables.get("imaging")
     for key in trained_files.PACKAGED_FILES:
         name = imaging.get(key) if isinstance(imaging, dict) else None

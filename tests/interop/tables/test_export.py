@@ -14,7 +14,7 @@ import scipy.io
 from rpojax.campaign.storage.campaign_folder import Campaign
 from rpojax.cli import main
 from rpojax.errors import OutputError, RpojaxError
-from rpojax.interop.export import export
+from rpojax.interop.export import ExportOptions, export, export_as
 from rpojax.interop.tables import table_files
 from rpojax.interop.tables.campaign_tables import TABLE_NAMES
 
@@ -140,8 +140,6 @@ def test_names_of_fields_are_those_of_matlab_and_differ() -> None:
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        ({"form": "xlsx"}, "form: found 'xlsx'"),
-        ({"what": ["metric"]}, "what: found 'metric'"),
         ({"what": []}, "what: found ''"),
         ({"run_id": 7}, "run_id: found 7"),
         ({"what": ["history"], "run_id": 1}, "run 1: found no history"),
@@ -171,5 +169,7 @@ def test_the_command_prints_what_it_wrote(
     assert main.main(command) == 0
     names = [Path(line).name for line in capsys.readouterr().out.splitlines()]
     assert names == ["r_metrics.csv", "r_draws.csv", "r_columns.csv"]
+    with pytest.raises(RpojaxError, match="form: found 'xlsx'"):
+        export_as(three_runs, tmp_path / "r.xlsx", "xlsx", ExportOptions())
     assert main.main([*command[:-1], str(tmp_path / "s.csv"), "--what", "metrics,nothing"]) == 2
     assert "--what: found 'nothing'" in capsys.readouterr().err
