@@ -1,0 +1,111 @@
+"""Scale annealing: failures of a wider distribution are moved to the nominal one, which needs no ranking by margins.
+
+Points of a distribution whose normal numbers are several times wider fail often, and in every failure region in turn. A
+sequence of narrower distributions, each restricted to failure, leads to the nominal one: resampling by the ratio of the
+densities, then moves of chains that stay inside failure (sequential Monte Carlo; Del Moral, Doucet and Jasra 2006).
+Margins only say whether a point fails, so that a margin which leads astray does not matter.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints
+from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls
+from rpojax.analysis.reliability.rare_events.probability_estimate import LevelRecord
+from rpojax.analysis.reliability.rare_events.subset_simulation import walk
+
+_FIRST_SCALES = (3.0, 4.5)
+_MIN_FIRST_FAILURES = 5
+_EFFECTIVE_SHARE = 0.5
+"""Effective sample size after a change of scale, over the number of points."""
+
+
+@dataclass(frozen=True)
+class AnnealingResult:
+    """Result of scale annealing.
+
+    Attributes:
+        failures: points of failure at the last scale
+        scale: last scale that was reached; 1 is the nominal distribution
+        probability: estimate; None where the nominal scale was not reached
+        levels: what each scale did
+    """
+
+    failures: LatentPoints
+    scale: float
+    probability: float | None
+    levels: tuple[LevelRecord, ...]
+
+
+def anneal(calls: LimitStateCalls, rng: np.random.Generator, per_scale: int, most: int) -> AnnealingResult:
+    """Failures at the nominal scale from `per_scale` points on each scale, with at most so many evaluations."""
+    end = calls.used + min(most, calls.left)
+    points, scale, logarithm, levels = _first_failures(calls, rng, per_scale, end)
+    if len(points) < _MIN_FIRST_FAILURES:
+        return AnnealingResult(points, scale, None, tuple(levels))
+    while scale > 1.0:
+        next_scale = _next_scale(points.x, scale)
+        weights = _log_ratio(points.x, scale, next_scale)
+        peak = float(weights.max())
+        shares = np.exp(weights - peak)
+        if calls.used + per_scale > end:
+            return AnnealingResult(points, scale, None, tuple(levels))
+        logarithm += peak + math.log(shares.mean())
+        rows = _systematic_rows(rng, shares / shares.sum(), per_scale)
+        starts = points.rows(rows)
+        walked, margins, moves = walk(
+            calls, rng, starts, np.full(per_scale, -1.0), lambda g: g <= 0.0, per_scale, next_scale
+        )
+        del margins
+        points, scale = walked.rows(slice(per_scale, None)), next_scale
+        levels.append(LevelRecord(f"scale {scale:.2f}", per_scale, acceptance=moves.acceptance))
+    return AnnealingResult(points, scale, math.exp(logarithm), tuple(levels))
+
+
+def _first_failures(
+    calls: LimitStateCalls, rng: np.random.Generator, count: int, end: int
+) -> tuple[LatentPoints, float, float, list[LevelRecord]]:
+    """Failures of the first scale with enough of them, that scale, and the logarithm of their share."""
+    points, scale, logarithm = calls.space.sample(rng, 0), _FIRST_SCALES[0], -math.inf
+    levels: list[LevelRecord] = []
+    for scale in _FIRST_SCALES:
+        if calls.used + count > end:
+            break
+        sampled = calls.space.sample(rng, count, scale)
+        failed = calls.margins(sampled) <= 0.0
+        levels.append(LevelRecord(f"scale {scale:.2f}", count, float(failed.mean())))
+        points = sampled.rows(failed)
+        if len(points) >= _MIN_FIRST_FAILURES:
+            return points, scale, math.log(failed.mean()), levels
+    return points, scale, logarithm, levels
+
+
+def _log_ratio(x: np.ndarray, scale: float, next_scale: float) -> np.ndarray:
+    """Logarithm of the ratio of the densities of two scales at points (n, k)."""
+    squares = np.sum(x**2, axis=1)
+    return x.shape[1] * math.log(scale / next_scale) - 0.5 * squares * (next_scale**-2 - scale**-2)
+
+
+def _next_scale(x: np.ndarray, scale: float) -> float:
+    """Next scale, at least 1, at which the weights of the points keep their share of effective size."""
+
+    def effective_share(candidate: float) -> float:
+        weights = _log_ratio(x, scale, candidate)
+        weights = np.exp(weights - weights.max())
+        return float(weights.sum() ** 2 / (weights**2).sum() / len(weights))
+
+    if effective_share(1.0) >= _EFFECTIVE_SHARE:
+        return 1.0
+    low, high = 1.0, scale
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if effective_share(middle) >= _EFFECTIVE_SHARE else (middle, high)
+    return high
+
+
+def _systematic_rows(rng: np.random.Generator, shares: np.ndarray, count: int) -> np.ndarray:
+    """Rows (count,) chosen in proportion to `shares` by systematic resampling."""
+    places = (rng.random() + np.arange(count)) / count
+    return np.minimum(np.searchsorted(np.cumsum(shares), places), len(shares) - 1)
