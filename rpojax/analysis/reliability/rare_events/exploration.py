@@ -43,7 +43,7 @@ class Exploration:
         if len(outer):
             share = 1.0 if self.annealing.probability is not None else _OUTER_SHARE
             x = outer.x if self.annealing.probability is not None else outer.x / self.annealing.scale**0.5
-            parts.append((x, np.arange(len(x)), share))
+            parts.append((x, self.annealing.families, share))
         if not parts:
             return None
         x = np.concatenate([each for each, _, _ in parts])

@@ -24,6 +24,8 @@ from rpojax.analysis.reliability.rare_events.proposal_fit import WeightedFailure
 MIN_EFFECTIVE = 40.0
 """Effective failures below which weights have degenerated."""
 _MAX_WEIGHT_SHARE = 0.15
+_FITS, _MAX_ROUNDS = 2, 4
+"""Fits to rounds of importance sampling that are wanted, and rounds after which they are given up."""
 _UNCOVERED_FACTOR = 10.0
 """Weight, in multiples of the estimate, above which a failure lies where the proposal hardly draws."""
 _KEPT_OF_PREVIOUS = 0.2
@@ -93,21 +95,23 @@ def draw_round(calls: LimitStateCalls, rng: np.random.Generator, proposal: Mixtu
 
 
 def adapted(
-    calls: LimitStateCalls, rng: np.random.Generator, start: WeightedFailures, counts: tuple[int, ...]
+    calls: LimitStateCalls, rng: np.random.Generator, start: WeightedFailures, count: int
 ) -> tuple[Mixture, list[Round]]:
-    """Proposal after rounds of so many points each, from one for failures that are known at the start, and the rounds.
+    """Proposal after rounds of so many points, from one for failures that are known at the start, and the rounds.
 
     A new proposal is fitted to the failures of all rounds, weighted as points of the mixture of their proposals; as long
     as they are few, to those at the start.
     """
     proposal = proposal_fit.fit_proposal(rng, start)
     rounds: list[Round] = []
-    for count in counts:
+    fits = 0
+    while fits < _FITS and len(rounds) < _MAX_ROUNDS:
         rounds.append(draw_round(calls, rng, proposal, count))
         known = _joint_failures(rounds)
         if known is not None and known.effective_size >= MIN_EFFECTIVE:
             known = dataclasses.replace(known, steepest=start.steepest)
             fitted = proposal_fit.fit_proposal(rng, known)
+            fits += 1
             proposal = mixture([(1.0 - _KEPT_OF_PREVIOUS, fitted), (_KEPT_OF_PREVIOUS, rounds[0].proposal)])
     return proposal, rounds
 

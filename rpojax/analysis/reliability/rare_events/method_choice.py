@@ -61,7 +61,7 @@ def estimate(calls: LimitStateCalls, rng: np.random.Generator, method: MethodCho
         reason = "neither subset simulation nor wider distributions found a failure"
         return plain_sampling.estimate(calls, rng, reason, (first[1],))
     size = max(50, int(_ROUND_SHARE * calls.budget))
-    proposal, rounds = importance_sampling.adapted(calls, rng, failures, (size, size))
+    proposal, rounds = importance_sampling.adapted(calls, rng, failures, size)
     expected = math.sqrt(rounds[-1].variance_of_one / max(1, calls.left))
     poor = expected > _POOR_VARIATION or rounds[-1].effective_size < _MIN_ROUND_EFFECTIVE
     if method == "auto" and poor and found.subset.complete:

@@ -28,12 +28,14 @@ class AnnealingResult:
 
     Attributes:
         failures: points of failure at the last scale
+        families: (n,) equal for failures that descend from one point of the first scale
         scale: last scale that was reached; 1 is the nominal distribution
         probability: estimate; None where the nominal scale was not reached
         levels: what each scale did
     """
 
     failures: LatentPoints
+    families: np.ndarray
     scale: float
     probability: float | None
     levels: tuple[LevelRecord, ...]
@@ -43,15 +45,16 @@ def anneal(calls: LimitStateCalls, rng: np.random.Generator, per_scale: int, mos
     """Failures at the nominal scale from `per_scale` points on each scale, with at most so many evaluations."""
     end = calls.used + min(most, calls.left)
     points, scale, logarithm, levels = _first_failures(calls, rng, per_scale, end)
+    families = np.arange(len(points))
     if len(points) < _MIN_FIRST_FAILURES:
-        return AnnealingResult(points, scale, None, tuple(levels))
+        return AnnealingResult(points, families, scale, None, tuple(levels))
     while scale > 1.0:
         next_scale = _next_scale(points.x, scale)
         weights = _log_ratio(points.x, scale, next_scale)
         peak = float(weights.max())
         shares = np.exp(weights - peak)
         if calls.used + per_scale > end:
-            return AnnealingResult(points, scale, None, tuple(levels))
+            return AnnealingResult(points, families, scale, None, tuple(levels))
         logarithm += peak + math.log(shares.mean())
         rows = _systematic_rows(rng, shares / shares.sum(), per_scale)
         starts = points.rows(rows)
@@ -59,9 +62,9 @@ def anneal(calls: LimitStateCalls, rng: np.random.Generator, per_scale: int, mos
             calls, rng, starts, np.full(per_scale, -1.0), lambda g: g <= 0.0, per_scale, next_scale
         )
         del margins
-        points, scale = walked.rows(slice(per_scale, None)), next_scale
+        points, families, scale = walked.rows(slice(per_scale, None)), families[rows], next_scale
         levels.append(LevelRecord(f"scale {scale:.2f}", per_scale, acceptance=moves.acceptance))
-    return AnnealingResult(points, scale, math.exp(logarithm), tuple(levels))
+    return AnnealingResult(points, families, scale, math.exp(logarithm), tuple(levels))
 
 
 def _first_failures(
