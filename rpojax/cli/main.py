@@ -29,6 +29,7 @@ from rpojax.cli.commands.export_bag import export_bag
 from rpojax.cli.commands.export_rrd import export_rrd
 from rpojax.cli.commands.film import film
 from rpojax.cli.commands.lincov import lincov
+from rpojax.cli.commands.probability import probability
 from rpojax.cli.commands.report import report
 from rpojax.cli.commands.rerun import rerun
 from rpojax.cli.commands.resume import resume
@@ -57,6 +58,7 @@ COMMANDS: tuple[Callable[..., int], ...] = (
     tune,
     sensitivity,
     worst_case,
+    probability,
     export_bag,
     export_rrd,
     bridge,

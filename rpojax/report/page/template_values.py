@@ -13,6 +13,7 @@ from rpojax.report.figures.charts.plotly_charts import Chart
 from rpojax.report.figures.charts.scatter_explorer import scatter_explorer
 from rpojax.report.mission import abort_section, phase_section, phase_timeline
 from rpojax.report.page.camera_sheet import CameraSheet
+from rpojax.report.rare_failures import probability_page
 from rpojax.report.sections import (
     consistency_section,
     convergence_section,
@@ -116,6 +117,7 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any]) -> dict[
         "tiles": headline_section.headline_tiles(content),
         "metric_rows": metrics_section.metric_rows(campaign, content),
         "safety": safety_section.rows(content["safety"]),
+        "rare_failures": probability_page.section(content["rare_failures"]),
         "entries": content["safety"]["entries"]["run_ids"],
         "mission": _mission_values(content),
         "team": team_tables.tables(content),

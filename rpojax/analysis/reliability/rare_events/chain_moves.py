@@ -51,7 +51,7 @@ class ChainMoves:
         redraws = rng.random(count) < _KEY_MOVE_SHARE
         chosen = rng.random(points.keys.shape) < self.key_share
         chosen[np.arange(count), rng.integers(0, blocks, count)] = True
-        fresh = rng.integers(0, KEY_LIMIT, points.keys.shape, dtype=np.uint32)
+        fresh = rng.integers(1, KEY_LIMIT, points.keys.shape, dtype=np.uint32)
         keys = np.where(chosen & redraws[:, None], fresh, points.keys)
         return LatentPoints(np.where(redraws[:, None], points.x, moved), keys), redraws
 

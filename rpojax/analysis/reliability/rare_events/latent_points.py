@@ -45,16 +45,22 @@ class LatentSpace:
     Attributes:
         dimension: number of standard normal numbers, those of noise that is small enough to be moved included
         key_blocks: number of noise keys
+        first_is_of_all: whether the first key is that of all noise whose own key is zero
     """
 
     dimension: int
     key_blocks: int
+    first_is_of_all: bool = False
 
-    def with_fresh_noise(self, rng: np.random.Generator, x: np.ndarray) -> LatentPoints:
-        """Points with given normal numbers (n, k) and new noise."""
-        keys = rng.integers(0, KEY_LIMIT, (len(x), self.key_blocks), dtype=np.uint32)
+    def with_fresh_noise(self, rng: np.random.Generator, x: np.ndarray, in_blocks: bool = False) -> LatentPoints:
+        """Points with given normal numbers (n, k) and new noise, `in_blocks` with a key for each block."""
+        keys = rng.integers(1, KEY_LIMIT, (len(x), self.key_blocks), dtype=np.uint32)
+        if self.first_is_of_all and not in_blocks:
+            keys[:, 1:] = 0
         return LatentPoints(x, keys)
 
-    def sample(self, rng: np.random.Generator, count: int, scale: float = 1.0) -> LatentPoints:
+    def sample(
+        self, rng: np.random.Generator, count: int, scale: float = 1.0, in_blocks: bool = False
+    ) -> LatentPoints:
         """Independent points of the nominal distribution, or of one whose normal numbers are `scale` times wider."""
-        return self.with_fresh_noise(rng, scale * rng.standard_normal((count, self.dimension)))
+        return self.with_fresh_noise(rng, scale * rng.standard_normal((count, self.dimension)), in_blocks)

@@ -46,7 +46,7 @@ def estimate(calls: LimitStateCalls, rng: np.random.Generator, method: MethodCho
     """Probability of failure by a method, or by the one that suits the limit state."""
     if method == "plain":
         return plain_sampling.estimate(calls, rng, "asked for")
-    points = calls.space.sample(rng, int(exploration.FIRST_SHARE * calls.budget))
+    points = calls.space.sample(rng, int(exploration.FIRST_SHARE * calls.budget), in_blocks=True)
     first = (points, calls.margins(points))
     if method == "subset":
         return _by_subset(calls, rng, first, "asked for")

@@ -76,7 +76,7 @@ def _first_failures(
     for scale in _FIRST_SCALES:
         if calls.used + count > end:
             break
-        sampled = calls.space.sample(rng, count, scale)
+        sampled = calls.space.sample(rng, count, scale, in_blocks=True)
         failed = calls.margins(sampled) <= 0.0
         levels.append(LevelRecord(f"scale {scale:.2f}", count, float(failed.mean())))
         points = sampled.rows(failed)

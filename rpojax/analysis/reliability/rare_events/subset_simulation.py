@@ -117,7 +117,7 @@ def _first_samples(
     parts = [] if first is None else [first]
     missing = min(count - sum(len(points) for points, _ in parts), calls.left)
     if missing > 0:
-        points = calls.space.sample(rng, missing)
+        points = calls.space.sample(rng, missing, in_blocks=True)
         parts.append((points, calls.margins(points)))
     margins = np.concatenate([margins for _, margins in parts])
     return ChainSamples(concatenated([points for points, _ in parts]), margins, np.arange(len(margins)), True)
