@@ -17,7 +17,7 @@ _LEVEL_SHARE, _SUBSET_SHARE = 0.05, 0.35
 _SCALE_SHARE, _ANNEALING_SHARE = 0.03, 0.25
 _MIN_LEVEL, _MIN_SCALE = 60, 40
 _OUTER_SHARE = 0.3
-"""Weight of failures that only annealing found while it was wider than the nominal distribution."""
+"""Factor on the weight of failures that only annealing found while it was wider than the nominal distribution."""
 
 
 @dataclass(frozen=True)
@@ -34,14 +34,15 @@ class Exploration:
 
     @property
     def failures(self) -> WeightedFailures | None:
-        """Failures that were found, half of the weight from each search; None without any."""
+        """Failures that were found, each search with a weight as it has independent chains; None without any."""
         points, chains = self.subset.failures
         parts: list[tuple[np.ndarray, np.ndarray, float]] = []
         if len(points):
-            parts.append((points.x, chains, 1.0))
+            parts.append((points.x, chains, float(len(np.unique(chains)))))
         outer = self.annealing.failures
         if len(outer):
-            share = 1.0 if self.annealing.probability is not None else _OUTER_SHARE
+            families = len(np.unique(self.annealing.families))
+            share = families if self.annealing.probability is not None else _OUTER_SHARE * families
             x = outer.x if self.annealing.probability is not None else outer.x / self.annealing.scale**0.5
             parts.append((x, self.annealing.families, share))
         if not parts:

@@ -26,6 +26,8 @@ MIN_EFFECTIVE = 40.0
 _MAX_WEIGHT_SHARE = 0.15
 _FITS, _MAX_ROUNDS = 2, 4
 """Fits to rounds of importance sampling that are wanted, and rounds after which they are given up."""
+_CAUTION = 1.15
+"""Factor on the reach of the interval: a sample rarely holds the largest weights, so that it understates its variance."""
 _UNCOVERED_FACTOR = 10.0
 """Weight, in multiples of the estimate, above which a failure lies where the proposal hardly draws."""
 _KEPT_OF_PREVIOUS = 0.2
@@ -99,8 +101,8 @@ def adapted(
 ) -> tuple[Mixture, list[Round]]:
     """Proposal after rounds of so many points, from one for failures that are known at the start, and the rounds.
 
-    A new proposal is fitted to the failures of all rounds, weighted as points of the mixture of their proposals; as long
-    as they are few, to those at the start.
+    A new proposal is fitted to the failures of all rounds, weighted as points of the mixture of their proposals. Weights
+    that a few points dominate are flattened by an exponent below 1, so that the fit moves part of the way.
     """
     proposal = proposal_fit.fit_proposal(rng, start)
     rounds: list[Round] = []
@@ -108,12 +110,24 @@ def adapted(
     while fits < _FITS and len(rounds) < _MAX_ROUNDS:
         rounds.append(draw_round(calls, rng, proposal, count))
         known = _joint_failures(rounds)
-        if known is not None and known.effective_size >= MIN_EFFECTIVE:
-            known = dataclasses.replace(known, steepest=start.steepest)
+        if known is not None and len(known.x) >= MIN_EFFECTIVE:
+            exponent = _tempering(known.weights)
+            known = dataclasses.replace(known, weights=known.weights**exponent, steepest=start.steepest)
             fitted = proposal_fit.fit_proposal(rng, known)
-            fits += 1
+            fits += exponent == 1.0
             proposal = mixture([(1.0 - _KEPT_OF_PREVIOUS, fitted), (_KEPT_OF_PREVIOUS, rounds[0].proposal)])
     return proposal, rounds
+
+
+def _tempering(weights: np.ndarray) -> float:
+    """Greatest exponent, at most 1, with which weights (n,) have the least effective size."""
+    if effective_size(weights) >= MIN_EFFECTIVE:
+        return 1.0
+    low, high = 0.0, 1.0
+    for _ in range(20):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if effective_size(weights**middle) >= MIN_EFFECTIVE else (low, middle)
+    return low
 
 
 def _joint_failures(rounds: list[Round]) -> WeightedFailures | None:
@@ -136,13 +150,8 @@ def level_record(name: str, found: Round) -> LevelRecord:
 
 def interval(found: Round) -> tuple[float, float]:
     """95 % interval, wider where few failures carry the weight (Student's factor for the effective size)."""
-    size = max(found.effective_size, 2.0)
-    confidence = 1.0 - 2.0 * _normal_tail(float(student.ppf(0.975, size)))
-    return log_normal_interval(found.probability, found.variation, confidence)
-
-
-def _normal_tail(reach: float) -> float:
-    return 0.5 * math.erfc(reach / math.sqrt(2.0))
+    reach = _CAUTION * float(student.ppf(0.975, max(found.effective_size, 2.0)))
+    return log_normal_interval(found.probability, found.variation, math.erf(reach / math.sqrt(2.0)))
 
 
 def weight_warnings(found: Round) -> list[str]:

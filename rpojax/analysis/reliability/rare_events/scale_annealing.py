@@ -11,13 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints
+from rpojax.analysis.reliability.rare_events.chain_moves import ChainMoves, spread
+from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, concatenated
 from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls
 from rpojax.analysis.reliability.rare_events.probability_estimate import LevelRecord
-from rpojax.analysis.reliability.rare_events.subset_simulation import walk
 
 _FIRST_SCALES = (3.0, 4.5)
 _MIN_FIRST_FAILURES = 5
+_FIRST_STEP, _PARTS = 0.6, 4
 _EFFECTIVE_SHARE = 0.5
 """Effective sample size after a change of scale, over the number of points."""
 
@@ -45,7 +46,7 @@ def anneal(calls: LimitStateCalls, rng: np.random.Generator, per_scale: int, mos
     """Failures at the nominal scale from `per_scale` points on each scale, with at most so many evaluations."""
     end = calls.used + min(most, calls.left)
     points, scale, logarithm, levels = _first_failures(calls, rng, per_scale, end)
-    families = np.arange(len(points))
+    families, factor = np.arange(len(points)), _FIRST_STEP
     if len(points) < _MIN_FIRST_FAILURES:
         return AnnealingResult(points, families, scale, None, tuple(levels))
     while scale > 1.0:
@@ -57,14 +58,28 @@ def anneal(calls: LimitStateCalls, rng: np.random.Generator, per_scale: int, mos
             return AnnealingResult(points, families, scale, None, tuple(levels))
         logarithm += peak + math.log(shares.mean())
         rows = _systematic_rows(rng, shares / shares.sum(), per_scale)
-        starts = points.rows(rows)
-        walked, margins, moves = walk(
-            calls, rng, starts, np.full(per_scale, -1.0), lambda g: g <= 0.0, per_scale, next_scale
-        )
-        del margins
-        points, families, scale = walked.rows(slice(per_scale, None)), families[rows], next_scale
-        levels.append(LevelRecord(f"scale {scale:.2f}", per_scale, acceptance=moves.acceptance))
+        points, acceptance, factor = _moved(calls, rng, points.rows(rows), next_scale, factor)
+        families, scale = families[rows], next_scale
+        levels.append(LevelRecord(f"scale {scale:.2f}", per_scale, acceptance=acceptance))
     return AnnealingResult(points, families, scale, math.exp(logarithm), tuple(levels))
+
+
+def _moved(
+    calls: LimitStateCalls, rng: np.random.Generator, points: LatentPoints, scale: float, factor: float
+) -> tuple[LatentPoints, float, float]:
+    """Failures after a move of each, the share of accepted moves, and the adapted step.
+
+    The points move in parts, so that the step follows the acceptance of those before.
+    """
+    moves = ChainMoves(spread(points.x) / scale, scale, factor)
+    parts = []
+    for rows in np.array_split(np.arange(len(points)), _PARTS):
+        part = points.rows(rows)
+        proposed, redraws = moves.propose(rng, part)
+        accepted = calls.margins(proposed) <= 0.0
+        moves.adapt(accepted, redraws)
+        parts.append(part.replaced(accepted, proposed))
+    return concatenated(parts), moves.acceptance, moves.factor
 
 
 def _first_failures(

@@ -17,6 +17,7 @@ MIN_PROBABILITY = 1e-14
 _FLAT_SHARE = 0.5
 """Share of points at or below the threshold of a level above which margins are too equal to rank them."""
 _MIN_ACCEPTANCE = 0.1
+_FIRST_STEP = 0.8
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ def simulate(
     end = calls.used + min(most, calls.left)
     samples = _first_samples(calls, rng, per_level, first)
     levels, squares, probability, mixing = [], 0.0, 1.0, True
-    acceptance, threshold, previous = None, math.inf, samples
+    acceptance, threshold, previous, factor = None, math.inf, samples, _FIRST_STEP
     while True:
         margins, count = samples.margins, len(samples.margins)
         failures = int((margins <= 0.0).sum())
@@ -102,8 +103,8 @@ def simulate(
         probability *= share
         squares += _squared_variation(samples, inside)
         threshold, previous = new_threshold, samples
-        samples, moves = _next_samples(calls, rng, samples, inside, threshold, per_level)
-        acceptance = moves.acceptance
+        samples, moves = _next_samples(calls, rng, samples, inside, threshold, per_level, factor)
+        acceptance, factor = moves.acceptance, moves.factor
         mixing = mixing and acceptance > _MIN_ACCEPTANCE
 
 
@@ -130,12 +131,13 @@ def _next_samples(
     inside: np.ndarray,
     threshold: float,
     count: int,
+    factor: float,
 ) -> tuple[ChainSamples, ChainMoves]:
     """Points of the next level by chains from those inside the threshold."""
     rows = rng.permutation(np.flatnonzero(inside))
     rows = rows[: max(1, math.ceil(LEVEL_PROBABILITY * count))]
     points, margins, moves = walk(
-        calls, rng, samples.points.rows(rows), samples.margins[rows], lambda g: g <= threshold, count - len(rows)
+        calls, rng, samples.points.rows(rows), samples.margins[rows], lambda g: g <= threshold, count - len(rows), factor
     )
     return ChainSamples(points, margins, np.arange(len(margins)) % len(rows), False), moves
 
@@ -147,10 +149,10 @@ def walk(
     margins: np.ndarray,
     is_inside: Callable[[np.ndarray], np.ndarray],
     new_points: int,
-    scale: float = 1.0,
+    factor: float = 0.8,
 ) -> tuple[LatentPoints, np.ndarray, ChainMoves]:
     """Points of chains from starts (n,), the starts first, then step by step; the last step may be of fewer chains."""
-    moves = ChainMoves(spread(points.x) / scale, scale)
+    moves = ChainMoves(spread(points.x), factor=factor)
     all_points, all_margins = [points], [margins]
     while new_points > 0:
         count = min(len(points), new_points)
