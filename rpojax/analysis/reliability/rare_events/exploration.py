@@ -15,7 +15,7 @@ FIRST_SHARE = 0.08
 """Share of the budget for the first plain samples."""
 _LEVEL_SHARE, _SUBSET_SHARE = 0.05, 0.35
 _SCALE_SHARE, _ANNEALING_SHARE = 0.03, 0.25
-_MIN_LEVEL, _MIN_SCALE = 60, 40
+_MIN_LEVEL, _MIN_SCALE = 20, 12
 _OUTER_SHARE = 0.3
 """Factor on the weight of failures that only annealing found while it was wider than the nominal distribution."""
 

@@ -107,7 +107,7 @@ def adapted(
     proposal = proposal_fit.fit_proposal(rng, start)
     rounds: list[Round] = []
     fits = 0
-    while fits < _FITS and len(rounds) < _MAX_ROUNDS:
+    while not rounds or (fits < _FITS and len(rounds) < _MAX_ROUNDS and calls.left >= 4 * count):
         rounds.append(draw_round(calls, rng, proposal, count))
         known = _joint_failures(rounds)
         if known is not None and len(known.x) >= MIN_EFFECTIVE:

@@ -60,7 +60,7 @@ def estimate(calls: LimitStateCalls, rng: np.random.Generator, method: MethodCho
     if failures is None:
         reason = "neither subset simulation nor wider distributions found a failure"
         return plain_sampling.estimate(calls, rng, reason, (first[1],))
-    size = max(50, int(_ROUND_SHARE * calls.budget))
+    size = min(max(20, int(_ROUND_SHARE * calls.budget)), calls.left // 2)
     proposal, rounds = importance_sampling.adapted(calls, rng, failures, size)
     expected = math.sqrt(rounds[-1].variance_of_one / max(1, calls.left))
     poor = expected > _POOR_VARIATION or rounds[-1].effective_size < _MIN_ROUND_EFFECTIVE

@@ -30,6 +30,8 @@ _PATIENCE = 2
 """Numbers of components in a row that are no better before the search ends."""
 _MAX_POINTS = 1200
 _FOLDS = 2
+_MIN_FOLD = 4
+"""Failures of a fold below which one Gaussian, or in many dimensions the radial law, is taken without comparison."""
 _INDEPENDENT = 0.1
 """Part of a direction outside of a subspace above which it is added to it."""
 _WIDENED = 1.25
@@ -64,6 +66,9 @@ def fit_proposal(rng: np.random.Generator, failures: WeightedFailures) -> Mixtur
     """Proposal for weighted failures, with a nominal and a wide part that bound its weights."""
     x, weights, groups = _thinned(rng, failures)
     folds = _folds(rng, groups)
+    if min(int((folds == fold).sum()) for fold in range(_FOLDS)) < _MIN_FOLD:
+        dimension = x.shape[1]
+        return _assembled(rng, x, weights, np.eye(dimension) if dimension <= _WHOLE_SPACE_DIMENSION else None, 1)
     best: tuple[float, tuple[np.ndarray | None, int]] | None = None
     for basis in _bases(x, weights, failures):
         best_here, worse = -np.inf, 0
