@@ -1,4 +1,4 @@
-"""Limit states whose probability of failure is known: public benchmark problems, and others with answers by quadrature."""
+"""Limit states whose probability of failure is known: of a public benchmark, and others, with answers by quadrature."""
 
 import math
 from collections.abc import Callable
@@ -150,14 +150,28 @@ HELD_OUT = (
     Problem("ten planes, 10 d", lambda z: 4.0 - jnp.max(z, axis=1), 10, float(-np.expm1(10 * np.log(norm.cdf(4.0))))),
     Problem("sphere, 50 d", lambda z: float(chi2.isf(1e-4, 50)) - jnp.sum(z**2, axis=1), 50, 1e-4),
     Problem("corner, 4 d", _corner, 4, float(norm.sf(1.8) ** 3)),
-    Problem("ring, 2 d", lambda z: jnp.abs(jnp.linalg.norm(z, axis=1) - 4.5) - 0.1, 2, math.exp(-9.68) - math.exp(-10.58)),
+    Problem(
+        "ring, 2 d", lambda z: jnp.abs(jnp.linalg.norm(z, axis=1) - 4.5) - 0.1, 2, math.exp(-9.68) - math.exp(-10.58)
+    ),
     Problem("wave, 2 d", _wave, 2, _average(lambda y: float(norm.sf(3.8 + 0.3 * math.sin(8.0 * y))))),
     Problem("bowl, 30 d", _bowl, 30, _average(lambda y: float(norm.sf(3.5 - 0.1 * y * y)))),
-    Problem("flat, 2 d", lambda z: jnp.where(jnp.sum(z, axis=1) > 5.5, -1.0, 1.0), 2, float(norm.sf(5.5 / math.sqrt(2.0)))),
-    Problem("flat, 10 d", lambda z: jnp.where(jnp.sum(z, axis=1) > 4.0 * math.sqrt(10.0), -1.0, 1.0), 10, float(norm.sf(4.0))),
+    Problem(
+        "flat, 2 d", lambda z: jnp.where(jnp.sum(z, axis=1) > 5.5, -1.0, 1.0), 2, float(norm.sf(5.5 / math.sqrt(2.0)))
+    ),
+    Problem(
+        "flat, 10 d",
+        lambda z: jnp.where(jnp.sum(z, axis=1) > 4.0 * math.sqrt(10.0), -1.0, 1.0),
+        10,
+        float(norm.sf(4.0)),
+    ),
     Problem("steps, 3 d", lambda z: jnp.floor(2.0 * (4.2 - z[:, 0])) / 2.0, 3, float(norm.sf(3.7))),
     Problem("undefined far out, 2 d", _undefined_far_out, 2, float(norm.sf(4.0))),
-    Problem("unequal planes, 5 d", lambda z: jnp.minimum(3.5 - z[:, 0], 2.0 * (4.0 + z[:, 1])), 5, float(norm.sf(3.5) + norm.sf(4.0))),
+    Problem(
+        "unequal planes, 5 d",
+        lambda z: jnp.minimum(3.5 - z[:, 0], 2.0 * (4.0 + z[:, 1])),
+        5,
+        float(norm.sf(3.5) + norm.sf(4.0)),
+    ),
     Problem("never", lambda z: 5.0 + z[:, 0] ** 2, 4, 0.0),
     Problem("always", lambda z: -1.0 - z[:, 0] ** 2, 4, 1.0),
     Problem("frequent", lambda z: 0.5 - z[:, 0], 2, float(norm.sf(0.5))),

@@ -1,4 +1,4 @@
-"""Plain sampling of a failure of a scenario: how many of so many runs fail, kept in a file that goes on where it ended."""
+"""Plain sampling of a failure of a scenario: how many of so many runs fail, in a file that goes on where it ended."""
 
 import argparse
 import json

@@ -257,9 +257,7 @@ class BatchEngine:
         _, channels = self._loop_traces.outputs
         return sorted(channels)
 
-    def prepare(
-        self, seed: int, run_ids: np.ndarray, assigned: Mapping[str, np.ndarray] | None = None
-    ) -> PreparedRuns:
+    def prepare(self, seed: int, run_ids: np.ndarray, assigned: Mapping[str, np.ndarray] | None = None) -> PreparedRuns:
         """Dispersed values and initial states of `capacity` runs.
 
         `assigned` rows (capacity, ...) stand in place of what the design assigns to the runs' numbers.
@@ -293,9 +291,7 @@ class BatchEngine:
         parts = [None] * len(self.devices) if redrawn is None else redrawn.split(len(self.devices))
         batches = [
             _DeviceBatch(program, *inputs, redrawn=part)
-            for program, inputs, part in zip(
-                self._programs[1].programs, prepared.device_inputs, parts, strict=True
-            )
+            for program, inputs, part in zip(self._programs[1].programs, prepared.device_inputs, parts, strict=True)
         ]
         segments = device_programs.call_in_threads([batch.advance for batch in batches], self.segment_count)
         with contextlib.closing(segments):

@@ -1,4 +1,4 @@
-"""The command `rpojax probability`: how likely a run is to fail, also where failures are too rare to be met by chance."""
+"""The command `rpojax probability`: how likely a run is to fail, also where plain runs hardly ever do."""
 
 from pathlib import Path
 from typing import Annotated, Any

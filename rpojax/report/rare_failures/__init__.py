@@ -1,1 +1,1 @@
-"""Rare failures in the report: probabilities from `rpojax probability`, and requirements that plain runs cannot verify."""
+"""Rare failures in the report: estimated probabilities, and requirements that plain runs cannot verify."""

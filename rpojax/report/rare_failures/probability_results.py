@@ -40,7 +40,9 @@ def _wanted(campaign: CampaignResults, entry: Mapping[str, Any]) -> dict[str, An
         "metric": entry["metric"],
         "allowed": 1.0 - entry["probability"],
         "plain_runs": rare_requirements.plain_runs(entry["probability"], entry["consumer_risk"]),
-        "command": rare_requirements.command(str(campaign.info.get("name", source)), entry["metric"], shlex.quote(str(out))),
+        "command": rare_requirements.command(
+            str(campaign.info.get("name", source)), entry["metric"], shlex.quote(str(out))
+        ),
     }
 
 

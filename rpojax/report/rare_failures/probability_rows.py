@@ -21,8 +21,8 @@ def sentences(content: Mapping[str, Any]) -> list[str]:
     low, high = content["interval_95"]
     cov = content["coefficient_of_variation"]
     found = [
-        f"{content['failure']['words']}: probability {content['probability']:.3g}, 95 % interval {low:.3g} to {high:.3g}"
-        + ("" if content["trusted"] else "; NOT trusted"),
+        f"{content['failure']['words']}: probability {content['probability']:.3g}, "
+        f"95 % interval {low:.3g} to {high:.3g}{'' if content['trusted'] else '; NOT trusted'}",
     ]
     requirement = content["requirement"]
     if requirement is not None:

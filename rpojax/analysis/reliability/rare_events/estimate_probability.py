@@ -64,8 +64,9 @@ def _check(dimension: int, budget: int, seed: int, method: str, noise_dimension:
     ):
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
             raise RpojaxError.of_argument(name, f"found {value!r}, expected a whole number of at least {least}")
+    known = ", ".join(get_args(MethodChoice))
     if method not in get_args(MethodChoice):
-        raise RpojaxError.of_argument("method", f"found {method!r}, expected one of {', '.join(get_args(MethodChoice))}")
+        raise RpojaxError.of_argument("method", f"found {method!r}, expected one of {known}")
 
 
 def _as_limit_function(limit_state: Callable[..., Any], dimension: int, noise_dimension: int) -> LimitFunction:

@@ -50,26 +50,10 @@ class Exploration:
         x = np.concatenate([each for each, _, _ in parts])
         weights = np.concatenate([np.full(len(each), share / len(each)) for each, _, share in parts])
         groups = np.concatenate([chains + 10**6 * place for place, (_, chains, _) in enumerate(parts)])
-        return WeightedFailures(x, weights, groups, self.steepest)
-
-    @property
-    def steepest(self) -> np.ndarray | None:
-        """Unit vector (k,) against the slope of a linear regression of margins on points of the last two levels."""
-        levels = (self.subset.previous, self.subset.last)
-        x = np.concatenate([level.points.x for level in levels])
-        margins = np.concatenate([level.margins for level in levels])
-        finite = np.isfinite(margins)
-        if finite.sum() < 2 * x.shape[1] or np.ptp(margins[finite]) == 0.0:
-            return None
-        columns = np.hstack([x[finite], np.ones((int(finite.sum()), 1))])
-        slope = -np.linalg.lstsq(columns, margins[finite], rcond=None)[0][:-1]
-        length = float(np.linalg.norm(slope))
-        return slope / length if length > 0.0 else None
+        return WeightedFailures(x, weights, groups, self.subset.steepest)
 
 
-def explore(
-    calls: LimitStateCalls, rng: np.random.Generator, first: tuple[LatentPoints, np.ndarray]
-) -> Exploration:
+def explore(calls: LimitStateCalls, rng: np.random.Generator, first: tuple[LatentPoints, np.ndarray]) -> Exploration:
     """Searches for failure from plain samples with their margins."""
     budget = calls.budget
     subset = subset_simulation.simulate(

@@ -32,8 +32,8 @@ def fit(rng: np.random.Generator, y: np.ndarray, weights: np.ndarray, components
     """Mixture of so many components for points (n, r) with weights (n,) of sum 1."""
     effective = 1.0 / float(np.sum(weights**2))
     means = _spread_starts(rng, y, weights, components)
-    nearest = np.argmin(((y[:, None, :] - means[None]) ** 2).sum(axis=2), axis=1)
-    shares = np.eye(components)[nearest]
+    distances = np.stack([np.sum((y - mean) ** 2, axis=1) for mean in means])
+    shares = np.eye(components)[np.argmin(distances, axis=0)]
     found, before = _maximise(y, weights, shares, effective), -np.inf
     for _ in range(_ITERATIONS):
         logs = component_logs(found, y)
@@ -53,9 +53,7 @@ def component_logs(found: GaussianMixture, y: np.ndarray) -> np.ndarray:
         factor = np.linalg.cholesky(covariance)
         whitened = np.linalg.solve(factor, (y - mean).T)
         determinant = np.log(np.diag(factor)).sum()
-        columns.append(
-            np.log(weight) - determinant - 0.5 * np.sum(whitened**2, axis=0) - 0.5 * y.shape[1] * _LOG_2PI
-        )
+        columns.append(np.log(weight) - determinant - 0.5 * np.sum(whitened**2, axis=0) - 0.5 * y.shape[1] * _LOG_2PI)
     return np.stack(columns, axis=1)
 
 
@@ -81,6 +79,6 @@ def _maximise(y: np.ndarray, weights: np.ndarray, shares: np.ndarray, effective:
     prior, variance = size + 2.0, _PRIOR_VARIANCE if size <= _FEW else _PRIOR_VARIANCE_MANY
     for k, total in enumerate(totals):
         offset = y - means[k]
-        scatter = effective * (joint[:, k, None] * offset).T @ offset
+        scatter = effective * offset.T @ (offset * joint[:, k].reshape(-1, 1))
         covariances[k] = (scatter + prior * variance * np.eye(size)) / (effective * total + prior)
     return GaussianMixture(totals / totals.sum(), means, covariances)

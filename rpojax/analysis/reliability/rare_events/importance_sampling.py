@@ -27,7 +27,7 @@ _MAX_WEIGHT_SHARE = 0.15
 _FITS, _MAX_ROUNDS = 2, 4
 """Fits to rounds of importance sampling that are wanted, and rounds after which they are given up."""
 _CAUTION = 1.15
-"""Factor on the reach of the interval: a sample rarely holds the largest weights, so that it understates its variance."""
+"""Factor on the reach of the interval: a sample rarely holds the largest weights, and understates its variance."""
 _UNCOVERED_FACTOR = 10.0
 """Weight, in multiples of the estimate, above which a failure lies where the proposal hardly draws."""
 _KEPT_OF_PREVIOUS = 0.2
@@ -101,8 +101,8 @@ def adapted(
 ) -> tuple[Mixture, list[Round]]:
     """Proposal after rounds of so many points, from one for failures that are known at the start, and the rounds.
 
-    A new proposal is fitted to the failures of all rounds, weighted as points of the mixture of their proposals. Weights
-    that a few points dominate are flattened by an exponent below 1, so that the fit moves part of the way.
+    A new proposal is fitted to the failures of all rounds, weighted as points of the mixture of their proposals.
+    Weights that a few points dominate are flattened by an exponent below 1, so that the fit moves part of the way.
     """
     proposal = proposal_fit.fit_proposal(rng, start)
     rounds: list[Round] = []

@@ -59,8 +59,6 @@ class LatentSpace:
             keys[:, 1:] = 0
         return LatentPoints(x, keys)
 
-    def sample(
-        self, rng: np.random.Generator, count: int, scale: float = 1.0, in_blocks: bool = False
-    ) -> LatentPoints:
+    def sample(self, rng: np.random.Generator, count: int, scale: float = 1.0, in_blocks: bool = False) -> LatentPoints:
         """Independent points of the nominal distribution, or of one whose normal numbers are `scale` times wider."""
         return self.with_fresh_noise(rng, scale * rng.standard_normal((count, self.dimension)), in_blocks)

@@ -1,8 +1,8 @@
 """Line sampling: the probability along parallel lines in the direction in which failure is nearest.
 
 Lines are random across the direction; along each the margin is evaluated on both sides on a grid, its changes of sign
-are refined by bisection with interpolation, and the probability of what fails is that of a normal number (Koutsourelakis, Pradlwarter and
-Schueller 2004). Noise is drawn once for each line.
+are refined by regula falsi, and the probability of what fails is that of a normal number (Koutsourelakis, Pradlwarter
+and Schueller 2004). Noise is drawn once for each line.
 """
 
 import math
@@ -25,6 +25,10 @@ _DIRECTION_SHARE = 0.35
 _LEVEL_SHARE = 0.05
 _GRID = np.array([-7.0, -5.0, -3.5, -2.0, 0.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0])
 _REFINEMENTS = 4
+_MANY_DIMENSIONS = 10
+"""Dimension above which the mean of a few failures is a poor direction, and the regression of margins a better one."""
+_ROOT_VARIATION = 2e-3
+"""Coefficient of variation that stands for the error of the changes of sign that were found."""
 _OTHER_SIDE = 0.02
 """Share of the probability on the far side above which the direction is no important one."""
 
@@ -44,7 +48,11 @@ def estimate(
         failures = search.last.points.rows(np.argsort(search.last.margins)[: max(1, len(search.last.margins) // 10)])
     mean = failures.x.mean(axis=0)
     direction = mean / max(float(np.linalg.norm(mean)), 1e-12)
-    concentration = float(np.linalg.norm(mean) / np.sqrt(np.mean(np.sum((failures.x @ direction)[:, None] ** 2, axis=1))))
+    if calls.space.dimension > _MANY_DIMENSIONS and search.steepest is not None and search.steepest @ direction > 0.5:
+        direction = search.steepest
+    concentration = float(
+        np.linalg.norm(mean) / np.sqrt(np.mean(np.sum((failures.x @ direction)[:, None] ** 2, axis=1)))
+    )
     if concentration < 0.5:
         warnings.append("failures lie in several directions, so that no single one is important")
     probabilities, other_side, nearest = _lines(calls, rng, direction)
@@ -106,7 +114,10 @@ def _judged(
 ) -> ProbabilityEstimate:
     """Estimate from the probabilities along lines, and what speaks against it."""
     lines, probability = len(probabilities), float(probabilities.mean())
-    variation = float(np.std(probabilities, ddof=1) / math.sqrt(lines) / probability) if probability > 0.0 else math.inf
+    variation = math.inf
+    if probability > 0.0:
+        sampled = float(np.std(probabilities, ddof=1)) / math.sqrt(lines) / probability if lines > 1 else 1.0
+        variation = math.hypot(sampled, _ROOT_VARIATION)
     if probability <= 0.0:
         warnings.append("no line met failure")
     if other_side.sum() > _OTHER_SIDE * probabilities.sum() > 0.0:

@@ -17,7 +17,6 @@ from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints
 from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls
 from rpojax.analysis.reliability.rare_events.probability_estimate import (
     DesignPoint,
-    LevelRecord,
     MethodChoice,
     ProbabilityEstimate,
     log_normal_interval,
@@ -71,7 +70,9 @@ def estimate(calls: LimitStateCalls, rng: np.random.Generator, method: MethodCho
         reason = f"a proposal fitted to the failures promises a coefficient of variation of {100.0 * expected:.2g} %"
     else:
         reason = "asked for" if method == "importance" else "margins do not rank the points, but failures were found"
-    return _by_importance(calls, rng, importance_sampling.draw_round(calls, rng, proposal, calls.left), found, rounds, reason)
+    return _by_importance(
+        calls, rng, importance_sampling.draw_round(calls, rng, proposal, calls.left), found, rounds, reason
+    )
 
 
 def _plain_is_enough(margins: np.ndarray, budget: int) -> bool:
@@ -171,8 +172,11 @@ def _by_subset(
     probability = float(sum(share * each.probability for share, each in zip(shares, used, strict=True)))
     variation = _SUBSET_CAUTION / math.sqrt(precisions.sum())
     faults = _subset_faults(results, complete, variation)
-    if rounds and rounds[-1].probability > 0.0 and math.log(rounds[-1].probability / probability) > _SURPRISE * math.hypot(
-        math.sqrt(math.log1p(variation**2)), min(rounds[-1].variation, 2.0)
+    if (
+        rounds
+        and rounds[-1].probability > 0.0
+        and math.log(rounds[-1].probability / max(probability, 1e-300))
+        > _SURPRISE * math.hypot(math.sqrt(math.log1p(variation**2)), min(rounds[-1].variation, 2.0))
     ):
         faults.append(f"importance sampling found {rounds[-1].probability:.3g}: chains miss a part of failure")
     if calls.undefined:

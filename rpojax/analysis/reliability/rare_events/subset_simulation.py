@@ -67,6 +67,20 @@ class SubsetResult:
         failed = self.last.margins <= 0.0
         return self.last.points.rows(failed), self.last.chains[failed]
 
+    @property
+    def steepest(self) -> np.ndarray | None:
+        """Unit vector (k,) against the slope of a linear regression of margins on points of the last two levels."""
+        levels = (self.previous, self.last)
+        x = np.concatenate([level.points.x for level in levels])
+        margins = np.concatenate([level.margins for level in levels])
+        finite = np.isfinite(margins)
+        if finite.sum() < 2 * x.shape[1] or np.ptp(margins[finite]) == 0.0:
+            return None
+        columns = np.hstack([x[finite], np.ones((int(finite.sum()), 1))])
+        slope = -np.linalg.lstsq(columns, margins[finite], rcond=None)[0][:-1]
+        length = float(np.linalg.norm(slope))
+        return slope / length if length > 0.0 else None
+
 
 def simulate(
     calls: LimitStateCalls,
@@ -137,7 +151,13 @@ def _next_samples(
     rows = rng.permutation(np.flatnonzero(inside))
     rows = rows[: max(1, math.ceil(LEVEL_PROBABILITY * count))]
     points, margins, moves = walk(
-        calls, rng, samples.points.rows(rows), samples.margins[rows], lambda g: g <= threshold, count - len(rows), factor
+        calls,
+        rng,
+        samples.points.rows(rows),
+        samples.margins[rows],
+        lambda g: g <= threshold,
+        count - len(rows),
+        factor,
     )
     return ChainSamples(points, margins, np.arange(len(margins)) % len(rows), False), moves
 

@@ -26,7 +26,8 @@ class FailureChoice:
     """
 
     requirement: Annotated[
-        str | None, arg(metavar="METRIC", help="Metric of a requirement of the scenario; or give --metric or --outcome.")
+        str | None,
+        arg(metavar="METRIC", help="Metric of a requirement of the scenario; or give --metric or --outcome."),
     ] = None
     metric: Annotated[str | None, arg(metavar="METRIC", help="Another metric, with --limit.")] = None
     limit: Annotated[float | None, arg(metavar="X", help="Limit of --metric, in its unit.")] = None

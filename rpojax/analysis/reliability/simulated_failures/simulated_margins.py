@@ -114,9 +114,7 @@ class SimulatedMargins:
         assert last is not None
         records = {name: np.moveaxis(values, -1, 0) for name, values in recorder.records.items()}
         failure = np.where(last.failed_at < engine.file.duration_s, last.failure, 0)
-        drifts = (
-            engine.passive_safety.evaluate(prepared.drawn, recorder.records) if needs_drifts(self.failure) else {}
-        )
+        drifts = engine.passive_safety.evaluate(prepared.drawn, recorder.records) if needs_drifts(self.failure) else {}
         judged = judge(engine.file, prepared.used, records, failure, last.failed_at)
         return SimulatedRuns(engine.file, records, prepared.used, drifts, judged)
 
