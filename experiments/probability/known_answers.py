@@ -8,14 +8,11 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import known_problems
 import numpy as np
 from jaxtyping import Array
-from scipy.stats import norm
-
-jax.config.update("jax_enable_x64", True)
-
-import known_problems
 from known_problems import Problem
+from scipy.stats import norm
 
 from rpojax.analysis.reliability.rare_events.estimate_probability import estimate_probability
 from rpojax.analysis.reliability.rare_events.probability_estimate import MethodChoice, ProbabilityEstimate
@@ -65,6 +62,7 @@ def _count_inside(found: Sequence[ProbabilityEstimate], value: float) -> int:
 
 def main() -> None:
     """Prints one line of JSON for each problem, and the sums."""
+    jax.config.update("jax_enable_x64", True)
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--first-seed", type=int, default=0)

@@ -11,6 +11,9 @@ from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints, 
 from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitFunction, LimitStateCalls
 from rpojax.analysis.reliability.rare_events.probability_estimate import MethodChoice, ProbabilityEstimate
 from rpojax.errors import RpojaxError
+from rpojax.runtime import jax_configuration
+
+jax_configuration.enable_double_precision()
 
 MIN_BUDGET = 200
 _MOVED_NOISE = 200
@@ -70,7 +73,7 @@ def _check(dimension: int, budget: int, seed: int, method: str, noise_dimension:
 
 
 def _as_limit_function(limit_state: Callable[..., Any], dimension: int, noise_dimension: int) -> LimitFunction:
-    """Margins of points by a JAX function, called with batches of few different sizes, for each of which it compiles."""
+    """Margins of points by a JAX function, which is called with batches of few sizes: it compiles for each of them."""
 
     def margins(points: LatentPoints) -> np.ndarray:
         found, begin = [], 0

@@ -37,7 +37,7 @@ def fit(rng: np.random.Generator, y: np.ndarray, weights: np.ndarray, components
     found, before = _maximise(y, weights, shares, effective), -np.inf
     for _ in range(_ITERATIONS):
         logs = component_logs(found, y)
-        totals = logsumexp(logs, axis=1)
+        totals = np.asarray(logsumexp(logs, axis=1))
         likelihood = float(np.sum(weights * totals))
         found = _maximise(y, weights, np.exp(logs - totals[:, None]), effective)
         if likelihood - before < _CONVERGED:
