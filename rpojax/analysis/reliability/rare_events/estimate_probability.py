@@ -28,7 +28,7 @@ def estimate_probability(
     *,
     budget: int = 10_000,
     seed: int = 0,
-    method: MethodChoice = "auto",
+    method: str = "auto",
     noise_dimension: int = 0,
 ) -> ProbabilityEstimate:
     """Probability of failure, with an interval that says how far it can be trusted.
@@ -50,7 +50,8 @@ def estimate_probability(
     blocks = 0 if moved == noise_dimension else _NOISE_BLOCKS
     space = LatentSpace(dimension + moved, blocks)
     calls = LimitStateCalls(_as_limit_function(limit_state, dimension, noise_dimension), space, budget)
-    return method_choice.estimate(calls, np.random.default_rng(seed), method)
+    chosen: MethodChoice = method  # pyright: ignore[reportAssignmentType]
+    return method_choice.estimate(calls, np.random.default_rng(seed), chosen)
 
 
 def _check(dimension: int, budget: int, seed: int, method: str, noise_dimension: int) -> None:

@@ -32,7 +32,7 @@ _UNCOVERED_FACTOR = 10.0
 """Weight, in multiples of the estimate, above which a failure lies where the proposal hardly draws."""
 _KEPT_OF_PREVIOUS = 0.2
 """Share of the previous proposal in a new one, so that no region is forgotten."""
-_SAME_DIRECTION = 0.8
+_SAME_DIRECTION = 0.5
 """Cosine above which two points of failure count as one region."""
 _MANY_DIMENSIONS = 10
 _MAX_DESIGN_POINTS = 8

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from scipy.special import gammaln, logsumexp
@@ -10,6 +10,7 @@ from scipy.special import gammaln, logsumexp
 _LOG_2PI = float(np.log(2.0 * np.pi))
 
 
+@runtime_checkable
 class Density(Protocol):
     """A density of standard normal numbers."""
 
