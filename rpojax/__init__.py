@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rpojax.analysis.gradients.scenario_gradient import gradient
     from rpojax.analysis.gradients.tuning.tune import tune
     from rpojax.analysis.linear_covariance.linear_covariance import linear_covariance
+    from rpojax.analysis.reliability.rare_events.estimate_probability import estimate_probability
     from rpojax.analysis.reliability.worst_case import worst_case
     from rpojax.analysis.statistics.campaign_comparison import compare
     from rpojax.campaign.options.history_retention import Retention
@@ -57,6 +58,7 @@ _MODULE_OF = {
     "State": "simulation.state",
     "Telemetry": "simulation.telemetry",
     "compare": "analysis.statistics.campaign_comparison",
+    "estimate_probability": "analysis.reliability.rare_events.estimate_probability",
     "export": "interop.export",
     "gradient": "analysis.gradients.scenario_gradient",
     "init": "simulation.initial_state",
@@ -96,6 +98,7 @@ __all__ = [
     "Telemetry",
     "__version__",
     "compare",
+    "estimate_probability",
     "export",
     "gradient",
     "init",

@@ -34,6 +34,7 @@ from rpojax.cli.commands.export_rrd import export_rrd
 from rpojax.cli.commands.film import film
 from rpojax.cli.commands.lincov import lincov
 from rpojax.cli.commands.new import new
+from rpojax.cli.commands.probability import probability
 from rpojax.cli.commands.report import report
 from rpojax.cli.commands.rerun import rerun
 from rpojax.cli.commands.resume import resume
@@ -63,6 +64,7 @@ COMMANDS: tuple[Callable[..., int], ...] = (
     sensitivity,
     worst_case,
     export,
+    probability,
     export_bag,
     export_rrd,
     bridge,
