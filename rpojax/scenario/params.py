@@ -41,8 +41,8 @@ from rpojax.scenario.trained import fitted_camera, trained_files
 from rpojax.sensors.additional.registry import sensor_class, sensor_names
 from rpojax.sensors.camera import Camera
 from rpojax.sensors.gps import Gps, GpsDifferences
-from rpojax.sensors.link_range import LinkRange
 from rpojax.sensors.gyro import Gyro
+from rpojax.sensors.link_range import LinkRange
 from rpojax.sensors.rendered_camera import Imaging, Networks
 from rpojax.sensors.star_tracker import StarTracker
 from rpojax.sensors.statistical_camera import CameraStatistics

@@ -45,8 +45,8 @@ class Baselines:
     """Positions of the peers from this servicer, by GPS alone.
 
     Attributes:
-        mean: (peers, 9) position [m] and velocity [m/s] in N, slow error of the difference of GPS positions [m]; 10 with
-            the bias of the range over the link [m]
+        mean: (peers, 9) position [m] and velocity [m/s] in N, slow error of the difference of GPS positions [m]; 10
+            with the bias of the range over the link [m]
         covariance: (peers, 9, 9)
         of_own: (peers, 9, 9) part of it that comes from this servicer, and is in all its baselines
     """

@@ -1,8 +1,8 @@
 """Joint filter of one servicer: the target relative to it, the baselines to its peers, and the errors of all views.
 
 Bodies are the target and the peers, each with position and velocity from this servicer in N. Slow errors are the six of
-the own view (`relative_orbit_ekf`), then for each peer: slow part of the size error of its boxes (1), bearing bias of its
-camera (2), slow error of the difference of GPS positions (3), and bias of the range over the link (1, if it is
+the own view (`relative_orbit_ekf`), then for each peer: slow part of the size error of its boxes (1), bearing bias of
+its camera (2), slow error of the difference of GPS positions (3), and bias of the range over the link (1, if it is
 measured). The fast errors of the peers' boxes, which are a tumble's, count as noise (`joint_measurements`).
 """
 

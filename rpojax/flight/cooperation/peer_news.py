@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from rpojax.core.numerics import double_single
-from rpojax.core.pytree import pytree, replace
+from rpojax.core.pytree import pytree
 from rpojax.flight.cooperation import burn_effect
 from rpojax.flight.cooperation.burn_effect import BurnEffect, BurnSum
 from rpojax.flight.cooperation.free_relative_motion import product

@@ -35,8 +35,8 @@ def test_messages_arrive_in_their_order_after_the_delay() -> None:
 
 
 def test_bytes_of_a_message() -> None:
-    # Time, GPS with its flag, burns with half a covariance and the transition matrix, attitude, its variance, track with
-    # two halves of covariances.
+    # Time, GPS with its flag, burns with half a covariance and the transition matrix, attitude, its variance, track
+    # with two halves of covariances.
     assert message.message_bytes(message_at(0.0)) == 8 + 25 + 8 * (6 + 21 + 36) + 32 + 8 + 8 * (6 + 21 + 21)
 
 
