@@ -131,7 +131,9 @@ def filtered_box(
 
     It is ignored while the target should be dark, with the Sun at `sun_N` [m].
     """
-    visible = target_visibility.is_visible(params.vehicle, before.orbit, sun_N, target_visibility.VISIBILITY_TOLERANCE)
+    cone = line_of_sight_uncertainty.uncertainty_cone(before.orbit, params.pointing.search_sigmas)
+    tolerance = jnp.maximum(cone, target_visibility.VISIBILITY_TOLERANCE)
+    visible = target_visibility.is_visible(params.vehicle, before.orbit, sun_N, tolerance)
     return replace(
         box,
         present=box.present & visible,
@@ -197,7 +199,7 @@ def guide(
 ) -> tuple[FlightMemory, Array]:
     """Memory with the attitude reference for the next `dt` [s], and the pointing mode; the Sun is at `sun_N` [m]."""
     plan = burn_planning.inhibit(params.pointing, memory.plan, memory.attitude.q_BN, time, dt)
-    visible = target_visibility.is_visible(params.vehicle, memory.orbit, sun_N)
+    visible = _may_be_visible(params, memory.orbit, sun_N)
     other = None if mission is None else mission_decision.other_pointing(mission, params, memory, sun_N)
     pointing, mode = attitude_guidance.guide(
         params.pointing, params.vehicle, memory.orbit, plan, memory.pointing, box_accepted, visible, time, dt, other
@@ -205,6 +207,13 @@ def guide(
     not_found = pointing.search_failed & ~burn_decision.may_be_too_small(params, memory)
     orbit = replace(memory.orbit, relative=relative_orbit_ekf.widen(memory.orbit.relative, not_found))
     return replace(memory, plan=plan, pointing=pointing, orbit=orbit), mode
+
+
+def _may_be_visible(params: FlightParams, estimate: OrbitEstimate, sun_N: Vector) -> Bool[Array, ""]:
+    """Whether the target may be visible by the uncertain estimate, the Sun at `sun_N` [m]."""
+    cone = line_of_sight_uncertainty.uncertainty_cone(estimate, params.pointing.search_sigmas)
+    tolerance = jnp.maximum(cone - target_visibility.VISIBILITY_TOLERANCE, 0.0)
+    return target_visibility.is_visible(params.vehicle, estimate, sun_N, tolerance)
 
 
 def control_attitude(

@@ -208,10 +208,12 @@ _SAMPLES_BEFORE_ABORT = 6
 
 
 def _is_lost(params: FlightParams, memory: FlightMemory) -> Flag:
-    """True if the target is out of sight for too long; in the dark, or behind the back, it is to be acquired anew."""
-    pointing = memory.pointing
-    is_late = pointing.unseen_time > params.health.unseen_limit
-    return burn_decision.is_lost(params, memory) & (pointing.acquired | is_late)
+    """True if the target should have been seen for too long and was not.
+
+    A burn is not based on a target that has been out of sight for some seconds. An abort waits: at the edge of light
+    the camera may see nothing before the estimate says so, and burns keep the motion safe for two control periods.
+    """
+    return memory.pointing.unseen_time > params.health.unseen_limit
 
 
 def other_pointing(

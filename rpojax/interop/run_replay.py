@@ -25,6 +25,7 @@ from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
 from rpojax.runtime.progress_bar import Progress, ProgressCallback
 from rpojax.scenario.params import Params
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
 from rpojax.scenario.team.members import member_files, member_names, refuse_team
@@ -131,9 +132,10 @@ def replay(
     options = campaign.configuration.options
     run_range = options.design_range
     scenario, params, state = single_run.initialise_run(in_double, options.seed, run_id, run_range)
+    chosen = plugin_registry.stages_of(file, stages)
 
     def simulate(state: State, ticks: int) -> tuple[State, _TickRecord]:
-        return _simulate_segment(scenario, stages or Stages(), observe_tick, ticks, params, state)
+        return _simulate_segment(scenario, chosen, observe_tick, ticks, params, state)
 
     state, (values, poses, running) = _in_segments(scenario, simulate, state, on_progress)
     failed_at = float(state.failed_at) if float(state.failed_at) < file.duration_s else np.nan
@@ -162,7 +164,7 @@ def replay_servicers(
     options = campaign.configuration.options
     run_range = options.design_range
     scenario, team, state = single_run.initialise_team_run(in_double, options.seed, run_id, run_range)
-    simulate = _team_segments(scenario, stages or Stages(), observe_tick, team)
+    simulate = _team_segments(scenario, plugin_registry.stages_of(file, stages), observe_tick, team)
     state, (values, poses, running) = _in_segments(scenario, simulate, state, on_progress)
     end, failed_at = int(running.all(axis=-1).sum()), float(np.min(state.failed_at))
     failed_at = failed_at if failed_at < file.duration_s else np.nan

@@ -57,11 +57,11 @@ def _check_alone(file: ScenarioFile) -> None:
     expected = "it only in a scenario with [[servicers]]"
     if file.navigation.sharing != "none":
         raise ScenarioError("navigation.sharing", file.navigation.sharing, expected)
-    for name in ("link", "team", "gps_differences"):
+    for name in ("link", "team", "gps_differences", "link_range"):
         if getattr(file, name) != type(file).model_fields[name].get_default():
             raise ScenarioError(name, "settings", "them only in a scenario with [[servicers]]")
     for key in varied_keys(file):
-        if key.startswith(("link.", "team.", "gps_differences.", "navigation.difference_")):
+        if key.startswith(("link.", "team.", "gps_differences.", "link_range.", "navigation.difference_")):
             raise ScenarioError("dispersions", key, expected)
 
 

@@ -36,6 +36,7 @@ def _link_settings(file: ScenarioFile) -> LinkSettings:
         delay_ticks=0 if is_central else round(file.link.delay_s * file.rates.camera_hz),
         hears=tuple((names.index(receiver), names.index(sender)) for receiver, sender in hears),
         zonal_degree=file.navigation.zonal_degree,
+        ranging=file.link_range.enabled,
     )
 
 

@@ -24,6 +24,7 @@ from rpojax.flight.team_guidance.intent import Intent
 from rpojax.physics import equipment_faults, radio_link
 from rpojax.scenario.params import Params
 from rpojax.sensors import gps
+from rpojax.sensors import link_range as link_range_sensor
 from rpojax.sensors.gps import Gps
 from rpojax.simulation.state import State
 from rpojax.simulation.team.member_axes import TeamParams
@@ -52,9 +53,14 @@ def initial(loop: TeamLoop, servicers: State) -> TeamState:
         gps=_no_position(servicers),
         q_KN=jnp.zeros((4, count), dtype=zero.dtype),
         running=jnp.ones(count, dtype=bool),
+        ranges=jnp.zeros((count - 1, count), dtype=zero.dtype) if loop.settings.link.ranging else None,
     )
     memory = sharing.initial(loop.settings.link, _baseline(loop), _tuning(loop.params), records)
-    links = LinkState(in_burst=jnp.zeros((count, count), dtype=bool), carrier_error_N=error)
+    links = LinkState(
+        in_burst=jnp.zeros((count, count), dtype=bool),
+        carrier_error_N=error,
+        range_bias=_range_biases(loop, servicers) if loop.settings.link.ranging else None,
+    )
     plans = None
     if loop.settings.coordinated:
         mission = loop.scenario.mission
@@ -75,6 +81,7 @@ def share(loop: TeamLoop, state: TeamState, ticks: Tick) -> tuple[Tick, TeamStat
         return _records(params, tick, carrier_error_N if by_carrier else None)
 
     records = loop.params.each(brings, (tick_axes(-1), -1))(ticks, links.carrier_error_N)
+    records = replace(records, ranges=_ranges(loop, links, ticks))
     records, memory = sharing.share(
         link,
         _baseline(loop),
@@ -214,6 +221,30 @@ def _pass_messages(loop: TeamLoop, links: LinkState, ticks: Tick) -> tuple[LinkS
     else:
         arrives = radio_link.arrives(radio, in_burst, uniforms[1], time) & due
     return replace(links, in_burst=in_burst), arrives & heard & works[None, :] & works[:, None]
+
+
+def _range_biases(loop: TeamLoop, servicers: State) -> Array:
+    """Biases (N, N) of the ranges over the links [m]."""
+    link_range = loop.params.member(0).link_range
+    return link_range_sensor.bias(link_range, _range_normals(servicers.keys, jnp.int32(_INITIAL_TICK)))
+
+
+def _ranges(loop: TeamLoop, links: LinkState, ticks: Tick) -> Array | None:
+    """Ranges (peers, N) that each servicer measures to its peers over the links [m]."""
+    if links.range_bias is None:
+        return None
+    normals = _range_normals(ticks.state.keys, ticks.state.tick)
+    place_N = ticks.state.truth.r_ST_N
+    ranges = link_range_sensor.measure(loop.params.member(0).link_range, place_N, links.range_bias, normals)
+    rows = [jnp.stack([ranges[i, j] for j in row]) for i, row in enumerate(loop.settings.link.peers)]
+    return jnp.stack(rows, axis=-1)
+
+
+def _range_normals(keys: Array, number: Array) -> Array:
+    """Standard normal numbers (N, N) of the ranges over the links at a tick."""
+    count = keys.shape[-1]
+    key = random_streams.fold_in(keys[Stream.LINK_RANGE, :, 0], number)
+    return random_streams.normal(key, count * count).reshape(count, count)
 
 
 def _radio_works(loop: TeamLoop, time: Array) -> Bool[Array, " N"]:

@@ -104,6 +104,7 @@ FAULTS: list[tuple[Callable[[Tables], None], str, str]] = [
     (_apart(team={"phasing": "spread", "keep_out_m": 0.0}, phases=[]), "team.phasing", "phases beside it"),
     (_dispersion(key="team.keep_out_m"), "team.keep_out_m", "above 0, as it is dispersed"),
     (_alone(gps_differences={"kind": "carrier"}), "gps_differences", "[[servicers]]"),
+    (_alone(link_range={"enabled": True}), "link_range", "[[servicers]]"),
     (_alone(dispersions=[LOSS]), "dispersions", "[[servicers]]"),
     (_dispersion(key="orbit.raan_deg", common=False), "dispersions.10.common", "orbit.raan_deg in common"),
     (_dispersion(key="link.period_s"), "dispersions.10.key", "key of a number"),
