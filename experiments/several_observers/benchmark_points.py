@@ -3,8 +3,8 @@
 python experiments/several_observers/benchmark_points.py DIR [--orbits 1.0]
 
 100 points lie evenly on a sphere of 10 m around the target, fixed in its Hill frame (`safe-autonomy-sims`). One is
-inspected when a servicer that has an accepted box sees it above the sphere's horizon, and the Sun is above it too. Of each
-run with a stored history; one line of JSON.
+inspected when a servicer that has an accepted box sees it above the sphere's horizon, and the Sun is above it too. Of
+each run with a stored history; one line of JSON.
 """
 
 import argparse

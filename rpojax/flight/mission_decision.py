@@ -340,7 +340,7 @@ def _with_phase_of_team(
         time,
     )
     wanted = stages.call("team_phasing", settings=settings, tuning=team.tuning, team=situation)
-    members = jnp.sum(situation.present.astype(jnp.int32), axis=0)
+    members = jnp.sum(situation.present.astype(jnp.int32), axis=0, dtype=jnp.int32)
     if settings.phasing == "viewpoints":
         # A servicer that is under way arrives first, unless the team has changed.
         way = jnp.abs(before.wanted - team_mission.angle(state.team, time))
