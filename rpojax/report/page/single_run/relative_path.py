@@ -1,6 +1,6 @@
 """Relative paths of runs for the page's 3-D view: target mesh, keep-out sphere, desired positions, paths."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -14,15 +14,23 @@ _MAX_RUNS: Final = 24
 _ANY_FACET_SIZE_M: Final = 1e3
 
 
-def path_scene(campaign: CampaignResults, median_run: int | None, worst: Sequence[int]) -> dict[str, Any] | None:
+HistoryReader = Callable[[int], Mapping[str, np.ndarray]]
+"""Reads the history of a run."""
+
+
+def path_scene(
+    campaign: CampaignResults, median_run: int | None, worst: Sequence[int], read: HistoryReader | None = None
+) -> dict[str, Any] | None:
     """Content of the 3-D view in Hill axes [m]; None if no history holds relative positions.
 
     Paths are those of the runs with a history, the median one and the `worst` ones named, the others as context.
+    Histories come from `read`, by default from the campaign.
     """
+    history_of = read or campaign.history
     kept = sorted(campaign.history_ids)
     chosen = [run for run in dict.fromkeys([*([] if median_run is None else [median_run]), *worst]) if run in kept]
     shown = [*chosen, *(run for run in kept if run not in chosen)][:_MAX_RUNS]
-    paths = [path for run in shown for path in _paths(campaign, run, _kind(run, median_run, worst))]
+    paths = [path for run in shown for path in _paths(campaign, history_of(run), run, _kind(run, median_run, worst))]
     if not paths:
         return None
     scenario = campaign.info.get("scenario", {})
@@ -30,7 +38,7 @@ def path_scene(campaign: CampaignResults, median_run: int | None, worst: Sequenc
         "paths": paths,
         "target": _mesh(scenario),
         "keep_out_m": scenario.get("limits", {}).get("keep_out_m"),
-        "desired": _desired(campaign, shown[0]),
+        "desired": _desired(campaign, history_of(shown[0])),
     }
 
 
@@ -40,9 +48,8 @@ def _kind(run: int, median_run: int | None, worst: Sequence[int]) -> str:
     return "median" if run == median_run else "other"
 
 
-def _paths(campaign: CampaignResults, run: int, kind: str) -> list[dict[str, Any]]:
+def _paths(campaign: CampaignResults, history: Mapping[str, np.ndarray], run: int, kind: str) -> list[dict[str, Any]]:
     """Paths of one run, one for each servicer."""
-    history = campaign.history(run)
     if "rho_H" not in history:
         return []
     rho = np.asarray(history["rho_H"], dtype=np.float64)
@@ -63,9 +70,9 @@ def _thinned(points: np.ndarray) -> list[float]:
     return [float(f"{value:.4g}") for value in finite[rows].ravel()]
 
 
-def _desired(campaign: CampaignResults, run: int) -> list[list[float]]:
+def _desired(campaign: CampaignResults, history: Mapping[str, np.ndarray]) -> list[list[float]]:
     """Desired positions [m]: one for each servicer; none where it moves."""
-    desired = np.asarray(campaign.history(run).get("rho_desired_H", np.zeros(0)), dtype=np.float64)
+    desired = np.asarray(history.get("rho_desired_H", np.zeros(0)), dtype=np.float64)
     if campaign.servicer_names and desired.shape == (len(campaign.servicer_names), 3):
         return desired.round(3).tolist()
     return [desired.round(3).tolist()] if desired.shape == (3,) else []
