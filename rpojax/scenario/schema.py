@@ -34,6 +34,7 @@ from rpojax.scenario.sections import (
     ImagingSection,
     InitialSection,
     LimitsSection,
+    LinkRangeSection,
     LinkSection,
     NavigationSection,
     OrbitSection,
@@ -46,6 +47,7 @@ from rpojax.scenario.sections import (
     SunlightSection,
     SurfaceSection,
     TargetSection,
+    TeamSection,
     ThrusterSection,
     TuningSection,
     WheelsSection,
@@ -186,7 +188,9 @@ class ScenarioFile(AdditionalSensors):
     phases: list[PhaseSection] = Field(default_factory=list, max_length=12)
     servicers: list[ServicerChanges] = Field(default_factory=list, max_length=MAX_SERVICERS)
     link: LinkSection = LinkSection()
+    team: TeamSection = TeamSection()
     gps_differences: GpsDifferencesSection = GpsDifferencesSection()
+    link_range: LinkRangeSection = LinkRangeSection()
     dispersions: list[Dispersion]
     requirements: list[RequirementSection] = Field(default_factory=list)
     tuning: TuningSection = TuningSection()

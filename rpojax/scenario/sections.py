@@ -284,6 +284,8 @@ class NavigationSection(Section):
     difference_noise_m: Positive = 2.83
     difference_error_sigma_m: Positive = 0.54
     difference_error_time_constant_s: Positive = 700.0
+    difference_range_noise_m: Positive = 0.1
+    difference_range_bias_sigma_m: NonNegative = 0.05
     edge_noise_px: Positive
     minimum_size_px: Positive = 4.0
     miss_probability: Annotated[float, Field(gt=0.0, lt=1.0, allow_inf_nan=False)] = 0.1
@@ -425,6 +427,19 @@ class LinkSection(OptionalKeys):
         return self
 
 
+class TeamSection(Section):
+    """Guidance of a team: how the servicers keep clear of each other, and where on their relative orbit they are."""
+
+    keep_out_m: NonNegative = 0.0
+    phasing: Literal["fixed", "spread", "viewpoints"] = "fixed"
+    lost_after_s: Positive = 60.0
+    phase_rate_deg_h: Positive = 60.0
+    view_incidence_deg: IncidenceLimit = 60.0
+    view_sun_incidence_deg: IncidenceLimit = 70.0
+    view_memory_s: Positive = 6000.0
+    keeping_delta_v_m_s: Positive = 0.005
+
+
 class GpsDifferencesSection(Section):
     """Differences of the GPS positions of two servicers, as the truth has them."""
 
@@ -432,6 +447,14 @@ class GpsDifferencesSection(Section):
     noise_m: NonNegative = 0.05
     slow_error_m: NonNegative = 0.007
     slow_error_time_constant_s: Positive = 700.0
+
+
+class LinkRangeSection(Section):
+    """Ranges that servicers measure to each other over their links, as the truth has them."""
+
+    enabled: bool = False
+    noise_m: NonNegative = 0.1
+    bias_sigma_m: NonNegative = 0.05
 
 
 class TuningSection(OptionalKeys):

@@ -95,7 +95,14 @@ def static_settings(file: ScenarioFile, allow_single: bool = False, allow_team: 
             "servicers", f"{len(file.servicers)} of them", "none, as only campaigns and runs know teams"
         )
     if file.servicers:
-        return replace(static_settings(member_files(file)[0], allow_single), team=team_settings(file))
+        own, team = static_settings(member_files(file)[0], allow_single), team_settings(file)
+        mission = own.mission and replace(
+            own.mission,
+            coordinated=team.coordinated,
+            keeps_clear=file.team.keep_out_m > 0.0,
+            phasing=file.team.phasing,
+        )
+        return replace(own, mission=mission, team=team)
     rates = file.rates
     return Scenario(
         ticks=round(file.duration_s * rates.camera_hz),
