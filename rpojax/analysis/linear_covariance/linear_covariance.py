@@ -152,7 +152,7 @@ def linear_covariance(
         raise RpojaxError.of_argument("members", f"found {members}, expected at least 2")
     preflight.check_numbers(max(runs, 1), 0, seed, None)
     check_scenario(file)
-    with busy("linear covariance", quiet=not progress):
+    with busy("linear covariance: compiling, then propagating", quiet=not progress):
         found = propagate_covariance(file, members, stages=stages)
     sample, agreement = None, ()
     if runs:
