@@ -96,7 +96,9 @@ def test_what_always_fails_is_certain() -> None:
 
 
 def test_undefined_margins_are_failures_and_told() -> None:
-    found = rpojax.estimate_probability(lambda z: jnp.where(z[:, 0] > 3.5, jnp.nan, 1.0 - z[:, 1] / 9.0), 2, budget=4000)
+    found = rpojax.estimate_probability(
+        lambda z: jnp.where(z[:, 0] > 3.5, jnp.nan, 1.0 - z[:, 1] / 9.0), 2, budget=4000
+    )
     assert found.interval_95[0] <= norm.sf(3.5) <= found.interval_95[1]
     assert not found.trusted
     assert any("no defined margin" in warning for warning in found.warnings)
@@ -143,5 +145,9 @@ def test_the_answers_of_the_benchmark_are_those_of_quadrature() -> None:
     rng = np.random.default_rng(0)
     for name in ("four-branch", "RP22", "RP31", "RP14", "one-sided parabola"):
         problem = PUBLIC[name]
-        share = float((np.asarray(problem.limit_state(jnp.asarray(rng.standard_normal((200_000, problem.dimension))))) <= 0.0).mean())
+        share = float(
+            (
+                np.asarray(problem.limit_state(jnp.asarray(rng.standard_normal((200_000, problem.dimension))))) <= 0.0
+            ).mean()
+        )
         assert share == pytest.approx(problem.probability, abs=4.0 * math.sqrt(problem.probability / 200_000))
