@@ -18,6 +18,7 @@ NAMES = {
     *("run_campaign", "resume_campaign", "open_campaign", "Campaign", "Retention", "Shard", "RunRange"),
     *("write_report", "prepare_process"),
     *("gradient", "tune", "linear_covariance", "sensitivity", "worst_case", "compare"),
+    "estimate_probability",
 }
 SHOW_PROGRESS = (
     *("run_campaign", "resume_campaign"),
