@@ -208,6 +208,18 @@ def test_a_team_that_shares_its_boxes_knows_more_than_its_servicers_alone(tmp_pa
     assert found["same_start"]
 
 
+PROBABILITY_QUESTIONS = """
+import json
+print(json.dumps([found.interval_95, noisy.interval_95]))
+"""
+
+
+def test_probabilities_of_failure_are_those_that_the_notebook_states(tmp_path: Path) -> None:
+    regions, noise = executed("probability.ipynb", PROBABILITY_QUESTIONS, tmp_path)
+    assert regions[0] <= 2.2228e-3 <= regions[1]
+    assert noise[0] <= 1.733e-4 <= noise[1]
+
+
 @pytest.mark.parametrize(
     ("name", "text", "figures"),
     [
@@ -215,6 +227,7 @@ def test_a_team_that_shares_its_boxes_knows_more_than_its_servicers_alone(tmp_pa
         ("inspection.ipynb", "64 of 64 runs completed", 5),
         ("tuning.ipynb", "by hand", 3),
         ("linear_covariance.ipynb", "of 64 runs within two sigma", 4),
+        ("probability.ipynb", "importance True", 1),
     ],
 )
 def test_a_committed_notebook_has_its_results_and_figures(name: str, text: str, figures: int) -> None:
