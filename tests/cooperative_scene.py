@@ -307,6 +307,8 @@ def simulate(case: Case, tuning, runs: int, seed: int = 0):
         noise=jnp.asarray(case.baseline_noise),
         error_sigma=jnp.asarray(case.baseline_error),
         error_time_constant=jnp.asarray(700.0),
+        range_noise=jnp.asarray(0.1),
+        range_bias_sigma=jnp.asarray(0.05),
     )
 
     def run(key):

@@ -14,6 +14,7 @@ from rpojax.flight.stages import Stages
 from rpojax.scenario import params
 from rpojax.scenario.dispersed_numbers import dispersed_values
 from rpojax.scenario.params import Params
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario, static_settings
 from rpojax.scenario.team.members import member_files
@@ -79,7 +80,9 @@ def simulate(
     `run_range` is the range of runs of the campaign, by default this run alone.
     """
     scenario, dispersed, state = initialise_run(file, seed, run_id, run_range)
-    channels = jax.tree.map(np.asarray, _simulate_ticks(scenario, stages or Stages(), dispersed, state))
+    channels = jax.tree.map(
+        np.asarray, _simulate_ticks(scenario, plugin_registry.stages_of(file, stages), dispersed, state)
+    )
     return {
         "time_s": np.arange(scenario.ticks) * scenario.tick_s,
         "rho_desired_H": np.asarray(dispersed.flight.formation.desired_position),

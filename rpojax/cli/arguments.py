@@ -1,5 +1,7 @@
 """Command-line arguments that commands share."""
 
+import sys
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -37,7 +39,16 @@ class Session:
 
 
 def load(source: str, overrides: Sequence[str]) -> "ScenarioFile":
-    """Scenario file of a packaged name or path, with overrides `KEY=VALUE`."""
+    """Scenario file of a packaged name or path, with overrides `KEY=VALUE`; says on stderr what a migration changed."""
     from rpojax.scenario.loading import scenario_loader
+    from rpojax.scenario.loading.format_migration import FormatChangeWarning
 
-    return scenario_loader.load(source, overrides)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", FormatChangeWarning)
+        file = scenario_loader.load(source, overrides)
+    for each in caught:
+        if issubclass(each.category, FormatChangeWarning):
+            print(f"rpojax: {each.message}", file=sys.stderr)
+        else:
+            warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
+    return file

@@ -1,6 +1,7 @@
 """Tables and lines that commands print on stdout, and warnings on stderr."""
 
 import json
+import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -115,6 +116,23 @@ def show_warnings(file: "ScenarioFile", quiet: bool) -> None:
 
     for warning in [] if quiet else mission_warnings(file):
         print(f"rpojax: warning: {warning}", file=sys.stderr)
+
+
+def show_rare_requirements(file: "ScenarioFile", source: str, out: Path, quiet: bool) -> None:
+    """Prints on stderr which requirements take more plain runs than is practical, and the command that serves them."""
+    from rpojax.analysis.statistics import rare_requirements
+
+    for each in [] if quiet else file.requirements:
+        if rare_requirements.is_rare(each.probability) and each.is_of_all_runs:
+            runs = rare_requirements.plain_runs(each.probability, each.consumer_risk)
+            command = rare_requirements.command(
+                shlex.quote(source), each.metric, shlex.quote(str(out / "probability" / each.metric))
+            )
+            print(
+                f"rpojax: {each.metric} {each.bound} {each.limit:g} with probability {each.probability:.9g} takes "
+                f"{runs:,} plain runs without a violation; instead, after the campaign: {command}",
+                file=sys.stderr,
+            )
 
 
 def print_json(content: object) -> None:

@@ -25,6 +25,7 @@ from rpojax.dispersions.designs.run_range import RunRange
 from rpojax.flight.stages import Stages
 from rpojax.runtime.progress_bar import Progress, ProgressCallback
 from rpojax.scenario.params import Params
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import Scenario
 from rpojax.scenario.team.members import refuse_team
@@ -123,7 +124,9 @@ def replay(
     for number in range(segments):
         if on_progress:
             on_progress(Progress(number / segments, 1, 0, compiled=number > 0))
-        state, record = _simulate_segment(scenario, stages or Stages(), observe_tick, segment_ticks, params, state)
+        state, record = _simulate_segment(
+            scenario, plugin_registry.stages_of(file, stages), observe_tick, segment_ticks, params, state
+        )
         records.append(jax.tree.map(np.asarray, record))
     # The last segment may extend beyond the end of the scenario.
     failed_at = float(state.failed_at) if float(state.failed_at) < file.duration_s else np.nan

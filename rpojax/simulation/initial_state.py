@@ -83,6 +83,7 @@ def init(
             gyro_B,
             scenario.mission,
             first_decision,
+            params.team.phase_rate,
         ),
         sensor_errors=sensors,
         burn_error=BurnError(magnitude=zero, direction=jnp.zeros(3)),

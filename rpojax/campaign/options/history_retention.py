@@ -170,8 +170,10 @@ def _parse_term(term: str) -> tuple[str, list[int], str]:
     if kind == "worst" and len(rest) == 2:
         # Imported here because the help of the command line does without numpy.
         from rpojax.metrics.metric_catalogue import UNITS, is_of_campaigns
+        from rpojax.scenario.plugins import plugin_registry
 
-        if not is_of_campaigns(rest[1]):
+        # A plugin's metrics become known when the scenario is loaded; the campaign checks them before it compiles.
+        if not is_of_campaigns(rest[1]) and not (rest[1].isidentifier() and plugin_registry.is_permitted()):
             close = difflib.get_close_matches(rest[1], UNITS, n=1)
             hint = f" (did you mean {close[0]!r}?)" if close else ""
             raise RpojaxError.of_argument("histories", f"found metric {rest[1]!r}, expected one of a campaign{hint}")

@@ -20,6 +20,7 @@ from rpojax.report.page.outcome.leading_figures import leading_figures
 from rpojax.report.page.outcome.next_steps import next_steps
 from rpojax.report.page.outcome.outcome_sentence import outcome_sentence
 from rpojax.report.page.outcome.verdict_tiles import verdict_tiles
+from rpojax.report.rare_failures import probability_page
 from rpojax.report.sections import (
     consistency_section,
     convergence_section,
@@ -135,6 +136,7 @@ def table_values(campaign: CampaignResults, content: Mapping[str, Any]) -> dict[
         "tiles": headline_section.headline_tiles(content),
         "metric_rows": metrics_section.metric_rows(campaign, content),
         "safety": safety_section.rows(content["safety"]),
+        "rare_failures": probability_page.section(content["rare_failures"]),
         "entries": content["safety"]["entries"]["run_ids"],
         "mission": _mission_values(content),
         "team": team_tables.tables(content),

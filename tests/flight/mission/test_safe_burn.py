@@ -71,6 +71,17 @@ def test_the_clearance_is_that_of_the_drift_sampled_finely(state: list[float]) -
     assert found >= 0.8 * expected - 3.0
 
 
+def test_the_clearance_of_an_ellipsoid_is_that_in_the_scale_of_its_axes() -> None:
+    drift = replace(drift_of(ELLIPSE), semi_axes=jnp.array([4.0, 30.0, 8.0]))
+    found = float(least_clearance(drift, jnp.zeros((3, 1)), jnp.zeros((1, 1)))[0][0, 0])
+    times = jnp.arange(10.0, PERIOD, 10.0)
+    places = jax.vmap(lambda t: transition_matrix(jnp.float64(N), t)[:3])(times) @ jnp.asarray(ELLIPSE)
+    expected = float(jnp.linalg.norm(places / drift.semi_axes[None], axis=1).min())
+    assert expected - 0.1 < found <= 1.02 * expected
+    # The sphere around it would be entered.
+    assert float(least_clearance(drift_of(ELLIPSE, 30.0), jnp.zeros((3, 1)), jnp.zeros((1, 1)))[0][0, 0]) < 1.0 < found
+
+
 def test_the_uncertainty_of_the_drift_counts() -> None:
     slow = [0.0, -60.0, 0.0, 0.0, 1e-4, 0.0]
     none = jnp.zeros((3, 1)), jnp.zeros((1, 1))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from rpojax.errors import ScenarioError
-from rpojax.scenario import coverage_surface
 from rpojax.scenario.loading import scenario_loader
 from rpojax.scenario.scenario_digest import scenario_digest
+from rpojax.scenario.trained import coverage_surface
 
 _CUBE = "".join(f"v {x} {y} {z}\n" for x in (-300, 300) for y in (-300, 300) for z in (-300, 300)) + "".join(
     f"f {face}\n" for face in ("1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4")
