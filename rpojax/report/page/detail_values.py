@@ -6,11 +6,11 @@ from functools import lru_cache
 from typing import Any
 
 from rpojax.report.campaign_results import CampaignResults
+from rpojax.report.figures.requirement_limits import limits_of_channels
 from rpojax.report.page.single_run.relative_path import path_scene
 from rpojax.report.page.single_run.run_series import run_series, series_channels
 from rpojax.report.page.single_run.run_timeline import time_marks, timeline
 from rpojax.report.page.single_run.shown_runs import WorstRun, worst_runs
-from rpojax.report.requirement_limits import limits_of_channels
 
 _KEPT_HISTORIES = 24
 

@@ -6,12 +6,12 @@ from typing import Any
 from rpojax.report import shell_commands
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.charts.plotly_charts import Chart
+from rpojax.report.figures.requirement_limits import limits_of_channels
 from rpojax.report.page import page_templates
 from rpojax.report.page.single_run import burns, run_outcome, run_timeline
 from rpojax.report.page.single_run.relative_path import path_scene
 from rpojax.report.page.single_run.run_charts import camera_charts, run_charts
 from rpojax.report.page.template_values import RunDetail, run_detail_values
-from rpojax.report.requirement_limits import limits_of_channels
 from rpojax.report.sections import identity_section
 
 

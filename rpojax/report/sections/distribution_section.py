@@ -7,9 +7,9 @@ import numpy as np
 
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.charts.histogram_chart import histogram_chart
+from rpojax.report.figures.requirement_limits import Limit, limits_of_metrics
 from rpojax.report.labels import metric_label, of_all_servicers
 from rpojax.report.number_format import format_number
-from rpojax.report.requirement_limits import Limit, limits_of_metrics
 
 
 def histogram_entries(campaign: CampaignResults, summary: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -10,8 +10,8 @@ from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.dispersed_inputs import keep_out_radii
 from rpojax.report.figures.charts.envelope_chart import envelope_chart
 from rpojax.report.figures.charts.plotly_charts import Chart, add_reference_lines, limit_line
+from rpojax.report.figures.requirement_limits import Limit, limits_of_channels
 from rpojax.report.labels import CHANNEL_LABELS, FURTHER_CHANNEL_LABELS, ChannelLabel
-from rpojax.report.requirement_limits import Limit, limits_of_channels
 
 _NEES_COMPONENTS = 12
 

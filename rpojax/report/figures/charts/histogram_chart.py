@@ -7,8 +7,8 @@ import numpy as np
 
 from rpojax.report.figures.charts.plotly_charts import Chart, chart_layout, limit_line, rounded_values
 from rpojax.report.figures.colours import BLUE, INK, VERMILLION
+from rpojax.report.figures.requirement_limits import Limit
 from rpojax.report.labels import MetricLabel
-from rpojax.report.requirement_limits import Limit
 
 _MAX_BINS = 36
 _FARTHEST_SPANS: Final = 12.0

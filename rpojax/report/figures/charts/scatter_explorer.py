@@ -9,9 +9,9 @@ from rpojax.analysis.statistics.dependence.rank_correlation import spearman_colu
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.dispersed_inputs import dispersed_scalars, rankable_scalars
 from rpojax.report.figures.charts.plotly_charts import rounded_values
+from rpojax.report.figures.requirement_limits import limits_of_metrics
 from rpojax.report.key_metrics import has_variation
 from rpojax.report.labels import in_display_order, metric_label, of_all_servicers
-from rpojax.report.requirement_limits import limits_of_metrics
 from rpojax.report.run_independence import runs_are_independent
 
 _MAX_POINTS = 1000

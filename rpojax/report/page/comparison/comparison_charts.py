@@ -11,8 +11,8 @@ from rpojax.report.figures.charts.histogram_chart import histogram_bins
 from rpojax.report.figures.charts.plotly_charts import Chart, band_traces, chart_layout, limit_line, rounded_values
 from rpojax.report.figures.charts.time_chart import channel_line, chart_values, time_layout
 from rpojax.report.figures.colours import BLUE, GREEN, ORANGE, PURPLE, SHADE, VERMILLION
+from rpojax.report.figures.requirement_limits import Limit
 from rpojax.report.labels import CHANNEL_LABELS, ChannelLabel, MetricLabel, metric_label
-from rpojax.report.requirement_limits import Limit
 
 COLOURS: Final = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SHADE)
 _FILLS: Final = (

@@ -9,10 +9,10 @@ from rpojax.campaign.storage.atomic_outputs import write_atomically
 from rpojax.errors import ResultError
 from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.figures.charts.plotly_charts import Chart
+from rpojax.report.figures.requirement_limits import Limit
 from rpojax.report.labels import in_display_order, metric_label, of_all_servicers
 from rpojax.report.page import page_templates
 from rpojax.report.page.comparison import comparison_charts, comparison_tables
-from rpojax.report.requirement_limits import Limit
 
 MAX_CAMPAIGNS: Final = len(comparison_charts.COLOURS)
 _LETTERS: Final = "ABCDEF"

@@ -4,9 +4,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from rpojax.report.figures.requirement_limits import CHANNEL_OF_METRIC
 from rpojax.report.labels import CHANNEL_LABELS, metric_label
 from rpojax.report.page.outcome.outcome_sentence import weakest_requirement
-from rpojax.report.requirement_limits import CHANNEL_OF_METRIC
 
 _FIGURES: Final = 3
 

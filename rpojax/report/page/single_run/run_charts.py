@@ -10,10 +10,10 @@ from rpojax.report.figures.charts.plotly_charts import Chart, band_traces, chart
 from rpojax.report.figures.charts.time_chart import channel_line, time_layout
 from rpojax.report.figures.colours import BLUE, GREEN, INK, ORANGE, PURPLE, SHADE, VERMILLION
 from rpojax.report.figures.png_export import AXIS_NAMES
+from rpojax.report.figures.requirement_limits import Limit
 from rpojax.report.labels import ChannelLabel
 from rpojax.report.page.single_run import run_series
 from rpojax.report.page.single_run.run_series import History, thinned_peaks, thinned_time
-from rpojax.report.requirement_limits import Limit
 
 _BAND: Final = "rgba(0, 158, 115, 0.2)"
 _AXIS_COLOURS: Final = (BLUE, ORANGE, PURPLE)
