@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rpojax.analysis.gradients.scenario_gradient import gradient
     from rpojax.analysis.gradients.tuning.tune import tune
     from rpojax.analysis.linear_covariance.linear_covariance import linear_covariance
+    from rpojax.analysis.reliability.rare_events.estimate_probability import estimate_probability
     from rpojax.analysis.reliability.worst_case import worst_case
     from rpojax.analysis.statistics.campaign_comparison import compare
     from rpojax.campaign.options.history_retention import Retention
@@ -25,12 +26,16 @@ if TYPE_CHECKING:
     from rpojax.dispersions.designs.run_range import RunRange
     from rpojax.errors import RpojaxError
     from rpojax.flight.stages import Stages
+    from rpojax.interop.export import export
     from rpojax.report.page.html_report import write_report
     from rpojax.runtime.jax_environment import prepare_process
     from rpojax.scenario.loading.scenario_loader import load
     from rpojax.scenario.params import Params
+    from rpojax.scenario.plugins.custom_metrics import metric
+    from rpojax.scenario.plugins.plugin import Plugin
     from rpojax.scenario.schema import ScenarioFile
     from rpojax.scenario.static_settings import Scenario
+    from rpojax.sensors.additional.additional_sensor import AdditionalSensor
     from rpojax.simulation.initial_state import init
     from rpojax.simulation.noise import run_key
     from rpojax.simulation.rollout import rollout
@@ -39,8 +44,10 @@ if TYPE_CHECKING:
     from rpojax.simulation.telemetry import Telemetry
 
 _MODULE_OF = {
+    "AdditionalSensor": "sensors.additional.additional_sensor",
     "Campaign": "campaign.storage.campaign_folder",
     "Params": "scenario.params",
+    "Plugin": "scenario.plugins.plugin",
     "Retention": "campaign.options.history_retention",
     "RpojaxError": "errors",
     "RunRange": "dispersions.designs.run_range",
@@ -51,11 +58,14 @@ _MODULE_OF = {
     "State": "simulation.state",
     "Telemetry": "simulation.telemetry",
     "compare": "analysis.statistics.campaign_comparison",
+    "estimate_probability": "analysis.reliability.rare_events.estimate_probability",
+    "export": "interop.export",
     "gradient": "analysis.gradients.scenario_gradient",
     "init": "simulation.initial_state",
     "initialise_run": "campaign.single_run",
     "linear_covariance": "analysis.linear_covariance.linear_covariance",
     "load": "scenario.loading.scenario_loader",
+    "metric": "scenario.plugins.custom_metrics",
     "nominal_parameters": "campaign.single_run",
     "open_campaign": "campaign.storage.xarray_dataset",
     "prepare_process": "runtime.jax_environment",
@@ -73,8 +83,10 @@ _MODULE_OF = {
 """Public name -> its module in the package."""
 
 __all__ = [
+    "AdditionalSensor",
     "Campaign",
     "Params",
+    "Plugin",
     "Retention",
     "RpojaxError",
     "RunRange",
@@ -86,11 +98,14 @@ __all__ = [
     "Telemetry",
     "__version__",
     "compare",
+    "estimate_probability",
+    "export",
     "gradient",
     "init",
     "initialise_run",
     "linear_covariance",
     "load",
+    "metric",
     "nominal_parameters",
     "open_campaign",
     "prepare_process",

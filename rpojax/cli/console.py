@@ -1,6 +1,7 @@
 """Tables and lines that commands print on stdout, and warnings on stderr."""
 
 import json
+import shlex
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -53,6 +54,8 @@ def show_campaign(summary: Mapping[str, Any]) -> None:
             table.add_row(shown.title, shown.unit, *(_other_side(key) + format_number(entry[key]) for key in keys))
     if table.row_count:
         console.print(table)
+    if lacking := _failed_without_value(summary):
+        console.print(f"these statistics leave out {count_runs(lacking)} that failed and have no value", markup=False)
     console.print(f"runs: {runs['completed']} completed, {runs['failed']} failed, {runs['requested']} requested")
     if runs["missing"]:
         console.print(f"unfinished: {count_runs(runs['missing'])} missing", markup=False)
@@ -89,6 +92,14 @@ def show_status(found: Mapping[str, Any]) -> None:
     line(f"report: {found['report'] or 'none yet'}")
 
 
+def _failed_without_value(summary: Mapping[str, Any]) -> int:
+    """Largest number of failed runs that a metric of the table has no value of."""
+    runs, metrics = summary["runs"], summary["metrics"]
+    ended = runs["completed"] + runs["failed"]
+    shown = [metrics[name]["defined"] for name in _KEY_METRICS if name in metrics and metrics[name]["defined"]]
+    return min(runs["failed"], max((ended - defined for defined in shown), default=0)) if ended > 1 else 0
+
+
 def _other_side(key: str) -> str:
     """Prefix with the percentile's name where low values are bad and the column heading names the upper one."""
     return f"{key} " if key in ("p1", "p5") else ""
@@ -105,6 +116,23 @@ def show_warnings(file: "ScenarioFile", quiet: bool) -> None:
 
     for warning in [] if quiet else mission_warnings(file):
         print(f"rpojax: warning: {warning}", file=sys.stderr)
+
+
+def show_rare_requirements(file: "ScenarioFile", source: str, out: Path, quiet: bool) -> None:
+    """Prints on stderr which requirements take more plain runs than is practical, and the command that serves them."""
+    from rpojax.analysis.statistics import rare_requirements
+
+    for each in [] if quiet else file.requirements:
+        if rare_requirements.is_rare(each.probability) and each.is_of_all_runs:
+            runs = rare_requirements.plain_runs(each.probability, each.consumer_risk)
+            command = rare_requirements.command(
+                shlex.quote(source), each.metric, shlex.quote(str(out / "probability" / each.metric))
+            )
+            print(
+                f"rpojax: {each.metric} {each.bound} {each.limit:g} with probability {each.probability:.9g} takes "
+                f"{runs:,} plain runs without a violation; instead, after the campaign: {command}",
+                file=sys.stderr,
+            )
 
 
 def print_json(content: object) -> None:

@@ -24,6 +24,7 @@ from rpojax.flight.guidance.pointing_tuning import PointingTuning
 from rpojax.flight.navigation.attitude_ekf import AttitudeFilterTuning
 from rpojax.flight.navigation.orbit_filter_tuning import OrbitFilterTuning
 from rpojax.flight.navigation_health import HealthTuning
+from rpojax.flight.team_guidance.team_tuning import TeamTuning
 from rpojax.flight.vehicle_model import VehicleModel
 from rpojax.physics import equipment_faults
 from rpojax.physics.environment.drag import Atmosphere
@@ -105,7 +106,7 @@ class Limits:
 class Params:
     """All numbers of a run that can be dispersed or differentiated, SI and radians.
 
-    `link`, `gps_differences`, `link_range` and `baseline` are used in a team of servicers.
+    `link`, `gps_differences`, `link_range`, `baseline` and `team` are used in a team of servicers.
     """
 
     orbit: KeplerianElements
@@ -124,6 +125,7 @@ class Params:
     gps_differences: GpsDifferences
     link_range: LinkRange
     baseline: BaselineTuning
+    team: TeamTuning
     handover: HandoverErrors | None = None
     additional_sensors: dict[str, dict[str, Array]] = field(default_factory=dict)
 
@@ -154,7 +156,12 @@ _SECTIONS: dict[str, tuple[tuple[str, ...], type]] = {
     "limits": (("limits",), Limits),
 }
 """Attribute path in `Params` and class of the record, by section of a scenario file."""
-_TEAM_SECTIONS: dict[str, type] = {"link": RadioLink, "gps_differences": GpsDifferences, "link_range": LinkRange}
+_TEAM_SECTIONS: dict[str, type] = {
+    "link": RadioLink,
+    "team": TeamTuning,
+    "gps_differences": GpsDifferences,
+    "link_range": LinkRange,
+}
 """Class of the record, by section of a team; its name is that of the field of `Params`."""
 _BELIEF_IN_DIFFERENCES = "navigation.difference_"
 """Begin of the keys of what flight software believes of differences of GPS positions and of ranges over links."""
@@ -203,6 +210,7 @@ def _team_records(tables: Mapping[str, Any]) -> dict[str, Any]:
         "gps_differences": _record(GpsDifferences, tables["gps_differences"]),
         "link_range": _record(LinkRange, tables["link_range"]),
         "baseline": _record(BaselineTuning, belief),
+        "team": _record(TeamTuning, tables["team"]),
     }
 
 

@@ -5,7 +5,7 @@ import dataclasses
 import functools
 import itertools
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -32,6 +32,7 @@ from rpojax.runtime.device_programs import DevicePrograms, DeviceTraces
 from rpojax.scenario.dispersed_numbers import dispersion_keys
 from rpojax.scenario.dispersed_numbers.dispersed_values import Values
 from rpojax.scenario.params import Params
+from rpojax.scenario.plugins import plugin_registry
 from rpojax.scenario.schema import ScenarioFile
 from rpojax.scenario.static_settings import static_settings
 from rpojax.scenario.team import members
@@ -53,6 +54,28 @@ def default_block_size(file: ScenarioFile) -> int:
     else:
         runs = 256 if rendered else 4096
     return max(1, runs // max(1, len(file.servicers)))
+
+
+@dataclass(frozen=True)
+class RedrawnNoise:
+    """Random keys of streams in segments of time, where they are not those of the run.
+
+    Attributes:
+        keys: (segments, streams, 2, runs)
+        chosen: (segments, streams, runs) bool, where they replace the run's own
+    """
+
+    keys: np.ndarray
+    chosen: np.ndarray
+
+    def split(self, parts: int) -> "list[RedrawnNoise]":
+        """Those of equal parts of the runs."""
+        pairs = zip(np.split(self.keys, parts, axis=-1), np.split(self.chosen, parts, axis=-1), strict=True)
+        return [RedrawnNoise(keys, chosen) for keys, chosen in pairs]
+
+    def keys_in_segment(self, number: int, own: np.ndarray) -> np.ndarray:
+        """Keys (streams, 2, runs) in a segment, from the runs' own keys."""
+        return np.where(self.chosen[number][:, None], self.keys[number], own)
 
 
 @dataclass(frozen=True)
@@ -132,7 +155,7 @@ class BatchEngine:
         self.is_single_precision = file.precision == "single"
         self.runs_per_device = runs_per_device or default_block_size(file)
         self.devices = device_programs.choose_devices(devices)
-        self.stages = stages or Stages()
+        self.stages = plugin_registry.stages_of(file, stages)
         self.dispersed_keys = dispersion_keys.varied_keys(file)
         self.compile_s = self.loop_compile_s = 0.0
         self.segment_count = -(-self.scenario.ticks // SEGMENT_TICKS)
@@ -214,14 +237,15 @@ class BatchEngine:
             state,
         )
 
-    def _example_inputs(self) -> tuple[Params, Array, np.ndarray, dict[str, np.ndarray]]:
+    def _example_inputs(self) -> tuple[Params, Array, np.ndarray, Mapping[str, np.ndarray]]:
         """Arguments of the preparation of which only the shapes matter."""
         return self._preparation_inputs(0, np.zeros(self.runs_per_device, dtype=np.int64))
 
     def _preparation_inputs(
-        self, seed: int, run_ids: np.ndarray
-    ) -> tuple[Params, Array, np.ndarray, dict[str, np.ndarray]]:
-        assigned = self.design.for_runs(run_ids) if self.design else {}
+        self, seed: int, run_ids: np.ndarray, assigned: Mapping[str, np.ndarray] | None = None
+    ) -> tuple[Params, Array, np.ndarray, Mapping[str, np.ndarray]]:
+        if assigned is None:
+            assigned = self.design.for_runs(run_ids) if self.design else {}
         return self._nominal, jnp.asarray(random_streams.master_key(seed)), run_ids.astype(np.int32), assigned
 
     def draw_values(self, seed: int, run_ids: np.ndarray) -> dict[str, np.ndarray]:
@@ -234,12 +258,29 @@ class BatchEngine:
         _, channels = self._loop_traces.outputs
         return sorted(channels)
 
-    def prepare(self, seed: int, run_ids: np.ndarray) -> PreparedRuns:
-        """Dispersed values and initial states of `capacity` runs."""
+    def channel_shapes(self) -> dict[str, jax.ShapeDtypeStruct]:
+        """Shape and type of every telemetry channel at a tick of a run, floats in double precision."""
+        _, channels = self._loop_traces.outputs
+        last = -2 if self.file.servicers else -1
+        return {
+            name: jax.ShapeDtypeStruct(
+                each.shape[1:last], np.float64 if np.issubdtype(each.dtype, np.floating) else each.dtype
+            )
+            for name, each in channels.items()
+        }
+
+    def prepare(self, seed: int, run_ids: np.ndarray, assigned: Mapping[str, np.ndarray] | None = None) -> PreparedRuns:
+        """Dispersed values and initial states of `capacity` runs.
+
+        `assigned` rows (capacity, ...) stand in place of what the design assigns to the runs' numbers.
+        """
         self.compile()
         assert self._programs is not None
         prepare, loops = self._programs
-        parts = [prepare(*self._preparation_inputs(seed, ids)) for ids in np.split(run_ids, len(self.devices))]
+        parts = []
+        for rows in np.split(np.arange(len(run_ids)), len(self.devices)):
+            own = None if assigned is None else {name: values[rows] for name, values in assigned.items()}
+            parts.append(prepare(*self._preparation_inputs(seed, run_ids[rows], own)))
         return PreparedRuns(
             run_ids=run_ids,
             drawn=concatenate([drawn for drawn, _, _ in parts]),
@@ -252,16 +293,17 @@ class BatchEngine:
         inputs = (self._nominal, drawn)
         return single_precision.round_to_single(inputs) if self.is_single_precision else inputs
 
-    def simulate(self, prepared: PreparedRuns) -> Iterator[Segment]:
+    def simulate(self, prepared: PreparedRuns, redrawn: RedrawnNoise | None = None) -> Iterator[Segment]:
         """Simulates prepared runs to the end of the scenario, segment by segment; the last one is cut at the end.
 
         The devices work on the next segments while the caller handles this one. Prepared runs can be simulated once:
-        their states are donated to the loop.
+        their states are donated to the loop. `redrawn` noise replaces that of the runs' own keys.
         """
         assert self._programs is not None
+        parts = [None] * len(self.devices) if redrawn is None else redrawn.split(len(self.devices))
         batches = [
-            _DeviceBatch(program, *inputs)
-            for program, inputs in zip(self._programs[1].programs, prepared.device_inputs, strict=True)
+            _DeviceBatch(program, *inputs, redrawn=part)
+            for program, inputs, part in zip(self._programs[1].programs, prepared.device_inputs, parts, strict=True)
         ]
         segments = device_programs.call_in_threads([batch.advance for batch in batches], self.segment_count)
         with contextlib.closing(segments):
@@ -319,9 +361,17 @@ class _DeviceBatch:
     nominal: Params
     values: Values
     state: Any
+    redrawn: RedrawnNoise | None = None
+    number: int = 0
+    own_keys: Any = None
 
     def advance(self) -> _DeviceSegment:
         """Advances the runs by one segment."""
+        if self.redrawn is not None:
+            self.own_keys = np.array(self.state.keys) if self.own_keys is None else self.own_keys
+            keys = self.redrawn.keys_in_segment(self.number, self.own_keys)
+            self.state = dataclasses.replace(self.state, keys=jax.device_put(keys, self.state.keys.sharding))
+        self.number += 1
         self.state, channels = jax.block_until_ready(self.program(self.nominal, self.values, self.state))
         # Copies: the state itself is donated to the next segment.
         return _DeviceSegment(channels, np.array(self.state.failure), np.array(self.state.failed_at))

@@ -10,7 +10,7 @@ from rpojax.campaign.options.campaign_options import CampaignOptions
 from rpojax.cli import dry_run_output
 from rpojax.cli.arguments import FLAT, Force, NoFilm, Overrides, Session, Source, load
 from rpojax.cli.campaign_output import conclude, keeping_results
-from rpojax.cli.console import show_warnings
+from rpojax.cli.console import show_rare_requirements, show_warnings
 from rpojax.cli.dry_run_output import DryRunOptions
 from rpojax.cli.executor_options import ExecutorOptions
 from rpojax.cli.exit_status import Status
@@ -61,6 +61,7 @@ def campaign(
         return Status.DONE
     assert out is not None
     show_warnings(file, quiet=session.as_json)
+    show_rare_requirements(file, scenario, out, quiet=session.as_json)
     wanted = replace(options, report=not output.no_report)
 
     def work(watch: ProgressCallback) -> "Campaign":

@@ -7,6 +7,7 @@ from rpojax.report.campaign_results import CampaignResults
 from rpojax.report.coverage import coverage_section
 from rpojax.report.mission import phase_section
 from rpojax.report.page.campaign_summary import summarise
+from rpojax.report.rare_failures import probability_results
 from rpojax.report.sections import (
     caveats_section,
     consistency_section,
@@ -32,6 +33,7 @@ def report_content(campaign: CampaignResults, drawn: list[DrawnDistribution]) ->
     parts = {
         "team": team_section.content(campaign),
         "mission": phase_section.content(campaign),
+        "rare_failures": probability_results.content(campaign),
         "safety": safety_section.content(campaign),
         "coverage": coverage_section.content(campaign),
         "consistency": consistency_section.content(campaign),

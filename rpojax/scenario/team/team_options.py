@@ -14,7 +14,13 @@ def team_settings(file: ScenarioFile) -> TeamSettings:
         link=_link_settings(file),
         decision_offsets=_decision_offsets(file),
         carrier_differences=file.gps_differences.kind == "carrier",
+        coordinated=is_coordinated(file),
     )
+
+
+def is_coordinated(file: ScenarioFile) -> bool:
+    """Whether the servicers of a team decide with what they know of each other."""
+    return file.team.keep_out_m > 0.0 or file.team.phasing != "fixed"
 
 
 def _link_settings(file: ScenarioFile) -> LinkSettings:

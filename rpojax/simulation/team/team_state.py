@@ -4,6 +4,7 @@ from jaxtyping import Array
 
 from rpojax.core.pytree import pytree
 from rpojax.flight.cooperation.sharing import SharingMemory
+from rpojax.flight.team_guidance.coordination import Coordination
 from rpojax.simulation.state import State
 
 
@@ -31,11 +32,13 @@ class TeamState:
             truth, which is the same
         links: of the radio links, None if nothing is shared
         sharing: what the servicers know of each other (..., N), None if nothing is shared
+        coordination: what they told each other of their plans (..., N), None unless they are coordinated
     """
 
     servicers: State
     links: LinkState | None = None
     sharing: SharingMemory | None = None
+    coordination: Coordination | None = None
 
     @property
     def failure(self) -> Array:

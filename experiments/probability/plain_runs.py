@@ -1,0 +1,48 @@
+"""Plain sampling of a failure of a scenario: how many of so many runs fail, in a file that goes on where it ended."""
+
+import argparse
+import json
+from pathlib import Path
+
+import numpy as np
+
+from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
+
+BATCH = 10_240
+
+
+def main() -> None:
+    """Simulates runs with all their noise and counts failures."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("scenario")
+    parser.add_argument("--outcome", default="keep_out")
+    parser.add_argument("--runs", type=int, required=True)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--out", type=Path, required=True)
+    options = parser.parse_args()
+    prepare_jax(cache=True)
+    set_loop_fusion_flag(rendered=False)
+    from rpojax.analysis.reliability.rare_events.probability_estimate import binomial_interval
+    from rpojax.analysis.reliability.simulated_failures.failure_choice import FailureChoice, choose_failure
+    from rpojax.analysis.reliability.simulated_failures.simulated_margins import SimulatedMargins
+    from rpojax.scenario.dispersed_numbers import standard_normal_space
+    from rpojax.scenario.loading import scenario_loader
+
+    file = scenario_loader.load(options.scenario, [])
+    failure = choose_failure(file, FailureChoice(outcome=options.outcome))
+    margins = SimulatedMargins(standard_normal_space.make_space(file), failure, options.seed)
+    found = json.loads(options.out.read_text()) if options.out.exists() else {"runs": 0, "failures": 0}
+    while found["runs"] < options.runs:
+        count = min(BATCH, options.runs - found["runs"])
+        # A generator for each batch, so that a run that was broken off goes on with the same numbers.
+        rng = np.random.default_rng([options.seed, found["runs"]])
+        failed = margins(margins.latent.sample(rng, count)) <= 0.0
+        found = {"runs": found["runs"] + count, "failures": found["failures"] + int(failed.sum())}
+        found["probability"] = found["failures"] / found["runs"]
+        found["interval_95"] = binomial_interval(found["failures"], found["runs"])
+        options.out.write_text(json.dumps({"scenario": options.scenario, "seed": options.seed, **found}) + "\n")
+    print(options.out.read_text().strip())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,149 @@
+"""Line sampling: the probability along parallel lines in the direction in which failure is nearest.
+
+Lines are random across the direction; along each the margin is evaluated on both sides on a grid, its changes of sign
+are refined by regula falsi, and the probability of what fails is that of a normal number (Koutsourelakis, Pradlwarter
+and Schueller 2004). Noise is drawn once for each line.
+"""
+
+import math
+
+import numpy as np
+from scipy.special import ndtr
+from scipy.stats import t as student
+
+from rpojax.analysis.reliability.rare_events import subset_simulation
+from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints
+from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls
+from rpojax.analysis.reliability.rare_events.probability_estimate import (
+    DesignPoint,
+    LevelRecord,
+    ProbabilityEstimate,
+    log_normal_interval,
+)
+
+_DIRECTION_SHARE = 0.35
+_LEVEL_SHARE = 0.05
+_GRID = np.array([-7.0, -5.0, -3.5, -2.0, 0.0, 2.0, 3.0, 4.0, 5.0, 6.5, 8.0])
+_REFINEMENTS = 4
+_MANY_DIMENSIONS = 10
+"""Dimension above which the mean of a few failures is a poor direction, and the regression of margins a better one."""
+_ROOT_VARIATION = 2e-3
+"""Coefficient of variation that stands for the error of the changes of sign that were found."""
+_OTHER_SIDE = 0.02
+"""Share of the probability on the far side above which the direction is no important one."""
+
+
+def estimate(
+    calls: LimitStateCalls, rng: np.random.Generator, first: tuple[LatentPoints, np.ndarray], reason: str
+) -> ProbabilityEstimate:
+    """Probability by lines along the mean direction of failures that a subset simulation finds."""
+    budget = calls.budget
+    search = subset_simulation.simulate(
+        calls, rng, max(60, int(_LEVEL_SHARE * budget)), int(_DIRECTION_SHARE * budget), first
+    )
+    failures, _ = search.failures
+    warnings: list[str] = []
+    if len(failures) == 0:
+        warnings.append("no failure was found: the direction is that of the lowest margins")
+        failures = search.last.points.rows(np.argsort(search.last.margins)[: max(1, len(search.last.margins) // 10)])
+    mean = failures.x.mean(axis=0)
+    direction = mean / max(float(np.linalg.norm(mean)), 1e-12)
+    if calls.space.dimension > _MANY_DIMENSIONS and search.steepest is not None and search.steepest @ direction > 0.5:
+        direction = search.steepest
+    concentration = float(
+        np.linalg.norm(mean) / np.sqrt(np.mean(np.sum((failures.x @ direction)[:, None] ** 2, axis=1)))
+    )
+    if concentration < 0.5:
+        warnings.append("failures lie in several directions, so that no single one is important")
+    probabilities, other_side, nearest = _lines(calls, rng, direction)
+    return _judged(calls, search, probabilities, other_side, direction * nearest, warnings, reason)
+
+
+def _lines(
+    calls: LimitStateCalls, rng: np.random.Generator, direction: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Probabilities (lines,) along lines, their part on the far side, and the least distance of failure."""
+    lines = max(1, calls.left // (len(_GRID) + 2 * _REFINEMENTS))
+    points = calls.space.sample(rng, lines)
+    across = points.x - (points.x @ direction)[:, None] * direction
+
+    def margins(rows: np.ndarray, places: np.ndarray) -> np.ndarray:
+        x = across[rows] + places[:, None] * direction
+        return calls.margins(LatentPoints(x, points.keys[rows]))
+
+    rows = np.repeat(np.arange(lines), len(_GRID))
+    grid = margins(rows, np.tile(_GRID, lines)).reshape(lines, len(_GRID))
+    failed = grid <= 0.0
+    line, cell = np.nonzero(failed[:, 1:] != failed[:, :-1])
+    low, high = _GRID[cell], _GRID[cell + 1]
+    g_low, g_high = grid[line, cell], grid[line, cell + 1]
+    for _ in range(_REFINEMENTS):
+        kept = min(len(line), calls.left)
+        if kept < len(line):
+            break
+        with np.errstate(invalid="ignore", divide="ignore"):
+            fraction = g_low / (g_low - g_high)
+        fraction = np.where(np.isfinite(fraction), np.clip(fraction, 0.05, 0.95), 0.5)
+        middle = low + fraction * (high - low)
+        g_middle = margins(line, middle)
+        same = (g_middle <= 0.0) == (g_low <= 0.0)
+        low, g_low = np.where(same, middle, low), np.where(same, g_middle, g_low)
+        high, g_high = np.where(same, high, middle), np.where(same, g_high, g_middle)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        fraction = g_low / (g_low - g_high)
+    crossings = low + np.where(np.isfinite(fraction), np.clip(fraction, 0.0, 1.0), 0.5) * (high - low)
+    probabilities, other_side = np.zeros(lines), np.zeros(lines)
+    for number in range(lines):
+        ends = np.concatenate([[-np.inf], crossings[line == number], [np.inf]])
+        inside = failed[number, 0] ^ (np.arange(len(ends) - 1) % 2 == 1)
+        for begin, end in zip(ends[:-1][inside], ends[1:][inside], strict=True):
+            probabilities[number] += float(ndtr(-begin) - ndtr(-end)) if begin > 0.0 else float(ndtr(end) - ndtr(begin))
+            other_side[number] += float(ndtr(min(end, 0.0)) - ndtr(begin)) if begin < 0.0 else 0.0
+    nearest = float(np.min(np.abs(crossings), initial=_GRID[-1])) if len(crossings) else float(_GRID[-1])
+    return probabilities, other_side, nearest
+
+
+def _judged(
+    calls: LimitStateCalls,
+    search: subset_simulation.SubsetResult,
+    probabilities: np.ndarray,
+    other_side: np.ndarray,
+    point: np.ndarray,
+    warnings: list[str],
+    reason: str,
+) -> ProbabilityEstimate:
+    """Estimate from the probabilities along lines, and what speaks against it."""
+    lines, probability = len(probabilities), float(probabilities.mean())
+    variation = math.inf
+    if probability > 0.0:
+        sampled = float(np.std(probabilities, ddof=1)) / math.sqrt(lines) / probability if lines > 1 else 1.0
+        variation = math.hypot(sampled, _ROOT_VARIATION)
+    if probability <= 0.0:
+        warnings.append("no line met failure")
+    if other_side.sum() > _OTHER_SIDE * probabilities.sum() > 0.0:
+        warnings.append("failure lies on more than one side of the direction")
+    if search.complete and probability > 0.0:
+        gap = math.log(search.probability / probability) / math.sqrt(
+            math.log1p(search.variation**2) + math.log1p(variation**2)
+        )
+        if gap > 3.0:
+            warnings.append(f"subset simulation found {search.probability:.3g}: lines miss a part of failure")
+    effective = probabilities.sum() ** 2 / np.sum(probabilities**2) if probability > 0.0 else 0.0
+    if effective < 20.0:
+        warnings.append(f"lines are worth {effective:.0f} equal ones")
+    reach = float(student.ppf(0.975, max(effective, 2.0)))
+    confidence = math.erf(reach / math.sqrt(2.0))
+    no_failure = (0.0, float(ndtr(-2.0)))
+    return ProbabilityEstimate(
+        probability=probability,
+        interval_95=log_normal_interval(probability, variation, confidence) if probability > 0.0 else no_failure,
+        coefficient_of_variation=variation,
+        evaluations=calls.used,
+        method="line",
+        trusted=not warnings,
+        warnings=tuple(warnings),
+        reason=reason,
+        effective_sample_size=float(effective),
+        levels=(*search.levels, LevelRecord("lines", lines, probability)),
+        design_points=(DesignPoint(point, float(np.linalg.norm(point)), 1.0),) if probability > 0.0 else (),
+    )

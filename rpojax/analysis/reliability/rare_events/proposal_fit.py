@@ -1,0 +1,188 @@
+"""Proposal of importance sampling fitted to weighted failures: the closest to the optimal one in cross-entropy.
+
+The candidates are Gaussian mixtures in the subspace in which failures differ from the nominal distribution, with
+several numbers of components, and a radial law. The one with the greatest likelihood on failures that were left out of
+its fit is chosen (cross-validation).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rpojax.analysis.reliability.rare_events import gaussian_mixture_fit
+from rpojax.analysis.reliability.rare_events.proposal_densities import (
+    Density,
+    Mixture,
+    RadialDensity,
+    SubspaceGaussian,
+    mixture,
+)
+
+_SMALL_DIMENSION = 6
+"""Dimension up to which the subspace is the whole space."""
+_WHOLE_SPACE_DIMENSION = 20
+"""Dimension up to which the whole space is a candidate."""
+_MAX_SUBSPACE = 10
+_COMPONENTS = (1, 2, 3, 4, 6, 8, 12)
+_POINTS_PER_NUMBER = 3.0
+"""Failures for each number of a component's mean and scale."""
+_PATIENCE = 2
+"""Numbers of components in a row that are no better before the search ends."""
+_MAX_POINTS = 1200
+_FOLDS = 2
+_MIN_FOLD = 4
+"""Failures of a fold below which one Gaussian, or in many dimensions the radial law, is taken without comparison."""
+_INDEPENDENT = 0.1
+"""Part of a direction outside of a subspace above which it is added to it."""
+_WIDENED = 1.25
+"""Factor on fitted variances: the proposal is to have heavier tails than the failures."""
+_FITTED_SHARE, _WIDE_SHARE, _RADIAL_SHARE, _NOMINAL_SHARE = 0.65, 0.2, 0.1, 0.05
+
+
+@dataclass(frozen=True)
+class WeightedFailures:
+    """Points of failure that stand for the nominal distribution restricted to failure.
+
+    Attributes:
+        x: (n, k)
+        weights: (n,) positive
+        groups: (n,) equal for points that depend on each other, such as those of one chain
+        steepest: (k,) unit vector of the regression of margins on points near failure; None where it is not known
+    """
+
+    x: np.ndarray
+    weights: np.ndarray
+    groups: np.ndarray
+    steepest: np.ndarray | None = None
+
+    @property
+    def effective_size(self) -> float:
+        """Independent failures of equal weight that would tell as much."""
+        each = np.bincount(np.unique(self.groups, return_inverse=True)[1], weights=self.weights)
+        return float(each.sum() ** 2 / np.sum(each**2))
+
+
+def fit_proposal(rng: np.random.Generator, failures: WeightedFailures) -> Mixture:
+    """Proposal for weighted failures, with a nominal and a wide part that bound its weights."""
+    x, weights, groups = _thinned(rng, failures)
+    folds = _folds(rng, groups)
+    if min(int((folds == fold).sum()) for fold in range(_FOLDS)) < _MIN_FOLD:
+        dimension = x.shape[1]
+        return _assembled(rng, x, weights, np.eye(dimension) if dimension <= _WHOLE_SPACE_DIMENSION else None, 1)
+    best: tuple[float, tuple[np.ndarray | None, int]] | None = None
+    for basis in _bases(x, weights, failures):
+        best_here, worse = -np.inf, 0
+        for components in _component_counts(len(x), 0 if basis is None else basis.shape[1]):
+            likelihood = 0.0
+            for fold in range(_FOLDS):
+                inside = folds != fold
+                density = _assembled(rng, x[inside], weights[inside] / weights[inside].sum(), basis, components)
+                likelihood += float(np.sum(weights[~inside] * density.log_density(x[~inside])))
+            if best is None or likelihood > best[0]:
+                best = (likelihood, (basis, components))
+            worse = worse + 1 if likelihood < best_here else 0
+            best_here = max(best_here, likelihood)
+            if worse == _PATIENCE:
+                break
+    assert best is not None
+    return _assembled(rng, x, weights, *best[1])
+
+
+def _thinned(rng: np.random.Generator, failures: WeightedFailures) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points, weights of sum 1 and groups; of many points a random part."""
+    x, weights, groups = failures.x, failures.weights / failures.weights.sum(), failures.groups
+    if len(x) > _MAX_POINTS:
+        rows = rng.choice(len(x), _MAX_POINTS, p=weights)
+        return x[rows], np.full(_MAX_POINTS, 1.0 / _MAX_POINTS), groups[rows]
+    return x, weights, groups
+
+
+def _folds(rng: np.random.Generator, groups: np.ndarray) -> np.ndarray:
+    """Fold (n,) of each point; points of one group are in the same one."""
+    names, places = np.unique(groups, return_inverse=True)
+    if len(names) < _FOLDS:
+        return np.arange(len(groups)) % _FOLDS
+    return (rng.permutation(len(names)) % _FOLDS)[places]
+
+
+def _component_counts(points: int, size: int) -> tuple[int, ...]:
+    """Numbers of components that so many failures can tell apart; one without a subspace."""
+    if size == 0:
+        return (1,)
+    return tuple(k for k in _COMPONENTS if k == 1 or k * (size + 1) * _POINTS_PER_NUMBER <= points)
+
+
+def _bases(x: np.ndarray, weights: np.ndarray, failures: WeightedFailures) -> list[np.ndarray | None]:
+    """Candidates for the subspace, (k, r) each; None stands for the radial law."""
+    dimension = x.shape[1]
+    bases: list[np.ndarray | None] = [None]
+    if dimension <= _WHOLE_SPACE_DIMENSION:
+        bases.append(np.eye(dimension))
+    if dimension > _SMALL_DIMENSION:
+        found = _informative_subspace(x, weights, failures.effective_size)
+        if failures.steepest is not None:
+            along = failures.steepest[:, None]
+            bases.append(along)
+            if found.shape[1] > 0:
+                rest, sizes, _ = np.linalg.svd(found - along @ (along.T @ found), full_matrices=False)
+                bases.append(np.linalg.qr(np.hstack([along, rest[:, sizes > _INDEPENDENT]]))[0])
+        bases += [found] if found.shape[1] > 0 else []
+        bases += [found[:, :1]] if found.shape[1] > 1 else []
+    return bases
+
+
+def _informative_subspace(x: np.ndarray, weights: np.ndarray, effective: float) -> np.ndarray:
+    """Directions (k, r) along which the second moment of failures differs from 1 by more than sampling explains.
+
+    The bounds are those of eigenvalues of a sample covariance of so many independent points (Marchenko and Pastur
+    1967); the largest information comes first.
+    """
+    values, vectors = np.linalg.eigh((weights[:, None] * x).T @ x)
+    ratio = np.sqrt(x.shape[1] / max(effective, 1.0))
+    above = values > (1.0 + ratio) ** 2
+    below = (values < (1.0 - ratio) ** 2) if ratio < 1.0 else np.zeros_like(above)
+    values = np.maximum(values, 1e-9)
+    information = np.where(above | below, values - 1.0 - np.log(values), -1.0)
+    most = int(min(_MAX_SUBSPACE, max(1.0, effective / 8.0)))
+    order = np.argsort(-information)[:most]
+    return vectors[:, order[information[order] > 0.0]]
+
+
+def _assembled(
+    rng: np.random.Generator, x: np.ndarray, weights: np.ndarray, basis: np.ndarray | None, components: int
+) -> Mixture:
+    """Proposal for failures: fitted components, the same ones at least as wide as the nominal, radial and nominal."""
+    dimension = x.shape[1]
+    radial = _radial(x, weights)
+    nominal = _gaussian(np.eye(dimension), np.zeros(dimension), np.eye(dimension))
+    if basis is None:
+        wide = RadialDensity(dimension, max(0.5 * radial.shape, 0.5 * dimension), 0.0)
+        wide = RadialDensity(dimension, wide.shape, radial.shape * radial.scale / wide.shape)
+        return mixture([(0.8, radial), (0.15, wide), (0.05, nominal)])
+    found = gaussian_mixture_fit.fit(rng, x @ basis, weights, components)
+    fitted: list[tuple[float, Density]] = []
+    wide_parts: list[tuple[float, Density]] = []
+    for weight, mean, covariance in zip(found.weights, found.means, found.covariances, strict=True):
+        fitted.append((weight, _gaussian(basis, mean, _WIDENED * covariance)))
+        values, vectors = np.linalg.eigh(covariance)
+        wide_parts.append((weight, _gaussian(basis, mean, (vectors * np.maximum(values, 1.0)) @ vectors.T)))
+    return mixture(
+        [
+            (_FITTED_SHARE, mixture(fitted)),
+            (_WIDE_SHARE, mixture(wide_parts)),
+            (_RADIAL_SHARE, radial),
+            (_NOMINAL_SHARE, nominal),
+        ]
+    )
+
+
+def _gaussian(basis: np.ndarray, mean: np.ndarray, covariance: np.ndarray) -> SubspaceGaussian:
+    return SubspaceGaussian(basis, mean, np.linalg.cholesky(covariance))
+
+
+def _radial(x: np.ndarray, weights: np.ndarray) -> RadialDensity:
+    """Radial law with the mean and variance of the squared radii of weighted points."""
+    squares = np.sum(x**2, axis=1)
+    mean = float(np.sum(weights * squares))
+    variance = max(float(np.sum(weights * (squares - mean) ** 2)), 1e-3 * mean**2)
+    return RadialDensity(x.shape[1], mean**2 / variance, variance / mean)

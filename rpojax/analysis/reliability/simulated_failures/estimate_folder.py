@@ -1,0 +1,142 @@
+"""Folder of an estimate: what was asked, the margins of every batch of runs, and the result.
+
+An estimate is a function of scenario, options and seed. A resumed one goes through the same steps again and takes the
+margins of batches that are there from the folder, so that it ends with the same bits. Every file is written whole and
+carries a digest of its content; the margins also that of the points they belong to.
+"""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rpojax.analysis.reliability.rare_events.latent_points import LatentPoints
+from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitFunction
+from rpojax.campaign.storage import atomic_files, safe_paths
+from rpojax.errors import OutputError, ResultError
+
+CONFIGURATION_NAME, RESULT_NAME, BATCHES_NAME = "estimate.json", "probability.json", "evaluations"
+_LARGEST_BYTES = 200_000_000
+_MOST_POINTS = 4096
+"""Points of one file."""
+
+
+class EstimateFolder:
+    """Folder of an estimate.
+
+    Attributes:
+        directory: its path
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+        self._calls = 0
+
+    @property
+    def is_begun(self) -> bool:
+        """Whether the folder holds an estimate, finished or not."""
+        return (self.directory / CONFIGURATION_NAME).exists()
+
+    def begin(self, configuration: dict[str, Any], force: bool) -> None:
+        """Makes the folder, or checks that the one that is there is of the same estimate.
+
+        Raises:
+            OutputError: it holds something else, and is not to be replaced by `force`.
+            ResultError: its configuration is no longer what was written.
+            UnfinishedError: it cannot be made.
+        """
+        if self.directory.is_symlink() or (self.directory.exists() and not self.directory.is_dir()):
+            raise OutputError.of_argument("out", f"found {str(self.directory)!r}, expected a folder")
+        if self.is_begun:
+            recorded = self.read(CONFIGURATION_NAME)
+            if recorded == json.loads(json.dumps(configuration)):
+                return
+            if not force:
+                changed = sorted(key for key in configuration if recorded.get(key) != configuration[key])
+                raise OutputError.of_argument(
+                    "out",
+                    f"found an estimate with another {', '.join(changed) or 'content'}, expected a folder that is not "
+                    "there yet, or that of the same estimate (or force=True)",
+                )
+            self._remove()
+        elif self.directory.exists() and any(self.directory.iterdir()):
+            raise OutputError.of_argument("out", f"found files in {str(self.directory)!r}, expected an empty folder")
+        safe_paths.make_folder(self.directory.parent, self.directory)
+        safe_paths.make_folder(self.directory, self.directory / BATCHES_NAME)
+        self.write(CONFIGURATION_NAME, configuration)
+
+    def write(self, name: str, content: dict[str, Any]) -> None:
+        """Writes a file with the digest of its content.
+
+        Raises:
+            UnfinishedError: it cannot be written.
+            ResultError: a part of its path is a symbolic link.
+        """
+        path = self.directory / name
+        safe_paths.check_no_links(self.directory, path)
+        atomic_files.write_json(path, {**content, "sha256": _digest(content)})
+
+    def read(self, name: str) -> dict[str, Any]:
+        """Content of a file, without its digest.
+
+        Raises:
+            ResultError: there is none, or its content is not what was written.
+        """
+        path = self.directory / name
+        safe_paths.check_no_links(self.directory, path)
+        content = atomic_files.read_json(path, "a file of an estimate", _LARGEST_BYTES)
+        if not isinstance(content, dict) or content.pop("sha256", None) != _digest(content):
+            raise ResultError(f"{path}: found content that does not match its digest, expected the file as written")
+        return content
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether there is a result."""
+        return (self.directory / RESULT_NAME).exists()
+
+    def remembered(self, function: LimitFunction) -> LimitFunction:
+        """The function, whose margins are kept in the folder, and taken from there where they are."""
+
+        def margins(points: LatentPoints) -> np.ndarray:
+            parts = []
+            for first in range(0, len(points), _MOST_POINTS):
+                parts.append(self._margins(function, points.rows(slice(first, first + _MOST_POINTS))))
+            return np.concatenate(parts)
+
+        return margins
+
+    def _margins(self, function: LimitFunction, points: LatentPoints) -> np.ndarray:
+        name = f"{BATCHES_NAME}/{self._calls:06d}.json"
+        self._calls += 1
+        inputs = _digest_of_points(points)
+        if (self.directory / name).exists():
+            content = self.read(name)
+            found = np.array([float.fromhex(text) for text in content["margins"]])
+            if content["points_sha256"] != inputs or len(found) != len(points):
+                raise ResultError(
+                    f"{self.directory / name}: found margins of other points, expected those of this step: numpy, "
+                    "scipy or the processor differ from those with which the estimate began"
+                )
+            return found
+        found = function(points)
+        self.write(name, {"points_sha256": inputs, "margins": [float(value).hex() for value in found]})
+        return found
+
+    def _remove(self) -> None:
+        """Removes the files of an estimate, and nothing else."""
+        for pattern in (CONFIGURATION_NAME, RESULT_NAME, f"{BATCHES_NAME}/*.json", "failing_runs/*.toml"):
+            for path in self.directory.glob(pattern):
+                path.unlink()
+
+
+def _digest(content: dict[str, Any]) -> str:
+    text = json.dumps(content, sort_keys=True, allow_nan=False, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _digest_of_points(points: LatentPoints) -> str:
+    digest = hashlib.sha256(np.ascontiguousarray(points.x, dtype="<f8").tobytes())
+    digest.update(np.ascontiguousarray(points.keys, dtype="<u4").tobytes())
+    return digest.hexdigest()

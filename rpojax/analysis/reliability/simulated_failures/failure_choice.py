@@ -1,0 +1,144 @@
+"""Which failure a probability is of, and how it is estimated: options, free of jax and numpy."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from tyro.conf import arg
+
+from rpojax.errors import RpojaxError
+from rpojax.metrics import metric_catalogue
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
+
+Bound = Literal["at most", "at least"]
+
+
+@dataclass(frozen=True)
+class FailureChoice:
+    """Which runs count as failures: those that break a requirement or a limit of a metric, or end with an outcome.
+
+    Attributes:
+        requirement: metric of one of the scenario's requirements
+        metric: another metric, in place of `requirement`
+        limit: of `metric`, in its unit
+        bound: side of `limit` on which the metric must stay
+        outcome: outcome of a run, in place of a metric
+    """
+
+    requirement: Annotated[
+        str | None,
+        arg(metavar="METRIC", help="Metric of a requirement of the scenario; or give --metric or --outcome."),
+    ] = None
+    metric: Annotated[str | None, arg(metavar="METRIC", help="Another metric, with --limit.")] = None
+    limit: Annotated[float | None, arg(metavar="X", help="Limit of --metric, in its unit.")] = None
+    bound: Annotated[
+        str | None, arg(metavar="SIDE", help="'at most' or 'at least'; by default as the metric is worse.")
+    ] = None
+    outcome: Annotated[str | None, arg(metavar="OUTCOME", help="Outcome of a run, such as keep_out.")] = None
+
+
+@dataclass(frozen=True)
+class EstimateSettings:
+    """How a probability is estimated.
+
+    Attributes:
+        budget: most runs to simulate
+        method: 'auto', 'subset', 'importance', 'line' or 'plain'
+    """
+
+    budget: Annotated[int, arg(metavar="N", help="Most runs to simulate.")] = 10_000
+    method: Annotated[
+        Literal["auto", "subset", "importance", "line", "plain"],
+        arg(metavar="METHOD", help="auto, subset, importance, line or plain."),
+    ] = "auto"
+
+
+@dataclass(frozen=True)
+class Failure:
+    """The failure of a run.
+
+    Attributes:
+        metric: whose limit it breaks; None for an outcome
+        bound: side of the limit on which the metric must stay
+        limit: in the unit of the metric
+        outcome: with which it ends; None for a metric
+        required_probability: least probability of success that the scenario asks for; None without a requirement
+    """
+
+    metric: str | None = None
+    bound: Bound = "at most"
+    limit: float = 0.0
+    outcome: Outcome | None = None
+    required_probability: float | None = None
+
+    @property
+    def words(self) -> str:
+        """The failure in words."""
+        if self.outcome is not None:
+            return f"outcome {self.outcome}"
+        side = "above" if self.bound == "at most" else "below"
+        assert self.metric is not None
+        unit = metric_catalogue.unit_of(self.metric)
+        return f"{self.metric} {side} {self.limit:g}{'' if unit == '-' else f' {unit}'}, or a run that ended early"
+
+    def to_record(self) -> dict[str, Any]:
+        """Content for JSON."""
+        return {**vars(self), "outcome": None if self.outcome is None else str(self.outcome), "words": self.words}
+
+
+def choose_failure(file: ScenarioFile, choice: FailureChoice) -> Failure:
+    """The failure that options name.
+
+    Raises:
+        RpojaxError: naming the argument.
+    """
+    named = [name for name in ("requirement", "metric", "outcome") if getattr(choice, name) is not None]
+    if len(named) != 1:
+        found = " and ".join(named) or "none"
+        raise RpojaxError.of_argument("requirement, metric, outcome", f"found {found}, expected one of the three")
+    if choice.metric is None and choice.limit is not None:
+        raise RpojaxError.of_argument("limit", f"found {choice.limit:g}, expected it with metric only")
+    if choice.metric is None and choice.bound is not None:
+        raise RpojaxError.of_argument("bound", f"found {choice.bound!r}, expected it with metric only")
+    if choice.outcome is not None:
+        return _of_outcome(choice.outcome)
+    if choice.requirement is not None:
+        return _of_requirement(file, choice.requirement)
+    assert choice.metric is not None
+    _check_metric(file, choice.metric)
+    if choice.limit is None or not -1e300 < choice.limit < 1e300:
+        raise RpojaxError.of_argument("limit", f"found {choice.limit}, expected a number, with metric")
+    metric = metric_catalogue.find(choice.metric)
+    default: Bound = "at least" if metric is not None and metric.low_is_bad else "at most"
+    if choice.bound not in (None, "at most", "at least"):
+        raise RpojaxError.of_argument("bound", f"found {choice.bound!r}, expected 'at most' or 'at least'")
+    bound: Bound = default if choice.bound is None else "at most" if choice.bound == "at most" else "at least"
+    return Failure(choice.metric, bound, choice.limit)
+
+
+def _of_outcome(name: str) -> Failure:
+    known = [str(each) for each in Outcome if each != Outcome.COMPLETED]
+    if name not in known:
+        raise RpojaxError.of_argument("outcome", f"found {name!r}, expected one of {', '.join(known)}")
+    return Failure(outcome=Outcome(name))
+
+
+def _of_requirement(file: ScenarioFile, name: str) -> Failure:
+    of_runs = [each for each in file.requirements if each.is_of_all_runs]
+    chosen = [each for each in of_runs if each.metric == name]
+    if not chosen:
+        known = ", ".join(each.metric for each in of_runs) or "none"
+        expected = f"the metric of a requirement on whole runs of the scenario ({known})"
+        raise RpojaxError.of_argument("requirement", f"found {name!r}, expected {expected}")
+    _check_metric(file, name)
+    strictest = max(chosen, key=lambda each: each.probability)
+    return Failure(name, strictest.bound, strictest.limit, None, strictest.probability)
+
+
+def _check_metric(file: ScenarioFile, name: str) -> None:
+    """Refuses metrics that runs of the scenario do not have."""
+    metric = metric_catalogue.find(name)
+    if metric is None or not (metric.source == "records" or (metric.source == "drifts" and "," not in name)):
+        known = [each for each, metric in metric_catalogue.METRICS.items() if metric.source in ("records", "drifts")]
+        raise RpojaxError.of_argument("metric", f"found {name!r}, expected one of {', '.join(known)}")
+    del file

@@ -1,0 +1,132 @@
+"""Margin of a run to a failure: as continuous as it can be, at or below zero exactly for failures.
+
+A metric's margin is its distance from the limit. An outcome has that of the quantity that decides it, such as the least
+range for keep-out. A count, which is equal for most runs, is ranked by the continuous metric nearest to it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rpojax.analysis.reliability.simulated_failures.failure_choice import Failure
+from rpojax.scenario.dispersed_numbers.run_values import values_of_runs
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.simulation.metrics import recorded_metrics
+from rpojax.simulation.outcomes.judgement import JudgedRuns
+from rpojax.simulation.outcomes.outcome_kinds import Outcome
+
+Arrays = Mapping[str, np.ndarray]
+
+LEAST = 1e-9
+"""Size of a margin that only tells failure from success."""
+_RANKED_BY: Final = {
+    "passive_unsafe_fraction": "passive_range_24_h_m",
+    "boxes_rejected": "nav_relative_position_error_rms_m",
+    "outage_count": "outage_longest_s",
+}
+"""Metrics that are equal for most runs, and continuous ones that come near failure with them."""
+
+
+@dataclass(frozen=True)
+class SimulatedRuns:
+    """What a margin is computed from.
+
+    Attributes:
+        file: the scenario
+        records: recorded channels (runs, ticks, ...)
+        used: values of the runs (runs, ...) by key, of the keys that vary
+        drifts: metrics (runs,) of free drifts; empty if they were not needed
+        judged: how the runs ended
+    """
+
+    file: ScenarioFile
+    records: Arrays
+    used: Arrays
+    drifts: Arrays
+    judged: JudgedRuns
+
+
+def needs_drifts(failure: Failure) -> bool:
+    """Whether the margin needs the free drifts of runs."""
+    names = (failure.metric or "", _RANKED_BY.get(failure.metric or "", ""))
+    return any(name.startswith(("passive_", "stuck_on_", "final_drift_")) for name in names)
+
+
+def ranking_remark(failure: Failure) -> str:
+    """Which metric ranks the runs, where the one of the limit is equal for most of them; else empty."""
+    by = _RANKED_BY.get(failure.metric or "")
+    return f"{failure.metric} is equal for most runs and cannot rank them: {by} does" if by else ""
+
+
+def margins(runs: SimulatedRuns, failure: Failure) -> np.ndarray:
+    """Margins (runs,), NaN where the metric is undefined though the run was completed."""
+    if failure.outcome is not None:
+        failed = runs.judged.codes == failure.outcome.code
+        return _with_sign(_outcome_distance(runs, failure.outcome), failed)
+    assert failure.metric is not None
+    values = _metric(runs, failure.metric)
+    room = failure.limit - values if failure.bound == "at most" else values - failure.limit
+    # A value at the limit keeps it.
+    found = np.where(room >= 0.0, np.maximum(room, LEAST), room)
+    by = _RANKED_BY.get(failure.metric)
+    if by is not None:
+        ranking = _metric(runs, by)
+        rank = 1.0 / (1.0 + np.maximum(ranking, 0.0)) if by not in runs.drifts else np.maximum(ranking, 0.0)
+        found = np.where(found > 0.0, np.nan_to_num(rank, nan=1.0) + LEAST, found)
+    return np.where(runs.judged.frozen, -LEAST, found)
+
+
+def values(runs: SimulatedRuns, failure: Failure) -> np.ndarray:
+    """Values (runs,) that are reported of runs: of the metric, or of the distance that decides the outcome."""
+    if failure.metric is not None:
+        return _metric(runs, failure.metric)
+    assert failure.outcome is not None
+    return _outcome_distance(runs, failure.outcome)
+
+
+def _metric(runs: SimulatedRuns, name: str) -> np.ndarray:
+    if name in runs.drifts:
+        return runs.drifts[name]
+    with np.errstate(invalid="ignore"):
+        return np.asarray(recorded_metrics.evaluate(runs.file, runs.records, runs.used)[name], dtype=np.float64)
+
+
+def _with_sign(distance: np.ndarray, failed: np.ndarray) -> np.ndarray:
+    """Distances (runs,) made negative for failures and positive for others."""
+    defined = np.nan_to_num(distance, nan=LEAST)
+    return np.where(failed, np.minimum(defined, -LEAST), np.maximum(defined, LEAST))
+
+
+def _outcome_distance(runs: SimulatedRuns, outcome: Outcome) -> np.ndarray:
+    """Distance (runs,) from an outcome, in the unit of what decides it; flat for those that no quantity decides."""
+    file, records, used = runs.file, runs.records, runs.used
+    tick_s = 1.0 / file.rates.camera_hz
+
+    def limit(section: str, name: str) -> np.ndarray:
+        return values_of_runs(used, f"{section}.{name}", getattr(getattr(file, section), name))
+
+    rho = records["rho_H"]
+    if outcome is Outcome.KEEP_OUT:
+        return np.linalg.norm(rho, axis=2).min(axis=1) - limit("limits", "keep_out_m")
+    if outcome is Outcome.OUT_OF_PROPELLANT:
+        return limit("limits", "propellant_kg") - records["propellant_used_kg"][:, -1]
+    if outcome is Outcome.OFF_STATION:
+        desired = recorded_metrics.desired_position_H(file, records, used)
+        return limit("limits", "off_station_m") - np.linalg.norm(rho - desired, axis=2)[:, -1]
+    if outcome is Outcome.LOST:
+        seen = records["box_accepted"] & ~records["box_outlier"]
+        return limit("limits", "lost_after_s") - tick_s * _ticks_since(seen, records["observable"])
+    if outcome is Outcome.DIVERGED:
+        return -np.log(np.maximum(records["nees_relative"][:, -1], 1e-12))
+    return np.ones(len(rho))
+
+
+def _ticks_since(events: np.ndarray, counted: np.ndarray) -> np.ndarray:
+    """Number (runs,) of `counted` ticks (runs, ticks) after the last tick with an event."""
+    since_end = np.cumsum((counted & ~events)[:, ::-1], axis=1)
+    any_event = events.any(axis=1)
+    last = np.argmax(events[:, ::-1], axis=1)
+    ended = np.take_along_axis(since_end, np.maximum(last - 1, 0)[:, None], axis=1)[:, 0]
+    return np.where(any_event, np.where(last == 0, 0, ended), since_end[:, -1])

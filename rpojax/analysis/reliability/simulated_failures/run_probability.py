@@ -1,0 +1,186 @@
+"""Probability that a run of a scenario fails, estimated from simulated runs in a folder that can be resumed."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+
+from rpojax.analysis.reliability.rare_events import method_choice
+from rpojax.analysis.reliability.rare_events.estimate_probability import MIN_BUDGET
+from rpojax.analysis.reliability.rare_events.limit_state_calls import LimitStateCalls
+from rpojax.analysis.reliability.rare_events.probability_estimate import ProbabilityEstimate
+from rpojax.analysis.reliability.simulated_failures import failing_runs, failure_margin
+from rpojax.analysis.reliability.simulated_failures.estimate_folder import RESULT_NAME, EstimateFolder
+from rpojax.analysis.reliability.simulated_failures.failing_runs import FailureLog
+from rpojax.analysis.reliability.simulated_failures.failure_choice import (
+    EstimateSettings,
+    Failure,
+    FailureChoice,
+    choose_failure,
+)
+from rpojax.analysis.reliability.simulated_failures.simulated_margins import SimulatedMargins
+from rpojax.campaign import preflight
+from rpojax.campaign.storage.json_types import to_json_types
+from rpojax.campaign.storage.provenance import package_versions
+from rpojax.errors import RpojaxError
+from rpojax.runtime.progress_bar import Progress, ProgressCallback
+from rpojax.scenario.dispersed_numbers import standard_normal_space
+from rpojax.scenario.dispersed_numbers.standard_normal_space import StandardNormalSpace
+from rpojax.scenario.scenario_digest import scenario_digest
+from rpojax.scenario.schema import ScenarioFile
+from rpojax.scenario.team.members import refuse_team
+
+_REPEATS = 256
+"""Runs with which failures of chains are repeated, so that a run command can show them."""
+
+
+def run_probability(
+    file: ScenarioFile,
+    choice: FailureChoice,
+    settings: EstimateSettings,
+    seed: int,
+    out: Path,
+    *,
+    force: bool = False,
+    on_progress: ProgressCallback | None = None,
+) -> dict[str, Any]:
+    """Content of probability.json of an estimate, which goes on where the folder ends, or is there already.
+
+    Args:
+        file: the scenario
+        choice: which runs fail
+        settings: budget and method
+        seed: master seed of runs and of the estimate
+        out: folder
+        force: replace another estimate in the folder
+        on_progress: shows the progress
+
+    Raises:
+        RpojaxError: an option is out of range, or the folder holds something else.
+        UnfinishedError: the folder cannot be written.
+    """
+    refuse_team(file, "the probability of failure")
+    failure = choose_failure(file, choice)
+    _check_settings(settings, seed)
+    space = standard_normal_space.make_space(file)
+    folder = EstimateFolder(out)
+    folder.begin(_configuration(file, failure, settings, seed), force)
+    if folder.is_finished:
+        return folder.read(RESULT_NAME)
+    content = _estimated(space, failure, settings, seed, folder, on_progress or (lambda progress: None))
+    folder.write(RESULT_NAME, content)
+    return content
+
+
+def _check_settings(settings: EstimateSettings, seed: int) -> None:
+    if not MIN_BUDGET <= settings.budget <= preflight.MAX_RUN_ID:
+        raise RpojaxError.of_argument("budget", f"found {settings.budget}, expected at least {MIN_BUDGET} runs")
+    preflight.check_numbers(1, 0, seed, None)
+
+
+def _configuration(file: ScenarioFile, failure: Failure, settings: EstimateSettings, seed: int) -> dict[str, Any]:
+    """What decides the bits of an estimate."""
+    return {
+        "scenario_name": file.name,
+        "scenario_hash": scenario_digest(file),
+        "scenario": file.model_dump(mode="json"),
+        "failure": failure.to_record(),
+        "budget": settings.budget,
+        "method": settings.method,
+        "seed": seed,
+        "versions": {**package_versions(), "scipy": scipy.__version__},
+    }
+
+
+def _estimated(
+    space: StandardNormalSpace,
+    failure: Failure,
+    settings: EstimateSettings,
+    seed: int,
+    folder: EstimateFolder,
+    on_progress: ProgressCallback,
+) -> dict[str, Any]:
+    watch = _Watch(settings.budget, on_progress)
+    simulated, log = SimulatedMargins(space, failure, seed, on_runs=watch.add_runs), FailureLog()
+    watch.show(compiled=False)
+    simulated.compile()
+    watch.show(compiled=True)
+    remembered = log.watched(folder.remembered(simulated))
+    calls = LimitStateCalls(lambda points: watch.counted(points, remembered), simulated.latent, settings.budget)
+    found = method_choice.estimate(calls, np.random.default_rng(seed), settings.method)
+    repeats = failing_runs.repeated_with_own_noise(log, remembered, np.random.default_rng([seed, 1]), _REPEATS)
+    return to_json_types(
+        {
+            **_without_points(found),
+            "scenario": space.file.name,
+            "scenario_hash": scenario_digest(space.file),
+            "seed": seed,
+            "failure": failure.to_record(),
+            "requirement": _verdict(failure, found),
+            "plain_runs_for_equal_accuracy": _plain_runs(found),
+            "repeats": repeats,
+            "remark": failure_margin.ranking_remark(failure),
+            "noise": "drawn with every run: sensors, hand-over errors, outliers",
+            "unmapped": list(space.unmapped),
+            "design_points": [
+                {
+                    "distance_sigmas": point.distance,
+                    "share": point.share,
+                    "dispersions": failing_runs.described(
+                        space, point.x, failing_runs.values_of(space, seed, point.x, 0)
+                    ),
+                }
+                for point in found.design_points
+            ],
+            "failing_runs": failing_runs.write_scenarios(space, seed, log.most_likely, folder.directory),
+        }
+    )
+
+
+def _without_points(found: ProbabilityEstimate) -> dict[str, Any]:
+    content = found.to_dict()
+    del content["design_points"]
+    return content
+
+
+def _verdict(failure: Failure, found: ProbabilityEstimate) -> dict[str, Any] | None:
+    """The requirement's greatest probability of failure, and what the interval says about it."""
+    if failure.required_probability is None:
+        return None
+    allowed = 1.0 - failure.required_probability
+    low, high = found.interval_95
+    verdict = "open" if not found.trusted else "met" if high <= allowed else "violated" if low > allowed else "open"
+    return {"allowed_probability_of_failure": allowed, "verdict": verdict}
+
+
+def _plain_runs(found: ProbabilityEstimate) -> float | None:
+    """Runs with which plain sampling would have the same coefficient of variation; None without one."""
+    if not 0.0 < found.coefficient_of_variation < math.inf or found.probability <= 0.0:
+        return None
+    return (1.0 - found.probability) / (found.probability * found.coefficient_of_variation**2)
+
+
+class _Watch:
+    """Progress of an estimate: points that are done, of the budget."""
+
+    def __init__(self, budget: int, on_progress: ProgressCallback) -> None:
+        self._budget, self._on_progress = budget, on_progress
+        self._done, self._failed, self._compiled = 0.0, 0, False
+
+    def show(self, compiled: bool) -> None:
+        self._compiled = compiled
+        self._on_progress(Progress(self._done, self._budget, self._failed, self._compiled))
+
+    def add_runs(self, runs: float) -> None:
+        self._done = min(self._done + runs, float(self._budget))
+        self.show(self._compiled)
+
+    def counted(self, points: Any, function: Callable[[Any], np.ndarray]) -> np.ndarray:
+        before = self._done
+        found = function(points)
+        self._done, self._failed = before + len(points), self._failed + int((found <= 0.0).sum())
+        self.show(self._compiled)
+        return found

@@ -1,0 +1,56 @@
+"""The command `rpojax probability`: how likely a run is to fail, also where plain runs hardly ever do."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from tyro.conf import arg
+
+from rpojax.analysis.reliability.simulated_failures.failure_choice import EstimateSettings, FailureChoice
+from rpojax.cli.arguments import FLAT, Out, Overrides, Seed, Session, Source, load
+from rpojax.cli.console import print_json
+from rpojax.cli.exit_status import Status
+from rpojax.cli.output_paths import claim_folder, resumable
+from rpojax.runtime.jax_environment import prepare_jax, set_loop_fusion_flag
+from rpojax.runtime.progress_bar import run_progress
+
+
+def probability(
+    scenario: Source,
+    choice: Annotated[FailureChoice, FLAT],
+    settings: Annotated[EstimateSettings, FLAT],
+    session: Annotated[Session, FLAT],
+    *,
+    out: Out,
+    seed: Seed = 0,
+    overrides: Overrides = (),
+    force: Annotated[bool, arg(help="Replace another estimate in the folder.")] = False,
+) -> int:
+    """How likely a run is to break a requirement or a limit, or to end with an outcome; the same command resumes it."""
+    file = load(scenario, overrides)
+    claim_folder(out)
+    prepare_jax(cache=not session.no_cache)
+    set_loop_fusion_flag(rendered=file.camera.model == "rendered")
+    from rpojax.analysis.reliability.simulated_failures.run_probability import run_probability
+    from rpojax.report.rare_failures.probability_page import write_page
+
+    with run_progress(file.duration_s, quiet=session.as_json) as watch, resumable(out):
+        content = run_probability(file, choice, settings, seed, out, force=force, on_progress=watch)
+    write_page(content, out)
+    if session.as_json:
+        print_json({"directory": str(out), **content})
+    else:
+        _show(content, out)
+    return Status.DONE if content["trusted"] else Status.SOME_FAILED
+
+
+def _show(content: dict[str, Any], out: Path) -> None:
+    from rich.console import Console
+
+    from rpojax.report.rare_failures.probability_rows import sentences
+
+    console = Console(highlight=False)
+    for sentence in sentences(content):
+        console.print(sentence, soft_wrap=True, markup=False)
+    for run in content["failing_runs"][:3]:
+        console.print(f"  {run['distance_sigmas']:.2f} sigmas: {run['command']}", soft_wrap=True, markup=False)
+    console.print(f"{out / 'probability.html'}, {out / 'probability.json'}", soft_wrap=True, markup=False)

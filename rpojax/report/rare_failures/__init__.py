@@ -1,0 +1,1 @@
+"""Rare failures in the report: estimated probabilities, and requirements that plain runs cannot verify."""
