@@ -118,7 +118,7 @@ class LinearCovarianceAnalysis:
         }
 
     def to_xarray(self) -> "xarray.Dataset":
-        """Mean and sigma of every output over `time` [s], and the filter's own sigma, as an `xarray.Dataset` with units.
+        """Mean and sigma of every output over `time` [s], and the filter's own sigma, as a dataset with units.
 
         Raises:
             MissingExtraError: xarray is not installed.
